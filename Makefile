@@ -1,0 +1,35 @@
+# Every target sets up .venv itself; PYTHON names the interpreter to build it from (3.11 or newer).
+PYTHON ?= python3
+VENV := .venv
+RUN := $(VENV)/bin/python
+PIP := $(RUN) -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+
+.PHONY: fit test lint bench clean
+
+fit: $(VENV)/core.stamp  ## identify the bundled synthetic foot; add ARGS="..." for options
+	$(RUN) -m identification.fit $(ARGS)
+
+test: $(VENV)/dev.stamp lint  ## the whole test suite; ARGS="-k name" selects
+	$(RUN) -m pytest $(ARGS)
+
+lint: $(VENV)/dev.stamp
+	$(RUN) -m ruff check .
+	$(RUN) -m mypy
+
+bench: $(VENV)/dev.stamp  ## every speed and accuracy ratio the documentation states
+	$(RUN) -m benchmarks
+
+$(VENV)/python.stamp:
+	$(PYTHON) -m venv $(VENV)
+	touch $@
+
+$(VENV)/core.stamp: $(VENV)/python.stamp pyproject.toml constraints.txt
+	$(PIP) --editable .
+	touch $@
+
+$(VENV)/dev.stamp: $(VENV)/python.stamp pyproject.toml constraints.txt
+	$(PIP) --editable '.[dev]'
+	touch $@ $(VENV)/core.stamp
+
+clean:
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache

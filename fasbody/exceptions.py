@@ -1,0 +1,53 @@
+"""Errors that a user can mend: each builds one sentence from the facts, naming what would be valid."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from pathlib import Path
+
+
+class FasError(Exception):
+    """Base of all errors whose cause is the input; commands print it and exit with 2."""
+
+
+class InputFileError(FasError):
+    """A file or folder cannot be used as asked.
+
+    Args:
+        path: the file or folder.
+        problem: what is wrong with it, continuing the sentence after its name.
+        valid: what would be valid instead, if that needs saying.
+        line: line number in the file, from 1.
+    """
+
+    def __init__(self, path: Path | str, problem: str, valid: str = "", line: int | None = None) -> None:
+        place = f"{path}, line {line}" if line else f"{path}"
+        super().__init__(f"{place}: {problem}" + (f"; {valid}" if valid else "") + ".")
+
+
+class ModelError(FasError):
+    """An MJCF model is broken or lacks something that a command needs."""
+
+
+class RecordingError(FasError):
+    """A recording cannot serve as measured data (too short, clipped, NaN, ...)."""
+
+
+class SettingError(FasError):
+    """An option or argument has a value that cannot be meant."""
+
+
+class SimulationError(FasError):
+    """A simulation became unstable or non-finite."""
+
+
+class EngineError(FasError):
+    """The installed physics engine does not behave as the native callbacks need."""
+
+
+def unknown(kind: str, name: str, valid: Iterable[str]) -> str:
+    """The clause for a name that does not exist: what was asked, what is near, and all that exist."""
+    choices = list(valid)
+    near = get_close_matches(name, choices, n=1)
+    hint = f", did you mean {near[0]!r}?" if near else ""
+    listed = ", ".join(choices) if choices else "none"
+    return f"unknown {kind} {name!r}{hint} (valid: {listed})"

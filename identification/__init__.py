@@ -1,0 +1,1 @@
+"""Estimation of foot and ankle parameters from measured accelerations."""

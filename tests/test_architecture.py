@@ -1,0 +1,76 @@
+"""The shape of the project: imports go downwards, one door to each foreign package, equations are listed."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGES = ("mjcf", "fasbody", "identification", "viz")
+ALLOWED = {
+    "mjcf": set(),
+    "fasbody": {"mjcf"},
+    "identification": {"fasbody", "mjcf"},
+    "viz": {"fasbody", "mjcf"},
+}
+# package -> the only files (relative to the root, or a bare name for any file of that name) that may import it
+DOORS = {
+    "pinocchio": {"fasbody/crosscheck.py"},
+    "serial": {"fasbody/acquire.py"},
+    "meshcat": {"viz/scene.py"},
+    "gmsh": {"fasbody/cell/mesh.py"},
+    "matplotlib": {"figures.py"},
+}
+
+
+def sources() -> list[Path]:
+    return [file for package in PACKAGES for file in sorted((ROOT / package).rglob("*.py"))]
+
+
+def imported(file: Path) -> set[str]:
+    """Top-level names of every package that `file` imports, at any depth of the code."""
+    found = set()
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            found.add(node.module.split(".")[0])
+    return found
+
+
+@pytest.mark.parametrize("file", sources(), ids=lambda f: str(f.relative_to(ROOT)))
+def test_imports_go_downwards(file: Path) -> None:
+    package = file.relative_to(ROOT).parts[0]
+    assert imported(file) & set(PACKAGES) - {package} <= ALLOWED[package]
+
+
+@pytest.mark.parametrize("foreign", DOORS)
+def test_one_door(foreign: str) -> None:
+    users = {str(file.relative_to(ROOT)) for file in sources() if foreign in imported(file)}
+    doors = DOORS[foreign]
+    assert {user for user in users if user not in doors and Path(user).name not in doors} == set()
+
+
+def test_equation_index_and_code_name_the_same_equations() -> None:
+    """Every `Eq. (n.m)` in the code has a row in docs/equations.md pointing to that file, and the reverse."""
+    in_code: dict[str, set[str]] = {}
+    for file in sources():
+        for number in re.findall(r"Eqs?\. \((\d\.\d+)\)", file.read_text()):
+            in_code.setdefault(number, set()).add(str(file.relative_to(ROOT)))
+    index: dict[str, set[str]] = {}
+    for line in (ROOT / "docs" / "equations.md").read_text().splitlines():
+        row = re.match(r"\| (\d\.\d+) \|", line)
+        if row:
+            cells = [cell.strip() for cell in line.strip("|").split("|")]
+            index[row[1]] = set(re.findall(r"`([^`]+)`", cells[2]))
+            tests = re.findall(r"`([^`]+)`", cells[3])
+            assert tests, f"Eq. ({row[1]}) names no test"
+            for test in tests:
+                assert (ROOT / "tests" / test).exists(), f"Eq. ({row[1]}) names the missing test {test}"
+    assert in_code == index
+
+
+def test_no_path_of_a_developer_machine() -> None:
+    for file in sources():
+        assert not re.search(r"/(home|work|root|Users)/", file.read_text()), file

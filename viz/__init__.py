@@ -1,0 +1,1 @@
+"""The vibrating foot in a browser."""
