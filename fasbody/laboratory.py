@@ -37,7 +37,7 @@ class Instrument:
     Attributes:
         rate_hz: sampling rate. noise_base, noise_malleolus: standard deviation of the sensor noise [m/s^2].
         bits, range_m_s2: the converter spans +-range in 2^bits steps.
-        delay_s: the malleolus channel is sampled this much later than the base channel.
+        delay_s: the malleolus channel lags the base channel by this much (filters, converter).
         distortion: amplitude of the shaker's second and third harmonic over the first.
     """
 
@@ -72,7 +72,7 @@ def record(
         settle: the shaker runs this long before the recording starts [s]; 0 records the transient from rest.
     """
     t = np.arange(round(seconds * instrument.rate_hz)) / instrument.rate_hz
-    late = t + settle + instrument.delay_s
+    late = t + settle - instrument.delay_s
     solution = solve_ivp(
         lambda time, x: foot.rates(time, x, float(motion.acceleration(np.array([time]))[0])),
         (0.0, late[-1]), np.zeros(4), method="DOP853", t_eval=late, rtol=1e-9, atol=1e-12, max_step=5e-3,

@@ -172,12 +172,15 @@ def periodic(x0, p, m_S, m_F, u, h, tolerance, passes):  # type: ignore[no-untyp
         passes: at most so many periods are integrated.
 
     Returns:
-        Y (n,) output over one period, dY/dp (n, 8), initial states (4,), their derivatives (4, 8), the last gap.
+        Y (n,) output over one period, dY/dp (n, 8), initial states (4,), their derivatives (4, 8), the last gap (infinite
+        if the motion grew without bound).
     """
     eye = np.eye(STATES)
     x = x0.copy()
     for _ in range(passes):
         Y, DY, xT, S = trajectory(x, p, m_S, m_F, u, h, 1, _COLUMNS)
+        if not (np.isfinite(xT).all() and np.isfinite(S).all()):
+            return Y, DY[:, STATES:].copy(), x, S[:, STATES:].copy(), np.inf
         by_state, by_p = np.ascontiguousarray(S[:, :STATES]), np.ascontiguousarray(S[:, STATES:])
         step = np.linalg.solve(eye - by_state, xT - x)
         x += step
