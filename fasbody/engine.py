@@ -36,11 +36,12 @@ _PRM = mujoco.mjNBIAS
 
 @dataclass(frozen=True)
 class Callbacks:
-    """The three native callbacks; they keep the compiled code alive."""
+    """The native callbacks, and what silences MuJoCo's log; they keep the compiled code alive."""
 
     passive: Any
     act_dyn: Any
     act_bias: Any
+    warning: Any
 
 
 @intrinsic
@@ -127,7 +128,7 @@ def _compile(offsets: dict[str, int], stamp: int) -> Callbacks:
                 rate[i] = pad_rate(p, h, x, x_dot, i)
         return 0.0
 
-    return Callbacks(passive.ctypes, act_dyn.ctypes, act_bias.ctypes)
+    return Callbacks(passive.ctypes, act_dyn.ctypes, act_bias.ctypes, _quiet.ctypes)
 
 
 @functools.cache
@@ -206,13 +207,19 @@ def python_twin() -> Callbacks:
                 data.act_dot[first + i] = damper.viscoelastic_rate(p, h, x, x_dot, i)
         return 0.0
 
-    return Callbacks(passive, act_dyn, act_bias)
+    return Callbacks(passive, act_dyn, act_bias, _quiet.ctypes)
+
+
+@cfunc(types.void(types.voidptr), cache=True)
+def _quiet(message):  # type: ignore[no-untyped-def]
+    """MuJoCo's warnings go nowhere: simulate.py reads their counters and raises with a sentence of its own."""
 
 
 _SLOTS: dict[str, tuple[Callable[[], Any], Callable[[Any], None]]] = {
     name: (getattr(mujoco, f"get_mjcb_{name}"), getattr(mujoco, f"set_mjcb_{name}"))
     for name in ("passive", "act_dyn", "act_bias")
 }
+_SLOTS["warning"] = (mujoco.get_mju_user_warning, mujoco.set_mju_user_warning)
 
 
 @contextmanager

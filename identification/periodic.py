@@ -160,6 +160,10 @@ class PeriodicProblem:
     def _std(channel: Harmonics) -> np.ndarray:
         return np.maximum(channel.std, _NOISE_FLOOR * abs(channel.amplitudes[0]))
 
+    def weigh_as(self, other: "PeriodicProblem") -> None:
+        """Take over the weights of another problem with the same recordings."""
+        self._whiten = other._whiten
+
     def reweigh(self, q: np.ndarray, engine_of: Callable[[Sequence[Excitation]], Engine]) -> None:
         """Exact whitening at q: the input's noise through the derivative of the orbit to each input harmonic.
 

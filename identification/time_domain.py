@@ -47,12 +47,19 @@ def grid(recording: Recording) -> tuple[float, int, int]:
 
 
 class TimeTwin:
-    """The compiled two-mass model over whole recordings."""
+    """The compiled two-mass model over whole recordings; its states come in the order of the model's coordinates.
+
+    Args:
+        foot: a model that the twin stands for. recordings: what drives it.
+    """
 
     name = "twin"
-    state_scale = np.array([1e-3, 1e-3, 0.1, 0.1])
 
-    def __init__(self, recordings: Sequence[Recording]) -> None:
+    def __init__(self, foot: Foot, recordings: Sequence[Recording]) -> None:
+        self.state_scale = np.array([1e-3, 1e-3, 0.1, 0.1])
+        ankle, pad = (int(foot.model.joint(name).qposadr[0]) for name in ("talocrural", "fat_pad"))
+        #: position of z1, z2, z1', z2' among the model's coordinates without the base
+        self.order = np.array([0, 1, 2, 3] if ankle < pad else [1, 0, 3, 2])
         self._runs = []
         for recording in recordings:
             h, n, stride = grid(recording)
@@ -66,8 +73,9 @@ class TimeTwin:
         u, h, stride, masses = self._runs[number]
         full = {**values, **masses}
         theta = np.array([full[name] for name in NAMES])
-        Y, DY, *_ = trajectory(x0, theta, full["m_S"], full["m_F"], u, h, stride, 12)
-        return Y, DY[:, [0, 1, 2, 3, *(4 + NAMES.index(name) for name in names)]]
+        columns = 12 if names else 4
+        Y, DY, *_ = trajectory(x0[self.order], theta, full["m_S"], full["m_F"], u, h, stride, columns)
+        return Y, DY[:, [*self.order, *(4 + NAMES.index(name) for name in names)]]
 
 
 class TimeRollouts:
