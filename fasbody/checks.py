@@ -72,10 +72,14 @@ def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
         raise _fail(recording, f"{name} has {values.size} samples and time has {recording.time_s.size}")
     if not np.isfinite(values).all():
         place = int(np.argmin(np.isfinite(values)))
-        raise _fail(recording, f"{name} is {values[place]} at {recording.time_s[place]:g} s; every sample must be finite")
+        raise _fail(
+            recording, f"{name} is {values[place]} at {recording.time_s[place]:g} s; every sample must be finite"
+        )
     spread = values.std()
     if spread < 1e-3 or np.unique(values).size < 8:
-        raise _fail(recording, f"{name} is dead (it varies by {np.ptp(values):.2g} m/s^2); check the cable and the units")
+        raise _fail(
+            recording, f"{name} is dead (it varies by {np.ptp(values):.2g} m/s^2); check the cable and the units"
+        )
     for extreme in (values.max(), values.min()):
         at = values == extreme
         edges = np.flatnonzero(np.diff(np.concatenate([[0], at.view(np.int8), [0]])))

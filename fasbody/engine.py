@@ -202,7 +202,10 @@ def python_twin() -> Callbacks:
         if p[0] == VISCOELASTIC:
             first = model.actuator_actadr[actuator]
             h = data.act[first : first + damper.BRANCHES].copy()
-            x, x_dot = data.actuator_length[actuator] - model.actuator_length0[actuator], data.actuator_velocity[actuator]
+            x, x_dot = (
+                data.actuator_length[actuator] - model.actuator_length0[actuator],
+                data.actuator_velocity[actuator],
+            )
             for i in range(damper.BRANCHES):
                 data.act_dot[first + i] = damper.viscoelastic_rate(p, h, x, x_dot, i)
         return 0.0

@@ -125,7 +125,9 @@ class Study:
         root = Path(folder)
         about, channels = _describe(root / "study.toml")
         subjects = read_table(root / "subjects.csv", ("subject", "mass_kg"))
-        masses = dict(zip(subjects["subject"].astype(str), column(root / "subjects.csv", subjects, "mass_kg"), strict=True))
+        masses = dict(
+            zip(subjects["subject"].astype(str), column(root / "subjects.csv", subjects, "mass_kg"), strict=True)
+        )
         file = root / "recordings.csv"
         table = read_table(file, ("file", "subject", "added_mass_kg"))
         added = column(file, table, "added_mass_kg")
@@ -185,7 +187,9 @@ class _Corrections:
             valid = ("unit", "sign", "sensitivity", "delay_s")
             for key, value in table.items():
                 if key not in valid or (key != "unit" and not isinstance(value, int | float)):
-                    raise InputFileError(file, f"channels.{name}.{key} = {value!r}", f"valid: {', '.join(valid)}, numbers")
+                    raise InputFileError(
+                        file, f"channels.{name}.{key} = {value!r}", f"valid: {', '.join(valid)}, numbers"
+                    )
             sensitivity = float(table.get("sensitivity", 1.0))  # type: ignore[arg-type]
             if sensitivity == 0:
                 raise InputFileError(file, f"channels.{name}.sensitivity is zero", "give recorded unit per m/s^2")

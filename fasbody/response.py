@@ -124,7 +124,9 @@ def _colour(residual: np.ndarray, rate: float, frequency_hz: float, count: int) 
     for h in range(count):
         centre = round((h + 1) * frequency_hz / bin_hz)
         local = power[max(1, centre - half) : centre + half + 1].mean() / mean
-        if not 0.6 < local < 1.6:  # the mean of 33 or more white bins stays within, so white noise keeps its exact weight
+        if (
+            not 0.6 < local < 1.6
+        ):  # the mean of 33 or more white bins stays within, so white noise keeps its exact weight
             out[h] = np.sqrt(local)
     return out
 

@@ -21,7 +21,7 @@ _NEEDED = ("k_T", "k_F", "c_11", "c_21")
 
 
 def ratio(masses: Sequence[Mapping[str, float]], values: Mapping[str, float]) -> float:
-    """a = m_S / (m_S + m_F), averaged over the recordings' masses."""
+    """A = m_S / (m_S + m_F), averaged over the recordings' masses."""
     each = [{**values, **m} for m in masses] or [dict(values)]
     return float(np.mean([m["m_S"] / (m["m_S"] + m["m_F"]) for m in each]))
 

@@ -102,7 +102,9 @@ def fit(
     best = certified[0].run
     verdict = judge([b.name for b in built], [b.deviance for b in built], built[0].chi_square, built[0].dof)
     if not mirror:
-        verdict = Verdict(True, 0.0, "This model has no mirror solution that is known in closed form; one solution is reported.")
+        verdict = Verdict(
+            True, 0.0, "This model has no mirror solution that is known in closed form; one solution is reported."
+        )
     rank = excitation_rank(data)
     warnings += _advice(built[0], space, rank, data, route)
     return FitResult(
@@ -149,7 +151,9 @@ def _one_a_branch(route: Route, descents: Sequence[Descent], space: Space, a: fl
         if other in found:
             image = mirrored(space.values(found[other].theta), a)
             entered = descend(problem, space.to_q(space.theta(image)), f"mirror of {other}")
-            if side(space.values(entered.theta), a) == name and entered.cost < found.get(name, entered).cost * (1 + 1e-9):
+            if side(space.values(entered.theta), a) == name and entered.cost < found.get(name, entered).cost * (
+                1 + 1e-9
+            ):
                 found[name] = entered
     return found
 
@@ -181,9 +185,11 @@ def _certify(route: Route, name: str, descent: Descent) -> _Certified:
 def _branch(route: Route, certified: _Certified) -> Branch:
     """Estimates with standard errors from the MuJoCo Jacobian."""
     problem, space, descent, run = certified.problem, route.space, certified.descent, certified.run
-    dof = max(1, problem.size - descent.z.size)
+    dof = max(0, problem.size - descent.z.size)
     covariance = problem.covariance(descent.z)
-    excess = max(1.0, descent.cost / dof) if route.chi_square else 1.0  # a misfit beyond the noise widens the errors
+    excess = (
+        max(1.0, descent.cost / dof) if route.chi_square and dof else 1.0
+    )  # a misfit beyond the noise widens the errors
     std_q = np.sqrt(np.diag(covariance) * excess)
     low, high = space.interval(descent.theta, std_q)
     q, (q_low, q_high) = space.to_q(descent.theta), space.bounds
@@ -203,13 +209,18 @@ def _branch(route: Route, certified: _Certified) -> Branch:
         correlation=np.nan_to_num(correlation).tolist(),
         chi_square=descent.cost,
         dof=dof,
-        p_value=float(chi2.sf(descent.cost, dof)) if route.chi_square else None,
+        p_value=float(chi2.sf(descent.cost, dof)) if route.chi_square and dof else None,
     )
 
 
 def _advice(best: Branch, space: Space, rank: int, data: Sequence[Recording], route: Route) -> list[str]:
     """Warnings that a careful colleague would give."""
     texts = []
+    if best.dof == 0:
+        texts.append(
+            f"The recordings hold {len(space.free)} numbers or fewer for {len(space.free)} free parameters: they are fitted "
+            "exactly whatever the truth, so goodness of fit says nothing. Pool several frequencies or fix parameters (--free)."
+        )
     if rank < len(space.free):
         texts.append(
             f"The excitation has rank {rank}, fewer than the {len(space.free)} free parameters: only distortion by the "

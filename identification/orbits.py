@@ -168,7 +168,12 @@ def twin_applies(foot: Foot) -> bool:
 
     model = foot.model
     needed = {*NAMES, "m_S", "m_F"}
-    if not needed <= set(foot.parameters) or model.nv != 3 or model.na or model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
+    if (
+        not needed <= set(foot.parameters)
+        or model.nv != 3
+        or model.na
+        or model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
+    ):
         return False
     joints = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(model.njnt)]
     if not {"talocrural", "fat_pad"} <= set(joints):

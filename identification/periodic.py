@@ -177,7 +177,9 @@ class PeriodicProblem:
             for direction in np.concatenate([np.eye(line.count), 1j * np.eye(line.count)]):
                 nudge = 1e-4 * abs(U[0])
                 for sign in (1, -1):
-                    nudged.append(Excitation(line.base.frequency_hz, U + sign * nudge * direction, line.excitation.masses))
+                    nudged.append(
+                        Excitation(line.base.frequency_hz, U + sign * nudge * direction, line.excitation.masses)
+                    )
                 sizes.append(2 * nudge)
         engine = engine_of(nudged)
         outputs = iter([engine.orbit(i, values, self.space.names, 1e-6)[0] for i in range(len(nudged))])

@@ -59,7 +59,9 @@ class Descent:
     converged: bool
 
 
-def descend(problem: Problem, q0: np.ndarray, label: str, *, z0: np.ndarray | None = None, tight: bool = False) -> Descent:
+def descend(
+    problem: Problem, q0: np.ndarray, label: str, *, z0: np.ndarray | None = None, tight: bool = False
+) -> Descent:
     """Minimise the cost, Eqs. (4.35) to (4.41), from one start.
 
     Args:
