@@ -1,12 +1,12 @@
 """MuJoCo's native callbacks: nonlinear dampers, pad laws and the shaker, without the GIL.
 
 MuJoCo calls a C function where a model has forces of its own. numba compiles ours (`cfunc`), so no compiler is needed
-and rollouts run on all cores. The compiled code reads mjModel and mjData by the word offsets that layout.py
-finds at start-up, and a self-test against the Python twin refuses an engine whose layout differs.
+and rollouts run on all cores. The compiled code reads mjModel and mjData by the word offsets that layout.py finds at
+start-up, and a self-test against the Python twin refuses an engine whose layout differs.
 
-Callbacks are global to the process. `callbacks()` installs them for a `with` block and restores what was there. They act
-on marked elements only: joints and tendons whose `user` field starts with a law's number (damper.py), and actuators whose
-`biasprm` starts with the number of a law or of the shaker.
+Callbacks are global to the process. `callbacks()` installs them for a `with` block and restores what was there. They
+act on marked elements only: joints and tendons whose `user` field starts with a law's number (damper.py), and actuators
+whose `biasprm` starts with the number of a law or of the shaker.
 """
 
 import functools

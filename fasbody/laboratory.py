@@ -138,8 +138,8 @@ _STUDY = '''[study]
 name = "synthetic subject {subject}"
 origin = "synthetic"
 description = """
-Made by python -m fasbody.laboratory (seed {seed}) from a two-mass foot with the body mass of subject {subject}, {body:g} kg.
-Nobody was measured: truth.json holds the parameters."""
+Made by python -m fasbody.laboratory (seed {seed}) from a two-mass foot with the body mass of subject {subject},
+{body:g} kg. Nobody was measured: truth.json holds the parameters."""
 sampling_rate_hz = {rate:g}
 
 [channels.base]

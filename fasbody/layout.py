@@ -13,8 +13,8 @@ import numpy as np
 from fasbody.exceptions import EngineError
 
 _MODEL_ARRAYS = (
-    "jnt_user", "jnt_qposadr", "jnt_dofadr", "dof_damping", "qpos_spring", "tendon_user", "tendon_damping", "tendon_length0",
-    "ten_J_rownnz", "ten_J_rowadr", "ten_J_colind", "actuator_biasprm", "actuator_ctrladr", "actuator_actadr",
+    "jnt_user", "jnt_qposadr", "jnt_dofadr", "dof_damping", "qpos_spring", "tendon_user", "tendon_damping",
+    "tendon_length0", "ten_J_rownnz", "ten_J_rowadr", "ten_J_colind", "actuator_biasprm", "actuator_ctrladr", "actuator_actadr",
     "actuator_outadr", "actuator_length0",
 )  # fmt: skip
 _DATA_ARRAYS = (

@@ -1,11 +1,12 @@
 """Harmonics of a periodic recording: least squares at the excitation frequency, with honest noise.
 
 A sine fit at a known frequency is the unbiased estimate of its amplitude and phase; fitted together with its harmonics
-it is the discrete Fourier transform without leakage, for any number of samples a period. The excitation frequency itself
-is refined from the base channel (four-parameter sine fit, IEEE Std 1057).
+it is the discrete Fourier transform without leakage, for any number of samples a period. The excitation frequency
+itself is refined from the base channel (four-parameter sine fit, IEEE Std 1057).
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -141,7 +142,7 @@ def _with_scatter(
         return std, 0.0
     edges = np.linspace(0, time_s.size, parts + 1).astype(int)
     rows = []
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         P = _basis(time_s[a:b], frequency_hz, count)
         c, *_ = np.linalg.lstsq(P, signal[a:b], rcond=None)
         rows.append(c[1::2] - 1j * c[2::2])

@@ -218,8 +218,8 @@ def _advice(best: Branch, space: Space, rank: int, data: Sequence[Recording], ro
     texts = []
     if best.dof == 0:
         texts.append(
-            f"The recordings hold {len(space.free)} numbers or fewer for {len(space.free)} free parameters: they are fitted "
-            "exactly whatever the truth, so goodness of fit says nothing. Pool several frequencies or fix parameters (--free)."
+            f"The recordings hold no more numbers than the {len(space.free)} free parameters: they are fitted exactly "
+            "whatever the truth, so goodness of fit says nothing. Pool several frequencies or free fewer (--free)."
         )
     if rank < len(space.free):
         texts.append(
@@ -234,8 +234,8 @@ def _advice(best: Branch, space: Space, rank: int, data: Sequence[Recording], ro
         texts.append(f"Not identifiable from these recordings: {', '.join(weak)} (standard error above 50 %).")
     if best.p_value is not None and best.p_value < 1e-3:
         texts.append(
-            f"The model does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for {best.dof} "
-            "degrees of freedom); the standard errors are widened accordingly."
+            f"The model does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
+            f"{best.dof} degrees of freedom); the standard errors are widened accordingly."
         )
     loads = {recording.condition.added_mass_kg for recording in data}
     if len(loads) == 1 and route.twin:

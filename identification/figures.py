@@ -1,6 +1,7 @@
 """The printed figures of a fit, as SVG text: traces, residuals, parameters of both branches, the start waterfall."""
 
 from io import StringIO
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -9,7 +10,7 @@ from matplotlib.figure import Figure
 from identification.result import FitResult, RecordingFit
 
 _MEASURED, _MODEL, _OTHER, _TRUTH = "#2b2b2b", "#c8102e", "#1f6fb2", "#2e8b57"
-_STYLE = {
+_STYLE: Any = {
     "font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25,
     "svg.fonttype": "path", "svg.hashsalt": "fasbody", "legend.frameon": False,
 }  # fmt: skip
@@ -80,6 +81,7 @@ def residuals(result: FitResult) -> Figure:
             axis.semilogy(f[1:], amplitude[1:], lw=0.8, color=colour, label=label)
         axis.set_title(_title(recording), fontsize=9)
         axis.set_xlim(0, 160)
+        axis.set_ylim(bottom=1e-5)
     for axis in axes.flat[count:]:
         axis.set_axis_off()
     for axis in axes[-1]:

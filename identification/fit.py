@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from fasbody.console import command_line, console, print_json, progress_bar
+from fasbody.console import command_line, console, print_json, progress_bar, results
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.model import load
 from fasbody.recording import Recording, Study, with_masses
@@ -147,11 +147,11 @@ def show(result: FitResult) -> None:
         truth = result.truth_of(key)
         row += [f"{truth:.6g}" if truth is not None else ""] if result.truth else []
         table.add_row(*row, e.identifiability + (", at bound" if e.at_bound else ""))
-    console.print(table)
-    console.print(f"[bold]{result.sentence()}[/]", soft_wrap=True)
-    console.print(result.reason, soft_wrap=True)
+    results.print(table)
+    results.print(f"[bold]{result.sentence()}[/]", soft_wrap=True)
+    results.print(result.reason, soft_wrap=True)
     for text in result.warnings:
-        console.print(f"[yellow]note:[/] {text}", soft_wrap=True, markup=True)
+        results.print(f"[yellow]note:[/] {text}", soft_wrap=True, markup=True)
 
 
 if __name__ == "__main__":

@@ -60,7 +60,7 @@ def split(z: np.ndarray) -> np.ndarray:
 
 def inverse_of_gram(J: np.ndarray) -> np.ndarray:
     """(J^T J)^-1, with infinite variance for parameters in directions that no residual sees."""
-    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    _, s, Vt = np.linalg.svd(J, full_matrices=False)
     seen = s > 1e-10 * s[0]
     C = (Vt[seen].T / s[seen] ** 2) @ Vt[seen]
     blind = np.sum(Vt[seen] ** 2, axis=0) < 1 - 1e-6

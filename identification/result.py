@@ -124,7 +124,7 @@ class FitResult:
             "domain": self.domain,
             "fit_percent": self.fit_percent,
             "recordings": [
-                {"file": r.file, "frequency_hz": r.frequency_hz, "added_mass_kg": r.added_mass_kg, "fit_percent": r.fit_percent}
+                {name: getattr(r, name) for name in ("file", "frequency_hz", "added_mass_kg", "fit_percent")}
                 for r in self.recordings
             ],
             "parameters": {key: asdict(value) for key, value in self.parameters.items()},

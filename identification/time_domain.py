@@ -1,8 +1,9 @@
 """Time-domain identification: prediction error of every sample, Eq. (4.34), for transients, sweeps and random input.
 
-The model runs the whole recording, driven by the spline through the measured base acceleration; the initial states of each
-recording are estimated with the parameters. Residual and Jacobian of a recording are replaced by the triangular factor
-of their QR decomposition, which has the same cost, gradient and Gauss-Newton step as the ten thousand rows it stands for.
+The model runs the whole recording, driven by the spline through the measured base acceleration; the initial states of
+each recording are estimated with the parameters. Residual and Jacobian of a recording are replaced by the triangular
+factor of their QR decomposition, which has the same cost, gradient and Gauss-Newton step as the ten thousand rows it
+stands for.
 """
 
 from collections.abc import Mapping, Sequence
@@ -208,7 +209,7 @@ class TimeProblem:
             try:
                 for i in range(len(self.recordings)):
                     _, residual, D = self.rows(z, i)
-                    R = np.linalg.qr(np.column_stack([D, residual]), mode="r")
+                    R = np.asarray(np.linalg.qr(np.column_stack([D, residual]), mode="r"))
                     rows = slice(i * width, i * width + R.shape[0])
                     r[rows], J[rows, self._columns(i)] = R[:, -1], R[:, :-1]
             except SimulationError:
@@ -218,7 +219,7 @@ class TimeProblem:
 
 
 def noise_floor(recording: Recording) -> float:
-    """Noise of a malleolus sample [m/s^2], the base sensor's included, from the spectra above 0.35 of the sampling rate."""
+    """Noise of a malleolus sample [m/s^2], base sensor included, from the spectra above 0.35 of the sampling rate."""
     floors = []
     for channel in (recording.base_m_s2, recording.malleolus_m_s2):
         power = np.abs(np.fft.rfft(channel * np.hanning(channel.size))) ** 2
