@@ -81,7 +81,8 @@ class TwoDof:
     def mirror(self) -> "TwoDof":
         """The other foot with the same linear response: stiffness and damping change places.
 
-        They are scaled by a = m_S / (m_S + m_F). Exact for the linear part. The nonlinear constants change places unscaled, a starting point for a fit.
+        They are scaled by a = m_S / (m_S + m_F), exactly for the linear part. The nonlinear constants change places
+        unscaled, a starting point for a fit.
         """
         a = self.m_S / (self.m_S + self.m_F)
         return TwoDof(
