@@ -177,23 +177,29 @@ class TimeProblem:
         J[:, :p] *= self.space.slope(theta)
         return y, (y - recording.malleolus_m_s2) / self.sigma[number], J / self.sigma[number]
 
-    def covariance(self, z: np.ndarray) -> np.ndarray:
+    def covariance(self, z: np.ndarray, active: np.ndarray) -> np.ndarray:
         """Covariance (p, p) of q for coloured residuals: (J^T J)^-1 J^T R J (J^T J)^-1, R from their autocorrelation.
 
         The noise of the base sensor comes through the foot and is not white; ignoring that would make the standard
-        errors wrong. The autocorrelation is tapered (Bartlett) after five excitation periods or 5 % of the recording.
+        errors wrong. The autocorrelation is tapered (Bartlett) over 5 % of the recording.
+
+        Args:
+            z: full search variable. active: (p,) which parameters vary; the others rest on a bound and get NaN.
         """
         p, total = self.space.lower.size, z.size
+        varied = np.concatenate([active, np.ones(total - p, bool)])
         middle = np.zeros((total, total))
         for i in range(len(self.recordings)):
             _, r, J = self.rows(z, i)
             columns = self._columns(i)
             middle[np.ix_(columns, columns)] += J.T @ _correlated(r, J)
-        bread = inverse_of_gram(self.jacobian(z))
-        with np.errstate(invalid="ignore"):
-            full = bread @ middle @ bread
+        bread = inverse_of_gram(self.jacobian(z)[:, varied])
         blind = np.isinf(np.diag(bread))
-        full[blind, blind] = np.inf
+        bread[blind] = bread[:, blind] = 0.0
+        inner = bread @ middle[np.ix_(varied, varied)] @ bread
+        inner[blind, blind] = np.inf
+        full = np.full((total, total), np.nan)
+        full[np.ix_(varied, varied)] = inner
         return full[:p, :p]
 
     def _columns(self, number: int) -> np.ndarray:
