@@ -7,7 +7,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from identification.result import FitResult, RecordingFit
+from identification.result import FitResult, RecordingFit, symbol_and_unit
 
 _MEASURED, _MODEL, _OTHER, _TRUTH = "#2b2b2b", "#c8102e", "#1f6fb2", "#2e8b57"
 _STYLE: Any = {
@@ -115,15 +115,10 @@ def parameters(result: FitResult) -> Figure:
     return figure
 
 
-_UNITS = {"_n_s_per_m": "N s/m", "_n_per_m": "N/m", "_per_m": "1/m", "_s": "s"}
-
-
 def _label(key: str) -> str:
-    for suffix, unit in _UNITS.items():
-        if key.endswith(suffix):
-            stem, _, index = key.removesuffix(suffix).partition("_")
-            return (f"${stem}_{{{index}}}$" if index else stem) + f"\n[{unit}]"
-    return key
+    symbol, unit = symbol_and_unit(key)
+    stem, _, index = symbol.partition("_")
+    return (f"${stem}_{{{index}}}$" if index else stem) + (f"\n[{unit}]" if unit else "")
 
 
 def waterfall(result: FitResult) -> Figure:
