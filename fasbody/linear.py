@@ -10,12 +10,12 @@ import numpy as np
 
 from fasbody.arch import PARAMETERS, SPRINGS, Arch
 from fasbody.kinematics import Z_F, Z_T, Array, X, arms, gradients, rest
-from fasbody.lagrange import mass_matrix
+from fasbody.lagrange import mass_matrix, right_hand_side
 
 
 @dataclass(frozen=True)
 class Linear:
-    """M, C, K of shape (6, 6) and the malleolus' row, shape (6,), of the arch about its rest pose."""
+    """M, C, K of shape (6, 6) and the malleolus' row, shape (6,), of the arch about a pose."""
 
     M: Array
     C: Array
@@ -23,37 +23,47 @@ class Linear:
     out: Array
 
 
-def directions(arch: Arch) -> dict[str, Array]:
-    """Gradient of the deformation that each of the 13 constants resists, at rest; name -> shape (6,)."""
-    g, unit = gradients(arch, rest(arch)), np.eye(6)
+def directions(arch: Arch, q: Array) -> dict[str, Array]:
+    """Gradient of the deformation that each of the 13 constants resists at pose q; name -> shape (6,)."""
+    g, unit = gradients(arch, q), np.eye(6)
     joints = {"2": g.d_2, "3": g.d_3, "4": g.d_4, "T": unit[Z_T], "F": unit[Z_F]}
     table = {f"{kind}_{i}": direction for kind in "kc" for i, direction in joints.items()}
     table |= {"k_11": g.e, "k_12": g.e - unit[X], "c_1": unit[X]}
     return {name: table[name] for name in PARAMETERS}
 
 
-def linearise(arch: Arch) -> Linear:
-    """The matrices of Eq. (4.12), consistent model."""
+def linearise(arch: Arch, q: Array | None = None, gravity: float = 0.0) -> Linear:
+    """The matrices of Eq. (4.12), consistent model.
+
+    Args:
+        arch: the constants.
+        q: an equilibrium under `gravity` [m/s^2], shape (6,); None is the rest pose, where no spring pulls.
+        gravity: downward acceleration [m/s^2].
+    """
+    pose = rest(arch) if q is None else q
     K, C = np.zeros((6, 6)), np.zeros((6, 6))
-    for name, g in directions(arch).items():
+    for name, g in directions(arch, pose).items():
         matrix = K if name in SPRINGS else C
         matrix += getattr(arch, name) * np.outer(g, g)
-    a = arms(arch, rest(arch))
+    if q is not None:  # stretched springs and weight turn with the pose
+        tangent = [right_hand_side(arch, q + 1e-30j * unit, np.zeros(6), gravity).imag / -1e-30 for unit in np.eye(6)]
+        K = np.stack(tangent, axis=-1)
+    a = arms(arch, pose)
     out = np.array([1.0, 1.0, -a.l_2, -a.l_3, -a.l_4, 0.0])  # Eq. (4.14): y_out'' = y_B'' + out . q''
-    return Linear(mass_matrix(arch, rest(arch)), C, K, out)
+    return Linear(mass_matrix(arch, pose), C, K, out)
 
 
-def frequency_response(arch: Arch, frequency_hz: Array) -> Array:
-    """Displacements q per unit table acceleration, complex [per m/s^2], shape (..., 6) for frequencies of shape (...)."""
-    model, omega = linearise(arch), 2 * np.pi * np.asarray(frequency_hz, dtype=float)[..., None, None]
-    dynamic = -(omega**2) * model.M + 1j * omega * model.C + model.K
-    return np.linalg.solve(dynamic, np.broadcast_to(-model.M[:, :1], (*omega.shape[:-2], 6, 1)))[..., 0]
+def response(model: Linear, frequency_hz: Array) -> Array:
+    """Malleolus over table acceleration, complex, shape of `frequency_hz` [Hz]."""
+    s = 2j * np.pi * np.asarray(frequency_hz, dtype=float)
+    dynamic = s[..., None, None] ** 2 * model.M + s[..., None, None] * model.C + model.K
+    q = np.linalg.solve(dynamic, np.broadcast_to(-model.M[:, :1], (*s.shape, 6, 1)))[..., 0]
+    return 1 + s**2 * (q @ model.out)  # Eq. (4.14)
 
 
 def transmissibility(arch: Arch, frequency_hz: Array) -> Array:
-    """Malleolus over table acceleration, complex, shape of `frequency_hz` [Hz]."""
-    omega = 2 * np.pi * np.asarray(frequency_hz, dtype=float)
-    return 1 - omega**2 * (frequency_response(arch, frequency_hz) @ linearise(arch).out)  # Eq. (4.14)
+    """Malleolus over table acceleration of the arch about rest, complex, shape of `frequency_hz` [Hz]."""
+    return response(linearise(arch), frequency_hz)
 
 
 def state_space(arch: Arch) -> tuple[Array, Array, Array, float]:
