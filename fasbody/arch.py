@@ -1,4 +1,4 @@
-"""The five-body arch as numbers: geometry and masses (Table 4.1), spring and damper constants, random draws (Table 4.2).
+"""The five-body arch as numbers: geometry and masses (Table 4.1), constants, random draws (Table 4.2).
 
 Angles are measured from the vertical as in Figure 4.2: theta_1 of the calcaneus-talus leans towards the heel, theta_2
 (navicular), theta_3 (cuneiforms) and theta_4 (metatarsals) lean towards the toes. The stated pose is the one in which
@@ -84,8 +84,8 @@ class Arch:
                 raise ModelError(f"arch: {field.name} is {value:g}, but must be a finite number {wanted}.")
         if not self.height_0 < self.L_1:
             raise ModelError(
-                f"arch: the forefoot rises {self.height_0 * 1e3:.1f} mm, but a hindfoot of L_1 = {self.L_1 * 1e3:.1f} mm "
-                "cannot reach its top; lengthen L_1 or increase theta_20, theta_30 or theta_40."
+                f"arch: the forefoot rises {self.height_0 * 1e3:.1f} mm, but a hindfoot of L_1 = "
+                f"{self.L_1 * 1e3:.1f} mm cannot reach its top; lengthen L_1 or increase theta_20, theta_30 or theta_40."
             )
 
     @property
@@ -126,7 +126,7 @@ class Arch:
 
     @classmethod
     def nominal(cls, inertias: Inertias = "thesis") -> Self:
-        """Table 4.1 with constants that meet several published measurements at once (see docs/load.md for the misses)."""
+        """Table 4.1 with constants that meet several published measurements at once (misses: docs/load.md)."""
         return cls(
             **_table_4_1(inertias),
             k_2=230.0, k_3=230.0, k_4=230.0,  # fit to Arangio 1998, arch sag without fascia, within 7 % at every height
@@ -171,9 +171,10 @@ class Arch:
         """
         up, along = self.height_0, self.l_0 - self.L_1 * sin(self.theta_10)
         reach = np.hypot(up, along)
-        if not 0 < height < min(reach, self.L_1):
+        highest = min(reach, self.L_1)
+        if not 0 < height < highest:
             raise ModelError(
-                f"arch: height is {height * 1e3:g} mm, but these bones reach from 0 to {min(reach, self.L_1) * 1e3:.0f} mm."
+                f"arch: height is {height * 1e3:g} mm, but these bones reach from 0 to {highest * 1e3:.0f} mm."
             )
         turn = float(np.arccos(height / reach) - np.arccos(up / reach))
         angles = {name: getattr(self, name) + turn for name in ("theta_20", "theta_30", "theta_40")}

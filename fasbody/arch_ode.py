@@ -1,7 +1,7 @@
 """The nonlinear arch in time: theta_1 eliminated, 11 states, integrated by an implicit method to a tight tolerance.
 
-This is the oracle for the stepped MuJoCo arch: no closure constraint, no carrier mass, no step of its own. The equations
-are stiff (the dampers of a massless-looking foot relax in 1e-8 s), hence Radau IIA with the exact Jacobian.
+This is the oracle for the stepped MuJoCo arch: no closure constraint, no carrier mass, no step of its own. The
+equations are stiff (light bones between strong dampers relax in 1e-8 s), hence Radau IIA with the exact Jacobian.
 """
 
 from collections.abc import Callable
@@ -55,7 +55,7 @@ def initial_state(arch: Arch) -> Array:
 
 
 def split(arch: Arch, states: Array, as_printed: bool = False) -> tuple[Array, Array, Array]:
-    """q and q' of shape (..., 6), and the spring and damper forces; x' from B_6 = 0."""
+    """Coordinates and rates q, q' of shape (..., 6), and the spring and damper forces; x' from B_6 = 0."""
     q = np.concatenate([states[..., :5], states[..., 10:]], axis=-1)
     q_dot = np.concatenate([states[..., 5:10], np.zeros_like(states[..., 10:])], axis=-1)
     forces = spring_damper_forces(arch, q, q_dot, as_printed)

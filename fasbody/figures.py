@@ -48,7 +48,7 @@ def sensitivity_bars(studies: Sequence[Study]) -> Figure:
 
 
 def sensitivity_cases(studies: Sequence[Study]) -> Figure:
-    """Relative sensitivity of the malleolus' acceleration draw by draw (Figure C.1), four largest of each draw dotted."""
+    """Relative sensitivity of the malleolus' acceleration draw by draw (Figure C.1), the four largest dotted."""
     height = max(2.5, 0.11 * len(studies[0].values))
     figure = Figure(figsize=(7, 0.6 + (height + 0.5) * len(studies)), layout="constrained")
     axes = figure.subplots(len(studies), squeeze=False, sharex=True)[:, 0]
@@ -66,7 +66,7 @@ def sensitivity_cases(studies: Sequence[Study]) -> Figure:
         figure.colorbar(image, ax=ax, label="log$_{10}$ relative sensitivity", pad=0.01)
     dots = [
         Line2D([], [], marker="o", ls="", mfc=colour, mec="black", mew=0.4, label=label)
-        for colour, label in (("white", "among the four largest, as claimed"), (KEPT, "among the four largest, against it"))
+        for colour, label in (("white", "among the four largest, as claimed"), (KEPT, "the same, against the claim"))
     ]
     figure.legend(handles=dots, loc="outside upper center", ncols=2, frameon=False, fontsize=9)
     return figure
@@ -132,12 +132,12 @@ def arch_sag(result: "SagStudy", measured: dict[float, tuple[float, float]]) -> 
     return figure
 
 
-def load_resonance(result: "LoadStudy", measured_hz: Sequence[Array]) -> Figure:
+def load_resonance(result: "LoadStudy", measured_hz: Array) -> Figure:
     """Transmissibility under added mass: constant constants on the left, resonance against the measured on the right.
 
     Args:
         result: the model under each added mass.
-        measured_hz: for each added mass the measured range of the resonance [Hz], (low, high).
+        measured_hz: for each added mass the measured range of the resonance [Hz], low and high, shape (n, 2).
     """
     figure = Figure(figsize=(7.4, 3.4), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.3, 1])

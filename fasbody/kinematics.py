@@ -2,7 +2,7 @@
 
 Every function takes the coordinates q = (z_F, z_T, theta_2, theta_3, theta_4, x) as an array of shape (..., 6), real or
 complex (complex steps give exact derivatives), and works on all leading axes at once. z_F and z_T are displacements
-from the rest pose [m], angles are absolute and from the vertical [rad], x is the stretch of the aponeurosis' dashpot [m].
+from rest [m], angles are absolute and from the vertical [rad], x is the stretch of the aponeurosis' dashpot [m].
 """
 
 from typing import Any, NamedTuple
@@ -61,7 +61,7 @@ def closing_angle(arch: Arch, q: Array) -> Array:
 
 
 def closing_gradient(arch: Arch, q: Array) -> Array:
-    """d theta_1 / d(theta_2, theta_3, theta_4), shape (..., 3): l_i / (L_1 sin theta_1)."""
+    """Slope d theta_1 / d(theta_2, theta_3, theta_4), shape (..., 3): l_i / (L_1 sin theta_1)."""
     a = arms(arch, q)
     return np.stack([a.l_2, a.l_3, a.l_4], axis=-1) / np.sqrt(a.E_1)[..., None]
 

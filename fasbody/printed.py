@@ -1,7 +1,7 @@
 """Appendix B and Eq. (4.12) exactly as printed, errors and all, for comparison with the corrected equations.
 
 Nothing here should be used for results: the printed stiffness is indefinite in every draw of Table 4.2. Each departure
-from the derivation is marked "sic" and has a row in docs/errata.md. Where the print names an undefined symbol (A_1, A_2,
+from the derivation is marked "sic" and has a row in docs/errata.md. Where the print has an undefined symbol (A_1, A_2,
 m_t, m_r, c_f, k_f) the only possible reading is taken (E_1, E_2, m_T, m_T, c_F, k_F).
 """
 

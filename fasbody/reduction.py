@@ -66,12 +66,13 @@ def main(
     table = Table(title=f"Five bodies against two masses, |T| at the malleolus, 1-100 Hz, {draws} draws")
     for column in ("rotational constants", "median", "median of worst", "worst"):
         table.add_column(column, justify="right")
-    rows = []
+    rows: list[dict[str, object]] = []
     for lever_arm_m, difference in result.differences.items():
         name = "literal" if lever_arm_m is None else f"lever arm {lever_arm_m * 1e3:g} mm"
         numbers = [np.median(difference), np.median(difference.max(axis=1)), difference.max()]
         table.add_row(name, *(f"{100 * value:.3g} %" for value in numbers))
-        rows.append({"lever_arm_m": lever_arm_m, "median": numbers[0], "median_of_worst": numbers[1], "worst": numbers[2]})
+        names = ("median", "median_of_worst", "worst")
+        rows.append({"lever_arm_m": lever_arm_m} | dict(zip(names, numbers, strict=True)))
     for name, five, two in result.examples:
         difference = np.abs(five - two) / two
         table.add_row(name, f"{100 * np.median(difference):.3g} %", "", f"{100 * difference.max():.3g} %")

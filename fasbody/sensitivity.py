@@ -1,4 +1,4 @@
-"""Which of the 13 constants matter: the direct differential method of section 4.4, on the linear and the nonlinear arch.
+"""Which of the 13 constants matter: the direct differential method of section 4.4, linear and nonlinear.
 
 The relative sensitivity of output i to constant j is alpha_j ||dx_i/d alpha_j|| / ||x_i||, norms over whole periods.
 The thesis divides sample by sample, by states that cross zero, and its mean falls with the number of samples
@@ -215,7 +215,7 @@ def main(
     seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
     lever_arm: Annotated[
         list[float] | None,
-        typer.Option(help="Read the rotational constants as N/m at this arm [m]; repeat for several. Default: literal."),
+        typer.Option(help="Read the rotational constants as N/m at this arm [m]; may be repeated. Default: literal."),
     ] = None,
     trajectory: Annotated[
         float | None, typer.Option(help="Also along nonlinear trajectories at this frequency [Hz], 1 s a draw.")
@@ -233,7 +233,8 @@ def main(
         task = progress.add_task("random arches", total=draws * len(arms_m) * len(methods))
         for lever_arm_m in arms_m:
             for frequency_hz in methods:
-                for result in study(draws, seed, lever_arm_m, frequency_hz):
+                for so_far in study(draws, seed, lever_arm_m, frequency_hz):
+                    result = so_far
                     progress.advance(task)
                 studies.append(result)
     for result in studies:

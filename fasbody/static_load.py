@@ -4,6 +4,7 @@ Static means after the dashpot of the aponeurosis has yielded: only k_11 holds. 
 and z_T = -W / k_T apart from the angles, so that the arch itself is three equations, solved by Newton's method.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -78,7 +79,7 @@ def _settle(arch: Arch, q: Array, load: float) -> Array:
             return q
         if not np.abs(step).max() < 1:
             break
-    raise SimulationError(f"the arch collapses under {load:.0f} N: no pose holds the load; stiffen k_2, k_3, k_4 or k_11.")
+    raise SimulationError(f"the arch collapses under {load:.0f} N; stiffen k_2, k_3, k_4 or k_11.")
 
 
 def _moments(arch: Arch, q: Array, load: float) -> Array:
@@ -211,7 +212,7 @@ def main(
 
         smooth = sag_study(arch, np.linspace(0.02, 0.06, 41), load)
         measured = ARANGIO_SAG if load == ARANGIO_LOAD else {}
-        pictures = {"sag": arch_sag(smooth, measured), "load": load_resonance(masses, list(MEASURED_HZ.values()))}
+        pictures = {"sag": arch_sag(smooth, measured), "load": load_resonance(masses, np.array(list(MEASURED_HZ.values())))}
         for name, picture in pictures.items():
             console.print(f"written: {write_whole(figures / f'{name}.png', png(picture))}")
     if json:
@@ -228,10 +229,14 @@ def _sag_table(study: SagStudy) -> Table:
         cut = ARANGIO_CUT if measured and height > 0.05 else None
         values = (study.sag[i], study.sag_cut[i])
         more = (values[1] / values[0] - 1, study.elongation_cut[i] / study.elongation[i] - 1)
-        cells = [f"{1e3 * v:.1f}" + (f" ({1e3 * m:.1f})" if measured else "") for v, m in zip(values, measured or (0, 0), strict=True)]
-        cells += [f"{v:+.0%}" + (f" ({m:+.0%})" if cut else "") for v, m in zip(more, cut or (0, 0), strict=True)]
+        cells = [_beside(v, m, lambda x: f"{1e3 * x:.1f}") for v, m in zip(values, measured or (None, None), strict=True)]
+        cells += [_beside(v, m, lambda x: f"{x:+.0%}") for v, m in zip(more, cut or (None, None), strict=True)]
         table.add_row(f"{1e3 * height:.0f}", *cells, f"{study.share[i]:.2f}")
     return table
+
+
+def _beside(model: float, measured: float | None, show: Callable[[float], str]) -> str:
+    return show(model) if measured is None else f"{show(model)} ({show(measured)})"
 
 
 def _load_table(study: LoadStudy) -> Table:
@@ -241,8 +246,8 @@ def _load_table(study: LoadStudy) -> Table:
     for case in study.cases:
         low, high = MEASURED_HZ[case.added_mass]
         table.add_row(
-            f"{case.added_mass:g}", f"{case.peak_hz:.1f}", f"{low:.0f}-{high:.0f}", f"{case.transmissibility.max():.2f}",
-            f"{case.arch_stiffness / 1e3:.1f}", f"{case.factor:.2f}",
+            f"{case.added_mass:g}", f"{case.peak_hz:.1f}", f"{low:.0f}-{high:.0f}",
+            f"{case.transmissibility.max():.2f}", f"{case.arch_stiffness / 1e3:.1f}", f"{case.factor:.2f}",
         )  # fmt: skip
     return table
 

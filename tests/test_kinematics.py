@@ -40,7 +40,7 @@ def test_heel_and_heads_stay_at_one_height(q: np.ndarray) -> None:
 def test_centres_lie_in_the_middle_of_each_link(q: np.ndarray) -> None:
     centres = kinematics.centres(ARCH, q, y_B=0.02)
     for pose, centre in zip(q, centres, strict=True):
-        points = joints(pose) + [0, 0.02]
+        points = joints(pose) + np.array([0, 0.02])
         np.testing.assert_allclose(centre[1:], (points[1:] + points[:-1]) / 2, atol=1e-15)
         np.testing.assert_allclose(centre[0], [0, points[1][1] + pose[1]], atol=1e-15)
 
