@@ -85,7 +85,7 @@ class Arch:
         if not self.height_0 < self.L_1:
             raise ModelError(
                 f"arch: the forefoot rises {self.height_0 * 1e3:.1f} mm, but a hindfoot of L_1 = "
-                f"{self.L_1 * 1e3:.1f} mm cannot reach its top; lengthen L_1 or increase theta_20, theta_30 or theta_40."
+                f"{self.L_1 * 1e3:.1f} mm cannot reach its top; lengthen L_1 or increase theta_20 to theta_40."
             )
 
     @property

@@ -1,7 +1,7 @@
 """The linear five-body arch, Eq. (4.12) to Eq. (4.14), and the linear two-mass model it is reduced to, Eq. (4.30).
 
 Convention: M q'' + C q' + K q = -M[:, z_F] y_B'' with q measured from rest and C, K positive (the thesis has both on
-the right with negative entries). K of the consistent model is a sum of squares, so it is positive definite for every arch.
+the right with negative entries). K of the consistent model is a sum of squares, so it is positive definite.
 """
 
 from dataclasses import dataclass

@@ -22,7 +22,7 @@ from fasbody.kinematics import Array, X, arms, rest
 from fasbody.lagrange import force_per_parameter, mass_matrix
 from fasbody.linear import directions, linearise
 
-#: Everything whose sensitivity is wanted: the 11 states and the acceleration of the malleolus.
+#: Eq. (4.15): all outputs whose sensitivity to `PARAMETERS` is wanted: 11 states, acceleration of the malleolus.
 OUTPUTS = (*STATES, "malleolus")
 
 #: The constants that the thesis keeps, section 4.4.
@@ -114,6 +114,8 @@ def sensitivity_along(
     arch: Arch, base_acceleration: Callable[[float], float], duration: float, steps: int
 ) -> tuple[Array, Array, Array, Array]:
     """The direct differential method along a trajectory of the nonlinear arch, from rest and S(0) = 0.
+
+    S holds the first-order terms of Eq. (4.17).
 
     Args:
         arch: the constants.
@@ -215,7 +217,7 @@ def main(
     seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
     lever_arm: Annotated[
         list[float] | None,
-        typer.Option(help="Read the rotational constants as N/m at this arm [m]; may be repeated. Default: literal."),
+        typer.Option(help="Also with the rotational constants read as N/m at this arm [m]; may be repeated."),
     ] = None,
     trajectory: Annotated[
         float | None, typer.Option(help="Also along nonlinear trajectories at this frequency [Hz], 1 s a draw.")
@@ -226,7 +228,7 @@ def main(
     """Do only k_T, c_T, k_F, c_F matter? Relative sensitivity of the five-body arch to all 13 constants."""
     if trajectory is not None and not 1 <= trajectory <= 1000:
         raise SettingError(f"--trajectory is {trajectory:g} Hz, but must be between 1 and 1000 Hz.")
-    arms_m: Sequence[float | None] = lever_arm or [None]
+    arms_m: Sequence[float | None] = [None, *(lever_arm or [])]
     methods = [None] if trajectory is None else [None, trajectory]
     studies = []
     with progress_bar() as progress:

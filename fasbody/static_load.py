@@ -212,7 +212,8 @@ def main(
 
         smooth = sag_study(arch, np.linspace(0.02, 0.06, 41), load)
         measured = ARANGIO_SAG if load == ARANGIO_LOAD else {}
-        pictures = {"sag": arch_sag(smooth, measured), "load": load_resonance(masses, np.array(list(MEASURED_HZ.values())))}
+        ranges = np.array(list(MEASURED_HZ.values()))
+        pictures = {"sag": arch_sag(smooth, measured), "load": load_resonance(masses, ranges)}
         for name, picture in pictures.items():
             console.print(f"written: {write_whole(figures / f'{name}.png', png(picture))}")
     if json:
@@ -229,8 +230,9 @@ def _sag_table(study: SagStudy) -> Table:
         cut = ARANGIO_CUT if measured and height > 0.05 else None
         values = (study.sag[i], study.sag_cut[i])
         more = (values[1] / values[0] - 1, study.elongation_cut[i] / study.elongation[i] - 1)
-        cells = [_beside(v, m, lambda x: f"{1e3 * x:.1f}") for v, m in zip(values, measured or (None, None), strict=True)]
-        cells += [_beside(v, m, lambda x: f"{x:+.0%}") for v, m in zip(more, cut or (None, None), strict=True)]
+        nothing = (None, None)
+        cells = [_beside(v, m, lambda x: f"{1e3 * x:.1f}") for v, m in zip(values, measured or nothing, strict=True)]
+        cells += [_beside(v, m, lambda x: f"{x:+.0%}") for v, m in zip(more, cut or nothing, strict=True)]
         table.add_row(f"{1e3 * height:.0f}", *cells, f"{study.share[i]:.2f}")
     return table
 

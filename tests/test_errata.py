@@ -343,7 +343,7 @@ def test_3_20_fit_needs_norms() -> None:
 
 
 def test_5_2_density_is_per_cubic_millimetre_and_lengths_too() -> None:
-    """Frequency scales as sqrt(E / rho) / L: 18.1 Hz is the 18.1 kHz of 125 kg/m^3 with millimetres read for micrometres."""
+    """Frequency scales as sqrt(E / rho) / L: 18.1 Hz is 18.1 kHz at 125 kg/m^3, millimetres read for micrometres."""
 
     def scale(rho: float, L: float) -> float:
         return np.sqrt(100 / rho) / L
