@@ -1,0 +1,144 @@
+"""Is a recording fit for identification? Each problem gets one sentence that names the file, the place and the remedy."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fasbody.exceptions import RecordingError
+from fasbody.recording import Recording
+from fasbody.response import find_frequency, fit_harmonics, sine_share
+
+#: Sampling rate needed, as a multiple of the excitation frequency.
+OVERSAMPLING = 10
+#: A periodic base explains this share of its power by one frequency and its harmonics.
+PERIODIC_SHARE = 0.97
+#: Runs of this many samples at the extreme value mean clipping.
+_CLIPPED_RUN = 4
+
+
+def checked(recording: Recording) -> Recording:
+    """The recording with its excitation frequency found, offsets removed and warnings listed.
+
+    Raises:
+        RecordingError: it cannot serve: too short, time not uniform, NaN, dead, clipped, wrong units, excitation not
+            found, sampled too slowly, or channels not aligned.
+    """
+    warnings = list(recording.warnings)
+    _time(recording)
+    channels = {name: getattr(recording, name) for name in ("base_m_s2", "malleolus_m_s2")}
+    if recording.tuberosity_m_s2 is not None:
+        channels["tuberosity_m_s2"] = recording.tuberosity_m_s2
+    for name, values in channels.items():
+        _channel(recording, name, values)
+        if abs(values.mean()) > 0.5:
+            kind = "gravity" if abs(abs(values.mean()) - 9.81) < 1 else "an offset"
+            warnings.append(f"{recording.file}: {name} has {kind} of {values.mean():.2f} m/s^2, which is taken out.")
+        channels[name] = values - values.mean()
+    recording = replace(recording, **channels)
+    frequency = _excitation(recording)
+    if frequency is not None:
+        _level(recording, frequency, warnings)
+    condition = replace(recording.condition, frequency_hz=frequency)
+    return replace(recording, condition=condition, warnings=tuple(warnings))
+
+
+def _fail(recording: Recording, problem: str) -> RecordingError:
+    return RecordingError(f"{recording.file}: {problem}.")
+
+
+def _time(recording: Recording) -> None:
+    t = recording.time_s
+    if t.size < 50:
+        raise _fail(recording, f"has {t.size} samples, too short; record at least three periods (the thesis: 10 s)")
+    if not np.isfinite(t).all():
+        raise _fail(recording, f"time is not a number at sample {int(np.argmin(np.isfinite(t)))}")
+    steps = np.diff(t)
+    if steps.min() <= 0:
+        place = int(np.argmin(steps)) + 1
+        raise _fail(recording, f"time does not increase at sample {place} ({t[place - 1]:g} s, then {t[place]:g} s)")
+    typical = float(np.median(steps))
+    # Printed time stamps are rounded: allow one unit of a coarse last digit, but no missing sample.
+    if np.abs(steps - typical).max() > 0.5 * typical:
+        place = int(np.argmax(np.abs(steps - typical)))
+        raise _fail(
+            recording,
+            f"time is not uniform: {steps[place]:g} s after {t[place]:g} s, elsewhere {typical:g} s; "
+            "samples are missing or channels have different rates",
+        )
+
+
+def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
+    if values.shape != recording.time_s.shape:
+        raise _fail(recording, f"{name} has {values.size} samples and time has {recording.time_s.size}")
+    if not np.isfinite(values).all():
+        place = int(np.argmin(np.isfinite(values)))
+        raise _fail(recording, f"{name} is {values[place]} at {recording.time_s[place]:g} s; every sample must be finite")
+    spread = values.std()
+    if spread < 1e-3 or np.unique(values).size < 8:
+        raise _fail(recording, f"{name} is dead (it varies by {np.ptp(values):.2g} m/s^2); check the cable and the units")
+    for extreme in (values.max(), values.min()):
+        at = values == extreme
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], at.view(np.int8), [0]])))
+        runs = edges[1::2] - edges[::2]
+        # Only flat tops count: several runs as long as a sine of this rate never gives.
+        if (runs >= _CLIPPED_RUN).sum() >= 2 and abs(extreme - values.mean()) > 1.5 * spread * 0.7:
+            place = recording.time_s[edges[::2][np.argmax(runs)]]
+            count = int((runs >= _CLIPPED_RUN).sum())
+            raise _fail(
+                recording,
+                f"{name} is clipped at {extreme:.4g} m/s^2, {count} times, first for {runs.max()} samples near {place:g} s; "
+                "record with a larger range",
+            )
+
+
+def _excitation(recording: Recording) -> float | None:
+    """Excitation frequency [Hz] found in the base channel, None for broadband; disagreement with the table is an error."""
+    t, base = recording.time_s, recording.base_m_s2
+    nominal = recording.condition.frequency_hz
+    found = find_frequency(t, base)
+    share = sine_share(t, base, found)
+    if share < PERIODIC_SHARE:
+        if nominal is None:
+            return None
+        raise _fail(
+            recording,
+            f"the excitation of {nominal:g} Hz is not found in base_m_s2 (a sine explains {100 * share:.0f} % of its "
+            f"power); leave frequency_hz empty for broadband excitation",
+        )
+    if nominal is not None and abs(found - nominal) > max(0.02 * nominal, 1.5 / (t[-1] - t[0])):
+        raise _fail(recording, f"base_m_s2 vibrates at {found:.4g} Hz and recordings.csv says {nominal:g} Hz")
+    if recording.rate_hz < OVERSAMPLING * found:
+        raise _fail(
+            recording,
+            f"is sampled at {recording.rate_hz:g} Hz, less than {OVERSAMPLING} times its excitation of {found:.4g} Hz",
+        )
+    if (t[-1] - t[0]) * found < 3:
+        raise _fail(recording, f"is too short: {(t[-1] - t[0]) * found:.1f} periods of {found:.4g} Hz, needed are 3")
+    return found
+
+
+def _level(recording: Recording, frequency: float, warnings: list[str]) -> None:
+    """Amplitudes and phase that a foot on a shaker can have."""
+    t = recording.time_s
+    base = fit_harmonics(t, recording.base_m_s2, frequency, 1).amplitudes[0]
+    malleolus = fit_harmonics(t, recording.malleolus_m_s2, frequency, 1).amplitudes[0]
+    ratio = malleolus / base
+    if not 0.02 < abs(ratio) < 20:
+        raise _fail(
+            recording,
+            f"the malleolus moves {abs(ratio):.3g} times as much as the base at {frequency:.4g} Hz; "
+            "check units and sensitivities (m/s^2 are expected, or g with the header malleolus_g)",
+        )
+    if not 0.3 < abs(base) < 100:
+        warnings.append(
+            f"{recording.file}: the base amplitude is {abs(base):.3g} m/s^2 at {frequency:.4g} Hz (the thesis: 8.95); "
+            "check its unit."
+        )
+    lead = np.degrees(np.angle(ratio))
+    if lead > 10:
+        early = lead / 360 / frequency
+        raise _fail(
+            recording,
+            f"the malleolus leads the base by {lead:.0f} degrees ({1e3 * early:.3g} ms) at {frequency:.4g} Hz, which no "
+            "passive foot does; the channels are swapped, misaligned or one has the wrong sign (study.toml: sign, delay_s)",
+        )

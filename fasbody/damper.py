@@ -1,0 +1,133 @@
+"""Force laws of the fat pad and the joints: Eqs. (4.22) to (4.25) and (4.32).
+
+A law travels with the MJCF element it acts on, in the `user` field of a joint or tendon, as the number of its equation
+followed by its parameters (`LAWS` lists them), so `user="4.25 310 -120 180"` reads like the page. In the element's
+coordinate x (extension positive, from rest) the compressive strain of a pad of thickness h is e = e0 - x/h, where e0 is
+the static strain under the foot's weight; the pad's force is taken about that equilibrium, as Eq. (4.29) is.
+
+All functions are compiled by numba and serve the native callbacks, the Python twin (`.py_func`) and plots alike.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+
+@dataclass(frozen=True)
+class Law:
+    """One force law: the code that selects it, and its parameters in the order of the `user` field."""
+
+    equation: str
+    name: str
+    parameters: tuple[str, ...]  # name [unit]
+
+    @property
+    def code(self) -> float:
+        """First number of the `user` field."""
+        return float(self.equation)
+
+
+LAWS = (
+    Law("4.22", "quasi-linear viscoelastic pad", ("A [N]", "B", "c", "tau_1 [s]", "tau_2 [s]", "h [m]", "e0")),
+    Law("4.23", "nonlinear spring and damper", ("j [N]", "k", "l [N s^n]", "m", "n", "h [m]", "e0")),
+    Law("4.24", "linear spring, strain-proportional damper", ("E [N]", "eta [N s]", "h [m]", "e0")),
+    Law("4.25", "nonlinear damper beside a linear spring", ("c1 [N s/m]", "c2 [1/m]", "c3 [1/m]")),
+)
+#: Length of the `user` field: the law's code and at most seven parameters.
+USER_SIZE = 8
+#: Exponentials that stand for the continuous relaxation spectrum of Eq. (4.22).
+BRANCHES = 8
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(BRANCHES)
+
+
+@njit(cache=True)
+def damping(x: float, c1: float, c2: float, c3: float) -> float:
+    """Damping constant [N s/m] at relative displacement x [m]; Eq. (4.32) applies it to ankle and fat pad."""
+    return c1 * np.exp(-c2 * x) * np.cos(c3 * x)  # Eq. (4.25)
+
+
+@njit(cache=True)
+def power_law(e: float, e_dot: float, j: float, k: float, l: float, m: float, n: float) -> float:  # noqa: E741
+    """Compressive force [N] at strain e >= 0 and strain rate e_dot [1/s], exponents corrected (docs/errata.md)."""
+    return j * e**k + l * e**m * np.abs(e_dot) ** n * np.sign(e_dot)  # Eq. (4.23)
+
+
+@njit(cache=True)
+def strain_damper(e: float, e_dot: float, E: float, eta: float) -> float:
+    """Compressive force [N] at strain e >= 0 and strain rate e_dot [1/s]."""
+    return E * e + eta * e * e_dot  # Eq. (4.24), compression positive
+
+
+@njit(cache=True)
+def elastic(e: float, A: float, B: float) -> float:
+    """Elastic function sigma_e of Eq. (4.22) [N]."""
+    return A * (np.exp(B * e) - 1.0)
+
+
+@njit(cache=True)
+def relaxation(t: float, c: float, tau_1: float, tau_2: float) -> float:
+    """Reduced relaxation function G(t) of Eq. (4.22), its spectrum integrated by quadrature in log(tau)."""
+    total = 1.0
+    for i in range(BRANCHES):
+        total += c * branch_weight(i, tau_1, tau_2) * np.exp(-t / branch_time(i, tau_1, tau_2))
+    return total / (1.0 + c * np.log(tau_2 / tau_1))
+
+
+@njit(cache=True)
+def branch_time(i: int, tau_1: float, tau_2: float) -> float:
+    """Relaxation time [s] of exponential i, a Gauss-Legendre node in log(tau)."""
+    return tau_1 * (tau_2 / tau_1) ** (0.5 * (1.0 + _NODES[i]))
+
+
+@njit(cache=True)
+def branch_weight(i: int, tau_1: float, tau_2: float) -> float:
+    """Share of exponential i in the spectrum; the shares sum to log(tau_2/tau_1)."""
+    return 0.5 * _WEIGHTS[i] * np.log(tau_2 / tau_1)
+
+
+@njit(cache=True)
+def algebraic_force(user: np.ndarray, x: float, x_dot: float, native_damping: float) -> float:
+    """Force [N] along +x of a law without memory.
+
+    Args:
+        user: (8,) law code and parameters.
+        x: extension from rest [m]; x_dot: its rate [m/s].
+        native_damping: the element's own MJCF damping [N s/m]. It is the share of the same damper that the engine
+            integrates implicitly, so Eq. (4.25) returns the rest.
+
+    Raises nothing: an unknown code gives zero force (loading the model has refused it).
+    """
+    code = round(100.0 * user[0])
+    if code == 425:
+        return -(damping(x, user[1], user[2], user[3]) - native_damping) * x_dot
+    if code == 424:
+        e, e_dot, rest = user[4] - x / user[3], -x_dot / user[3], user[1] * user[4]
+        return (strain_damper(e, e_dot, user[1], user[2]) if e > 0.0 else 0.0) - rest
+    if code == 423:
+        e, e_dot, rest = user[7] - x / user[6], -x_dot / user[6], user[1] * user[7] ** user[2]
+        return (power_law(e, e_dot, user[1], user[2], user[3], user[4], user[5]) if e > 0.0 else 0.0) - rest
+    return 0.0
+
+
+@njit(cache=True)
+def viscoelastic_force(p: np.ndarray, h: np.ndarray, x: float) -> float:
+    """Force [N] along +x of the quasi-linear viscoelastic pad, Eq. (4.22), about its relaxed static state.
+
+    Args:
+        p: (8,) law code and parameters. h: (BRANCHES,) internal stresses of the exponentials [N]. x: extension [m].
+    """
+    A, B, c, tau_1, tau_2 = p[1], p[2], p[3], p[4], p[5]
+    e = p[7] - x / p[6]
+    total = elastic(max(e, 0.0), A, B) - elastic(p[7], A, B)
+    for i in range(BRANCHES):
+        total += c * branch_weight(i, tau_1, tau_2) * h[i]
+    return total / (1.0 + c * np.log(tau_2 / tau_1))
+
+
+@njit(cache=True)
+def viscoelastic_rate(p: np.ndarray, h: np.ndarray, x: float, x_dot: float, i: int) -> float:
+    """Rate [N/s] of internal stress i: dh_i/dt = d(sigma_e)/dt - h_i/tau_i, the hereditary integral of Eq. (4.22)."""
+    e, e_dot = p[7] - x / p[6], -x_dot / p[6]
+    driving = p[1] * p[2] * np.exp(p[2] * e) * e_dot if e > 0.0 else 0.0
+    return driving - h[i] / branch_time(i, p[4], p[5])

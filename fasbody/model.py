@@ -1,0 +1,133 @@
+"""Loading an MJCF foot: by name or file, checked for the elements that every command needs."""
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+import mjcf
+from fasbody import damper
+from fasbody.engine import SHAKER, SHAKER_CONTROLS
+from fasbody.exceptions import InputFileError, ModelError, unknown
+from fasbody.parameters import Parameters, declared, names
+
+#: Elements that every command needs, by kind.
+REQUIRED = {"joint": ("base",), "actuator": ("shaker",), "sensor": ("base", "malleolus"), "site": ("malleolus",)}
+
+
+@dataclass(frozen=True)
+class Foot:
+    """A compiled model with the places that the commands use.
+
+    Attributes:
+        name: file name or name of the shipped model.
+        model: the compiled model; treat it as read-only, `with_values` returns a changed copy.
+        parameters: what the model declares as editable.
+        base: index of the base coordinate in qpos and qvel.
+        shaker: first of the shaker's five controls.
+        sensor: start of each required sensor in sensordata.
+    """
+
+    name: str
+    model: mujoco.MjModel
+    parameters: Parameters
+    base: int
+    shaker: int
+    sensor: Mapping[str, int]
+
+    @property
+    def step(self) -> float:
+        """Default time step [s]."""
+        return float(self.model.opt.timestep)
+
+    def values(self) -> dict[str, float]:
+        """Current value of every declared parameter, in its unit."""
+        return {name: item.read(self.model) for name, item in self.parameters.items()}
+
+    def with_values(self, values: Mapping[str, float], step: float | None = None) -> "Foot":
+        """A copy with some parameters (and the time step) changed.
+
+        Raises:
+            SettingError: unknown parameter; the message lists those that exist.
+        """
+        changed = copy.copy(self.model)
+        for name, value in values.items():
+            item = self.parameters[name]
+            item.write({place.field: getattr(changed, place.field).reshape(-1) for place in item.places}, value)
+        if step is not None:
+            changed.opt.timestep = step
+        mujoco.mj_setConst(changed, mujoco.MjData(changed))
+        return Foot(self.name, changed, self.parameters, self.base, self.shaker, self.sensor)
+
+    def __str__(self) -> str:
+        return f"{self.name}: " + ", ".join(
+            f"{name} {value:.4g} {self.parameters[name].unit}" for name, value in self.values().items()
+        )
+
+
+def load(model: str | Path) -> Foot:
+    """Load a foot model.
+
+    Args:
+        model: name of a shipped model (``two_dof``) or an MJCF file.
+
+    Raises:
+        InputFileError: no such model or file, or MuJoCo cannot compile it.
+        ModelError: a required element is missing, or a parameter or law is not valid.
+    """
+    shipped = mjcf.names()
+    file = mjcf.path(str(model)) if str(model) in shipped else Path(model)
+    if not file.is_file():
+        valid = f"give an MJCF file or one of {', '.join(shipped)}"
+        raise InputFileError(model, "no such model", valid)
+    try:
+        compiled = mujoco.MjModel.from_xml_path(str(file))
+    except ValueError as error:
+        problem = " ".join(str(error).replace("Error: ", "").split()).rstrip(".")
+        raise InputFileError(file, f"MuJoCo cannot compile it ({problem})") from None
+    return check(compiled, str(model) if str(model) in shipped else file.name)
+
+
+def check(model: mujoco.MjModel, name: str) -> Foot:
+    """Wrap a compiled model as a `Foot`; see `load` for the errors."""
+    for kind, needed in REQUIRED.items():
+        found = names(model, kind)
+        missing = [element for element in needed if element not in found]
+        if missing:
+            needs = ", ".join(f"{k} {' and '.join(n)}" for k, n in REQUIRED.items())
+            raise ModelError(
+                f"{name}: {unknown(kind, missing[0], found).replace('unknown', 'there is no')}; "
+                f"every foot model needs {needs}."
+            )
+    _check_laws(model, name)
+    shaker = model.actuator("shaker").id
+    first = int(model.actuator_ctrladr[shaker])
+    if model.actuator_biasprm[shaker, 0] != SHAKER or model.nu < first + SHAKER_CONTROLS:
+        raise ModelError(
+            f'{name}: the actuator shaker needs biastype="user" biasprm="{SHAKER:g}" and four more actuators behind it '
+            "that carry its controls; copy the actuators of two_dof.xml."
+        )
+    for joint, stiffness in zip(names(model, "joint"), model.jnt_stiffness, strict=False):
+        if stiffness < 0:
+            raise ModelError(f"{name}: joint {joint!r} has the stiffness {stiffness:g}; it must not be negative.")
+    sensor = {element: int(model.sensor(element).adr[0]) + 1 for element in REQUIRED["sensor"]}  # +1: the y component
+    base = int(model.jnt_qposadr[model.joint("base").id])
+    return Foot(name, model, declared(model, name), base, first, sensor)
+
+
+def _check_laws(model: mujoco.MjModel, name: str) -> None:
+    """Refuse an unknown law, so that a mistyped number is never a silent zero force."""
+    known = {law.code for law in damper.LAWS}
+    for kind, user in (("joint", model.jnt_user), ("tendon", model.tendon_user)):
+        if user.size and user.shape[1] != damper.USER_SIZE and np.any(user):
+            size = f'nuser_{"jnt" if kind == "joint" else "tendon"}="{damper.USER_SIZE}"'
+            raise ModelError(f"{name}: {kind} user fields have {user.shape[1]} numbers; laws need <size {size}/>.")
+        for element, row in enumerate(user):
+            if row.any() and (row[0] not in known or row[0] == damper.LAWS[0].code):
+                valid = "; ".join(f"{law.equation} {' '.join(law.parameters)}" for law in damper.LAWS[1:])
+                raise ModelError(
+                    f"{name}: {kind} number {element} names the law {row[0]:g} in its user field (valid: {valid})."
+                )

@@ -1,0 +1,184 @@
+"""Parameters of a model, as the MJCF declares them: unit, bounds, where the number stands and where it comes from.
+
+A model lists what may be edited, estimated and batched in its `<custom>` section, one `<text>` a parameter:
+
+    <text name="k_F" data="N/m | 3e3 | 1e6 | joint fat_pad stiffness | bounds of section 4.5"/>
+
+The fourth column is one place or several, separated by commas, each optionally with a share of the value:
+`0.5 tendon heel_pad stiffness, 0.5 tendon forefoot_pad stiffness`.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from fasbody.exceptions import ModelError, SettingError, unknown
+
+#: What a declaration may point at: (element kind, attribute) -> mjModel field.
+_FIELDS = {
+    ("joint", "stiffness"): "jnt_stiffness",
+    ("joint", "damping"): "dof_damping",
+    ("joint", "user"): "jnt_user",
+    ("joint", "armature"): "dof_armature",
+    ("tendon", "stiffness"): "tendon_stiffness",
+    ("tendon", "damping"): "tendon_damping",
+    ("tendon", "user"): "tendon_user",
+    ("body", "mass"): "body_mass",
+    ("actuator", "biasprm"): "actuator_biasprm",
+    ("actuator", "gainprm"): "actuator_gainprm",
+    ("actuator", "dynprm"): "actuator_dynprm",
+}
+_OBJECTS = {
+    "joint": mujoco.mjtObj.mjOBJ_JOINT,
+    "tendon": mujoco.mjtObj.mjOBJ_TENDON,
+    "body": mujoco.mjtObj.mjOBJ_BODY,
+    "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
+}
+_SUFFIX = {"N/m": "n_per_m", "N s/m": "n_s_per_m", "1/m": "per_m", "kg": "kg", "s": "s", "N": "n", "m": "m", "": ""}
+_SUFFIX |= {"N m/rad": "n_m_per_rad", "N m s/rad": "n_m_s_per_rad"}
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a parameter stands in mjModel: field, flat index within it, and the share of the value it takes."""
+
+    field: str
+    index: int
+    share: float
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One declared parameter.
+
+    Attributes:
+        name: thesis symbol, e.g. ``k_T``.
+        unit: SI unit as written in the model.
+        lower: lower bound; upper: upper bound, in that unit.
+        places: where the number stands in mjModel.
+        source: where the nominal value comes from.
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    places: tuple[Place, ...]
+    source: str
+
+    @property
+    def key(self) -> str:
+        """Name with unit suffix, as used in JSON and CSV: ``k_T_n_per_m``."""
+        return f"{self.name}_{_SUFFIX[self.unit]}" if self.unit else self.name
+
+    @property
+    def logarithmic(self) -> bool:
+        """Stiffness and damping amplitudes are searched on a logarithmic scale."""
+        return self.lower > 0.0
+
+    def read(self, model: mujoco.MjModel) -> float:
+        """Value in the model (the sum over its places, which share it)."""
+        place = self.places[0]
+        return float(getattr(model, place.field).ravel()[place.index] / place.share)
+
+    def write(self, target: Mapping[str, np.ndarray], value: np.ndarray | float) -> None:
+        """Write values into arrays by field name, each (nsim, size) or (size,)."""
+        for place in self.places:
+            target[place.field][..., place.index] = place.share * np.asarray(value)
+
+
+class Parameters(Mapping[str, Parameter]):
+    """All declared parameters of a model, by thesis symbol, in the order of the MJCF."""
+
+    def __init__(self, items: Iterable[Parameter], model_name: str) -> None:
+        self._items = {item.name: item for item in items}
+        self.model_name = model_name
+
+    def __getitem__(self, name: str) -> Parameter:
+        if name not in self._items:
+            raise SettingError(f"{unknown('parameter', name, self._items)} in model {self.model_name}.")
+        return self._items[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._items
+
+    def __iter__(self):  # type: ignore[no-untyped-def]
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Every mjModel field that some parameter stands in."""
+        return tuple(dict.fromkeys(place.field for item in self.values() for place in item.places))
+
+
+def declared(model: mujoco.MjModel, name: str) -> Parameters:
+    """Read the declarations of a compiled model.
+
+    Args:
+        model: the model. name: what to call it in messages.
+
+    Raises:
+        ModelError: a declaration cannot be understood or points at nothing.
+    """
+    items = []
+    for number in range(model.ntext):
+        symbol = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, number)
+        start = model.text_adr[number]
+        data = model.text_data[start : start + model.text_size[number]].decode().rstrip("\0")
+        if data.count("|") == 4:  # other custom texts are none of ours
+            items.append(_parse(model, symbol, data, name))
+    return Parameters(items, name)
+
+
+def _parse(model: mujoco.MjModel, symbol: str, data: str, name: str) -> Parameter:
+    unit, lower, upper, places, source = (part.strip() for part in data.split("|"))
+    here = f"{name}: parameter {symbol!r}"
+    if unit not in _SUFFIX:
+        raise ModelError(f"{here} has the unit {unit!r} (valid: {', '.join(filter(None, _SUFFIX))}).")
+    try:
+        low, high = float(lower), float(upper)
+    except ValueError:
+        raise ModelError(f"{here} has bounds {lower!r} and {upper!r}; both must be numbers.") from None
+    if not low < high:
+        raise ModelError(f"{here} has a lower bound {low:g} that is not below its upper bound {high:g}.")
+    return Parameter(symbol, unit, low, high, tuple(_place(model, p, here) for p in places.split(",")), source)
+
+
+def _place(model: mujoco.MjModel, text: str, here: str) -> Place:
+    words = text.split()
+    share = 1.0
+    try:
+        share = float(words[0])
+        words = words[1:]
+    except (ValueError, IndexError):
+        pass
+    if len(words) not in (3, 4) or (words[0], words[2]) not in _FIELDS:
+        valid = ", ".join(f"{kind} NAME {attribute}" for kind, attribute in _FIELDS)
+        raise ModelError(f"{here} stands at {text.strip()!r}, which is no place (valid: {valid}, with a number behind).")
+    kind, element, attribute = words[:3]
+    number = mujoco.mj_name2id(model, _OBJECTS[kind], element)
+    if number < 0:
+        raise ModelError(f"{here}: {unknown(kind, element, names(model, kind))}.")
+    field = _FIELDS[kind, attribute]
+    if field.startswith("dof_"):
+        number = int(model.jnt_dofadr[number])
+    array = getattr(model, field)
+    width = array.size // array.shape[0]
+    column = int(words[3]) if len(words) == 4 and words[3].isdigit() else 0
+    if column >= width:
+        raise ModelError(f"{here} stands in column {column} of {attribute!r}, which has {width} (0 to {width - 1}).")
+    return Place(field, number * width + column, share)
+
+
+def names(model: mujoco.MjModel, kind: str) -> list[str]:
+    """Names of all elements of a kind (``joint``, ``tendon``, ``body``, ``actuator``, ``sensor``, ``site``)."""
+    objects = _OBJECTS | {"sensor": mujoco.mjtObj.mjOBJ_SENSOR, "site": mujoco.mjtObj.mjOBJ_SITE}
+    count = {"joint": model.njnt, "tendon": model.ntendon, "body": model.nbody, "actuator": model.nactuator}
+    count |= {"sensor": model.nsensor, "site": model.nsite}
+    found = (mujoco.mj_id2name(model, objects[kind], i) for i in range(count[kind]))
+    return [name for name in found if name]

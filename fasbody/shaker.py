@@ -1,0 +1,149 @@
+"""Motion of the shaker's table: a prescribed acceleration, followed exactly by the model's base.
+
+The base is a slide of huge armature, so the force armature x a(t) moves it with the acceleration a(t) whatever the foot
+does. Within each time step a(t) is a cubic, evaluated by the native callback at the integrator's own stage times
+(engine.py), which keeps fourth-order Runge-Kutta fourth order. Only acceleration matters to the foot: the base position
+may drift, and a constant offset of an accelerometer is taken out of a recording beforehand.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from fasbody.exceptions import SettingError
+
+#: Peak-to-peak base acceleration of the thesis [m/s^2], section 2.2.2.
+PEAK_TO_PEAK = 17.9
+
+
+@dataclass(frozen=True)
+class BaseMotion:
+    """Prescribed base acceleration.
+
+    Attributes:
+        name: what to call it in messages and figures.
+        duration: length [s].
+        acceleration: function of time (n,) [s] -> (n,) [m/s^2].
+        jerk: its time derivative [m/s^3].
+    """
+
+    name: str
+    duration: float
+    acceleration: Callable[[np.ndarray], np.ndarray]
+    jerk: Callable[[np.ndarray], np.ndarray]
+
+    def controls(self, step: float, count: int, start: float = 0.0) -> np.ndarray:
+        """Shaker controls of `count` steps: (count, 5) start time and Taylor coefficients a0..a3 of each step.
+
+        The cubic agrees with acceleration and jerk at both ends of the step (Hermite), so a spline with knots at the
+        steps is reproduced exactly and a smooth motion to fourth order.
+        """
+        t = start + step * np.arange(count + 1)
+        a, j = self.acceleration(t), self.jerk(t)
+        rise = (a[1:] - a[:-1]) / step
+        columns = (t[:-1], a[:-1], j[:-1], (3 * rise - 2 * j[:-1] - j[1:]) / step, (j[:-1] + j[1:] - 2 * rise) / step**2)
+        return np.column_stack(columns)
+
+    def half_steps(self, step: float, count: int, start: float = 0.0) -> np.ndarray:
+        """The same cubics at the stage times of Runge-Kutta: (2 count + 1,) values half a step apart [m/s^2]."""
+        _, a0, a1, a2, a3 = self.controls(step, count, start).T
+        half = 0.5 * step
+        values = np.empty(2 * count + 1)
+        values[:-1:2], values[1::2] = a0, a0 + half * (a1 + half * (a2 + half * a3))
+        values[-1] = a0[-1] + step * (a1[-1] + step * (a2[-1] + step * a3[-1]))
+        return values
+
+
+def harmonics(frequency: float, amplitudes: Sequence[complex], duration: float, name: str = "") -> BaseMotion:
+    """Periodic motion, sum over h of Re(U_h exp(i 2 pi h f t)).
+
+    Args:
+        frequency: fundamental [Hz]. amplitudes: complex U_1, U_2, ... [m/s^2]. duration: [s]. name: for messages.
+    """
+    U = np.asarray(amplitudes, complex)
+    omega = 2j * np.pi * frequency * np.arange(1, U.size + 1)
+
+    def acceleration(t: np.ndarray) -> np.ndarray:
+        return (np.exp(np.multiply.outer(t, omega)) @ U).real
+
+    def jerk(t: np.ndarray) -> np.ndarray:
+        return (np.exp(np.multiply.outer(t, omega)) @ (omega * U)).real
+
+    return BaseMotion(name or f"harmonics of {frequency:g} Hz", duration, acceleration, jerk)
+
+
+def sine(frequency: float, duration: float, peak_to_peak: float = PEAK_TO_PEAK) -> BaseMotion:
+    """One sine, the excitation of the thesis: frequency [Hz], duration [s], peak to peak [m/s^2]."""
+    _positive(frequency=frequency, duration=duration, peak_to_peak=peak_to_peak)
+    return harmonics(frequency, [-0.5j * peak_to_peak], duration, f"sine {frequency:g} Hz")
+
+
+def sweep(start: float, stop: float, duration: float, peak_to_peak: float = PEAK_TO_PEAK) -> BaseMotion:
+    """Swept sine whose frequency goes linearly from `start` to `stop` [Hz] at constant amplitude."""
+    _positive(start=start, stop=stop, duration=duration, peak_to_peak=peak_to_peak)
+    rate, amplitude = (stop - start) / duration, 0.5 * peak_to_peak
+
+    def phase(t: np.ndarray) -> np.ndarray:
+        return 2 * np.pi * (start + 0.5 * rate * t) * t
+
+    def acceleration(t: np.ndarray) -> np.ndarray:
+        return amplitude * np.sin(phase(t))
+
+    def jerk(t: np.ndarray) -> np.ndarray:
+        return amplitude * 2 * np.pi * (start + rate * t) * np.cos(phase(t))
+
+    return BaseMotion(f"sweep {start:g} to {stop:g} Hz", duration, acceleration, jerk)
+
+
+def multisine(frequencies: Sequence[float], duration: float, rms: float = 6.3, seed: int = 0) -> BaseMotion:
+    """Equal sines at the given frequencies [Hz] with random phases; `rms` [m/s^2] of the whole."""
+    f = np.asarray(frequencies, float)
+    if f.size == 0 or np.any(f <= 0):
+        raise SettingError(f"a multisine needs positive frequencies in Hz, not {list(frequencies)}.")
+    _positive(duration=duration, rms=rms)
+    phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, f.size)
+    U = rms * np.sqrt(2 / f.size) * np.exp(1j * phases)
+    omega = 2j * np.pi * f
+
+    def acceleration(t: np.ndarray) -> np.ndarray:
+        return (np.exp(np.multiply.outer(t, omega)) @ U).real
+
+    def jerk(t: np.ndarray) -> np.ndarray:
+        return (np.exp(np.multiply.outer(t, omega)) @ (omega * U)).real
+
+    return BaseMotion(f"multisine of {f.size} lines", duration, acceleration, jerk)
+
+
+def random(low: float, high: float, duration: float, rms: float = 6.3, seed: int = 0) -> BaseMotion:
+    """Band-limited random motion: Gaussian lines every 1/duration Hz between `low` and `high` [Hz], `rms` [m/s^2]."""
+    _positive(low=low, high=high, duration=duration, rms=rms)
+    lines = np.arange(np.ceil(low * duration), np.floor(high * duration) + 1) / duration
+    if lines.size < 2:
+        raise SettingError(f"random motion needs a band wider than {2 / duration:g} Hz for {duration:g} s.")
+    rng = np.random.default_rng(seed)
+    amplitudes = rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size)
+    rate = 20 * high
+    count = round(rate * duration)
+    spectrum = np.zeros(count // 2 + 1, complex)
+    spectrum[np.round(lines * duration).astype(int)] = amplitudes
+    values = np.fft.irfft(spectrum, count)
+    motion = samples(np.arange(count + 1) / rate, np.append(values, values[0]) * rms / values.std())
+    return BaseMotion(f"random {low:g} to {high:g} Hz", duration, motion.acceleration, motion.jerk)
+
+
+def samples(time_s: np.ndarray, acceleration: np.ndarray, name: str = "recording") -> BaseMotion:
+    """A recorded base acceleration, as the cubic spline through its samples.
+
+    Args:
+        time_s: (n,) sample times [s]. acceleration: (n,) [m/s^2], offset removed. name: for messages.
+    """
+    spline = CubicSpline(time_s, acceleration)
+    return BaseMotion(name, float(time_s[-1] - time_s[0]), spline, spline.derivative())
+
+
+def _positive(**values: float) -> None:
+    for name, value in values.items():
+        if not (np.isfinite(value) and value > 0):
+            raise SettingError(f"{name.replace('_', ' ')} of a base motion must be a positive number, not {value}.")

@@ -1,0 +1,84 @@
+"""The mirror solution, and what the data say about it.
+
+With known masses and the malleolus acceleration alone, the linear two-mass foot has two parameter sets with the same
+response: k_T' = a k_F, k_F' = k_T / a, c_T' = a c_F, c_F' = c_T / a with a = m_S / (m_S + m_F). No input tells them apart;
+nonlinear damping, a second load or a second sensor does. A fit therefore follows both branches to their ends and
+compares their likelihoods.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fasbody.two_dof import TwoDof
+
+#: Odds of one branch over the other beyond which the matter is decided.
+DECISIVE_ODDS = 1000.0
+#: Names of the branches by what is stiffer than its mirror image.
+STIFF_ANKLE, STIFF_PAD = "stiff ankle", "stiff pad"
+_NEEDED = ("k_T", "k_F", "c_11", "c_21")
+
+
+def ratio(masses: Sequence[Mapping[str, float]], values: Mapping[str, float]) -> float:
+    """a = m_S / (m_S + m_F), averaged over the recordings' masses."""
+    each = [{**values, **m} for m in masses] or [dict(values)]
+    return float(np.mean([m["m_S"] / (m["m_S"] + m["m_F"]) for m in each]))
+
+
+def side(values: Mapping[str, float], a: float) -> str:
+    """Which branch a parameter set belongs to: k_T above or below a k_F, where it is its own mirror image."""
+    return STIFF_ANKLE if values["k_T"] > a * values["k_F"] else STIFF_PAD
+
+
+def mirrored(values: Mapping[str, float], a: float) -> dict[str, float]:
+    """The mirror image of named values; the masses only enter through a."""
+    m_F = 1.0
+    image = TwoDof.from_values({**values, "m_S": a * m_F / (1 - a), "m_F": m_F}).mirror()
+    names = ("k_T", "k_F", "c_11", "c_12", "c_13", "c_21", "c_22", "c_23")
+    return {**values, **{name: getattr(image, name) for name in names}}
+
+
+def has_mirror(free: Sequence[str]) -> bool:
+    """Whether a fit of these parameters can go to the mirror image."""
+    return set(_NEEDED) <= set(free)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether the data decide between the branches.
+
+    Attributes:
+        decided: the odds exceed 1000 to 1. log_likelihood_ratio: of the best branch over the other, scaled by the misfit.
+        sentence: for people.
+    """
+
+    decided: bool
+    log_likelihood_ratio: float
+    sentence: str
+
+    def __str__(self) -> str:
+        return "decided" if self.decided else "undecided"
+
+
+def judge(names: Sequence[str], deviances: Sequence[float], chi_square: float, dof: int) -> Verdict:
+    """Compare branches by -2 log likelihood.
+
+    Args:
+        names: of the branches, best first. deviances: -2 log likelihood of each. chi_square, dof: misfit of the best: where
+            the model does not fit to the noise, the difference is scaled down by the reduced chi-square.
+    """
+    if len(names) < 2:
+        return Verdict(False, 0.0, "No second branch was found, so the mirror solution could not be compared.")
+    excess = max(1.0, chi_square / max(1, dof))
+    ratio_ = 0.5 * (deviances[1] - deviances[0]) / excess
+    decided = ratio_ > np.log(DECISIVE_ODDS)
+    odds = "more than a million" if ratio_ > np.log(1e6) else f"{np.exp(ratio_):.3g}"
+    if decided:
+        text = f"The {names[0]} branch is favoured by odds of {odds} to 1 over its mirror image ({names[1]})."
+    else:
+        text = (
+            f"The data do not decide between {names[0]} and {names[1]} (odds {odds} to 1): both parameter sets describe "
+            "the recordings. Record a second load, or a second sensor on the foot bones."
+        )
+    return Verdict(bool(decided), float(ratio_), text)

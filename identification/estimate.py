@@ -1,0 +1,239 @@
+"""The fit of a foot model to recordings: explore, follow both branches, certify in MuJoCo, judge."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from fasbody.checks import checked
+from fasbody.exceptions import SettingError, SimulationError
+from fasbody.model import Foot
+from fasbody.recording import Recording
+from identification.branches import STIFF_ANKLE, STIFF_PAD, Verdict, has_mirror, judge, mirrored, ratio, side
+from identification.excitation import excitation_rank
+from identification.orbits import twin_applies
+from identification.replay import Replay, replay
+from identification.result import Branch, Estimate, FitResult, RecordingFit
+from identification.routes import PeriodicRoute, Route, TimeRoute, choose_domain
+from identification.search import Descent, descend, explore
+from identification.space import Space, space_of
+
+#: Rounds of reweighing: the weights depend on the model, and settle at once.
+_REWEIGH = 2
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to fit.
+
+    Attributes:
+        free: parameters to estimate, None for all the model declares but the masses. bounds: name -> (lower, upper).
+        starts: how many starts, the model's values and their mirror image included. seed: of the random ones.
+        domain: "auto", "periodic" or "time". delay: estimate the delay between the channels. threads: 0 for all cores.
+    """
+
+    free: tuple[str, ...] | None = None
+    bounds: Mapping[str, tuple[float, float]] | None = None
+    starts: int = 8
+    seed: int = 0
+    domain: str = "auto"
+    delay: bool | None = None
+    threads: int = 0
+
+
+def fit(
+    recordings: Sequence[Recording],
+    foot: Foot,
+    settings: Settings | None = None,
+    *,
+    source: str = "",
+    truth: Mapping[str, float] | None = None,
+    advance: Callable[[str, int, int], None] = lambda what, done, total: None,
+) -> FitResult:
+    """Estimate a foot's parameters from recordings, pooled.
+
+    Args:
+        recordings: as read; they are checked here. foot: the model. settings: how.
+        source: what to call the data. truth: known parameters of synthetic data, reported beside the estimate.
+        advance: called with what is done, how many of how many, for a progress bar.
+
+    Raises:
+        RecordingError: a recording cannot serve. SettingError: an option cannot be meant.
+        SimulationError: no start led anywhere.
+    """
+    began = time.perf_counter()
+    settings = settings or Settings()
+    if settings.starts < 1:
+        raise SettingError(f"the number of starts is {settings.starts}; at least one is needed.")
+    data = [checked(recording) for recording in recordings]
+    warnings = [text for recording in data for text in recording.warnings]
+    domain, why = choose_domain(data, settings.domain)
+    warnings += why
+    twin = twin_applies(foot)
+    delay = len(data) > 1 if settings.delay is None else settings.delay
+    space = space_of(foot, settings.free, settings.bounds, delay)
+    if any(not r.condition.masses for r in data) and {"m_S", "m_F"} & set(foot.parameters):
+        held = ", ".join(f"{n} {v:.3g} kg" for n, v in foot.values().items() if n in ("m_S", "m_F"))
+        warnings.append(f"The body mass is unknown, so the model's own masses are used ({held}); give --body-mass.")
+    route: Route = (PeriodicRoute if domain == "periodic" else TimeRoute)(foot, data, space, twin, settings.threads)
+
+    masses = [recording.condition.masses for recording in data]
+    mirror = twin and has_mirror(space.names)
+    a = ratio(masses, foot.values()) if mirror else 1.0
+    starts = _starts(space, foot, settings, a if mirror else None)
+    problem = route.explorer()
+    counter = iter(range(1, len(starts) + 1))
+    descents, interrupted = explore(problem, starts, lambda: advance("exploring starts", next(counter), len(starts)))
+    if interrupted:
+        warnings.append(f"Interrupted after {len(descents)} of {len(starts)} starts; the result rests on those.")
+    if not np.isfinite(descents[0].cost) or descents[0].cost > 1e10:
+        raise SimulationError(f"{foot.name}: every start was unstable; check the bounds and the model's parameters.")
+
+    chosen = _one_a_branch(route, descents, space, a) if mirror else {"best": descents[0]}
+    certified = []
+    for number, (name, descent) in enumerate(chosen.items()):
+        advance("certifying in MuJoCo", number, len(chosen))
+        certified.append(_certify(route, name, descent))
+    certified.sort(key=lambda c: c.deviance)
+    built = [_branch(route, c) for c in certified]
+    best = certified[0].run
+    verdict = judge([b.name for b in built], [b.deviance for b in built], built[0].chi_square, built[0].dof)
+    if not mirror:
+        verdict = Verdict(True, 0.0, "This model has no mirror solution that is known in closed form; one solution is reported.")
+    rank = excitation_rank(data)
+    warnings += _advice(built[0], space, rank, data, route)
+    return FitResult(
+        source=source or data[0].file,
+        origin="synthetic" if any(r.origin == "synthetic" for r in data) else "measured",
+        model=foot.name,
+        domain=domain,
+        branches=tuple(built),
+        recordings=tuple(
+            RecordingFit(r.file, r.condition.frequency_hz, r.condition.added_mass_kg, f, r.time_s, r.malleolus_m_s2, y)
+            for r, f, y in zip(data, best.fits, best.traces, strict=True)
+        ),
+        verdict=str(verdict),
+        reason=verdict.sentence,
+        log_likelihood_ratio=verdict.log_likelihood_ratio,
+        excitation_rank=rank,
+        twin_mujoco_difference=best.twin_difference,
+        base_acceleration_error=best.base_error,
+        starts=tuple(_start_row(d, space, a if mirror else None) for d in descents),
+        warnings=tuple(dict.fromkeys(warnings)),
+        truth=dict(truth or {}),
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _starts(space: Space, foot: Foot, settings: Settings, a: float | None) -> list[tuple[str, np.ndarray]]:
+    """The model's own values, their mirror image, and random points."""
+    values = foot.values()
+    starts = [("model", space.to_q(space.theta(values)))]
+    if a is not None:
+        starts.append(("mirror of the model", space.to_q(space.theta(mirrored(values, a)))))
+    rng = np.random.default_rng(settings.seed)
+    starts += [(f"random {i + 1}", space.random(rng)) for i in range(settings.starts)]
+    return starts[: max(settings.starts, 1)]
+
+
+def _one_a_branch(route: Route, descents: Sequence[Descent], space: Space, a: float) -> dict[str, Descent]:
+    """The best descent of each branch; a branch without one is entered from the mirror image of the other."""
+    found: dict[str, Descent] = {}
+    for descent in descents:
+        found.setdefault(side(space.values(descent.theta), a), descent)
+    problem = route.explorer()
+    for name, other in ((STIFF_ANKLE, STIFF_PAD), (STIFF_PAD, STIFF_ANKLE)):
+        if other in found:
+            image = mirrored(space.values(found[other].theta), a)
+            entered = descend(problem, space.to_q(space.theta(image)), f"mirror of {other}")
+            if side(space.values(entered.theta), a) == name and entered.cost < found.get(name, entered).cost * (1 + 1e-9):
+                found[name] = entered
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Certified:
+    """A branch converged on the MuJoCo rollout."""
+
+    name: str
+    problem: Any
+    descent: Descent
+    deviance: float
+    run: Replay
+
+
+def _certify(route: Route, name: str, descent: Descent) -> _Certified:
+    """Settle the weights, converge on the MuJoCo rollout, and run the recordings."""
+    problem = route.explorer()
+    for _ in range(_REWEIGH):
+        route.reweigh(problem, descent)
+        descent = descend(problem, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
+    final = route.certifier(problem)
+    descent = descend(final, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
+    starts = [route.initial_states(final, descent, number) for number in range(len(route.recordings))]
+    run = replay(route.foot, route.recordings, route.space.values(descent.theta), starts, route.twin)
+    return _Certified(name, final, descent, descent.cost + final.log_determinant, run)
+
+
+def _branch(route: Route, certified: _Certified) -> Branch:
+    """Estimates with standard errors from the MuJoCo Jacobian."""
+    problem, space, descent, run = certified.problem, route.space, certified.descent, certified.run
+    dof = max(1, problem.size - descent.z.size)
+    covariance = problem.covariance(descent.z)
+    excess = max(1.0, descent.cost / dof) if route.chi_square else 1.0  # a misfit beyond the noise widens the errors
+    std_q = np.sqrt(np.diag(covariance) * excess)
+    low, high = space.interval(descent.theta, std_q)
+    q, (q_low, q_high) = space.to_q(descent.theta), space.bounds
+    at_bound = np.minimum(q - q_low, q_high - q) < 1e-4 * (q_high - q_low)
+    std = std_q * space.slope(descent.theta)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+    return Branch(
+        name=certified.name,
+        cost=descent.cost,
+        deviance=certified.deviance,
+        fit_percent=float(np.mean(run.fits)),
+        parameters={
+            item.key: Estimate(float(v), float(s), float(lo), float(hi), bool(b))
+            for item, v, s, lo, hi, b in zip(space.free, descent.theta, std, low, high, at_bound, strict=True)
+        },
+        correlation=np.nan_to_num(correlation).tolist(),
+        chi_square=descent.cost,
+        dof=dof,
+        p_value=float(chi2.sf(descent.cost, dof)) if route.chi_square else None,
+    )
+
+
+def _advice(best: Branch, space: Space, rank: int, data: Sequence[Recording], route: Route) -> list[str]:
+    """Warnings that a careful colleague would give."""
+    texts = []
+    if rank < len(space.free):
+        texts.append(
+            f"The excitation has rank {rank}, fewer than the {len(space.free)} free parameters: only distortion by the "
+            "nonlinear dampers tells more. Pool several frequencies."
+        )
+    bound = [key for key, e in best.parameters.items() if e.at_bound]
+    if bound:
+        texts.append(f"At its bound: {', '.join(bound)}. The value says where the bound is, not where the foot is.")
+    weak = [key for key, e in best.parameters.items() if e.identifiability == "not identifiable" and not e.at_bound]
+    if weak:
+        texts.append(f"Not identifiable from these recordings: {', '.join(weak)} (standard error above 50 %).")
+    if best.p_value is not None and best.p_value < 1e-3:
+        texts.append(
+            f"The model does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for {best.dof} "
+            "degrees of freedom); the standard errors are widened accordingly."
+        )
+    loads = {recording.condition.added_mass_kg for recording in data}
+    if len(loads) == 1 and route.twin:
+        texts.append("All recordings carry one load; a second load separates the mirror solutions.")
+    return texts
+
+
+def _start_row(descent: Descent, space: Space, a: float | None) -> dict[str, object]:
+    values = space.values(descent.theta)
+    row: dict[str, object] = {"start": descent.label, "cost": descent.cost, "evaluations": descent.evaluations}
+    row |= {"converged": descent.converged, "branch": side(values, a) if a is not None else "best"}
+    return row | {item.key: float(value) for item, value in zip(space.free, descent.theta, strict=True)}

@@ -1,0 +1,192 @@
+"""Periodic orbits of the foot on a periodically moving base, with derivatives to the parameters: two engines.
+
+`Twin` integrates Eq. (4.29) with exact sensitivities (two_dof.py); `Rollouts` steps any MJCF in MuJoCo, one short
+simulation a column of the Jacobian, all columns in one batch. Both find the initial states by Newton's method on the gap
+after one period (shooting), start from the last orbit moved along its derivative, and accept a small gap with a
+first-order correction, so that a fit costs about one period of simulation for each evaluation.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from fasbody.exceptions import SimulationError
+from fasbody.model import Foot
+from fasbody.shaker import BaseMotion, harmonics
+from fasbody.two_dof import NAMES, periodic
+from identification.columns import Columns
+
+#: Longest time step of an orbit [s], and fewest steps a period: RK4 then errs by less than 1e-4 of the peak.
+LONGEST_STEP = 5e-4
+FEWEST_STEPS = 48
+_PASSES = 12
+#: Relative gap after one period beyond which there is no orbit.
+_LOST = 1e-2
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """One period of base motion and the masses on it: frequency [Hz], complex harmonics (H,) [m/s^2], m_S and m_F [kg]."""
+
+    frequency_hz: float
+    amplitudes: np.ndarray
+    masses: Mapping[str, float]
+
+    @property
+    def steps(self) -> int:
+        """Steps a period."""
+        return max(FEWEST_STEPS, int(np.ceil(1.0 / (self.frequency_hz * LONGEST_STEP))))
+
+    @property
+    def step(self) -> float:
+        """Time step [s]."""
+        return 1.0 / (self.frequency_hz * self.steps)
+
+    @property
+    def motion(self) -> BaseMotion:
+        """The base motion over one period."""
+        return harmonics(self.frequency_hz, self.amplitudes, 1.0 / self.frequency_hz)
+
+
+class Engine(Protocol):
+    """What finds orbits: one excitation at a time, remembering its last orbit."""
+
+    name: str
+
+    def orbit(
+        self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Output over one period (n,) [m/s^2] and its derivatives (n, p) to the named parameters."""
+
+    def forget(self) -> None:
+        """Start the next orbits from rest."""
+
+
+@dataclass
+class _Last:
+    """Where the last orbit of an excitation started, and how that moves with the parameters."""
+
+    x: np.ndarray
+    dx: np.ndarray
+    theta: np.ndarray
+
+    def predict(self, theta: np.ndarray) -> np.ndarray:
+        if self.theta.size != theta.size:
+            return self.x
+        return self.x + self.dx @ (theta - self.theta)
+
+
+class Twin:
+    """The compiled two-mass model."""
+
+    name = "twin"
+
+    def __init__(self, excitations: Sequence[Excitation]) -> None:
+        self.excitations = list(excitations)
+        self._inputs = [e.motion.half_steps(e.step, e.steps) for e in self.excitations]
+        self._last: list[_Last | None] = [None] * len(self.excitations)
+
+    def forget(self) -> None:
+        """Start the next orbits from rest."""
+        self._last = [None] * len(self.excitations)
+
+    def orbit(
+        self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """See `Engine`."""
+        e, last = self.excitations[number], self._last[number]
+        masses = {**values, **e.masses}
+        theta = np.array([values[name] for name in NAMES])
+        x0 = np.zeros(4) if last is None else last.predict(theta)
+        arguments = (theta, masses["m_S"], masses["m_F"], self._inputs[number], e.step, tolerance, _PASSES)
+        Y, DY, x, dx, gap = periodic(x0, *arguments)
+        if not gap < tolerance:  # a bad guess: once more from rest
+            Y, DY, x, dx, gap = periodic(np.zeros(4), *arguments)
+        if not gap < _LOST:
+            self._last[number] = None
+            raise SimulationError(f"no periodic motion at {e.frequency_hz:g} Hz for {theta}.")
+        self._last[number] = _Last(x, dx, theta)
+        return Y, DY[:, [NAMES.index(name) for name in names]]
+
+
+class Rollouts:
+    """Any MJCF foot in MuJoCo.
+
+    Args:
+        foot: the model. excitations: what moves the base. names: the parameters whose derivatives are wanted.
+        threads: 0 for all cores.
+    """
+
+    name = "mujoco"
+
+    def __init__(self, foot: Foot, excitations: Sequence[Excitation], names: Sequence[str], threads: int = 0) -> None:
+        self.excitations = list(excitations)
+        self.columns = Columns(foot, names, threads)
+        self._controls = [e.motion.controls(e.step, e.steps) for e in self.excitations]
+        self._last: list[_Last | None] = [None] * len(self.excitations)
+
+    def forget(self) -> None:
+        """Start the next orbits from rest."""
+        self._last = [None] * len(self.excitations)
+
+    def orbit(
+        self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """See `Engine`; `names` are those given at construction."""
+        e, last = self.excitations[number], self._last[number]
+        theta = np.array([values[name] for name in self.columns.names])
+        x = np.zeros(self.columns.states) if last is None else last.predict(theta)
+        for _ in range(_PASSES):
+            d = self.columns.run(self._controls[number], e.step, {**values, **e.masses}, x)
+            monodromy = np.eye(x.size) - d.x_by_state
+            step = np.linalg.solve(monodromy, d.x - x)
+            x = x + step
+            gap = np.abs(step).max() / max(1e-12, np.abs(x).max())
+            if gap < tolerance:
+                break
+        if not gap < _LOST:
+            self._last[number] = None
+            raise SimulationError(f"{self.columns.foot.name}: no periodic motion at {e.frequency_hz:g} Hz.")
+        dx = np.linalg.solve(monodromy, d.x_by_parameter)
+        self._last[number] = _Last(x, dx, theta)
+        return d.y + d.y_by_state @ step, d.y_by_parameter + d.y_by_state @ dx
+
+    def start(self, number: int) -> np.ndarray:
+        """States (s,) of the last orbit at time zero."""
+        last = self._last[number]
+        return np.zeros(self.columns.states) if last is None else last.x
+
+
+def twin_applies(foot: Foot) -> bool:
+    """Whether the compiled two-mass model is this model: the same accelerations at random states and parameters."""
+    import mujoco
+
+    from fasbody.engine import callbacks
+    from fasbody.two_dof import TwoDof
+
+    model = foot.model
+    needed = {*NAMES, "m_S", "m_F"}
+    if not needed <= set(foot.parameters) or model.nv != 3 or model.na or model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
+        return False
+    joints = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(model.njnt)]
+    if not {"talocrural", "fat_pad"} <= set(joints):
+        return False
+    at = [int(model.joint(name).qposadr[0]) for name in ("talocrural", "fat_pad")]
+    rng = np.random.default_rng(0)
+    for _ in range(8):
+        values = {n: v * rng.uniform(0.5, 1.5) for n, v in foot.values().items() if n in needed}
+        trial = foot.with_values(values)
+        data = mujoco.MjData(trial.model)
+        x, u = np.concatenate([rng.normal(0, 1e-3, 2), rng.normal(0, 0.1, 2)]), rng.normal(0, 9)
+        data.qpos[at], data.qvel[at] = x[:2] + model.qpos0[at], x[2:]
+        data.ctrl[foot.shaker + 1] = u
+        with callbacks():
+            mujoco.mj_forward(trial.model, data)
+        twin = TwoDof.from_values(values)
+        want = np.append(twin.rates(0.0, x, u)[2:], twin.output(x))
+        have = np.append(data.qacc[at], data.sensordata[foot.sensor["malleolus"]])
+        if np.abs(have - want).max() > 1e-6 * np.abs(want).max():
+            return False
+    return True

@@ -1,0 +1,195 @@
+"""Steady-state identification: harmonics of measured and modelled periodic motion, weighted by their noise.
+
+Following Pintelon and Schoukens, a periodic recording is worth its harmonics: 2 H numbers with known variances. The
+residual is whitened by the noise of the output harmonics and of the input harmonics seen through the model,
+S = S_y + G S_u G^T, so that its sum of squares is chi-square distributed, with 2 H degrees of freedom a recording less
+the parameters. No initial states are estimated: the model's orbit is periodic too.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fasbody.exceptions import RecordingError, SimulationError
+from fasbody.recording import Recording
+from fasbody.response import Harmonics, fit_harmonics, harmonic_count
+from identification.orbits import Engine, Excitation
+from identification.space import DELAY, Space
+
+#: Noise below this share of the amplitude is not believed: clocks and models are not that good.
+_NOISE_FLOOR = 1e-7
+#: Residual of a parameter set whose motion is unstable.
+_UNSTABLE = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """The harmonics of one recording: base U and malleolus Y."""
+
+    recording: Recording
+    base: Harmonics
+    malleolus: Harmonics
+
+    @classmethod
+    def of(cls, recording: Recording) -> "Line":
+        """Fit the harmonics of a checked recording with a known excitation frequency."""
+        frequency = recording.condition.frequency_hz
+        if frequency is None:
+            raise RecordingError(f"{recording.file}: is not periodic, so it has no harmonics; use the time domain.")
+        count = harmonic_count(frequency, recording.rate_hz)
+        time = recording.time_s - recording.time_s[0]  # phases count from the first sample, where rollouts start
+        channels = (recording.base_m_s2, recording.malleolus_m_s2)
+        return cls(recording, *(fit_harmonics(time, c, frequency, count) for c in channels))
+
+    @property
+    def excitation(self) -> Excitation:
+        """What drives the model."""
+        return Excitation(self.base.frequency_hz, self.base.amplitudes, self.recording.condition.masses)
+
+    @property
+    def count(self) -> int:
+        """Harmonics compared."""
+        return self.base.amplitudes.size
+
+
+def split(z: np.ndarray) -> np.ndarray:
+    """Complex (H, ...) to real (2 H, ...): real parts, then imaginary parts."""
+    return np.concatenate([z.real, z.imag])
+
+
+def inverse_of_gram(J: np.ndarray) -> np.ndarray:
+    """(J^T J)^-1, with infinite variance for parameters in directions that no residual sees."""
+    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    seen = s > 1e-10 * s[0]
+    C = (Vt[seen].T / s[seen] ** 2) @ Vt[seen]
+    blind = np.sum(Vt[seen] ** 2, axis=0) < 1 - 1e-6
+    C[blind, blind] = np.inf
+    return C
+
+
+class PeriodicProblem:
+    """Whitened residual and Jacobian of all recordings together.
+
+    Args:
+        lines: the measured harmonics. engine: finds the orbits. space: the free parameters.
+        tolerance: relative gap at which an orbit is accepted with a first-order correction.
+    """
+
+    def __init__(self, lines: Sequence[Line], engine: Engine, space: Space, tolerance: float = 1e-3) -> None:
+        self.lines, self.engine, self.space, self.tolerance = list(lines), engine, space, tolerance
+        self._whiten = [self._first_whitening(line) for line in self.lines]
+        self.evaluations = 0
+        self._cache: tuple[bytes, np.ndarray, np.ndarray] | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of residuals."""
+        return sum(2 * line.count for line in self.lines)
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of the search variable."""
+        return self.space.bounds
+
+    def start(self, q: np.ndarray) -> np.ndarray:
+        """Full search variable of a start: q itself, as no initial states are searched for."""
+        self.engine.forget()
+        return q
+
+    def covariance(self, q: np.ndarray) -> np.ndarray:
+        """Covariance (p, p) of q: the residual is whitened, so the inverse of J^T J; infinite where J has no rank."""
+        return inverse_of_gram(self.jacobian(q))
+
+    @property
+    def log_determinant(self) -> float:
+        """Sum over recordings of log det S; -2 log likelihood is the sum of squares plus this."""
+        return float(-2 * sum(np.linalg.slogdet(W)[1] for W in self._whiten))
+
+    def residual(self, q: np.ndarray) -> np.ndarray:
+        """Whitened residual (n,) at the search variable q."""
+        return self._evaluate(q)[0]
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """Its derivatives (n, p)."""
+        return self._evaluate(q)[1]
+
+    def predict(self, q: np.ndarray) -> list[np.ndarray]:
+        """Model harmonics (H,) of each recording, delayed like the measurement."""
+        return [self._harmonics(i, q)[0] for i in range(len(self.lines))]
+
+    def _evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        key = q.tobytes()
+        if self._cache is None or self._cache[0] != key:
+            self.evaluations += 1
+            r, J = np.empty(self.size), np.empty((self.size, q.size))
+            row = 0
+            try:
+                for i, (line, W) in enumerate(zip(self.lines, self._whiten, strict=True)):
+                    Y, DY = self._harmonics(i, q)
+                    rows = slice(row, row + 2 * line.count)
+                    r[rows], J[rows] = W @ split(Y - line.malleolus.amplitudes), W @ split(DY)
+                    row = rows.stop
+            except SimulationError:
+                r[:], J[:] = _UNSTABLE, 0.0
+            if not (np.isfinite(r).all() and np.isfinite(J).all()):
+                r[:], J[:] = _UNSTABLE, 0.0
+            self._cache = (key, r, J)
+        return self._cache[1], self._cache[2]
+
+    def _harmonics(self, number: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Model harmonics (H,) and derivatives (H, p) to q of one recording."""
+        theta, line = self.space.to_theta(q), self.lines[number]
+        values = self.space.values(theta)
+        y, Dy = self.engine.orbit(number, values, self.space.names, self.tolerance)
+        h = np.arange(1, line.count + 1)
+        late = 2j * np.pi * line.base.frequency_hz * h
+        turn = np.exp(-late * values.get(DELAY.name, 0.0))
+        Y = 2 / y.size * np.fft.rfft(y)[h] * turn
+        DY = 2 / y.size * np.fft.rfft(Dy, axis=0)[h] * turn[:, None]
+        if self.space.has_delay:
+            DY = np.column_stack([DY, -late * Y])
+        return Y, DY * self.space.slope(theta)
+
+    def _first_whitening(self, line: Line) -> np.ndarray:
+        """Whitening before the model is known: input noise seen through the measured transmissibility."""
+        gain = abs(line.malleolus.amplitudes[0] / line.base.amplitudes[0])
+        return np.diag(1 / np.hypot(*(np.tile(s, 2) for s in (self._std(line.malleolus), gain * self._std(line.base)))))
+
+    @staticmethod
+    def _std(channel: Harmonics) -> np.ndarray:
+        return np.maximum(channel.std, _NOISE_FLOOR * abs(channel.amplitudes[0]))
+
+    def weigh_as(self, other: "PeriodicProblem") -> None:
+        """Take over the weights of another problem with the same recordings."""
+        self._whiten = other._whiten
+
+    def reweigh(self, q: np.ndarray, engine_of: Callable[[Sequence[Excitation]], Engine]) -> None:
+        """Exact whitening at q: the input's noise through the derivative of the orbit to each input harmonic.
+
+        Args:
+            q: search variable. engine_of: makes an engine for other excitations.
+        """
+        values = self.space.values(self.space.to_theta(q))
+        nudged, sizes = [], []
+        for line in self.lines:
+            U = line.base.amplitudes
+            for direction in np.concatenate([np.eye(line.count), 1j * np.eye(line.count)]):
+                nudge = 1e-4 * abs(U[0])
+                for sign in (1, -1):
+                    nudged.append(Excitation(line.base.frequency_hz, U + sign * nudge * direction, line.excitation.masses))
+                sizes.append(2 * nudge)
+        engine = engine_of(nudged)
+        outputs = iter([engine.orbit(i, values, self.space.names, 1e-6)[0] for i in range(len(nudged))])
+        size = iter(sizes)
+        for i, line in enumerate(self.lines):
+            h = np.arange(1, line.count + 1)
+            turn = np.exp(-2j * np.pi * line.base.frequency_hz * h * values.get(DELAY.name, 0.0))
+            columns = []
+            for _ in range(2 * line.count):
+                up, down = next(outputs), next(outputs)
+                columns.append(split(2 / up.size * np.fft.rfft(up - down)[h] * turn) / next(size))
+            G = np.column_stack(columns)
+            S = np.diag(np.tile(self._std(line.malleolus) ** 2, 2)) + (G * np.tile(self._std(line.base) ** 2, 2)) @ G.T
+            self._whiten[i] = np.linalg.inv(np.linalg.cholesky(S))
+        self._cache = None

@@ -1,0 +1,163 @@
+"""What a fit found, as one document: printed, JSON, CSV."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+#: Relative standard error up to which a parameter counts as identified, and as weakly identified.
+IDENTIFIED, WEAK = 0.1, 0.5
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter: value, standard error, 95 % confidence limits, and whether it ended at its bound."""
+
+    value: float
+    std_error: float
+    lower: float
+    upper: float
+    at_bound: bool
+
+    @property
+    def identifiability(self) -> str:
+        """identified / weak / not identifiable, by the relative standard error (or the bound it rests on)."""
+        relative = self.std_error / max(abs(self.value), 1e-300)
+        if self.at_bound or not np.isfinite(relative) or relative > WEAK:
+            return "not identifiable"
+        return "identified" if relative <= IDENTIFIED else "weak"
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One of the two mirror solutions.
+
+    Attributes:
+        name: "stiff ankle", "stiff pad", or "best" where no mirror exists. cost: weighted sum of squares.
+        deviance: -2 log likelihood up to a constant. fit_percent: mean over recordings, Eq. (3.20).
+        parameters: key with unit -> estimate. correlation: (p, p) of the search variables, in the order of parameters.
+        chi_square, dof, p_value: goodness of fit (steady state; in the time domain chi_square is only a ratio).
+    """
+
+    name: str
+    cost: float
+    deviance: float
+    fit_percent: float
+    parameters: Mapping[str, Estimate]
+    correlation: list[list[float]]
+    chi_square: float
+    dof: int
+    p_value: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingFit:
+    """One recording: measured and model traces, and how well they agree."""
+
+    file: str
+    frequency_hz: float | None
+    added_mass_kg: float
+    fit_percent: float
+    time_s: np.ndarray
+    measured: np.ndarray
+    model: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class FitResult:
+    """Everything `python -m identification.fit` reports; `document()` is result.json."""
+
+    source: str
+    origin: str
+    model: str
+    domain: str
+    branches: tuple[Branch, ...]
+    recordings: tuple[RecordingFit, ...]
+    verdict: str
+    reason: str
+    log_likelihood_ratio: float
+    excitation_rank: int
+    twin_mujoco_difference: float | None
+    base_acceleration_error: float
+    starts: tuple[Mapping[str, Any], ...]
+    warnings: tuple[str, ...]
+    truth: Mapping[str, float] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    @property
+    def best(self) -> Branch:
+        """The likelier branch."""
+        return self.branches[0]
+
+    @property
+    def parameters(self) -> Mapping[str, Estimate]:
+        """Estimates of the likelier branch."""
+        return self.best.parameters
+
+    @property
+    def fit_percent(self) -> float:
+        """Mean fit of the likelier branch."""
+        return self.best.fit_percent
+
+    def document(self) -> dict[str, Any]:
+        """The result as plain data; numbers that do not exist are null."""
+        return {
+            "source": self.source,
+            "origin": self.origin,
+            "model": self.model,
+            "domain": self.domain,
+            "fit_percent": self.fit_percent,
+            "recordings": [
+                {"file": r.file, "frequency_hz": r.frequency_hz, "added_mass_kg": r.added_mass_kg, "fit_percent": r.fit_percent}
+                for r in self.recordings
+            ],
+            "parameters": {key: asdict(value) for key, value in self.parameters.items()},
+            "identifiability": {key: value.identifiability for key, value in self.parameters.items()},
+            "branches": [asdict(branch) for branch in self.branches],
+            "verdict": self.verdict,
+            "verdict_reason": self.reason,
+            "log_likelihood_ratio": self.log_likelihood_ratio,
+            "goodness_of_fit": {
+                "chi_square": self.best.chi_square, "dof": self.best.dof, "p_value": self.best.p_value,
+            },
+            "excitation_rank": self.excitation_rank,
+            "twin_mujoco_difference": self.twin_mujoco_difference,
+            "base_acceleration_error": self.base_acceleration_error,
+            "starts": [dict(start) for start in self.starts],
+            "truth": dict(self.truth),
+            "warnings": list(self.warnings),
+            "seconds": self.seconds,
+        }  # fmt: skip
+
+    def csv(self) -> str:
+        """parameters.csv: one row a parameter and branch."""
+        rows = ["branch,parameter,value,std_error,lower,upper,at_bound,identifiability"]
+        for branch in self.branches:
+            for key, e in branch.parameters.items():
+                numbers = ",".join(f"{x:.8g}" for x in (e.value, e.std_error, e.lower, e.upper))
+                rows.append(f"{branch.name},{key},{numbers},{str(e.at_bound).lower()},{e.identifiability}")
+        return "\n".join(rows) + "\n"
+
+    def sentence(self) -> str:
+        """The result in one sentence."""
+        p = self.parameters
+        parts = [f"{key.split('_n_')[0]} = {_pm(p[key])}" for key in p if key.endswith("_n_per_m")]
+        stiffness = ", ".join(parts)
+        start = f"{stiffness} N/m (95 %)" if parts else ", ".join(f"{key} {_pm(e)}" for key, e in p.items())
+        chance = f", chi-square {self.best.chi_square / max(1, self.best.dof):.2f} per degree of freedom"
+        return f"{start}; fit {self.fit_percent:.1f} %{chance if self.domain == 'periodic' else ''}; {self.verdict}."
+
+    def __str__(self) -> str:
+        lines = [self.sentence(), self.reason]
+        lines += [f"  {key:>18} {_pm(e)}  {e.identifiability}" for key, e in self.parameters.items()]
+        return "\n".join(lines)
+
+
+def _pm(e: Estimate) -> str:
+    """Value and half width of its 95 % interval, rounded to what is known."""
+    half = 0.5 * (e.upper - e.lower)
+    if not np.isfinite(half) or half <= 0:
+        return f"{e.value:.4g}"
+    digits = int(np.floor(np.log10(half))) - 1
+    return f"{round(e.value, -digits):.{max(0, -digits)}f} ± {round(half, -digits):.{max(0, -digits)}f}"

@@ -1,0 +1,133 @@
+"""The search space: which parameters are free, how they are scaled, and where they may lie."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fasbody.exceptions import SettingError
+from fasbody.model import Foot
+from fasbody.parameters import Parameter
+
+#: Delay of the malleolus channel behind the base channel: a parameter of the instrument, so of no model.
+DELAY = Parameter("delay", "s", -2e-3, 2e-3, (), "channels of a multiplexed converter are sampled one after another")
+#: Parameters that a fit never frees: masses come from the recording's condition.
+MASSES = ("m_S", "m_F")
+_Z95 = 1.959963984540054
+
+
+@dataclass(frozen=True)
+class Space:
+    """Free parameters, in order, with the delay last if it is free.
+
+    The search variable q is the logarithm of a parameter whose bounds are positive (stiffness, damping amplitude) and a
+    multiple of its range for the others, so that all steps are alike in size.
+
+    Attributes:
+        free: the free parameters. lower, upper: their bounds in their units. fixed: values of all others by name.
+    """
+
+    free: tuple[Parameter, ...]
+    lower: np.ndarray
+    upper: np.ndarray
+    fixed: Mapping[str, float]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters, without the delay."""
+        return tuple(item.name for item in self.free if item.name != DELAY.name)
+
+    @property
+    def has_delay(self) -> bool:
+        """Whether the channel delay is estimated."""
+        return self.free[-1].name == DELAY.name
+
+    @property
+    def scale(self) -> np.ndarray:
+        """(p,) size of one unit of q for the linear parameters; 1 for the logarithmic ones."""
+        return np.array([1.0 if item.logarithmic else _unit(item) for item in self.free])
+
+    @property
+    def _log(self) -> np.ndarray:
+        return np.array([item.logarithmic for item in self.free])
+
+    def to_q(self, theta: np.ndarray) -> np.ndarray:
+        """Search variable (p,) of parameter values (p,)."""
+        inside = np.clip(theta, self.lower, self.upper)
+        return np.where(self._log, np.log(np.where(self._log, inside, 1.0)), inside / self.scale)
+
+    def to_theta(self, q: np.ndarray) -> np.ndarray:
+        """Parameter values (p,) of a search variable (p,)."""
+        return np.where(self._log, np.exp(np.where(self._log, q, 0.0)), q * self.scale)
+
+    def slope(self, theta: np.ndarray) -> np.ndarray:
+        """d theta / d q (p,)."""
+        return np.where(self._log, theta, self.scale)
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of q."""
+        return self.to_q(self.lower), self.to_q(self.upper)
+
+    def values(self, theta: np.ndarray) -> dict[str, float]:
+        """All parameter values by name, free and fixed."""
+        found = {item.name: float(value) for item, value in zip(self.free, theta, strict=True)}
+        return {**self.fixed, **found}
+
+    def theta(self, values: Mapping[str, float]) -> np.ndarray:
+        """Free values (p,) from named ones, clipped to the bounds; a missing delay is zero."""
+        theta = np.array([values.get(item.name, 0.0) for item in self.free])
+        return np.clip(theta, self.lower, self.upper)
+
+    def random(self, rng: np.random.Generator) -> np.ndarray:
+        """A wild start (p,): log-uniform over the bounds, but inside what any foot could be; linear ones near zero."""
+        low, high = self.bounds
+        q = low + (high - low) * rng.uniform(0.1, 0.9, low.size)
+        return np.where(self._log, q, np.clip(rng.normal(0, 0.3, low.size), low, high))
+
+    def interval(self, theta: np.ndarray, std_q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """95 % confidence limits (p,), (p,): symmetric in q, cut at the bounds."""
+        q = self.to_q(theta)
+        low, high = self.bounds
+        wide = np.where(np.isfinite(std_q), std_q, np.inf)
+        return self.to_theta(np.maximum(q - _Z95 * wide, low)), self.to_theta(np.minimum(q + _Z95 * wide, high))
+
+
+def _unit(item: Parameter) -> float:
+    return 1e-4 if item.name == DELAY.name else max(abs(item.lower), abs(item.upper)) / 6.0
+
+
+def space_of(
+    foot: Foot,
+    free: Sequence[str] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    delay: bool = True,
+) -> Space:
+    """The search space of a model.
+
+    Args:
+        foot: the model. free: names to estimate, default all declared but the masses. bounds: name -> (lower, upper) in
+            place of the declared ones. delay: estimate the channel delay too.
+
+    Raises:
+        SettingError: an unknown name, or a bound that is not one.
+    """
+    bounds = dict(bounds or {})
+    chosen = list(free) if free else [name for name in foot.parameters if name not in MASSES]
+    if delay and DELAY.name not in chosen:
+        chosen.append(DELAY.name)
+    items = [DELAY if name == DELAY.name else foot.parameters[name] for name in dict.fromkeys(chosen)]
+    items.sort(key=lambda item: item.name == DELAY.name)
+    if not [item for item in items if item is not DELAY]:
+        raise SettingError(f"no parameter is free (valid: {', '.join(foot.parameters)}).")
+    lower, upper = np.array([i.lower for i in items]), np.array([i.upper for i in items])
+    for name, (low, high) in bounds.items():
+        item = DELAY if name == DELAY.name else foot.parameters[name]
+        if item not in items:
+            raise SettingError(f"bounds are given for {name}, which is not free (free: {', '.join(chosen)}).")
+        if not low < high or (item.logarithmic and low <= 0):
+            kind = "two positive numbers" if item.logarithmic else "two numbers"
+            raise SettingError(f"bounds of {name} are {low:g}:{high:g}; give {kind}, the lower one first.")
+        lower[items.index(item)], upper[items.index(item)] = low, high
+    fixed = {name: value for name, value in foot.values().items() if name not in chosen}
+    return Space(tuple(items), lower, upper, fixed)

@@ -1,0 +1,241 @@
+"""Time-domain identification: prediction error of every sample, Eq. (4.34), for transients, sweeps and random input.
+
+The model runs the whole recording, driven by the spline through the measured base acceleration; the initial states of each
+recording are estimated with the parameters. Residual and Jacobian of a recording are replaced by the triangular factor
+of their QR decomposition, which has the same cost, gradient and Gauss-Newton step as the ten thousand rows it stands for.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from fasbody.exceptions import SimulationError
+from fasbody.model import Foot
+from fasbody.recording import Recording
+from fasbody.shaker import samples
+from fasbody.two_dof import NAMES, trajectory
+from identification.columns import Columns
+from identification.periodic import inverse_of_gram
+from identification.space import DELAY, Space
+
+#: Longest time step [s]; each sampling interval is divided into whole steps.
+LONGEST_STEP = 5e-4
+#: Bound of the scaled initial states.
+_WIDE = 1e3
+_UNSTABLE = 1e8
+
+
+class TimeEngine(Protocol):
+    """Runs whole recordings with derivatives."""
+
+    name: str
+    state_scale: np.ndarray
+
+    def run(
+        self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Output (n,) at the samples and derivatives (n, states + p) to initial states and named parameters."""
+
+
+def grid(recording: Recording) -> tuple[float, int, int]:
+    """Time step [s], number of steps and steps a sample."""
+    interval = 1.0 / recording.rate_hz
+    stride = max(1, int(np.ceil(interval / LONGEST_STEP - 1e-9)))
+    return interval / stride, recording.time_s.size * stride, stride
+
+
+class TimeTwin:
+    """The compiled two-mass model over whole recordings; its states come in the order of the model's coordinates.
+
+    Args:
+        foot: a model that the twin stands for. recordings: what drives it.
+    """
+
+    name = "twin"
+
+    def __init__(self, foot: Foot, recordings: Sequence[Recording]) -> None:
+        self.state_scale = np.array([1e-3, 1e-3, 0.1, 0.1])
+        ankle, pad = (int(foot.model.joint(name).qposadr[0]) for name in ("talocrural", "fat_pad"))
+        #: position of z1, z2, z1', z2' among the model's coordinates without the base
+        self.order = np.array([0, 1, 2, 3] if ankle < pad else [1, 0, 3, 2])
+        self._runs = []
+        for recording in recordings:
+            h, n, stride = grid(recording)
+            motion = samples(recording.time_s - recording.time_s[0], recording.base_m_s2)
+            self._runs.append((motion.half_steps(h, n), h, stride, recording.condition.masses))
+
+    def run(
+        self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """See `TimeEngine`."""
+        u, h, stride, masses = self._runs[number]
+        full = {**values, **masses}
+        theta = np.array([full[name] for name in NAMES])
+        columns = 12 if names else 4
+        Y, DY, *_ = trajectory(x0[self.order], theta, full["m_S"], full["m_F"], u, h, stride, columns)
+        return Y, DY[:, [*self.order, *(4 + NAMES.index(name) for name in names)]]
+
+
+class TimeRollouts:
+    """Any MJCF foot in MuJoCo over whole recordings.
+
+    Args:
+        foot: the model. recordings: what drives it. names: parameters whose derivatives are wanted. threads: 0 for all.
+    """
+
+    name = "mujoco"
+
+    def __init__(self, foot: Foot, recordings: Sequence[Recording], names: Sequence[str], threads: int = 0) -> None:
+        self.columns = Columns(foot, names, threads)
+        self.state_scale = self.columns.scale
+        self._runs = []
+        for recording in recordings:
+            h, n, stride = grid(recording)
+            motion = samples(recording.time_s - recording.time_s[0], recording.base_m_s2)
+            self._runs.append((motion.controls(h, n), h, stride, recording.condition.masses))
+
+    def run(
+        self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """See `TimeEngine`; `names` are those given at construction."""
+        controls, h, stride, masses = self._runs[number]
+        d = self.columns.run(controls, h, {**values, **masses}, x0)
+        return d.y[::stride], np.hstack([d.y_by_state, d.y_by_parameter])[::stride]
+
+
+class TimeProblem:
+    """Residual and Jacobian of all recordings in the time domain, initial states included in the search variable.
+
+    Args:
+        recordings: checked recordings. engine: runs them. space: the free parameters.
+    """
+
+    def __init__(self, recordings: Sequence[Recording], engine: TimeEngine, space: Space) -> None:
+        self.recordings, self.engine, self.space = list(recordings), engine, space
+        self.sigma = np.array([noise_floor(recording) for recording in recordings])
+        self.evaluations = 0
+        self._cache: tuple[bytes, np.ndarray, np.ndarray] | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of residuals, before their compression."""
+        return sum(recording.time_s.size for recording in self.recordings)
+
+    @property
+    def log_determinant(self) -> float:
+        """Sum of the logarithms of all variances."""
+        return float(sum(r.time_s.size * 2 * np.log(s) for r, s in zip(self.recordings, self.sigma, strict=True)))
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of the search variable."""
+        low, high = self.space.bounds
+        wide = np.full(self._states * len(self.recordings), _WIDE)
+        return np.concatenate([low, -wide]), np.concatenate([high, wide])
+
+    @property
+    def _states(self) -> int:
+        return self.engine.state_scale.size
+
+    def start(self, q: np.ndarray) -> np.ndarray:
+        """Full search variable of a start: rest in every recording."""
+        return np.concatenate([q, np.zeros(self._states * len(self.recordings))])
+
+    def residual(self, z: np.ndarray) -> np.ndarray:
+        """Compressed residual at the full search variable z."""
+        return self._evaluate(z)[0]
+
+    def jacobian(self, z: np.ndarray) -> np.ndarray:
+        """Its derivatives."""
+        return self._evaluate(z)[1]
+
+    def states(self, z: np.ndarray, number: int) -> np.ndarray:
+        """Initial states of one recording."""
+        p, ns = self.space.lower.size, self._states
+        return z[p + number * ns : p + (number + 1) * ns] * self.engine.state_scale
+
+    def rows(self, z: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Model output (n,), residual (n,) over its noise, and Jacobian (n, p + states) of one recording."""
+        p = self.space.lower.size
+        theta, recording = self.space.to_theta(z[:p]), self.recordings[number]
+        values = self.space.values(theta)
+        y, D = self.engine.run(number, values, self.space.names, self.states(z, number))
+        if not (np.isfinite(y).all() and np.isfinite(D).all()):
+            raise SimulationError(f"{recording.file}: the model became unstable.")
+        delay = values.get(DELAY.name, 0.0)
+        columns = [D[:, self._states :], D[:, : self._states] * self.engine.state_scale]
+        if self.space.has_delay:
+            t = recording.time_s - recording.time_s[0]
+            spline = CubicSpline(t, np.column_stack([y, *columns]))
+            late = spline(t - delay)
+            y, slope = late[:, 0], -spline(t - delay, 1)[:, 0]
+            columns = [late[:, 1 : 1 + columns[0].shape[1]], slope[:, None], late[:, 1 + columns[0].shape[1] :]]
+        J = np.hstack(columns)
+        J[:, :p] *= self.space.slope(theta)
+        return y, (y - recording.malleolus_m_s2) / self.sigma[number], J / self.sigma[number]
+
+    def covariance(self, z: np.ndarray) -> np.ndarray:
+        """Covariance (p, p) of q for coloured residuals: (J^T J)^-1 J^T R J (J^T J)^-1, R from their autocorrelation.
+
+        The noise of the base sensor comes through the foot and is not white; ignoring that would make the standard
+        errors wrong. The autocorrelation is tapered (Bartlett) after five excitation periods or 5 % of the recording.
+        """
+        p, total = self.space.lower.size, z.size
+        middle = np.zeros((total, total))
+        for i in range(len(self.recordings)):
+            _, r, J = self.rows(z, i)
+            columns = self._columns(i)
+            middle[np.ix_(columns, columns)] += J.T @ _correlated(r, J)
+        bread = inverse_of_gram(self.jacobian(z))
+        with np.errstate(invalid="ignore"):
+            full = bread @ middle @ bread
+        blind = np.isinf(np.diag(bread))
+        full[blind, blind] = np.inf
+        return full[:p, :p]
+
+    def _columns(self, number: int) -> np.ndarray:
+        p, ns = self.space.lower.size, self._states
+        return np.concatenate([np.arange(p), p + number * ns + np.arange(ns)])
+
+    def _evaluate(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        key = z.tobytes()
+        if self._cache is None or self._cache[0] != key:
+            self.evaluations += 1
+            width = self.space.lower.size + self._states + 1
+            r, J = np.zeros(width * len(self.recordings)), np.zeros((width * len(self.recordings), z.size))
+            try:
+                for i in range(len(self.recordings)):
+                    _, residual, D = self.rows(z, i)
+                    R = np.linalg.qr(np.column_stack([D, residual]), mode="r")
+                    rows = slice(i * width, i * width + R.shape[0])
+                    r[rows], J[rows, self._columns(i)] = R[:, -1], R[:, :-1]
+            except SimulationError:
+                r[:], J[:] = _UNSTABLE, 0.0
+            self._cache = (key, r, J)
+        return self._cache[1], self._cache[2]
+
+
+def noise_floor(recording: Recording) -> float:
+    """Noise of a malleolus sample [m/s^2], the base sensor's included, from the spectra above 0.35 of the sampling rate."""
+    floors = []
+    for channel in (recording.base_m_s2, recording.malleolus_m_s2):
+        power = np.abs(np.fft.rfft(channel * np.hanning(channel.size))) ** 2
+        floors.append(np.sqrt(np.median(power[int(0.7 * power.size) :]) / np.log(2) / (0.375 * channel.size)))
+    gain = recording.malleolus_m_s2.std() / recording.base_m_s2.std()
+    floor = float(np.hypot(floors[1], gain * floors[0]))
+    return max(floor, 1e-6 * float(recording.malleolus_m_s2.std()))
+
+
+def _correlated(r: np.ndarray, J: np.ndarray) -> np.ndarray:
+    """R J for the Toeplitz matrix R of the tapered autocorrelation of r, by FFT."""
+    n, lags = r.size, max(10, r.size // 20)
+    size = 2 ** int(np.ceil(np.log2(2 * n)))
+    auto = np.fft.irfft(np.abs(np.fft.rfft(r, size)) ** 2, size)[:lags] / n
+    auto *= 1 - np.arange(lags) / lags
+    kernel = np.zeros(size)
+    kernel[:lags] = auto
+    kernel[-lags + 1 :] = auto[1:][::-1]
+    spectrum = np.fft.rfft(kernel)[:, None] * np.fft.rfft(J, size, axis=0)
+    return np.fft.irfft(spectrum, size, axis=0)[:n]
