@@ -7,7 +7,7 @@ every spring is at rest.
 
 from dataclasses import dataclass, fields, replace
 from math import acos, cos, degrees, radians, sin
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 
@@ -160,6 +160,21 @@ class Arch:
         if lever_arm_m is not None:
             constants |= {name: constants[name] * lever_arm_m**2 for name in ROTATIONAL}
         return cls(**_table_4_1(inertias), **constants)
+
+    @classmethod
+    def from_model(cls, model: Any, name: str = "model") -> "Arch":
+        """The constants of a compiled foot_arch model or an edited copy, so that one XML feeds all three routes.
+
+        Args:
+            model: `mujoco.MjModel`.
+            name: what to call it in messages.
+
+        Raises:
+            ModelError: see `arch_model.arch_from_model`.
+        """
+        from fasbody.arch_model import arch_from_model  # MuJoCo is not needed by the analytic side
+
+        return arch_from_model(model, name)
 
     def with_height(self, height: float) -> Self:
         """The same bones spread so that the apex rests at `height` [m]; Arangio's family of arches.

@@ -1,0 +1,130 @@
+"""The MJCF arch against the equations: constants, mass matrix, bias, stepped motion; edited and broken copies."""
+
+from dataclasses import asdict
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from symbolic_arch import evaluate, poses
+
+import mjcf
+from fasbody import arch_model, arch_ode, lagrange
+from fasbody.arch import Arch
+from fasbody.exceptions import ModelError
+from fasbody.model import load
+from fasbody.shaker import harmonics
+from fasbody.simulate import simulate
+
+XML = Path(mjcf.path("foot_arch")).read_text()
+
+
+def compiled(*edits: tuple[str, str]) -> mujoco.MjModel:
+    text = XML
+    for old, new in edits:
+        assert old in text, old
+        text = text.replace(old, new)
+    return mujoco.MjModel.from_xml_string(text)
+
+
+# Another foot: 20 % higher metatarsals, theta_1 from the closure, a heavier cuneiform, stiffer fascia.
+HIGH = (
+    ('euler="0 0 3.4"', 'euler="0 0 -5.0"'),
+    ('mass="0.025"', 'mass="0.040"'),
+    ('stiffness="15e3"', 'stiffness="40e3"'),
+)
+
+
+def high_arch() -> mujoco.MjModel:
+    links = ((0.01474, 69.7), (0.02606, 65.1), (0.06527, 60.1))
+    height = float(sum(length * np.cos(np.radians(angle)) for length, angle in links))
+    theta_1 = float(np.degrees(np.arccos(height / 0.07929)))
+    turned = (
+        ('"0 0 -59.697016617339465"', f'"0 0 {-theta_1!r}"'),
+        ('"0 0 129.397016617339465"', f'"0 0 {theta_1 + 69.7!r}"'),
+        ('"0 0.0400075598688415 0"', f'"0 {height!r} 0"'),
+    )
+    return compiled(*HIGH, *turned)
+
+
+def engine(model: mujoco.MjModel, arch: Arch, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mass matrix and bias of MuJoCo at the poses of the equations, base left out, projected."""
+    data, masses, biases = mujoco.MjData(model), [], []
+    tree, T = arch_model.tree_position(arch, q), arch_model.tree_jacobian(arch, q)
+    for i in range(len(q)):
+        data.qpos[1:], data.qvel[1:] = tree[i], T[i] @ v[i]
+        mujoco.mj_forward(model, data)
+        heel, heads = data.site("heel").xpos[1], data.site("heads").xpos[1]
+        assert heel == pytest.approx(q[i, 0], abs=1e-12)
+        assert heads == pytest.approx(q[i, 0], abs=1e-12)
+        full = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, full)
+        masses.append(full[1:, 1:])
+        biases.append(data.qfrc_bias[1:].copy())
+    return arch_model.project(arch, q, v, np.array(masses), np.array(biases))
+
+
+def test_shipped_model_is_the_nominal_arch() -> None:
+    ours, nominal = Arch.from_model(compiled()), Arch.nominal()
+    for name, value in asdict(nominal).items():
+        assert getattr(ours, name) == pytest.approx(value, rel=1e-9), name
+
+
+@pytest.mark.parametrize("model", [compiled, high_arch], ids=["shipped", "high arch"])
+def test_mass_matrix_and_bias_against_equations_and_sympy(model) -> None:
+    model = model()
+    arch = Arch.from_model(model)
+    q, v = poses(arch, np.random.default_rng(0), 200)
+    A, bias = lagrange.mass_and_bias(arch, q, v)
+    M, b = engine(model, arch, q, v)
+    assert np.max(np.abs(M - A).max(axis=0)[:5, :5] / np.abs(A).max(axis=0)[:5, :5]) < 1e-12
+    assert np.max(np.abs(b - bias).max(axis=0)[:5] / np.abs(bias).max(axis=0)[:5]) < 1e-12
+    np.testing.assert_allclose(M[0], evaluate("mass", arch, q[0]), atol=1e-12)
+
+
+def test_edits_reach_the_arch() -> None:
+    arch = Arch.from_model(high_arch())
+    assert arch.height_0 == pytest.approx(0.0486, abs=1e-4)  # 20 % above 40 mm
+    assert (arch.m_3, arch.k_11) == (0.040, pytest.approx(40e3))
+
+
+def test_tree_coordinates_by_complex_steps() -> None:
+    arch = Arch.nominal()
+    q, v = poses(arch, np.random.default_rng(1), 20)
+    T = arch_model.tree_jacobian(arch, q)
+    for i, unit in enumerate(np.eye(6)):
+        slope = arch_model.tree_position(arch, q + 1e-30j * unit).imag / 1e-30
+        np.testing.assert_allclose(T[..., i], slope, rtol=1e-12, atol=1e-14)
+    step = 1e-6
+    faster = np.einsum("nij,nj->ni", arch_model.tree_jacobian(arch, q + step * v), v)
+    slower = np.einsum("nij,nj->ni", arch_model.tree_jacobian(arch, q - step * v), v)
+    np.testing.assert_allclose(arch_model.tree_drift(arch, q, v), (faster - slower) / (2 * step), rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize(("frequency", "error"), [(20.0, 2.5e-4), (50.0, 1.2e-3)])
+def test_stepped_arch_follows_the_reduced_ode(frequency: float, error: float) -> None:
+    """Malleolus acceleration from differences of its velocity, share of the peak, from rest."""
+    foot, duration = load("foot_arch"), 0.1
+    motion = simulate(foot, harmonics(frequency, [-8.95j], duration))
+    velocity = motion.qvel[0][:, :3].sum(axis=1)  # base + apex + talocrural
+    stepped = np.diff(velocity) / foot.step
+    time = foot.step * np.arange(len(stepped))
+    table = lambda t: 8.95 * np.sin(2 * np.pi * frequency * t)  # noqa: E731
+    exact = arch_ode.solve(Arch.from_model(foot.model), table, time, tolerance=1e-8).malleolus
+    assert np.abs(stepped - exact).max() < error * np.abs(exact).max()
+
+
+@pytest.mark.parametrize(
+    ("edits", "sentence"),
+    [
+        ([('name="heel_pad" class', 'name="heel" class'), ('tendon1="heel_pad"', 'tendon1="heel"'),
+          ("0.5 tendon heel_pad", "0.5 tendon heel")], "there is no tendon 'heel_pad'"),
+        ([('joint name="hindfoot"', 'joint name="hind"')], "there is no joint 'hindfoot', did you mean 'hind'"),
+        ([('joint stiffness="230"', 'joint stiffness="-230"')], "k_2 is -230"),
+        ([('euler="0 0 3.4"', 'euler="0 0 8"')], "apart in height; turn calcaneus_talus"),
+        ([('pos="0 -0.032635 0"', 'pos="0 -0.03 0"')], "the centre of mass of metatarsals lies 2.635 mm off"),
+    ],
+)  # fmt: skip
+def test_broken_copies_get_one_sentence(edits: list[tuple[str, str]], sentence: str) -> None:
+    with pytest.raises(ModelError, match=sentence):
+        Arch.from_model(compiled(*edits))
