@@ -96,11 +96,11 @@ def _tangent(arch: Arch, q: Array, load: float) -> Array:
 def loaded(arch: Arch, gravity: float = G) -> Linear:
     """M, C, K and output row about the pose in which the arch carries its own weight and the tibia's."""
     start = equilibrium(arch, (arch.m_T + arch.m_1 / 2) * gravity).q
-    q = _under_weight(arch, start, gravity)
+    q = under_weight(arch, start, gravity)
     return linearise(arch, q, gravity)
 
 
-def _under_weight(arch: Arch, q: Array, gravity: float) -> Array:
+def under_weight(arch: Arch, q: Array, gravity: float) -> Array:
     """The pose, shape (6,), at which all six right-hand sides vanish under gravity: springs, dashpot and every mass."""
 
     def residual(pose: Array) -> Array:

@@ -1,50 +1,21 @@
 """The MJCF arch against the equations: constants, mass matrix, bias, stepped motion; edited and broken copies."""
 
 from dataclasses import asdict
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from arch_copies import compiled, high_arch
 from symbolic_arch import evaluate, poses
 
-import mjcf
 from fasbody import arch_model, arch_ode, lagrange
 from fasbody.arch import Arch
 from fasbody.exceptions import ModelError
-from fasbody.model import load
+from fasbody.kinematics import rest
+from fasbody.model import check, load
 from fasbody.shaker import harmonics
 from fasbody.simulate import simulate
-
-XML = Path(mjcf.path("foot_arch")).read_text()
-
-
-def compiled(*edits: tuple[str, str]) -> mujoco.MjModel:
-    text = XML
-    for old, new in edits:
-        assert old in text, old
-        text = text.replace(old, new)
-    return mujoco.MjModel.from_xml_string(text)
-
-
-# Another foot: 20 % higher metatarsals, theta_1 from the closure, a heavier cuneiform, stiffer fascia.
-HIGH = (
-    ('euler="0 0 3.4"', 'euler="0 0 -5.0"'),
-    ('mass="0.025"', 'mass="0.040"'),
-    ('stiffness="15e3"', 'stiffness="40e3"'),
-)
-
-
-def high_arch() -> mujoco.MjModel:
-    links = ((0.01474, 69.7), (0.02606, 65.1), (0.06527, 60.1))
-    height = float(sum(length * np.cos(np.radians(angle)) for length, angle in links))
-    theta_1 = float(np.degrees(np.arccos(height / 0.07929)))
-    turned = (
-        ('"0 0 -59.697016617339465"', f'"0 0 {-theta_1!r}"'),
-        ('"0 0 129.397016617339465"', f'"0 0 {theta_1 + 69.7!r}"'),
-        ('"0 0.0400075598688415 0"', f'"0 {height!r} 0"'),
-    )
-    return compiled(*HIGH, *turned)
+from fasbody.static_load import under_weight
 
 
 def engine(model: mujoco.MjModel, arch: Arch, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -112,6 +83,22 @@ def test_stepped_arch_follows_the_reduced_ode(frequency: float, error: float) ->
     table = lambda t: 8.95 * np.sin(2 * np.pi * frequency * t)  # noqa: E731
     exact = arch_ode.solve(Arch.from_model(foot.model), table, time, tolerance=1e-8).malleolus
     assert np.abs(stepped - exact).max() < error * np.abs(exact).max()
+
+
+def test_gravity_hold_settles_on_pad_and_ankle() -> None:
+    """z_F = -W / k_F and z_T = -m_T g / k_T; the dashpot yields to the whole elongation, its tension to nothing."""
+    foot = check(compiled(('gravity="0 0 0"', 'gravity="0 -9.81 0"')), "hold")
+    end = simulate(foot, harmonics(10.0, [0.0], 2.0))
+    data, arch = mujoco.MjData(foot.model), Arch.from_model(foot.model)
+    mujoco.mj_kinematics(foot.model, data)
+    before = data.site("heel").xpos[1]
+    data.qpos[:] = end.qpos[0, -1]
+    mujoco.mj_kinematics(foot.model, data)
+    sunk = data.site("heel").xpos[1] - before - end.qpos[0, -1, 0]
+    assert sunk == pytest.approx(-(arch.m_T + arch.m_F) * 9.81 / arch.k_F, rel=1e-3)
+    assert end.qpos[0, -1, 2] == pytest.approx(-arch.m_T * 9.81 / arch.k_T, rel=1e-3)
+    pose = under_weight(arch, rest(arch), 9.81)
+    np.testing.assert_allclose(end.qpos[0, -1, 1:], arch_model.tree_position(arch, pose), atol=1e-7)
 
 
 @pytest.mark.parametrize(
