@@ -98,7 +98,7 @@ def test_gravity_hold_settles_on_pad_and_ankle() -> None:
     assert sunk == pytest.approx(-(arch.m_T + arch.m_F) * 9.81 / arch.k_F, rel=1e-3)
     assert end.qpos[0, -1, 2] == pytest.approx(-arch.m_T * 9.81 / arch.k_T, rel=1e-3)
     pose = under_weight(arch, rest(arch), 9.81)
-    np.testing.assert_allclose(end.qpos[0, -1, 1:], arch_model.tree_position(arch, pose), atol=1e-7)
+    np.testing.assert_allclose(end.qpos[0, -1, 1:], arch_model.tree_position(arch, pose), rtol=1e-3)
 
 
 @pytest.mark.parametrize(
