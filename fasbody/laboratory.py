@@ -26,7 +26,7 @@ from fasbody.two_dof import TwoDof
 #: Frequencies of section 2.2.2 [Hz].
 FREQUENCIES_HZ = tuple(float(f) for f in range(10, 55, 5))
 #: A foot with visibly nonlinear dampers: invented, within what chapters 2 and 4 of the thesis describe.
-TRUTH = {"k_T": 1.31e5, "k_F": 9.4e4, "c_11": 165.0, "c_12": 90.0, "c_13": 140.0, "c_21": 310.0, "c_22": -120.0}
+TRUTH = {"k_T": 1.31e5, "k_F": 9.4e4, "c_11": 380.0, "c_12": 90.0, "c_13": 140.0, "c_21": 760.0, "c_22": -120.0}
 TRUTH |= {"c_23": 180.0}
 
 
@@ -63,7 +63,12 @@ class Instrument:
 
 
 def record(
-    foot: TwoDof, motion: BaseMotion, seconds: float, instrument: Instrument, rng: np.random.Generator, settle: float = 1.0
+    foot: TwoDof,
+    motion: BaseMotion,
+    seconds: float,
+    instrument: Instrument,
+    rng: np.random.Generator,
+    settle: float = 1.0,
 ) -> Recording:
     """One synthetic recording of a foot on the shaker.
 
@@ -72,7 +77,7 @@ def record(
         settle: the shaker runs this long before the recording starts [s]; 0 records the transient from rest.
     """
     t = np.arange(round(seconds * instrument.rate_hz)) / instrument.rate_hz
-    late = t + settle - instrument.delay_s
+    late = np.maximum(t + settle - instrument.delay_s, 0.0)  # at rest until the shaker starts
     solution = solve_ivp(
         lambda time, x: foot.rates(time, x, float(motion.acceleration(np.array([time]))[0])),
         (0.0, late[-1]), np.zeros(4), method="DOP853", t_eval=late, rtol=1e-9, atol=1e-12, max_step=5e-3,
@@ -133,8 +138,8 @@ _STUDY = '''[study]
 name = "synthetic subject {subject}"
 origin = "synthetic"
 description = """
-Made by python -m fasbody.laboratory (seed {seed}) from a two-mass foot with the body mass of subject {subject}, {body:g} kg.
-Nobody was measured: truth.json holds the parameters."""
+Made by python -m fasbody.laboratory (seed {seed}) from a two-mass foot with the body mass of subject {subject},
+{body:g} kg. Nobody was measured: truth.json holds the parameters."""
 sampling_rate_hz = {rate:g}
 
 [channels.base]
@@ -151,9 +156,11 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def main(
     study: Annotated[Path, typer.Argument(help="folder to write")],
     subject: Annotated[int, typer.Option(help="subject of Table 2.1 whose body mass is used")] = 16,
-    added_mass: Annotated[list[float], typer.Option(help="mass on the knee [kg]; repeat for several")] = [0.0],  # noqa: B006
-    frequency: Annotated[list[float] | None, typer.Option(help="excitation [Hz]; repeat (default 10, 15 ... 50)")] = None,
-    seconds: Annotated[float, typer.Option(help="length of each recording [s]")] = 4.0,
+    added_mass: Annotated[list[float], typer.Option(help="mass on the knee in kg; repeat for several")] = [0.0],  # noqa: B006
+    frequency: Annotated[
+        list[float] | None, typer.Option(help="excitation in Hz; repeat (default 10, 15 ... 50)")
+    ] = None,
+    seconds: Annotated[float, typer.Option(help="length of each recording in s")] = 4.0,
     seed: Annotated[int, typer.Option(help="seed of phases and noise")] = 16,
 ) -> None:
     """Make a synthetic study with known truth.

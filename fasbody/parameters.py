@@ -159,7 +159,9 @@ def _place(model: mujoco.MjModel, text: str, here: str) -> Place:
         pass
     if len(words) not in (3, 4) or (words[0], words[2]) not in _FIELDS:
         valid = ", ".join(f"{kind} NAME {attribute}" for kind, attribute in _FIELDS)
-        raise ModelError(f"{here} stands at {text.strip()!r}, which is no place (valid: {valid}, with a number behind).")
+        raise ModelError(
+            f"{here} stands at {text.strip()!r}, which is no place (valid: {valid}, with a number behind)."
+        )
     kind, element, attribute = words[:3]
     number = mujoco.mj_name2id(model, _OBJECTS[kind], element)
     if number < 0:

@@ -36,7 +36,9 @@ def read_csv(file: Path) -> Channels:
     if not first:
         raise InputFileError(file, "is empty", "the first line must be time_s,base_m_s2,malleolus_m_s2")
     separator = _separator(first)
-    names = [name.strip().strip('"').lower() for name in (first.split(separator) if separator != " " else first.split())]
+    names = [
+        name.strip().strip('"').lower() for name in (first.split(separator) if separator != " " else first.split())
+    ]
     wanted: dict[str, tuple[int, float]] = {}
     for index, name in enumerate(names):
         stem, _, unit = name.partition("_")
@@ -49,7 +51,9 @@ def read_csv(file: Path) -> Channels:
     missing = [name for name in ("time_s", "base_m_s2", "malleolus_m_s2") if name not in wanted]
     if missing:
         found = ", ".join(names)[:120]
-        raise InputFileError(file, f"has no column {missing[0]!r} (found: {found})", "units may also be g or ms", line=1)
+        raise InputFileError(
+            file, f"has no column {missing[0]!r} (found: {found})", "units may also be g or ms", line=1
+        )
     frame = _numbers(file, text, separator, len(names), {name: index for name, (index, _) in wanted.items()})
     return {name: frame[name] * scale for name, (_, scale) in wanted.items()}
 
@@ -106,8 +110,13 @@ def _numbers(file: Path, text: str, separator: str, width: int, wanted: dict[str
     try:
         options = {"sep": r"\s+"} if separator == " " else {"sep": separator}
         frame = pd.read_csv(
-            StringIO(text), header=0, names=list(range(width)), usecols=sorted(wanted.values()), index_col=False, **options
-        )  # type: ignore[call-overload]
+            StringIO(text),
+            header=0,
+            names=list(range(width)),
+            usecols=sorted(wanted.values()),
+            index_col=False,
+            **options,
+        )
         values = {name: frame[index].to_numpy(float) for name, index in wanted.items()}
         if all(np.isfinite(v).all() for v in values.values()):
             return values

@@ -43,7 +43,13 @@ class BaseMotion:
         t = start + step * np.arange(count + 1)
         a, j = self.acceleration(t), self.jerk(t)
         rise = (a[1:] - a[:-1]) / step
-        columns = (t[:-1], a[:-1], j[:-1], (3 * rise - 2 * j[:-1] - j[1:]) / step, (j[:-1] + j[1:] - 2 * rise) / step**2)
+        columns = (
+            t[:-1],
+            a[:-1],
+            j[:-1],
+            (3 * rise - 2 * j[:-1] - j[1:]) / step,
+            (j[:-1] + j[1:] - 2 * rise) / step**2,
+        )
         return np.column_stack(columns)
 
     def half_steps(self, step: float, count: int, start: float = 0.0) -> np.ndarray:
@@ -56,7 +62,9 @@ class BaseMotion:
         return values
 
 
-def harmonics(frequency: float, amplitudes: Sequence[complex], duration: float, name: str = "") -> BaseMotion:
+def harmonics(
+    frequency: float, amplitudes: Sequence[complex] | np.ndarray, duration: float, name: str = ""
+) -> BaseMotion:
     """Periodic motion, sum over h of Re(U_h exp(i 2 pi h f t)).
 
     Args:

@@ -73,7 +73,9 @@ def fit(
     domain, why = choose_domain(data, settings.domain)
     warnings += why
     twin = twin_applies(foot)
-    delay = len(data) > 1 if settings.delay is None else settings.delay
+    delay = _tells_delay(data) if settings.delay is None else settings.delay
+    if not delay:
+        warnings.append("One frequency cannot tell a delay between the channels from damping: it is held at zero.")
     space = space_of(foot, settings.free, settings.bounds, delay)
     if any(not r.condition.masses for r in data) and {"m_S", "m_F"} & set(foot.parameters):
         held = ", ".join(f"{n} {v:.3g} kg" for n, v in foot.values().items() if n in ("m_S", "m_F"))
@@ -102,7 +104,9 @@ def fit(
     best = certified[0].run
     verdict = judge([b.name for b in built], [b.deviance for b in built], built[0].chi_square, built[0].dof)
     if not mirror:
-        verdict = Verdict(True, 0.0, "This model has no mirror solution that is known in closed form; one solution is reported.")
+        verdict = Verdict(
+            True, 0.0, "This model has no mirror solution that is known in closed form; one solution is reported."
+        )
     rank = excitation_rank(data)
     warnings += _advice(built[0], space, rank, data, route)
     return FitResult(
@@ -128,6 +132,12 @@ def fit(
     )
 
 
+def _tells_delay(data: Sequence[Recording]) -> bool:
+    """Several frequencies, or broadband excitation, tell a delay from damping."""
+    found = {round(r.condition.frequency_hz, 1) if r.condition.frequency_hz else None for r in data}
+    return len(found) > 1 or None in found
+
+
 def _starts(space: Space, foot: Foot, settings: Settings, a: float | None) -> list[tuple[str, np.ndarray]]:
     """The model's own values, their mirror image, and random points."""
     values = foot.values()
@@ -149,7 +159,9 @@ def _one_a_branch(route: Route, descents: Sequence[Descent], space: Space, a: fl
         if other in found:
             image = mirrored(space.values(found[other].theta), a)
             entered = descend(problem, space.to_q(space.theta(image)), f"mirror of {other}")
-            if side(space.values(entered.theta), a) == name and entered.cost < found.get(name, entered).cost * (1 + 1e-9):
+            if side(space.values(entered.theta), a) == name and entered.cost < found.get(name, entered).cost * (
+                1 + 1e-9
+            ):
                 found[name] = entered
     return found
 
@@ -181,13 +193,14 @@ def _certify(route: Route, name: str, descent: Descent) -> _Certified:
 def _branch(route: Route, certified: _Certified) -> Branch:
     """Estimates with standard errors from the MuJoCo Jacobian."""
     problem, space, descent, run = certified.problem, route.space, certified.descent, certified.run
-    dof = max(1, problem.size - descent.z.size)
-    covariance = problem.covariance(descent.z)
-    excess = max(1.0, descent.cost / dof) if route.chi_square else 1.0  # a misfit beyond the noise widens the errors
-    std_q = np.sqrt(np.diag(covariance) * excess)
-    low, high = space.interval(descent.theta, std_q)
+    dof = max(0, problem.size - descent.z.size)
     q, (q_low, q_high) = space.to_q(descent.theta), space.bounds
     at_bound = np.minimum(q - q_low, q_high - q) < 1e-4 * (q_high - q_low)
+    covariance = problem.covariance(descent.z, ~at_bound)
+    # a misfit beyond the noise widens the errors
+    excess = max(1.0, descent.cost / dof) if route.chi_square and dof else 1.0
+    std_q = np.sqrt(np.diag(covariance) * excess)
+    low, high = space.interval(descent.theta, std_q)
     std = std_q * space.slope(descent.theta)
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
@@ -203,13 +216,18 @@ def _branch(route: Route, certified: _Certified) -> Branch:
         correlation=np.nan_to_num(correlation).tolist(),
         chi_square=descent.cost,
         dof=dof,
-        p_value=float(chi2.sf(descent.cost, dof)) if route.chi_square else None,
+        p_value=float(chi2.sf(descent.cost, dof)) if route.chi_square and dof else None,
     )
 
 
 def _advice(best: Branch, space: Space, rank: int, data: Sequence[Recording], route: Route) -> list[str]:
     """Warnings that a careful colleague would give."""
     texts = []
+    if best.dof == 0:
+        texts.append(
+            f"The recordings hold no more numbers than the {len(space.free)} free parameters: they are fitted exactly "
+            "whatever the truth, so goodness of fit says nothing. Pool several frequencies or free fewer (--free)."
+        )
     if rank < len(space.free):
         texts.append(
             f"The excitation has rank {rank}, fewer than the {len(space.free)} free parameters: only distortion by the "
@@ -223,8 +241,8 @@ def _advice(best: Branch, space: Space, rank: int, data: Sequence[Recording], ro
         texts.append(f"Not identifiable from these recordings: {', '.join(weak)} (standard error above 50 %).")
     if best.p_value is not None and best.p_value < 1e-3:
         texts.append(
-            f"The model does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for {best.dof} "
-            "degrees of freedom); the standard errors are widened accordingly."
+            f"The model does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
+            f"{best.dof} degrees of freedom); the standard errors are widened accordingly."
         )
     loads = {recording.condition.added_mass_kg for recording in data}
     if len(loads) == 1 and route.twin:

@@ -60,7 +60,7 @@ def split(z: np.ndarray) -> np.ndarray:
 
 def inverse_of_gram(J: np.ndarray) -> np.ndarray:
     """(J^T J)^-1, with infinite variance for parameters in directions that no residual sees."""
-    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    _, s, Vt = np.linalg.svd(J, full_matrices=False)
     seen = s > 1e-10 * s[0]
     C = (Vt[seen].T / s[seen] ** 2) @ Vt[seen]
     blind = np.sum(Vt[seen] ** 2, axis=0) < 1 - 1e-6
@@ -97,9 +97,15 @@ class PeriodicProblem:
         self.engine.forget()
         return q
 
-    def covariance(self, q: np.ndarray) -> np.ndarray:
-        """Covariance (p, p) of q: the residual is whitened, so the inverse of J^T J; infinite where J has no rank."""
-        return inverse_of_gram(self.jacobian(q))
+    def covariance(self, q: np.ndarray, active: np.ndarray) -> np.ndarray:
+        """Covariance (p, p) of q: the residual is whitened, so the inverse of J^T J; infinite where J has no rank.
+
+        Args:
+            q: search variable. active: (p,) which parameters vary; the others rest on a bound and get NaN.
+        """
+        C = np.full((q.size, q.size), np.nan)
+        C[np.ix_(active, active)] = inverse_of_gram(self.jacobian(q)[:, active])
+        return C
 
     @property
     def log_determinant(self) -> float:
@@ -177,7 +183,9 @@ class PeriodicProblem:
             for direction in np.concatenate([np.eye(line.count), 1j * np.eye(line.count)]):
                 nudge = 1e-4 * abs(U[0])
                 for sign in (1, -1):
-                    nudged.append(Excitation(line.base.frequency_hz, U + sign * nudge * direction, line.excitation.masses))
+                    nudged.append(
+                        Excitation(line.base.frequency_hz, U + sign * nudge * direction, line.excitation.masses)
+                    )
                 sizes.append(2 * nudge)
         engine = engine_of(nudged)
         outputs = iter([engine.orbit(i, values, self.space.names, 1e-6)[0] for i in range(len(nudged))])

@@ -17,7 +17,9 @@ from identification.time_domain import TimeTwin, grid
 
 def fit_percent(measured: np.ndarray, model: np.ndarray) -> float:
     """Share of the measured signal that the model reproduces [%], 2-norms about the mean (docs/errata.md)."""
-    return float(100 * (1 - np.linalg.norm(measured - model) / np.linalg.norm(measured - measured.mean())))  # Eq. (3.20)
+    return float(
+        100 * (1 - np.linalg.norm(measured - model) / np.linalg.norm(measured - measured.mean()))
+    )  # Eq. (3.20)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,9 +20,20 @@ class Estimate:
     upper: float
     at_bound: bool
 
+    def interval(self) -> str:
+        """Value and half width of the 95 % interval, rounded to what is known."""
+        half = 0.5 * (self.upper - self.lower)
+        if not np.isfinite(half) or half <= 0:
+            return f"{self.value:.4g}"
+        power = int(np.floor(np.log10(half)))
+        if power < -3:  # a delay of microseconds
+            return f"({self.value / 10.0**power:.1f} ± {half / 10.0**power:.1f})e{power}"
+        digits = max(0, 1 - power)
+        return f"{round(self.value, 1 - power):.{digits}f} ± {round(half, 1 - power):.{digits}f}"
+
     @property
     def identifiability(self) -> str:
-        """identified / weak / not identifiable, by the relative standard error (or the bound it rests on)."""
+        """Identified / weak / not identifiable, by the relative standard error (or the bound it rests on)."""
         relative = self.std_error / max(abs(self.value), 1e-300)
         if self.at_bound or not np.isfinite(relative) or relative > WEAK:
             return "not identifiable"
@@ -100,6 +111,10 @@ class FitResult:
         """Mean fit of the likelier branch."""
         return self.best.fit_percent
 
+    def truth_of(self, key: str) -> float | None:
+        """Known value of a parameter given with its unit suffix, None if there is none."""
+        return next((value for name, value in self.truth.items() if key == name or key.startswith(f"{name}_")), None)
+
     def document(self) -> dict[str, Any]:
         """The result as plain data; numbers that do not exist are null."""
         return {
@@ -109,7 +124,7 @@ class FitResult:
             "domain": self.domain,
             "fit_percent": self.fit_percent,
             "recordings": [
-                {"file": r.file, "frequency_hz": r.frequency_hz, "added_mass_kg": r.added_mass_kg, "fit_percent": r.fit_percent}
+                {name: getattr(r, name) for name in ("file", "frequency_hz", "added_mass_kg", "fit_percent")}
                 for r in self.recordings
             ],
             "parameters": {key: asdict(value) for key, value in self.parameters.items()},
@@ -142,22 +157,13 @@ class FitResult:
     def sentence(self) -> str:
         """The result in one sentence."""
         p = self.parameters
-        parts = [f"{key.split('_n_')[0]} = {_pm(p[key])}" for key in p if key.endswith("_n_per_m")]
+        parts = [f"{key.split('_n_')[0]} = {p[key].interval()}" for key in p if key.endswith("_n_per_m")]
         stiffness = ", ".join(parts)
-        start = f"{stiffness} N/m (95 %)" if parts else ", ".join(f"{key} {_pm(e)}" for key, e in p.items())
+        start = f"{stiffness} N/m (95 %)" if parts else ", ".join(f"{key} {e.interval()}" for key, e in p.items())
         chance = f", chi-square {self.best.chi_square / max(1, self.best.dof):.2f} per degree of freedom"
         return f"{start}; fit {self.fit_percent:.1f} %{chance if self.domain == 'periodic' else ''}; {self.verdict}."
 
     def __str__(self) -> str:
         lines = [self.sentence(), self.reason]
-        lines += [f"  {key:>18} {_pm(e)}  {e.identifiability}" for key, e in self.parameters.items()]
+        lines += [f"  {key:>18} {e.interval()}  {e.identifiability}" for key, e in self.parameters.items()]
         return "\n".join(lines)
-
-
-def _pm(e: Estimate) -> str:
-    """Value and half width of its 95 % interval, rounded to what is known."""
-    half = 0.5 * (e.upper - e.lower)
-    if not np.isfinite(half) or half <= 0:
-        return f"{e.value:.4g}"
-    digits = int(np.floor(np.log10(half))) - 1
-    return f"{round(e.value, -digits):.{max(0, -digits)}f} ± {round(half, -digits):.{max(0, -digits)}f}"

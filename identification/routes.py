@@ -33,13 +33,17 @@ def choose_domain(recordings: Sequence[Recording], wanted: str) -> tuple[str, li
     aperiodic = [recording.file for recording in recordings if recording.condition.frequency_hz is None]
     if aperiodic:
         if wanted == "periodic":
-            raise SettingError(f"{aperiodic[0]} is not periodic, so it cannot be fitted on harmonics; use --domain time.")
+            raise SettingError(
+                f"{aperiodic[0]} is not periodic, so it cannot be fitted on harmonics; use --domain time."
+            )
         return "time", []
     lines = [Line.of(recording) for recording in recordings]
     unsteady = [(line, max(line.base.scatter, line.malleolus.scatter)) for line in lines]
     worst, scatter = max(unsteady, key=lambda item: item[1])
     if scatter > STEADY:
-        text = f"{worst.recording.file} is not steady: its amplitude scatters by {100 * scatter:.0f} % (drift or beating)"
+        text = (
+            f"{worst.recording.file} is not steady: its amplitude scatters by {100 * scatter:.0f} % (drift or beating)"
+        )
         if wanted == "periodic":
             return "periodic", [f"{text}; the weights follow the scatter."]
         return "time", [f"{text}, so all recordings are fitted in the time domain."]

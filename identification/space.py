@@ -61,7 +61,7 @@ class Space:
         return np.where(self._log, np.exp(np.where(self._log, q, 0.0)), q * self.scale)
 
     def slope(self, theta: np.ndarray) -> np.ndarray:
-        """d theta / d q (p,)."""
+        """D theta / d q (p,)."""
         return np.where(self._log, theta, self.scale)
 
     @property

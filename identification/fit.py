@@ -1,0 +1,158 @@
+"""`python -m identification.fit`: stiffness and damping of a foot from its recordings."""
+
+import json
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from fasbody.console import command_line, console, print_json, progress_bar, results
+from fasbody.exceptions import InputFileError, SettingError
+from fasbody.model import load
+from fasbody.recording import Recording, Study, with_masses
+from identification.estimate import Settings, fit
+from identification.report import write
+from identification.result import FitResult
+
+#: The study that ships with the package.
+BUNDLED = Path(str(files("fasbody"))) / "studies" / "synthetic_subject_16"
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    data: Annotated[
+        list[Path] | None, typer.Argument(help="study folder, or CSV recordings", show_default="bundled study")
+    ] = None,
+    model: Annotated[str, typer.Option(help="shipped model or MJCF file")] = "two_dof",
+    body_mass: Annotated[float | None, typer.Option(help="body mass in kg, for bare files")] = None,
+    added_mass: Annotated[float | None, typer.Option(help="mass on the knee in kg, for bare files")] = None,
+    free: Annotated[
+        str | None, typer.Option(help="parameters to estimate, e.g. k_T,k_F,c_11,c_21 (default: all)")
+    ] = None,
+    bounds: Annotated[list[str] | None, typer.Option(help="NAME=LOWER:UPPER in SI units; repeat for several")] = None,
+    starts: Annotated[int, typer.Option(help="starts of the search")] = 8,
+    seed: Annotated[int, typer.Option(help="seed of the random starts")] = 0,
+    domain: Annotated[str, typer.Option(help="auto, periodic (steady state) or time")] = "auto",
+    json_: Annotated[bool, typer.Option("--json", help="print result.json on stdout")] = False,
+    out: Annotated[Path | None, typer.Option(help="folder for result.json, parameters.csv, report.html")] = None,
+) -> None:
+    """Estimate the parameters of a foot from recordings of its vibration.
+
+    Examples:
+      python -m identification.fit
+
+      python -m identification.fit my_study --starts 20 --out results
+
+      python -m identification.fit 20hz.csv 30hz.csv --body-mass 72.5 --added-mass 2.3
+
+      python -m identification.fit my_study --model my_foot.xml --free k_T,k_F --bounds k_F=3e3:5e5
+    """
+    source, recordings, truth = gather(data or [BUNDLED], body_mass, added_mass)
+    settings = Settings(
+        free=_names(free), bounds=dict(_bound(text) for text in bounds or []), starts=starts, seed=seed, domain=domain
+    )
+    foot = load(model)
+    with progress_bar() as progress:
+        task = progress.add_task("reading", total=None)
+
+        def advance(what: str, done: int, total: int) -> None:
+            progress.update(task, description=what, completed=done, total=total)
+
+        result = fit(recordings, foot, settings, source=source, truth=truth, advance=advance)
+    if json_:
+        print_json(result.document())
+    else:
+        show(result)
+    folder = out or (None if json_ else Path("results") / _slug(source))
+    if folder is not None:
+        write(result, folder)
+        console.print(
+            f"report: [bold]{folder / 'report.html'}[/], with result.json and parameters.csv beside it", soft_wrap=True
+        )
+
+
+def gather(
+    data: Sequence[Path], body_mass: float | None, added_mass: float | None
+) -> tuple[str, list[Recording], dict[str, float]]:
+    """Recordings of study folders and files, with masses from the command line, and the truth of a synthetic study.
+
+    Raises:
+        InputFileError: nothing of that name, or it cannot be read.
+    """
+    names: list[str] = []
+    recordings: list[Recording] = []
+    truth: dict[str, float] = {}
+    for path in data:
+        if path.is_dir():
+            study = Study.read(path)
+            names.append(study.name)
+            recordings += study.recordings
+            truth = _truth(path / "truth.json")
+        elif path.exists():
+            names.append(path.name)
+            recordings.append(Recording.read(path))
+        else:
+            raise InputFileError(path, "no such file or folder", "give a study folder or CSV recordings")
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else ""), [
+        with_masses(recording, body_mass, added_mass) for recording in recordings
+    ], truth  # fmt: skip
+
+
+def _truth(file: Path) -> dict[str, float]:
+    if not file.is_file():
+        return {}
+    try:
+        document = json.loads(file.read_text())
+        return {name: float(v) for name, v in document["parameters"].items()} | {
+            "delay": document["instrument"]["delay_s"]
+        }
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise InputFileError(file, "is not the truth.json of a synthetic study", "make it anew or delete it") from None
+
+
+def _names(text: str | None) -> tuple[str, ...] | None:
+    return tuple(name.strip() for name in text.split(",") if name.strip()) if text else None
+
+
+def _bound(text: str) -> tuple[str, tuple[float, float]]:
+    name, _, limits = text.partition("=")
+    try:
+        low, high = (float(part) for part in limits.split(":"))
+    except ValueError:
+        raise SettingError(f"--bounds {text!r} is not NAME=LOWER:UPPER, for example k_F=3e3:1e6.") from None
+    return name.strip(), (low, high)
+
+
+def _slug(text: str) -> str:
+    return "".join(c if c.isalnum() else "_" for c in text.lower()).strip("_")[:60] or "fit"
+
+
+def show(result: FitResult) -> None:
+    """Print the result as a table for a person."""
+    table = Table(title=f"{result.source} ({result.origin}), model {result.model}", title_justify="left")
+    table.add_column("parameter")
+    table.add_column("95 % interval", justify="right")
+    for branch in result.branches[1:]:
+        table.add_column(f"mirror: {branch.name}", justify="right")
+    if result.truth:
+        table.add_column("truth", justify="right")
+    table.add_column("")
+    for key, e in result.parameters.items():
+        row = [key, e.interval(), *(branch.parameters[key].interval() for branch in result.branches[1:])]
+        truth = result.truth_of(key)
+        row += [f"{truth:.6g}" if truth is not None else ""] if result.truth else []
+        table.add_row(*row, e.identifiability + (", at bound" if e.at_bound else ""))
+    results.print(table)
+    results.print(f"[bold]{result.sentence()}[/]", soft_wrap=True)
+    results.print(result.reason, soft_wrap=True)
+    for text in result.warnings:
+        results.print(f"[yellow]note:[/] {text}", soft_wrap=True, markup=True)
+
+
+if __name__ == "__main__":
+    command_line(app)
