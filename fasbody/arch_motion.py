@@ -1,7 +1,7 @@
-"""The five-body arch stepped by MuJoCo: closure tied to the step, output from velocities, and a second try when unstable.
+"""The five-body arch stepped by MuJoCo: closure tied to the step, output from velocities, second try when unstable.
 
-One step is first-order accurate with a small constant (arch_model.py, mjcf/foot_arch.md); `accurate` adds a run at half the
-step and extrapolates, which is of second order. When a run blows up or rings at the step's own frequency, the hinges'
+The error is of first order with a small constant (mjcf/foot_arch.md says why); `accurate` adds a run at half the step
+and extrapolates, which is of second order. When a run blows up or rings at the step's own frequency, the hinges'
 dampers are first made all native, then the step is halved, and the result says so.
 """
 
@@ -76,7 +76,8 @@ def move(foot: Foot, motion: BaseMotion, step: float | None = None, accurate: bo
         except SimulationError:
             continue
         every = round(wanted / h)
-        notes = ["dampers of the hinges all native"] * (share == 1) + [f"step {h:g} s in place of {wanted:g} s"] * (h < wanted)
+        notes = ["dampers of the hinges all native"] if share == 1 else []
+        notes += [f"step {h:g} s in place of {wanted:g} s"] if h < wanted else []
         return replace(
             result, time=result.time[::every], malleolus=result.malleolus[::every], qpos=result.qpos[::every],
             note=", ".join(notes),

@@ -8,11 +8,11 @@ import pytest
 from arch_copies import compiled, high_arch
 from symbolic_arch import evaluate, poses
 
-from fasbody import arch_model, arch_ode, lagrange
+from fasbody import arch_model, lagrange
 from fasbody.arch import Arch
 from fasbody.exceptions import ModelError
 from fasbody.kinematics import rest
-from fasbody.model import check, load
+from fasbody.model import check
 from fasbody.shaker import harmonics
 from fasbody.simulate import simulate
 from fasbody.static_load import under_weight
@@ -70,19 +70,6 @@ def test_tree_coordinates_by_complex_steps() -> None:
     faster = np.einsum("nij,nj->ni", arch_model.tree_jacobian(arch, q + step * v), v)
     slower = np.einsum("nij,nj->ni", arch_model.tree_jacobian(arch, q - step * v), v)
     np.testing.assert_allclose(arch_model.tree_drift(arch, q, v), (faster - slower) / (2 * step), rtol=1e-6, atol=1e-6)
-
-
-@pytest.mark.parametrize(("frequency", "error"), [(20.0, 2.5e-4), (50.0, 1.2e-3)])
-def test_stepped_arch_follows_the_reduced_ode(frequency: float, error: float) -> None:
-    """Malleolus acceleration from differences of its velocity, share of the peak, from rest."""
-    foot, duration = load("foot_arch"), 0.1
-    motion = simulate(foot, harmonics(frequency, [-8.95j], duration))
-    velocity = motion.qvel[0][:, :3].sum(axis=1)  # base + apex + talocrural
-    stepped = np.diff(velocity) / foot.step
-    time = foot.step * np.arange(len(stepped))
-    table = lambda t: 8.95 * np.sin(2 * np.pi * frequency * t)  # noqa: E731
-    exact = arch_ode.solve(Arch.from_model(foot.model), table, time, tolerance=1e-8).malleolus
-    assert np.abs(stepped - exact).max() < error * np.abs(exact).max()
 
 
 def test_gravity_hold_settles_on_pad_and_ankle() -> None:
