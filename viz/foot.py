@@ -3,6 +3,7 @@
 import asyncio
 import json as json_module
 import signal
+import sys
 import webbrowser
 from collections.abc import Mapping
 from pathlib import Path
@@ -106,6 +107,7 @@ async def _serve(show: Any, port: int, browser: bool, watch: Path | None, json: 
     console.print(f"the foot is at {server.url} (Ctrl-C ends it)")
     if json:
         print_json({"url": server.url})
+        sys.stdout.flush()  # whoever started this waits for the address
     opened = browser and await loop.run_in_executor(None, webbrowser.open, server.url)
     await server.run(watch, stay=not opened)
 

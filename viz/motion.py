@@ -28,8 +28,8 @@ FRAMES = 64
 RATE = 240.0
 #: The motion counts as periodic when a period changes it by less than this share of its size.
 PERIODIC = 1e-3
-#: A settled orbit is tried for at most so many periods.
-PERIODS = 60
+#: A settled orbit is tried for at most so many periods, and the step halved at most so often.
+PERIODS, HALVINGS = 60, 4
 #: The transmissibility curve [Hz].
 CURVE = np.linspace(1.0, 60.0, 119)
 #: Parameters that an added mass on the knee raises.
@@ -164,19 +164,32 @@ def discretise(foot: Foot) -> Discrete:
 def periodic_motion(foot: Foot, settings: Settings) -> Motion:
     """The motion under a sine, as it repeats itself once everything has settled.
 
+    A foot too stiff for its model's time step is tried with smaller ones.
+
     Raises:
         SettingError: settings outside their bounds. SimulationError: unstable, or it does not settle.
     """
     changed = settings.apply(foot)
+    count = FRAMES * int(np.ceil(1 / (settings.frequency * changed.step * FRAMES)))
+    for halving in range(HALVINGS + 1):
+        try:
+            return _settled(changed, settings, count * 2**halving)
+        except (SimulationError, np.linalg.LinAlgError):
+            if halving == HALVINGS:
+                raise
+    raise AssertionError("unreachable")
+
+
+def _settled(foot: Foot, settings: Settings, count: int) -> Motion:
+    """The periodic motion with `count` steps a period, a multiple of `FRAMES`."""
     f, amplitude = settings.frequency, 0.5 * settings.peak_to_peak
-    count = int(np.ceil(1 / (f * changed.step)))
-    changed = changed.with_values({}, step=1 / (f * count))
+    changed = foot.with_values({}, step=1 / (f * count))
     linear = discretise(changed)
     start = (-1j * amplitude * linear.states(np.array([f]))[0]).real  # the base moves as sin(w t)
-    n_q = changed.model.nv
+    n = changed.model.nv
     batch = Batch(changed, 1, threads=1)
     controls = harmonics(f, [-1j * amplitude], 1 / f).controls(changed.step, count)[None]
-    q, v, a = np.split(start, [n_q, 2 * n_q])
+    q, v, a = np.split(start, [n, 2 * n])
     q = q + changed.model.qpos0
     for _ in range(PERIODS):
         out = batch.run(controls, changed.step, q, v, a)
@@ -185,18 +198,16 @@ def periodic_motion(foot: Foot, settings: Settings) -> Motion:
         if gap < PERIODIC:
             break
         q, v, a = out.qpos[0, -1].copy(), out.qvel[0, -1].copy(), out.act[0, -1].copy()
-        q[0], v[0] = start[0], start[n_q]  # the base itself must not drift
+        q[foot.base], v[foot.base] = out.qpos[0, 0, foot.base], out.qvel[0, 0, foot.base]  # the base must not drift
     else:
         raise SimulationError(
             f"{foot.name}: the motion at {f:g} Hz does not settle within {PERIODS} periods; add damping."
         )
-    pick = np.round(np.arange(FRAMES) * count / FRAMES).astype(int)
     w = np.exp(-2j * np.pi * np.arange(count) / count)
     ratio = complex(out.malleolus[0] @ w / (out.base[0] @ w)) if amplitude else 0j
-    return _shown(
-        changed, out, pick, 1 / f, linear.transmissibility(CURVE), gap,
-        (abs(ratio), float(np.degrees(np.angle(ratio)))),
-    )  # fmt: skip
+    pick = np.arange(0, count, count // FRAMES)
+    found = (abs(ratio), float(np.degrees(np.angle(ratio))))
+    return _shown(changed, out, pick, 1 / f, linear.transmissibility(CURVE), gap, found)
 
 
 def transient_motion(foot: Foot, settings: Settings, base: BaseMotion) -> Motion:

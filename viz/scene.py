@@ -166,7 +166,7 @@ def add_foot(
         paint = linear(np.vstack([part.colours for part in group]))
         look = {"vertexColors": True, "color": 0xFFFFFF}
         if ghost:
-            look = {"color": _hex("#5fb4ff"), "transparent": True, "opacity": 0.30, "depthWrite": False}
+            look = {"color": _hex("#5fb4ff"), "transparent": True, "opacity": 0.38, "depthWrite": False}
         material = _material(
             "MeshPhongMaterial", shininess=22, specular=_hex("#2a2620"), side=0, reflectivity=0.3, **look
         )
@@ -210,8 +210,8 @@ def _add_table(hub: Hub, root: meshcat.Visualizer) -> None:
     top = 1e-3 * TABLE * SCALE
     path = "/".join(("", "meshcat", "foot", root.path.entries[-1]))
     for name, size, at, code in (
-        ("base", (3.3, 0.12, 1.5), (0.30, top - 0.06, -0.02), "#5d6875"),
-        ("shaker", (1.5, 0.34, 0.9), (0.30, top - 0.30, -0.02), "#2b323b"),
+        ("base", (3.3, 0.12, 1.5), (0.30, top - 0.06, -0.02), "#434d59"),
+        ("shaker", (1.5, 0.34, 0.9), (0.30, top - 0.30, -0.02), "#20262d"),
     ):
         material = _material("MeshPhongMaterial", color=_hex(code), shininess=70, specular=_hex("#39424c"), side=0)
         root[name].set_object(geometry.Box(size), material)

@@ -3,11 +3,11 @@
 const THREE = MeshCat.THREE, SCALE = 10, TABLE = -0.2, LARGEST = 1.1;
 const VIEWS = {
   medial: [[0.02, 1.05, 5.5], [0.27, 0.62, 0]], lateral: [[0.45, 1.05, -5.5], [0.27, 0.62, 0]],
-  front: [[5.4, 1.6, 1.0], [0.1, 0.62, 0]], above: [[0.3, 5.6, 0.02], [0.3, 0.2, 0]],
-  behind: [[-5.2, 1.5, 1.8], [0.1, 0.52, 0]], corner: [[3.5, 1.9, 4.2], [0.28, 0.5, 0]],
+  front: [[6.2, 1.75, 1.5], [0.2, 0.50, 0]], above: [[0.3, 5.3, 0.9], [0.3, 0.2, 0.05]],
+  behind: [[-5.2, 1.5, 1.8], [0.1, 0.52, 0]], corner: [[3.6, 2.0, 4.3], [0.28, 0.52, 0]],
 };
 // Colour ramps, from slack or unloaded to tense or compressed (sRGB).
-const RAMPS = { tension: ["#dfe6ee", "#f2a65a", "#c81d3a"], pressure: ["#f6e3a1", "#f0b23c", "#d9481c"] };
+const RAMPS = { tension: ["#dfe6ee", "#f0a24f", "#b3162f"], pressure: ["#f6e3a1", "#f0b23c", "#d9481c"] };
 
 class Stage {
   constructor(pane) {
@@ -46,13 +46,13 @@ class Stage {
   }
 
   addGround() {
-    const grid = new THREE.GridHelper(16, 64, 0x2c3b4b, 0x1a242f);
+    const grid = new THREE.GridHelper(18, 36, 0x3a4c5f, 0x24313e);
     grid.position.set(0.3, 0, TABLE - 0.5);
     grid.rotation.x = Math.PI / 2;  // meshcat's scene has z up
     grid.material.transparent = true;
     grid.material.opacity = 0.55;
     this.viewer.scene.add(grid);
-    this.viewer.scene.fog = new THREE.Fog(0x0b1017, 6, 13);
+    this.viewer.scene.fog = new THREE.Fog(0x10161f, 6.2, 11.5);
   }
 
   node(...path) { return this.viewer.scene_tree.find(["meshcat", "foot", ...path]).object; }
@@ -81,7 +81,7 @@ class Stage {
       part.still = mesh.userData.still || (mesh.userData.still = attribute.position.array.slice());
       part.weights = attribute.weights.array;
       attribute.position.setUsage(THREE.DynamicDrawUsage);
-      if (part.name === "skin") rim(mesh.material, 2.3, 0.07, "1.0, .74, .60");
+      if (part.name === "skin") rim(mesh.material, 2.1, 0.10, "1.0, .76, .62");
       if (part.name.endsWith("pad")) rim(mesh.material, 1.5, 0.6, "1.0, .90, .62");
       if (part.name === "skin") mesh.visible = this.skinShown;
     }
