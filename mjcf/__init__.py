@@ -25,3 +25,8 @@ def path(name: str) -> Path:
 def asset(name: str) -> Path:
     """A file of the display-only assets (meshes made by `python -m viz.anatomy`)."""
     return _FOLDER / "assets" / name
+
+
+def scene(name: str) -> Path:
+    """The shipped model dressed with the assets, for MuJoCo's own viewer."""
+    return _FOLDER / "scene" / path(name).name

@@ -72,6 +72,7 @@ def skin() -> Shape:
         round_cone((52, 14, 13), (92, 20, 0), 20, 16),
         ellipsoid((-33, -17, 57), (13, 11, 13)),
         ellipsoid((-40, 29, 50), (12, 9, 14)),
+        ellipsoid((7, -26, 29), (16, 11.5, 14)),
     ]
     toes = []
     for i in range(5):
