@@ -70,7 +70,7 @@ class Watched:
     """A page whose console errors and requests are kept, under its own content-security policy."""
 
     def __init__(self, opened: Any, url: str) -> None:
-        self.page = opened.new_page(viewport={"width": 720, "height": 480})
+        self.page = opened.new_page(viewport={"width": 720, "height": 420})
         self.page.set_default_timeout(1000 * PATIENCE)
         self.complaints: list[str] = []
         self.addresses: list[str] = []
@@ -79,8 +79,9 @@ class Watched:
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
         page.on("request", lambda request: self.addresses.append(request.url))
         page.on("websocket", lambda socket: self.addresses.append(socket.url))
-        page.goto(f"{url}?quality=fixed")
+        page.goto(f"{url}?quality=low")
         self.until("window.stats && stats.motions > 0")
+        self("play(false)")
 
     def __call__(self, expression: str, argument: Any = None) -> Any:
         return self.page.evaluate(expression, argument)

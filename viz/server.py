@@ -147,17 +147,26 @@ class Server:
         self.stop()
 
 
-class Page(tornado.web.RequestHandler):
+class Guarded(tornado.web.RequestHandler):
+    """Whatever the server answers, it answers only under its own names."""
+
+    server: Server
+
+    def prepare(self) -> None:
+        """Refuse a foreign name that resolves to this machine (DNS rebinding).
+
+        Tornado takes a websocket whose Origin equals its Host without asking `check_origin`, so this guards both.
+        """
+        if self.request.host not in self.server.hosts:
+            raise tornado.web.HTTPError(403)
+
+
+class Page(Guarded):
     """One of the page's files."""
 
     def initialize(self, server: Server, file: Path) -> None:
         """Called by tornado."""
         self.server, self.file = server, file
-
-    def prepare(self) -> None:
-        """Refuse a name that only resolves to this machine (DNS rebinding)."""
-        if self.request.host not in self.server.hosts:
-            raise tornado.web.HTTPError(403)
 
     def set_default_headers(self) -> None:
         """No caching, no framing, no guessing of types."""
@@ -174,7 +183,7 @@ class Page(tornado.web.RequestHandler):
         self.write(self.file.read_bytes())
 
 
-class Stream(tornado.websocket.WebSocketHandler):
+class Stream(Guarded, tornado.websocket.WebSocketHandler):
     """One page: it gets the scene, the model, and a motion for every request."""
 
     def initialize(self, server: Server) -> None:
@@ -184,7 +193,7 @@ class Stream(tornado.websocket.WebSocketHandler):
 
     def check_origin(self, origin: str) -> bool:
         """Only our own page may connect."""
-        return self.request.host in self.server.hosts and origin in {f"http://{host}" for host in self.server.hosts}
+        return origin in {f"http://{host}" for host in self.server.hosts}
 
     def open(self, *_: str, **__: str) -> None:
         """Send the whole scene, then what the model is."""

@@ -160,6 +160,7 @@ async function unpack(text) {
 }
 
 async function start() {
+  if (QUALITY === "low") stage.setQuality(0);
   const own = window.EXPORTED;
   if (!own) { connect(); return; }
   document.body.classList.add("exported");
@@ -254,7 +255,7 @@ function tick(now) {
 
 // Automatic quality: if the first frames are slow, shadows go first, then pixels.
 function adapt(spent, passed) {
-  if (stage.quality === 0 || /quality=fixed/.test(location.search)) return;
+  if (stage.quality === 0 || QUALITY === "fixed") return;
   slowFrames.push(Math.max(spent, passed));
   if (slowFrames.length < 12) return;
   const middle = slowFrames.slice(4).sort((a, b) => a - b)[4];

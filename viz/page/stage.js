@@ -6,13 +6,15 @@ const VIEWS = {
   front: [[6.2, 1.75, 1.5], [0.2, 0.50, 0]], above: [[0.3, 5.3, 0.9], [0.3, 0.2, 0.05]],
   behind: [[-5.2, 1.5, 1.8], [0.1, 0.52, 0]], corner: [[3.6, 2.0, 4.3], [0.28, 0.52, 0]],
 };
+// ?quality=fixed keeps the best, ?quality=low starts with the least; otherwise the machine's speed decides.
+const QUALITY = new URLSearchParams(location.search).get("quality");
 // Colour ramps, from slack or unloaded to tense or compressed (sRGB).
 const RAMPS = { tension: ["#dfe6ee", "#f0a24f", "#b3162f"], pressure: ["#f6e3a1", "#f0b23c", "#d9481c"] };
 
 class Stage {
   constructor(pane) {
     this.pane = pane;
-    this.renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+    this.renderer = new THREE.WebGLRenderer({ antialias: QUALITY !== "low", preserveDrawingBuffer: true });
     const r = this.renderer;
     r.shadowMap.enabled = true;
     r.shadowMap.type = THREE.PCFSoftShadowMap;
