@@ -69,7 +69,8 @@ def test_anatomy_is_where_it_belongs(parts: dict[str, anatomy.Part]) -> None:
     # the bones of the arch end where Table 4.1 has its joints
     arch = Arch.thesis()
     assert centre["calcaneus"][x] == pytest.approx(-arch.L_1 * np.sin(arch.theta_10), abs=0.03)
-    assert parts["metatarsal_1"].vertices[:, x].max() == pytest.approx(arch.l_0 - arch.L_1 * np.sin(arch.theta_10), abs=0.015)
+    heads_at = arch.l_0 - arch.L_1 * np.sin(arch.theta_10)
+    assert parts["metatarsal_1"].vertices[:, x].max() == pytest.approx(heads_at, abs=0.015)
     # pads stand on the table and reach the bone
     for pad in ("heel_pad", "forefoot_pad"):
         assert parts[pad].vertices[:, y].min() == pytest.approx(1e-3 * bones.TABLE, abs=0.0012)
@@ -92,7 +93,8 @@ def test_display_changes_no_dynamics(name: str) -> None:
     dressed = mujoco.MjModel.from_xml_path(str(mjcf.scene(name)))
     assert dressed.nskin == 4
     assert bare.nskin == 0
-    for field in ("body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature", "dof_damping", "jnt_stiffness"):
+    fields = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature", "dof_damping", "jnt_stiffness")
+    for field in fields:
         assert np.array_equal(getattr(bare, field), getattr(dressed, field)), field
     assert (bare.nv, bare.nbody, bare.ngeom, bare.ncam) == (dressed.nv, dressed.nbody, dressed.ngeom, dressed.ncam)
     states = []

@@ -106,7 +106,9 @@ def test_parameters_stay_within_their_bounds() -> None:
         Settings(20.0, values={"k_X": 1.0}).apply(foot)
 
 
-@pytest.mark.parametrize("wrong", [{"frequency": 0.0}, {"frequency": float("nan")}, {"added_mass": -1.0}, {"peak_to_peak": 1e9}])
+@pytest.mark.parametrize(
+    "wrong", [{"frequency": 0.0}, {"frequency": float("nan")}, {"added_mass": -1.0}, {"peak_to_peak": 1e9}]
+)
 def test_settings_that_cannot_be_meant(wrong: dict[str, float]) -> None:
     with pytest.raises(SettingError, match="must be between"):
         Settings(**wrong)

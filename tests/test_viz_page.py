@@ -100,7 +100,8 @@ def test_foot_in_the_browser(opened: Any) -> None:
         ratio = page("motion.feet.a.ratio")
         page.page.locator("#posture").select_option("10")
         page("showAt(0.1)")
-        angle = page("2 * Math.acos(stage.feet.a.segments[0].q.w)") - page("2 * Math.acos(stage.feet.a.segments[0].flat.w)")
+        turn, flat = (page(f"2 * Math.acos(stage.feet.a.segments[0].{q}.w)") for q in ("q", "flat"))
+        angle = turn - flat
         assert abs(abs(angle) - np.radians(10)) < 0.01
         assert page("motion.feet.a.ratio") == ratio
 
@@ -148,7 +149,8 @@ def test_edited_model_reloads_and_a_broken_one_is_told(opened: Any, tmp_path: Pa
         assert page("motion.feet.a.ratio") == before
 
         file.write_text(good.replace('stiffness="1.0e5"', 'stiffness="2.0e5"'))
-        page.until(f"document.getElementById('error').hidden && motion && Math.abs(motion.feet.a.ratio - {before}) > 1e-3")
+        page.until("document.getElementById('error').hidden && motion")
+        page.until(f"motion && Math.abs(motion.feet.a.ratio - {before}) > 1e-3")
         expected = periodic_motion(load(file), Settings(25.0)).ratio
         assert page("motion.feet.a.ratio") == pytest.approx(expected, rel=1e-9)
         assert page("motion.feet.b.ratio") == pytest.approx(before, rel=1e-9)

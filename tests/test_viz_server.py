@@ -110,10 +110,14 @@ def test_pages_get_motions_and_sentences(show: Show) -> None:
         await sockets[1].write_message("[")
         while await asyncio.wait_for(sockets[1].read_message(), 30) is not None:
             pass
+        sockets[1].close()
         sockets[2].close()
         while len(server.pages) > 1:
             await asyncio.sleep(0.02)
         assert len(show.hub.listeners) == 1
+        sockets[0].close()
+        while server.pages:
+            await asyncio.sleep(0.02)
 
     serve(show, client)
     assert not show.hub.listeners

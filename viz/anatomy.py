@@ -1,8 +1,8 @@
 """The foot's meshes, made from the shapes and written as assets: `python -m viz.anatomy`.
 
-Two forms of the same meshes: `mjcf/assets/anatomy.npz` for the browser, with baked colours and the weights by which soft
-parts follow the segments, and skins (.skn) of MuJoCo, which bend with the bodies of an edited model too. In assets the
-frame is the models': metres, x towards the toes, y up, z to the right.
+Two forms of the same meshes: `mjcf/assets/anatomy.npz` for the browser, with baked colours and the weights by which
+soft parts follow the segments, and skins (.skn) of MuJoCo, which bend with the bodies of an edited model too. In assets
+the frame is the models': metres, x towards the toes, y up, z to the right.
 """
 
 import io
@@ -19,7 +19,7 @@ import mjcf
 from fasbody.console import command_line, console, print_json, progress_bar, write_whole
 from fasbody.exceptions import FasError, SettingError
 from viz import bones, tissue
-from viz.field import Array, Mesh, Shape, gradient, mesh
+from viz.field import Array, Mesh, Shape, mesh
 from viz.rest import SEGMENT_BODIES, Frame, segment_frames
 
 #: Edge length of each mesh [mm]; bones not named here have `FINE`.
@@ -65,7 +65,7 @@ class Part:
 
 
 def colour(code: str) -> Array:
-    """sRGB (3,) in 0 to 1 of ``#rrggbb``."""
+    """SRGB (3,) in 0 to 1 of ``#rrggbb``."""
     return np.array([int(code[i : i + 2], 16) for i in (1, 3, 5)]) / 255
 
 
@@ -143,7 +143,8 @@ def _shade(made: Mesh, others: list[Shape], tint: str) -> Array:
         return value
 
     steps = ((2.5, 0.3), (5.0, 0.3), (10.0, 0.4))
-    blocked = sum(w * (1 - np.clip(nearest(made.vertices + d * made.normals) / d, 0, 1)) for d, w in steps)
+    shares = [w * (1 - np.clip(nearest(made.vertices + d * made.normals) / d, 0, 1)) for d, w in steps]
+    blocked = np.sum(shares, axis=0)
     cartilage = 0.8 * np.exp(-((np.clip(nearest(made.vertices), 0, None) / 2.4) ** 2))[:, None]
     bone = colour(tint) * (1 - 0.38 * blocked[:, None] * np.array([0.75, 0.92, 1.0]))
     covered = colour(CARTILAGE) * (1 - 0.3 * blocked[:, None])
@@ -180,7 +181,7 @@ def pack(parts: list[Part]) -> bytes:
         arrays[f"{part.name}.colours"] = np.round(255 * part.colours).astype(np.uint8)
         arrays[f"{part.name}.weights"] = np.round(255 * part.weights).astype(np.uint8)
     file = io.BytesIO()
-    np.savez_compressed(file, **arrays)
+    np.savez_compressed(file, allow_pickle=False, **arrays)
     return file.getvalue()
 
 
@@ -211,7 +212,8 @@ def skin_file(parts: list[Part], bodies: dict[str, str], frames: dict[str, Frame
     faces = np.vstack([part.faces + o for part, o in zip(parts, offset, strict=False)]).astype("<i4")
     weights = np.vstack([part.weights for part in parts])
     used = list(dict.fromkeys(bodies.values()))
-    by_body = {b: sum(weights[:, i] for i, s in enumerate(bones.SEGMENTS) if bodies[s] == b) for b in used}
+    owners = np.array([bodies[segment] for segment in bones.SEGMENTS])
+    by_body = {body: weights[:, owners == body].sum(1) for body in used}
     body_rows = {body: np.flatnonzero(share > 0.004) for body, share in by_body.items()}
     body_rows = {body: rows for body, rows in body_rows.items() if rows.size}
     out = struct.pack("<4i", len(vertices), 0, len(faces), len(body_rows)) + vertices.tobytes() + faces.tobytes()

@@ -105,11 +105,11 @@ def toe_line(i: int) -> list[np.ndarray]:
     """Joints of toe `i`, 0 the great toe: base, joints and tip, each (3,)."""
     head = np.asarray(METATARSALS[i][1], float)
     if i == 0:
-        return [head + (7, -0.3, 0), np.array([131.0, -25, -1.5]), np.array([153.0, -22.5, -6])]
+        return [head + np.array([7, -0.3, 0]), np.array([131.0, -25, -1.5]), np.array([153.0, -22.5, -6])]
     reach, aside = np.array([(31, 43, 53), (29, 40, 49), (27, 37, 45), (24, 32, 39)][i - 1]), -0.7 * i
     heights = (2.5, -4.0, -8.5)
-    joints = [head + (x, 0.06 * x * aside, z - 0.3 * i) for x, z in zip(reach, heights, strict=True)]
-    return [head + (6.5, 0, 1.2), *joints]
+    joints = [head + np.array([x, 0.06 * x * aside, z - 0.3 * i]) for x, z in zip(reach, heights, strict=True)]
+    return [head + np.array([6.5, 0, 1.2]), *joints]
 
 
 def _toe(i: int) -> dict[str, Shape]:

@@ -7,7 +7,7 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -19,14 +19,17 @@ from viz.show import Show
 
 PAGE = Path(__file__).parent / "page"
 #: Nothing of an exported page may reach for any address.
-POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; connect-src data: blob:"
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
+    "connect-src data: blob:"
+)
 #: Frames of a film, which shows one period (or the whole transient), and how fast they go by [1/s].
 FILM, FILM_RATE = 48, 24
-SIZE = {"width": 1120, "height": 640}
+WIDTH, HEIGHT = 1120, 640
 #: What Chromium needs to draw without a screen and without reaching out.
 CHROMIUM = (
-    "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist",
-    "--disable-background-networking", "--disable-sync", "--no-first-run",
+    "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist", "--disable-background-networking", "--disable-sync", "--no-first-run",
     "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1",
 )  # fmt: skip
 
@@ -37,7 +40,7 @@ def export_to(show: Show, file: Path) -> Path:
     Raises:
         SettingError: another ending, or a tool that is not installed.
     """
-    writers = {".html": html, ".png": png, ".gif": gif, ".mp4": mp4}
+    writers: dict[str, Callable[[Show], str | bytes]] = {".html": html, ".png": png, ".gif": gif, ".mp4": mp4}
     if file.suffix not in writers:
         raise SettingError(f"--export {file}: the ending must be one of {', '.join(writers)}.")
     return write_whole(file, writers[file.suffix](show))
@@ -130,7 +133,7 @@ def _browser(show: Show) -> Iterator[Any]:
         file.write_text(html(show))
         browser = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM))
         try:
-            page = browser.new_page(viewport=SIZE, bypass_csp=True)
+            page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, bypass_csp=True)
             page.goto(f"{file.as_uri()}?quality=fixed", timeout=60_000)
             page.wait_for_function("window.stats && stats.motions > 0", timeout=60_000)
             page.add_style_tag(content="aside, footer { display: none } body { grid-template: 1fr / 1fr }")

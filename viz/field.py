@@ -73,7 +73,8 @@ def union(*parts: Shape, blend: float = 6.0) -> Shape:
             total = _smooth_minimum(total, part.distance(p), blend)
         return total
 
-    return Shape(distance, np.min([q.low for q in parts], 0) - blend / 3, np.max([q.high for q in parts], 0) + blend / 3)
+    low, high = np.min([part.low for part in parts], 0), np.max([part.high for part in parts], 0)
+    return Shape(distance, low - blend / 3, high + blend / 3)
 
 
 def cut(shape: Shape, *tools: Shape, blend: float = 4.0) -> Shape:

@@ -29,7 +29,7 @@ def main(
     peak_to_peak: Annotated[float, typer.Option(help="Acceleration of the table [m/s^2].")] = 17.9,
     added_mass: Annotated[float, typer.Option(help="On the knee [kg].")] = 0.0,
     sweep: Annotated[bool, typer.Option(help="A swept sine, 5 to 50 Hz in 4 s, in place of the sine.")] = False,
-    recording: Annotated[Path | None, typer.Option(help="Drive the table by a recording; its ankle is a ghost.")] = None,
+    recording: Annotated[Path | None, typer.Option(help="Drive the table by it; its ankle is a ghost.")] = None,
     seconds: Annotated[float, typer.Option(help="How much of the recording [s].")] = 1.0,
     result: Annotated[Path | None, typer.Option(help="Parameters of a fit, result.json.")] = None,
     slow: Annotated[float, typer.Option(help="Slow motion, times.")] = 20.0,
@@ -38,7 +38,7 @@ def main(
     export: Annotated[Path | None, typer.Option(help="Write .html, .png, .gif or .mp4 and end.")] = None,
     port: Annotated[int, typer.Option(help="0 takes a free one.")] = 0,
     browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
-    json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout: the address, or the motion.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout: address or file.")] = False,
 ) -> None:
     """Watch a foot on the shaker in slow motion; move a slider and the real model runs again."""
     for name, value in (("--slow", slow), ("--amplify", amplify), ("--seconds", seconds)):

@@ -75,7 +75,7 @@ class Motion:
     Attributes:
         time: (n,) [s]; a periodic motion starts again after `duration`.
         duration: [s].
-        bodies: (n, bodies, 6) displacement [m] and rotation vector [rad] of each body from its rest, in order of `names`.
+        bodies: (n, bodies, 6) displacement [m] and rotation vector [rad] of each body from rest, in order of `names`.
         names: bodies of the model.
         base: (n,) base acceleration; malleolus: (n,) its acceleration [m/s^2].
         loops: what -> (2, n) extension [m] and force [N], both positive in extension.

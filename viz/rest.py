@@ -10,7 +10,9 @@ import mjcf
 
 #: Segment of the foot -> body, for the shipped models; edited copies keep the names.
 SEGMENT_BODIES: dict[str, dict[str, str]] = {
-    "foot_arch": {name: name for name in ("calcaneus_talus", "navicular", "cuneiforms", "metatarsals", "tibia", "base")},
+    "foot_arch": {
+        name: name for name in ("calcaneus_talus", "navicular", "cuneiforms", "metatarsals", "tibia", "base")
+    },
     "two_dof": {
         **dict.fromkeys(("calcaneus_talus", "navicular", "cuneiforms", "metatarsals"), "foot"),
         "tibia": "shank", "base": "base",

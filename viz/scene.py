@@ -129,7 +129,8 @@ def stage(hub: Hub) -> meshcat.Visualizer:
         hub.property(f"/Lights/{name}", "visible", False)
         hub.property(f"/Lights/{name}/<object>", "castShadow", False)
     hub.property("/Lights/AmbientLight/<object>", "intensity", 0.16)
-    sky = {"uuid": "sky", "type": "HemisphereLight", "color": 0xFFFFFF, "groundColor": _hex("#9a7a60"), "intensity": 0.4}
+    ground = _hex("#9a7a60")
+    sky = {"uuid": "sky", "type": "HemisphereLight", "color": 0xFFFFFF, "groundColor": ground, "intensity": 0.4}
     hub.object("/Lights/Sky", {"uuid": "sky group", "type": "Group", "children": [sky]})
     camera = {"uuid": "key camera", "type": "OrthographicCamera", "left": -2.4, "right": 2.4, "top": 2.4,
               "bottom": -2.4, "near": 0.5, "far": 14}  # fmt: skip
@@ -164,7 +165,7 @@ def add_foot(
         faces = np.vstack([part.faces + o for part, o in zip(group, offset, strict=False)])
         normals = np.vstack([part.normals for part in group])
         paint = linear(np.vstack([part.colours for part in group]))
-        look = {"vertexColors": True, "color": 0xFFFFFF}
+        look: dict[str, Any] = {"vertexColors": True, "color": 0xFFFFFF}
         if ghost:
             look = {"color": _hex("#5fb4ff"), "transparent": True, "opacity": 0.38, "depthWrite": False}
         material = _material(
@@ -228,15 +229,15 @@ def add_plain(visualizer: meshcat.Visualizer, name: str, model: mujoco.MjModel) 
         body, size = model.body(model.geom_bodyid[i]).name, SCALE * model.geom_size[i]
         position, rotation = model.geom_pos[i], np.zeros(9)
         mujoco.mju_quat2Mat(rotation, model.geom_quat[i])
-        shapes: dict[int, Callable[[], geometry.Geometry]] = {
-            kinds.mjGEOM_BOX: lambda s=size: geometry.Box(2 * s),
-            kinds.mjGEOM_SPHERE: lambda s=size: geometry.Sphere(s[0]),
-            kinds.mjGEOM_ELLIPSOID: lambda s=size: geometry.Ellipsoid(s),
-            kinds.mjGEOM_CAPSULE: lambda s=size: geometry.Cylinder(2 * s[1], s[0]),
-            kinds.mjGEOM_CYLINDER: lambda s=size: geometry.Cylinder(2 * s[1], s[0]),
+        shapes = {
+            kinds.mjGEOM_BOX: geometry.Box(2 * size),
+            kinds.mjGEOM_SPHERE: geometry.Sphere(size[0]),
+            kinds.mjGEOM_ELLIPSOID: geometry.Ellipsoid(size),
+            kinds.mjGEOM_CAPSULE: geometry.Cylinder(2 * size[1], size[0]),
+            kinds.mjGEOM_CYLINDER: geometry.Cylinder(2 * size[1], size[0]),
         }
-        make = shapes.get(int(model.geom_type[i]))
-        if make is None or not body:
+        shape = shapes.get(int(model.geom_type[i]))
+        if shape is None or not body:
             continue
         frame = np.eye(4)
         along = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])  # meshcat's cylinder stands along y, MuJoCo's along z
@@ -245,7 +246,8 @@ def add_plain(visualizer: meshcat.Visualizer, name: str, model: mujoco.MjModel) 
         frame[:3, 3] = SCALE * position
         r, g, b = (255 * linear(model.geom_rgba[i, :3])).astype(int)
         node = visualizer["foot"][name][body][f"geom{i}"]
-        node.set_object(make(), _material("MeshPhongMaterial", color=int(r) << 16 | int(g) << 8 | int(b), shininess=30))
+        paint = int(r) << 16 | int(g) << 8 | int(b)
+        node.set_object(shape, _material("MeshPhongMaterial", color=paint, shininess=30))
         node.set_transform(frame)
 
 

@@ -63,7 +63,8 @@ class Server:
         try:
             self._sockets = tornado.netutil.bind_sockets(port, address=ADDRESS)
         except OSError as error:
-            raise SettingError(f"port {port} cannot be used ({error.strerror}); leave --port out for a free one.") from None
+            problem = f"port {port} cannot be used ({error.strerror}); leave --port out for a free one."
+            raise SettingError(problem) from None
         self.port = self._sockets[0].getsockname()[1]
         self.url = f"http://{ADDRESS}:{self.port}/"
         self.hosts = {f"{ADDRESS}:{self.port}", f"localhost:{self.port}"}
@@ -234,12 +235,8 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
     def send(self, message: str | bytes) -> None:
         """Write, and forget a page that has gone."""
         try:
-            asyncio.ensure_future(self._write(message))
-        except RuntimeError:
+            written = self.write_message(message, binary=isinstance(message, bytes))
+        except tornado.websocket.WebSocketClosedError:
             self.on_close()
-
-    async def _write(self, message: str | bytes) -> None:
-        try:
-            await asyncio.wait_for(self.write_message(message, binary=isinstance(message, bytes)), PATIENCE)
-        except (tornado.websocket.WebSocketClosedError, TimeoutError):
-            self.on_close()
+            return
+        written.add_done_callback(lambda done: done.cancelled() or done.exception())  # a page that left is no error

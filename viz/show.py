@@ -228,7 +228,7 @@ def _known(foot: Foot, values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _flat(values: np.ndarray, digits: int) -> list[float]:
-    return np.round(values, digits).ravel().tolist()  # type: ignore[no-any-return]
+    return np.round(values, digits).ravel().tolist()
 
 
 def _document(motion: Motion) -> dict[str, Any]:

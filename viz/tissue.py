@@ -1,4 +1,4 @@
-"""The soft parts as shapes: fat pads under heel and forefoot, plantar aponeurosis, skin. Frame and units of bones.py."""
+"""The soft parts as shapes: fat pads under heel and forefoot, aponeurosis, skin. Frame and units of bones.py."""
 
 import numpy as np
 
