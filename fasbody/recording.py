@@ -33,10 +33,11 @@ class Condition:
 
     @property
     def masses(self) -> dict[str, float]:
-        """m_S and m_F [kg] of section 4.5; empty if the body mass is unknown."""
+        """m_S (in the arch m_T) and m_F [kg] of section 4.5; empty if the body mass is unknown."""
         if self.body_mass_kg is None:
             return {}
-        return {"m_S": shank_mass(self.body_mass_kg, self.added_mass_kg), "m_F": foot_mass(self.body_mass_kg)}
+        shank = shank_mass(self.body_mass_kg, self.added_mass_kg)
+        return {"m_S": shank, "m_T": shank, "m_F": foot_mass(self.body_mass_kg)}
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from identification.replay import Replay, replay
 from identification.result import Branch, Estimate, FitResult, RecordingFit
 from identification.routes import PeriodicRoute, Route, TimeRoute, choose_domain
 from identification.search import Descent, descend, explore
-from identification.space import Space, space_of
+from identification.space import MASSES, Space, space_of
 
 #: Rounds of reweighing: the weights depend on the model, and settle at once.
 _REWEIGH = 2
@@ -77,8 +77,8 @@ def fit(
     if not delay:
         warnings.append("One frequency cannot tell a delay between the channels from damping: it is held at zero.")
     space = space_of(foot, settings.free, settings.bounds, delay)
-    if any(not r.condition.masses for r in data) and {"m_S", "m_F"} & set(foot.parameters):
-        held = ", ".join(f"{n} {v:.3g} kg" for n, v in foot.values().items() if n in ("m_S", "m_F"))
+    if any(not r.condition.masses for r in data) and set(MASSES) & set(foot.parameters):
+        held = ", ".join(f"{n} {v:.3g} kg" for n, v in foot.values().items() if n in MASSES)
         warnings.append(f"The body mass is unknown, so the model's own masses are used ({held}); give --body-mass.")
     route: Route = (PeriodicRoute if domain == "periodic" else TimeRoute)(foot, data, space, twin, settings.threads)
 

@@ -7,7 +7,7 @@ first-order correction, so that a fit costs about one period of simulation for e
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -33,11 +33,12 @@ class Excitation:
     frequency_hz: float
     amplitudes: np.ndarray
     masses: Mapping[str, float]
+    longest_step: float = LONGEST_STEP
 
     @property
     def steps(self) -> int:
         """Steps a period."""
-        return max(FEWEST_STEPS, int(np.ceil(1.0 / (self.frequency_hz * LONGEST_STEP))))
+        return max(FEWEST_STEPS, int(np.ceil(1.0 / (self.frequency_hz * self.longest_step) - 1e-6)))
 
     @property
     def step(self) -> float:
@@ -122,7 +123,8 @@ class Rollouts:
     name = "mujoco"
 
     def __init__(self, foot: Foot, excitations: Sequence[Excitation], names: Sequence[str], threads: int = 0) -> None:
-        self.excitations = list(excitations)
+        # the model's own step where it asks for a finer one
+        self.excitations = [replace(e, longest_step=min(LONGEST_STEP, foot.step)) for e in excitations]
         self.columns = Columns(foot, names, threads)
         self._controls = [e.motion.controls(e.step, e.steps) for e in self.excitations]
         self._last: list[_Last | None] = [None] * len(self.excitations)
