@@ -7,7 +7,7 @@ first-order correction, so that a fit costs about one period of simulation for e
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -33,7 +33,7 @@ class Excitation:
     frequency_hz: float
     amplitudes: np.ndarray
     masses: Mapping[str, float]
-    longest_step: float = LONGEST_STEP
+    longest_step: float = LONGEST_STEP  # the model's own, where it asks for a finer one
 
     @property
     def steps(self) -> int:
@@ -123,8 +123,7 @@ class Rollouts:
     name = "mujoco"
 
     def __init__(self, foot: Foot, excitations: Sequence[Excitation], names: Sequence[str], threads: int = 0) -> None:
-        # the model's own step where it asks for a finer one
-        self.excitations = [replace(e, longest_step=min(LONGEST_STEP, foot.step)) for e in excitations]
+        self.excitations = list(excitations)
         self.columns = Columns(foot, names, threads)
         self._controls = [e.motion.controls(e.step, e.steps) for e in self.excitations]
         self._last: list[_Last | None] = [None] * len(self.excitations)

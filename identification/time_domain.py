@@ -19,13 +19,13 @@ from fasbody.shaker import samples
 from fasbody.two_dof import NAMES, trajectory
 from identification.columns import Columns
 from identification.periodic import inverse_of_gram
+from identification.search import UNSTABLE
 from identification.space import DELAY, Space
 
 #: Longest time step [s]; each sampling interval is divided into whole steps.
 LONGEST_STEP = 5e-4
 #: Bound of the scaled initial states.
 _WIDE = 1e3
-_UNSTABLE = 1e8
 
 
 class TimeEngine(Protocol):
@@ -219,7 +219,7 @@ class TimeProblem:
                     rows = slice(i * width, i * width + R.shape[0])
                     r[rows], J[rows, self._columns(i)] = R[:, -1], R[:, :-1]
             except SimulationError:
-                r[:], J[:] = _UNSTABLE, 0.0
+                r[:], J[:] = UNSTABLE, 0.0
             self._cache = (key, r, J)
         return self._cache[1], self._cache[2]
 
