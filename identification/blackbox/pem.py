@@ -1,0 +1,154 @@
+"""Prediction-error estimation of ARMAX, OE and BJ models from one or many recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import lfilter
+
+from fasbody.exceptions import SettingError, unknown
+
+from . import arx, starts
+from .data import Series
+from .least_squares import Linearisation, Minimum, covariance, minimise, project_states
+from .polynomial import Orders, PolynomialModel, largest_root, pulse_response, shifted, unpack
+
+RACE = 10  # iterations given to each starting value before only the best goes on
+RADIUS = 0.99995  # of the roots of C, D, F: beyond it a free motion outlasts any recording
+
+
+class Residuals:
+    """One-step prediction errors of A y = B/F u + C/D e and their exact derivatives.
+
+    Filters start from rest at the first sample. Everything before the first row with complete regressors is thus
+    wrong, and wrong only by free motions of 1/F and 1/C; these are fitted as nuisance columns, for each recording its
+    own, and projected out (so no pre-recorded past is needed and recordings pool).
+
+    Args:
+        recordings: estimation data, means removed.
+        orders: of the model.
+    """
+
+    def __init__(self, recordings: Sequence[Series], orders: Orders) -> None:
+        self.recordings = recordings
+        self.orders = orders
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        """Whether C, D and F have all roots well inside the unit circle, so that predictor and noise are stable."""
+        _, _, c, d, f = unpack(theta, self.orders)
+        return bool(np.isfinite(theta).all()) and max(map(largest_root, (c, d, f))) < RADIUS
+
+    def at(self, theta: np.ndarray, *, gradient: bool = False) -> Linearisation:
+        """Errors with fitted initial states, and their derivatives when asked."""
+        parts = [self._one(series, theta, gradient) for series in self.recordings]
+        return Linearisation([errors for errors, _ in parts], [columns for _, columns in parts] if gradient else [])
+
+    def _one(self, series: Series, theta: np.ndarray, gradient: bool) -> tuple[np.ndarray, np.ndarray]:
+        o = self.orders
+        a, b, c, d, f = unpack(theta, o)
+        first, length = o.first_row, len(series)
+        w = lfilter(b, f, series.u)  # undisturbed output, Eq. (3.7)
+        v = lfilter(a, [1.0], series.y) - w
+        errors = lfilter(d, c, v)  # Eqs (3.12), (3.14): y - (L1 y + L2 u) with L1 = 1 - A D/C, L2 = B D/(C F)
+
+        noise_states = max(o.nc, o.nd)
+        tail = length - first
+        free = np.empty((tail, o.nf + noise_states), order="F")
+        free[:, : o.nf] = shifted(lfilter(d, c, pulse_response(f, tail)), o.nf)
+        free[:, o.nf :] = shifted(pulse_response(c, tail), noise_states)
+        state, remove = project_states(-errors[first:], free)
+        fitted = errors[first:] + free @ state
+        if not gradient:
+            return fitted, np.empty((0, 0))
+
+        # The signals behind the fitted errors: the pulses enter w through 1/F, the errors through 1/C.
+        pulses = np.zeros(length)
+        pulses[first : first + o.nf] = -state[: o.nf]
+        w = w + lfilter([1.0], f, pulses)
+        v = lfilter(a, [1.0], series.y) - w
+        errors = np.concatenate([np.zeros(first), fitted])
+        columns = np.empty((length, o.parameters), order="F")
+        df = lfilter(d, c, lfilter([1.0], f, np.column_stack([series.u, w]), axis=0), axis=0)
+        ends = np.cumsum((o.na, o.nb, o.nc, o.nd, o.nf))
+        columns[:, : ends[0]] = shifted(lfilter(d, c, series.y), o.na, 1)
+        columns[:, ends[0] : ends[1]] = -shifted(df[:, 0], o.nb, o.nk)
+        columns[:, ends[1] : ends[2]] = -shifted(lfilter([1.0], c, errors), o.nc, 1)
+        columns[:, ends[2] : ends[3]] = shifted(lfilter([1.0], c, v), o.nd, 1)
+        columns[:, ends[3] :] = shifted(df[:, 1], o.nf, 1)
+        return fitted, remove(columns[first:])
+
+
+def estimate(
+    structure: str, recordings: Series | Sequence[Series], orders: Orders, *, start: PolynomialModel | None = None
+) -> PolynomialModel:
+    """Prediction-error estimate of an ARX, ARMAX, OE or BJ model.
+
+    Args:
+        structure: "arx", "armax" Eq. (3.6), "oe" Eq. (3.7) or "bj" Eq. (3.8).
+        recordings: one or many, pooled with an initial state each; means removed.
+        orders: numbers of coefficients and delay.
+        start: a model of the same structure and orders to start from; default: linear estimates, best of several.
+
+    Raises:
+        SettingError: unknown structure, or more parameters than samples.
+    """
+    pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
+    if structure == "arx":
+        return arx.estimate(pooled, orders)
+    if structure not in ("armax", "oe", "bj"):
+        raise SettingError(unknown("structure", structure, ("arx", "armax", "oe", "bj")) + ".")
+    check_length(pooled, orders)
+    problem = Residuals(pooled, orders)
+    if start is not None:
+        families = [[start.theta]]
+    elif structure == "bj":
+        plant = Residuals(pooled, Orders(nb=orders.nb, nf=orders.nf, nk=orders.nk))
+        b_and_f = _race(plant, starts.families("oe", pooled, orders)).theta
+        families = starts.with_noise_model(pooled, orders, b_and_f)
+    else:
+        families = starts.families(structure, pooled, orders)
+    minimum = _race(problem, families)
+    warnings = []
+    if not minimum.converged:
+        warnings.append("the iterations ended before the loss stopped falling")
+    a, _, c, _, f = unpack(minimum.theta, orders)
+    if largest_root(a) >= 1.0:
+        warnings.append("unstable poles: the model predicts one step but cannot be simulated freely")
+    elif max(largest_root(f), largest_root(a)) >= 0.9999:
+        warnings.append("a pole lies on the unit circle: its free motion can imitate a sine without any input")
+    if largest_root(c) >= 0.9999:
+        warnings.append("a zero of the noise model lies on the unit circle")
+    return PolynomialModel(
+        structure, orders, minimum.theta, covariance(minimum.at, coloured=structure == "oe"), minimum.at.loss,
+        minimum.at.samples, pooled[0].sample_time, tuple(warnings),
+    )  # fmt: skip
+
+
+def _race(problem: Residuals, families: list[list[np.ndarray]]) -> Minimum:
+    """A few iterations from the best admissible member of each family, then the whole way from the one ahead."""
+    leaders = []
+    for family in families:
+        losses = [(problem.at(theta).loss, k) for k, theta in enumerate(family) if problem.admissible(theta)]
+        losses = [(loss, k) for loss, k in losses if np.isfinite(loss)]
+        leaders += [family[min(losses)[1]]] if losses else []
+    if not leaders:
+        raise SettingError(f"no stable starting model with {problem.orders}; lower the orders.")
+    runners = [minimise(problem, leader, iterations=RACE) for leader in leaders]
+    ahead = min(runners, key=lambda runner: runner.at.loss)
+    return ahead if ahead.converged else minimise(problem, ahead.theta)
+
+
+def check_length(recordings: Sequence[Series], orders: Orders) -> None:
+    """Refuse recordings that are shorter than their model, or of unlike sample times."""
+    times = [series.sample_time for series in recordings]
+    if max(times) - min(times) > 1e-6 * max(times):
+        raise SettingError(
+            f"recordings with sample times from {min(times):g} to {max(times):g} s cannot be pooled; resample them."
+        )
+    for series in recordings:
+        if len(series) - orders.first_row <= 2 * orders.parameters:
+            raise SettingError(
+                f"{series.name}: {len(series)} samples cannot carry {orders.parameters} parameters with a first row at "
+                f"{orders.first_row + 1}; record longer or lower the orders."
+            )

@@ -1,0 +1,313 @@
+"""The general linear polynomial model A y = B/F u + C/D e: response, poles, simulation, prediction, conversions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import linalg, signal
+
+from fasbody.exceptions import SettingError, unknown
+
+from .data import Series
+
+#: Orders of each structure in the sequence of Table 3.2.
+STRUCTURES = {
+    "arx": ("na", "nb", "nk"),
+    "armax": ("na", "nb", "nc", "nk"),
+    "bj": ("nb", "nc", "nd", "nf", "nk"),
+    "oe": ("nb", "nf", "nk"),
+}
+
+
+@dataclass(frozen=True)
+class Orders:
+    """Numbers of coefficients of A, B, C, D, F and the delay n_k in samples, Eq. (3.4).
+
+    B holds n_b coefficients, the first at lag n_k: sum of b_k u(t - n_k - k + 1), k = 1..n_b (one convention for the
+    two that the thesis prints).
+    """
+
+    na: int = 0
+    nb: int = 1
+    nc: int = 0
+    nd: int = 0
+    nf: int = 0
+    nk: int = 1
+
+    def __post_init__(self) -> None:
+        """Refuse counts that cannot be meant."""
+        if self.nb < 1 or min(self.na, self.nc, self.nd, self.nf, self.nk) < 0:
+            raise SettingError(f"orders {self} cannot be meant; n_b is at least 1 and no other is negative.")
+
+    @classmethod
+    def of(cls, structure: str, numbers: tuple[int, ...]) -> Orders:
+        """Orders from the numbers in the sequence of Table 3.2, e.g. `of("oe", (4, 4, 1))`."""
+        if structure not in STRUCTURES:
+            raise SettingError(unknown("structure", structure, STRUCTURES) + ".")
+        names = STRUCTURES[structure]
+        if len(names) != len(numbers):
+            raise SettingError(f"{structure} takes {len(names)} orders ({', '.join(names)}), not {len(numbers)}.")
+        return cls(**{"nb": 1, **dict(zip(names, numbers, strict=True))})
+
+    def as_tuple(self, structure: str) -> tuple[int, ...]:
+        """The numbers in the sequence of Table 3.2."""
+        return tuple(getattr(self, name) for name in STRUCTURES[structure])
+
+    @property
+    def parameters(self) -> int:
+        """Number of estimated coefficients d."""
+        return self.na + self.nb + self.nc + self.nd + self.nf
+
+    @property
+    def first_row(self) -> int:
+        """First sample whose regressors are all measured."""
+        return max(self.na, self.nk + self.nb - 1)
+
+
+@dataclass(frozen=True)
+class Response:
+    """A frequency response with the standard deviations of its real and imaginary part.
+
+    Attributes:
+        frequency_hz: shape (M,).
+        value: complex, shape (M,).
+        covariance: of (real, imaginary), shape (M, 2, 2); NaN where no covariance is known.
+    """
+
+    frequency_hz: np.ndarray
+    value: np.ndarray
+    covariance: np.ndarray
+
+    def _along(self, direction: np.ndarray) -> np.ndarray:
+        parts = np.stack([direction.real, direction.imag], axis=-1)
+        return np.sqrt(np.maximum(np.einsum("mi,mij,mj->m", parts, self.covariance, parts), 0.0))
+
+    @property
+    def gain_std(self) -> np.ndarray:
+        """Standard deviation of the gain, shape (M,)."""
+        return self._along(self.value / np.maximum(np.abs(self.value), 1e-300))
+
+    @property
+    def phase_std_deg(self) -> np.ndarray:
+        """Standard deviation of the phase in degrees, shape (M,)."""
+        size = np.maximum(np.abs(self.value), 1e-300)
+        return np.rad2deg(self._along(1j * self.value / size) / size)
+
+
+@dataclass(frozen=True)
+class PolynomialModel:
+    """An estimated polynomial model with its uncertainty.
+
+    Attributes:
+        structure: arx, armax, oe, bj, or ss for the polynomial form of a state-space model.
+        orders: numbers of coefficients.
+        theta: coefficients a, b, c, d, f in this sequence, shape (d,).
+        covariance: of `theta`, shape (d, d).
+        loss: mean squared one-step prediction error on the estimation data [output unit squared], Eq. (3.15).
+        samples: number of residuals behind `loss`.
+        sample_time: seconds.
+        warnings: sentences for the user.
+    """
+
+    structure: str
+    orders: Orders
+    theta: np.ndarray
+    covariance: np.ndarray
+    loss: float
+    samples: int
+    sample_time: float
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def polynomials(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """A, B, C, D, F as coefficients of rising powers of q^-1; B begins with its n_k zeros."""
+        return unpack(self.theta, self.orders)
+
+    @property
+    def parameters(self) -> int:
+        """Number of estimated coefficients."""
+        return len(self.theta)
+
+    @property
+    def std_error(self) -> np.ndarray:
+        """Standard errors of `theta`, shape (d,)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def noise_variance(self) -> float:
+        """Unbiased estimate of the variance of e(t)."""
+        return self.loss * self.samples / max(self.samples - self.parameters, 1)
+
+    @property
+    def plant(self) -> tuple[np.ndarray, np.ndarray]:
+        """Numerator and denominator of G in rising powers of q^-1, Eq. (3.1)."""
+        a, b, _, _, f = self.polynomials
+        return b, np.convolve(a, f)
+
+    @property
+    def noise(self) -> tuple[np.ndarray, np.ndarray]:
+        """Numerator and denominator of H in rising powers of q^-1, Eq. (3.2)."""
+        a, _, c, d, _ = self.polynomials
+        return c, np.convolve(a, d)
+
+    def poles(self) -> np.ndarray:
+        """Poles of G in the z plane."""
+        return np.roots(self.plant[1])
+
+    def zeros(self) -> np.ndarray:
+        """Zeros of G in the z plane, without the delay's."""
+        return np.roots(np.trim_zeros(self.plant[0], "f"))
+
+    @property
+    def stable(self) -> bool:
+        """Whether free simulation stays bounded."""
+        return bool(np.all(np.abs(self.poles()) < 1.0))
+
+    def response(self, frequency_hz: ArrayLike) -> Response:
+        """Frequency response of G with first-order error propagation from the parameters' covariance."""
+        frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
+        o = self.orders
+        a, b, _, _, f = self.polynomials
+        shift = np.exp(-2j * np.pi * frequency * self.sample_time)  # q^-1
+        A, B, F = (np.polynomial.polynomial.polyval(shift, p) for p in (a, b, f))
+        G = B / (A * F)
+        lag = lambda n, first: shift[:, None] ** (first + np.arange(n))  # noqa: E731
+        gradient = np.zeros((len(frequency), self.parameters), dtype=complex)
+        gradient[:, : o.na] = -(G / A)[:, None] * lag(o.na, 1)
+        gradient[:, o.na : o.na + o.nb] = lag(o.nb, o.nk) / (A * F)[:, None]
+        gradient[:, self.parameters - o.nf :] = -(G / F)[:, None] * lag(o.nf, 1)
+        parts = np.stack([gradient.real, gradient.imag], axis=1)
+        return Response(frequency, G, parts @ self.covariance @ np.swapaxes(parts, 1, 2))
+
+    def simulate(self, series: Series) -> np.ndarray:
+        """Free simulation from the input alone, initial state estimated by least squares, shape (N,)."""
+        num, den = self.plant
+        return free_run(num, den, series.u, series.y)
+
+    def residuals(self, series: Series) -> np.ndarray:
+        """One-step prediction errors from the first sample with complete regressors on."""
+        from .pem import Residuals
+
+        return Residuals([series], self.orders).at(self.theta).errors[0]
+
+    def predict(self, series: Series) -> np.ndarray:
+        """One-step prediction of the output, Eq. (3.13); measured values where the past is not complete yet."""
+        errors = self.residuals(series)
+        prediction = series.y.copy()
+        prediction[len(series) - len(errors) :] -= errors
+        return prediction
+
+    def to_transfer_function(self) -> Any:
+        """G as `scipy.signal.TransferFunction` with its sample time."""
+        num, den = _same_length(*self.plant)
+        lead = np.argmax(num != 0) if num.any() else 0
+        return signal.TransferFunction(num[lead:], den, dt=self.sample_time)
+
+    def to_zeros_poles(self) -> Any:
+        """G as `scipy.signal.ZerosPolesGain`."""
+        return self.to_transfer_function().to_zpk()
+
+    def to_state_space(self) -> Any:
+        """G as `scipy.signal.StateSpace`."""
+        return self.to_transfer_function().to_ss()
+
+    def to_control(self) -> Any:
+        """G as a python-control `TransferFunction`.
+
+        Raises:
+            SettingError: python-control is not installed.
+        """
+        try:
+            import control
+        except ImportError as error:
+            raise SettingError("python-control is missing; pip install 'fasbody[control]'.") from error
+        transfer = self.to_transfer_function()
+        return control.TransferFunction(transfer.num, transfer.den, self.sample_time)
+
+    @property
+    def label(self) -> str:
+        """Structure and orders, as `OE (4, 4, 1)`."""
+        return f"{self.structure.upper()} {self.orders.as_tuple(self.structure)}"
+
+    def __str__(self) -> str:
+        names = [
+            f"{letter}{k}" for letter, first in zip("abcdf", (1, self.orders.nk, 1, 1, 1), strict=True)
+            for k in range(first, first + getattr(self.orders, f"n{letter}"))
+        ]  # fmt: skip
+        rows = [f"  {n:>4} {v: .6g} +- {s:.2g}" for n, v, s in zip(names, self.theta, self.std_error, strict=True)]
+        head = f"{self.label}, loss {self.loss:.5g}, {self.samples} samples of {self.sample_time:g} s"
+        return "\n".join([head, *rows, *(f"  warning: {text}" for text in self.warnings)])
+
+
+def unpack(
+    theta: np.ndarray, orders: Orders
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Polynomials A, B, C, D, F of Eq. (3.4) from the coefficient vector."""
+    counts = (orders.na, orders.nb, orders.nc, orders.nd, orders.nf)
+    a, b, c, d, f = np.split(theta, np.cumsum(counts)[:-1])
+    monic = [np.concatenate([[1.0], p]) for p in (a, c, d, f)]
+    return monic[0], np.concatenate([np.zeros(orders.nk), b]), monic[1], monic[2], monic[3]
+
+
+def pack(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, f: np.ndarray) -> np.ndarray:
+    """The coefficient vector of the polynomials; `b` without its leading zeros, the others monic."""
+    return np.concatenate([a[1:], b, c[1:], d[1:], f[1:]])
+
+
+def stabilise(polynomial: np.ndarray, radius: float = 0.9995) -> np.ndarray:
+    """The monic polynomial with roots outside the unit circle mirrored into it, and none beyond `radius`."""
+    if len(polynomial) < 2:
+        return polynomial
+    roots = np.roots(polynomial)
+    size = np.abs(roots)
+    roots = np.where(size > 1.0, roots / np.maximum(size, 1e-300) ** 2, roots)
+    roots *= np.minimum(1.0, radius / np.maximum(np.abs(roots), 1e-300))
+    stable = np.zeros(len(polynomial))
+    made = np.poly(roots).real
+    stable[: len(made)] = made
+    return stable
+
+
+def largest_root(polynomial: np.ndarray) -> float:
+    """Modulus of the largest root; 0 for a constant."""
+    return float(np.abs(np.roots(polynomial)).max(initial=0.0))
+
+
+def free_run(num: np.ndarray, den: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Response of num/den to `u` plus the free motion that fits `y` best; infinite where it is unstable.
+
+    The free motion covers the state at the first sample and the input before it: in the transposed direct form
+    each state element enters as a pulse through 1/den.
+    """
+    if largest_root(den) >= 1.0:
+        return np.full(len(u), np.inf)
+    forced = signal.lfilter(num, den, u)
+    states = max(len(num), len(den)) - 1
+    free = shifted(pulse_response(den, len(u)), states)
+    start, *_ = linalg.lstsq(free, y - forced, lapack_driver="gelsy", cond=1e-10, check_finite=False)
+    return forced + free @ start
+
+
+def pulse_response(den: np.ndarray, length: int) -> np.ndarray:
+    """Response of 1/den to a unit pulse at the first sample."""
+    pulse = np.zeros(length)
+    pulse[0] = 1.0
+    return signal.lfilter([1.0], den, pulse)
+
+
+def shifted(values: np.ndarray, count: int, first: int = 0) -> np.ndarray:
+    """Columns `values` delayed by first, first + 1, ... samples, zero before; shape (N, count), column-major."""
+    columns = np.zeros((len(values), count), order="F")
+    for k in range(count):
+        lag = first + k
+        columns[lag:, k] = values[: max(len(values) - lag, 0)]
+    return columns
+
+
+def _same_length(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Both padded to one length, so that powers of q^-1 read as powers of z."""
+    length = max(len(num), len(den))
+    return np.pad(num, (0, length - len(num))), np.pad(den, (0, length - len(den)))
