@@ -11,7 +11,7 @@ from scipy import linalg
 from fasbody.exceptions import SettingError
 
 from .data import Series
-from .least_squares import Linearisation, covariance
+from .least_squares import Linearisation, spread
 from .polynomial import Orders, PolynomialModel, largest_root, shifted
 
 
@@ -42,7 +42,7 @@ def estimate(recordings: Series | Sequence[Series], orders: Orders) -> Polynomia
     if largest_root(np.concatenate([[1.0], theta[: orders.na]])) >= 1.0:
         warnings.append("unstable poles: the model predicts one step but cannot be simulated freely")
     return PolynomialModel(
-        "arx", orders, theta, covariance(at), at.loss, at.samples, pooled[0].sample_time, tuple(warnings)
+        "arx", orders, theta, spread(at), at.loss, at.samples, pooled[0].sample_time, tuple(warnings)
     )
 
 

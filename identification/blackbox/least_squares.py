@@ -9,6 +9,10 @@ from typing import Protocol
 import numpy as np
 from scipy import linalg
 
+#: Directions of the parameters with less than this share of the largest singular value count as unseen and get that
+#: share: a huge standard error, yet small enough not to leak by rounding into what is well determined.
+UNSEEN = 1e-8
+
 
 @dataclass(frozen=True)
 class Linearisation:
@@ -121,8 +125,10 @@ def reduced(at: Linearisation) -> tuple[np.ndarray, np.ndarray]:
     return r[:width, :width], r[:width, width]
 
 
-def covariance(at: Linearisation, *, coloured: bool = False) -> np.ndarray:
-    """Covariance of the estimate, shape (d, d), from the linearisation at the minimum.
+def spread(at: Linearisation, *, coloured: bool = False) -> np.ndarray:
+    """Square root S of the covariance S S' of the estimate, shape (d, d), from the linearisation at the minimum.
+
+    The root, not the covariance, is kept: squared, what a single sine leaves open would drown what it determines.
 
     With `coloured` the errors need not be white: their spectrum, described by an autoregression of order 30, enters
     between the two inverses (the form that stays valid for output-error models under any stationary noise).
@@ -131,16 +137,16 @@ def covariance(at: Linearisation, *, coloured: bool = False) -> np.ndarray:
     scale = np.linalg.norm(r, axis=0)
     scale[scale == 0] = 1.0
     _, s, vt = linalg.svd(r / scale, full_matrices=False, check_finite=False)
-    s = np.maximum(s, 1e-13 * max(s.max(initial=0.0), 1e-300))  # unseen directions: huge, not infinite
-    inverse = vt.T / s / scale[:, None]
+    floored = np.maximum(s, UNSEEN * max(s.max(initial=0.0), 1e-300))
+    inverse = vt.T / floored / scale[:, None]
+    sigma = np.sqrt(at.loss * at.samples / max(at.samples - r.shape[1], 1))
     if not coloured:
-        return at.loss * at.samples / max(at.samples - r.shape[1], 1) * inverse @ inverse.T
-    middle = np.zeros((r.shape[1], r.shape[1]))
+        return sigma * inverse
+    rows = [np.diag(sigma * np.sqrt(1.0 - (s / floored) ** 2))]  # the data say nothing of the unseen directions
     for gradient, errors in zip(at.gradient, at.errors, strict=True):
-        filtered = _coloured_backwards(gradient, errors)
-        middle += filtered.T @ filtered
-    outer = inverse @ inverse.T
-    return outer @ middle @ outer
+        filtered = _coloured_backwards(gradient @ inverse, errors)
+        rows.append(linalg.qr(filtered, mode="r", overwrite_a=True, check_finite=False)[0][: r.shape[1]])
+    return inverse @ np.vstack(rows).T
 
 
 def _coloured_backwards(gradient: np.ndarray, errors: np.ndarray, order: int = 30) -> np.ndarray:

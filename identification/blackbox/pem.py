@@ -11,10 +11,10 @@ from fasbody.exceptions import SettingError, unknown
 
 from . import arx, starts
 from .data import Series
-from .least_squares import Linearisation, Minimum, covariance, minimise, project_states
+from .least_squares import Linearisation, Minimum, minimise, project_states, spread
 from .polynomial import Orders, PolynomialModel, largest_root, pulse_response, shifted, unpack
 
-RACE = 10  # iterations given to each starting value before only the best goes on
+TRIAL = 8  # iterations after which a second starting value must lead
 RADIUS = 0.99995  # of the roots of C, D, F: beyond it a free motion outlasts any recording
 
 
@@ -120,23 +120,29 @@ def estimate(
     if largest_root(c) >= 0.9999:
         warnings.append("a zero of the noise model lies on the unit circle")
     return PolynomialModel(
-        structure, orders, minimum.theta, covariance(minimum.at, coloured=structure == "oe"), minimum.at.loss,
+        structure, orders, minimum.theta, spread(minimum.at, coloured=structure == "oe"), minimum.at.loss,
         minimum.at.samples, pooled[0].sample_time, tuple(warnings),
     )  # fmt: skip
 
 
 def _race(problem: Residuals, families: list[list[np.ndarray]]) -> Minimum:
-    """A few iterations from the best admissible member of each family, then the whole way from the one ahead."""
-    leaders = []
+    """The whole way from the best admissible member of the first family; from the others, while they lead."""
+    best: Minimum | None = None
     for family in families:
         losses = [(problem.at(theta).loss, k) for k, theta in enumerate(family) if problem.admissible(theta)]
         losses = [(loss, k) for loss, k in losses if np.isfinite(loss)]
-        leaders += [family[min(losses)[1]]] if losses else []
-    if not leaders:
+        if not losses:
+            continue
+        leader = family[min(losses)[1]]
+        if best is not None:
+            trial = minimise(problem, leader, iterations=TRIAL)
+            if trial.at.loss >= best.at.loss * (1 - 1e-6):
+                continue
+            leader = trial.theta
+        best = minimise(problem, leader)
+    if best is None:
         raise SettingError(f"no stable starting model with {problem.orders}; lower the orders.")
-    runners = [minimise(problem, leader, iterations=RACE) for leader in leaders]
-    ahead = min(runners, key=lambda runner: runner.at.loss)
-    return ahead if ahead.converged else minimise(problem, ahead.theta)
+    return best
 
 
 def check_length(recordings: Sequence[Series], orders: Orders) -> None:

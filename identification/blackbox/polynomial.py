@@ -69,21 +69,21 @@ class Orders:
 
 @dataclass(frozen=True)
 class Response:
-    """A frequency response with the standard deviations of its real and imaginary part.
+    """A frequency response with its uncertainty.
 
     Attributes:
         frequency_hz: shape (M,).
         value: complex, shape (M,).
-        covariance: of (real, imaginary), shape (M, 2, 2); NaN where no covariance is known.
+        spread: square root S of the covariance S S' of (real, imaginary), shape (M, 2, m).
     """
 
     frequency_hz: np.ndarray
     value: np.ndarray
-    covariance: np.ndarray
+    spread: np.ndarray
 
     def _along(self, direction: np.ndarray) -> np.ndarray:
         parts = np.stack([direction.real, direction.imag], axis=-1)
-        return np.sqrt(np.maximum(np.einsum("mi,mij,mj->m", parts, self.covariance, parts), 0.0))
+        return np.linalg.norm(np.einsum("mi,mij->mj", parts, self.spread), axis=1)
 
     @property
     def gain_std(self) -> np.ndarray:
@@ -105,7 +105,7 @@ class PolynomialModel:
         structure: arx, armax, oe, bj, or ss for the polynomial form of a state-space model.
         orders: numbers of coefficients.
         theta: coefficients a, b, c, d, f in this sequence, shape (d,).
-        covariance: of `theta`, shape (d, d).
+        spread: square root S of the covariance S S' of `theta`, shape (d, m).
         loss: mean squared one-step prediction error on the estimation data [output unit squared], Eq. (3.15).
         samples: number of residuals behind `loss`.
         sample_time: seconds.
@@ -115,7 +115,7 @@ class PolynomialModel:
     structure: str
     orders: Orders
     theta: np.ndarray
-    covariance: np.ndarray
+    spread: np.ndarray
     loss: float
     samples: int
     sample_time: float
@@ -134,7 +134,12 @@ class PolynomialModel:
     @property
     def std_error(self) -> np.ndarray:
         """Standard errors of `theta`, shape (d,)."""
-        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        return np.linalg.norm(self.spread, axis=1)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of `theta`, shape (d, d)."""
+        return self.spread @ self.spread.T
 
     @property
     def noise_variance(self) -> float:
@@ -180,7 +185,7 @@ class PolynomialModel:
         gradient[:, o.na : o.na + o.nb] = lag(o.nb, o.nk) / (A * F)[:, None]
         gradient[:, self.parameters - o.nf :] = -(G / F)[:, None] * lag(o.nf, 1)
         parts = np.stack([gradient.real, gradient.imag], axis=1)
-        return Response(frequency, G, parts @ self.covariance @ np.swapaxes(parts, 1, 2))
+        return Response(frequency, G, parts @ self.spread)
 
     def simulate(self, series: Series) -> np.ndarray:
         """Free simulation from the input alone, initial state estimated by least squares, shape (N,)."""

@@ -22,14 +22,14 @@ def families(structure: str, recordings: Sequence[Series], orders: Orders) -> li
     """
     o = orders
     if structure == "armax":
-        families = [[_hannan_rissanen(recordings, o)]]
+        families: list[list[np.ndarray]] = []
         for plants in _plants(recordings, Orders(nb=o.nb, nf=o.na, nk=o.nk)):
             families.append([])
             for b, f in plants:  # white output noise: C = A
                 c = np.zeros(o.nc + 1)
                 c[: min(o.na, o.nc) + 1] = f[: o.nc + 1]
                 families[-1].append(pack(f, b, stabilise(c, 0.99), ONE, ONE))
-        return families
+        return [*families, [_hannan_rissanen(recordings, o)]]
     return [[pack(ONE, b, ONE, ONE, f) for b, f in plants] for plants in _plants(recordings, o)]
 
 
@@ -68,7 +68,7 @@ def _plants(recordings: Sequence[Series], orders: Orders) -> list[list[tuple[np.
         theta = solve(np.vstack([rows.real, rows.imag]), np.concatenate([out.real, out.imag]))
         b, f = theta[orders.nf :], stabilise(np.concatenate([[1.0], theta[: orders.nf]]))
         in_frequency.append((b, f))
-    return [in_time[3::4], in_frequency[3::4]]
+    return [in_frequency[3::4], in_time[3::4]]
 
 
 def _excited_lines(series: Series) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

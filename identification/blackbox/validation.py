@@ -1,0 +1,84 @@
+"""Residual tests: whiteness, and independence of the past inputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from .data import Series
+
+
+@dataclass(frozen=True)
+class ResidualTest:
+    """Correlations of one-step prediction errors on data not used for estimation.
+
+    Attributes:
+        lags: 1..m for the autocorrelation, shape (m,).
+        auto: normalised autocorrelation at `lags`, shape (m,).
+        cross_lags: -m..m, shape (2 m + 1,).
+        cross: normalised cross-correlation of errors with inputs that many samples before, shape (2 m + 1,).
+        cross_bound: half-width of its 99 % band, which both autocorrelations widen (Bartlett).
+        bound: half-width of the 99 % band of a white sequence.
+        white_p: p-value of the Ljung-Box test.
+        cross_outside: share of lags 0..m outside the band.
+    """
+
+    lags: np.ndarray
+    auto: np.ndarray
+    cross_lags: np.ndarray
+    cross: np.ndarray
+    cross_bound: float
+    bound: float
+    white_p: float
+    cross_outside: float
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences for the user; the second matters more: it says the plant is incomplete."""
+        found = []
+        if self.white_p < 0.01:
+            found.append(f"residuals are not white (Ljung-Box p {self.white_p:.1g}): the noise model is incomplete")
+        if self.cross_outside > 0.1:
+            found.append(
+                f"residuals depend on past inputs ({100 * self.cross_outside:.0f} % of lags outside the 99 % band): "
+                "the plant is incomplete or nonlinear"
+            )
+        return tuple(found)
+
+    def __str__(self) -> str:
+        return f"Ljung-Box p {self.white_p:.3g}, {100 * self.cross_outside:.0f} % of cross-correlations outside 99 %"
+
+
+def residual_test(errors: np.ndarray, series: Series, parameters: int = 0, lags: int = 25) -> ResidualTest:
+    """Whiteness and cross-correlation of `errors` (the last samples of `series`).
+
+    Args:
+        errors: one-step prediction errors, shape (M,), M at most N.
+        series: the recording they belong to.
+        parameters: number of noise-model coefficients, taken off the degrees of freedom.
+        lags: largest lag m.
+    """
+    e = errors - errors.mean()
+    u = series.u[len(series) - len(e) :]
+    u = u - u.mean()
+    n = len(e)
+    lags = min(lags, n // 4)
+    scale_e, scale_u = np.sqrt(e @ e), np.sqrt(u @ u)
+    if scale_e <= 1e-12 * np.linalg.norm(series.y):  # an exact model leaves rounding, which tests mean nothing for
+        e, scale_e = np.zeros(n), 1.0
+    auto = np.array([e[k:] @ e[: n - k] for k in range(1, lags + 1)]) / scale_e**2
+    statistic = n * (n + 2) * np.sum(auto**2 / (n - np.arange(1, lags + 1)))
+    white_p = float(stats.chi2.sf(statistic, max(lags - parameters, 1)))
+    cross_lags = np.arange(-lags, lags + 1)
+    cross = np.array([e[max(k, 0) : n + min(k, 0)] @ u[max(-k, 0) : n - max(k, 0)] for k in cross_lags])
+    cross /= scale_e * scale_u
+    # Bartlett: var = sum of the product of both autocorrelations / n
+    u_auto = np.array([u[k:] @ u[: n - k] for k in range(1, lags + 1)]) / scale_u**2
+    spread = max(1 + 2 * float(auto @ u_auto), 0.05)
+    z = float(stats.norm.ppf(0.995))
+    outside = float(np.mean(np.abs(cross[lags:]) > z * np.sqrt(spread / n)))
+    return ResidualTest(
+        np.arange(1, lags + 1), auto, cross_lags, cross, z * float(np.sqrt(spread / n)), z / np.sqrt(n), white_p, outside
+    )
