@@ -12,7 +12,7 @@ from fasbody.exceptions import SettingError
 
 from .data import Series
 from .least_squares import Linearisation, spread
-from .polynomial import Orders, PolynomialModel, largest_root, shifted
+from .polynomial import Orders, PolynomialModel, pole_warnings, shifted
 
 
 def regressors(series: Series, orders: Orders, first_row: int | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -38,9 +38,8 @@ def estimate(recordings: Series | Sequence[Series], orders: Orders) -> Polynomia
     pairs = [regressors(series, orders) for series in pooled]
     theta = solve(np.vstack([phi for phi, _ in pairs]), np.concatenate([y for _, y in pairs]))
     at = Linearisation([phi @ theta - y for phi, y in pairs], [phi for phi, _ in pairs])
-    warnings = []
-    if largest_root(np.concatenate([[1.0], theta[: orders.na]])) >= 1.0:
-        warnings.append("unstable poles: the model predicts one step but cannot be simulated freely")
+    a = np.concatenate([[1.0], theta[: orders.na]])
+    warnings = pole_warnings(a, min(len(series) for series in pooled))
     return PolynomialModel(
         "arx", orders, theta, spread(at), at.loss, at.samples, pooled[0].sample_time, tuple(warnings)
     )

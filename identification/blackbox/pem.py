@@ -12,7 +12,7 @@ from fasbody.exceptions import SettingError, unknown
 from . import arx, starts
 from .data import Series
 from .least_squares import Linearisation, Minimum, minimise, project_states, spread
-from .polynomial import Orders, PolynomialModel, largest_root, pulse_response, shifted, unpack
+from .polynomial import Orders, PolynomialModel, largest_root, pole_warnings, pulse_response, shifted, unpack
 
 TRIAL = 8  # iterations after which a second starting value must lead
 RADIUS = 0.99995  # of the roots of C, D, F: beyond it a free motion outlasts any recording
@@ -88,7 +88,7 @@ def estimate(
         structure: "arx", "armax" Eq. (3.6), "oe" Eq. (3.7) or "bj" Eq. (3.8).
         recordings: one or many, pooled with an initial state each; means removed.
         orders: numbers of coefficients and delay.
-        start: a model of the same structure and orders to start from; default: linear estimates, best of several.
+        start: a model of the same structure and orders to start from beside the linear estimates.
 
     Raises:
         SettingError: unknown structure, or more parameters than samples.
@@ -100,23 +100,20 @@ def estimate(
         raise SettingError(unknown("structure", structure, ("arx", "armax", "oe", "bj")) + ".")
     check_length(pooled, orders)
     problem = Residuals(pooled, orders)
-    if start is not None:
-        families = [[start.theta]]
-    elif structure == "bj":
+    if structure == "bj":
         plant = Residuals(pooled, Orders(nb=orders.nb, nf=orders.nf, nk=orders.nk))
         b_and_f = _race(plant, starts.families("oe", pooled, orders)).theta
         families = starts.with_noise_model(pooled, orders, b_and_f)
     else:
         families = starts.families(structure, pooled, orders)
+    if start is not None:
+        families.insert(0, [start.theta])
     minimum = _race(problem, families)
     warnings = []
     if not minimum.converged:
         warnings.append("the iterations ended before the loss stopped falling")
     a, _, c, _, f = unpack(minimum.theta, orders)
-    if largest_root(a) >= 1.0:
-        warnings.append("unstable poles: the model predicts one step but cannot be simulated freely")
-    elif max(largest_root(f), largest_root(a)) >= 0.9999:
-        warnings.append("a pole lies on the unit circle: its free motion can imitate a sine without any input")
+    warnings += pole_warnings(np.convolve(a, f), min(len(series) for series in pooled))
     if largest_root(c) >= 0.9999:
         warnings.append("a zero of the noise model lies on the unit circle")
     return PolynomialModel(

@@ -268,7 +268,7 @@ def stabilise(polynomial: np.ndarray, radius: float = 0.9995) -> np.ndarray:
         return polynomial
     roots = np.roots(polynomial)
     size = np.abs(roots)
-    roots = np.where(size > 1.0, roots / np.maximum(size, 1e-300) ** 2, roots)
+    roots = np.where(size > 1.0, 1.0 / np.conj(np.where(size > 1.0, roots, 1.0)), roots)
     roots *= np.minimum(1.0, radius / np.maximum(np.abs(roots), 1e-300))
     stable = np.zeros(len(polynomial))
     made = np.poly(roots).real
@@ -279,6 +279,16 @@ def stabilise(polynomial: np.ndarray, radius: float = 0.9995) -> np.ndarray:
 def largest_root(polynomial: np.ndarray) -> float:
     """Modulus of the largest root; 0 for a constant."""
     return float(np.abs(np.roots(polynomial)).max(initial=0.0))
+
+
+def pole_warnings(den: np.ndarray, samples: int) -> list[str]:
+    """Sentences on poles that make free simulation of `samples` samples meaningless."""
+    largest = largest_root(den)
+    if largest >= 1.0:
+        return ["unstable poles: the model predicts one step but cannot be simulated freely"]
+    if largest**samples > 0.05:
+        return ["a pole lies so near the unit circle that its free motion can imitate a sine without any input"]
+    return []
 
 
 def free_run(num: np.ndarray, den: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
