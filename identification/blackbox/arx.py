@@ -53,7 +53,7 @@ def solve(phi: np.ndarray, y: np.ndarray) -> np.ndarray:
     return theta / scale
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Grid:
     """Losses of all ARX models with n_a, n_b, n_k from 1 to their largest, on the same rows.
 

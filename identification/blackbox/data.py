@@ -16,7 +16,7 @@ INPUT_NAMES = ("base_m_s2", "u", "input")
 OUTPUT_NAMES = ("malleolus_m_s2", "y", "output")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Series:
     """One recording of a single-input single-output system.
 

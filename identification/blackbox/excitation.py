@@ -15,7 +15,7 @@ LAGS = 200  # the largest excitation order looked for
 SIGNIFICANT = 20.0  # times the median power: noise of a whole record reaches 14 to 17
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Excitation:
     """What the input of one recording, or of several pooled, excites.
 

@@ -36,26 +36,33 @@ def png(figure: Figure, dpi: int = 160) -> bytes:
 
 
 def output(report: Report) -> Figure:
-    """Held-out output, measured and freely simulated: the whole record at the left, one cycle at the right."""
+    """Held-out output, measured and freely simulated: the whole record at the left, one cycle and its errors right."""
     series = report.validation[0]
-    figure = Figure(figsize=(10, 4.2), layout="constrained")
-    whole, cycle = figure.subplots(1, 2, width_ratios=[1.6, 1])
+    figure = Figure(figsize=(10, 4.8), layout="constrained")
+    places = figure.subplot_mosaic([["whole", "cycle"], ["whole", "error"]], width_ratios=[1.5, 1], height_ratios=[2, 1])
+    whole, cycle, error = places["whole"], places["cycle"], places["error"]
     offset = 0.0 if len(report.estimation) > 1 else len(report.estimation[0]) * series.sample_time
     time = series.time + offset
-    shown = _one_cycle(report, len(series))
-    for axes, part in ((whole, slice(None)), (cycle, shown)):
-        axes.plot(time[part], series.y[part], color="0.25", lw=0.8 if axes is whole else 2.2, label="measured", zorder=1)
-        for name, found in report.models.items():
-            simulated = found.best.model.simulate(series)
-            if np.isfinite(simulated).all():
-                label = f"{found.best.model.label}: {found.best.fit_percent:.1f} %"
-                axes.plot(
-                    time[part], simulated[part], color=COLOURS[name], ls=DASHES[name],
-                    lw=0.5 if axes is whole else 1.3, label=label,
-                )  # fmt: skip
-        axes.set_xlabel("time [s]")
+    part = _one_cycle(report, len(series))
+    whole.plot(time, series.y, color="0.25", lw=1.4, zorder=1)
+    cycle.plot(time[part], series.y[part], color="0.25", lw=2.4, label="measured", zorder=1)
+    for name, found in report.models.items():
+        simulated = found.best.model.simulate(series)
+        if not np.isfinite(simulated).all():
+            continue
+        style = {"color": COLOURS[name], "ls": DASHES[name]}
+        whole.plot(time, simulated, lw=0.4, **style)
+        label = f"{found.best.model.label}: {found.best.fit_percent:.1f} %"
+        cycle.plot(time[part], simulated[part], lw=1.3, label=label, **style)
+        error.plot(time[part], (series.y - simulated)[part], lw=1.0, **style)
+    for axes in (whole, cycle, error):
         axes.grid(alpha=0.3, lw=0.5)
-    whole.set_ylabel("output, mean removed [its unit]")
+    whole.set_xlabel("time [s]")
+    error.set_xlabel("time [s]")
+    cycle.sharex(error)
+    cycle.tick_params(labelbottom=False)
+    error.set_ylabel("error", fontsize=9)
+    whole.set_ylabel("output, mean removed [unit of the recording]")
     whole.set_title("held-out part, free simulation", fontsize=10)
     cycle.set_title("one cycle" if np.isfinite(report.excitation.frequency_hz) else "a short stretch", fontsize=10)
     handles, labels = cycle.get_legend_handles_labels()
@@ -72,39 +79,64 @@ def _one_cycle(report: Report, length: int) -> slice:
 
 
 def bode(report: Report) -> Figure:
-    """Gain and phase with 95 % bands, drawn only where the input excites."""
+    """Gain and phase with 95 % bands, drawn only where the input excites and the model determines them."""
+    return _points_of_sine(report) if report.excitation.single_sine else _bode_band(report)
+
+
+def _responding(report: Report) -> dict[str, Found]:
+    return {name: found for name, found in report.models.items() if np.isfinite(found.response.value).any()}
+
+
+def _bode_band(report: Report) -> Figure:
     figure = Figure(figsize=(7, 5.6), layout="constrained")
     gain, phase = figure.subplots(2, 1, sharex=True)
-    linear = {name: found for name, found in report.models.items() if np.isfinite(found.response.value).any()}
-    sine = report.excitation.single_sine
-    for place, (name, found) in enumerate(linear.items()):
+    marker = "o" if len(report.excitation.band_hz) <= 60 else ""
+    for name, found in _responding(report).items():
         r = found.response
         size, angle = np.abs(r.value), np.rad2deg(np.unwrap(np.angle(r.value)))
-        # A band wider than the axes says no more than "unknown".
-        gain_band = np.minimum(CONFIDENCE * r.gain_std, 10 * size)
-        phase_band = np.minimum(CONFIDENCE * r.phase_std_deg, 180.0)
-        if sine:  # points beside each other, so that their bars can be seen
-            frequency = r.frequency_hz * (1 + 0.012 * (place - (len(linear) - 1) / 2))
-            style = {"color": COLOURS[name], "fmt": "o", "ms": 4, "capsize": 3, "lw": 1, "label": found.best.model.label}
-            known = gain_band < size
-            gain.errorbar(frequency[known], size[known], gain_band[known], **style)
-            phase.errorbar(frequency[known], angle[known], phase_band[known], **style)
-            continue
+        gain_band, phase_band = CONFIDENCE * r.gain_std, CONFIDENCE * r.phase_std_deg
+        unknown = gain_band >= size
+        label = found.best.model.label + (" (undetermined)" if unknown.all() else "")
         for axes, value, band in ((gain, size, gain_band), (phase, angle, phase_band)):
-            axes.plot(r.frequency_hz, value, color=COLOURS[name], ls=DASHES[name], label=found.best.model.label)
-            low = np.maximum(value - band, 1e-3 * value.max()) if axes is gain else value - band
-            axes.fill_between(r.frequency_hz, low, value + band, color=COLOURS[name], alpha=0.18, lw=0)
+            value = np.where(unknown, np.nan, value)
+            axes.plot(r.frequency_hz, value, color=COLOURS[name], ls=DASHES[name], marker=marker, ms=2.5, label=label)
+            axes.fill_between(r.frequency_hz, value - band, value + band, color=COLOURS[name], alpha=0.18, lw=0)
     gain.set_yscale("log")
-    if not sine:
-        gain.set_xscale("log")
+    gain.set_xscale("log")
     gain.set_ylabel("gain [output / input]")
     phase.set_ylabel("phase [deg]")
     phase.set_xlabel("frequency [Hz]")
     for axes in (gain, phase):
         axes.grid(alpha=0.3, lw=0.5, which="both")
     gain.legend(fontsize=8, frameon=False, ncols=2)
-    where = "only these frequencies are identified" if sine else "excited band"
-    gain.set_title(f"{report.name}: response with 95 % confidence, {where}", fontsize=10)
+    gain.set_title(f"{report.name}: response with 95 % confidence, excited band", fontsize=10)
+    return figure
+
+
+def _points_of_sine(report: Report) -> Figure:
+    """Gain and phase at the only frequency that a sine identifies, model by model."""
+    figure = Figure(figsize=(7, 4.6), layout="constrained")
+    gain, phase = figure.subplots(2, 1, sharex=True)
+    shown = _responding(report)
+    for place, (name, found) in enumerate(shown.items()):
+        r = found.response
+        style = {"color": COLOURS[name], "fmt": "o", "ms": 5, "capsize": 4, "lw": 1.3}
+        if CONFIDENCE * r.gain_std[0] >= abs(r.value[0]):
+            gain.annotate("undetermined", (place, 0.5), xycoords=("data", "axes fraction"), ha="center", fontsize=8)
+            continue
+        gain.errorbar(place, abs(r.value[0]), CONFIDENCE * r.gain_std[0], **style)
+        phase.errorbar(place, np.angle(r.value[0], deg=True), CONFIDENCE * r.phase_std_deg[0], **style)
+    labels = [found.best.model.label.replace(" ", "\n", 1) for found in shown.values()]
+    phase.set_xticks(range(len(shown)), labels, fontsize=8)
+    phase.set_xlim(-0.6, len(shown) - 0.4)
+    for axes, text in ((gain, "gain [output / input]"), (phase, "phase [deg]")):
+        axes.set_ylabel(text)
+        axes.ticklabel_format(axis="y", useOffset=False)
+        axes.grid(alpha=0.3, lw=0.5)
+    frequency = report.excitation.frequency_hz
+    gain.set_title(
+        f"{report.name}: response at {frequency:.4g} Hz with 95 % confidence; no other frequency is identified", fontsize=10
+    )
     return figure
 
 
@@ -145,10 +177,11 @@ def poles(report: Report) -> Figure:
         axes.plot(np.cos(angle), np.sin(angle), color="0.6", lw=0.8)
         axes.axhline(0, color="0.85", lw=0.6, zorder=0)
         axes.axvline(0, color="0.85", lw=0.6, zorder=0)
-        for name, found in shown.items():
+        for place, (name, found) in enumerate(shown.items()):
             p, z = found.best.model.poles(), found.best.model.zeros()
-            axes.plot(p.real, p.imag, "x", color=COLOURS[name], ms=7, mew=1.5)
-            axes.plot(z.real, z.imag, "o", color=COLOURS[name], ms=6, mfc="none", mew=1.1)
+            size = 12 - 1.4 * place  # smaller on top, so that agreeing models can be seen through one another
+            axes.plot(p.real, p.imag, "x", color=COLOURS[name], ms=size, mew=1.5)
+            axes.plot(z.real, z.imag, "o", color=COLOURS[name], ms=0.8 * size, mfc="none", mew=1.1)
         axes.set_aspect("equal")
         axes.set_xlabel("Re z")
         axes.grid(alpha=0.3, lw=0.5)

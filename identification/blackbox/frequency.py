@@ -17,7 +17,7 @@ from .data import Series
 from .polynomial import Response
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Points:
     """Measured frequency response.
 
@@ -111,7 +111,7 @@ def _lines(series: Series) -> tuple[list[float], list[float]]:
     return [float(f) for f in exact / (len(u) * series.sample_time)], []
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rational:
     """G(s) = N(s) / D(s), D(0) = 1, in s = j f / f_0.
 
@@ -223,7 +223,7 @@ def _stable(tail: np.ndarray) -> np.ndarray:
     return mirrored[1:] / mirrored[0]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LeftOut:
     """Prediction of each frequency from all others.
 

@@ -26,7 +26,7 @@ HEAVY = 30_000  # estimation samples above which the grid of n_b is cut from 15 
 Wanted = Mapping[str, tuple[int, ...]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Found:
     """The chosen model of one structure.
 
@@ -48,7 +48,7 @@ class Found:
         return self.selection.best
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Report:
     """All structures on one recording, or on several pooled.
 

@@ -14,7 +14,7 @@ from scipy import linalg
 UNSEEN = 1e-8
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Linearisation:
     """Prediction errors at one parameter vector, and their derivatives after the initial states are fitted.
 
@@ -48,7 +48,7 @@ class Problem(Protocol):
         """Errors, and their derivatives when asked."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Minimum:
     """Where the iterations ended."""
 

@@ -18,7 +18,7 @@ LARGEST_TERMS = 14
 LIMIT = 50.0  # times the output's scale: a simulation beyond this has diverged
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Narx:
     """y(t) = sum of theta_j times products of lagged y and u (scaled to unit root mean square), lags multiples of `step`.
 

@@ -17,7 +17,7 @@ from .least_squares import Linearisation, minimise, project_states, spread
 from .polynomial import Orders, PolynomialModel, Response, largest_root, pulse_response, shifted
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HammersteinWiener:
     """y = g(w), w = B/F h(u), h(u) = u + sum a_k s_u (u/s_u)^k, g(w) = w + c_0 s_w + sum c_k s_w (w/s_w)^k, k >= 2.
 

@@ -22,8 +22,8 @@ class Residuals:
     """One-step prediction errors of A y = B/F u + C/D e and their exact derivatives.
 
     Filters start from rest at the first sample. Everything before the first row with complete regressors is thus
-    wrong, and wrong only by free motions of 1/F and 1/C; these are fitted as nuisance columns, for each recording its
-    own, and projected out (so no pre-recorded past is needed and recordings pool).
+    wrong, and wrong only by free motions of 1/F and 1/C; these and the sensor's level are fitted as nuisance columns,
+    for each recording its own, and projected out (so no recorded past is needed, and recordings pool).
 
     Args:
         recordings: estimation data, means removed.
@@ -54,19 +54,20 @@ class Residuals:
 
         noise_states = max(o.nc, o.nd)
         tail = length - first
-        free = np.empty((tail, o.nf + noise_states), order="F")
+        free = np.empty((tail, o.nf + noise_states + 1), order="F")
         free[:, : o.nf] = shifted(lfilter(d, c, pulse_response(f, tail)), o.nf)
-        free[:, o.nf :] = shifted(pulse_response(c, tail), noise_states)
+        free[:, o.nf : -1] = shifted(pulse_response(c, tail), noise_states)
+        free[:, -1] = lfilter(d, c, np.ones(tail))
         state, remove = project_states(-errors[first:], free)
         fitted = errors[first:] + free @ state
         if not gradient:
             return fitted, np.empty((0, 0))
 
-        # The signals behind the fitted errors: the pulses enter w through 1/F, the errors through 1/C.
+        # The signals behind the fitted errors: the pulses enter w through 1/F, the level enters v.
         pulses = np.zeros(length)
         pulses[first : first + o.nf] = -state[: o.nf]
         w = w + lfilter([1.0], f, pulses)
-        v = lfilter(a, [1.0], series.y) - w
+        v = lfilter(a, [1.0], series.y) - w + state[-1]
         errors = np.concatenate([np.zeros(first), fitted])
         columns = np.empty((length, o.parameters), order="F")
         df = lfilter(d, c, lfilter([1.0], f, np.column_stack([series.u, w]), axis=0), axis=0)
@@ -107,7 +108,7 @@ def estimate(
     else:
         families = starts.families(structure, pooled, orders)
     if start is not None:
-        families.insert(0, [start.theta])
+        families.append([start.theta])
     minimum = _race(problem, families)
     warnings = []
     if not minimum.converged:

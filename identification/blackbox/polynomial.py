@@ -67,7 +67,7 @@ class Orders:
         return max(self.na, self.nk + self.nb - 1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Response:
     """A frequency response with its uncertainty.
 
@@ -88,16 +88,18 @@ class Response:
     @property
     def gain_std(self) -> np.ndarray:
         """Standard deviation of the gain, shape (M,)."""
-        return self._along(self.value / np.maximum(np.abs(self.value), 1e-300))
+        with np.errstate(invalid="ignore"):
+            return self._along(self.value / np.maximum(np.abs(self.value), 1e-300))
 
     @property
     def phase_std_deg(self) -> np.ndarray:
         """Standard deviation of the phase in degrees, shape (M,)."""
-        size = np.maximum(np.abs(self.value), 1e-300)
-        return np.rad2deg(self._along(1j * self.value / size) / size)
+        with np.errstate(invalid="ignore"):
+            size = np.maximum(np.abs(self.value), 1e-300)
+            return np.rad2deg(self._along(1j * self.value / size) / size)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PolynomialModel:
     """An estimated polynomial model with its uncertainty.
 
@@ -188,7 +190,7 @@ class PolynomialModel:
         return Response(frequency, G, parts @ self.spread)
 
     def simulate(self, series: Series) -> np.ndarray:
-        """Free simulation from the input alone, initial state estimated by least squares, shape (N,)."""
+        """Free simulation from the input alone, initial state and level by least squares, shape (N,)."""
         num, den = self.plant
         return free_run(num, den, series.u, series.y)
 
@@ -281,18 +283,23 @@ def largest_root(polynomial: np.ndarray) -> float:
     return float(np.abs(np.roots(polynomial)).max(initial=0.0))
 
 
+def outlasting(den: np.ndarray, samples: int) -> bool:
+    """Whether a free motion of 1/den keeps more than a twentieth of its size over `samples` samples."""
+    return largest_root(den) ** samples > 0.05
+
+
 def pole_warnings(den: np.ndarray, samples: int) -> list[str]:
     """Sentences on poles that make free simulation of `samples` samples meaningless."""
     largest = largest_root(den)
     if largest >= 1.0:
         return ["unstable poles: the model predicts one step but cannot be simulated freely"]
-    if largest**samples > 0.05:
-        return ["a pole lies so near the unit circle that its free motion can imitate a sine without any input"]
+    if outlasting(den, samples):
+        return ["a pole lies so near the unit circle that its free motion outlasts the record and can imitate a response"]
     return []
 
 
 def free_run(num: np.ndarray, den: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Response of num/den to `u` plus the free motion that fits `y` best; infinite where it is unstable.
+    """Response of num/den to `u` plus the free motion and level that fit `y` best; infinite where it is unstable.
 
     The free motion covers the state at the first sample and the input before it: in the transposed direct form
     each state element enters as a pulse through 1/den.
@@ -301,7 +308,7 @@ def free_run(num: np.ndarray, den: np.ndarray, u: np.ndarray, y: np.ndarray) -> 
         return np.full(len(u), np.inf)
     forced = signal.lfilter(num, den, u)
     states = max(len(num), len(den)) - 1
-    free = shifted(pulse_response(den, len(u)), states)
+    free = np.column_stack([shifted(pulse_response(den, len(u)), states), np.ones(len(u))])
     start, *_ = linalg.lstsq(free, y - forced, lapack_driver="gelsy", cond=1e-10, check_finite=False)
     return forced + free @ start
 

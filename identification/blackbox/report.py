@@ -113,29 +113,26 @@ def coefficients(estimate: Any) -> dict[str, Any]:
     return found
 
 
-def gain_text(found: Found) -> str:
-    """Gain with standard deviation at the frequency with the largest gain among those excited."""
-    response = found.response
-    if not np.isfinite(response.value).any():
-        return "-"
-    k = 0 if len(response.value) < 7 else int(np.nanargmax(np.abs(response.value)))
-    gain, std = np.abs(response.value[k]), response.gain_std[k]
-    return f"{gain:.4g} +- {std:.2g} at {response.frequency_hz[k]:.4g} Hz"
-
-
 def single_table(report: Report) -> Table:
-    """Models of one recording or pool, one a row."""
+    """Models of one recording or pool, one a row; the gain at the strongest excited line of the best linear model."""
+    best = max(report.models.values(), key=lambda found: found.best.fit_percent)
+    shown = next((f for f in (best, *report.models.values()) if np.isfinite(f.response.value).any()), None)
+    place = 0
+    if shown is not None and not report.excitation.single_sine:
+        place = int(np.nanargmax(np.abs(shown.response.value)))
+    at = f" at {shown.response.frequency_hz[place]:.4g} Hz" if shown else ""
     table = Table(title=f"{report.name}: {report.excitation}", title_justify="left")
-    for heading in ("model", "fit % held out", "AIC", "BIC", "FPE", "gain", "alike", "white p", "u-corr. out"):
-        table.add_column(heading, justify="left" if heading in ("model", "gain") else "right")
-    best = max(found.best.fit_percent for found in report.models.values())
+    for heading in ("model", "fit %", "AIC", "BIC", f"gain{at}", "alike"):
+        table.add_column(heading, justify="left" if heading == "model" else "right", no_wrap=heading != f"gain{at}")
     for found in report.models.values():
-        c = found.best
+        c, response = found.best, found.response
         fit = f"{c.fit_percent:.2f}"
+        gain = "-"
+        if np.isfinite(response.value[place]):
+            gain = f"{abs(response.value[place]):.4g} +- {response.gain_std[place]:.1g}"
         table.add_row(
-            c.model.label, f"[bold]{fit}[/]" if c.fit_percent == best else fit, f"{c.aic:.3f}", f"{c.bic:.3f}",
-            f"{c.fpe:.3g}", gain_text(found), str(len(found.selection.alike)), f"{found.test.white_p:.2g}",
-            f"{100 * found.test.cross_outside:.0f} %",
+            c.model.label, f"[bold]{fit}[/]" if found is best else fit, f"{c.aic:.3f}", f"{c.bic:.3f}", gain,
+            str(len(found.selection.alike)),
         )  # fmt: skip
     return table
 

@@ -13,8 +13,9 @@ from fasbody.exceptions import FasError, SettingError
 
 from . import arx, criteria, pem, subspace
 from .data import Series
-from .polynomial import Orders, Response
+from .polynomial import Orders, Response, outlasting
 
+NEGLIGIBLE = 2e-3  # of the output's amplitude left unexplained justifies no further parameter
 BLOCKS = 20  # of the held-out data, over which two models' squared errors are compared
 ALIKE = 10.0  # difference of N times AIC below which data hardly tell models apart
 POLYNOMIAL_STATES = 5  # n_f, n_c, n_d up to here, as in the thesis
@@ -42,7 +43,7 @@ class Model(Protocol):
     def residuals(self, series: Series) -> np.ndarray: ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """One model with its criteria, and its fit on held-out data in free simulation.
 
@@ -57,11 +58,17 @@ class Candidate:
     block_errors: np.ndarray
 
     def no_worse_than(self, other: Candidate) -> bool:
-        """Whether the held-out data cannot tell that `other` is better: within one standard error, pairwise."""
+        """Whether held-out data do not show `other` to be better: within two standard errors, pairwise, or negligibly."""
         more = self.block_errors - other.block_errors
         if not np.isfinite(more).all():
             return False
-        return float(more.mean()) <= float(more.std(ddof=1)) / np.sqrt(len(more))
+        undecided = float(more.mean()) <= 2.0 * float(more.std(ddof=1)) / np.sqrt(len(more))
+        return undecided or self.missed**2 - other.missed**2 <= NEGLIGIBLE**2
+
+    @property
+    def missed(self) -> float:
+        """Share of the output's amplitude that the simulation misses."""
+        return 1.0 - self.fit_percent / 100.0
 
     @property
     def aic(self) -> float:
@@ -82,7 +89,7 @@ class Candidate:
         return f"{self.model.label}: fit {self.fit_percent:.2f} %, AIC {self.aic:.4f}, BIC {self.bic:.4f}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Selection:
     """The models tried for one structure, best first.
 
@@ -118,14 +125,18 @@ def judge(model: Model, validation: Sequence[Series]) -> Candidate:
 def rank(models: Iterable[Model], validation: Sequence[Series], tried: int, warnings: Sequence[str]) -> Selection:
     """Candidates in the order of `Selection`.
 
+    Models whose free motion outlasts the record come last: with a fitted initial state they prove nothing.
+
     Raises:
         SettingError: no model at all.
     """
     candidates = [judge(model, validation) for model in models]
     if not candidates:
         raise SettingError("no model could be estimated; record longer or lower the orders.")
-    candidates.sort(key=lambda c: -c.fit_percent)
-    near = [c for c in candidates if c is candidates[0] or c.no_worse_than(candidates[0])]
+    shortest = min(len(series) for series in validation)
+    driven = [c for c in candidates if not outlasting(np.poly(c.model.poles()), shortest)] or candidates
+    candidates.sort(key=lambda c: (c not in driven, -c.fit_percent))
+    near = [c for c in driven if c is candidates[0] or c.no_worse_than(candidates[0])]
     first = min(near, key=lambda c: (c.model.parameters, -c.fit_percent))
     ordered = [first, *(c for c in candidates if c is not first)]
     least = min(c.aic for c in candidates)

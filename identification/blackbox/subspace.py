@@ -21,7 +21,7 @@ from .polynomial import Orders, PolynomialModel, Response
 BLOCK_ROWS = 16  # about 15 beats 30 on band-limited input; one more than the largest order asked for
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StateSpaceModel:
     """Innovations form x(t+1) = A x + B u + K e, y = C x + D u + e, Eqs (3.9), (3.10).
 
@@ -87,8 +87,9 @@ class StateSpaceModel:
         if not self.stable:
             return np.full(len(series), np.inf)
         forced = modal_response(self.A, self.C, self.B[:, None], series.u[:, None]) + self.D * series.u
-        state, _ = project_states(series.y - forced, free_responses(self.A, self.C, len(series)))
-        return forced + free_responses(self.A, self.C, len(series)) @ state
+        free = free_responses(self.A, self.C, len(series))
+        state, _ = project_states(series.y - forced, free)
+        return forced + free @ state
 
     def predict(self, series: Series) -> np.ndarray:
         """One-step prediction by the innovations form, initial state fitted, shape (N,)."""
@@ -141,13 +142,13 @@ def modal_response(A: np.ndarray, C: np.ndarray, B: np.ndarray, inputs: np.ndarr
 
 
 def free_responses(A: np.ndarray, C: np.ndarray, length: int) -> np.ndarray:
-    """Outputs C A^t from each unit initial state, shape (length, n)."""
+    """Outputs C A^t from each unit initial state, and a level, shape (length, n + 1)."""
     values, vectors = np.linalg.eig(A)
     powers = np.exp(np.arange(length)[:, None] * np.log(values.astype(complex) + 0j))
-    return ((powers * (C @ vectors)) @ np.linalg.inv(vectors)).real
+    return np.column_stack([((powers * (C @ vectors)) @ np.linalg.inv(vectors)).real, np.ones(length)])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Subspace:
     """The factor of the block Hankel data from which models of every order follow."""
 
@@ -215,7 +216,7 @@ class Subspace:
         first = self.recordings[0]
         forced = modal_response(A, C, B[:, None], first.u[:, None]) + D * first.u
         x0, _ = project_states(first.y - forced, free_responses(A, C, len(first)))
-        return B, D, x0, self._transfer(A, B, C, D)
+        return B, D, x0[:-1], self._transfer(A, B, C, D)
 
     def _transfer(self, A: np.ndarray, B: np.ndarray, C: np.ndarray, D: float) -> PolynomialModel:
         """The plant as output-error polynomial with the covariance of its linearisation."""
@@ -245,7 +246,7 @@ class Subspace:
         total = sum(len(v) for v in disturbances)
         lags = 2 * self.block_rows
         R = np.array([sum(v[k:] @ v[: len(v) - k] for v in disturbances) for k in range(lags + 1)]) / total
-        G = linalg.lstsq(free_responses(A, C, lags), R[1:], cond=1e-8)[0]
+        G = linalg.lstsq(free_responses(A, C, lags)[:, :-1], R[1:], cond=1e-8)[0]
         P, gain = np.zeros_like(A), np.zeros(len(C))
         for _ in range(300):
             innovation = R[0] - C @ P @ C

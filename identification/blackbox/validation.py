@@ -10,7 +10,7 @@ from scipy import stats
 from .data import Series
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ResidualTest:
     """Correlations of one-step prediction errors on data not used for estimation.
 
