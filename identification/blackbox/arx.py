@@ -11,8 +11,9 @@ from scipy import linalg
 from fasbody.exceptions import SettingError
 
 from .data import Series
+from .filters import pole_warnings, shifted
 from .least_squares import Linearisation, spread
-from .polynomial import Orders, PolynomialModel, pole_warnings, shifted
+from .polynomial import Orders, PolynomialModel
 
 
 def regressors(series: Series, orders: Orders, first_row: int | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -68,8 +69,7 @@ class Grid:
     @property
     def parameters(self) -> np.ndarray:
         """Number of coefficients of each model, shape of `loss`."""
-        na, nb, _ = np.indices(self.loss.shape)
-        return na + nb + 2
+        return np.indices(self.loss.shape)[:2].sum(axis=0) + 2
 
     def __str__(self) -> str:
         na, nb, nk = np.unravel_index(int(self.loss.argmin()), self.loss.shape)

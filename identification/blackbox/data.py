@@ -181,7 +181,7 @@ def _table(path: Path) -> pd.DataFrame:
         table = pd.read_csv(path, sep=separator, header=0 if headed else None, skipinitialspace=True, comment="#")
     except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
         reason = getattr(error, "strerror", None) or str(error).splitlines()[0].rstrip(".")
-        raise InputFileError(path, f"cannot be read as CSV ({reason})", "give rows of comma-separated numbers") from error
+        raise InputFileError(path, f"cannot be read as CSV ({reason})", "give rows of numbers") from error
     if not headed:
         table.columns = [f"column {number}" for number in range(1, table.shape[1] + 1)]
     return table.rename(columns=lambda name: str(name).strip())

@@ -162,7 +162,7 @@ def fundamental(u: np.ndarray, sample_time: float) -> float:
 
 
 def sine_fit(
-    signal: np.ndarray, sample_time: float, frequency: float, multiples: Sequence[int]
+    signal: np.ndarray, sample_time: float, frequency: float, multiples: Sequence[float]
 ) -> tuple[np.ndarray, float, float]:
     """Least-squares complex amplitudes at multiples of a frequency.
 

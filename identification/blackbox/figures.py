@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,14 +18,16 @@ COLOURS = {
     "arx": "#0072B2", "armax": "#D55E00", "oe": "#009E73", "bj": "#CC79A7", "ss": "#E69F00", "hw": "#56B4E9",
     "narx": "#7F4F24",
 }  # fmt: skip
-DASHES = {"arx": "-", "armax": "--", "oe": "-.", "bj": ":", "ss": (0, (5, 1, 1, 1)), "hw": (0, (3, 2)), "narx": (0, (1, 1))}
+DASHES: dict[str, Any] = {
+    "arx": "-", "armax": "--", "oe": "-.", "bj": ":", "ss": (0, (5, 1, 1, 1)), "hw": (0, (3, 2)), "narx": (0, (1, 1)),
+}  # fmt: skip
 CONFIDENCE = 1.96  # standard deviations of a 95 % band
 
 
 def all_figures(report: Report) -> dict[str, bytes]:
     """PNG files by name: output, bode, residuals, poles_zeros."""
-    made = {"output": output(report), "bode": bode(report), "residuals": residuals(report), "poles_zeros": poles(report)}
-    return {name: png(figure) for name, figure in made.items()}
+    drawings = {"output": output, "bode": bode, "residuals": residuals, "poles_zeros": poles}
+    return {name: png(draw(report)) for name, draw in drawings.items()}
 
 
 def png(figure: Figure, dpi: int = 160) -> bytes:
@@ -39,8 +42,8 @@ def output(report: Report) -> Figure:
     """Held-out output, measured and freely simulated: the whole record at the left, one cycle and its errors right."""
     series = report.validation[0]
     figure = Figure(figsize=(10, 4.8), layout="constrained")
-    places = figure.subplot_mosaic([["whole", "cycle"], ["whole", "error"]], width_ratios=[1.5, 1], height_ratios=[2, 1])
-    whole, cycle, error = places["whole"], places["cycle"], places["error"]
+    places = figure.subplot_mosaic("ab\nac", width_ratios=[1.5, 1], height_ratios=[2, 1])
+    whole, cycle, error = places["a"], places["b"], places["c"]
     offset = 0.0 if len(report.estimation) > 1 else len(report.estimation[0]) * series.sample_time
     time = series.time + offset
     part = _one_cycle(report, len(series))
@@ -50,7 +53,7 @@ def output(report: Report) -> Figure:
         simulated = found.best.model.simulate(series)
         if not np.isfinite(simulated).all():
             continue
-        style = {"color": COLOURS[name], "ls": DASHES[name]}
+        style: dict[str, Any] = {"color": COLOURS[name], "ls": DASHES[name]}
         whole.plot(time, simulated, lw=0.4, **style)
         label = f"{found.best.model.label}: {found.best.fit_percent:.1f} %"
         cycle.plot(time[part], simulated[part], lw=1.3, label=label, **style)
@@ -120,13 +123,16 @@ def _points_of_sine(report: Report) -> Figure:
     shown = _responding(report)
     for place, (name, found) in enumerate(shown.items()):
         r = found.response
-        style = {"color": COLOURS[name], "fmt": "o", "ms": 5, "capsize": 4, "lw": 1.3}
+        style: dict[str, Any] = {"color": COLOURS[name], "fmt": "o", "ms": 5, "capsize": 4, "lw": 1.3}
         if CONFIDENCE * r.gain_std[0] >= abs(r.value[0]):
             gain.annotate("undetermined", (place, 0.5), xycoords=("data", "axes fraction"), ha="center", fontsize=8)
             continue
         gain.errorbar(place, abs(r.value[0]), CONFIDENCE * r.gain_std[0], **style)
         phase.errorbar(place, np.angle(r.value[0], deg=True), CONFIDENCE * r.phase_std_deg[0], **style)
-    labels = [found.best.model.label.replace(" ", "\n", 1) for found in shown.values()]
+    labels = [
+        found.best.model.label.replace(" ", "\n", 1) + ("\nsmall amplitude" if name == "hw" else "")
+        for name, found in shown.items()
+    ]
     phase.set_xticks(range(len(shown)), labels, fontsize=8)
     phase.set_xlim(-0.6, len(shown) - 0.4)
     for axes, text in ((gain, "gain [output / input]"), (phase, "phase [deg]")):
@@ -135,7 +141,8 @@ def _points_of_sine(report: Report) -> Figure:
         axes.grid(alpha=0.3, lw=0.5)
     frequency = report.excitation.frequency_hz
     gain.set_title(
-        f"{report.name}: response at {frequency:.4g} Hz with 95 % confidence; no other frequency is identified", fontsize=10
+        f"{report.name}: response at {frequency:.4g} Hz with 95 % confidence; no other frequency is identified",
+        fontsize=10,
     )
     return figure
 
@@ -194,7 +201,8 @@ def poles(report: Report) -> Figure:
     near.set_ylim(-reach, reach)
     near.set_title("slow modes, enlarged", fontsize=10)
     plane.set_title("whole plane (zeros beyond are not shown)", fontsize=10)
-    marks = [Line2D([], [], color=COLOURS[name], marker="s", ls="", label=f.best.model.label) for name, f in shown.items()]
+    labels = {name: found.best.model.label for name, found in shown.items()}
+    marks = [Line2D([], [], color=COLOURS[name], marker="s", ls="", label=label) for name, label in labels.items()]
     marks += [Line2D([], [], color="0.2", marker="x", ls="", label="pole")]
     marks += [Line2D([], [], color="0.2", marker="o", mfc="none", ls="", label="zero")]
     figure.legend(handles=marks, loc="outside lower center", ncols=4, fontsize=8, frameon=False)

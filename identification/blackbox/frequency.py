@@ -79,7 +79,7 @@ def points(recordings: Series | Sequence[Series]) -> Points:
 
 
 def _steady(series: Series) -> Series:
-    """The recording without its start-up: tenths are cut while the line fit misses the first one half as badly again."""
+    """The recording without its start-up: tenths are cut while the first is missed half as badly again as the rest."""
     for _ in range(3):
         lines, extra = _lines(series)
         angle = 2 * np.pi * np.outer(series.time, [*lines, *extra])

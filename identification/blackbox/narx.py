@@ -20,7 +20,7 @@ LIMIT = 50.0  # times the output's scale: a simulation beyond this has diverged
 
 @dataclass(frozen=True, eq=False)
 class Narx:
-    """y(t) = sum of theta_j times products of lagged y and u (scaled to unit root mean square), lags multiples of `step`.
+    """y(t) = sum of theta_j times products of lagged y and u, both scaled to unit root mean square.
 
     Attributes:
         terms: tuples of variable numbers: k < n_lags is y(t - (k + 1) step), then u(t - (k - n_lags + 1) step);
@@ -77,10 +77,8 @@ class Narx:
         """
         step, lags = self.step, self.lags
         passes = -(-len(series) // step)
-        y = np.zeros(passes * step)
-        u = np.zeros(passes * step)
-        y[: len(series)], u[: len(series)] = series.y / self.y_scale, series.u / self.u_scale
-        y, u = y.reshape(passes, step), u.reshape(passes, step)
+        y, u = np.zeros((passes, step)), np.zeros((passes, step))
+        y.flat[: len(series)], u.flat[: len(series)] = series.y / self.y_scale, series.u / self.u_scale
         for row in range(lags, passes):
             variables = np.concatenate([y[row - lags : row][::-1], u[row - lags : row][::-1]])
             y[row] = _products(variables, self.terms).T @ self.theta
@@ -95,8 +93,8 @@ class Narx:
         return (y - _products(variables, self.terms).T @ self.theta) * self.y_scale
 
     def __str__(self) -> str:
-        rows = [f"  {c: .5g} {_name(term, self.lags, self.step)}" for c, term in zip(self.theta, self.terms, strict=True)]
-        return "\n".join([self.label, *rows])
+        names = [_name(term, self.lags, self.step) for term in self.terms]
+        return "\n".join([self.label, *(f"  {c: .5g} {name}" for c, name in zip(self.theta, names, strict=True))])
 
 
 def _name(term: tuple[int, ...], lags: int, step: int) -> str:

@@ -13,8 +13,9 @@ from fasbody.exceptions import SettingError
 
 from . import pem
 from .data import Series
+from .filters import largest_root, pulse_response, shifted
 from .least_squares import Linearisation, minimise, project_states, spread
-from .polynomial import Orders, PolynomialModel, Response, largest_root, pulse_response, shifted
+from .polynomial import Orders, PolynomialModel, Response
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,15 +11,18 @@ from fasbody.exceptions import SettingError, unknown
 
 from . import arx, starts
 from .data import Series
+from .filters import largest_root, pole_warnings, pulse_response, shifted
 from .least_squares import Linearisation, Minimum, minimise, project_states, spread
-from .polynomial import Orders, PolynomialModel, largest_root, pole_warnings, pulse_response, shifted, unpack
+from .polynomial import Orders, PolynomialModel, unpack
 
 TRIAL = 8  # iterations after which a second starting value must lead
 RADIUS = 0.99995  # of the roots of C, D, F: beyond it a free motion outlasts any recording
 
 
 class Residuals:
-    """One-step prediction errors of A y = B/F u + C/D e and their exact derivatives.
+    """One-step prediction errors y(t) - y(t | t-1), Eq. (3.12), of A y = B/F u + C/D e and their exact derivatives.
+
+    The general structure Eq. (3.3) covers ARX, ARMAX, OE and BJ alike.
 
     Filters start from rest at the first sample. Everything before the first row with complete regressors is thus
     wrong, and wrong only by free motions of 1/F and 1/C; these and the sensor's level are fitted as nuisance columns,
@@ -50,7 +53,7 @@ class Residuals:
         first, length = o.first_row, len(series)
         w = lfilter(b, f, series.u)  # undisturbed output, Eq. (3.7)
         v = lfilter(a, [1.0], series.y) - w
-        errors = lfilter(d, c, v)  # Eqs (3.12), (3.14): y - (L1 y + L2 u) with L1 = 1 - A D/C, L2 = B D/(C F)
+        errors = lfilter(d, c, v)  # Eq. (3.14): y - (L1 y + L2 u), L1 = 1 - A D/C, L2 = B D/(C F)
 
         noise_states = max(o.nc, o.nd)
         tail = length - first

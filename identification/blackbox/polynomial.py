@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg, signal
+from scipy import signal
 
 from fasbody.exceptions import SettingError, unknown
 
 from .data import Series
+from .filters import free_run
 
 #: Orders of each structure in the sequence of Table 3.2.
 STRUCTURES = {
@@ -108,7 +109,7 @@ class PolynomialModel:
         orders: numbers of coefficients.
         theta: coefficients a, b, c, d, f in this sequence, shape (d,).
         spread: square root S of the covariance S S' of `theta`, shape (d, m).
-        loss: mean squared one-step prediction error on the estimation data [output unit squared], Eq. (3.15).
+        loss: mean squared one-step prediction error on the estimation data [output unit squared].
         samples: number of residuals behind `loss`.
         sample_time: seconds.
         warnings: sentences for the user.
@@ -228,7 +229,7 @@ class PolynomialModel:
             SettingError: python-control is not installed.
         """
         try:
-            import control
+            import control  # type: ignore[import-not-found,unused-ignore]
         except ImportError as error:
             raise SettingError("python-control is missing; pip install 'fasbody[control]'.") from error
         transfer = self.to_transfer_function()
@@ -262,71 +263,6 @@ def unpack(
 def pack(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, f: np.ndarray) -> np.ndarray:
     """The coefficient vector of the polynomials; `b` without its leading zeros, the others monic."""
     return np.concatenate([a[1:], b, c[1:], d[1:], f[1:]])
-
-
-def stabilise(polynomial: np.ndarray, radius: float = 0.9995) -> np.ndarray:
-    """The monic polynomial with roots outside the unit circle mirrored into it, and none beyond `radius`."""
-    if len(polynomial) < 2:
-        return polynomial
-    roots = np.roots(polynomial)
-    size = np.abs(roots)
-    roots = np.where(size > 1.0, 1.0 / np.conj(np.where(size > 1.0, roots, 1.0)), roots)
-    roots *= np.minimum(1.0, radius / np.maximum(np.abs(roots), 1e-300))
-    stable = np.zeros(len(polynomial))
-    made = np.poly(roots).real
-    stable[: len(made)] = made
-    return stable
-
-
-def largest_root(polynomial: np.ndarray) -> float:
-    """Modulus of the largest root; 0 for a constant."""
-    return float(np.abs(np.roots(polynomial)).max(initial=0.0))
-
-
-def outlasting(den: np.ndarray, samples: int) -> bool:
-    """Whether a free motion of 1/den keeps more than a twentieth of its size over `samples` samples."""
-    return largest_root(den) ** samples > 0.05
-
-
-def pole_warnings(den: np.ndarray, samples: int) -> list[str]:
-    """Sentences on poles that make free simulation of `samples` samples meaningless."""
-    largest = largest_root(den)
-    if largest >= 1.0:
-        return ["unstable poles: the model predicts one step but cannot be simulated freely"]
-    if outlasting(den, samples):
-        return ["a pole lies so near the unit circle that its free motion outlasts the record and can imitate a response"]
-    return []
-
-
-def free_run(num: np.ndarray, den: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Response of num/den to `u` plus the free motion and level that fit `y` best; infinite where it is unstable.
-
-    The free motion covers the state at the first sample and the input before it: in the transposed direct form
-    each state element enters as a pulse through 1/den.
-    """
-    if largest_root(den) >= 1.0:
-        return np.full(len(u), np.inf)
-    forced = signal.lfilter(num, den, u)
-    states = max(len(num), len(den)) - 1
-    free = np.column_stack([shifted(pulse_response(den, len(u)), states), np.ones(len(u))])
-    start, *_ = linalg.lstsq(free, y - forced, lapack_driver="gelsy", cond=1e-10, check_finite=False)
-    return forced + free @ start
-
-
-def pulse_response(den: np.ndarray, length: int) -> np.ndarray:
-    """Response of 1/den to a unit pulse at the first sample."""
-    pulse = np.zeros(length)
-    pulse[0] = 1.0
-    return signal.lfilter([1.0], den, pulse)
-
-
-def shifted(values: np.ndarray, count: int, first: int = 0) -> np.ndarray:
-    """Columns `values` delayed by first, first + 1, ... samples, zero before; shape (N, count), column-major."""
-    columns = np.zeros((len(values), count), order="F")
-    for k in range(count):
-        lag = first + k
-        columns[lag:, k] = values[: max(len(values) - lag, 0)]
-    return columns
 
 
 def _same_length(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -57,9 +57,9 @@ class Plausibility:
             f"{self.rows} recordings printed; the smallest plant has {self.fewest_parameters} coefficients, and "
             f"{100 * self.above_rank:.0f} % of the printed models have more than the {SINE_RANK} numbers that one sine "
             f"determines.\nHighest printed fit: {best}.\nMedian difference between the best and the worst structure: "
-            f"{self.spread_median:.1f} points.\nThe delay n_k of one subject scatters by {self.delays:.1f} samples from "
-            "recording to recording; a travel time through a foot would not. The printed orders describe the selection "
-            "procedure and the harmonics of each recording, not the plant."
+            f"{self.spread_median:.1f} points.\nThe delay n_k of one subject scatters by {self.delays:.1f} samples "
+            "from recording to recording; a travel time through a foot would not. The printed orders describe the "
+            "selection procedure and the harmonics of each recording, not the plant."
         )
 
 

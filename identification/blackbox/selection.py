@@ -13,7 +13,8 @@ from fasbody.exceptions import FasError, SettingError
 
 from . import arx, criteria, pem, subspace
 from .data import Series
-from .polynomial import Orders, Response, outlasting
+from .filters import outlasting
+from .polynomial import Orders, Response
 
 NEGLIGIBLE = 2e-3  # of the output's amplitude left unexplained justifies no further parameter
 BLOCKS = 20  # of the held-out data, over which two models' squared errors are compared
@@ -49,7 +50,7 @@ class Candidate:
 
     Attributes:
         model: the estimate.
-        fit_percent: Eq. (3.20) over all held-out parts.
+        fit_percent: over all held-out parts together.
         block_errors: mean squared simulation error in each block of the held-out data, shape (BLOCKS,).
     """
 
@@ -58,7 +59,7 @@ class Candidate:
     block_errors: np.ndarray
 
     def no_worse_than(self, other: Candidate) -> bool:
-        """Whether held-out data do not show `other` to be better: within two standard errors, pairwise, or negligibly."""
+        """Whether held-out data do not show `other` to be better by two standard errors and more than negligibly."""
         more = self.block_errors - other.block_errors
         if not np.isfinite(more).all():
             return False
@@ -72,7 +73,7 @@ class Candidate:
 
     @property
     def aic(self) -> float:
-        """Corrected Eq. (3.19)."""
+        """Akaike's criterion for each sample."""
         return float(criteria.aic(self.model.loss, self.model.parameters, self.model.samples))
 
     @property
@@ -82,7 +83,7 @@ class Candidate:
 
     @property
     def fpe(self) -> float:
-        """Final prediction error, Eq. (3.17)."""
+        """Akaike's final prediction error."""
         return criteria.fpe(self.model.loss, self.model.parameters, self.model.samples)
 
     def __str__(self) -> str:
@@ -115,7 +116,7 @@ class Selection:
 
 
 def judge(model: Model, validation: Sequence[Series]) -> Candidate:
-    """The model with its fit, Eq. (3.20), over all held-out parts together, in free simulation."""
+    """The model with its fit over all held-out parts together, in free simulation."""
     measured = np.concatenate([series.y - series.y.mean() for series in validation])
     simulated = np.concatenate([model.simulate(series) - series.y.mean() for series in validation])
     blocks = np.array([np.mean(part**2) for part in np.array_split(measured - simulated, BLOCKS)])
@@ -170,7 +171,7 @@ def select_arx(estimation: Sequence[Series], validation: Sequence[Series], large
                 "orders are ranked by held-out simulation instead"
             )
     if len(alike) > 1:
-        warnings.append(f"{len(alike)} of {aic.size} ARX models differ by less than 10 in N x AIC: orders are not decided")
+        warnings.append(f"{len(alike)} of {aic.size} ARX models lie within 10 in N x AIC: orders are not decided")
     models = []
     for flat in sorted(shortlist):
         na, nb, nk = (int(k) + 1 for k in np.unravel_index(flat, loss.shape))

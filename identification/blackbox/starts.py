@@ -9,7 +9,8 @@ from scipy.signal import lfilter
 
 from .arx import regressors, solve
 from .data import Series
-from .polynomial import Orders, pack, shifted, stabilise
+from .filters import shifted, stabilise
+from .polynomial import Orders, pack
 
 ONE = np.ones(1)
 LONG = 25  # lags of the long ARX model whose residuals stand for e(t)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy import linalg, signal
 
 from fasbody.exceptions import SettingError
@@ -16,136 +14,10 @@ from .data import Series
 from .least_squares import project_states, spread
 from .pem import Residuals
 from .pem import estimate as estimate_polynomial
-from .polynomial import Orders, PolynomialModel, Response
+from .polynomial import Orders, PolynomialModel
+from .state_space import StateSpaceModel, free_responses, modal_response
 
 BLOCK_ROWS = 16  # about 15 beats 30 on band-limited input; one more than the largest order asked for
-
-
-@dataclass(frozen=True, eq=False)
-class StateSpaceModel:
-    """Innovations form x(t+1) = A x + B u + K e, y = C x + D u + e, Eqs (3.9), (3.10).
-
-    Attributes:
-        A, B, C, D, K: arrays of shapes (n, n), (n,), (n,), scalar, (n,).
-        x0: state at the first sample of the (first) estimation recording, shape (n,), Eq. (3.11).
-        loss: mean squared one-step prediction error [output unit squared].
-        samples: number of residuals.
-        sample_time: seconds.
-        singular_values: of the weighted data matrix, from which the order is chosen.
-        transfer: the same plant as an output-error polynomial with the covariance of its coefficients.
-        warnings: sentences for the user.
-    """
-
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: float
-    K: np.ndarray
-    x0: np.ndarray
-    loss: float
-    samples: int
-    sample_time: float
-    singular_values: np.ndarray
-    transfer: PolynomialModel
-    warnings: tuple[str, ...] = field(default=())
-    structure: str = "ss"
-
-    @property
-    def order(self) -> int:
-        """Number of states n."""
-        return len(self.B)
-
-    @property
-    def parameters(self) -> int:
-        """Independent coefficients: 2 n + 1 of the plant and n of the noise model."""
-        return 3 * self.order + 1
-
-    def poles(self) -> np.ndarray:
-        """Eigenvalues of A."""
-        return np.linalg.eigvals(self.A)
-
-    def zeros(self) -> np.ndarray:
-        """Zeros of the plant."""
-        return self.transfer.zeros()
-
-    @property
-    def stable(self) -> bool:
-        """Whether free simulation stays bounded."""
-        return bool(np.all(np.abs(self.poles()) < 1.0))
-
-    def response(self, frequency_hz: ArrayLike) -> Response:
-        """Frequency response; the covariance is that of the output-error form linearised here."""
-        frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
-        z = np.exp(2j * np.pi * frequency * self.sample_time)
-        inverse = np.linalg.solve(
-            z[:, None, None] * np.eye(self.order) - self.A, np.tile(self.B[:, None], (len(z), 1, 1)).astype(complex)
-        )
-        return Response(frequency, (inverse[:, :, 0] @ self.C) + self.D, self.transfer.response(frequency).spread)
-
-    def simulate(self, series: Series) -> np.ndarray:
-        """Free simulation with the initial state that fits best, shape (N,); infinite where unstable."""
-        if not self.stable:
-            return np.full(len(series), np.inf)
-        forced = modal_response(self.A, self.C, self.B[:, None], series.u[:, None]) + self.D * series.u
-        free = free_responses(self.A, self.C, len(series))
-        state, _ = project_states(series.y - forced, free)
-        return forced + free @ state
-
-    def predict(self, series: Series) -> np.ndarray:
-        """One-step prediction by the innovations form, initial state fitted, shape (N,)."""
-        observer = self.A - np.outer(self.K, self.C)
-        gain = np.column_stack([self.B - self.K * self.D, self.K])
-        forced = modal_response(observer, self.C, gain, np.column_stack([series.u, series.y])) + self.D * series.u
-        free = free_responses(observer, self.C, len(series))
-        state, _ = project_states(series.y - forced, free)
-        return forced + free @ state
-
-    def residuals(self, series: Series) -> np.ndarray:
-        """One-step prediction errors, shape (N,)."""
-        return series.y - self.predict(series)
-
-    def to_state_space(self) -> Any:
-        """The plant as `scipy.signal.StateSpace`."""
-        return signal.StateSpace(self.A, self.B[:, None], self.C[None, :], np.array([[self.D]]), dt=self.sample_time)
-
-    def to_transfer_function(self) -> Any:
-        """The plant as `scipy.signal.TransferFunction`."""
-        return self.transfer.to_transfer_function()
-
-    def to_zeros_poles(self) -> Any:
-        """The plant as `scipy.signal.ZerosPolesGain`."""
-        return self.transfer.to_zeros_poles()
-
-    def to_control(self) -> Any:
-        """The plant as a python-control transfer function."""
-        return self.transfer.to_control()
-
-    @property
-    def label(self) -> str:
-        """Structure and order, as `SS (4)`."""
-        return f"SS ({self.order})"
-
-    def __str__(self) -> str:
-        poles = ", ".join(f"{p:.4f}" for p in self.poles())
-        return f"{self.label}, loss {self.loss:.5g}, poles {poles}"
-
-
-def modal_response(A: np.ndarray, C: np.ndarray, B: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-    """C x(t) of x(t+1) = A x + B inputs from rest, by first-order filters along the eigenvectors; shape (N,)."""
-    values, vectors = np.linalg.eig(A)
-    drive = inputs @ np.linalg.solve(vectors, B.astype(complex)).T
-    seen = C @ vectors
-    return np.sum(
-        [(c * signal.lfilter([0.0, 1.0], [1.0, -p], drive[:, k])).real
-         for k, (p, c) in enumerate(zip(values, seen, strict=True))], axis=0,
-    )  # fmt: skip
-
-
-def free_responses(A: np.ndarray, C: np.ndarray, length: int) -> np.ndarray:
-    """Outputs C A^t from each unit initial state, and a level, shape (length, n + 1)."""
-    values, vectors = np.linalg.eig(A)
-    powers = np.exp(np.arange(length)[:, None] * np.log(values.astype(complex) + 0j))
-    return np.column_stack([((powers * (C @ vectors)) @ np.linalg.inv(vectors)).real, np.ones(length)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +68,7 @@ class Subspace:
             A, B, C, D, K, x0, np.nan, 0, self.recordings[0].sample_time, self.singular_values, shadow, tuple(warnings)
         )
         errors = np.concatenate([model.residuals(series) for series in self.recordings])
-        return StateSpaceModel(**{**model.__dict__, "loss": float(errors @ errors / len(errors)), "samples": len(errors)})
+        return replace(model, loss=float(errors @ errors / len(errors)), samples=len(errors))
 
     def _input_matrices(
         self, A: np.ndarray, C: np.ndarray
@@ -245,7 +117,9 @@ class Subspace:
             disturbances.append(remove(series.y - forced))
         total = sum(len(v) for v in disturbances)
         lags = 2 * self.block_rows
-        R = np.array([sum(v[k:] @ v[: len(v) - k] for v in disturbances) for k in range(lags + 1)]) / total
+        R = np.zeros(lags + 1)
+        for v in disturbances:
+            R += np.array([v[k:] @ v[: len(v) - k] for k in range(lags + 1)]) / total
         G = linalg.lstsq(free_responses(A, C, lags)[:, :-1], R[1:], cond=1e-8)[0]
         P, gain = np.zeros_like(A), np.zeros(len(C))
         for _ in range(300):
@@ -261,6 +135,7 @@ class Subspace:
 
 
 def _stable(A: np.ndarray) -> tuple[np.ndarray, bool]:
+    """A with eigenvalues outside 0.9999 drawn in to 0.999, and whether there were any."""
     values, vectors = np.linalg.eig(A)
     if np.abs(values).max() < 0.9999:
         return A, False
@@ -295,7 +170,9 @@ def decompose(recordings: Series | Sequence[Series], block_rows: int = BLOCK_ROW
     return Subspace(pooled, r, i, left, s, columns)
 
 
-def estimate(recordings: Series | Sequence[Series], order: int | None = None, *, refine: bool = False) -> StateSpaceModel:
+def estimate(
+    recordings: Series | Sequence[Series], order: int | None = None, *, refine: bool = False
+) -> StateSpaceModel:
     """State-space model of `order`, by default the number of singular values above the noise."""
     rows = BLOCK_ROWS if order is None else max(BLOCK_ROWS, order + 1)
     found = decompose(recordings, rows)

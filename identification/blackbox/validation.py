@@ -72,7 +72,7 @@ def residual_test(errors: np.ndarray, series: Series, parameters: int = 0, lags:
     statistic = n * (n + 2) * np.sum(auto**2 / (n - np.arange(1, lags + 1)))
     white_p = float(stats.chi2.sf(statistic, max(lags - parameters, 1)))
     cross_lags = np.arange(-lags, lags + 1)
-    cross = np.array([e[max(k, 0) : n + min(k, 0)] @ u[max(-k, 0) : n - max(k, 0)] for k in cross_lags])
+    cross = np.array([e[max(k, 0) : n + min(k, 0)] @ u[max(-k, 0) : n - max(k, 0)] for k in range(-lags, lags + 1)])
     cross /= scale_e * scale_u
     # Bartlett: var = sum of the product of both autocorrelations / n
     u_auto = np.array([u[k:] @ u[: n - k] for k in range(1, lags + 1)]) / scale_u**2
@@ -80,5 +80,6 @@ def residual_test(errors: np.ndarray, series: Series, parameters: int = 0, lags:
     z = float(stats.norm.ppf(0.995))
     outside = float(np.mean(np.abs(cross[lags:]) > z * np.sqrt(spread / n)))
     return ResidualTest(
-        np.arange(1, lags + 1), auto, cross_lags, cross, z * float(np.sqrt(spread / n)), z / np.sqrt(n), white_p, outside
-    )
+        lags=np.arange(1, lags + 1), auto=auto, cross_lags=cross_lags, cross=cross,
+        cross_bound=z * float(np.sqrt(spread / n)), bound=z / np.sqrt(n), white_p=white_p, cross_outside=outside,
+    )  # fmt: skip
