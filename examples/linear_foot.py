@@ -80,7 +80,7 @@ def sine(frequency_hz: float, samples: int) -> np.ndarray:
     return AMPLITUDE * np.sin(2 * np.pi * frequency_hz * SAMPLE_TIME * np.arange(samples))
 
 
-def prbs(samples: int, hold: int = 8) -> np.ndarray:
+def prbs(samples: int, hold: int = 6) -> np.ndarray:
     """Pseudo-random binary base acceleration, each value held for `hold` samples."""
     return AMPLITUDE * np.repeat(2.0 * max_len_seq(13)[0] - 1.0, hold)[:samples]
 

@@ -133,7 +133,7 @@ def read(path: Path, *, input: str = "", output: str = "", sample_time: float | 
         if "file" not in table.columns:
             raise InputFileError(index, "has no column 'file'", "list one recording in each row")
         files = [path / "recordings" / str(name) for name in table["file"]]
-        files = [file if file.is_file() else path / file.name for file in files]
+        files = [file if file.is_file() else path / str(name) for file, name in zip(files, table["file"], strict=True)]
         return [read_csv(file, input=input, output=output, sample_time=sample_time) for file in files]
     return [read_csv(path, input=input, output=output, sample_time=sample_time)]
 

@@ -106,8 +106,9 @@ def _significant_part(series: Series) -> tuple[np.ndarray, np.ndarray]:
     if kept < 0.9 * power.sum():  # a broad spectrum: a few bins above the floor are chance
         smooth = np.convolve(power, np.ones(9) / 9, mode="same")
         return u, frequency[(smooth > 1e-4 * smooth.max()) & (frequency > 0)]
-    strongest = strong & (power > 1e-4 * power.max()) & (frequency > 0)
-    return np.fft.irfft(np.where(strong, spectrum, 0.0), len(u)), frequency[strongest]
+    windowed = np.abs(np.fft.rfft(np.hanning(len(u)) * u)) ** 2  # without the skirts of lines between the bins
+    lines = (windowed > 1e-4 * windowed.max()) & (windowed > SIGNIFICANT * np.median(windowed)) & (frequency > 0)
+    return np.fft.irfft(np.where(strong, spectrum, 0.0), len(u)), frequency[lines]
 
 
 def _gram(u: np.ndarray, lags: int) -> np.ndarray:
@@ -146,19 +147,25 @@ def single_sine(series: Series, harmonics: int = 6) -> tuple[float, tuple[int, .
 
 
 def fundamental(u: np.ndarray, sample_time: float) -> float:
-    """Frequency [Hz] of the strongest line, refined on the projection of the signal on a sine."""
-    window = np.hanning(len(u))
-    power = np.abs(np.fft.rfft(window * u)) ** 2
+    """Frequency [Hz] of the strongest line: the spectrum's peak, refined by Gauss-Newton on one sine and a level."""
+    power = np.abs(np.fft.rfft(np.hanning(len(u)) * u)) ** 2
     peak = int(np.argmax(power[1:])) + 1
     width = 1.0 / (len(u) * sample_time)
-    low, high = max((peak - 1) * width, 0.2 * width), (peak + 1) * width
-    for _ in range(3):  # three zooms of 21 points: a five-thousandth of a line's width
-        grid = np.linspace(low, high, 21)
-        left = [sine_fit(u, sample_time, f, [1])[2] for f in grid]
-        best = int(np.argmin(left))
-        step = grid[1] - grid[0]
-        low, high = max(grid[best] - step, 0.1 * width), grid[best] + step
-    return float(grid[best])
+    frequency = peak * width
+    t = (np.arange(len(u)) - (len(u) - 1) / 2) * sample_time
+    for _ in range(6):
+        cosine, sine = np.cos(2 * np.pi * frequency * t), np.sin(2 * np.pi * frequency * t)
+        phi = np.column_stack([np.ones(len(u)), cosine, sine])
+        a, b = np.linalg.lstsq(phi, u, rcond=None)[0][1:]
+        slope = 2 * np.pi * t * (b * cosine - a * sine)
+        step = np.linalg.lstsq(np.column_stack([phi, slope]), u, rcond=None)[0][3]
+        step = float(np.clip(step, -0.5 * width, 0.5 * width))
+        if not max(peak - 1.5, 0.2) * width < frequency + step < (peak + 1.5) * width:
+            break  # not one line: keep the best so far
+        frequency += step
+        if abs(step) < 1e-7 * width:
+            break
+    return float(frequency)
 
 
 def sine_fit(

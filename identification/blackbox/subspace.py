@@ -128,7 +128,7 @@ class Subspace:
                 return np.zeros(len(C))
             new = (G - A @ P @ C) / innovation
             P = A @ P @ A.T + np.outer(new, new) * innovation
-            if np.linalg.norm(new - gain) <= 1e-10 * max(np.linalg.norm(new), 1e-300):
+            if np.linalg.norm(new - gain) <= 1e-10 * float(np.linalg.norm(new)):
                 break
             gain = new
         return gain if np.abs(np.linalg.eigvals(A - np.outer(gain, C))).max() < 1.0 else np.zeros(len(C))
