@@ -128,5 +128,5 @@ def test_useless_files_get_one_sentence(tmp_path: Path, content: str, options: d
 def test_missing_file_and_empty_folder(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match="No such file"):
         data.read(tmp_path / "absent.csv")
-    with pytest.raises(InputFileError, match="holds no recordings.csv"):
+    with pytest.raises(InputFileError, match=r"holds no recordings\.csv"):
         data.read(tmp_path)

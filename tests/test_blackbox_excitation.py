@@ -64,7 +64,8 @@ def test_sine_fit_standard_error() -> None:
     t = np.arange(1000) * 1e-3
     for seed in range(300):
         clean = (truth * np.exp(2j * np.pi * 17.3 * t)).real
-        z, sigma, _ = excitation.sine_fit(clean + 0.5 * np.random.default_rng(seed).standard_normal(1000), 1e-3, 17.3, [1])
+        noisy = clean + 0.5 * np.random.default_rng(seed).standard_normal(1000)
+        z, sigma, _ = excitation.sine_fit(noisy, 1e-3, 17.3, [1])
         values.append(z[0])
     assert np.mean(values) == pytest.approx(truth, abs=0.01)
     assert np.std(np.real(values)) == pytest.approx(sigma, rel=0.15)

@@ -14,7 +14,7 @@ ORDERS = Orders.of("oe", (2, 2, 1))
 
 
 def test_hammerstein_wiener_is_recovered() -> None:
-    """y = w + 0.1 w^2 + noise, w = B/F (u + 0.3 u^3), over its scaled parameters."""
+    """Y = w + 0.1 w^2 + noise, w = B/F (u + 0.3 u^3), over its scaled parameters."""
     rng = np.random.default_rng(0)
     u = rng.uniform(-2, 2, 4000)
     w = lfilter([0.0, 0.5, 0.2], [1.0, -1.2, 0.6], u + 0.3 * u**3)

@@ -88,7 +88,8 @@ def test_conversions_keep_poles_and_steady_gain() -> None:
     b, f = chosen.plant
     gain = b.sum() / f.sum()
     space = chosen.to_state_space()
-    np.testing.assert_allclose((space.C @ np.linalg.solve(np.eye(len(space.A)) - space.A, space.B) + space.D)[0, 0], gain)
+    steady = space.C @ np.linalg.solve(np.eye(len(space.A)) - space.A, space.B) + space.D
+    assert steady[0, 0] == pytest.approx(gain)
     poles = chosen.to_zeros_poles().poles
     assert min(abs(poles - chosen.poles()[0])) < 1e-9
     control = pytest.importorskip("control")

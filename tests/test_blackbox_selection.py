@@ -16,11 +16,12 @@ def halves(base: np.ndarray, seed: int = 0) -> tuple[Series, Series]:
 
 
 def test_criteria_agree_where_they_must() -> None:
-    """log FPE and AIC differ by terms of third order in d / N; the short form of FPE by second order."""
+    """Log FPE and AIC differ by terms of third order in d / N; the short form of FPE by second order."""
     loss, n = 0.3, 5000
     for d in (5, 20):
         assert np.log(criteria.fpe(loss, d, n)) == pytest.approx(criteria.aic(loss, d, n), abs=(d / n) ** 3)
-        assert criteria.fpe_of_few_parameters(loss, d, n) == pytest.approx(criteria.fpe(loss, d, n), rel=3 * (d / n) ** 2)
+        short = criteria.fpe_of_few_parameters(loss, d, n)
+        assert short == pytest.approx(criteria.fpe(loss, d, n), rel=3 * (d / n) ** 2)
     assert criteria.bic(loss, 7, n) == pytest.approx(np.log(loss) + 7 * np.log(n) / n)
 
 
