@@ -48,15 +48,6 @@ class Excitation:
             f"{parameters - self.rank} combinations of them are arbitrary, and so is the response where not excited"
         )
 
-    def excited(self, frequency_hz: np.ndarray) -> np.ndarray:
-        """Mask of the frequencies within the excited band, shape of the argument."""
-        if len(self.band_hz) == 0:
-            return np.zeros(len(frequency_hz), dtype=bool)
-        if self.single_sine:
-            lines = self.frequency_hz * np.array(self.harmonics)
-            return np.any(np.abs(frequency_hz[:, None] / lines - 1) < 0.01, axis=1)
-        return (frequency_hz >= self.band_hz[0] * 0.98) & (frequency_hz <= self.band_hz[-1] * 1.02)
-
     def __str__(self) -> str:
         if self.single_sine:
             lines = ", ".join(f"{h * self.frequency_hz:.4g}" for h in self.harmonics)
@@ -108,6 +99,7 @@ def _significant_part(series: Series) -> tuple[np.ndarray, np.ndarray]:
         return u, frequency[(smooth > 1e-4 * smooth.max()) & (frequency > 0)]
     windowed = np.abs(np.fft.rfft(np.hanning(len(u)) * u)) ** 2  # without the skirts of lines between the bins
     lines = (windowed > 1e-4 * windowed.max()) & (windowed > SIGNIFICANT * np.median(windowed)) & (frequency > 0)
+    lines[1:-1] &= (windowed[1:-1] >= windowed[:-2]) & (windowed[1:-1] > windowed[2:])  # tops, not their flanks
     return np.fft.irfft(np.where(strong, spectrum, 0.0), len(u)), frequency[lines]
 
 

@@ -182,7 +182,7 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
     model = chosen.best.model
     noise = sum(getattr(getattr(model, "orders", None), key, 0) for key in ("na", "nc", "nd"))
     tests = [residual_test(model.residuals(series), series, noise) for series in chooser.validation]
-    test = max(tests, key=lambda t: (t.cross_outside, -t.white_p))
+    test = max(tests, key=lambda t: -min(t.cross_p, t.white_p))
     warnings = [*model.warnings, *chosen.warnings]
     plant = len(model.poles()) + len(model.zeros()) + 1  # the coefficients of a proper B/F
     guard = seen.warning(plant) if len(model.poles()) else ""
@@ -197,10 +197,9 @@ def shown_frequencies(seen: Excitation, count: int = 60) -> np.ndarray:
     """Frequencies at which a response may be shown: the excited ones."""
     if seen.single_sine:
         return seen.frequency_hz * np.array(seen.harmonics)
-    low, high = seen.band_hz[0], seen.band_hz[-1]
-    if seen.rank < seen.limit and seen.rank <= 2 * len(seen.band_hz) and len(seen.band_hz) <= count:
-        return seen.band_hz
-    return np.geomspace(low, high, count)
+    grid = np.geomspace(seen.band_hz[0], seen.band_hz[-1], count)
+    nearest = np.searchsorted(seen.band_hz, np.sqrt(grid[1:] * grid[:-1]))
+    return seen.band_hz[np.unique(np.clip(nearest, 0, len(seen.band_hz) - 1))]
 
 
 def _through_points(pooled: Sequence[Series]) -> tuple[frequency.Rational | None, frequency.LeftOut | None]:

@@ -79,7 +79,7 @@ def model(report: Report, found: Found) -> dict[str, Any]:
             "phase_std_deg": response.phase_std_deg,
         },
         "residual_whiteness_p": found.test.white_p,
-        "residual_input_correlation_outside": found.test.cross_outside,
+        "residual_input_independence_p": found.test.cross_p,
         "models_tried": found.selection.tried,
         "indistinguishable": list(found.selection.alike),
         "excitation_rank": report.excitation.rank,
