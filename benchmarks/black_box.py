@@ -245,7 +245,7 @@ def main() -> None:
     """All tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=20, help="records for the medians")
-    parser.add_argument("--coverage", type=int, default=200, help="records for the coverage")
+    parser.add_argument("--coverage", type=int, default=100, help="records for the coverage")
     parser.add_argument("--timeout", type=float, default=400, help="seconds for each peer")
     parser.add_argument("--no-peers", action="store_true", help="do not install and run other packages")
     options = parser.parse_args()

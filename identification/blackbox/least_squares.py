@@ -156,7 +156,9 @@ def _coloured_backwards(gradient: np.ndarray, errors: np.ndarray, order: int = 3
     n = len(errors)
     order = min(order, n // 10)
     correlation = np.array([errors[: n - k] @ errors[k:] for k in range(order + 1)]) / n
-    correlation[0] *= 1 + 1e-10
+    if correlation[0] <= 1e-300:
+        return np.zeros_like(gradient)
+    correlation[0] *= 1 + 1e-6  # keeps the equations regular for errors that are all rounding or one sine
     a = linalg.solve_toeplitz(correlation[:-1], correlation[1:]) if order else np.zeros(0)
     innovation = max(correlation[0] - a @ correlation[1:], 0.0)
     shaping = np.concatenate([[1.0], -a])

@@ -211,7 +211,7 @@ class PolynomialModel:
     def to_transfer_function(self) -> Any:
         """G as `scipy.signal.TransferFunction` with its sample time."""
         num, den = _same_length(*self.plant)
-        lead = np.argmax(num != 0) if num.any() else 0
+        lead = int(np.argmax(np.abs(num) > 1e-14 * np.abs(num).max(initial=0.0))) if num.any() else 0
         return signal.TransferFunction(num[lead:], den, dt=self.sample_time)
 
     def to_zeros_poles(self) -> Any:
@@ -229,7 +229,7 @@ class PolynomialModel:
             SettingError: python-control is not installed.
         """
         try:
-            import control  # type: ignore[import-not-found,unused-ignore]
+            import control
         except ImportError as error:
             raise SettingError("python-control is missing; pip install 'fasbody[control]'.") from error
         transfer = self.to_transfer_function()

@@ -137,5 +137,5 @@ def modal_response(A: np.ndarray, C: np.ndarray, B: np.ndarray, inputs: np.ndarr
 def free_responses(A: np.ndarray, C: np.ndarray, length: int) -> np.ndarray:
     """Outputs C A^t from each unit initial state, and a level, shape (length, n + 1)."""
     values, vectors = np.linalg.eig(A)
-    powers = np.exp(np.arange(length)[:, None] * np.log(values.astype(complex) + 0j))
+    powers = np.vander(values, length, increasing=True).T
     return np.column_stack([((powers * (C @ vectors)) @ np.linalg.inv(vectors)).real, np.ones(length)])

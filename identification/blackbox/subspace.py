@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import linalg, signal
+from scipy import linalg
 
 from fasbody.exceptions import SettingError
 
@@ -60,8 +60,7 @@ class Subspace:
             problem = Residuals(self.recordings, orders)
             if refined.loss < problem.at(shadow.theta).loss:
                 shadow = refined
-                space = signal.TransferFunction(*refined.plant, dt=refined.sample_time).to_ss()
-                A, C = np.asarray(space.A), np.asarray(space.C)[0]
+                A, C = linalg.companion(refined.plant[1]).T, np.eye(order)[0]  # observer form
                 B, D, x0, _ = self._input_matrices(A, C)
         K = self._kalman_gain(A, C, B, D)
         model = StateSpaceModel(

@@ -44,7 +44,7 @@ class ResidualTest:
         if self.white_p < ALARM:
             found.append(f"residuals are not white (Ljung-Box p {self.white_p:.1g}): the noise model is incomplete")
         if self.cross_p < ALARM:
-            found.append(f"residuals depend on past inputs (p {self.cross_p:.1g}): the plant is incomplete or nonlinear")
+            found.append(f"residuals depend on past inputs (p {self.cross_p:.1g}): plant incomplete or nonlinear")
         return tuple(found)
 
     def __str__(self) -> str:
@@ -66,6 +66,7 @@ def residual_test(errors: np.ndarray, series: Series, parameters: int = 0, lags:
     n = len(e)
     lags = min(lags, n // 4)
     scale_e, scale_u = np.sqrt(e @ e), np.sqrt(u @ u)
+    scale_u = scale_u or 1.0  # an impulse before these samples leaves no input to correlate with
     if scale_e <= 1e-12 * np.linalg.norm(series.y):  # an exact model leaves rounding, which tests mean nothing for
         e, scale_e = np.zeros(n), 1.0
     auto = np.array([e[k:] @ e[: n - k] for k in range(1, lags + 1)]) / scale_e**2
@@ -104,7 +105,9 @@ def _independence(e: np.ndarray, u: np.ndarray, lags: int) -> float:
     power = np.concatenate([power[:0:-1], power])
     spread = np.convolve(power, rho, mode="valid")[lags : 2 * lags + 1] / n
     size, directions = np.linalg.eigh(linalg.toeplitz(spread))
-    kept = size > 1e-3 * size[-1]
+    kept = size > max(1e-3 * size[-1], 1e-300)
+    if not kept.any():
+        return 1.0
     cross = np.array([e[k:] @ u[: n - k] for k in range(lags + 1)])
     statistic = np.sum((directions[:, kept].T @ cross) ** 2 / size[kept])
     return float(stats.chi2.sf(statistic / 2, int(kept.sum())))
