@@ -93,7 +93,7 @@ def _responding(report: Report) -> dict[str, Found]:
 def _bode_band(report: Report) -> Figure:
     figure = Figure(figsize=(7, 5.6), layout="constrained")
     gain, phase = figure.subplots(2, 1, sharex=True)
-    marker = "o" if len(report.excitation.band_hz) <= 60 else ""
+    lines = len(report.excitation.band_hz) <= 60  # separate lines: points, for nothing is known between them
     for name, found in _responding(report).items():
         r = found.response
         size, angle = np.abs(r.value), np.rad2deg(np.unwrap(np.angle(r.value)))
@@ -102,17 +102,27 @@ def _bode_band(report: Report) -> Figure:
         label = found.best.model.label + (" (undetermined)" if unknown.all() else "")
         for axes, value, band in ((gain, size, gain_band), (phase, angle, phase_band)):
             value = np.where(unknown, np.nan, value)
-            axes.plot(r.frequency_hz, value, color=COLOURS[name], ls=DASHES[name], marker=marker, ms=2.5, label=label)
+            if lines:
+                size_of = 7 - list(report.models).index(name)
+                style: dict[str, Any] = {"fmt": "o", "ms": size_of, "mfc": "none", "capsize": 2, "lw": 1}
+                axes.errorbar(r.frequency_hz, value, band, color=COLOURS[name], label=label, **style)
+                continue
+            axes.plot(r.frequency_hz, value, color=COLOURS[name], ls=DASHES[name], label=label)
             axes.fill_between(r.frequency_hz, value - band, value + band, color=COLOURS[name], alpha=0.18, lw=0)
     gain.set_yscale("log")
     gain.set_xscale("log")
     gain.set_ylabel("gain [output / input]")
     phase.set_ylabel("phase [deg]")
     phase.set_xlabel("frequency [Hz]")
+    for axis in (gain.yaxis, phase.xaxis):
+        low, high = axis.get_view_interval()
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("{x:g}" if high < 30 * low else "")
     for axes in (gain, phase):
         axes.grid(alpha=0.3, lw=0.5, which="both")
     gain.legend(fontsize=8, frameon=False, ncols=2)
-    gain.set_title(f"{report.name}: response with 95 % confidence, excited band", fontsize=10)
+    where = "excited lines only" if lines else "excited band"
+    gain.set_title(f"{report.name}: response with 95 % confidence, {where}", fontsize=10)
     return figure
 
 

@@ -197,6 +197,8 @@ def shown_frequencies(seen: Excitation, count: int = 60) -> np.ndarray:
     """Frequencies at which a response may be shown: the excited ones."""
     if seen.single_sine:
         return seen.frequency_hz * np.array(seen.harmonics)
+    if len(seen.band_hz) <= count:
+        return seen.band_hz
     grid = np.geomspace(seen.band_hz[0], seen.band_hz[-1], count)
     nearest = np.searchsorted(seen.band_hz, np.sqrt(grid[1:] * grid[:-1]))
     return seen.band_hz[np.unique(np.clip(nearest, 0, len(seen.band_hz) - 1))]
