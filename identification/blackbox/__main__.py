@@ -38,7 +38,7 @@ def main(
     files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="CSV files or study folders.")],
     input: Annotated[str, typer.Option(help="Input column, by name or number from 1.")] = "",
     output: Annotated[str, typer.Option(help="Output column, by name or number from 1.")] = "",
-    sample_time: Annotated[float | None, typer.Option(help="Sample time [s] when there is no time column.")] = None,
+    sample_time: Annotated[float | None, typer.Option(help=r"Sample time \[s] when there is no time column.")] = None,
     structures: Annotated[str, typer.Option(help=f"Of {', '.join(ALL)}, separated by commas.")] = ",".join(DEFAULT),
     orders: Annotated[
         str, typer.Option(help='"auto", or orders as in Table 3.2: "oe=4,4,1;ss=4" (others are selected).')

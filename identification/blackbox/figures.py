@@ -117,7 +117,8 @@ def _bode_band(report: Report) -> Figure:
     for axis in (gain.yaxis, phase.xaxis):
         low, high = axis.get_view_interval()
         axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter("{x:g}" if high < 30 * low else "")
+        few = high < 30 * low  # a decade or so: label 2, 3, 5 as well
+        axis.set_minor_formatter(lambda x, _, few=few: f"{x:g}" if few and f"{x:e}"[0] in "235" else "")
     for axes in (gain, phase):
         axes.grid(alpha=0.3, lw=0.5, which="both")
     gain.legend(fontsize=8, frameon=False, ncols=2)
