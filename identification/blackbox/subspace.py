@@ -138,7 +138,7 @@ def _stable(A: np.ndarray) -> tuple[np.ndarray, bool]:
     values, vectors = np.linalg.eig(A)
     if np.abs(values).max() < 0.9999:
         return A, False
-    inside = values * np.minimum(1.0, 0.999 / np.abs(values))
+    inside = values * np.minimum(1.0, 0.999 / np.maximum(np.abs(values), 1e-300))
     return (vectors * inside @ np.linalg.inv(vectors)).real, True
 
 
