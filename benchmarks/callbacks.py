@@ -5,7 +5,6 @@ C loop (`mj_step` with a step count) in turn, and CPU time is compared, so that 
 """
 
 import contextlib
-import os
 import time
 from collections.abc import Callable
 from typing import Annotated
@@ -68,8 +67,7 @@ def measure(repeats: int = 60) -> list[Row]:
         at_most(f"native callbacks, cost of a step over none ({1e6 * none:.2f} us)", cost, 15.0, "%"),
         faster("one RK4 step with native callbacks", with_native, with_python, "Python callbacks", 3.0),
     ]
-    load_average = os.getloadavg()[0]
-    what = f"two threads over one, {_BATCH} rollouts ({os.cpu_count()} cores, load {load_average:.1f} from all programs)"
+    what = f"two threads over one, {_BATCH} rollouts, wall time (means something on idle cores only)"
     return [*rows, at_least(what, one / two, 1.7, "times")]
 
 

@@ -1,4 +1,4 @@
-"""Rows of the benchmark table: what was measured, what it must reach or is compared with, and how far it is from that."""
+"""Rows of the benchmark table: what was measured, what it must reach or is compared with, and the ratio of the two."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -82,8 +82,8 @@ def interleaved(
     """Times (repeats, works) [s] of several works taken in turn, so that a busy machine is equally unkind to all.
 
     Args:
-        works: what to time; each runs once untimed first. repeats: how often. clock: CPU time of this process by default,
-            which other processes hardly disturb; `time.perf_counter` where waiting counts.
+        works: what to time; each runs once untimed first. repeats: how often. clock: by default the CPU time of this
+            process, which other processes hardly disturb; `time.perf_counter` where waiting counts.
     """
     for work in works:
         work()

@@ -170,7 +170,7 @@ class _Certified:
 
 
 def settle(route: Route, descent: Descent) -> tuple[Any, Descent]:
-    """Bring the weights up to date at a descent's end and go on from there; the problem with these weights, and the end."""
+    """Bring the weights up to date at a descent's end and go on from there: the problem so weighted, and the end."""
     problem = route.explorer()
     for _ in range(_REWEIGH):
         route.reweigh(problem, descent)
