@@ -3,7 +3,7 @@
 `solve_ivp(method="RK45")` inside a residual function for `least_squares`, the Jacobian by its own differences. It gets
 all the help there is: tight tolerances (the default rtol 1e-3 is too coarse for differences), a right-hand side on plain
 numbers, the same spline as input, the same scaled search variable, bounds and noise, and difference steps above the
-integrator's error (scipy's default step lies below it). Nothing in the loop is ours but data and model.
+error of the integrator (scipy's default step lies below it). Nothing in its loop is ours but data and model.
 """
 
 import math
