@@ -2,6 +2,7 @@
 
 import os
 import platform
+from collections.abc import Callable
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -62,8 +63,16 @@ def main(
       python -m benchmarks --seeds 200
     """
     before = os.getloadavg()[0]
-    rows = accuracy.measure() + callbacks.measure() + fitting.measure(scipy_limit=scipy_limit)
-    rows += coverage.measure(seeds, jobs)
+    topics: dict[str, Callable[[], list[Row]]] = {
+        "accuracy": accuracy.measure,
+        "callbacks": callbacks.measure,
+        "fitting": lambda: fitting.measure(scipy_limit=scipy_limit),
+        "coverage": lambda: coverage.measure(seeds, jobs),
+    }
+    rows = []
+    for number, (name, measure) in enumerate(topics.items(), 1):
+        console.print(f"{name} ({number} of {len(topics)})")
+        rows += measure()
     where, when = machine(), datetime.now(UTC).strftime("%Y-%m-%d")
     if json_:
         print_json({"machine": where, "date": when, "rows": [asdict(row) for row in rows]})
