@@ -68,6 +68,11 @@ def test_step_costs_are_times_of_all_three() -> None:
     assert times.shape == (1, 3) and (times > 0).all()
 
 
+def test_busy_cores_give_no_verdict_on_threads() -> None:
+    row = callbacks.unjudged(rows.at_least("gain", 1.0, 1.7), 9.0)
+    assert row.holds is None and "load 9.0" in row.what and row.measured == "1"
+
+
 @pytest.fixture(scope="module")
 def short() -> TimeProblem:
     foot = load("two_dof")
