@@ -149,7 +149,9 @@ def rows_of(trials: Mapping[str, Sequence[Trial]]) -> list[Row]:
             what = f"95 % interval of {name} holds the truth, {n} seeds"
             rate = 100 * float(np.mean([t.covered[name] for t in strong]))
             row = between(what, rate, 92.0, 98.0, "%")
-            rows.append(row if n >= _ENOUGH else replace(row, against=f"{row.against} from {_ENOUGH} seeds on", holds=None))
+            if n < _ENOUGH:
+                row = replace(row, against=f"{row.against}, judged from {_ENOUGH} seeds on", holds=None)
+            rows.append(row)
         dof = strong[0].dof
         test = kstest([t.chi_square for t in strong], chi2(dof).cdf)
         mean = float(np.mean([t.chi_square for t in strong]))
