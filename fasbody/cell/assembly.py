@@ -1,8 +1,8 @@
 """Quadratic elements on the cell: stiffness and mass of each region for unit material, clamped at the base.
 
-The matrices are affine in the materials, K = sum of E_r K_r(nu_r) and M = sum of rho_r M_r, so one assembly serves every
-modulus of a sweep. K_r is composed from the six scalar matrices G_ij = int d_i N_a d_j N_b, which is an order of magnitude
-faster than assembling the vector-valued form and equal to it (tests/test_cell_assembly.py).
+The matrices are affine in the materials, K = sum of E_r K_r(nu_r) and M = sum of rho_r M_r, so one assembly serves
+every modulus of a sweep. K_r is composed from the six scalar matrices G_ij = int d_i N_a d_j N_b, which is an order of
+magnitude faster than assembling the vector-valued form and equal to it (tests/test_cell_modal.py).
 """
 
 from dataclasses import dataclass
@@ -16,15 +16,13 @@ from numpy.typing import NDArray
 from fasbody.cell.tetmesh import QUADRATURE, REGIONS, TetMesh
 from fasbody.exceptions import MissingPackageError
 
-Matrix = sp.csr_array
-
 
 @dataclass(frozen=True)
 class Region:
     """Scalar matrices of one region over all its nodes: `G[i, j]` for i <= j [um] and the mass matrix `m` [um^3]."""
 
-    G: dict[tuple[int, int], Matrix]
-    m: Matrix
+    G: dict[tuple[int, int], sp.csr_array]
+    m: sp.csr_array
     volume_um3: float
 
 
@@ -58,7 +56,7 @@ class Assembly:
         """Volume by quadrature over the curved elements, nucleus included [um^3]."""
         return sum(region.volume_um3 for region in self.regions)
 
-    def stiffness(self, region: int, nu: float) -> Matrix:
+    def stiffness(self, region: int, nu: float) -> sp.csr_array:
         """K_r for a Young's modulus of 1 Pa on the free unknowns [um].
 
         K_ij = lambda G_ij + mu G_ij^T + delta_ij mu tr(G), the Galerkin form of isotropic linear elasticity.
@@ -75,7 +73,7 @@ class Assembly:
                 K = K + sp.kron(block, place, format="csr")
         return K
 
-    def mass(self, region: int) -> Matrix:
+    def mass(self, region: int) -> sp.csr_array:
         """M_r for a density of 1 kg/m^3 on the free unknowns [um^3]."""
         return sp.kron(self._free(self.regions[region].m), sp.eye_array(3), format="csr")
 
@@ -92,7 +90,7 @@ class Assembly:
         found[self.mesh.tets] = self.basis.element_dofs[: self.mesh.tets.shape[1]].T
         return found
 
-    def _free(self, matrix: Matrix) -> Matrix:
+    def _free(self, matrix: sp.csr_array) -> sp.csr_array:
         return matrix[self.free][:, self.free]
 
 
@@ -106,7 +104,8 @@ def assemble(mesh: TetMesh, *, clamped: bool = True) -> Assembly:
         from skfem import Basis, BilinearForm, ElementTetP2
     except ImportError as error:
         raise MissingPackageError("scikit-fem", "cell") from error
-    forms = {(i, j): BilinearForm(lambda u, v, w, i=i, j=j: v.grad[i] * u.grad[j]) for i in range(3) for j in range(i, 3)}
+    pairs = [(i, j) for i in range(3) for j in range(i, 3)]
+    forms = {(i, j): BilinearForm(lambda u, v, w, i=i, j=j: v.grad[i] * u.grad[j]) for i, j in pairs}
     mass = BilinearForm(lambda u, v, w: u * v)
     regions = []
     for number in range(len(REGIONS)):

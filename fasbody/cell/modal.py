@@ -139,7 +139,7 @@ def solve(
 def _lanczos(
     K: sp.csr_array, M: sp.csr_array, count: int, way: str, shift: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """([K] - omega^2 [M]) {Phi} = 0, Eq. (5.3): Lanczos on (K - shift M)^-1 M, whose largest values lie next to the shift."""
+    """([K] - omega^2 [M]) {Phi} = 0, Eq. (5.3), by Lanczos on (K - shift M)^-1 M."""
     apply = spla.LinearOperator(K.shape, inverse(K - shift * M if shift else K, way), dtype=np.float64)
     start = np.random.default_rng(5).standard_normal(K.shape[0])  # fixed: the same run gives the same digits
     return spla.eigsh(K, count, M, sigma=shift, OPinv=apply, v0=start, ncv=min(K.shape[0] - 1, 2 * count + 10))

@@ -1,7 +1,7 @@
 """The lowest modes of a large cell in little memory: LOBPCG over a two-level preconditioner.
 
-A factorisation of 250,000 quadratic unknowns outgrows 4 GB in SuperLU. Here only the problem of the corner nodes (linear
-elements, an eighth of the unknowns) is factored; Chebyshev steps smooth what it cannot see.
+A factorisation of 250,000 quadratic unknowns outgrows 4 GB in SuperLU. Here only the problem of the corner nodes
+(linear elements, an eighth of the unknowns) is factored; Chebyshev steps smooth what it cannot see.
 """
 
 import warnings
@@ -51,7 +51,7 @@ def lowest_by_multigrid(K: sp.csr_array, M: sp.csr_array, assembly: Assembly, co
 
 
 def prolongation(assembly: Assembly) -> sp.csr_array:
-    """Linear interpolation (dof, coarse) from the free corners to all free nodes: a mid-edge node is the mean of its ends."""
+    """Interpolation (dof, coarse) from the free corners to all free nodes: a mid-edge node is the mean of its ends."""
     corners, edges = assembly.basis.nodal_dofs[0], assembly.basis.edge_dofs[0]
     ends = assembly.basis.mesh.edges
     rows = np.concatenate([corners, edges, edges])

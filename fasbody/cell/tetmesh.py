@@ -81,7 +81,7 @@ class TetMesh:
 
     @cached_property
     def det_j(self) -> NDArray[np.float64]:
-        """det J (m, q) of each element at the quadrature points of the analysis [um^3]."""
+        """Determinant of the Jacobian (m, q) of each element at the quadrature points of the analysis [um^3]."""
         from skfem import Basis, ElementTetP0
 
         points = Basis(self.skfem, ElementTetP0(), intorder=QUADRATURE).X
@@ -104,7 +104,7 @@ class TetMesh:
         Raises:
             MeshError: elements are inverted or flat, the surface is open, or nothing flat stands on the ground.
         """
-        bad = (self.det_j <= 0).any(axis=1)
+        bad = np.any(self.det_j <= 0, axis=1)
         if bad.any():
             raise MeshError(
                 f"{int(bad.sum())} of the {len(bad)} tetrahedra are inverted or flat (the first is number "
