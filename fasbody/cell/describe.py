@@ -50,7 +50,6 @@ class ModeDescription:
 def describe(model: CellModel, modes: Modes) -> tuple[ModeDescription, ...]:
     """Describe every mode; meshes need not be symmetric, the mirror image is looked up at the nearest node."""
     assembly = model.assembly
-    xyz = assembly.nodes_um - assembly.nodes_um.mean(axis=0)
     centre = (assembly.nodes_um.max(axis=0) + assembly.nodes_um.min(axis=0)) / 2
     xyz = assembly.nodes_um - centre
     tree = cKDTree(xyz)
@@ -59,8 +58,8 @@ def describe(model: CellModel, modes: Modes) -> tuple[ModeDescription, ...]:
     phi = modes.vectors
     squares = modes.omega**2
     by_axis = np.stack([np.einsum("ij,ij->j", phi[a::3], (model.M @ phi)[a::3]) for a in range(3)], axis=1)
-    kinetic = np.einsum("ij,ij->j", phi, model.masses[NUCLEUS] @ phi)
-    strain = np.einsum("ij,ij->j", phi, model.stiffnesses[NUCLEUS] @ phi) / squares
+    kinetic = np.einsum("ij,ij->j", phi, model.mass(NUCLEUS) @ phi)
+    strain = np.einsum("ij,ij->j", phi, model.stiffness(NUCLEUS) @ phi) / squares
     found = []
     for c, u in enumerate(assembly.expand(phi)):
         main = int(np.argmax(by_axis[c]))

@@ -12,6 +12,7 @@ from fasbody.cell.assembly import Assembly
 from fasbody.cell.inverse import fastest, inverse
 from fasbody.cell.materials import Material
 from fasbody.cell.multigrid import lowest_by_multigrid
+from fasbody.cell.tetmesh import CYTOPLASM, NUCLEUS
 from fasbody.exceptions import SettingError, SimulationError
 
 #: Unknowns above which SuperLU's factors outgrow the two-level iteration in memory (docs/cell.md).
@@ -32,31 +33,24 @@ class CellModel:
     materials: tuple[Material, Material]
     metres_per_um: float = 1e-6
 
-    @property
-    def stiffnesses(self) -> tuple[sp.csr_array, ...]:
-        """K of each region alone [N/m]; their sum is K."""
-        return tuple(
-            self.metres_per_um * material.E * self.assembly.stiffness(region, material.nu)
-            for region, material in enumerate(self.materials)
-        )
+    def stiffness(self, region: int) -> sp.csr_array:
+        """K of one region alone [N/m]; their sum is K."""
+        material = self.materials[region]
+        return self.metres_per_um * material.E * self.assembly.stiffness(region, material.nu)
+
+    def mass(self, region: int) -> sp.csr_array:
+        """M of one region alone [kg]; their sum is M."""
+        return self.metres_per_um**3 * self.materials[region].rho * self.assembly.mass(region)
 
     @cached_property
     def K(self) -> sp.csr_array:
         """Stiffness matrix [N/m], [K] of Eq. (5.2)."""
-        return sum(self.stiffnesses[1:], self.stiffnesses[0])
-
-    @cached_property
-    def masses(self) -> tuple[sp.csr_array, ...]:
-        """M of each region alone [kg]."""
-        return tuple(
-            self.metres_per_um**3 * material.rho * self.assembly.mass(region)
-            for region, material in enumerate(self.materials)
-        )
+        return self.stiffness(CYTOPLASM) + self.stiffness(NUCLEUS)
 
     @cached_property
     def M(self) -> sp.csr_array:
         """Mass matrix [kg], [M] of Eq. (5.2)."""
-        return sum(self.masses[1:], self.masses[0])
+        return self.mass(CYTOPLASM) + self.mass(NUCLEUS)
 
     @cached_property
     def rigid(self) -> NDArray[np.float64]:
