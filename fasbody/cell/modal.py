@@ -9,8 +9,10 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from fasbody.cell.assembly import Assembly
+from fasbody.cell.cytoskeleton import Tensegrity, cytoskeleton_stiffness
 from fasbody.cell.inverse import fastest, inverse
 from fasbody.cell.materials import Material
+from fasbody.cell.membrane import Membrane, membrane_stiffness
 from fasbody.cell.multigrid import lowest_by_multigrid
 from fasbody.cell.tetmesh import CYTOPLASM, NUCLEUS
 from fasbody.exceptions import SettingError, SimulationError
@@ -27,14 +29,17 @@ class CellModel:
         assembly: unit matrices of the mesh.
         materials: by region number.
         metres_per_um: size of the mesh's micrometre [m] (see Preset).
+        membrane, cytoskeleton: further stiffness, None leaves it out as the thesis does.
     """
 
     assembly: Assembly
     materials: tuple[Material, Material]
     metres_per_um: float = 1e-6
+    membrane: Membrane | None = None
+    cytoskeleton: Tensegrity | None = None
 
     def stiffness(self, region: int) -> sp.csr_array:
-        """K of one region alone [N/m]; their sum is K."""
+        """K of one region alone [N/m]."""
         material = self.materials[region]
         return self.metres_per_um * material.E * self.assembly.stiffness(region, material.nu)
 
@@ -45,7 +50,17 @@ class CellModel:
     @cached_property
     def K(self) -> sp.csr_array:
         """Stiffness matrix [N/m], [K] of Eq. (5.2)."""
-        return self.stiffness(CYTOPLASM) + self.stiffness(NUCLEUS)
+        return self.stiffness(CYTOPLASM) + self.stiffness(NUCLEUS) + self.additions
+
+    @cached_property
+    def additions(self) -> sp.csr_array:
+        """Stiffness of membrane and cytoskeleton [N/m]."""
+        K = sp.csr_array((self.assembly.dof, self.assembly.dof))
+        if self.membrane is not None:
+            K = K + membrane_stiffness(self.assembly, self.membrane, self.metres_per_um)
+        if self.cytoskeleton is not None:
+            K = K + cytoskeleton_stiffness(self.assembly, self.cytoskeleton, self.metres_per_um)
+        return K
 
     @cached_property
     def M(self) -> sp.csr_array:
@@ -96,9 +111,7 @@ class Modes:
         )
 
 
-def solve(
-    model: CellModel, count: int = 10, *, way: str | None = None, shift_hz2: float = 0.0, K: sp.csr_array | None = None
-) -> Modes:
+def solve(model: CellModel, count: int = 10, *, way: str | None = None, shift_hz2: float = 0.0) -> Modes:
     """The lowest modes of a cell.
 
     Args:
@@ -106,13 +119,12 @@ def solve(
         count: number of modes.
         way: "pardiso", "superlu" or "multigrid"; None takes the fastest that fits in memory.
         shift_hz2: frequencies are searched around the root of this [Hz^2]; negative for a body that is free to fly.
-        K: stiffness matrix instead of the model's own (membrane or cytoskeleton added).
 
     Raises:
         SettingError: more modes are asked for than there are unknowns.
         SimulationError: the iteration did not converge, or the stiffness is not positive (a prestress that buckles).
     """
-    K, M = model.K if K is None else K, model.M
+    K, M = model.K, model.M
     if not 0 < count < K.shape[0] - 1:
         raise SettingError(f"{count} modes cannot be had from {K.shape[0]} unknowns: ask for 1 to {K.shape[0] - 2}.")
     way = way or (fastest() if fastest() != "superlu" or K.shape[0] <= DIRECT_LIMIT else "multigrid")

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 from scipy.special import spherical_jn
 
 from fasbody.cell.analysis import assemblies
 from fasbody.cell.assembly import assemble
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import Material, Preset
-from fasbody.cell.mesh import MeshSize, ball_mesh
+from fasbody.cell.mesh import MeshSize, ball_mesh, dome_mesh
 from fasbody.cell.modal import CellModel, solve
 from fasbody.cell.tetmesh import TetMesh
 
@@ -131,88 +131,94 @@ def check_cantilever(length: float = 10.0, parts: int = 20) -> list[Check]:
 
 
 def check_scaling(preset: Preset, dome: Dome, size: MeshSize, cache: Path | None = None) -> list[Check]:
-    """f ~ 1 / L, sqrt(E), 1 / sqrt(rho): exact on any mesh, so any slip of units in the code would show."""
+    """Scaling f ~ 1 / L, sqrt(E), 1 / sqrt(rho): exact on any mesh, so any slip of units in the code would show."""
     assembly = assemblies(dome, size, cache)[1]
 
     def first(E: float, rho: float, length: float) -> float:
-        materials = tuple(replace(m, E=m.E * E, rho=m.rho * rho) for m in preset.materials)
-        return float(solve(CellModel(assembly, materials, preset.metres_per_um * length), 1).frequencies_hz[0])  # type: ignore[arg-type]
+        cytoplasm, nucleus = (replace(m, E=m.E * E, rho=m.rho * rho) for m in preset.materials)
+        model = CellModel(assembly, (cytoplasm, nucleus), preset.metres_per_um * length)
+        return float(solve(model, 1).frequencies_hz[0])
 
     f = first(1, 1, 1)
-    cases = (("1 / L", first(1, 1, 1e-3), 1e3), ("sqrt(E)", first(16, 1, 1), 4.0), ("1 / sqrt(rho)", first(1, 4, 1), 0.5))
+    cases = (
+        ("1 / L", first(1, 1, 1e-3), 1e3),
+        ("sqrt(E)", first(16, 1, 1), 4.0),
+        ("1 / sqrt(rho)", first(1, 4, 1), 0.5),
+    )
     return [Check(f"f1 ~ {law}, ratio", value / f, expected, assembly.dof, 1e-9) for law, value, expected in cases]
 
 
 @dataclass(frozen=True)
 class Convergence:
-    """Frequencies on three ever finer meshes.
+    """Frequencies on ever finer meshes, and the f_inf + C h^p that fits them with one order p for all modes.
 
     Args:
-        dof: unknowns (3,).
-        frequencies_hz: frequencies (3, c) [Hz].
+        sizes_um: element sizes h (n,), falling [um]; nucleus and rim are refined in proportion.
+        dof: unknowns (n,), rising.
+        frequencies_hz: frequencies (n, c) [Hz].
+        order: observed order p.
+        limit_hz: Richardson's limit f_inf (c,) [Hz].
     """
 
+    sizes_um: NDArray[np.float64]
     dof: NDArray[np.int64]
     frequencies_hz: NDArray[np.float64]
+    order: float
+    limit_hz: NDArray[np.float64]
 
-    @property
-    def order(self) -> NDArray[np.float64]:
-        """Observed order (c,): p with (f_1 - f_2) / (f_2 - f_3) = (h_1^p - h_2^p) / (h_2^p - h_3^p), h ~ dof^(-1/3)."""
-        h = self.dof ** (-1 / 3)
-        f_1, f_2, f_3 = self.frequencies_hz
-        found = []
-        for quotient in (f_1 - f_2) / (f_2 - f_3):
-            low, high = (_quotient(h, p) - quotient for p in (0.2, 12.0))
-            ok = low * high < 0
-            found.append(brentq(lambda p, q=quotient: _quotient(h, p) - q, 0.2, 12.0) if ok else float("nan"))
-        return np.array(found)
+    @classmethod
+    def fit(
+        cls, sizes_um: NDArray[np.float64], dof: NDArray[np.int64], frequencies_hz: NDArray[np.float64]
+    ) -> "Convergence":
+        """Observe order and limit on three meshes or more, by least squares in relative frequency."""
+        relative = frequencies_hz / frequencies_hz[-1]
 
-    @property
-    def limit_hz(self) -> NDArray[np.float64]:
-        """Richardson's limit (c,) with the median order [Hz]."""
-        h_p = (self.dof[1:] ** (-1 / 3)) ** np.nanmedian(self.order)
-        coarse, fine = self.frequencies_hz[1:]
-        return np.asarray(fine - (coarse - fine) * h_p[1] / (h_p[0] - h_p[1]))
+        def fitted(p: float) -> tuple[NDArray[np.float64], float]:
+            columns = np.stack([np.ones(len(dof)), (sizes_um / sizes_um[-1]) ** p], axis=1)
+            solution, *_ = np.linalg.lstsq(columns, relative, rcond=None)
+            return solution[0] * frequencies_hz[-1], float(((columns @ solution - relative) ** 2).sum())
+
+        best = minimize_scalar(lambda p: fitted(p)[1], bounds=(0.2, 8.0), method="bounded")
+        return cls(sizes_um, dof, frequencies_hz, float(best.x), fitted(best.x)[0])
 
     @property
     def change(self) -> NDArray[np.float64]:
-        """Relative change (c,) from the second to the finest mesh."""
-        return np.asarray(np.abs(self.frequencies_hz[1] / self.frequencies_hz[2] - 1))
+        """Relative change (n - 1, c) from each mesh to the next finer one."""
+        return np.asarray(np.abs(self.frequencies_hz[:-1] / self.frequencies_hz[1:] - 1))
+
+    @property
+    def errors(self) -> NDArray[np.float64]:
+        """Relative error (n, c) against the limit."""
+        return np.asarray(np.abs(self.frequencies_hz / self.limit_hz - 1))
 
     def document(self) -> dict[str, Any]:
         """Ready for JSON."""
-        return {key: getattr(self, key) for key in ("dof", "frequencies_hz", "order", "limit_hz", "change")}
+        return {key: getattr(self, key) for key in (*self.__dataclass_fields__, "change", "errors")}
 
     def __str__(self) -> str:
-        left = np.abs(self.frequencies_hz / self.limit_hz - 1).max(axis=1)
-        rows = [f"  {n} unknowns: largest error {e:.3%} against the limit" for n, e in zip(self.dof, left, strict=True)]
-        return "\n".join(
-            [
-                f"mesh convergence: median observed order {np.nanmedian(self.order):.1f}, f1..f{len(self.order)} change "
-                f"by at most {self.change.max():.3%} from {self.dof[1]} to {self.dof[2]} unknowns",
-                *rows,
-            ]
-        )
+        rows = [
+            f"  {n} unknowns: f1 {f[0]:.6g} Hz, largest error of f1..f{len(f)} {e.max():.2%} against the limit"
+            for n, f, e in zip(self.dof, self.frequencies_hz, self.errors, strict=True)
+        ]
+        rows += [
+            f"  from {a} to {b} unknowns f1..f{len(self.limit_hz)} change by at most {c.max():.2%}"
+            for a, b, c in zip(self.dof, self.dof[1:], self.change, strict=False)
+        ]
+        return "\n".join([f"mesh convergence: observed order {self.order:.1f}", *rows])
 
 
 def convergence(
-    preset: Preset, dome: Dome, sizes: tuple[float, float, float] = (5.9, 4.4, 3.2), count: int = 10,
+    preset: Preset, dome: Dome, sizes: tuple[float, ...] = (4.4, 3.2, 2.3), count: int = 10,
     cache: Path | None = None, advance: Callable[[], object] = lambda: None,
 ) -> Convergence:  # fmt: skip
-    """Solve on three meshes; the sizes give about 5,500, 12,000 and 25,000 unknowns on the 100 x 40 um dome."""
-    from fasbody.cell.mesh import dome_mesh
-
-    dofs, rows = [], []
+    """Solve on several meshes; about 12,000, 25,000 and 60,000 unknowns on the 100 x 40 um dome."""
+    dof, rows = [], []
     for size in sizes:
-        model = CellModel(assemble(dome_mesh(dome, MeshSize.of(size), cache=cache)), preset.materials, preset.metres_per_um)
-        dofs.append(model.assembly.dof)
-        rows.append(solve(model, count).frequencies_hz)
+        assembly = assemble(dome_mesh(dome, MeshSize.of(size), cache=cache))
+        dof.append(assembly.dof)
+        rows.append(solve(CellModel(assembly, preset.materials, preset.metres_per_um), count).frequencies_hz)
         advance()
-    return Convergence(np.array(dofs), np.array(rows))
-
-
-def _quotient(h: NDArray[np.float64], p: float) -> float:
-    return float((h[0] ** p - h[1] ** p) / (h[1] ** p - h[2] ** p))
+    return Convergence.fit(np.array(sizes), np.array(dof), np.array(rows))
 
 
 def _first_root(f: Callable[[float], float], start: float = 0.5, stop: float = 30.0, steps: int = 3000) -> float:
