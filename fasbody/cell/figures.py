@@ -6,13 +6,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from fasbody.cell.analysis import Analysis
 from fasbody.cell.meshfile import displacements
 from fasbody.cell.sweep import YEAST_PA, PowerLaw, Sweep
+from fasbody.cell.tetmesh import NUCLEUS, TetMesh
 from fasbody.console import write_whole
 
 if TYPE_CHECKING:
@@ -20,29 +23,27 @@ if TYPE_CHECKING:
 
 SWELL = 0.12  # largest drawn displacement, of the cell's length
 MARKERS = "osD^v<>pPX*hdH"
+#: Viewing directions: turn about y and tilt from the horizon [degrees].
+OBLIQUE, ABOVE, FRONT = (-15.0, 40.0), (0.0, 90.0), (0.0, 8.0)
 
 
 def mode_shapes(analysis: Analysis, count: int = 5) -> Figure:
     """Figures 5.5 to 5.8: the first modes on the deformed surface, coloured by displacement, from two sides."""
     mesh = analysis.model.assembly.mesh
     u = displacements(analysis)[:count]
-    figure = Figure(figsize=(7.2, 1.85 * len(u)), layout="constrained")
+    figure = Figure(figsize=(7.2, 1.3 * len(u) + 1.0), layout="constrained")
+    panels = np.atleast_2d(figure.subplots(len(u), 2))
     faces = np.asarray(mesh.surface.faces)
-    span = float(np.ptp(mesh.points_um[:, 0]))
+    swell = SWELL * float(np.ptp(mesh.points_um[:, 0]))
     for i, mode in enumerate(u):
-        moved = mesh.points_um + SWELL * span * mode
         size = np.linalg.norm(mode, axis=1)[faces].mean(axis=1)
-        for column, (elevation, azimuth) in enumerate(((35, -65), (89.9, -90))):
-            axes: Any = figure.add_subplot(len(u), 2, 2 * i + column + 1, projection="3d")
-            _draw(axes, moved, faces, size, elevation, azimuth)
-            if column == 0:
-                f, d = analysis.frequencies_hz[i], analysis.descriptions[i]
-                axes.set_title(f"mode {i + 1}: {_hertz(f)}, {d.label}", fontsize=9, loc="left", y=1.0)
-    from matplotlib.cm import ScalarMappable
-
-    bar = figure.colorbar(ScalarMappable(cmap="viridis"), ax=figure.axes, shrink=0.5, aspect=40, location="bottom")
+        for axes, view in zip(panels[i], (OBLIQUE, ABOVE), strict=True):
+            _draw(axes, mesh.points_um + swell * mode, faces, size, view)
+        f, d = analysis.frequencies_hz[i], analysis.descriptions[i]
+        panels[i, 0].set_title(f"mode {i + 1}: {_hertz(f)}, {d.label}", fontsize=9, loc="left")
+    bar = figure.colorbar(ScalarMappable(cmap="viridis"), ax=panels, shrink=0.5, aspect=40, location="bottom")
     bar.set_label("displacement / largest displacement", fontsize=9)
-    what = f"{analysis.dome or 'own mesh'}, {analysis.model.materials[0].E:g} Pa"
+    what = f"{_name(analysis)}, {analysis.model.materials[0].E:g} Pa"
     figure.suptitle(f"{what} (left: oblique, right: from above)", fontsize=10)
     return figure
 
@@ -50,18 +51,15 @@ def mode_shapes(analysis: Analysis, count: int = 5) -> Figure:
 def mesh_views(analysis: Analysis) -> Figure:
     """Figure 5.4: the surface mesh, and the elements behind the plane z = 0 with the nucleus in another colour."""
     mesh = analysis.model.assembly.mesh
-    figure = Figure(figsize=(7.2, 5.4), layout="constrained")
-    behind = mesh.corners[:, :, 2].mean(axis=1) > 0
-    cut = type(mesh)(mesh.points_um, mesh.tets[behind], mesh.region[behind])
-    inner = type(mesh)(mesh.points_um, mesh.tets[mesh.region == 1], mesh.region[mesh.region == 1])
-    panels = (("surface", mesh.surface.faces, 35, -65), ("cut at z = 0", cut.surface.faces, 12, -90))
-    nucleus_nodes = np.unique(inner.tets)
-    for row, (title, faces, elevation, azimuth) in enumerate(panels):
-        axes: Any = figure.add_subplot(2, 1, row + 1, projection="3d")
-        faces = np.asarray(faces)
-        colour = np.isin(faces, nucleus_nodes).all(axis=1).astype(float)
-        _draw(axes, mesh.points_um, faces, 0.35 + 0.5 * colour, elevation, azimuth, edges=True)
-        axes.set_title(f"{title} ({len(mesh.tets)} tetrahedra of 10 nodes)" if row == 0 else title, fontsize=9)
+    figure = Figure(figsize=(7.2, 4.2), layout="constrained")
+    upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
+    _draw(upper, mesh.points_um, np.asarray(mesh.surface.faces), None, OBLIQUE, line=0.3)
+    upper.set_title(f"{_name(analysis)}: {len(mesh.tets)} tetrahedra, quadratic displacements", fontsize=9)
+    behind = mesh.corners[:, :, 2].mean(axis=1) < float(np.mean(mesh.surface.bounds[:, 2]))
+    cut = np.asarray(TetMesh(mesh.points_um, mesh.tets[behind], mesh.region[behind]).surface.faces)
+    nucleus = np.isin(cut, np.unique(mesh.tets[mesh.region == NUCLEUS])).all(axis=1)
+    _draw(lower, mesh.points_um, cut, np.where(nucleus, 1.0, 0.35), FRONT, line=0.3)
+    lower.set_title("cut along the long axis, nucleus in yellow", fontsize=9)
     return figure
 
 
@@ -135,24 +133,36 @@ def _axes() -> tuple[Figure, Any]:
 
 
 def _draw(
-    axes: Any, points: np.ndarray, faces: np.ndarray, value: np.ndarray, elevation: float, azimuth: float,
-    *, edges: bool = False,
+    axes: Any, points: np.ndarray, faces: np.ndarray, value: np.ndarray | None, view: tuple[float, float],
+    *, line: float = 0.0,
 ) -> None:  # fmt: skip
-    """Shaded triangles with x to the right, z into the picture and y up."""
-    from matplotlib import colormaps
+    """Triangles seen from far away, x to the right, y up, lit from the upper left; `value` in 0..1 colours them.
 
-    drawn = points[:, [0, 2, 1]]  # matplotlib's third axis is the upright one
-    axes.add_collection3d(
-        Poly3DCollection(
-            drawn[faces], facecolors=colormaps["viridis"](value), edgecolors=(0, 0, 0, 0.55 if edges else 0.12),
-            linewidths=0.3 if edges else 0.12,
-        )
-    )  # fmt: skip
-    low, high = drawn.min(axis=0), drawn.max(axis=0)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(high - low, zoom=1.5)
-    axes.view_init(elevation, azimuth)
+    An orthographic projection of our own: matplotlib's 3D axes clip a flat body and leave most of the panel empty.
+    """
+    turn, tilt = np.radians(view)
+    right = np.array([np.cos(turn), 0, np.sin(turn)])
+    toward = np.array([-np.sin(turn) * np.cos(tilt), np.sin(tilt), np.cos(turn) * np.cos(tilt)])
+    up = np.cross(toward, right)
+    corners = points[faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    light = (toward + 0.5 * up - 0.4 * right) / np.linalg.norm(toward + 0.5 * up - 0.4 * right)
+    shade = 0.6 + 0.4 * np.clip(normal @ light, 0, 1)
+    colour = np.tile((0.72, 0.80, 0.88, 1.0), (len(faces), 1)) if value is None else colormaps["viridis"](value)
+    colour[:, :3] *= shade[:, None]
+    seen = np.flatnonzero(normal @ toward > 0)
+    order = seen[np.argsort((corners @ toward).mean(axis=1)[seen])]
+    flat = np.stack([corners @ right, corners @ up], axis=-1)[order]
+    edge = colour[order] if line == 0 else (0, 0, 0, 0.6)
+    axes.add_collection(PolyCollection(list(flat), facecolors=colour[order], edgecolors=edge, linewidths=line or 0.2))
+    axes.set_aspect("equal")
+    axes.autoscale_view()
     axes.set_axis_off()
+
+
+def _name(analysis: Analysis) -> str:
+    return str(analysis.dome).replace("um", "µm") if analysis.dome else "own mesh"
 
 
 def _hertz(f: float) -> str:

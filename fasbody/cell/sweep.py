@@ -39,6 +39,10 @@ class Sweep:
         """Frequencies (points, modes) in rising order [Hz]."""
         return np.array([a.frequencies_hz for a in self.analyses])
 
+    def without_last(self) -> "Sweep":
+        """The sweep but for its last point."""
+        return Sweep(self.analyses[:-1], self.matches[:-1])
+
     def document(self) -> list[dict[str, Any]]:
         """One entry a point, ready for JSON."""
         return [
@@ -71,6 +75,46 @@ class PowerLaw:
 
     def __str__(self) -> str:
         return f"f1 = {self.a:.4g} E^{self.b:.4f} ({self.way}), {self(YEAST_PA):.0f} Hz at {YEAST_PA / 1e6:g} MPa"
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The numbers that sections 5.4 and 5.5 quote.
+
+    Args:
+        mean_hz, std_hz: mean and sample standard deviation (c,) of each mode over the shapes [Hz].
+        laws: power laws of f1 by both ways of fitting, over the moduli of the figures.
+        direct_hz: what the model gives at `YEAST_PA`, where the thesis extrapolates [Hz].
+    """
+
+    mean_hz: NDArray[np.float64]
+    std_hz: NDArray[np.float64]
+    laws: tuple[PowerLaw, PowerLaw]
+    direct_hz: float
+
+    def document(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        laws = [vars(law) | {"extrapolated_hz": law(YEAST_PA)} for law in self.laws]
+        modes = {"mode_means_hz": self.mean_hz, "mode_stds_hz": self.std_hz}
+        return modes | {"power_laws": laws, "direct_hz": self.direct_hz, "extrapolated_modulus_pa": YEAST_PA}
+
+    def __str__(self) -> str:
+        means = (f"f{i + 1} {m:.2f} +- {s:.3f} Hz" for i, (m, s) in enumerate(zip(self.mean_hz, self.std_hz, strict=True)))
+        return "\n".join(
+            [
+                "means over the shapes: " + ", ".join(means),
+                *map(str, self.laws),
+                f"the model itself at {YEAST_PA / 1e6:g} MPa: {self.direct_hz:.4g} Hz",
+            ]
+        )
+
+
+def summarise(by_shape: Sweep, by_modulus: Sweep) -> Summary:
+    """Summary of both sweeps; the last modulus is `YEAST_PA` and takes no part in the fits."""
+    f = by_shape.frequencies_hz
+    first = by_modulus.frequencies_hz[:, 0]
+    E = np.array([a.model.materials[0].E for a in by_modulus.analyses])
+    return Summary(f.mean(axis=0), f.std(axis=0, ddof=1), power_laws(E[:-1], first[:-1]), float(first[-1]))
 
 
 def sweep_shapes(
