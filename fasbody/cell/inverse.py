@@ -47,7 +47,7 @@ def inverse(K: sp.csr_array, way: str) -> Solve:
     """A function that applies the inverse of `K`.
 
     Raises:
-        SettingError: there is no such way (multigrid, which is no inverse, is chosen in fasbody/cell/modal.py), or its package is not installed.
+        SettingError: there is no such way, or its package is not installed.
     """
     if way not in WAYS:
         raise SettingError(unknown("solver", way, (*WAYS, "multigrid")) + ".")

@@ -99,7 +99,8 @@ class Summary:
         return modes | {"power_laws": laws, "direct_hz": self.direct_hz, "extrapolated_modulus_pa": YEAST_PA}
 
     def __str__(self) -> str:
-        means = (f"f{i + 1} {m:.2f} +- {s:.3f} Hz" for i, (m, s) in enumerate(zip(self.mean_hz, self.std_hz, strict=True)))
+        pairs = enumerate(zip(self.mean_hz, self.std_hz, strict=True), start=1)
+        means = (f"f{i} {m:.2f} +- {s:.3f} Hz" for i, (m, s) in pairs)
         return "\n".join(
             [
                 "means over the shapes: " + ", ".join(means),
