@@ -61,7 +61,7 @@ def test_every_way_gives_the_frequencies_of_plain_scipy(way: str) -> None:
 
 
 def test_modes_are_orthonormal_and_carry_the_mass() -> None:
-    small = CellModel(assemble(block((2, 2, 2))), SI.materials, 1e-6)
+    small = CellModel(assemble(block((1, 2, 1))), SI.materials, 1e-6)
     modes = solve(small, small.assembly.dof - 2)
     assert modes.orthogonality < 1e-10
     assert modes.residuals.max() < 1e-8

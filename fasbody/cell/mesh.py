@@ -136,7 +136,7 @@ def ball_mesh(radius: float, size: float) -> TetMesh:
         for bound in ("Min", "Max"):
             gmsh.option.setNumber(f"Mesh.MeshSize{bound}", size)
         gmsh.model.mesh.generate(3)
-        return _unbend(_collect(gmsh, [ball], [])).check()
+        return _unbend(_collect(gmsh, [ball], [])).check(standing=False)
 
 
 def _mesh_patiently(dome: Dome, size: MeshSize) -> TetMesh:

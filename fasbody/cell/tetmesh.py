@@ -98,8 +98,8 @@ class TetMesh:
         """Height of the base plane [um]."""
         return float(self.points_um[:, 1].min())
 
-    def check(self) -> "TetMesh":
-        """Return the mesh if its elements and its surface are sound.
+    def check(self, *, standing: bool = True) -> "TetMesh":
+        """Return the mesh if its elements and its surface are sound; `standing` asks for a base to clamp.
 
         Raises:
             MeshError: elements are inverted or flat, the surface is open, or nothing flat stands on the ground.
@@ -113,7 +113,7 @@ class TetMesh:
         if not self.surface.is_watertight:
             raise MeshError("the mesh's outer surface is open or branched: neighbouring elements must share faces.")
         on_base = self.points_um[:, 1] <= self.base_um + self.base_tolerance
-        if not on_base[self.surface.faces].all(axis=1).any():
+        if standing and not on_base[self.surface.faces].all(axis=1).any():
             raise MeshError("no face lies flat on the lowest plane: the cell stands on its base with y pointing up.")
         return self
 
