@@ -23,7 +23,9 @@ def cell(length: float = 100.0, width: float = 40.0, height: float = 9.0, size: 
     return assemble(dome_mesh(Dome(length, width, height), MeshSize.of(size), cache=CACHE))
 
 
-def block(parts: tuple[int, int, int] = (2, 2, 2), nucleus_below: float | None = None, seed: int | None = None) -> TetMesh:
+def block(
+    parts: tuple[int, int, int] = (2, 2, 2), nucleus_below: float | None = None, seed: int | None = None
+) -> TetMesh:
     """The cube [0, 2]^3 um in straight tetrahedra, optionally with inner nodes shaken and a lower layer of nucleus."""
     mesh = MeshTet.init_tensor(*(np.linspace(0, 2, n + 1) for n in parts))
     points, tets = mesh.p.T.copy(), mesh.t.T.astype(np.int64).copy()

@@ -64,7 +64,8 @@ def test_it_raises_every_frequency_and_prestress_raises_them_further() -> None:
 
 
 def test_impossible_nets() -> None:
-    for values, says in (({"bundle": 0.0}, "bundle"), ({"cable_force_pn": -1.0}, "cannot push"), ({"reach": 1.0}, "inside")):
+    cases = (({"bundle": 0.0}, "bundle"), ({"cable_force_pn": -1.0}, "cannot push"), ({"reach": 1.0}, "inside"))
+    for values, says in cases:
         with pytest.raises(SettingError, match=says):
             Tensegrity(**values)
     with pytest.raises(SettingError, match="holds no cytoplasm"):

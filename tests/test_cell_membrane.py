@@ -13,7 +13,7 @@ MEMBRANE = Membrane(E=2e3, nu=0.3, thickness_nm=10.0)
 
 
 def test_a_swelling_sphere_stores_the_energy_of_equal_biaxial_strain() -> None:
-    """u = a x on the sphere: energy = E t / (1 - nu) a^2 times the area."""
+    """Moved by u = a x on the sphere: energy = E t / (1 - nu) a^2 times the area."""
     ball = assemble(ball_mesh(2.0, 0.8), clamped=False)
     K = membrane_stiffness(ball, MEMBRANE, 1e-6)
     u = ball.nodes_um.ravel() * 1e-6 * 0.01

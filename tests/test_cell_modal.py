@@ -43,7 +43,7 @@ def test_a_free_body_resists_no_rigid_motion_and_has_its_mass() -> None:
 
 
 def test_uniform_strain_stores_the_closed_form_energy() -> None:
-    """u = a (x, y, z) on one material: energy = 9/2 K_bulk a^2 V with K_bulk = E / (3 (1 - 2 nu))."""
+    """Moved by u = a (x, y, z) on one material: energy = 9/2 K_bulk a^2 V with K_bulk = E / (3 (1 - 2 nu))."""
     assembly = assemble(block((3, 3, 3), seed=1), clamped=False)
     u = assembly.nodes_um.ravel()
     assert u @ (assembly.stiffness(0, 0.3) @ u) / 2 == pytest.approx(4.5 / (3 * (1 - 0.6)) * 8.0)
@@ -83,7 +83,7 @@ def test_what_cannot_be_solved() -> None:
         solve(small, 10_000)
     with pytest.raises(SettingError, match="valid: pardiso, superlu, multigrid"):
         solve(small, 3, way="guess")
-    with pytest.raises((SimulationError, SettingError), match="stiffness is not positive|cannot"):
+    with pytest.raises(SimulationError, match="stiffness is not positive"):
         solve(_with_negative_stiffness(small), 3)
 
 

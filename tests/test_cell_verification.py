@@ -10,7 +10,13 @@ from fasbody.cell.materials import preset
 from fasbody.cell.mesh import MeshSize
 from fasbody.cell.modal import CellModel, solve
 from fasbody.cell.verification import (
-    Check, Convergence, check_cantilever, check_scaling, check_sphere, lamb_spheroidal, lamb_torsional,
+    Check,
+    Convergence,
+    check_cantilever,
+    check_scaling,
+    check_sphere,
+    lamb_spheroidal,
+    lamb_torsional,
     timoshenko_cantilever,
 )  # fmt: skip
 

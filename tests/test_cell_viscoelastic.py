@@ -19,7 +19,7 @@ def model() -> CellModel:
 
 
 def test_one_solid_gives_the_roots_of_its_cubic(model: CellModel) -> None:
-    """tau s^3 + s^2 + omega^2 tau (1 + g) s + omega^2 = 0 for each elastic omega."""
+    """Roots of tau s^3 + s^2 + omega^2 tau (1 + g) s + omega^2 = 0 for each elastic omega."""
     solid = StandardLinearSolid(1.0, 3e-6)
     damped = damped_modes(ReducedCell.of(model, 12), (solid, solid), 5)
     expected = []

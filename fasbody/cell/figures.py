@@ -82,7 +82,8 @@ def moduli(sweep: Sweep) -> Figure:
     for i, (a, f) in enumerate(zip(sweep.analyses, sweep.frequencies_hz, strict=True)):
         axes.semilogy(numbers, f, marker=MARKERS[i], label=f"{a.model.materials[0].E:g} Pa")
     axes.set(xlabel="mode number", ylabel="natural frequency [Hz]", xticks=numbers)
-    axes.legend(title="Young's modulus", ncols=2, fontsize=8)
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles[::-1], labels[::-1], title="Young's modulus", loc="outside right center", fontsize=8)
     return figure
 
 
