@@ -90,7 +90,11 @@ def _label(main: int, even: dict[int, float], nodes: dict[int, int]) -> str:
         base, least = "twist about y", {main: 0, across: 1}
     else:
         base, least = f"{AXES[main]} sway", {main: 0, across: 0}
-    more = [f"{nodes[axis]} nodes along {AXES[axis]}" for axis in (X, Z) if nodes[axis] > least[axis]]
+    more = [
+        f"{nodes[axis]} node{'s' if nodes[axis] > 1 else ''} along {AXES[axis]}"
+        for axis in (X, Z)
+        if nodes[axis] > least[axis]
+    ]
     return ", ".join([base, *more])
 
 
