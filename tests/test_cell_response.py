@@ -38,6 +38,10 @@ def test_response_agrees_with_the_full_matrices(model: CellModel) -> None:
     assert response.top[:, 0] == pytest.approx(1 + np.diag(u.reshape(-1, 3, 3)[top]), rel=1e-3)
 
 
+def test_reach_is_the_last_mode_of_the_basis(model: CellModel) -> None:
+    assert ReducedCell.of(model, 8).reach_hz == pytest.approx(solve(model, 8).frequencies_hz[-1])
+
+
 def test_resonance_lies_at_the_first_mode(model: CellModel) -> None:
     first = solve(model, 1).frequencies_hz[0]
     light = StandardLinearSolid(0.02, 1 / (2 * np.pi * first))

@@ -166,7 +166,7 @@ def shake(
     preset_name: PresetOption = "si",
     shape_text: ShapeOption = "100x40",
     modulus: ModulusOption = None,
-    modes: Annotated[int, typer.Option("--modes", help="Modes in the basis.")] = 40,
+    modes: Annotated[int, typer.Option("--modes", help="Modes in the basis; the highest ends the range.")] = 40,
     size: SizeOption = 3.5,
     g: Annotated[float, typer.Option(help="Relaxing share of stiffness: instantaneous / rest - 1.")] = 0.5,
     tau: Annotated[float, typer.Option(help="Relaxation time [s].")] = 2e-5,
@@ -175,7 +175,7 @@ def shake(
     as_json: JsonOption = False,
     out: OutOption = None,
 ) -> None:
-    """Beyond the thesis: damping of a viscoelastic cell, and its response to a shaken base from 5 Hz to 30 kHz.
+    """Beyond the thesis: damping of a viscoelastic cell, and its response to a shaken base from 5 Hz up.
 
     Examples:
       python -m fasbody.cell shake
@@ -199,7 +199,7 @@ def shake(
         model = CellModel(assemblies(dome, _size(size))[0], chosen.materials, chosen.metres_per_um)
         cell = ReducedCell.of(model, modes)
         damped = damped_modes(cell, (solid, other))
-        response = base_response(cell, (solid, other), np.geomspace(5, 3e4, 500))
+        response = base_response(cell, (solid, other), np.geomspace(5, cell.reach_hz, 500))
     document = {"preset": chosen.name, "dof": model.assembly.dof, "damped_modes": damped.document()}
     document["response"] = response.document()
     if out is not None:

@@ -63,12 +63,14 @@ class ReducedCell:
         basis: vectors (dof, m).
         stiffness: stiffness of each region in the basis, (m, m) each, then what does not relax.
         loads: basis^T M times unit translations (m, 3).
+        reach_hz: highest mode in the basis; above it the other vectors stand in for modes that are missing [Hz].
     """
 
     model: CellModel
     basis: NDArray[np.float64]
     stiffness: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
     loads: NDArray[np.float64]
+    reach_hz: float
 
     @classmethod
     def of(cls, model: CellModel, count: int) -> "ReducedCell":
@@ -81,7 +83,8 @@ class ReducedCell:
         basis = _orthonormal(vectors, model.M)
         parts = (model.stiffness(CYTOPLASM), K_n, model.additions)
         cytoplasm, nucleus, rest = (basis.T @ (part @ basis) for part in parts)
-        return cls(model, basis, (cytoplasm, nucleus, rest), basis.T @ (model.M @ model.rigid))
+        loads = basis.T @ (model.M @ model.rigid)
+        return cls(model, basis, (cytoplasm, nucleus, rest), loads, float(modes.frequencies_hz[-1]))
 
     def dynamic_stiffness(self, s: complex, solids: Solids) -> NDArray[np.complex128]:
         """K(s) in the basis (m, m) [1/s^2]."""
