@@ -1,6 +1,7 @@
 """Meshes from and to files: VTU, MSH and STL in, VTU and the browser's compact file out."""
 
 import io
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,11 +57,10 @@ def write_vtu(file: Path, analysis: "Analysis") -> Path:
     content = meshio.Mesh(
         mesh.points_um, [(kind, mesh.tets)], point_data=data, cell_data={"region": [mesh.region.astype(np.int32)]}
     )
-    file.parent.mkdir(parents=True, exist_ok=True)
-    part = file.with_name(f".{file.stem}.part.vtu")  # meshio chooses the format by the suffix
-    content.write(part)
-    part.replace(file)
-    return file
+    with tempfile.TemporaryDirectory() as folder:  # meshio writes files only, and picks the format by the suffix
+        part = Path(folder) / "cell.vtu"
+        content.write(part)
+        return write_whole(file, part.read_bytes())
 
 
 def displacements(analysis: "Analysis") -> np.ndarray:
