@@ -208,7 +208,7 @@ def peers(timeout: float) -> None:
                 value = estimate(structure, series).response(BAND).value
                 seconds, (largest, rms) = time.process_time() - begin, errors(value)
                 print(f"{'this package':14} {name:10} {structure:6} {largest:9.3f} {rms:8.3f} {seconds:8.3f}")
-        np.savez(path, **arrays)
+        np.savez(path, **arrays)  # type: ignore[arg-type]
         script = Path(folder) / "peer.py"
         script.write_text(PEER_CODE)
         for package, title in PEERS.items():

@@ -65,7 +65,7 @@ def sweep_recording(seconds: float = 10.0, seed: int = 16) -> Recording:
 
 def gap(a: np.ndarray, b: np.ndarray, problem: Problem) -> float:
     """Largest distance between search variables a and b (p,), in standard errors at a."""
-    return float(np.max(np.abs(a - b) / np.sqrt(np.diag(problem.covariance(a)))))
+    return float(np.max(np.abs(a - b) / np.sqrt(np.diag(problem.covariance(a, np.ones(a.size, bool))))))
 
 
 def steady_state(timed_starts: int = 20, wild_starts: int = 50, mujoco_starts: int = 3) -> tuple[list[Row], float]:
