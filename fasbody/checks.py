@@ -1,4 +1,4 @@
-"""Is a recording fit for identification? Each problem gets one sentence that names the file, the place and the remedy."""
+"""Is a recording fit for identification? Each problem gets one sentence: the file, the place and the remedy."""
 
 from dataclasses import replace
 
@@ -90,13 +90,13 @@ def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
             count = int((runs >= _CLIPPED_RUN).sum())
             raise _fail(
                 recording,
-                f"{name} is clipped at {extreme:.4g} m/s^2, {count} times, first for {runs.max()} samples near {place:g} s; "
+                f"{name} is clipped at {extreme:.4g} m/s^2, {count} times, for {runs.max()} samples near {place:g} s; "
                 "record with a larger range",
             )
 
 
 def _excitation(recording: Recording) -> float | None:
-    """Excitation frequency [Hz] found in the base channel, None for broadband; disagreement with the table is an error."""
+    """Excitation frequency [Hz] found in the base channel, None for broadband; it must agree with the table."""
     t, base = recording.time_s, recording.base_m_s2
     nominal = recording.condition.frequency_hz
     found = find_frequency(t, base)
@@ -143,6 +143,7 @@ def _level(recording: Recording, frequency: float, warnings: list[str]) -> None:
         early = lead / 360 / frequency
         raise _fail(
             recording,
-            f"the malleolus leads the base by {lead:.0f} degrees ({1e3 * early:.3g} ms) at {frequency:.4g} Hz, which no "
-            "passive foot does; the channels are swapped, misaligned or one has the wrong sign (study.toml: sign, delay_s)",
+            f"the malleolus leads the base by {lead:.0f} degrees ({1e3 * early:.3g} ms) at {frequency:.4g} Hz, which "
+            "no passive foot does; the channels are swapped, misaligned or one has the wrong sign (study.toml: sign, "
+            "delay_s)",
         )

@@ -17,6 +17,8 @@ from fasbody.exceptions import FasError, InputFileError
 
 #: Everything for people goes to stderr, so that ``--json`` leaves one clean document on stdout.
 console = Console(stderr=True, highlight=False)
+#: Results for people go to stdout, unless ``--json`` has it.
+results = Console(highlight=False)
 
 
 def command_line(app: typer.Typer) -> None:

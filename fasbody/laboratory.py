@@ -77,7 +77,7 @@ def record(
         settle: the shaker runs this long before the recording starts [s]; 0 records the transient from rest.
     """
     t = np.arange(round(seconds * instrument.rate_hz)) / instrument.rate_hz
-    late = t + settle - instrument.delay_s
+    late = np.maximum(t + settle - instrument.delay_s, 0.0)  # at rest until the shaker starts
     solution = solve_ivp(
         lambda time, x: foot.rates(time, x, float(motion.acceleration(np.array([time]))[0])),
         (0.0, late[-1]), np.zeros(4), method="DOP853", t_eval=late, rtol=1e-9, atol=1e-12, max_step=5e-3,
@@ -138,8 +138,8 @@ _STUDY = '''[study]
 name = "synthetic subject {subject}"
 origin = "synthetic"
 description = """
-Made by python -m fasbody.laboratory (seed {seed}) from a two-mass foot with the body mass of subject {subject}, {body:g} kg.
-Nobody was measured: truth.json holds the parameters."""
+Made by python -m fasbody.laboratory (seed {seed}) from a two-mass foot with the body mass of subject {subject},
+{body:g} kg. Nobody was measured: truth.json holds the parameters."""
 sampling_rate_hz = {rate:g}
 
 [channels.base]

@@ -13,9 +13,9 @@ import numpy as np
 from fasbody.exceptions import EngineError
 
 _MODEL_ARRAYS = (
-    "jnt_user", "jnt_qposadr", "jnt_dofadr", "dof_damping", "qpos_spring", "tendon_user", "tendon_damping", "tendon_length0",
-    "ten_J_rownnz", "ten_J_rowadr", "ten_J_colind", "actuator_biasprm", "actuator_ctrladr", "actuator_actadr",
-    "actuator_outadr", "actuator_length0",
+    "jnt_user", "jnt_qposadr", "jnt_dofadr", "dof_damping", "qpos_spring", "tendon_user", "tendon_damping",
+    "tendon_length0", "ten_J_rownnz", "ten_J_rowadr", "ten_J_colind", "actuator_biasprm", "actuator_ctrladr",
+    "actuator_actadr", "actuator_outadr", "actuator_length0",
 )  # fmt: skip
 _DATA_ARRAYS = (
     "qpos", "qvel", "act", "act_dot", "ctrl", "qfrc_passive", "ten_J", "ten_length", "ten_velocity", "actuator_length",

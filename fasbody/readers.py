@@ -116,7 +116,7 @@ def _numbers(file: Path, text: str, separator: str, width: int, wanted: dict[str
             usecols=sorted(wanted.values()),
             index_col=False,
             **options,
-        )  # type: ignore[call-overload]
+        )
         values = {name: frame[index].to_numpy(float) for name, index in wanted.items()}
         if all(np.isfinite(v).all() for v in values.values()):
             return values

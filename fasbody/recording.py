@@ -68,22 +68,29 @@ class Recording:
         return f"{self.file}: {self.origin}, {at}, {self.time_s.size} samples at {self.rate_hz:g} Hz"
 
     @classmethod
-    def read(cls, file: Path | str, condition: Condition | None = None, **described: str) -> "Recording":
+    def read(
+        cls, file: Path | str, condition: Condition | None = None, label: str = "", origin: str = "measured"
+    ) -> "Recording":
         """Read a CSV file with the header ``time_s,base_m_s2,malleolus_m_s2[,tuberosity_m_s2]`` (units may differ).
 
         Args:
-            file: the file. condition: what is known of the trial. described: other attributes, such as `origin`.
+            file: the file.
+            condition: what is known of the trial.
+            label: what to call it in messages, default the file's name.
+            origin: "measured" or "synthetic".
 
         Raises:
             InputFileError: no such file, or it is not such a table; the message names line and column.
         """
         channels = read_csv(Path(file))
         return cls(
-            *(channels[name] for name in HEADER[:3]),
-            channels.get(HEADER[3]),
+            time_s=channels[HEADER[0]],
+            base_m_s2=channels[HEADER[1]],
+            malleolus_m_s2=channels[HEADER[2]],
+            tuberosity_m_s2=channels.get(HEADER[3]),
             condition=condition or Condition(),
-            file=str(described.pop("label", Path(file).name)),
-            **described,  # type: ignore[arg-type]
+            file=label or Path(file).name,
+            origin=origin,
         )
 
     def write(self, file: Path) -> None:
@@ -225,7 +232,7 @@ def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg:
         if value is not None:
             if not low <= value <= high:
                 raise RecordingError(f"the {name} mass is {value:g} kg; it must lie between {low} and {high} kg.")
-            condition = replace(condition, **{f"{name}_mass_kg": value})
+            condition = replace(condition, **{f"{name}_mass_kg": value})  # type: ignore[arg-type]
     return replace(recording, condition=condition)
 
 

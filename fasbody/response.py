@@ -1,11 +1,12 @@
 """Harmonics of a periodic recording: least squares at the excitation frequency, with honest noise.
 
 A sine fit at a known frequency is the unbiased estimate of its amplitude and phase; fitted together with its harmonics
-it is the discrete Fourier transform without leakage, for any number of samples a period. The excitation frequency itself
-is refined from the base channel (four-parameter sine fit, IEEE Std 1057).
+it is the discrete Fourier transform without leakage, for any number of samples a period. The excitation frequency
+itself is refined from the base channel (four-parameter sine fit, IEEE Std 1057).
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -58,7 +59,7 @@ def fit_harmonics(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, c
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     fitted = max(count, min(_FITTED, int(0.45 * rate // frequency_hz)))
     P = _basis(time_s, frequency_hz, fitted)
-    coefficients, *_ = np.linalg.lstsq(P, signal, rcond=None)
+    coefficients = _solve(P, signal)
     residual = signal - P @ coefficients
     dof = max(1, signal.size - P.shape[1])
     sigma = float(np.sqrt(residual @ residual / dof))
@@ -84,9 +85,9 @@ def find_frequency(time_s: np.ndarray, signal: np.ndarray, guess_hz: float | Non
         wt = 2 * np.pi * f * time_s
         cos, sin = np.cos(wt), np.sin(wt)
         P = np.column_stack([np.ones_like(wt), cos, sin])
-        c, *_ = np.linalg.lstsq(P, signal, rcond=None)
+        c = _solve(P, signal)
         slope = 2 * np.pi * time_s * (c[2] * cos - c[1] * sin)
-        full, *_ = np.linalg.lstsq(np.column_stack([P, slope]), signal, rcond=None)
+        full = _solve(np.column_stack([P, slope]), signal)
         f += full[3]
         if not 0.5 * guess_hz < f < 2 * guess_hz:
             return guess_hz
@@ -99,10 +100,15 @@ def sine_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) -> f
     """Share of the signal's power that one frequency and its harmonics explain (1 for a periodic signal)."""
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     P = _basis(time_s, frequency_hz, max(1, min(_FITTED, int(0.45 * rate // frequency_hz))))
-    c, *_ = np.linalg.lstsq(P, signal, rcond=None)
+    c = _solve(P, signal)
     centred = signal - signal.mean()
     residual = signal - P @ c
     return float(1 - residual @ residual / max(1e-300, centred @ centred))
+
+
+def _solve(P: np.ndarray, signal: np.ndarray) -> np.ndarray:
+    """Least squares by the normal equations: sines over whole periods are nearly orthogonal, so this is accurate."""
+    return np.linalg.solve(P.T @ P, P.T @ signal)
 
 
 def _basis(time_s: np.ndarray, frequency_hz: float, count: int) -> np.ndarray:
@@ -141,9 +147,9 @@ def _with_scatter(
         return std, 0.0
     edges = np.linspace(0, time_s.size, parts + 1).astype(int)
     rows = []
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         P = _basis(time_s[a:b], frequency_hz, count)
-        c, *_ = np.linalg.lstsq(P, signal[a:b], rcond=None)
+        c = _solve(P, signal[a:b])
         rows.append(c[1::2] - 1j * c[2::2])
     between = np.std(np.array(rows), axis=0, ddof=1) / np.sqrt(2 * parts)  # of a real part of the mean
     scatter = float(between[0] * np.sqrt(2 * parts) / max(1e-300, abs(fundamental)))

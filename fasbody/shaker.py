@@ -62,7 +62,9 @@ class BaseMotion:
         return values
 
 
-def harmonics(frequency: float, amplitudes: Sequence[complex], duration: float, name: str = "") -> BaseMotion:
+def harmonics(
+    frequency: float, amplitudes: Sequence[complex] | np.ndarray, duration: float, name: str = ""
+) -> BaseMotion:
     """Periodic motion, sum over h of Re(U_h exp(i 2 pi h f t)).
 
     Args:

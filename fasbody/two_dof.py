@@ -1,9 +1,9 @@
 """The two-mass foot: Eqs. (4.26) to (4.33), and its compiled twin with exact forward sensitivities.
 
-States are x = (z1, z2, z1', z2'): z1 = y1 - y2 across the talocrural joint, z2 = y2 - y0 across the fat pad. The input is
-the base acceleration, the output the malleolus acceleration. The twin integrates the states and their derivatives with
-respect to the four initial states and the eight parameters together, with the same Runge-Kutta scheme, step and input
-as the MuJoCo model, so that the two differ by rounding only.
+States are x = (z1, z2, z1', z2'): z1 = y1 - y2 across the talocrural joint, z2 = y2 - y0 across the fat pad. The input
+is the base acceleration, the output the malleolus acceleration. The twin integrates the states and their derivatives
+with respect to the four initial states and the eight parameters together, with the same Runge-Kutta scheme, step and
+input as the MuJoCo model, so that the two differ by rounding only.
 """
 
 from collections.abc import Mapping
@@ -79,9 +79,10 @@ class TwoDof:
         return np.linalg.solve(s[:, None, None] * np.eye(STATES) - A, B[:, None])[..., 0] @ C
 
     def mirror(self) -> "TwoDof":
-        """The other foot with the same linear response: stiffness and damping change places, scaled by a = m_S/(m_S+m_F).
+        """The other foot with the same linear response: stiffness and damping change places.
 
-        Exact for the linear part. The nonlinear constants change places unscaled, a starting point for a fit.
+        They are scaled by a = m_S / (m_S + m_F), exactly for the linear part. The nonlinear constants change places
+        unscaled, a starting point for a fit.
         """
         a = self.m_S / (self.m_S + self.m_F)
         return TwoDof(
@@ -126,8 +127,8 @@ def trajectory(x0, p, m_S, m_F, u, h, stride, columns):  # type: ignore[no-untyp
         columns: 0 no sensitivities, 4 those to the initial states, 12 those to the parameters as well.
 
     Returns:
-        Y (n // stride,) malleolus acceleration, Eq. (4.31); DY (n // stride, 12) its derivatives (x0 first, then p); the
-        final states (4,) and their derivatives (4, 12).
+        Y (n // stride,) malleolus acceleration, Eq. (4.31); DY (n // stride, 12) its derivatives (x0 first, then p);
+        the final states (4,) and their derivatives (4, 12).
     """
     n = (u.size - 1) // 2
     Y, DY = np.empty(n // stride), np.zeros((n // stride, _COLUMNS))
@@ -172,8 +173,8 @@ def periodic(x0, p, m_S, m_F, u, h, tolerance, passes):  # type: ignore[no-untyp
         passes: at most so many periods are integrated.
 
     Returns:
-        Y (n,) output over one period, dY/dp (n, 8), initial states (4,), their derivatives (4, 8), the last gap (infinite
-        if the motion grew without bound).
+        Y (n,) output over one period, dY/dp (n, 8), initial states (4,), their derivatives (4, 8), the last gap
+        (infinite if the motion grew without bound).
     """
     eye = np.eye(STATES)
     x = x0.copy()

@@ -1,8 +1,8 @@
 """The mirror solution, and what the data say about it.
 
 With known masses and the malleolus acceleration alone, the linear two-mass foot has two parameter sets with the same
-response: k_T' = a k_F, k_F' = k_T / a, c_T' = a c_F, c_F' = c_T / a with a = m_S / (m_S + m_F). No input tells them apart;
-nonlinear damping, a second load or a second sensor does. A fit therefore follows both branches to their ends and
+response: k_T' = a k_F, k_F' = k_T / a, c_T' = a c_F, c_F' = c_T / a with a = m_S / (m_S + m_F). No input tells them
+apart; nonlinear damping, a second load or a second sensor does. A fit therefore follows both branches to their ends and
 compares their likelihoods.
 """
 
@@ -49,7 +49,8 @@ class Verdict:
     """Whether the data decide between the branches.
 
     Attributes:
-        decided: the odds exceed 1000 to 1. log_likelihood_ratio: of the best branch over the other, scaled by the misfit.
+        decided: the odds exceed 1000 to 1.
+        log_likelihood_ratio: of the best branch over the other, scaled by the misfit.
         sentence: for people.
     """
 
@@ -65,8 +66,11 @@ def judge(names: Sequence[str], deviances: Sequence[float], chi_square: float, d
     """Compare branches by -2 log likelihood.
 
     Args:
-        names: of the branches, best first. deviances: -2 log likelihood of each. chi_square, dof: misfit of the best: where
-            the model does not fit to the noise, the difference is scaled down by the reduced chi-square.
+        names: of the branches, best first.
+        deviances: -2 log likelihood of each.
+        chi_square: misfit of the best, for dof degrees of freedom: where the model does not fit to the noise, the
+            difference is scaled down by the reduced chi-square.
+        dof: see chi_square.
     """
     if len(names) < 2:
         return Verdict(False, 0.0, "No second branch was found, so the mirror solution could not be compared.")
@@ -78,7 +82,7 @@ def judge(names: Sequence[str], deviances: Sequence[float], chi_square: float, d
         text = f"The {names[0]} branch is favoured by odds of {odds} to 1 over its mirror image ({names[1]})."
     else:
         text = (
-            f"The data do not decide between {names[0]} and {names[1]} (odds {odds} to 1): both parameter sets describe "
-            "the recordings. Record a second load, or a second sensor on the foot bones."
+            f"The data do not decide between {names[0]} and {names[1]} (odds {odds} to 1): both parameter sets "
+            "describe the recordings. Record a second load, or a second sensor on the foot bones."
         )
     return Verdict(bool(decided), float(ratio_), text)

@@ -19,7 +19,7 @@ _PARAMETER_NUDGE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Differences:
-    """Outputs of one run: y (n,) [m/s^2], final states x (s,), and their derivatives to states (s) and parameters (p)."""
+    """Outputs of one run: y (n,) [m/s^2], final states x (s,), and derivatives to states (s) and parameters (p)."""
 
     y: np.ndarray
     x: np.ndarray

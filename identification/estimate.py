@@ -73,7 +73,9 @@ def fit(
     domain, why = choose_domain(data, settings.domain)
     warnings += why
     twin = twin_applies(foot)
-    delay = len(data) > 1 if settings.delay is None else settings.delay
+    delay = _tells_delay(data) if settings.delay is None else settings.delay
+    if not delay:
+        warnings.append("One frequency cannot tell a delay between the channels from damping: it is held at zero.")
     space = space_of(foot, settings.free, settings.bounds, delay)
     if any(not r.condition.masses for r in data) and {"m_S", "m_F"} & set(foot.parameters):
         held = ", ".join(f"{n} {v:.3g} kg" for n, v in foot.values().items() if n in ("m_S", "m_F"))
@@ -128,6 +130,12 @@ def fit(
         truth=dict(truth or {}),
         seconds=time.perf_counter() - began,
     )
+
+
+def _tells_delay(data: Sequence[Recording]) -> bool:
+    """Several frequencies, or broadband excitation, tell a delay from damping."""
+    found = {round(r.condition.frequency_hz, 1) if r.condition.frequency_hz else None for r in data}
+    return len(found) > 1 or None in found
 
 
 def _starts(space: Space, foot: Foot, settings: Settings, a: float | None) -> list[tuple[str, np.ndarray]]:
@@ -186,14 +194,13 @@ def _branch(route: Route, certified: _Certified) -> Branch:
     """Estimates with standard errors from the MuJoCo Jacobian."""
     problem, space, descent, run = certified.problem, route.space, certified.descent, certified.run
     dof = max(0, problem.size - descent.z.size)
-    covariance = problem.covariance(descent.z)
-    excess = (
-        max(1.0, descent.cost / dof) if route.chi_square and dof else 1.0
-    )  # a misfit beyond the noise widens the errors
-    std_q = np.sqrt(np.diag(covariance) * excess)
-    low, high = space.interval(descent.theta, std_q)
     q, (q_low, q_high) = space.to_q(descent.theta), space.bounds
     at_bound = np.minimum(q - q_low, q_high - q) < 1e-4 * (q_high - q_low)
+    covariance = problem.covariance(descent.z, ~at_bound)
+    # a misfit beyond the noise widens the errors
+    excess = max(1.0, descent.cost / dof) if route.chi_square and dof else 1.0
+    std_q = np.sqrt(np.diag(covariance) * excess)
+    low, high = space.interval(descent.theta, std_q)
     std = std_q * space.slope(descent.theta)
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
@@ -218,8 +225,8 @@ def _advice(best: Branch, space: Space, rank: int, data: Sequence[Recording], ro
     texts = []
     if best.dof == 0:
         texts.append(
-            f"The recordings hold {len(space.free)} numbers or fewer for {len(space.free)} free parameters: they are fitted "
-            "exactly whatever the truth, so goodness of fit says nothing. Pool several frequencies or fix parameters (--free)."
+            f"The recordings hold no more numbers than the {len(space.free)} free parameters: they are fitted exactly "
+            "whatever the truth, so goodness of fit says nothing. Pool several frequencies or free fewer (--free)."
         )
     if rank < len(space.free):
         texts.append(
@@ -234,8 +241,8 @@ def _advice(best: Branch, space: Space, rank: int, data: Sequence[Recording], ro
         texts.append(f"Not identifiable from these recordings: {', '.join(weak)} (standard error above 50 %).")
     if best.p_value is not None and best.p_value < 1e-3:
         texts.append(
-            f"The model does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for {best.dof} "
-            "degrees of freedom); the standard errors are widened accordingly."
+            f"The model does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
+            f"{best.dof} degrees of freedom); the standard errors are widened accordingly."
         )
     loads = {recording.condition.added_mass_kg for recording in data}
     if len(loads) == 1 and route.twin:

@@ -1,15 +1,16 @@
 """The printed figures of a fit, as SVG text: traces, residuals, parameters of both branches, the start waterfall."""
 
 from io import StringIO
+from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from identification.result import FitResult, RecordingFit
+from identification.result import FitResult, RecordingFit, symbol_and_unit
 
 _MEASURED, _MODEL, _OTHER, _TRUTH = "#2b2b2b", "#c8102e", "#1f6fb2", "#2e8b57"
-_STYLE = {
+_STYLE: Any = {
     "font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25,
     "svg.fonttype": "path", "svg.hashsalt": "fasbody", "legend.frameon": False,
 }  # fmt: skip
@@ -80,6 +81,7 @@ def residuals(result: FitResult) -> Figure:
             axis.semilogy(f[1:], amplitude[1:], lw=0.8, color=colour, label=label)
         axis.set_title(_title(recording), fontsize=9)
         axis.set_xlim(0, 160)
+        axis.set_ylim(bottom=1e-5)
     for axis in axes.flat[count:]:
         axis.set_axis_off()
     for axis in axes[-1]:
@@ -113,15 +115,10 @@ def parameters(result: FitResult) -> Figure:
     return figure
 
 
-_UNITS = {"_n_s_per_m": "N s/m", "_n_per_m": "N/m", "_per_m": "1/m", "_s": "s"}
-
-
 def _label(key: str) -> str:
-    for suffix, unit in _UNITS.items():
-        if key.endswith(suffix):
-            stem, _, index = key.removesuffix(suffix).partition("_")
-            return (f"${stem}_{{{index}}}$" if index else stem) + f"\n[{unit}]"
-    return key
+    symbol, unit = symbol_and_unit(key)
+    stem, _, index = symbol.partition("_")
+    return (f"${stem}_{{{index}}}$" if index else stem) + (f"\n[{unit}]" if unit else "")
 
 
 def waterfall(result: FitResult) -> Figure:

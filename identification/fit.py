@@ -7,15 +7,16 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
-from fasbody.console import command_line, console, print_json, progress_bar
+from fasbody.console import command_line, console, print_json, progress_bar, results
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.model import load
 from fasbody.recording import Recording, Study, with_masses
 from identification.estimate import Settings, fit
 from identification.report import write
-from identification.result import FitResult
+from identification.result import FitResult, symbol_and_unit
 
 #: The study that ships with the package.
 BUNDLED = Path(str(files("fasbody"))) / "studies" / "synthetic_subject_16"
@@ -143,15 +144,20 @@ def show(result: FitResult) -> None:
         table.add_column("truth", justify="right")
     table.add_column("")
     for key, e in result.parameters.items():
-        row = [key, e.interval(), *(branch.parameters[key].interval() for branch in result.branches[1:])]
+        symbol, unit = symbol_and_unit(key)
+        row = [
+            f"{symbol} [{unit}]" if unit else symbol,
+            e.interval(),
+            *(branch.parameters[key].interval() for branch in result.branches[1:]),
+        ]
         truth = result.truth_of(key)
         row += [f"{truth:.6g}" if truth is not None else ""] if result.truth else []
-        table.add_row(*row, e.identifiability + (", at bound" if e.at_bound else ""))
-    console.print(table)
-    console.print(f"[bold]{result.sentence()}[/]", soft_wrap=True)
-    console.print(result.reason, soft_wrap=True)
+        table.add_row(*(escape(cell) for cell in row), e.identifiability + (", at bound" if e.at_bound else ""))
+    results.print(table)
+    results.print(f"[bold]{result.sentence()}[/]", soft_wrap=True)
+    results.print(result.reason, soft_wrap=True)
     for text in result.warnings:
-        console.print(f"[yellow]note:[/] {text}", soft_wrap=True, markup=True)
+        results.print(f"[yellow]note:[/] {text}", soft_wrap=True, markup=True)
 
 
 if __name__ == "__main__":

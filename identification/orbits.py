@@ -1,8 +1,8 @@
 """Periodic orbits of the foot on a periodically moving base, with derivatives to the parameters: two engines.
 
 `Twin` integrates Eq. (4.29) with exact sensitivities (two_dof.py); `Rollouts` steps any MJCF in MuJoCo, one short
-simulation a column of the Jacobian, all columns in one batch. Both find the initial states by Newton's method on the gap
-after one period (shooting), start from the last orbit moved along its derivative, and accept a small gap with a
+simulation a column of the Jacobian, all columns in one batch. Both find the initial states by Newton's method on the
+gap after one period (shooting), start from the last orbit moved along its derivative, and accept a small gap with a
 first-order correction, so that a fit costs about one period of simulation for each evaluation.
 """
 
@@ -28,7 +28,7 @@ _LOST = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """One period of base motion and the masses on it: frequency [Hz], complex harmonics (H,) [m/s^2], m_S and m_F [kg]."""
+    """One period of base motion: frequency [Hz], complex harmonics (H,) [m/s^2], and the masses on it [kg]."""
 
     frequency_hz: float
     amplitudes: np.ndarray

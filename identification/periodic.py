@@ -60,7 +60,7 @@ def split(z: np.ndarray) -> np.ndarray:
 
 def inverse_of_gram(J: np.ndarray) -> np.ndarray:
     """(J^T J)^-1, with infinite variance for parameters in directions that no residual sees."""
-    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    _, s, Vt = np.linalg.svd(J, full_matrices=False)
     seen = s > 1e-10 * s[0]
     C = (Vt[seen].T / s[seen] ** 2) @ Vt[seen]
     blind = np.sum(Vt[seen] ** 2, axis=0) < 1 - 1e-6
@@ -97,9 +97,15 @@ class PeriodicProblem:
         self.engine.forget()
         return q
 
-    def covariance(self, q: np.ndarray) -> np.ndarray:
-        """Covariance (p, p) of q: the residual is whitened, so the inverse of J^T J; infinite where J has no rank."""
-        return inverse_of_gram(self.jacobian(q))
+    def covariance(self, q: np.ndarray, active: np.ndarray) -> np.ndarray:
+        """Covariance (p, p) of q: the residual is whitened, so the inverse of J^T J; infinite where J has no rank.
+
+        Args:
+            q: search variable. active: (p,) which parameters vary; the others rest on a bound and get NaN.
+        """
+        C = np.full((q.size, q.size), np.nan)
+        C[np.ix_(active, active)] = inverse_of_gram(self.jacobian(q)[:, active])
+        return C
 
     @property
     def log_determinant(self) -> float:

@@ -6,6 +6,15 @@ from typing import Any
 
 import numpy as np
 
+_UNITS = {"_n_s_per_m": "N s/m", "_n_m_s_per_rad": "N m s/rad", "_n_m_per_rad": "N m/rad", "_n_per_m": "N/m"}
+_UNITS |= {"_per_m": "1/m", "_kg": "kg", "_s": "s", "_n": "N", "_m": "m"}
+
+
+def symbol_and_unit(key: str) -> tuple[str, str]:
+    """Thesis symbol and unit of a key: ``k_T_n_per_m`` is k_T in N/m."""
+    return next(((key.removesuffix(s), unit) for s, unit in _UNITS.items() if key.endswith(s)), (key, ""))
+
+
 #: Relative standard error up to which a parameter counts as identified, and as weakly identified.
 IDENTIFIED, WEAK = 0.1, 0.5
 
@@ -23,13 +32,17 @@ class Estimate:
     def interval(self) -> str:
         """Value and half width of the 95 % interval, rounded to what is known."""
         half = 0.5 * (self.upper - self.lower)
+        return f"{self.text(self.value)} ± {self.text(half)}" if half > 0 else f"{self.value:.4g}"
+
+    def text(self, number: float) -> str:
+        """A number of this parameter's kind with two digits of its uncertainty; a dash if there is none."""
+        half = 0.5 * (self.upper - self.lower)
+        if not np.isfinite(number):
+            return "–"
         if not np.isfinite(half) or half <= 0:
-            return f"{self.value:.4g}"
-        power = int(np.floor(np.log10(half)))
-        if power < -3:  # a delay of microseconds
-            return f"({self.value / 10.0**power:.1f} ± {half / 10.0**power:.1f})e{power}"
-        digits = max(0, 1 - power)
-        return f"{round(self.value, 1 - power):.{digits}f} ± {round(half, 1 - power):.{digits}f}"
+            return f"{number:.4g}"
+        digits = 1 - int(np.floor(np.log10(half)))
+        return f"{round(number, digits):.{max(0, digits)}f}"
 
     @property
     def identifiability(self) -> str:
@@ -124,7 +137,7 @@ class FitResult:
             "domain": self.domain,
             "fit_percent": self.fit_percent,
             "recordings": [
-                {"file": r.file, "frequency_hz": r.frequency_hz, "added_mass_kg": r.added_mass_kg, "fit_percent": r.fit_percent}
+                {name: getattr(r, name) for name in ("file", "frequency_hz", "added_mass_kg", "fit_percent")}
                 for r in self.recordings
             ],
             "parameters": {key: asdict(value) for key, value in self.parameters.items()},

@@ -1,8 +1,9 @@
 """Time-domain identification: prediction error of every sample, Eq. (4.34), for transients, sweeps and random input.
 
-The model runs the whole recording, driven by the spline through the measured base acceleration; the initial states of each
-recording are estimated with the parameters. Residual and Jacobian of a recording are replaced by the triangular factor
-of their QR decomposition, which has the same cost, gradient and Gauss-Newton step as the ten thousand rows it stands for.
+The model runs the whole recording, driven by the spline through the measured base acceleration; the initial states of
+each recording are estimated with the parameters. Residual and Jacobian of a recording are replaced by the triangular
+factor of their QR decomposition, which has the same cost, gradient and Gauss-Newton step as the ten thousand rows it
+stands for.
 """
 
 from collections.abc import Mapping, Sequence
@@ -176,23 +177,29 @@ class TimeProblem:
         J[:, :p] *= self.space.slope(theta)
         return y, (y - recording.malleolus_m_s2) / self.sigma[number], J / self.sigma[number]
 
-    def covariance(self, z: np.ndarray) -> np.ndarray:
+    def covariance(self, z: np.ndarray, active: np.ndarray) -> np.ndarray:
         """Covariance (p, p) of q for coloured residuals: (J^T J)^-1 J^T R J (J^T J)^-1, R from their autocorrelation.
 
         The noise of the base sensor comes through the foot and is not white; ignoring that would make the standard
-        errors wrong. The autocorrelation is tapered (Bartlett) after five excitation periods or 5 % of the recording.
+        errors wrong. The autocorrelation is tapered (Bartlett) over 5 % of the recording.
+
+        Args:
+            z: full search variable. active: (p,) which parameters vary; the others rest on a bound and get NaN.
         """
         p, total = self.space.lower.size, z.size
+        varied = np.concatenate([active, np.ones(total - p, bool)])
         middle = np.zeros((total, total))
         for i in range(len(self.recordings)):
             _, r, J = self.rows(z, i)
             columns = self._columns(i)
             middle[np.ix_(columns, columns)] += J.T @ _correlated(r, J)
-        bread = inverse_of_gram(self.jacobian(z))
-        with np.errstate(invalid="ignore"):
-            full = bread @ middle @ bread
+        bread = inverse_of_gram(self.jacobian(z)[:, varied])
         blind = np.isinf(np.diag(bread))
-        full[blind, blind] = np.inf
+        bread[blind] = bread[:, blind] = 0.0
+        inner = bread @ middle[np.ix_(varied, varied)] @ bread
+        inner[blind, blind] = np.inf
+        full = np.full((total, total), np.nan)
+        full[np.ix_(varied, varied)] = inner
         return full[:p, :p]
 
     def _columns(self, number: int) -> np.ndarray:
@@ -208,7 +215,7 @@ class TimeProblem:
             try:
                 for i in range(len(self.recordings)):
                     _, residual, D = self.rows(z, i)
-                    R = np.linalg.qr(np.column_stack([D, residual]), mode="r")
+                    R = np.asarray(np.linalg.qr(np.column_stack([D, residual]), mode="r"))
                     rows = slice(i * width, i * width + R.shape[0])
                     r[rows], J[rows, self._columns(i)] = R[:, -1], R[:, :-1]
             except SimulationError:
@@ -218,7 +225,7 @@ class TimeProblem:
 
 
 def noise_floor(recording: Recording) -> float:
-    """Noise of a malleolus sample [m/s^2], the base sensor's included, from the spectra above 0.35 of the sampling rate."""
+    """Noise of a malleolus sample [m/s^2], base sensor included, from the spectra above 0.35 of the sampling rate."""
     floors = []
     for channel in (recording.base_m_s2, recording.malleolus_m_s2):
         power = np.abs(np.fft.rfft(channel * np.hanning(channel.size))) ** 2
