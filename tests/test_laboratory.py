@@ -20,9 +20,9 @@ SILENT = Instrument(noise_base=0.0, noise_malleolus=0.0, bits=30, delay_s=0.0)
 
 
 def test_the_bundled_study_is_made_by_the_stated_command(tmp_path: Path) -> None:
-    """Two of the nine recordings and all descriptions, from the fixed seed."""
-    make_study(tmp_path, frequencies_hz=FREQUENCIES_HZ[:2])
-    for name in ("subjects.csv", "truth.json", "study.toml", "recordings/10hz_0kg.csv", "recordings/15hz_0kg.csv"):
+    """The first of the nine recordings and all descriptions, from the fixed seed."""
+    make_study(tmp_path, frequencies_hz=FREQUENCIES_HZ[:1])
+    for name in ("subjects.csv", "truth.json", "study.toml", "recordings/10hz_0kg.csv"):
         assert (tmp_path / name).read_text() == (BUNDLED / name).read_text(), name
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from fasbody.exceptions import RecordingError
 from fasbody.response import find_frequency, fit_harmonics, harmonic_count, sine_share
 
-T = np.arange(2000) / 1000.0
+T = np.arange(1000) / 500.0
 
 
 def signal(frequency: float, amplitudes: list[complex], t: np.ndarray = T) -> np.ndarray:
@@ -17,7 +17,7 @@ def signal(frequency: float, amplitudes: list[complex], t: np.ndarray = T) -> np
 
 
 @given(frequency=st.floats(8, 60), phases=st.lists(st.floats(0, 6.28), min_size=3, max_size=3))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_sums_of_sines_are_recovered_exactly(frequency: float, phases: list[float]) -> None:
     """For any frequency, so for any fraction of a period in the recording."""
     U = np.array([8.95, 0.3, 0.05]) * np.exp(1j * np.array(phases))
@@ -28,31 +28,31 @@ def test_sums_of_sines_are_recovered_exactly(frequency: float, phases: list[floa
 
 
 def test_standard_deviations_are_honest() -> None:
-    """400 noisy recordings: the scatter of the estimates is the stated one, and their mean the truth."""
+    """200 noisy recordings: the scatter of the estimates is the stated one, and their mean the truth."""
     rng, U = np.random.default_rng(0), [5.0 - 3.0j, 0.4j]
     clean = signal(21.0, U)
     rows, stated, sigma = [], [], []
-    for _ in range(400):
+    for _ in range(200):
         found = fit_harmonics(T, clean + rng.normal(0, 0.3, T.size), 21.0, 2)
         rows.append(found.amplitudes)
         stated.append(found.std)
         sigma.append(found.sigma)
     parts = np.concatenate([np.real(rows), np.imag(rows)], axis=1)
     std = np.sqrt(np.mean(np.square(stated), axis=0))
-    np.testing.assert_allclose(parts.std(axis=0), np.tile(std, 2), rtol=0.15)
+    np.testing.assert_allclose(parts.std(axis=0), np.tile(std, 2), rtol=0.2)
     np.testing.assert_allclose(std, 0.3 * np.sqrt(2 / T.size), rtol=0.03)
     error = np.abs(parts.mean(axis=0) - np.concatenate([np.real(U), np.imag(U)]))
-    assert (error < 4 * np.tile(std, 2) / 20).all()
+    assert (error < 4 * np.tile(std, 2) / np.sqrt(200)).all()
     assert np.mean(sigma) == pytest.approx(0.3, rel=0.01)
 
 
 def test_coloured_noise_has_its_own_weight_at_each_harmonic() -> None:
-    """Noise between 15 and 25 Hz only: a 20 Hz amplitude is worse than the average over all frequencies says."""
+    """Noise between 5 and 35 Hz only: a 20 Hz amplitude is worse than the average over all frequencies says."""
     rng = np.random.default_rng(0)
     rows, stated = [], []
-    f = np.fft.rfftfreq(T.size, 1e-3)
-    inside = (f > 15) & (f < 25)
-    for _ in range(300):
+    f = np.fft.rfftfreq(T.size, 2e-3)
+    inside = (f > 5) & (f < 35)
+    for _ in range(200):
         spectrum = np.where(inside, rng.normal(size=f.size) + 1j * rng.normal(size=f.size), 0) * 30
         found = fit_harmonics(T, signal(20.0, [8.0]) + np.fft.irfft(spectrum, T.size), 20.0, 3)
         rows.append(found.amplitudes)
@@ -72,12 +72,13 @@ def test_amplitude_wander_widens_the_standard_deviation() -> None:
     assert wander.std[0] > 5 * steady.std[0]
 
 
-@pytest.mark.parametrize("frequency", [0.9, 9.97, 20.0, 33.333, 51.2, 180.0])
+@pytest.mark.parametrize("frequency", [0.9, 9.97, 20.0, 33.333, 51.2, 90.0])
 def test_frequency_is_found_to_a_thousandth_of_a_line(frequency: float) -> None:
     rng = np.random.default_rng(0)
     noisy = signal(frequency, [8.95j, 0.2, 0.1j]) + rng.normal(0, 0.05, T.size)
-    assert find_frequency(T, noisy) == pytest.approx(frequency, abs=3e-3 if frequency < 5 else 5e-4)
-    assert find_frequency(T, noisy, 1.01 * frequency) == pytest.approx(frequency, abs=3e-3 if frequency < 5 else 5e-4)
+    allowed = 3e-3 if frequency < 5 else 5e-4
+    assert find_frequency(T, noisy) == pytest.approx(frequency, abs=allowed)
+    assert find_frequency(T, noisy, frequency + 0.1) == pytest.approx(frequency, abs=allowed)
 
 
 def test_share_of_a_sine_is_its_share_of_the_power() -> None:

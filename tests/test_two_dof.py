@@ -98,7 +98,8 @@ def test_sensitivities_against_central_differences(name: str) -> None:
         assert np.abs(DY[:, 4 + j] - want).max() < 2e-5 * np.abs(want).max(), item
     for j in range(4):  # final states: differences of the twin itself
         d = 1e-6 * np.eye(4)[j]
-        ends = [trajectory(start + s * d, foot.theta, foot.m_S, foot.m_F, motion.half_steps(h, n), h, 1, 0)[2] for s in (1, -1)]
+        u = motion.half_steps(h, n)
+        ends = [trajectory(start + s * d, foot.theta, foot.m_S, foot.m_F, u, h, 1, 0)[2] for s in (1, -1)]
         np.testing.assert_allclose(S[:, j], (ends[0] - ends[1]) / 2e-6, rtol=1e-5, atol=1e-6 * np.abs(S[:, j]).max())
     assert np.isfinite(x).all()
 
