@@ -43,12 +43,17 @@ def edited(tmp_path: Path) -> Callable[..., Path]:
 def trial() -> Callable[..., Recording]:
     """Make a steady synthetic recording with the oracle: parameters, frequency, noise; see `oracle.steady`."""
 
+    known: dict[object, tuple[np.ndarray, ...]] = {}
+
     def make(
         p: dict[str, float], frequency_hz: float, *, seed: int = 0, added: float = 0.0, seconds: float = 3.0,
         noise: tuple[float, float] = (0.03, 0.05), rate_hz: float = 1200.0, **more: object,
     ) -> Recording:  # fmt: skip
         condition = Condition("16", "midstance", added, 72.57, frequency_hz)
-        t, base, malleolus = oracle.steady({**p, **condition.masses}, frequency_hz, rate_hz, seconds, **more)
+        key = (*p.values(), *map(str, more.values()), frequency_hz, rate_hz, seconds, added)
+        if key not in known:  # the motion without noise
+            known[key] = oracle.steady({**p, **condition.masses}, frequency_hz, rate_hz, seconds, **more)
+        t, base, malleolus = known[key]
         rng = np.random.default_rng((seed, round(frequency_hz), round(10 * added)))
         noisy = (x + rng.normal(0, s, t.size) for x, s in zip((base, malleolus), noise, strict=True))
         return Recording(t, *noisy, condition=condition, file=f"{frequency_hz:g}hz.csv", origin="synthetic")

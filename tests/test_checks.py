@@ -32,7 +32,7 @@ def test_excitation_frequency_is_found(frequency: float) -> None:
     assert found.warnings == ()
 
 
-def test_broadband_is_none(trial: Callable[..., Recording]) -> None:
+def test_broadband_is_none() -> None:
     rng = np.random.default_rng(0)
     r = Recording(T, rng.normal(0, 5, N), rng.normal(0, 5, N))
     assert checked(r).condition.frequency_hz is None

@@ -1,0 +1,194 @@
+"""What a fit says about data whose truth is known: the bundled study, two loads, hopeless cases, another model."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import oracle
+import pytest
+
+from fasbody.exceptions import RecordingError, SettingError
+from fasbody.model import Foot, load
+from fasbody.recording import Condition, Recording
+from identification.branches import ratio
+from identification.estimate import Settings, fit
+from identification.result import FitResult
+
+Trial = Callable[..., Recording]
+TRUTH = {name: float(value) for name, value in oracle.TRUTH.items()}
+NEARLY_LINEAR = {**TRUTH, "c_12": 3.0, "c_13": 10.0, "c_22": -3.0, "c_23": 10.0}
+#: Parameters of the linear foot; the others are held.
+LINEAR = ("k_T", "k_F", "c_11", "c_21")
+
+
+def near(result: FitResult, truth: dict[str, float], keys: dict[str, str], allowed: float) -> None:
+    for key, name in keys.items():
+        e = result.parameters[key]
+        assert abs(e.value - truth[name]) < 3 * e.std_error, f"{key}: {e} for {truth[name]}"
+        assert e.value == pytest.approx(truth[name], rel=allowed), key
+
+
+KEYS = {"k_T_n_per_m": "k_T", "k_F_n_per_m": "k_F", "c_11_n_s_per_m": "c_11", "c_21_n_s_per_m": "c_21"}
+
+
+@pytest.mark.xdist_group("bundled")
+class TestBundled:
+    """The nine frequencies that ship with the package."""
+
+    def test_one_branch_is_the_truth(self, bundled: tuple) -> None:
+        """Within 3 % and three standard errors for stiffness and damping."""
+        document, *_ = bundled
+        branches = {b["name"]: b["parameters"] for b in document["branches"]}
+        for key, name in KEYS.items():
+            e = branches["stiff ankle"][key]
+            assert abs(e["value"] / TRUTH[name] - 1) < 0.03, key
+            assert abs(e["value"] - TRUTH[name]) < 3 * e["std_error"], key
+        for key, name in {"c_12_per_m": "c_12", "c_22_per_m": "c_22", "c_23_per_m": "c_23"}.items():
+            e = branches["stiff ankle"][key]
+            assert abs(e["value"] - TRUTH[name]) < 3 * e["std_error"], key
+        delay = branches["stiff ankle"]["delay_s"]
+        assert abs(delay["value"] - 2e-4) < 3 * delay["std_error"] < 3e-5
+
+    def test_the_mirror_is_reported_and_is_worse(self, bundled: tuple) -> None:
+        document, *_ = bundled
+        true, mirror = document["branches"]
+        assert (true["name"], mirror["name"]) == ("stiff ankle", "stiff pad")
+        a = ratio([oracle.MASSES], {})
+        p = mirror["parameters"]
+        assert p["k_T_n_per_m"]["value"] == pytest.approx(a * TRUTH["k_F"], rel=0.03)
+        assert p["k_F_n_per_m"]["value"] == pytest.approx(TRUTH["k_T"] / a, rel=0.03)
+        assert mirror["cost"] > 5 * true["cost"]
+        assert document["verdict"] == "decided"
+        assert document["log_likelihood_ratio"] > np.log(1000)
+
+    def test_goodness_of_fit_and_certificates(self, bundled: tuple) -> None:
+        document, *_ = bundled
+        goodness = document["goodness_of_fit"]
+        assert goodness["dof"] == 2 * (6 + 6 + 5 + 4 + 3 + 2 + 2 + 2 + 2) - 9
+        assert 1e-3 < goodness["p_value"] < 1 - 1e-3
+        assert document["twin_mujoco_difference"] <= 1e-6
+        assert document["base_acceleration_error"] <= 1e-6
+        assert document["excitation_rank"] == 30  # nine sines; of their 2nd and 3rd harmonics, 60 to 100 Hz are new
+        assert document["fit_percent"] > 98
+
+    def test_correlations_are_correlations(self, bundled: tuple) -> None:
+        document, *_ = bundled
+        C = np.array(document["branches"][0]["correlation"], float)
+        np.testing.assert_allclose(C, C.T, atol=1e-9)
+        np.testing.assert_allclose(np.diag(C), 1, atol=1e-9)
+        assert np.linalg.eigvalsh(C).min() > 0
+
+
+@pytest.fixture(scope="module")
+def light(trial: Trial) -> list[Recording]:
+    return [trial(NEARLY_LINEAR, f) for f in (10.0, 20.0, 30.0, 50.0)]
+
+
+@pytest.mark.xdist_group("loads")
+def test_nearly_linear_damping_is_undecided(foot: Foot, light: list[Recording]) -> None:
+    result = fit(light, foot, Settings(starts=2))
+    assert result.verdict == "undecided"
+    assert "Record a second load" in result.reason
+    assert len(result.branches) == 2
+    by_name = {b.name: b.parameters for b in result.branches}
+    true = by_name["stiff ankle"]["k_T_n_per_m"]
+    assert abs(true.value - TRUTH["k_T"]) < 3 * true.std_error
+
+
+@pytest.mark.xdist_group("loads")
+def test_two_loads_separate_the_mirror(foot: Foot, light: list[Recording], trial: Trial) -> None:
+    heavy = [trial(NEARLY_LINEAR, f, added=4.5) for f in (20.0, 30.0, 50.0)]
+    linear = foot.with_values({n: v for n, v in NEARLY_LINEAR.items() if n not in LINEAR})
+    one = fit(light, linear, Settings(free=LINEAR, starts=2))
+    two = fit(light + heavy, linear, Settings(free=LINEAR, starts=2))
+    assert one.log_likelihood_ratio < two.log_likelihood_ratio
+    assert two.verdict == "decided"
+    assert two.best.name == "stiff ankle"
+    near(two, NEARLY_LINEAR, KEYS, 0.03)
+    assert not any("second load" in text for text in two.warnings)
+
+
+def test_a_single_20_hz_recording_tells_little_and_says_so(foot: Foot, trial: Trial) -> None:
+    result = fit([trial(TRUTH, 20.0)], foot, Settings(starts=3))
+    assert result.verdict == "undecided"
+    weak = [e.identifiability for e in result.parameters.values()]
+    assert weak.count("not identifiable") >= 3
+    assert result.excitation_rank == 2
+    text = " ".join(result.warnings)
+    assert "The excitation has rank 2, fewer than the 8 free parameters" in text
+    assert "Not identifiable from these recordings" in text
+    assert "One frequency cannot tell a delay" in text
+    assert "delay_s" not in result.parameters
+    assert result.fit_percent > 98  # and yet the fit percentage is splendid
+
+
+PAD = '<joint name="fat_pad" stiffness="1.0e5" user="4.25 800 -50 100"/>'
+
+
+def test_a_model_without_twin_is_fitted_in_mujoco_alone(edited: Callable[..., Path], trial: Trial) -> None:
+    """The strain-proportional pad of Eq. 4.24: E = 1900 N, eta = 140 N s, recovered from oracle data."""
+    E, eta, h, e0 = 1900.0, 140.0, 0.02, 0.15
+
+    def pad(x: float, v: float) -> float:
+        e = e0 - x / h
+        return E * e0 - (E * e + eta * e * (-v / h) if e > 0 else 0.0)
+
+    declared = {
+        "k_F": ("N/m | 3e3 | 1e6 | joint fat_pad stiffness", "N/m | 3e3 | 1e6 | joint fat_pad user 6"),
+        "E": ('<text name="c_21" data="N s/m | 1 | 3e3 | joint fat_pad user 1', '<text name="E" data="N | 100 | 2e4 | joint fat_pad user 1'),
+        "eta": ('<text name="c_22" data="1/m | -600 | 600 | joint fat_pad user 2', '<text name="eta" data="N s | 1 | 2e3 | joint fat_pad user 2'),
+        "law": (PAD, f'<joint name="fat_pad" user="4.24 1200 60 {h} {e0}"/>'),
+    }  # fmt: skip
+    foot = load(edited(*declared.values()))
+    truth = {**TRUTH, "c_12": 50.0, "c_13": 100.0}
+    recordings = [trial(truth, f, pad=pad, seconds=1.0) for f in (10.0, 20.0, 40.0)]
+    result = fit(recordings, foot, Settings(free=("k_T", "c_11", "E", "eta"), starts=1))
+    assert result.twin_mujoco_difference is None
+    assert result.model == "edited.xml"
+    keys = {"k_T_n_per_m": "k_T", "c_11_n_s_per_m": "c_11", "E_n": "E", "eta_n_s": "eta"}
+    near(result, {**truth, "E": E, "eta": eta}, keys, 0.03)
+    assert result.best.name == "best"
+    assert result.best.p_value is not None
+    assert result.best.p_value > 1e-3
+
+
+def test_bounds_are_kept_and_told(foot: Foot, trial: Trial) -> None:
+    start = foot.with_values(TRUTH)
+    recordings = [trial(TRUTH, f) for f in (10.0, 20.0, 30.0)]
+    result = fit(recordings, start, Settings(free=("k_T", "c_11"), bounds={"k_T": (1.4e5, 2e5)}, starts=1))
+    e = result.parameters["k_T_n_per_m"]
+    assert e.value == pytest.approx(1.4e5, rel=1e-4)
+    assert e.at_bound
+    assert e.identifiability == "not identifiable"
+    assert any(text.startswith("At its bound: k_T") for text in result.warnings)
+    assert any("does not describe the recordings to their noise" in text for text in result.warnings)
+
+
+def test_unknown_masses_are_the_models_and_told(foot: Foot, trial: Trial) -> None:
+    from dataclasses import replace
+
+    r = replace(trial(TRUTH, 20.0), condition=Condition(frequency_hz=20.0))
+    result = fit([r], foot.with_values(TRUTH), Settings(free=("k_T", "k_F"), starts=1))
+    assert any("body mass is unknown" in text for text in result.warnings)
+    assert result.parameters["k_T_n_per_m"].value == pytest.approx(TRUTH["k_T"], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        (Settings(starts=0), "the number of starts is 0"),
+        (Settings(domain="frequency"), r"the domain is 'frequency' \(valid: auto, periodic, time\)"),
+        (Settings(free=("k_X",)), "unknown parameter 'k_X'"),
+    ],
+)
+def test_settings_that_cannot_be_meant(foot: Foot, trial: Trial, settings: Settings, sentence: str) -> None:
+    with pytest.raises(SettingError, match=sentence):
+        fit([trial(TRUTH, 20.0)], foot, settings)
+
+
+def test_a_bad_recording_is_refused(foot: Foot, trial: Trial) -> None:
+    from dataclasses import replace
+
+    r = trial(TRUTH, 20.0)
+    with pytest.raises(RecordingError, match="malleolus_m_s2 is dead"):
+        fit([replace(r, malleolus_m_s2=np.zeros(r.time_s.size))], foot)
