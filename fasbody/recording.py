@@ -10,11 +10,15 @@ import numpy as np
 import pandas as pd
 
 from fasbody.exceptions import InputFileError, RecordingError
-from fasbody.readers import Channels, column, read_csv, read_table
+from fasbody.readers import column, read_csv, read_table
 from fasbody.subjects import foot_mass, shank_mass
 
 #: The three columns that a recording needs, and one that it may have.
 HEADER = ("time_s", "base_m_s2", "malleolus_m_s2", "tuberosity_m_s2")
+
+
+#: Origin of a bare file, which says nothing about itself.
+UNSTATED = "of unstated origin"
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ class Recording:
         tuberosity_m_s2: (n,) tibial tuberosity [m/s^2], if recorded.
         condition: how it was made.
         file: where it came from, for messages.
-        origin: "measured" or "synthetic".
+        origin: "measured", "synthetic" or "of unstated origin" (a bare file).
         warnings: what the checks found that does not forbid its use.
     """
 
@@ -55,7 +59,7 @@ class Recording:
     tuberosity_m_s2: np.ndarray | None = None
     condition: Condition = field(default_factory=Condition)
     file: str = "recording"
-    origin: str = "measured"
+    origin: str = UNSTATED
     warnings: tuple[str, ...] = ()
 
     @property
@@ -69,7 +73,7 @@ class Recording:
 
     @classmethod
     def read(
-        cls, file: Path | str, condition: Condition | None = None, label: str = "", origin: str = "measured"
+        cls, file: Path | str, condition: Condition | None = None, label: str = "", origin: str = UNSTATED
     ) -> "Recording":
         """Read a CSV file with the header ``time_s,base_m_s2,malleolus_m_s2[,tuberosity_m_s2]`` (units may differ).
 
@@ -77,7 +81,7 @@ class Recording:
             file: the file.
             condition: what is known of the trial.
             label: what to call it in messages, default the file's name.
-            origin: "measured" or "synthetic".
+            origin: "measured" or "synthetic", if that is known.
 
         Raises:
             InputFileError: no such file, or it is not such a table; the message names line and column.
@@ -123,8 +127,12 @@ class Study:
         return f"{self.name}: {len(self.recordings)} {self.origin} recordings"
 
     @classmethod
-    def read(cls, folder: Path | str) -> "Study":
+    def read(cls, folder: Path | str, only: Path | None = None) -> "Study":
         """Read `study.toml`, `subjects.csv` and `recordings.csv` of a folder, and every recording they list.
+
+        Args:
+            folder: the study.
+            only: read just this one of its recordings.
 
         Raises:
             InputFileError: a file is missing or has a wrong place in it.
@@ -148,6 +156,8 @@ class Study:
             path = root / str(row["file"])
             if not path.resolve().is_relative_to(root.resolve()):
                 raise InputFileError(file, f"{row['file']!r} lies outside the study's folder", line=i + 2)
+            if only is not None and path.resolve() != only.resolve():
+                continue
             condition = Condition(
                 subject=subject,
                 posture=str(row.get("posture", "midstance")),
@@ -158,7 +168,8 @@ class Study:
             recording = Recording.read(path, condition, origin=about["origin"], label=str(row["file"]))
             recordings.append(channels.apply(recording))
         if not recordings:
-            raise InputFileError(file, "lists no recording", "one row a recording is needed")
+            missing = "lists no recording" if only is None else f"does not list {only.name}"
+            raise InputFileError(file, missing, "one row a recording is needed")
         return cls(about["name"], about["origin"], about["description"], tuple(recordings))
 
 
@@ -221,6 +232,21 @@ class _Corrections:
         return replace(recording, **changed) if changed else recording
 
 
+def read_file(file: Path) -> Recording:
+    """A recording with its conditions where it lies in a study that lists it, else as a bare file.
+
+    Raises:
+        InputFileError: it, or the study around it, cannot be read.
+    """
+    for folder in file.resolve().parents[:2]:
+        table = folder / "recordings.csv"
+        if (folder / "study.toml").is_file() and table.is_file():
+            listed = {(folder / str(name)).resolve() for name in read_table(table, ("file",))["file"]}
+            if file.resolve() in listed:
+                return Study.read(folder, only=file).recordings[0]
+    return Recording.read(file)
+
+
 def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg: float | None) -> Recording:
     """The recording with masses given on the command line in place of its own.
 
@@ -234,6 +260,3 @@ def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg:
                 raise RecordingError(f"the {name} mass is {value:g} kg; it must lie between {low} and {high} kg.")
             condition = replace(condition, **{f"{name}_mass_kg": value})  # type: ignore[arg-type]
     return replace(recording, condition=condition)
-
-
-__all__ = ["HEADER", "Channels", "Condition", "Recording", "Study", "with_masses"]

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from fasbody.checks import checked
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.model import Foot
-from fasbody.recording import Recording
+from fasbody.recording import UNSTATED, Recording
 from identification.branches import STIFF_ANKLE, STIFF_PAD, Verdict, has_mirror, judge, mirrored, ratio, side
 from identification.excitation import excitation_rank
 from identification.orbits import twin_applies
@@ -111,7 +111,7 @@ def fit(
     warnings += _advice(built[0], space, rank, data, route)
     return FitResult(
         source=source or data[0].file,
-        origin="synthetic" if any(r.origin == "synthetic" for r in data) else "measured",
+        origin=next((o for o in ("synthetic", UNSTATED) if any(r.origin == o for r in data)), "measured"),
         model=foot.name,
         domain=domain,
         branches=tuple(built),

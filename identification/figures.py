@@ -45,7 +45,7 @@ def traces(result: FitResult) -> Figure:
         start, length = _window(recording)
         shown = (recording.time_s >= start) & (recording.time_s < start + length)
         t = 1e3 * (recording.time_s[shown] - start)
-        axis.plot(t, recording.measured[shown], ".", ms=2.5, color=_MEASURED, label=result.origin)
+        axis.plot(t, recording.measured[shown], ".", ms=2.5, color=_MEASURED, label="data")
         axis.plot(t, recording.model[shown], lw=1.1, color=_MODEL, label="model")
         axis.set_title(f"{_title(recording)}: fit {recording.fit_percent:.1f} %", fontsize=9)
     for axis in axes.flat[count:]:
@@ -74,7 +74,7 @@ def residuals(result: FitResult) -> Figure:
         window = np.hanning(recording.time_s.size)
         f = np.fft.rfftfreq(recording.time_s.size, (recording.time_s[1] - recording.time_s[0]))
         for signal, colour, label in (
-            (recording.measured, _MEASURED, result.origin),
+            (recording.measured, _MEASURED, "data"),
             (recording.measured - recording.model, _MODEL, "residual"),
         ):
             amplitude = 2 * np.abs(np.fft.rfft(signal * window)) / window.sum()

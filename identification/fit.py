@@ -13,7 +13,7 @@ from rich.table import Table
 from fasbody.console import command_line, console, print_json, progress_bar, results
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.model import load
-from fasbody.recording import Recording, Study, with_masses
+from fasbody.recording import Recording, Study, read_file, with_masses
 from identification.estimate import Settings, fit
 from identification.report import write
 from identification.result import FitResult, symbol_and_unit
@@ -96,7 +96,7 @@ def gather(
             truth = _truth(path / "truth.json")
         elif path.exists():
             names.append(path.name)
-            recordings.append(Recording.read(path))
+            recordings.append(read_file(path))
         else:
             raise InputFileError(path, "no such file or folder", "give a study folder or CSV recordings")
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else ""), [
