@@ -111,8 +111,9 @@ def test_two_loads_separate_the_mirror(foot: Foot, light: list[Recording], trial
 def test_a_single_20_hz_recording_tells_little_and_says_so(foot: Foot, trial: Trial) -> None:
     result = fit([trial(TRUTH, 20.0)], foot, Settings(starts=3))
     assert result.verdict == "undecided"
-    weak = [e.identifiability for e in result.parameters.values()]
-    assert weak.count("not identifiable") >= 3
+    words = [e.identifiability for e in result.parameters.values()]
+    assert words.count("not identifiable") >= 2
+    assert words.count("identified") <= 3
     assert result.excitation_rank == 2
     text = " ".join(result.warnings)
     assert "The excitation has rank 2, fewer than the 8 free parameters" in text

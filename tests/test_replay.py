@@ -26,9 +26,8 @@ def test_replay_of_a_transient_from_rest_is_the_recording(foot: Foot) -> None:
     for n, added in ((400, 0.0), (500, 4.5)):
         t = np.arange(n) / 1000
         condition = Condition("16", added_mass_kg=added, body_mass_kg=72.57)
-        late = np.concatenate([[-delay], t - delay])
         base = lambda s: 8.95 * np.sin(2 * np.pi * 20 * s) if s > 0 else 0.0  # noqa: E731
-        y = oracle.malleolus({**oracle.TRUTH, **condition.masses}, base, late)[1:]
+        y = oracle.malleolus({**oracle.TRUTH, **condition.masses}, base, t - delay)
         recordings.append(Recording(t, 8.95 * np.sin(2 * np.pi * 20 * t), y, condition=condition))
     values = {**oracle.TRUTH, **oracle.MASSES, "delay": delay}
     found = replay(foot, recordings, values, [np.zeros(4)] * 2, twin=True)
