@@ -1,6 +1,5 @@
-"""Shared by all tests: the stock foot, edited copies of its MJCF, noisy synthetic recordings, the bundled fit."""
+"""Shared by all tests: the stock foot, edited copies of its MJCF, noisy synthetic recordings, commands."""
 
-import json
 import os
 import subprocess
 import sys
@@ -42,7 +41,6 @@ def edited(tmp_path: Path) -> Callable[..., Path]:
 @pytest.fixture(scope="session")
 def trial() -> Callable[..., Recording]:
     """Make a steady synthetic recording with the oracle: parameters, frequency, noise; see `oracle.steady`."""
-
     known: dict[object, tuple[np.ndarray, ...]] = {}
 
     def make(
@@ -72,15 +70,3 @@ def run(*arguments: str, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
 @pytest.fixture(scope="session")
 def command() -> Callable[..., subprocess.CompletedProcess[str]]:
     return run
-
-
-@pytest.fixture(scope="session")
-def bundled(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, Path, subprocess.CompletedProcess[str]]:
-    """The fit of the bundled study: its document, the folder of its files, and the finished process.
-
-    Tests that use it carry xdist_group("bundled"), so that one worker runs the fit once.
-    """
-    folder = tmp_path_factory.mktemp("bundled")
-    done = run("identification.fit", "--json", "--out", str(folder))
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout), folder, done

@@ -15,10 +15,6 @@ from fasbody import console
 from fasbody.recording import Recording
 from identification.fit import BUNDLED, app
 
-PARAMETERS = {
-    "k_T_n_per_m", "k_F_n_per_m", "c_11_n_s_per_m", "c_12_per_m", "c_13_per_m", "c_21_n_s_per_m", "c_22_per_m", "c_23_per_m",
-}  # fmt: skip
-
 
 @pytest.fixture
 def fit(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Callable:
@@ -44,38 +40,6 @@ def bare(tmp_path: Path, trial: Callable[..., Recording]) -> Path:
     return tmp_path / "20hz.csv"
 
 
-@pytest.mark.xdist_group("bundled")
-class TestBundled:
-    def test_stdout_is_one_json_document_with_the_promised_keys(self, bundled: tuple) -> None:
-        document, folder, done = bundled
-        assert json.loads(done.stdout) == document  # json.loads refuses anything before or after
-        wanted = {"fit_percent", "recordings", "parameters", "branches", "verdict", "excitation_rank"}
-        assert wanted | {"twin_mujoco_difference", "base_acceleration_error", "warnings"} <= set(document)
-        assert set(document["parameters"]) >= PARAMETERS
-        for e in document["parameters"].values():
-            assert set(e) == {"value", "std_error", "lower", "upper", "at_bound"}
-        assert len(document["recordings"]) == 9
-        for r in document["recordings"]:
-            assert {"file", "frequency_hz", "fit_percent"} <= set(r)
-            assert r["fit_percent"] > 95
-        for b in document["branches"]:
-            assert {"name", "cost", "fit_percent", "parameters"} <= set(b)
-            assert set(b["parameters"]) >= PARAMETERS
-        assert document["origin"] == "synthetic"
-        assert document["truth"]["k_T"] == oracle.TRUTH["k_T"]
-        assert "Traceback" not in done.stderr
-
-    def test_files_hold_the_same_numbers(self, bundled: tuple) -> None:
-        document, folder, _ = bundled
-        assert json.loads((folder / "result.json").read_text()) == document
-        table = pd.read_csv(folder / "parameters.csv")
-        assert len(table) == 2 * len(document["parameters"])
-        best = table[table.branch == document["branches"][0]["name"]].set_index("parameter")
-        for key, e in document["parameters"].items():
-            assert best.loc[key, "value"] == pytest.approx(e["value"], rel=1e-6)
-        assert sorted(f.name for f in folder.iterdir()) == ["parameters.csv", "report.html", "result.json"]
-
-
 def test_bare_file_with_masses(fit: Callable, bare: Path) -> None:
     """The frequency is found; the masses come from the command line."""
     arguments = (bare, "--body-mass", 72.57, "--added-mass", 0, "--free", "k_T,k_F", "--starts", 1, "--json")
@@ -94,11 +58,11 @@ def test_bare_file_with_masses(fit: Callable, bare: Path) -> None:
 def test_table_for_people_and_default_folder(fit: Callable, bare: Path) -> None:
     code, out, err = fit(bare, "--body-mass", 72.57, "--free", "k_T,c_11", "--starts", 1, "--bounds", "k_T=1e5:1.5e5")
     assert code == 0, err
-    assert "k_T" in out + err
+    assert "k_T [N/m]" in out
+    assert "95 %" in out
+    assert "report.html" in err
     written = list(Path.cwd().glob("results/*/*"))
     assert sorted(file.name for file in written) == ["parameters.csv", "report.html", "result.json"]
-    with pytest.raises(ValueError, match="Expecting value"):
-        json.loads(out or "x")
 
 
 BAD = {

@@ -74,12 +74,11 @@ def test_both_engines_give_the_same_rows(foot: Foot, short: Recording) -> None:
 
 def test_output_is_that_of_a_second_solver(foot: Foot) -> None:
     """Without noise the model's output at the truth is the recording, so the residual is the solver's error."""
-    r = checked(sweep(0.4, noise=(0.0, 0.0)))
+    r = sweep(0.4, noise=(0.0, 0.0))
     p = problem(foot, r)
     z = p.start(p.space.to_q(p.space.theta({**TRUTH, "delay": 2e-4})))
     y, *_ = p.rows(z, 0)
-    error = np.abs(y - r.malleolus_m_s2 - (y - r.malleolus_m_s2).mean())
-    assert error[5:].max() < 1e-3 * np.abs(y).max()  # the check took out the mean; the first samples lie before t = 0
+    assert np.abs(y - r.malleolus_m_s2)[1:].max() < 1e-3 * np.abs(y).max()  # the first one lies before t = 0
 
 
 def test_compression_keeps_cost_gradient_and_step(foot: Foot, short: Recording) -> None:
@@ -88,7 +87,7 @@ def test_compression_keeps_cost_gradient_and_step(foot: Foot, short: Recording) 
     _, r, J = p.rows(z, 0)
     R, JR = p.residual(z), p.jacobian(z)
     assert R.size < 20 < r.size == p.size
-    assert R @ R == pytest.approx(r @ r, rel=1e-10)
+    assert pytest.approx(r @ r, rel=1e-10) == R @ R
     np.testing.assert_allclose(JR.T @ R, J.T @ r, rtol=1e-7, atol=1e-7 * np.abs(J.T @ r).max())
     np.testing.assert_allclose(JR.T @ JR, J.T @ J, rtol=1e-7, atol=1e-9 * np.abs(J.T @ J).max())
 
@@ -109,7 +108,6 @@ def test_correlated_is_the_toeplitz_product() -> None:
     np.testing.assert_allclose(_correlated(r, J), R @ J, atol=1e-10)
 
 
-@pytest.mark.xdist_group("sweep")
 @pytest.mark.parametrize("seed", [1])
 def test_a_sweep_gives_the_truth_inside_its_intervals(foot: Foot, seed: int) -> None:
     free = ("k_T", "k_F", "c_11", "c_12", "c_21", "c_22", "c_23")
