@@ -17,7 +17,8 @@ from identification.branches import ratio
 TRUTH = {name: float(value) for name, value in oracle.TRUTH.items()}
 KEYS = {"k_T_n_per_m": "k_T", "k_F_n_per_m": "k_F", "c_11_n_s_per_m": "c_11", "c_21_n_s_per_m": "c_21"}
 PARAMETERS = {
-    "k_T_n_per_m", "k_F_n_per_m", "c_11_n_s_per_m", "c_12_per_m", "c_13_per_m", "c_21_n_s_per_m", "c_22_per_m", "c_23_per_m",
+    "k_T_n_per_m", "k_F_n_per_m", "c_11_n_s_per_m", "c_12_per_m", "c_13_per_m", "c_21_n_s_per_m", "c_22_per_m",
+    "c_23_per_m",
 }  # fmt: skip
 
 
@@ -80,7 +81,7 @@ def test_correlations_are_correlations(bundled: tuple) -> None:
 
 
 def test_stdout_is_one_json_document_with_the_promised_keys(bundled: tuple) -> None:
-    document, folder, done = bundled
+    document, _, done = bundled
     assert json.loads(done.stdout) == document  # json.loads refuses anything before or after
     wanted = {"fit_percent", "recordings", "parameters", "branches", "verdict", "excitation_rank"}
     assert wanted | {"twin_mujoco_difference", "base_acceleration_error", "warnings"} <= set(document)

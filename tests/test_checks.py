@@ -54,43 +54,70 @@ def test_rounded_time_stamps_pass() -> None:
     checked(replace(good(), time_s=np.round(2.5 * T, 3)))  # 2.5 ms apart, printed to whole ms
 
 
-def change(**channels: Callable[[np.ndarray], np.ndarray]) -> Callable[[Recording], Recording]:
-    return lambda r: replace(r, **{name: f(getattr(r, name).copy()) for name, f in channels.items()})
+CHANNELS = ("time_s", "base_m_s2", "malleolus_m_s2")
+TIME, BASE, MALLEOLUS = CHANNELS
 
 
-def put(place: object, value: float) -> Callable[[np.ndarray], np.ndarray]:
+def change(name: str, f: Callable[[np.ndarray], np.ndarray]) -> Callable[[Recording], Recording]:
+    return lambda r: replace(r, **{name: f(getattr(r, name).copy())})
+
+
+def put(name: str, place: int, value: float) -> Callable[[Recording], Recording]:
     def f(x: np.ndarray) -> np.ndarray:
         x[place] = value
         return x
 
-    return f
+    return change(name, f)
+
+
+def told(frequency: float) -> Condition:
+    return Condition(frequency_hz=frequency)
+
+
+def noise() -> np.ndarray:
+    return np.random.default_rng(0).normal(0, 5, N)
 
 
 BAD = {
-    "short": (lambda r: replace(r, **{n: getattr(r, n)[:40] for n in ("time_s", "base_m_s2", "malleolus_m_s2")}), "has 40 samples, too short"),
-    "time backwards": (change(time_s=put(500, 0.1)), r"time does not increase at sample 500 \(0.499 s, then 0.1 s\)"),
-    "time repeated": (change(time_s=put(500, 0.499)), "time does not increase at sample 500"),
-    "time nan": (change(time_s=put(7, np.nan)), "time is not a number at sample 7"),
-    "gap": (change(time_s=lambda t: t + 0.01 * (t > 0.5)), "time is not uniform: 0.011 s after 0.5 s, elsewhere 0.001 s; samples are missing"),
-    "nan": (change(malleolus_m_s2=put(321, np.nan)), "malleolus_m_s2 is nan at 0.321 s; every sample must be finite"),
-    "infinite": (change(base_m_s2=put(3, np.inf)), "base_m_s2 is inf at 0.003 s"),
-    "lengths": (change(base_m_s2=lambda x: x[:-1]), "base_m_s2 has 1999 samples and time has 2000"),
-    "dead": (change(malleolus_m_s2=lambda x: 0 * x + 1.0), "malleolus_m_s2 is dead"),
-    "dead base": (change(base_m_s2=lambda x: 1e-5 * x), "base_m_s2 is dead"),
-    "clipped": (change(malleolus_m_s2=lambda x: np.clip(x, -7, 7)), r"malleolus_m_s2 is clipped at 7 m/s\^2, .*record with a larger range"),
-    "clipped one side": (change(base_m_s2=lambda x: np.maximum(x, -6)), "base_m_s2 is clipped at -6"),
-    "wrong table": (lambda r: replace(r, condition=Condition(frequency_hz=25.0)), r"base_m_s2 vibrates at 20 Hz and recordings.csv says 25 Hz"),
-    "not found": (
-        lambda r: replace(r, base_m_s2=np.random.default_rng(0).normal(0, 5, N), condition=Condition(frequency_hz=20.0)),
-        r"the excitation of 20 Hz is not found in base_m_s2 \(a sine explains \d+ % of its power\); leave frequency_hz empty",
+    "short": (lambda r: replace(r, **{n: getattr(r, n)[:40] for n in CHANNELS}), "has 40 samples, too short"),
+    "time backwards": (put(TIME, 500, 0.1), r"time does not increase at sample 500 \(0.499 s, then 0.1 s\)"),
+    "time repeated": (put(TIME, 500, 0.499), "time does not increase at sample 500"),
+    "time nan": (put(TIME, 7, np.nan), "time is not a number at sample 7"),
+    "gap": (
+        change(TIME, lambda t: t + 0.01 * (t > 0.5)),
+        "time is not uniform: 0.011 s after 0.5 s, elsewhere 0.001 s; samples are missing",
     ),
-    "units": (change(malleolus_m_s2=lambda x: x * 1000), "the malleolus moves .* times as much as the base at 20 Hz; check units"),
-    "tiny": (change(malleolus_m_s2=lambda x: x / 1000), "the malleolus moves"),
-    "sign": (change(malleolus_m_s2=lambda x: -x), "the malleolus leads the base by .* degrees"),
-    "misaligned": (change(malleolus_m_s2=lambda x: np.roll(x, -10)), r"the malleolus leads the base by \d+ degrees .*misaligned"),
+    "nan": (put(MALLEOLUS, 321, np.nan), "malleolus_m_s2 is nan at 0.321 s; every sample must be finite"),
+    "infinite": (put(BASE, 3, np.inf), "base_m_s2 is inf at 0.003 s"),
+    "lengths": (change(BASE, lambda x: x[:-1]), "base_m_s2 has 1999 samples and time has 2000"),
+    "dead": (change(MALLEOLUS, lambda x: 0 * x + 1.0), "malleolus_m_s2 is dead"),
+    "dead base": (change(BASE, lambda x: 1e-5 * x), "base_m_s2 is dead"),
+    "clipped": (
+        change(MALLEOLUS, lambda x: np.clip(x, -7, 7)),
+        r"malleolus_m_s2 is clipped at 7 m/s\^2, .*record with a larger range",
+    ),
+    "clipped one side": (change(BASE, lambda x: np.maximum(x, -6)), "base_m_s2 is clipped at -6"),
+    "wrong table": (
+        lambda r: replace(r, condition=told(25.0)),
+        r"base_m_s2 vibrates at 20 Hz and recordings\.csv says 25 Hz",
+    ),
+    "not found": (
+        lambda r: replace(r, base_m_s2=noise(), condition=told(20.0)),
+        r"of 20 Hz is not found in base_m_s2 \(a sine explains \d+ % of its power\); leave frequency_hz empty",
+    ),
+    "units": (
+        change(MALLEOLUS, lambda x: x * 1000),
+        r"the malleolus moves .* times as much as the base at 20 Hz; check units",
+    ),
+    "tiny": (change(MALLEOLUS, lambda x: x / 1000), "the malleolus moves"),
+    "sign": (change(MALLEOLUS, lambda x: -x), r"the malleolus leads the base by .* degrees"),
+    "misaligned": (
+        change(MALLEOLUS, lambda x: np.roll(x, -10)),
+        r"the malleolus leads the base by \d+ degrees .*misaligned",
+    ),
     "swapped": (lambda r: replace(r, base_m_s2=r.malleolus_m_s2, malleolus_m_s2=r.base_m_s2), "channels are swapped"),
     "tuberosity": (lambda r: replace(r, tuberosity_m_s2=np.zeros(N)), "tuberosity_m_s2 is dead"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -106,7 +133,7 @@ def test_too_slow_sampling_and_too_few_periods() -> None:
     with pytest.raises(RecordingError, match="is sampled at 1000 Hz, less than 10 times its excitation of 120 Hz"):
         checked(good(120.0))
     r = good(20.0)
-    cut = replace(r, **{n: getattr(r, n)[:120] for n in ("time_s", "base_m_s2", "malleolus_m_s2")})
+    cut = replace(r, **{n: getattr(r, n)[:120] for n in CHANNELS})
     with pytest.raises(RecordingError, match=r"is too short: 2\.4 periods of 20\.?\d* Hz, needed are 3"):
         checked(cut)
 
@@ -120,10 +147,10 @@ def test_an_odd_amplitude_is_only_a_warning() -> None:
 
 def test_quantised_sines_are_not_called_clipped() -> None:
     """A slow sine of a coarse converter stays several samples at its extreme value, in every period."""
+    step = 78.4 / 4096
+    q = lambda x: np.round(x / step) * step  # noqa: E731
     for frequency in (5.0, 10.0, 20.0):
         r = good(frequency)
-        step = 78.4 / 4096
-        q = lambda x: np.round(x / step) * step  # noqa: E731
         checked(replace(r, base_m_s2=q(r.base_m_s2), malleolus_m_s2=q(r.malleolus_m_s2)))
         turn = 8.95 * np.cos(2 * np.pi * frequency * T)  # without noise the tops are flat
         checked(replace(r, base_m_s2=q(turn)))

@@ -78,7 +78,9 @@ def test_self_test_sees_no_difference() -> None:
     assert self_test(native()) < 1e-12
 
 
-@pytest.mark.parametrize(("one", "other"), [("qpos", "qvel"), ("ten_length", "ten_velocity"), ("dof_damping", "qpos_spring")])
+@pytest.mark.parametrize(
+    ("one", "other"), [("qpos", "qvel"), ("ten_length", "ten_velocity"), ("dof_damping", "qpos_spring")]
+)
 def test_a_broken_layout_is_refused(monkeypatch: pytest.MonkeyPatch, one: str, other: str) -> None:
     """Two arrays of one size exchanged: nothing crashes, and the self-test must see it."""
     right = layout.find_offsets()

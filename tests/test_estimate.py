@@ -83,13 +83,14 @@ def test_a_model_without_twin_is_fitted_in_mujoco_alone(edited: Callable[..., Pa
         e = e0 - x / h
         return E * e0 - (E * e + eta * e * (-v / h) if e > 0 else 0.0)
 
-    declared = {
-        "k_F": ("N/m | 3e3 | 1e6 | joint fat_pad stiffness", "N/m | 3e3 | 1e6 | joint fat_pad user 6"),
-        "E": ('<text name="c_21" data="N s/m | 1 | 3e3 | joint fat_pad user 1', '<text name="E" data="N | 100 | 2e4 | joint fat_pad user 1'),
-        "eta": ('<text name="c_22" data="1/m | -600 | 600 | joint fat_pad user 2', '<text name="eta" data="N s | 1 | 2e3 | joint fat_pad user 2'),
-        "law": (PAD, f'<joint name="fat_pad" user="4.24 1200 60 {h} {e0}"/>'),
-    }  # fmt: skip
-    foot = load(edited(*declared.values()))
+    c_21 = '<text name="c_21" data="N s/m | 1 | 3e3 | joint fat_pad user 1'
+    c_22 = '<text name="c_22" data="1/m | -600 | 600 | joint fat_pad user 2'
+    file = edited(
+        (PAD, f'<joint name="fat_pad" user="4.24 1200 60 {h} {e0}"/>'),
+        (c_21, '<text name="E" data="N | 100 | 2e4 | joint fat_pad user 1'),
+        (c_22, '<text name="eta" data="N s | 1 | 2e3 | joint fat_pad user 2'),
+    )
+    foot = load(file)
     truth = {**TRUTH, "c_12": 50.0, "c_13": 100.0}
     recordings = [trial(truth, f, pad=pad, seconds=1.0) for f in (10.0, 20.0, 40.0)]
     result = fit(recordings, foot, Settings(free=("k_T", "c_11", "E", "eta"), starts=1))

@@ -1,4 +1,4 @@
-"""MJCF feet: edited copies, every force law as the fat pad against an independent ODE, and sentences for broken files."""
+"""MJCF feet: edited copies, every force law as the fat pad against an independent ODE, sentences for broken files."""
 
 import math
 import re
@@ -50,7 +50,7 @@ def test_stock_model_is_the_two_mass_foot() -> None:
     )
     assert foot.step == 5e-4
     assert "k_T 1.5e+05 N/m" in str(foot)
-    assert mjcf.names() == ["two_dof"] or "two_dof" in mjcf.names()
+    assert "two_dof" in mjcf.names()
     with pytest.raises(KeyError, match="shipped models"):
         mjcf.path("three_dof")
 
@@ -61,7 +61,7 @@ def test_law_4_25_as_the_pad(edited: Edit) -> None:
 
 
 def test_law_4_24_as_the_pad(edited: Edit) -> None:
-    """Strain-proportional damper: E 1800 N over 20 mm is 9e4 N/m; the pad lifts off where its strain would be negative."""
+    """Strain-proportional damper: E 1800 N over 20 mm is 9e4 N/m; the pad lifts off where strain would be negative."""
     E, eta, h, e0 = 1800.0, 60.0, 0.02, 0.1
 
     def pad(x: float, v: float) -> float:
@@ -140,18 +140,20 @@ def test_an_edited_model_that_keeps_the_named_elements_works(edited: Edit) -> No
         ('<body name="foot"', '<body name="hind_foot"'), ("| body foot mass |", "| body hind_foot mass |"),
     )  # fmt: skip
     t, y = shaken(load(file))
-    want = oracle.malleolus({**ANKLE, "m_F": 1.5}, oracle.sine(25.0), t, pad=oracle.spring_and_damper(1e5, 800, -50, 100))
+    pad = oracle.spring_and_damper(1e5, 800, -50, 100)
+    want = oracle.malleolus({**ANKLE, "m_F": 1.5}, oracle.sine(25.0), t, pad=pad)
     assert np.abs(y - want).max() < 2e-5 * np.abs(want).max()
 
 
 @pytest.mark.parametrize(
     ("kind", "name", "edits"),
     [
-        ("joint", "base", [('<joint name="base"/>', '<joint name="table_slide"/>'), ('joint="base"', 'joint="table_slide"')]),
+        ("joint", "base", [('<joint name="base"/>', '<joint name="slide"/>'), ('joint="base"', 'joint="slide"')]),
         ("actuator", "shaker", [('name="shaker"', 'name="shaking"')]),
         ("sensor", "malleolus", [('<framelinacc name="malleolus"', '<framelinacc name="ankle"')]),
         ("sensor", "base", [('<framelinacc name="base"', '<framelinacc name="table"')]),
-        ("site", "malleolus", [('<site name="malleolus"', '<site name="ankle"'), ('objname="malleolus"', 'objname="ankle"')]),
+        ("site", "malleolus", [('<site name="malleolus"', '<site name="ankle"'),
+                               ('objname="malleolus"', 'objname="ankle"')]),
     ],
 )  # fmt: skip
 def test_a_missing_name_lists_what_is_needed_and_found(edited: Edit, kind: str, name: str, edits: list) -> None:
@@ -204,6 +206,7 @@ def test_with_values_changes_a_copy(foot: Foot) -> None:
     assert foot.values() == before
     assert changed.values() == {**before, "k_T": 2e5, "c_23": 7.0, "m_S": 4.0}
     assert (foot.step, changed.step) == (5e-4, 1e-4)
-    assert mujoco.mj_getTotalmass(changed.model) - mujoco.mj_getTotalmass(foot.model) == pytest.approx(4.0 - before["m_S"])
+    heavier = mujoco.mj_getTotalmass(changed.model) - mujoco.mj_getTotalmass(foot.model)
+    assert heavier == pytest.approx(4.0 - before["m_S"])
     with pytest.raises(SettingError, match="unknown parameter 'k_S'"):
         foot.with_values({"k_S": 1.0})

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import thesis
 
+import mjcf
 from fasbody.exceptions import SettingError
 from fasbody.model import Foot, load
 
@@ -39,11 +40,9 @@ def test_each_parameter_reads_what_it_wrote_and_touches_nothing_else(foot: Foot)
 
 def test_a_shared_parameter_stands_in_several_places(edited: Callable[..., Path]) -> None:
     """`0.5 joint a stiffness, 0.25 joint b stiffness`: each place takes its share."""
-    file = edited(
-        ("joint talocrural stiffness", "0.5 joint talocrural stiffness, 0.25 joint fat_pad stiffness"),
-        ('    <text name="k_F" data="N/m | 3e3 | 1e6 | joint fat_pad stiffness | nominal, in vivo about 1.5e5; bounds of '
-         'section 4.5"/>\n', ""),
-    )  # fmt: skip
+    (declared,) = [line for line in mjcf.path("two_dof").read_text().splitlines() if '<text name="k_F"' in line]
+    shared = "0.5 joint talocrural stiffness, 0.25 joint fat_pad stiffness"
+    file = edited((declared, ""), ("joint talocrural stiffness", shared))
     model = load(file).with_values({"k_T": 4e5}).model
     assert model.jnt_stiffness[model.joint("talocrural").id] == 2e5
     assert model.jnt_stiffness[model.joint("fat_pad").id] == 1e5

@@ -77,11 +77,11 @@ def test_channel_corrections(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("file", "text", "sentence"),
     [
-        ("study.toml", None, "study.toml: no such file; a study folder needs study.toml, subjects.csv and recordings.csv"),
+        ("study.toml", None, "no such file; a study folder needs study.toml, subjects.csv and recordings.csv"),
         ("study.toml", "[study\n", r"study.toml: is not TOML \("),
-        ("study.toml", '[study]\norigin = "guessed"\n', "origin is 'guessed'; valid: \"measured\", \"synthetic\""),
-        ("study.toml", "[channels.knee]\nsign = 1\n", "describes the channel 'knee'; valid: base, malleolus, tuberosity"),
-        ("study.toml", "[channels.base]\ngain = 1\n", "channels.base.gain = 1; valid: unit, sign, sensitivity, delay_s"),
+        ("study.toml", '[study]\norigin = "guessed"\n', 'origin is \'guessed\'; valid: "measured", "synthetic"'),
+        ("study.toml", "[channels.knee]\nsign = 1\n", "the channel 'knee'; valid: base, malleolus, tuberosity"),
+        ("study.toml", "[channels.base]\ngain = 1\n", "base.gain = 1; valid: unit, sign, sensitivity, delay_s"),
         ("study.toml", '[channels.base]\nsign = "minus"\n', "channels.base.sign = 'minus'"),
         ("study.toml", "[channels.base]\nsensitivity = 0\n", "channels.base.sensitivity is zero"),
         ("subjects.csv", None, "subjects.csv: no such file"),
@@ -89,8 +89,8 @@ def test_channel_corrections(folder: Path) -> None:
         ("subjects.csv", "subject,mass_kg\n7,heavy\n", "subjects.csv, line 2: mass_kg is 'heavy', not a number"),
         ("recordings.csv", "file,subject\na,7\n", "recordings.csv, line 1: has no column 'added_mass_kg'"),
         ("recordings.csv", "file,subject,added_mass_kg\n", "lists no recording; one row a recording is needed"),
-        ("recordings.csv", "file,subject,added_mass_kg\nx.csv,8,0\n", "recordings.csv, line 2: subject '8' is not in subjects.csv"),
-        ("recordings.csv", "file,subject,added_mass_kg\n../x.csv,7,0\n", "line 2: '../x.csv' lies outside the study's folder"),
+        ("recordings.csv", "file,subject,added_mass_kg\nx.csv,8,0\n", "line 2: subject '8' is not in subjects.csv"),
+        ("recordings.csv", "file,subject,added_mass_kg\n../x.csv,7,0\n", "'../x.csv' lies outside the study's folder"),
         ("recordings.csv", "file,subject,added_mass_kg\nx.csv,7,0\n", r"x\.csv: no such file"),
         ("recordings/a.csv", "time_s,base_m_s2,malleolus_m_s2\n0,1,z\n", r"a\.csv, line 2: malleolus_m_s2 is 'z'"),
     ],
@@ -136,5 +136,3 @@ def test_bundled_study_is_plainly_synthetic() -> None:
     assert [r.condition.frequency_hz for r in study] == list(range(10, 55, 5))
     assert {r.condition.body_mass_kg for r in study} == {72.57}
     assert sum(f.stat().st_size for f in BUNDLED.rglob("*") if f.is_file()) < 2_000_000
-
-

@@ -18,7 +18,8 @@ Trial = Callable[..., Recording]
 def test_steady_recordings_are_periodic_and_broadband_ones_are_not(trial: Trial) -> None:
     steady = checked(trial(oracle.TRUTH, 20.0))
     rng = np.random.default_rng(0)
-    wide = checked(replace(steady, base_m_s2=rng.normal(0, 5, 3600), condition=replace(steady.condition, frequency_hz=None)))
+    unknown = replace(steady.condition, frequency_hz=None)
+    wide = checked(replace(steady, base_m_s2=rng.normal(0, 5, 3600), condition=unknown))
     assert choose_domain([steady], "auto") == ("periodic", [])
     assert choose_domain([steady, wide], "auto") == ("time", [])
     assert choose_domain([steady], "time") == ("time", [])

@@ -1,4 +1,4 @@
-"""Time-domain residuals: derivatives against differences, lossless compression, noise, and a sweep that gives the truth."""
+"""Time-domain residuals: derivatives, lossless compression, noise, and a sweep that gives the truth."""
 
 import numpy as np
 import oracle
@@ -25,7 +25,8 @@ def sweep(seconds: float, seed: int = 0, noise: tuple[float, float] = (0.03, 0.0
     y = oracle.malleolus(TRUTH, base, t - delay, rtol=1e-9)
     rng = np.random.default_rng(seed)
     a = motion.acceleration(t) + rng.normal(0, noise[0], t.size)
-    return Recording(t, a, y + rng.normal(0, noise[1], t.size), condition=Condition("16", body_mass_kg=72.57), file="sweep.csv")
+    y = y + rng.normal(0, noise[1], t.size)
+    return Recording(t, a, y, condition=Condition("16", body_mass_kg=72.57), file="sweep.csv")
 
 
 @pytest.fixture(scope="module")
