@@ -35,13 +35,13 @@ def test_write_and_read_give_the_same_numbers(tmp_path: Path) -> None:
     read = Recording.read(tmp_path / "x" / "r.csv")
     for name in ("time_s", "base_m_s2", "malleolus_m_s2", "tuberosity_m_s2"):
         np.testing.assert_array_equal(getattr(read, name), getattr(made, name))
-    assert (read.file, read.origin, read.condition) == ("r.csv", "measured", Condition())
+    assert (read.file, read.origin, read.condition) == ("r.csv", "of unstated origin", Condition())
     assert [file.name for file in (tmp_path / "x").iterdir()] == ["r.csv"]  # no temporary file stays
 
 
 def test_rate_and_print() -> None:
     assert make().rate_hz == pytest.approx(1000)
-    assert str(make()) == "recording: measured, broadband, 300 samples at 1000 Hz"
+    assert str(make()) == "recording: of unstated origin, broadband, 300 samples at 1000 Hz"
     assert "20 Hz" in str(make(condition=Condition(frequency_hz=20)))
 
 
