@@ -87,7 +87,7 @@ def test_stdout_is_one_json_document_with_the_promised_keys(bundled: tuple) -> N
     assert wanted | {"twin_mujoco_difference", "base_acceleration_error", "warnings"} <= set(document)
     assert set(document["parameters"]) >= PARAMETERS
     for e in document["parameters"].values():
-        assert set(e) == {"value", "std_error", "lower", "upper", "at_bound"}
+        assert set(e) >= {"value", "std_error", "lower", "upper", "at_bound"}
     assert len(document["recordings"]) == 9
     for r in document["recordings"]:
         assert {"file", "frequency_hz", "fit_percent"} <= set(r)

@@ -94,9 +94,9 @@ BAD = {
     "dead base": (change(BASE, lambda x: 1e-5 * x), "base_m_s2 is dead"),
     "clipped": (
         change(MALLEOLUS, lambda x: np.clip(x, -7, 7)),
-        r"malleolus_m_s2 is clipped at 7 m/s\^2, .*record with a larger range",
+        r"malleolus_m_s2 is clipped \d+ times, .*record with a larger range",
     ),
-    "clipped one side": (change(BASE, lambda x: np.maximum(x, -6)), "base_m_s2 is clipped at -6"),
+    "clipped one side": (change(BASE, lambda x: np.maximum(x, -6)), r"base_m_s2 is clipped \d+ times"),
     "wrong table": (
         lambda r: replace(r, condition=told(25.0)),
         r"base_m_s2 vibrates at 20 Hz and recordings\.csv says 25 Hz",

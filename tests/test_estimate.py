@@ -129,7 +129,7 @@ def test_unknown_masses_are_the_models_and_told(foot: Foot, trial: Trial) -> Non
     [
         (Settings(starts=0), "the number of starts is 0"),
         (Settings(domain="frequency"), r"the domain is 'frequency' \(valid: auto, periodic, time\)"),
-        (Settings(free=("k_X",)), "unknown parameter 'k_X'"),
+        (Settings(free=("k_X",)), "unknown parameter to estimate 'k_X'"),
     ],
 )
 def test_settings_that_cannot_be_meant(foot: Foot, trial: Trial, settings: Settings, sentence: str) -> None:

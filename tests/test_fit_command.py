@@ -71,7 +71,7 @@ BAD = {
     "no number": (("{bad}",), r"bad.csv, line 3: base_m_s2 is 'oops', not a number"),
     "dead": (("{dead}",), "dead.csv: malleolus_m_s2 is dead"),
     "model": (("{bare}", "--model", "none.xml"), "none.xml: no such model"),
-    "free": (("{bare}", "--free", "k_X"), "unknown parameter 'k_X'"),
+    "free": (("{bare}", "--free", "k_X"), "unknown parameter to estimate 'k_X'"),
     "bounds": (("{bare}", "--bounds", "k_T=5"), "--bounds 'k_T=5' is not NAME=LOWER:UPPER"),
     "bounds order": (("{bare}", "--bounds", "k_T=2e5:1e5"), "bounds of k_T are 200000:100000"),
     "body mass": (("{bare}", "--body-mass", "5"), "the body mass is 5 kg; it must lie between 20 and 300 kg"),
@@ -153,5 +153,5 @@ def test_a_study_given_twice_as_files_and_folder(fit: Callable, tmp_path: Path) 
     code, out, err = fit(tmp_path / "s", "--free", "k_T,k_F", "--starts", 1, "--json")
     assert code == 0, err
     document = json.loads(out)
-    assert [r["file"] for r in document["recordings"]] == ["recordings/20hz_0kg.csv"]
+    assert [r["file"] for r in document["recordings"]] == ["s/recordings/20hz_0kg.csv"]
     assert np.isfinite(document["fit_percent"])

@@ -57,7 +57,8 @@ def test_study(folder: Path) -> None:
     one, two = study
     assert one.condition == Condition("7", "midstance", 0.0, 54.43, 10.0)
     assert two.condition.frequency_hz is None
-    assert two.condition.masses == {"m_S": 0.0465 * 54.43 + 2.3, "m_F": 0.0145 * 54.43}
+    shank = 0.0465 * 54.43 + 2.3
+    assert two.condition.masses == {"m_S": shank, "m_T": shank, "m_F": 0.0145 * 54.43}
     assert two.tuberosity_m_s2 is not None
     assert one.file == "recordings/a.csv"
 
@@ -106,7 +107,8 @@ def test_broken_studies_get_one_sentence(folder: Path, file: str, text: str | No
 
 def test_masses_from_the_command_line() -> None:
     given = with_masses(make(), 72.57, 4.5)
-    assert given.condition.masses == {"m_S": 0.0465 * 72.57 + 4.5, "m_F": 0.0145 * 72.57}
+    shank = 0.0465 * 72.57 + 4.5
+    assert given.condition.masses == {"m_S": shank, "m_T": shank, "m_F": 0.0145 * 72.57}
     assert with_masses(given, None, None).condition == given.condition
     assert with_masses(given, None, 0.0).condition.masses["m_S"] == 0.0465 * 72.57
     for body, added, sentence in ((2.0, None, "body mass is 2 kg"), (70.0, -1.0, "added mass is -1 kg")):

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from fasbody import console
-from identification.result import Branch, Estimate, FitResult, RecordingFit, symbol_and_unit
+from identification.result import Branch, Estimate, FitResult, RecordingFit, identifiability, symbol_and_unit
 
 
 def estimate(value: float, half: float, at_bound: bool = False) -> Estimate:
-    return Estimate(value, half / 1.96, value - half, value + half, at_bound)
+    known = identifiability(value, half / 1.96, 0.0, at_bound)
+    return Estimate(value, half / 1.96, value - half, value + half, at_bound, known)
 
 
 def result(**changes: object) -> FitResult:
@@ -45,9 +46,16 @@ def test_numbers_are_rounded_to_what_is_known(value: float, half: float, text: s
     ("relative", "word"), [(0.01, "identified"), (0.099, "identified"), (0.3, "weak"), (0.6, "not identifiable")]
 )
 def test_identifiability_follows_the_standard_error(relative: float, word: str) -> None:
-    assert Estimate(-2.0, 2 * relative, -3, -1, False).identifiability == word
-    assert Estimate(-2.0, 2 * relative, -3, -1, True).identifiability == "not identifiable"
-    assert Estimate(-2.0, float("nan"), -3, -1, False).identifiability == "not identifiable"
+    assert identifiability(-2.0, 2 * relative, 0.0, False) == word
+    assert identifiability(-2.0, 2 * relative, 0.0, True) == "not identifiable"
+    assert identifiability(-2.0, float("nan"), 0.0, False) == "not identifiable"
+    assert identifiability(0.0, 2 * relative, 2.0, False) == word  # a parameter that may be zero has its own size
+
+
+def test_intervals_that_are_not_symmetric_or_not_there() -> None:
+    assert Estimate(10.0, 3.0, 4.0, 20.0, False, "weak").interval() == "4.0 to 20.0"
+    assert Estimate(10.0, 3.0, 4.0, 10.0, True, "not identifiable").interval() == "10 (bound)"
+    assert Estimate(10.0, float("nan"), 4.0, 20.0, False, "not identifiable").interval() == "unknown"
 
 
 def test_document_has_the_promised_keys_and_survives_json() -> None:
@@ -57,7 +65,9 @@ def test_document_has_the_promised_keys_and_survives_json() -> None:
     assert {"fit_percent", "recordings", "parameters", "branches", "verdict", "excitation_rank"} <= set(document)
     assert {"twin_mujoco_difference", "base_acceleration_error", "warnings"} <= set(document)
     assert set(document["recordings"][0]) >= {"file", "frequency_hz", "fit_percent"}
-    assert set(document["parameters"]["k_T_n_per_m"]) == {"value", "std_error", "lower", "upper", "at_bound"}
+    assert set(document["parameters"]["k_T_n_per_m"]) == {
+        "value", "std_error", "lower", "upper", "at_bound", "identifiability",
+    }  # fmt: skip
     assert set(document["branches"][0]) >= {"name", "cost", "fit_percent", "parameters"}
     assert document["branches"][1]["p_value"] is None  # NaN is no JSON
 

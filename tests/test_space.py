@@ -62,12 +62,12 @@ def test_values_join_free_and_fixed(foot: Foot) -> None:
 @pytest.mark.parametrize(
     ("free", "bounds", "sentence"),
     [
-        (["k_X"], {}, "unknown parameter 'k_X'"),
+        (["k_X"], {}, "unknown parameter to estimate 'k_X'"),
         (["delay"], {}, "no parameter is free"),
         (["k_T"], {"k_F": (1e4, 2e4)}, "bounds are given for k_F, which is not free"),
         (["k_T"], {"k_T": (2e4, 1e4)}, "bounds of k_T are 20000:10000; give two positive numbers, the lower one first"),
         (["k_T"], {"k_T": (-1.0, 1e4)}, "give two positive numbers"),
-        (["c_12"], {"c_12": (5.0, 5.0)}, "give two numbers, the lower one first"),
+        (["c_12"], {"c_12": (5.0, 5.0)}, "give two finite numbers, the lower one first"),
         (["k_T"], {"kT": (1e4, 2e4)}, "unknown parameter 'kT'"),
     ],
 )

@@ -26,5 +26,6 @@ def test_segment_masses() -> None:
     assert subjects.shank_mass(72.57, 2.3) == thesis.SHANK_SHARE * 72.57 + 2.3
     assert subjects.foot_mass(72.57) == thesis.FOOT_SHARE * 72.57
     assert subjects.ADDED_MASSES_KG == thesis.ADDED_MASSES_KG
-    assert Condition(body_mass_kg=80.0, added_mass_kg=4.5).masses == {"m_S": 0.0465 * 80 + 4.5, "m_F": 0.0145 * 80}
+    shank = 0.0465 * 80 + 4.5  # m_S of the two-mass foot, m_T of the arch
+    assert Condition(body_mass_kg=80.0, added_mass_kg=4.5).masses == {"m_S": shank, "m_T": shank, "m_F": 0.0145 * 80}
     assert Condition(added_mass_kg=4.5).masses == {}
