@@ -60,7 +60,7 @@ def test_study(folder: Path) -> None:
     shank = 0.0465 * 54.43 + 2.3
     assert two.condition.masses == {"m_S": shank, "m_T": shank, "m_F": 0.0145 * 54.43}
     assert two.tuberosity_m_s2 is not None
-    assert one.file == "recordings/a.csv"
+    assert one.file == f"{folder.name}/recordings/a.csv"
 
 
 def test_channel_corrections(folder: Path) -> None:
