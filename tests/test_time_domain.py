@@ -46,11 +46,12 @@ def point(p: TimeProblem) -> np.ndarray:
     return z
 
 
-def test_grid_divides_the_sampling_interval(short: Recording) -> None:
-    h, n, stride = grid(short)
+def test_grid_divides_the_sampling_interval(foot: Foot, short: Recording) -> None:
+    h, n, stride = grid(short, foot)
     assert (h, n, stride) == (pytest.approx(5e-4), 800, 2)
     slow = Recording(np.arange(100) / 300, *np.zeros((2, 100)))
-    assert grid(slow) == (pytest.approx(1 / 2100), 700, 7)
+    assert grid(slow, foot) == (pytest.approx(1 / 2100), 700, 7)
+    assert grid(short, foot.with_values({}, step=1.5e-4)) == (pytest.approx(1e-3 / 7), 2800, 7)
 
 
 def test_rows_against_differences(foot: Foot, short: Recording) -> None:
