@@ -37,7 +37,7 @@ _OBJECTS = {
     "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
 }
 _SUFFIX = {"N/m": "n_per_m", "N s/m": "n_s_per_m", "1/m": "per_m", "kg": "kg", "s": "s", "N": "n", "m": "m", "": ""}
-_SUFFIX |= {"N m/rad": "n_m_per_rad", "N m s/rad": "n_m_s_per_rad"}
+_SUFFIX |= {"N s": "n_s", "N m/rad": "n_m_per_rad", "N m s/rad": "n_m_s_per_rad"}
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,8 @@ class Harmonics:
 
 def harmonic_count(frequency_hz: float, rate_hz: float) -> int:
     """Harmonics compared at an excitation frequency: six, or those below 100 Hz and 0.4 of the sampling rate."""
-    return max(1, min(HARMONICS, int((min(HIGHEST_HZ, 0.4 * rate_hz) + 1e-9) // frequency_hz)))
+    highest = 1.001 * min(HIGHEST_HZ, 0.4 * rate_hz)  # a frequency found a little high must not lose its 100 Hz line
+    return max(1, min(HARMONICS, int(highest // frequency_hz)))
 
 
 def fit_harmonics(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, count: int) -> Harmonics:
