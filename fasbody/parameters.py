@@ -174,7 +174,10 @@ def _place(model: mujoco.MjModel, text: str, here: str) -> Place:
         number = int(model.jnt_dofadr[number])
     array = getattr(model, field)
     width = array.size // array.shape[0]
-    column = int(words[3]) if len(words) == 4 and words[3].isdigit() else 0
+    if (len(words) == 4) != (width > 1) or not (width == 1 or words[3].isdigit()):
+        wanted = f"{kind} {element} {attribute}" + (f" and a column from 0 to {width - 1}" if width > 1 else "")
+        raise ModelError(f"{here} stands at {text.strip()!r}; write {wanted}.")
+    column = int(words[3]) if width > 1 else 0
     if column >= width:
         raise ModelError(f"{here} stands in column {column} of {attribute!r}, which has {width} (0 to {width - 1}).")
     return Place(field, number * width + column, share)
