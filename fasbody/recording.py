@@ -5,6 +5,7 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,8 @@ from fasbody.subjects import foot_mass, shank_mass
 HEADER = ("time_s", "base_m_s2", "malleolus_m_s2", "tuberosity_m_s2")
 
 
+#: What a person and a load on the knee can weigh.
+_MASS_LIMITS_KG = {"body": (20, 300), "added": (0, 100)}
 #: Origin of a bare file, which says nothing about itself.
 UNSTATED = "of unstated origin"
 
@@ -33,10 +36,11 @@ class Condition:
 
     @property
     def masses(self) -> dict[str, float]:
-        """m_S and m_F [kg] of section 4.5; empty if the body mass is unknown."""
+        """m_S (in the arch m_T) and m_F [kg] of section 4.5; empty if the body mass is unknown."""
         if self.body_mass_kg is None:
             return {}
-        return {"m_S": shank_mass(self.body_mass_kg, self.added_mass_kg), "m_F": foot_mass(self.body_mass_kg)}
+        shank = shank_mass(self.body_mass_kg, self.added_mass_kg)
+        return {"m_S": shank, "m_T": shank, "m_F": foot_mass(self.body_mass_kg)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +162,8 @@ class Study:
                 raise InputFileError(file, f"{row['file']!r} lies outside the study's folder", line=i + 2)
             if only is not None and path.resolve() != only.resolve():
                 continue
+            _plausible(float(masses[subject]), "body", f"{root / 'subjects.csv'}: subject {subject}")
+            _plausible(float(added[i]), "added", f"{file}, line {i + 2}")
             condition = Condition(
                 subject=subject,
                 posture=str(row.get("posture", "midstance")),
@@ -165,7 +171,7 @@ class Study:
                 body_mass_kg=float(masses[subject]),
                 frequency_hz=float(frequency[i]) if np.isfinite(frequency[i]) else None,
             )
-            recording = Recording.read(path, condition, origin=about["origin"], label=str(row["file"]))
+            recording = Recording.read(path, condition, origin=about["origin"], label=f"{root.name}/{row['file']}")
             recordings.append(channels.apply(recording))
         if not recordings:
             missing = "lists no recording" if only is None else f"does not list {only.name}"
@@ -182,10 +188,18 @@ def _describe(file: Path) -> tuple[dict[str, str], "_Corrections"]:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputFileError(file, f"is not TOML ({error})") from None
     about = {"name": file.parent.resolve().name, "origin": "measured", "description": ""}
-    about |= {key: str(value) for key, value in document.get("study", {}).items() if key in about}
+    about |= {key: str(value) for key, value in _table(file, document, "study").items() if key in about}
     if about["origin"] not in ("measured", "synthetic"):
         raise InputFileError(file, f"origin is {about['origin']!r}", 'valid: "measured", "synthetic"')
-    return about, _Corrections.from_toml(file, document.get("channels", {}))
+    return about, _Corrections.from_toml(file, _table(file, document, "channels"))
+
+
+def _table(file: Path, document: Any, name: str) -> dict[str, Any]:
+    """A table of a TOML document, empty if it is not there."""
+    table = document.get(name, {})
+    if not isinstance(table, dict):
+        raise InputFileError(file, f"{name} is {table!r}", f"it must be a table, [{name}]")
+    return table
 
 
 @dataclass(frozen=True)
@@ -196,23 +210,24 @@ class _Corrections:
     delay: dict[str, float]
 
     @classmethod
-    def from_toml(cls, file: Path, tables: dict[str, dict[str, object]]) -> "_Corrections":
+    def from_toml(cls, file: Path, tables: dict[str, Any]) -> "_Corrections":
         names = [name.removesuffix("_m_s2") for name in HEADER[1:]]
         factor, delay = {}, {}
-        for name, table in tables.items():
+        for name in tables:
             if name not in names:
                 raise InputFileError(file, f"describes the channel {name!r}", f"valid: {', '.join(names)}")
+            table = _table(file, tables, name)
             valid = ("unit", "sign", "sensitivity", "delay_s")
             for key, value in table.items():
-                if key not in valid or (key != "unit" and not isinstance(value, int | float)):
-                    raise InputFileError(
-                        file, f"channels.{name}.{key} = {value!r}", f"valid: {', '.join(valid)}, numbers"
-                    )
-            sensitivity = float(table.get("sensitivity", 1.0))  # type: ignore[arg-type]
+                number = isinstance(value, int | float) and math.isfinite(value)
+                if key not in valid or (key != "unit" and not number):
+                    here = f"channels.{name}.{key} = {value!r}"
+                    raise InputFileError(file, here, f"valid: {', '.join(valid)}, with finite numbers")
+            sensitivity = float(table.get("sensitivity", 1.0))
             if sensitivity == 0:
                 raise InputFileError(file, f"channels.{name}.sensitivity is zero", "give recorded unit per m/s^2")
-            factor[name] = float(table.get("sign", 1.0)) / sensitivity  # type: ignore[arg-type]
-            delay[name] = float(table.get("delay_s", 0.0))  # type: ignore[arg-type]
+            factor[name] = float(table.get("sign", 1.0)) / sensitivity
+            delay[name] = float(table.get("delay_s", 0.0))
         return cls(factor, delay)
 
     def apply(self, recording: Recording) -> Recording:
@@ -247,6 +262,12 @@ def read_file(file: Path) -> Recording:
     return Recording.read(file)
 
 
+def _plausible(mass_kg: float, name: str, here: str) -> None:
+    low, high = _MASS_LIMITS_KG[name]
+    if not low <= mass_kg <= high:
+        raise RecordingError(f"{here}: the {name} mass is {mass_kg:g} kg; it must lie between {low} and {high} kg.")
+
+
 def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg: float | None) -> Recording:
     """The recording with masses given on the command line in place of its own.
 
@@ -254,9 +275,8 @@ def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg:
         RecordingError: a mass is not a plausible number.
     """
     condition = recording.condition
-    for name, value, low, high in (("body", body_mass_kg, 20, 300), ("added", added_mass_kg, 0, 100)):
+    for name, value in (("body", body_mass_kg), ("added", added_mass_kg)):
         if value is not None:
-            if not low <= value <= high:
-                raise RecordingError(f"the {name} mass is {value:g} kg; it must lie between {low} and {high} kg.")
+            _plausible(value, name, recording.file)
             condition = replace(condition, **{f"{name}_mass_kg": value})  # type: ignore[arg-type]
     return replace(recording, condition=condition)

@@ -10,7 +10,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from fasbody.console import command_line, console, print_json, progress_bar, results
+from fasbody.console import command_line, console, make_folder, print_json, progress_bar, results
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.model import load
 from fasbody.recording import Recording, Study, read_file, with_masses
@@ -37,7 +37,7 @@ def main(
     ] = None,
     bounds: Annotated[list[str] | None, typer.Option(help="NAME=LOWER:UPPER in SI units; repeat for several")] = None,
     starts: Annotated[int, typer.Option(help="starts of the search")] = 8,
-    seed: Annotated[int, typer.Option(help="seed of the random starts")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="seed of the random starts")] = 0,
     domain: Annotated[str, typer.Option(help="auto, periodic (steady state) or time")] = "auto",
     json_: Annotated[bool, typer.Option("--json", help="print result.json on stdout")] = False,
     out: Annotated[Path | None, typer.Option(help="folder for result.json, parameters.csv, report.html")] = None,
@@ -58,6 +58,9 @@ def main(
         free=_names(free), bounds=dict(_bound(text) for text in bounds or []), starts=starts, seed=seed, domain=domain
     )
     foot = load(model)
+    folder = out or (None if json_ else Path("results") / _slug(source))
+    if folder is not None:
+        make_folder(folder)
     with progress_bar() as progress:
         task = progress.add_task("reading", total=None)
 
@@ -65,13 +68,13 @@ def main(
             progress.update(task, description=what, completed=done, total=total)
 
         result = fit(recordings, foot, settings, source=source, truth=truth, advance=advance)
+    if folder is not None:
+        write(result, folder)
     if json_:
         print_json(result.document())
     else:
         show(result)
-    folder = out or (None if json_ else Path("results") / _slug(source))
     if folder is not None:
-        write(result, folder)
         console.print(
             f"report: [bold]{folder / 'report.html'}[/], with result.json and parameters.csv beside it", soft_wrap=True
         )
@@ -93,7 +96,7 @@ def gather(
             study = Study.read(path)
             names.append(study.name)
             recordings += study.recordings
-            truth = _truth(path / "truth.json")
+            truth = _truth(path / "truth.json") if len(data) == 1 else {}
         elif path.exists():
             names.append(path.name)
             recordings.append(read_file(path))
@@ -117,7 +120,7 @@ def _truth(file: Path) -> dict[str, float]:
 
 
 def _names(text: str | None) -> tuple[str, ...] | None:
-    return tuple(name.strip() for name in text.split(",") if name.strip()) if text else None
+    return None if text is None else tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def _bound(text: str) -> tuple[str, tuple[float, float]]:
@@ -142,7 +145,7 @@ def show(result: FitResult) -> None:
         table.add_column(f"mirror: {branch.name}", justify="right")
     if result.truth:
         table.add_column("truth", justify="right")
-    table.add_column("")
+    table.add_column("", no_wrap=True)
     for key, e in result.parameters.items():
         symbol, unit = symbol_and_unit(key)
         row = [

@@ -41,9 +41,7 @@ def test_equilibrium_minimises_the_energy() -> None:
             NOMINAL.theta_40 - NOMINAL.theta_30,
         ]
         springs = np.array([NOMINAL.k_2, NOMINAL.k_3, NOMINAL.k_4])
-        return float(
-            NOMINAL.k_11 * (span - NOMINAL.l_0) ** 2 / 2 + springs @ (turns - rest) ** 2 / 2 + load * heights
-        )
+        return float(NOMINAL.k_11 * (span - NOMINAL.l_0) ** 2 / 2 + springs @ (turns - rest) ** 2 / 2 + load * heights)
 
     start = [NOMINAL.theta_20, NOMINAL.theta_30, NOMINAL.theta_40]
     best = minimize(energy, start, method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12, "maxiter": 4000})

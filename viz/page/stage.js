@@ -3,8 +3,8 @@
 const THREE = MeshCat.THREE, SCALE = 10, TABLE = -0.2, LARGEST = 1.1;
 const VIEWS = {
   medial: [[0.02, 1.05, 5.5], [0.27, 0.62, 0]], lateral: [[0.45, 1.05, -5.5], [0.27, 0.62, 0]],
-  front: [[6.2, 1.75, 1.5], [0.2, 0.50, 0]], above: [[0.3, 5.3, 0.9], [0.3, 0.2, 0.05]],
-  behind: [[-5.2, 1.5, 1.8], [0.1, 0.52, 0]], corner: [[3.6, 2.0, 4.3], [0.28, 0.52, 0]],
+  front: [[5.9, 1.75, 1.4], [0.2, 0.48, 0]], above: [[0.3, 5.6, 0.02], [0.3, 0.2, 0]],
+  behind: [[-5.2, 1.5, 1.8], [0.1, 0.52, 0]], corner: [[3.8, 2.0, 4.5], [0.24, 0.60, 0]],
 };
 // ?quality=fixed keeps the best, ?quality=low starts with the least; otherwise the machine's speed decides.
 const QUALITY = new URLSearchParams(location.search).get("quality");
