@@ -191,3 +191,36 @@ def test_recording_drives_the_table_and_is_shown_beside(tmp_path: Path) -> None:
     # the truth of the bundled foot differs from the nominal model, but both are feet at 20 Hz
     assert 0.5 < max(measured["malleolus"]) / max(model["malleolus"]) < 2
     assert max(measured["bodies"]) < 0.01
+
+
+def test_foot_with_names_of_its_own_is_drawn_by_its_geoms(tmp_path: Path) -> None:
+    import mjcf
+
+    text = mjcf.path("two_dof").read_text()
+    file = tmp_path / "own.xml"
+    file.write_text(text.replace('body name="foot"', 'body name="pes"').replace("body foot mass", "body pes mass"))
+    show = Show([str(file)])
+    rest = show.description()["feet"]["a"]
+    assert not rest["dressed"]
+    assert [segment["name"] for segment in rest["segments"]] == ["base", "pes", "shank"]
+    scene = b"".join(show.hub.messages())
+    for path in (b"/meshcat/foot/a/base/geom0", b"/meshcat/foot/a/pes/geom1", b"/meshcat/foot/a/shank/geom2"):
+        assert path in scene
+    assert b"/meshcat/foot/a/tibia" not in scene
+
+
+def test_broken_model_keeps_the_last_good_one(tmp_path: Path) -> None:
+    import mjcf
+
+    file = tmp_path / "mine.xml"
+    good = mjcf.path("two_dof").read_text()
+    file.write_text(good)
+    show = Show([str(file)])
+    file.write_text(good.replace("</worldbody>", ""))
+    with pytest.raises(FasError, match="cannot compile"):
+        show.reload()
+    assert show.description()["error"]
+    assert show.answer(show.settings)["feet"]["a"]["ratio"] > 1
+    file.write_text(good)
+    show.reload()
+    assert not show.description()["error"]

@@ -259,10 +259,9 @@ def _shown(
             for label, elements in watched.items():
                 rows = [_loop_point(model, data, kind, i) for kind, i in elements]
                 loops[label][:, row] = np.mean([x for x, _ in rows]), np.sum([force for _, force in rows])
-    still = Rotation.from_quat(np.array([rest[name].quaternion for name in bodies]), scalar_first=True)
-    turn = np.stack(
-        [(Rotation.from_quat(q, scalar_first=True) * still.inv()).as_rotvec() for q in quaternion]
-    )  # about the world's axes
+    still = np.tile([rest[name].quaternion for name in bodies], (len(pick), 1))
+    turned = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)  # about the world's axes
+    turn = (turned * Rotation.from_quat(still, scalar_first=True).inv()).as_rotvec().reshape(position.shape)
     shift = position - np.array([rest[name].position for name in bodies])
     return Motion(
         time=(out.time[0, pick] - out.time[0, 0]), duration=duration, bodies=np.concatenate([shift, turn], -1),

@@ -11,7 +11,7 @@ import numpy as np
 
 import mjcf
 from fasbody.arch import Arch
-from fasbody.exceptions import ModelError, SettingError
+from fasbody.exceptions import FasError, SettingError
 from fasbody.model import Foot, check, load
 from fasbody.recording import Recording
 from fasbody.shaker import BaseMotion, samples, sweep
@@ -123,7 +123,7 @@ class Show:
         """Load the first model again after its file has changed; a broken one leaves the last good one in place."""
         try:
             fresh = load_foot(self.models[0])
-        except (ModelError, SettingError) as error:
+        except FasError as error:
             self.error = str(error)
             raise
         self.error = ""

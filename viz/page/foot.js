@@ -160,7 +160,7 @@ async function unpack(text) {
 }
 
 async function start() {
-  if (QUALITY === "low") stage.setQuality(0);
+  if (QUALITY === "low" || QUALITY === "none") stage.setQuality(0);
   const own = window.EXPORTED;
   if (!own) { connect(); return; }
   document.body.classList.add("exported");

@@ -6,7 +6,8 @@ const VIEWS = {
   front: [[5.9, 1.75, 1.4], [0.2, 0.48, 0]], above: [[0.3, 5.6, 0.02], [0.3, 0.2, 0]],
   behind: [[-5.2, 1.5, 1.8], [0.1, 0.52, 0]], corner: [[3.8, 2.0, 4.5], [0.24, 0.60, 0]],
 };
-// ?quality=fixed keeps the best, ?quality=low starts with the least; otherwise the machine's speed decides.
+// ?quality=fixed keeps the best, low starts with the least, none draws nothing (to measure the rest); otherwise the
+// machine's speed decides.
 const QUALITY = new URLSearchParams(location.search).get("quality");
 // Colour ramps, from slack or unloaded to tense or compressed (sRGB).
 const RAMPS = { tension: ["#dfe6ee", "#f0a24f", "#b3162f"], pressure: ["#f6e3a1", "#f0b23c", "#d9481c"] };
@@ -203,7 +204,7 @@ class Stage {
     }
   }
 
-  render() { this.viewer.render(); }
+  render() { if (QUALITY === "none") this.viewer.needs_render = false; else this.viewer.render(); }
 
   // Quality 2 has shadows and the screen's own resolution, 1 no shadows, 0 fewer pixels too.
   setQuality(level) {
