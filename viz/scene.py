@@ -160,6 +160,8 @@ def add_foot(
     root = visualizer["foot"][name]
     for segment in SEGMENTS[:-1]:
         group = [part for part in parts if part.segment == segment]
+        if not group:
+            continue
         offset = np.cumsum([0, *(len(part.vertices) for part in group)])
         vertices = np.vstack([part.vertices for part in group]) - frames[segment].position
         faces = np.vstack([part.faces + o for part, o in zip(group, offset, strict=False)])
@@ -167,7 +169,8 @@ def add_foot(
         paint = linear(np.vstack([part.colours for part in group]))
         look: dict[str, Any] = {"vertexColors": True, "color": 0xFFFFFF}
         if ghost:
-            look = {"color": _hex("#5fb4ff"), "transparent": True, "opacity": 0.38, "depthWrite": False}
+            look = {"color": _hex("#5fb4ff"), "transparent": True, "opacity": 0.38, "depthWrite": False,
+                    "polygonOffset": True, "polygonOffsetFactor": 2, "polygonOffsetUnits": 2}  # fmt: skip
         material = _material(
             "MeshPhongMaterial", shininess=22, specular=_hex("#2a2620"), side=0, reflectivity=0.3, **look
         )

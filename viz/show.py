@@ -117,7 +117,8 @@ class Show:
             scene.add_plain(self._visualizer, name, model)
         else:
             bind = {s: segment_frames(found[0])[body] for s, body in found[1].items()}
-            scene.add_foot(self.hub, self._visualizer, name, self._parts, bind, ghost=name != MODEL)
+            parts = [part for part in self._parts if name != MEASURED or part.segment == "tibia"]
+            scene.add_foot(self.hub, self._visualizer, name, parts, bind, ghost=name != MODEL)
 
     def reload(self) -> None:
         """Load the first model again after its file has changed; a broken one leaves the last good one in place."""
@@ -174,7 +175,7 @@ class Show:
             carried = {body: body for body in bodies}
         else:
             bind = {s: segment_frames(found[0])[body] for s, body in found[1].items()}
-            carried = {segment: found[1][segment] for segment in SEGMENTS}
+            carried = {s: found[1][s] for s in SEGMENTS if name != MEASURED or s == "tibia"}
         answer["dressed"] = found is not None
         answer["segments"] = [
             {
@@ -184,7 +185,7 @@ class Show:
             }
             for segment, body in carried.items()
         ]  # fmt: skip
-        soft = [part.name for part in self._parts if part.segment is None] if found else []
+        soft = [part.name for part in self._parts if part.segment is None] if found and name != MEASURED else []
         answer["soft"] = [part for part in soft if not (name != MODEL and part == "skin")]
         return answer
 
