@@ -57,8 +57,6 @@ class Server:
     def __init__(self, show: Show, port: int = 0) -> None:
         self.show = show
         self.pages: set[Stream] = set()
-        self.simulated = 0
-        self.seconds = 0.0
         self._pool = ThreadPoolExecutor(1, "simulation")
         try:
             self._sockets = tornado.netutil.bind_sockets(port, address=ADDRESS)
@@ -113,9 +111,8 @@ class Server:
             answer = self.show.answer(settings_from(message))
         except FasError as error:
             answer = {"type": "error", "text": str(error)}
-        seconds = time.perf_counter() - started
-        self.simulated, self.seconds = self.simulated + 1, self.seconds + seconds
-        return json.dumps(answer | {"request": message.get("request"), "seconds": seconds})
+        answer |= {"request": message.get("request"), "seconds": time.perf_counter() - started}
+        return json.dumps(answer)
 
     def broadcast(self, document: dict[str, Any]) -> None:
         """Send one document to every page."""
@@ -201,9 +198,6 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
         self.set_nodelay(True)
         self.server.pages.add(self)
 
-        def listen(message: bytes) -> None:
-            self.send(message)
-
         hub = self.server.show.hub
         for message in hub.messages():
             self.send(message)
@@ -211,7 +205,7 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
         loop = asyncio.get_running_loop()
 
         def later(message: bytes) -> None:  # a reload happens in the simulation's thread
-            loop.call_soon_threadsafe(listen, message)
+            loop.call_soon_threadsafe(self.send, message)
 
         hub.listeners.add(later)
         self._forget = lambda: hub.listeners.discard(later)
