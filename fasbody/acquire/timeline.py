@@ -1,0 +1,245 @@
+"""Blocks put on the grid of samples: what is missing, how the clocks run, and whether that is a recording."""
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fasbody.acquire.messages import Block, Damage, Hello, Message
+
+_TURN = 2**32
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a recording may have.
+
+    Attributes:
+        clock_ppm: a sampling rate or a device clock that is off by more is mentioned [parts per million].
+        clock_refused_ppm: and by more than this, the recording is refused.
+        periods: fewest excitation periods without a gap.
+    """
+
+    clock_ppm: float = 200.0
+    clock_refused_ppm: float = 5000.0
+    periods: float = 3.0
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Samples that were taken and did not arrive.
+
+    Attributes:
+        after_s: time of the last sample before it [s]. lost_samples: how many a channel are missing.
+        cause: "lost frames"; "skipped" (the device's time stamps jump); "restart" (length by the host's clock).
+    """
+
+    after_s: float
+    lost_samples: int
+    cause: str
+
+
+@dataclass(frozen=True)
+class Quality:
+    """What happened on the line during a recording.
+
+    Attributes:
+        frames: frames (or lines) received. lost_frames: missing by their numbers. damaged: pieces that were no message.
+        gaps: where samples are missing. over_range: samples over range, by channel.
+        rate_ppm: sampling rate by the device's time stamps against the declared one.
+        drift_ppm: device clock against the host's, and its standard error drift_std_ppm. changed: the board described
+            itself differently during the recording.
+    """
+
+    frames: int = 0
+    lost_frames: int = 0
+    damaged: int = 0
+    gaps: tuple[Gap, ...] = ()
+    over_range: dict[str, int] = field(default_factory=dict)
+    rate_ppm: float = 0.0
+    drift_ppm: float = 0.0
+    drift_std_ppm: float = 0.0
+    changed: bool = False
+
+    @property
+    def lost_samples(self) -> int:
+        """Missing samples a channel."""
+        return sum(gap.lost_samples for gap in self.gaps)
+
+    def problems(self, limits: Limits) -> list[str]:
+        """Why this is no recording to identify from; empty if it is."""
+        texts = []
+        if self.frames == 0:
+            texts.append("no samples arrived")
+        if self.gaps:
+            first = self.gaps[0]
+            texts.append(
+                f"{self.lost_samples} samples are missing in {len(self.gaps)} gaps (the first after {first.after_s:.4g} s, "
+                f"{first.cause})"
+            )
+        over = {name: count for name, count in self.over_range.items() if count}
+        if over:
+            texts.append("over range: " + ", ".join(f"{name} {count} samples" for name, count in over.items()))
+        if self.changed:
+            texts.append("the board changed its description in the middle")
+        if abs(self.rate_ppm) > limits.clock_refused_ppm:
+            texts.append(f"the board samples {self.rate_ppm:+.0f} ppm off its declared rate")
+        if abs(self.drift_ppm) > limits.clock_refused_ppm + 3 * self.drift_std_ppm:
+            texts.append(f"the board's clock runs {self.drift_ppm:+.0f} ppm off the computer's")
+        return texts
+
+    def remarks(self, limits: Limits) -> list[str]:
+        """What does not forbid using it, but should be known."""
+        texts = []
+        if self.damaged:
+            texts.append(f"{self.damaged} damaged pieces on the line")
+        if limits.clock_ppm < abs(self.rate_ppm) <= limits.clock_refused_ppm:
+            texts.append(f"the board samples {self.rate_ppm:+.0f} ppm off its declared rate")
+        if limits.clock_ppm + 3 * self.drift_std_ppm < abs(self.drift_ppm) <= limits.clock_refused_ppm:
+            texts.append(f"the board's clock runs {self.drift_ppm:+.0f} ppm off the computer's")
+        return texts
+
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        return (
+            f"{self.frames} frames, {self.lost_frames} lost, {self.damaged} damaged, {len(self.gaps)} gaps, "
+            f"clock {self.drift_ppm:+.0f} +- {self.drift_std_ppm:.0f} ppm"
+        )
+
+
+class Timeline:
+    """Collects blocks and knows where each sample belongs; nothing is ever filled in.
+
+    Args:
+        hello: the board's description.
+    """
+
+    def __init__(self, hello: Hello) -> None:
+        self.hello = hello
+        self._starts: list[int] = []
+        self._samples: list[np.ndarray] = []
+        self._gaps: list[tuple[int, int, str]] = []
+        self._clock: list[tuple[float, float]] = []
+        self._next = 0  # index of the next sample
+        self._sequence = self._time_us = 0
+        self._device_us = 0
+        self._host = 0.0
+        self._ticks = self._tick_samples = 0  # device time and samples between consecutive frames, for the rate
+        self._frames = self._lost = self._damaged = 0
+        self._over = np.zeros(len(hello.channels), int)
+        self._changed = self._restarted = False
+        self._boot: int | None = None
+
+    @property
+    def length(self) -> int:
+        """Samples so far, missing ones included."""
+        return self._next
+
+    @property
+    def over_range(self) -> dict[str, int]:
+        """Samples over range, by channel."""
+        return dict(zip(self.hello.roles, map(int, self._over), strict=True))
+
+    def add(self, messages: Iterable[Message], host: float) -> None:
+        """Add messages that arrived together at `host` [s]."""
+        block = None
+        for message in messages:
+            if isinstance(message, Block):
+                self._add(message, host)
+                block = message
+            elif isinstance(message, Damage):
+                self._damaged += 1
+            else:
+                self._greet(message)
+        if block is not None:
+            self._clock.append((self._device_us * 1e-6, host))
+            self._host = host
+
+    def _greet(self, hello: Hello) -> None:
+        if (hello.rate_hz, hello.channels, hello.bits, hello.frame_samples) != (
+            self.hello.rate_hz, self.hello.channels, self.hello.bits, self.hello.frame_samples
+        ):  # fmt: skip
+            self._changed = True
+        if self._boot is not None and hello.boot != self._boot:
+            self._restarted = True
+        self._boot = hello.boot
+
+    def _add(self, block: Block, host: float) -> None:
+        if block.samples.shape[1] != len(self.hello.channels):
+            self._changed = True
+            return
+        n, rate = block.samples.shape[0], self.hello.rate_hz
+        if self._frames:
+            missed = (block.sequence - self._sequence - 1) % _TURN
+            passed = (block.time_us - self._time_us) % _TURN
+            if self._restarted or missed >= _TURN // 2:
+                lost = max(1, round((host - self._host) * rate) - n)
+                self._gaps.append((self._next, lost, "restart"))
+                self._next += lost
+                self._clock.clear()  # another clock from here on
+            else:
+                self._device_us += passed
+                lost = missed * n
+                if lost:
+                    self._gaps.append((self._next, lost, "lost frames"))
+                    self._lost += missed
+                    self._next += lost
+                elif self.hello.bits:
+                    self._lapse(passed, n)
+        self._restarted = False
+        self._starts.append(self._next)
+        self._samples.append(block.samples)
+        self._next += n
+        self._over += block.over
+        self._sequence, self._time_us = block.sequence, block.time_us
+        self._frames += 1
+
+    def _lapse(self, passed_us: int, n: int) -> None:
+        """A step of the device's clock between frames that follow each other by number."""
+        late = passed_us * 1e-6 * self.hello.rate_hz - n
+        if abs(late) > 0.5 + 0.01 * n:
+            lost = max(1, min(round(late), 1_000_000_000))
+            self._gaps.append((self._next, lost, "skipped"))
+            self._next += lost
+        else:
+            self._ticks += passed_us
+            self._tick_samples += n
+
+    def samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """Index (n,) of each received sample on the grid of samples, and its values (n, channels) [m/s^2]."""
+        if not self._samples:
+            return np.zeros(0, int), np.zeros((0, len(self.hello.channels)))
+        index = [np.arange(start, start + len(s)) for start, s in zip(self._starts, self._samples, strict=True)]
+        return np.concatenate(index), np.concatenate(self._samples)
+
+    def quality(self, length: int | None = None) -> Quality:
+        """What happened so far, with the gaps of the first `length` samples."""
+        rate = self.hello.rate_hz
+        rate_ppm = 0.0
+        if self._ticks:
+            rate_ppm = 1e6 * (self._tick_samples / (self._ticks * 1e-6) / rate - 1)
+        drift, std = _slope(self._clock)
+        gaps = tuple(
+            Gap((at - 1) / rate, lost, cause) for at, lost, cause in self._gaps if length is None or at < length
+        )
+        return Quality(
+            self._frames, self._lost, self._damaged, gaps, self.over_range, rate_ppm, drift, std, self._changed
+        )  # fmt: skip
+
+
+def _slope(pairs: list[tuple[float, float]]) -> tuple[float, float]:
+    """Device clock against host clock [ppm] and its standard error, by regression over arrival times."""
+    if len(pairs) < 10:
+        return 0.0, float("inf")
+    device, host = np.array(pairs).T
+    x = host - host.mean()
+    spread = x @ x
+    if spread <= 0:
+        return 0.0, float("inf")
+    slope = x @ device / spread
+    residual = device - device.mean() - slope * x
+    return 1e6 * float(slope - 1), 1e6 * float(np.sqrt(residual @ residual / (len(pairs) - 2) / spread))
