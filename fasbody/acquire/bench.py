@@ -4,6 +4,7 @@ They speak the same bytes as real ones. Behind the board stands the MuJoCo foot 
 generator process says over a local socket, the cable of this bench. `Bench` starts both and can pull the plug.
 """
 
+import contextlib
 import json
 import os
 import select
@@ -54,17 +55,15 @@ class Line:
     def unplug(self) -> None:
         """Make it vanish."""
         self.link.unlink(missing_ok=True)
+        master, self.master = self.master, -1
         os.close(self._slave)
-        os.close(self.master)
-        self.master = -1
+        os.close(master)
 
     def send(self, data: bytes) -> None:
         """What the host does not fetch in time is lost, as on a real line."""
         if self.master >= 0:
-            try:
+            with contextlib.suppress(OSError):
                 os.write(self.master, data)
-            except OSError:
-                pass
 
     def receive(self) -> bytes:
         """What the host sent."""
@@ -98,10 +97,10 @@ def board(
     foot = Shaken(rate, added_mass, rng)
     roles = ("base", "malleolus", "tuberosity")[:channels]
     counts_per = 2 ** (bits - 1) / RANGE_M_S2 if bits else 1.0
-    span = np.float32(RANGE_M_S2 * 0.9999)  # a hair inside the rails
+    span = float(np.float32(RANGE_M_S2 * 0.9999))  # a hair inside the rails
     n = FRAME_SAMPLES if bits else 1
     hello = Hello("virtual board", rate, tuple(Channel(r, span, counts_per) for r in roles), bits, n, seed)
-    greeting = encode_hello(hello) if bits else encode_header("virtual", rate, roles, float(span))
+    greeting = encode_hello(hello) if bits else encode_header("virtual", rate, roles, span)
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     listener.bind(str(cable))
     line = Line(link)
@@ -167,10 +166,8 @@ def generator(link: Path, cable: Path) -> None:
             if answer is not None:
                 line.send(answer.encode() + b"\n")
         if commands:
-            try:
+            with contextlib.suppress(OSError):  # the shaker may not be connected
                 speaker.sendto(json.dumps(instrument.output()).encode(), str(cable))
-            except OSError:
-                pass  # the shaker is not connected
 
 
 class Bench:

@@ -32,7 +32,7 @@ class Watch:
         highest = float(np.abs(base - self.offset).max())
         if highest > self.peak:
             raise AcquisitionError(
-                f"the base reached {highest:.3g} m/s^2 and the safety limit is {self.peak:.3g}; the output is switched off."
+                f"the base reached {highest:.3g} m/s^2, beyond the safety limit of {self.peak:.3g}; output off."
             )
 
 
@@ -69,8 +69,9 @@ class Board:
         while self.decoder.hello is None:
             self.pump()
             if time.monotonic() > deadline and self.decoder.hello is None:
-                heard = f"{self.decoder.bytes} bytes came, none of them a hello; is {self.reader.baud} the board's baud rate"
-                why = heard if self.decoder.bytes else "nothing came; is this the board's port"
+                why = "nothing came; is this the board's port"
+                if self.decoder.bytes:
+                    why = f"{self.decoder.bytes} bytes came, but no hello; is {self.reader.baud} the board's baud rate"
                 raise AcquisitionError(f"{self.reader.port_name}: {why}? (--probe tries them all)")
         hello = self.decoder.hello
         for role in ("base", "malleolus"):
@@ -105,7 +106,7 @@ class Board:
             self.listener(self)
         if self.reader.failure is None and not arrivals and time.monotonic() - self._last > self._patience:
             raise AcquisitionError(
-                f"{self.reader.port_name}: the board has been silent for {STALLED_S:g} s; check its supply and firmware."
+                f"{self.reader.port_name}: the board is silent for {STALLED_S:g} s; check its supply and firmware."
             )
         return messages
 
@@ -138,7 +139,9 @@ class Board:
         while self._kept < count:
             self.pump()
             if time.monotonic() > deadline:
-                raise AcquisitionError(f"{hello.board}: {seconds:g} s of samples did not come within {2 * seconds + 3:g} s.")
+                raise AcquisitionError(
+                    f"{hello.board}: {self._kept} samples in {2 * seconds + STALLED_S:g} s at {hello.rate_hz:g} Hz."
+                )
         return self.recent()[:count]
 
     def start(self, capture: Capture) -> Timeline:

@@ -1,10 +1,10 @@
-"""The capture file: every byte as it came, append-only, readable up to the last whole record after any crash.
+r"""The capture file: every byte as it came, append-only, readable up to the last whole record after any crash.
 
-    8 bytes    FASCAP1\\n
-    records    0xFA 'R' | kind (1 byte) | host time (float64 [s]) | length (uint32) | content | CRC-32 of kind to content
+    8 bytes    FASCAP1\n
+    records    0xFA 'R' | kind (1 byte) | host time (float64 [s]) | length (uint32) | content | CRC-32 from kind on
 
-All little-endian. Kinds: M (JSON, what was to be recorded), B (bytes from the board), E (JSON, an event). Each record is
-one `write` to the operating system, so a killed process loses only what it had not read yet.
+All little-endian. Kinds: M (JSON, what was to be recorded), B (bytes from the board), E (JSON, an event). Each record
+is one `write` to the operating system, so a killed process loses only what it had not read yet.
 """
 
 import json
@@ -54,7 +54,7 @@ def pack(kind: str, host: float, content: bytes) -> bytes:
 class Capture:
     """A capture file being written; safe to use from two threads.
 
-    If its disk becomes full, what follows goes to a second file in the system's temporary folder, and `trouble` says so.
+    If its disk becomes full, what follows goes to a second file in the system's temporary folder; `trouble` says so.
 
     Args:
         file: to create; it must not exist.

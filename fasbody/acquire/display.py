@@ -1,6 +1,7 @@
 """The live view in the terminal: level, peak to peak, clipping, lost frames, and a line of the spectrum."""
 
 import time
+from itertools import pairwise
 from types import TracebackType
 
 import numpy as np
@@ -97,7 +98,7 @@ def sparkline(x: np.ndarray, rate_hz: float) -> str:
     edges = np.linspace(0, min(_HIGHEST_HZ, rate_hz / 2), _SPECTRUM + 1)
     peak = power.max() or 1.0
     heights = []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         inside = power[(frequency >= low) & (frequency < high)]
         decibel = 10 * np.log10(max(1e-12, inside.max() / peak)) if inside.size else -120.0
         heights.append(round((len(_BLOCKS) - 1) * max(0.0, 1 + decibel / 60)))

@@ -26,8 +26,8 @@ class Converted:
     """One recording made from captured bytes.
 
     Attributes:
-        file: the CSV file. recording: its content. quality: what happened on the line. problems: why it is not listed in
-            recordings.csv; empty if it is. remarks: what else should be known.
+        file: the CSV file. recording: its content. quality: what happened on the line.
+        problems: why it is not listed in recordings.csv; empty if it is. remarks: what else should be known.
     """
 
     file: Path
@@ -44,7 +44,8 @@ class Converted:
     def document(self) -> dict[str, Any]:
         """For JSON."""
         return {
-            "file": str(self.file), "samples": self.recording.time_s.size, "rate_hz": self.recording.rate_hz,
+            "file": f"{RECORDINGS}/{self.file.name}",
+            "samples": self.recording.time_s.size, "rate_hz": self.recording.rate_hz,
             "usable": not self.problems, "problems": list(self.problems), "remarks": list(self.remarks),
             "quality": self.quality.document(),
         }  # fmt: skip
@@ -201,7 +202,12 @@ def _list(study: Path, name: str, condition: Condition, about: dict[str, Any], u
 
 
 def _put(
-    file: Path, key: str, columns: Sequence[str], row: dict[str, str] | None, keep: bool = False, drop: str | None = None
+    file: Path,
+    key: str,
+    columns: Sequence[str],
+    row: dict[str, str] | None,
+    keep: bool = False,
+    drop: str | None = None,
 ) -> None:
     """Add or replace one row of a table; other rows and columns stay as they are."""
     rows: list[dict[str, str]] = []

@@ -69,8 +69,8 @@ class Generator:
         while b"\n" not in answer and len(answer) < _LONGEST_ANSWER:
             if time.monotonic() > deadline:
                 raise AcquisitionError(
-                    f"{self.port.name}: no answer to {command} within {_ANSWER_S:g} s; is it an SCPI generator, switched "
-                    f"on, at {self.port.baud} baud?"
+                    f"{self.port.name}: no answer to {command} within {_ANSWER_S:g} s; is it an SCPI generator, "
+                    f"switched on, at {self.port.baud} baud?"
                 )
             answer += self.port.read()
         return answer.split(b"\n")[0].strip().decode("ascii", "replace")
@@ -130,7 +130,9 @@ class Generator:
                 if self.query("OUTP?") in ("0", "OFF"):
                     self.is_on = False
                     return
-        raise AcquisitionError(f"{self.port.name}: the generator does not confirm OUTP OFF; switch the amplifier off by hand.")
+        raise AcquisitionError(
+            f"{self.port.name}: the generator does not confirm OUTP OFF; switch the amplifier off by hand."
+        )
 
     def close(self) -> None:
         """Output off, guard dismissed, port closed."""

@@ -34,8 +34,8 @@ class Safety:
         travel = peak_to_peak / (2 * np.pi * frequency_hz) ** 2
         if travel > self.displacement_m:
             raise SettingError(
-                f"{peak_to_peak:g} m/s^2 peak to peak at {frequency_hz:g} Hz move the base by {1e3 * travel:.3g} mm, more than "
-                f"the limit of {1e3 * self.displacement_m:g} mm; choose a higher frequency or a lower acceleration."
+                f"{peak_to_peak:g} m/s^2 peak to peak at {frequency_hz:g} Hz move the base by {1e3 * travel:.3g} mm, "
+                f"more than {1e3 * self.displacement_m:g} mm; choose a higher frequency or a lower acceleration."
             )
         if 0.5 * peak_to_peak > self.peak_m_s2:
             raise SettingError(
@@ -104,12 +104,12 @@ def reach(
             return Level(found, volts, step)
         if found < _ANSWER and volts >= 0.1 * safety.volts:
             raise AcquisitionError(
-                f"the base does not follow: {found:.2g} m/s^2 peak to peak at {volts:.3g} V; check amplifier and base sensor."
+                f"the base does not follow: {found:.2g} m/s^2 at {volts:.3g} V; check amplifier and base sensor."
             )
         needed = volts * wanted / max(found, 1e-6)
         if needed > safety.volts and volts >= safety.volts:
             raise AcquisitionError(
-                f"{wanted:g} m/s^2 at {frequency_hz:g} Hz would need about {needed:.3g} V and the limit is {safety.volts:g} V; "
+                f"{wanted:g} m/s^2 at {frequency_hz:g} Hz would need about {needed:.3g} V, beyond {safety.volts:g} V; "
                 "raise the amplifier's gain or --max-volts."
             )
         volts = min(needed, safety.growth * volts, safety.volts)

@@ -1,8 +1,10 @@
-"""The text wire format, for simple boards: the CSV of docs/recordings.md, line by line, under a line that says who sends it.
+"""The text wire format, for simple boards: the CSV of docs/recordings.md, line by line, below a line on the board.
+
+For example:
 
     # fas board=uno rate_hz=1000 range_m_s2=39.2 crc=1
     time_us,base_m_s2,malleolus_m_s2
-    1000,0.12,-0.38*6A3B
+    1000,0.12,-0.38*53E1
 """
 
 import math

@@ -1,4 +1,4 @@
-"""What a board says, whatever the wire format: who it is (Hello), samples (Block), and what could not be read (Damage)."""
+"""What a board says in either wire format: who it is (Hello), samples (Block), and what is unreadable (Damage)."""
 
 from dataclasses import dataclass
 

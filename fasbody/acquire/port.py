@@ -1,5 +1,7 @@
 """A serial port: the only place that knows pyserial."""
 
+import contextlib
+import os
 from dataclasses import dataclass
 
 from fasbody.exceptions import AcquisitionError
@@ -53,7 +55,8 @@ class Port:
             self._serial.reset_input_buffer()
         except (serial.SerialException, OSError, ValueError) as error:
             known = ", ".join(port.device for port in ports()) or "none"
-            reason = getattr(error, "strerror", None) or str(error).split(":")[-1].strip()
+            number = getattr(error, "errno", None)
+            reason = os.strerror(number) if number else str(error)
             raise Unplugged(f"{name}: cannot be opened ({reason}); ports of this computer: {known}.") from None
 
     def read(self) -> bytes:
@@ -84,7 +87,5 @@ class Port:
 
     def close(self) -> None:
         """Close; a port that went away is closed too."""
-        try:
+        with contextlib.suppress(OSError):
             self._serial.close()
-        except OSError:
-            pass

@@ -11,7 +11,7 @@ _LISTEN_S, _ASK_S = 1.3, 0.5
 
 @dataclass(frozen=True)
 class Found:
-    """What answered: kind ("board", "generator", "unknown bytes" or "silence"), at which baud rate, who it says it is."""
+    """What answered: kind ("board", "generator", "unknown bytes", "silence"), at which baud rate, who it says it is."""
 
     port: str
     kind: str

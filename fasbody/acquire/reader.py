@@ -1,5 +1,6 @@
 """A thread that does nothing but read the board's port, so that no display and no fit can make it late."""
 
+import contextlib
 import threading
 import time
 from collections import deque
@@ -71,10 +72,8 @@ class Reader(threading.Thread):
         """Send bytes to the board if it is there."""
         port = self._port
         if port is not None:
-            try:
+            with contextlib.suppress(Unplugged):  # the reading side notices and reports it
                 port.write(data)
-            except Unplugged:
-                pass  # the reading side notices and reports it
 
     def close(self) -> None:
         """Stop reading and close the port."""
@@ -115,7 +114,7 @@ class Reader(threading.Thread):
             except Unplugged:
                 if time.monotonic() > deadline:
                     raise AcquisitionError(
-                        f"{self.port_name}: unplugged, and not back after {self.patience:g} s; plug it in and start again."
+                        f"{self.port_name}: unplugged, and not back after {self.patience:g} s; plug it in, start again."
                     ) from gone
                 continue
             self._put(Arrival(time.monotonic(), b"", "replugged"))

@@ -88,7 +88,8 @@ def run(plan: Plan, board: Board, generator: Generator | None = None) -> list[Co
             level = None
             if generator is not None and frequency is not None:
                 board.doing = f"{frequency:g} Hz: finding the level"
-                level = reach(generator, board, frequency, plan.peak_to_peak, plan.safety, volts_per * plan.peak_to_peak)
+                guess = volts_per * plan.peak_to_peak
+                level = reach(generator, board, frequency, plan.peak_to_peak, plan.safety, guess)
                 volts_per = level.volts / level.peak_to_peak
                 board.collect(max(0.1, plan.settle_s))
             one = _trial(plan, board, generator, frequency, level)
@@ -168,9 +169,8 @@ def _keep(plan: Plan, capture: Capture, why: str) -> None:
         console.print(str(convert(capture.files, plan.study, plan.limits, stopped=why)), soft_wrap=True)
     except FasError as error:
         names = " ".join(str(file) for file in capture.files)
-        console.print(
-            f"not converted ({error}) What was received: python -m fasbody.acquire recover {names}", soft_wrap=True, markup=False
-        )
+        text = f"not converted ({error}) What was received: python -m fasbody.acquire recover {names}"
+        console.print(text, soft_wrap=True, markup=False)
 
 
 def _about(

@@ -1,7 +1,7 @@
-"""What the virtual bench is made of: an SCPI instrument, a shaker with amplifier, and a MuJoCo foot stepped piece by piece."""
+"""What the virtual bench is made of: an SCPI instrument, a shaker, and a MuJoCo foot stepped piece by piece."""
 
 from collections import deque
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -22,7 +22,7 @@ NOISE_BASE, NOISE_MALLEOLUS = 0.03, 0.05
 class Shaker:
     """State of the SCPI generator. `do` takes one command and returns the answer to a query."""
 
-    LIMITS = {"FREQ": (1e-3, 1e6), "VOLT": (0.0, 20.0)}
+    LIMITS: ClassVar = {"FREQ": (1e-3, 1e6), "VOLT": (0.0, 20.0)}
 
     def __init__(self) -> None:
         self.errors: deque[str] = deque(maxlen=20)

@@ -9,6 +9,8 @@ import numpy as np
 from fasbody.acquire.messages import Block, Damage, Hello, Message
 
 _TURN = 2**32
+#: Sections of a recording for the comparison of clocks.
+_SECTIONS = 10
 
 
 @dataclass(frozen=True)
@@ -74,10 +76,8 @@ class Quality:
             texts.append("no samples arrived")
         if self.gaps:
             first = self.gaps[0]
-            texts.append(
-                f"{self.lost_samples} samples are missing in {len(self.gaps)} gaps (the first after {first.after_s:.4g} s, "
-                f"{first.cause})"
-            )
+            where = f"the first after {first.after_s:.4g} s, {first.cause}"
+            texts.append(f"{self.lost_samples} samples are missing in {len(self.gaps)} gaps ({where})")
         over = {name: count for name, count in self.over_range.items() if count}
         if over:
             texts.append("over range: " + ", ".join(f"{name} {count} samples" for name, count in over.items()))
@@ -232,14 +232,19 @@ class Timeline:
 
 
 def _slope(pairs: list[tuple[float, float]]) -> tuple[float, float]:
-    """Device clock against host clock [ppm] and its standard error, by regression over arrival times."""
-    if len(pairs) < 10:
+    """Device clock against host clock [ppm] and its standard error.
+
+    Bytes may come late by chance, never early: a line through the least late arrival of each section is used.
+    """
+    if len(pairs) < 4 * _SECTIONS:
         return 0.0, float("inf")
     device, host = np.array(pairs).T
-    x = host - host.mean()
+    late = host - device
+    first = [part[np.argmin(late[part])] for part in np.array_split(np.arange(late.size), _SECTIONS)]
+    x, y = host[first] - host[first].mean(), -late[first]
     spread = x @ x
     if spread <= 0:
         return 0.0, float("inf")
-    slope = x @ device / spread
-    residual = device - device.mean() - slope * x
-    return 1e6 * float(slope - 1), 1e6 * float(np.sqrt(residual @ residual / (len(pairs) - 2) / spread))
+    slope = x @ y / spread
+    residual = y - y.mean() - slope * x
+    return 1e6 * float(slope), 1e6 * float(np.sqrt(residual @ residual / (_SECTIONS - 2) / spread))

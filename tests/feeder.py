@@ -1,0 +1,71 @@
+"""A board made of a thread: known samples in real time over a pseudo-terminal, with faults on demand."""
+
+import threading
+import time
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from fasbody.acquire.bench import FRAME_SAMPLES, Line, corrupt
+from fasbody.acquire.frames import encode_data, encode_hello
+from fasbody.acquire.messages import Channel, Hello
+
+RANGE = 39.2
+COUNTS = 1024.0  # a power of two: nothing is rounded on the way
+
+
+def hello(rate_hz: float = 1000.0, channels: int = 2, bits: int = 16, boot: int = 1) -> Hello:
+    roles = ("base", "malleolus", "tuberosity")[:channels]
+    return Hello("feeder", rate_hz, tuple(Channel(r, RANGE, COUNTS) for r in roles), bits, FRAME_SAMPLES, boot)
+
+
+def counts_of(index: np.ndarray, channels: int) -> np.ndarray:
+    """Counts of each sample (n, channels): a function of its number alone, so that every value can be checked."""
+    c = np.arange(channels)
+    return ((index[:, None] * 7919 + c * 104729) % 20011 - 10005).astype(np.int32)
+
+
+class Feeder:
+    """Sends frames in real time from a thread; `sent` is the number of samples a channel so far."""
+
+    def __init__(self, folder: Path, rate_hz: float = 1000.0, channels: int = 2, damage: float = 0.0) -> None:
+        self.line = Line(folder / "feeder")
+        self.port = str(self.line.link)
+        self.hello = hello(rate_hz, channels)
+        self.sent = self.injected = 0
+        self.paused = False
+        self.garbage = False
+        self.amplitude = 0  # counts added to every sample
+        self._damage, self._rng = damage, np.random.default_rng(5)
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> "Feeder":
+        self.line.plug()
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._end.set()
+        self._thread.join()
+        self.line.unplug()
+
+    def _run(self) -> None:
+        start, n, frame = time.monotonic(), FRAME_SAMPLES, 0
+        rate = self.hello.rate_hz
+        while not self._end.is_set():
+            time.sleep(max(0.0, start + (frame + 1) * n / rate - time.monotonic()))
+            out = b""
+            if frame % round(rate / n) == 0 or self.line.receive():
+                out = encode_hello(self.hello)
+            counts = counts_of(np.arange(frame * n, (frame + 1) * n), len(self.hello.channels)) + self.amplitude
+            clean = encode_data(frame, round(frame * n / rate * 1e6), counts, 16)
+            dirty = corrupt(clean, self._damage, self._rng) if self._damage else clean
+            self.injected += dirty != clean
+            if not self.paused:
+                self.line.send(self._rng.bytes(80) if self.garbage else out + dirty)
+            frame += 1
+            self.sent = frame * n
