@@ -62,7 +62,7 @@ class Feeder:
             if frame % round(rate / n) == 0 or self.line.receive():
                 out = encode_hello(self.hello)
             counts = counts_of(np.arange(frame * n, (frame + 1) * n), len(self.hello.channels)) + self.amplitude
-            clean = encode_data(frame, round(frame * n / rate * 1e6), counts, 16)
+            clean = encode_data(frame, round(frame * n / rate * 1e6), np.clip(counts, -32768, 32767), 16)
             dirty = corrupt(clean, self._damage, self._rng) if self._damage else clean
             self.injected += dirty != clean
             if not self.paused:

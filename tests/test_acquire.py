@@ -53,14 +53,15 @@ def feeder(tmp_path: Path) -> Iterator[Feeder]:
 
 
 def capture_of(study: Path, stem: str, wire: bytes, seconds: float | None = None, rate: float = 1000.0) -> Path:
-    """A capture file of a stream at one moment."""
+    """A capture file of a stream of frames, arriving evenly."""
+    duration = 16 / rate * wire.count(b"\0")
     reader = FrameReader()
     reader.feed(encode_hello(hello(rate)))
     capture = Capture(study / "captures" / f"{stem}.fascap")
     about = {"seconds": seconds, "preamble": reader.preamble.hex(), "condition": CONDITION.__dict__, "origin": "measured"}
     capture.add("M", 0.0, about)
-    for i, start in enumerate(range(0, len(wire), 500)):
-        capture.add("B", 0.01 * i, wire[start : start + 500])
+    for start in range(0, len(wire), 500):
+        capture.add("B", duration * start / len(wire), wire[start : start + 500])
     capture.close()
     return capture.file
 
@@ -237,7 +238,7 @@ def test_killed_mid_run_then_recovered(tmp_path: Path, feeder: Feeder, bench: Be
     victim = subprocess.Popen(command(*words), env=ENVIRONMENT, stderr=subprocess.DEVNULL)
     file = study / "captures" / "broadband_0kg.fascap"
     deadline = time.monotonic() + 60
-    while not (file.is_file() and file.stat().st_size > 40_000):
+    while not (file.is_file() and file.stat().st_size > 12_000):
         assert time.monotonic() < deadline and victim.poll() is None
         time.sleep(0.02)
     sent = feeder.sent
@@ -348,7 +349,7 @@ def test_instrument_reports_errors(bench: Bench) -> None:
             generator.command("BANANA")
     shaker = Shaker()
     assert shaker.do("FREQ abc") is None and shaker.do("SYST:ERR?") == '-104,"Data type error"'
-    assert shaker.do("WHAT?") == "" and shaker.output()["volts"] == 0.0
+    assert shaker.do("WHAT?") is None and shaker.output()["volts"] == 0.0
 
 
 def test_probe_tells_boards_from_generators(bench: Bench, feeder: Feeder) -> None:
@@ -425,17 +426,17 @@ def test_interrupted_sweep_keeps_what_it_has(tmp_path: Path, bench: Bench) -> No
 def test_from_the_shaker_to_the_parameters(tmp_path: Path) -> None:
     """A sweep on the virtual bench, then the fit: every parameter within four standard errors of the bench's own."""
     study, out = tmp_path / "study", tmp_path / "out"
-    words = ["--simulate", "--sweep", "15:45:10", "--seconds", "1.5", "--out", str(study), "--json"]
+    words = ["--simulate", "--sweep", "15:45:15", "--seconds", "1.5", "--out", str(study), "--json"]
     done = subprocess.run(command(*words), env=ENVIRONMENT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert [one["usable"] for one in json.loads(done.stdout)["recordings"]] == [True] * 4
+    assert [one["usable"] for one in json.loads(done.stdout)["recordings"]] == [True] * 3
     fit = [sys.executable, "-m", "identification.fit", str(study), "--starts", "2", "--out", str(out), "--json"]
     result = json.loads(subprocess.run(fit, env=ENVIRONMENT, capture_output=True, text=True, check=True).stdout)
     assert result["origin"] == "synthetic"
     estimates = next(b for b in result["branches"] if b["name"] == "stiff ankle")["parameters"]
     for name, truth in TRUTH.items():
         found = next(e for key, e in estimates.items() if key.startswith(f"{name}_"))
-        inside = abs(found["value"] - truth) < 4 * found["std"]
+        inside = abs(found["value"] - truth) < 4 * found["std_error"]
         assert inside or found["at_bound"], (name, found, truth)
     for name in ("k_T_n_per_m", "k_F_n_per_m", "c_11_n_s_per_m", "c_21_n_s_per_m"):
-        assert estimates[name]["std"] < 0.03 * estimates[name]["value"]
+        assert estimates[name]["std_error"] < 0.03 * estimates[name]["value"]

@@ -41,12 +41,11 @@ def probe(name: str, rates: tuple[int, ...] = BAUD_RATES) -> Found:
                 decoder.feed(port.read())
             if decoder.hello is not None:
                 return Found(name, "board", baud, str(decoder.hello))
-            if decoder.bytes:
-                heard = Found(name, "unknown bytes", baud, f"{decoder.bytes} bytes in {_LISTEN_S:g} s, no hello")
-                continue
             answer = _identity(port)
             if answer.count(",") >= 2 and answer.isprintable():
                 return Found(name, "generator", baud, answer)
+            if decoder.bytes:
+                heard = Found(name, "unknown bytes", baud, f"{decoder.bytes} bytes in {_LISTEN_S:g} s, no hello")
         finally:
             port.close()
     return heard

@@ -61,7 +61,7 @@ class Shaker:
         else:
             self.errors.append('-222,"Data out of range"')
 
-    def _answer(self, head: str) -> str:
+    def _answer(self, head: str) -> str | None:
         if head == "*IDN":
             return "FAS,virtual generator,0,1"
         if head == "SYST:ERR":
@@ -71,7 +71,7 @@ class Shaker:
         if head in self.values:
             return f"{self.values[head]:g}"
         self.errors.append('-113,"Undefined header"')
-        return ""
+        return None
 
     def output(self) -> dict[str, Any]:
         """What comes out: amplitude [V peak to peak] and frequency."""
