@@ -17,7 +17,7 @@ from fasbody.exceptions import FasError, InputFileError
 #: Everything for people goes to stderr, so that ``--json`` leaves one clean document on stdout.
 console = Console(stderr=True, highlight=False)
 #: Results for people go to stdout, unless ``--json`` has it.
-results = Console(highlight=False)
+results = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
 
 
 def command_line(app: Callable[[], object]) -> None:
@@ -28,7 +28,7 @@ def command_line(app: Callable[[], object]) -> None:
         console.print(f"[bold red]error:[/] {_escape(str(error))}", soft_wrap=True)
         sys.exit(2)
     except KeyboardInterrupt:
-        console.print("interrupted; finished results are kept")
+        console.print("interrupted")
         sys.exit(130)
 
 
@@ -72,6 +72,20 @@ def write_whole(path: Path, content: str | bytes) -> Path:
         except BaseException:
             Path(name).unlink(missing_ok=True)
             raise
+    except OSError as error:
+        raise InputFileError(path, f"cannot be written ({error.strerror})", "name a writable folder") from error
+    return path
+
+
+def make_folder(path: Path) -> Path:
+    """Make a folder for results before the work that fills it, so that a wrong name costs no time.
+
+    Raises:
+        InputFileError: it cannot be made or written.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=path).close()
     except OSError as error:
         raise InputFileError(path, f"cannot be written ({error.strerror})", "name a writable folder") from error
     return path

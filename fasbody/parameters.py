@@ -79,7 +79,7 @@ class Parameter:
         return self.lower > 0.0
 
     def read(self, model: mujoco.MjModel) -> float:
-        """Value in the model (the sum over its places, which share it)."""
+        """Value in the model, from its first place and the share of the value that stands there."""
         place = self.places[0]
         return float(getattr(model, place.field).ravel()[place.index] / place.share)
 
@@ -130,14 +130,17 @@ def declared(model: mujoco.MjModel, name: str) -> Parameters:
         symbol = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, number)
         start = model.text_adr[number]
         data = model.text_data[start : start + model.text_size[number]].decode().rstrip("\0")
-        if data.count("|") == 4:  # other custom texts are none of ours
+        if "|" in data:  # other custom texts are none of ours
             items.append(_parse(model, symbol, data, name))
     return Parameters(items, name)
 
 
 def _parse(model: mujoco.MjModel, symbol: str, data: str, name: str) -> Parameter:
-    unit, lower, upper, places, source = (part.strip() for part in data.split("|"))
     here = f"{name}: parameter {symbol!r}"
+    parts = [part.strip() for part in data.split("|")]
+    if len(parts) != 5:
+        raise ModelError(f"{here} has {len(parts)} parts; needed are unit | lower | upper | where | source.")
+    unit, lower, upper, places, source = parts
     if unit not in _SUFFIX:
         raise ModelError(f"{here} has the unit {unit!r} (valid: {', '.join(filter(None, _SUFFIX))}).")
     try:

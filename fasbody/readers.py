@@ -43,10 +43,12 @@ def read_csv(file: Path) -> Channels:
     for index, name in enumerate(names):
         stem, _, unit = name.partition("_")
         if stem == "time" and unit in TIME_UNITS:
+            _once(file, wanted, "time_s")
             wanted["time_s"] = (index, TIME_UNITS[unit])
         elif stem in _CHANNELS:
             if unit not in UNITS:
                 raise InputFileError(file, unknown(f"unit of the column {stem!r}:", unit, UNITS), line=1)
+            _once(file, wanted, f"{stem}_m_s2")
             wanted[f"{stem}_m_s2"] = (index, UNITS[unit])
     missing = [name for name in ("time_s", "base_m_s2", "malleolus_m_s2") if name not in wanted]
     if missing:
@@ -56,6 +58,11 @@ def read_csv(file: Path) -> Channels:
         )
     frame = _numbers(file, text, separator, len(names), {name: index for name, (index, _) in wanted.items()})
     return {name: frame[name] * scale for name, (_, scale) in wanted.items()}
+
+
+def _once(file: Path, wanted: dict[str, tuple[int, float]], name: str) -> None:
+    if name in wanted:
+        raise InputFileError(file, f"has two columns for {name.removesuffix('_m_s2')}", "keep one of them", line=1)
 
 
 def read_table(file: Path, needed: Sequence[str]) -> pd.DataFrame:
@@ -89,7 +96,10 @@ def _text(file: Path) -> str:
     if file.stat().st_size > _LARGEST:
         raise InputFileError(file, f"is larger than {_LARGEST // 1_000_000} MB", "split it into recordings")
     try:
-        return file.read_text(encoding="utf-8-sig")
+        text = file.read_text(encoding="utf-8-sig")
+        if "\0" in text:
+            raise InputFileError(file, "is not a text file", "a CSV file with a header line is needed")
+        return text
     except UnicodeDecodeError:
         raise InputFileError(file, "is not a text file", "a CSV file with a header line is needed") from None
     except OSError as error:

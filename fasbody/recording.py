@@ -6,16 +6,23 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from fasbody.exceptions import InputFileError, RecordingError
-from fasbody.readers import Channels, column, read_csv, read_table
+from fasbody.readers import column, read_csv, read_table
 from fasbody.subjects import foot_mass, shank_mass
 
 #: The three columns that a recording needs, and one that it may have.
 HEADER = ("time_s", "base_m_s2", "malleolus_m_s2", "tuberosity_m_s2")
+
+
+#: What a person and a load on the knee can weigh.
+_MASS_LIMITS_KG = {"body": (20, 300), "added": (0, 100)}
+#: Origin of a bare file, which says nothing about itself.
+UNSTATED = "of unstated origin"
 
 
 @dataclass(frozen=True)
@@ -30,10 +37,11 @@ class Condition:
 
     @property
     def masses(self) -> dict[str, float]:
-        """m_S and m_F [kg] of section 4.5; empty if the body mass is unknown."""
+        """m_S (in the arch m_T) and m_F [kg] of section 4.5; empty if the body mass is unknown."""
         if self.body_mass_kg is None:
             return {}
-        return {"m_S": shank_mass(self.body_mass_kg, self.added_mass_kg), "m_F": foot_mass(self.body_mass_kg)}
+        shank = shank_mass(self.body_mass_kg, self.added_mass_kg)
+        return {"m_S": shank, "m_T": shank, "m_F": foot_mass(self.body_mass_kg)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +54,7 @@ class Recording:
         tuberosity_m_s2: (n,) tibial tuberosity [m/s^2], if recorded.
         condition: how it was made.
         file: where it came from, for messages.
-        origin: "measured" or "synthetic".
+        origin: "measured", "synthetic" or "of unstated origin" (a bare file).
         warnings: what the checks found that does not forbid its use.
     """
 
@@ -56,7 +64,7 @@ class Recording:
     tuberosity_m_s2: np.ndarray | None = None
     condition: Condition = field(default_factory=Condition)
     file: str = "recording"
-    origin: str = "measured"
+    origin: str = UNSTATED
     warnings: tuple[str, ...] = ()
 
     @property
@@ -70,7 +78,7 @@ class Recording:
 
     @classmethod
     def read(
-        cls, file: Path | str, condition: Condition | None = None, label: str = "", origin: str = "measured"
+        cls, file: Path | str, condition: Condition | None = None, label: str = "", origin: str = UNSTATED
     ) -> "Recording":
         """Read a CSV file with the header ``time_s,base_m_s2,malleolus_m_s2[,tuberosity_m_s2]`` (units may differ).
 
@@ -78,7 +86,7 @@ class Recording:
             file: the file.
             condition: what is known of the trial.
             label: what to call it in messages, default the file's name.
-            origin: "measured" or "synthetic".
+            origin: "measured" or "synthetic", if that is known.
 
         Raises:
             InputFileError: no such file, or it is not such a table; the message names line and column.
@@ -125,8 +133,12 @@ class Study:
         return f"{self.name}: {len(self.recordings)} {self.origin} recordings"
 
     @classmethod
-    def read(cls, folder: Path | str) -> "Study":
+    def read(cls, folder: Path | str, only: Path | None = None) -> "Study":
         """Read `study.toml`, `subjects.csv` and `recordings.csv` of a folder, and every recording they list.
+
+        Args:
+            folder: the study.
+            only: read just this one of its recordings.
 
         Raises:
             InputFileError: a file is missing or has a wrong place in it.
@@ -150,6 +162,10 @@ class Study:
             path = root / str(row["file"])
             if not path.resolve().is_relative_to(root.resolve()):
                 raise InputFileError(file, f"{row['file']!r} lies outside the study's folder", line=i + 2)
+            if only is not None and path.resolve() != only.resolve():
+                continue
+            _plausible(float(masses[subject]), "body", f"{root / 'subjects.csv'}: subject {subject}")
+            _plausible(float(added[i]), "added", f"{file}, line {i + 2}")
             condition = Condition(
                 subject=subject,
                 posture=str(row.get("posture", "midstance")),
@@ -157,10 +173,11 @@ class Study:
                 body_mass_kg=float(masses[subject]),
                 frequency_hz=float(frequency[i]) if np.isfinite(frequency[i]) else None,
             )
-            recording = Recording.read(path, condition, origin=about["origin"], label=str(row["file"]))
+            recording = Recording.read(path, condition, origin=about["origin"], label=f"{root.name}/{row['file']}")
             recordings.append(channels.apply(recording))
         if not recordings:
-            raise InputFileError(file, "lists no recording", "one row a recording is needed")
+            missing = "lists no recording" if only is None else f"does not list {only.name}"
+            raise InputFileError(file, missing, "one row a recording is needed")
         return cls(about["name"], about["origin"], about["description"], tuple(recordings))
 
 
@@ -184,10 +201,18 @@ def _describe(file: Path) -> tuple[dict[str, str], "_Corrections"]:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputFileError(file, f"is not TOML ({error})") from None
     about = {"name": file.parent.resolve().name, "origin": "measured", "description": ""}
-    about |= {key: str(value) for key, value in document.get("study", {}).items() if key in about}
+    about |= {key: str(value) for key, value in _table(file, document, "study").items() if key in about}
     if about["origin"] not in ("measured", "synthetic"):
         raise InputFileError(file, f"origin is {about['origin']!r}", 'valid: "measured", "synthetic"')
-    return about, _Corrections.from_toml(file, document.get("channels", {}))
+    return about, _Corrections.from_toml(file, _table(file, document, "channels"))
+
+
+def _table(file: Path, document: Any, name: str) -> dict[str, Any]:
+    """A table of a TOML document, empty if it is not there."""
+    table = document.get(name, {})
+    if not isinstance(table, dict):
+        raise InputFileError(file, f"{name} is {table!r}", f"it must be a table, [{name}]")
+    return table
 
 
 @dataclass(frozen=True)
@@ -198,23 +223,24 @@ class _Corrections:
     delay: dict[str, float]
 
     @classmethod
-    def from_toml(cls, file: Path, tables: dict[str, dict[str, object]]) -> "_Corrections":
+    def from_toml(cls, file: Path, tables: dict[str, Any]) -> "_Corrections":
         names = [name.removesuffix("_m_s2") for name in HEADER[1:]]
         factor, delay = {}, {}
-        for name, table in tables.items():
+        for name in tables:
             if name not in names:
                 raise InputFileError(file, f"describes the channel {name!r}", f"valid: {', '.join(names)}")
+            table = _table(file, tables, name)
             valid = ("unit", "sign", "sensitivity", "delay_s")
             for key, value in table.items():
-                if key not in valid or (key != "unit" and not isinstance(value, int | float)):
-                    raise InputFileError(
-                        file, f"channels.{name}.{key} = {value!r}", f"valid: {', '.join(valid)}, numbers"
-                    )
-            sensitivity = float(table.get("sensitivity", 1.0))  # type: ignore[arg-type]
+                number = isinstance(value, int | float) and math.isfinite(value)
+                if key not in valid or (key != "unit" and not number):
+                    here = f"channels.{name}.{key} = {value!r}"
+                    raise InputFileError(file, here, f"valid: {', '.join(valid)}, with finite numbers")
+            sensitivity = float(table.get("sensitivity", 1.0))
             if sensitivity == 0:
                 raise InputFileError(file, f"channels.{name}.sensitivity is zero", "give recorded unit per m/s^2")
-            factor[name] = float(table.get("sign", 1.0)) / sensitivity  # type: ignore[arg-type]
-            delay[name] = float(table.get("delay_s", 0.0))  # type: ignore[arg-type]
+            factor[name] = float(table.get("sign", 1.0)) / sensitivity
+            delay[name] = float(table.get("delay_s", 0.0))
         return cls(factor, delay)
 
     def apply(self, recording: Recording) -> Recording:
@@ -234,6 +260,27 @@ class _Corrections:
         return replace(recording, **changed) if changed else recording
 
 
+def read_file(file: Path) -> Recording:
+    """A recording with its conditions where it lies in a study that lists it, else as a bare file.
+
+    Raises:
+        InputFileError: it, or the study around it, cannot be read.
+    """
+    for folder in file.resolve().parents[:2]:
+        table = folder / "recordings.csv"
+        if (folder / "study.toml").is_file() and table.is_file():
+            listed = {(folder / str(name)).resolve() for name in read_table(table, ("file",))["file"]}
+            if file.resolve() in listed:
+                return Study.read(folder, only=file).recordings[0]
+    return Recording.read(file)
+
+
+def _plausible(mass_kg: float, name: str, here: str) -> None:
+    low, high = _MASS_LIMITS_KG[name]
+    if not low <= mass_kg <= high:
+        raise RecordingError(f"{here}: the {name} mass is {mass_kg:g} kg; it must lie between {low} and {high} kg.")
+
+
 def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg: float | None) -> Recording:
     """The recording with masses given on the command line in place of its own.
 
@@ -241,12 +288,8 @@ def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg:
         RecordingError: a mass is not a plausible number.
     """
     condition = recording.condition
-    for name, value, low, high in (("body", body_mass_kg, 20, 300), ("added", added_mass_kg, 0, 100)):
+    for name, value in (("body", body_mass_kg), ("added", added_mass_kg)):
         if value is not None:
-            if not low <= value <= high:
-                raise RecordingError(f"the {name} mass is {value:g} kg; it must lie between {low} and {high} kg.")
+            _plausible(value, name, recording.file)
             condition = replace(condition, **{f"{name}_mass_kg": value})  # type: ignore[arg-type]
     return replace(recording, condition=condition)
-
-
-__all__ = ["HEADER", "Channels", "Condition", "Recording", "Study", "with_masses"]

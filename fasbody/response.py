@@ -28,6 +28,7 @@ class Harmonics:
         std: (H,) standard deviation of the real, and of the imaginary, part of each.
         offset: mean [m/s^2]. sigma: standard deviation of the noise in a sample [m/s^2].
         scatter: relative standard deviation of the fundamental over the recording's parts: how periodic it is.
+        onset: relative difference of the first part's fundamental from the others': a start-up transient.
     """
 
     frequency_hz: float
@@ -36,6 +37,7 @@ class Harmonics:
     offset: float
     sigma: float
     scatter: float
+    onset: float
 
     def __str__(self) -> str:
         size = ", ".join(f"{abs(a):.4g}" for a in self.amplitudes)
@@ -65,8 +67,8 @@ def fit_harmonics(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, c
     sigma = float(np.sqrt(residual @ residual / dof))
     amplitudes = coefficients[1::2] - 1j * coefficients[2::2]
     std = np.full(count, sigma) * np.sqrt(2 / signal.size) * _colour(residual, rate, frequency_hz, count)
-    std, scatter = _with_scatter(time_s, signal, frequency_hz, count, std, amplitudes[0])
-    return Harmonics(frequency_hz, amplitudes[:count], std, float(coefficients[0]), sigma, scatter)
+    std, scatter, onset = _with_scatter(time_s, signal, frequency_hz, count, std, amplitudes[0])
+    return Harmonics(frequency_hz, amplitudes[:count], std, float(coefficients[0]), sigma, scatter, onset)
 
 
 def find_frequency(time_s: np.ndarray, signal: np.ndarray, guess_hz: float | None = None) -> float:
@@ -139,12 +141,12 @@ def _colour(residual: np.ndarray, rate: float, frequency_hz: float, count: int) 
 
 def _with_scatter(
     time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, count: int, std: np.ndarray, fundamental: complex
-) -> tuple[np.ndarray, float]:
+) -> tuple[np.ndarray, float, float]:
     """Widen `std` to the scatter between parts of the recording where that is larger beyond chance."""
     periods = int((time_s[-1] - time_s[0]) * frequency_hz)
     parts = min(10, periods // 3)
     if parts < 4:
-        return std, 0.0
+        return std, 0.0, 0.0
     edges = np.linspace(0, time_s.size, parts + 1).astype(int)
     rows = []
     for a, b in pairwise(edges):
@@ -154,4 +156,6 @@ def _with_scatter(
     between = np.std(np.array(rows), axis=0, ddof=1) / np.sqrt(2 * parts)  # of a real part of the mean
     scatter = float(between[0] * np.sqrt(2 * parts) / max(1e-300, abs(fundamental)))
     wide = between > 2.0 * std  # chi-square with 2 (parts - 1) >= 6 degrees: chance below 1e-3
-    return np.where(wide, between, std), scatter
+    first = [row[0] for row in rows]
+    onset = float(abs(first[0] - np.mean(first[1:])) / max(1e-300, abs(fundamental)))
+    return np.where(wide, between, std), scatter, onset

@@ -50,7 +50,7 @@ def replay(
     columns = Columns(foot, ())
     traces: list[np.ndarray] = [np.empty(0)] * len(recordings)
     base_error, difference = 0.0, 0.0
-    grids = [grid(recording) for recording in recordings]
+    grids = [grid(recording, foot) for recording in recordings]
     declared = {name: value for name, value in values.items() if name in foot.parameters}
     engine = TimeTwin(foot, recordings) if twin else None
     for shape in dict.fromkeys(grids):

@@ -41,6 +41,10 @@ class Problem(Protocol):
         """Covariance of the active ones of q, NaN for the others."""
 
 
+#: Every residual of a parameter set whose motion is unstable.
+UNSTABLE = 1e6
+
+
 @dataclass(frozen=True, eq=False)
 class Descent:
     """One descent.
@@ -48,6 +52,7 @@ class Descent:
     Attributes:
         label: which start. theta0, theta: parameters at start and end. z: full search variable at the end.
         cost: weighted sum of squares at the end. evaluations: of residual and Jacobian. converged: by its tolerances.
+        unstable: it never left the parameter sets whose motion is unstable.
     """
 
     label: str
@@ -57,6 +62,7 @@ class Descent:
     cost: float
     evaluations: int
     converged: bool
+    unstable: bool
 
 
 def descend(
@@ -86,6 +92,7 @@ def descend(
         cost=2 * float(found.cost),
         evaluations=problem.evaluations - before,
         converged=bool(found.success),
+        unstable=bool((found.fun == UNSTABLE).all()),
     )
 
 

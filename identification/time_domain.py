@@ -19,13 +19,13 @@ from fasbody.shaker import samples
 from fasbody.two_dof import NAMES, trajectory
 from identification.columns import Columns
 from identification.periodic import inverse_of_gram
+from identification.search import UNSTABLE
 from identification.space import DELAY, Space
 
 #: Longest time step [s]; each sampling interval is divided into whole steps.
 LONGEST_STEP = 5e-4
 #: Bound of the scaled initial states.
 _WIDE = 1e3
-_UNSTABLE = 1e8
 
 
 class TimeEngine(Protocol):
@@ -40,10 +40,10 @@ class TimeEngine(Protocol):
         """Output (n,) at the samples and derivatives (n, states + p) to initial states and named parameters."""
 
 
-def grid(recording: Recording) -> tuple[float, int, int]:
-    """Time step [s], number of steps and steps a sample."""
+def grid(recording: Recording, foot: Foot) -> tuple[float, int, int]:
+    """Time step [s], number of steps and steps a sample; the model's own step where it asks for a finer one."""
     interval = 1.0 / recording.rate_hz
-    stride = max(1, int(np.ceil(interval / LONGEST_STEP - 1e-9)))
+    stride = max(1, int(np.ceil(interval / min(LONGEST_STEP, foot.step) - 1e-6)))
     return interval / stride, recording.time_s.size * stride, stride
 
 
@@ -63,7 +63,7 @@ class TimeTwin:
         self.order = np.array([0, 1, 2, 3] if ankle < pad else [1, 0, 3, 2])
         self._runs = []
         for recording in recordings:
-            h, n, stride = grid(recording)
+            h, n, stride = grid(recording, foot)
             motion = samples(recording.time_s - recording.time_s[0], recording.base_m_s2)
             self._runs.append((motion.half_steps(h, n), h, stride, recording.condition.masses))
 
@@ -93,7 +93,7 @@ class TimeRollouts:
         self.state_scale = self.columns.scale
         self._runs = []
         for recording in recordings:
-            h, n, stride = grid(recording)
+            h, n, stride = grid(recording, foot)
             motion = samples(recording.time_s - recording.time_s[0], recording.base_m_s2)
             self._runs.append((motion.controls(h, n), h, stride, recording.condition.masses))
 
@@ -219,7 +219,7 @@ class TimeProblem:
                     rows = slice(i * width, i * width + R.shape[0])
                     r[rows], J[rows, self._columns(i)] = R[:, -1], R[:, :-1]
             except SimulationError:
-                r[:], J[:] = _UNSTABLE, 0.0
+                r[:], J[:] = UNSTABLE, 0.0
             self._cache = (key, r, J)
         return self._cache[1], self._cache[2]
 
