@@ -56,8 +56,11 @@ def crc_modbus(data: bytes) -> int:
 
 
 def wrap(payload: bytes) -> bytes:
-    """A payload as it goes over the wire: with both CRCs, stuffed, and closed by a zero byte."""
-    return cobs.encode(payload + struct.pack("<HH", crc_ccitt(payload), crc_modbus(payload))) + b"\0"
+    """A payload as it goes over the wire: with both CRCs, stuffed, between two zero bytes.
+
+    The first zero keeps a frame readable whose predecessor lost its last one.
+    """
+    return b"\0" + cobs.encode(payload + struct.pack("<HH", crc_ccitt(payload), crc_modbus(payload))) + b"\0"
 
 
 def encode_hello(hello: Hello) -> bytes:
