@@ -33,7 +33,8 @@ class Feeder:
         self.line = Line(folder / "feeder")
         self.port = str(self.line.link)
         self.hello = hello(rate_hz, channels)
-        self.sent = self.injected = 0
+        self.sent = 0
+        self.damaged: set[int] = set()  # numbers of the frames that went out damaged
         self.paused = False
         self.garbage = False
         self.amplitude = 0  # counts added to every sample
@@ -64,7 +65,8 @@ class Feeder:
             counts = counts_of(np.arange(frame * n, (frame + 1) * n), len(self.hello.channels)) + self.amplitude
             clean = encode_data(frame, round(frame * n / rate * 1e6), np.clip(counts, -32768, 32767), 16)
             dirty = corrupt(clean, self._damage, self._rng) if self._damage else clean
-            self.injected += dirty != clean
+            if dirty != clean:
+                self.damaged.add(frame)
             if not self.paused:
                 self.line.send(self._rng.bytes(80) if self.garbage else out + dirty)
             frame += 1

@@ -18,6 +18,8 @@ from fasbody.exceptions import AcquisitionError
 WINDOW_S = 2.0
 #: Silence of a board that means a stall [s].
 STALLED_S = 3.0
+#: Silence that ends the excitation [s]: nobody watches the base any more.
+BLIND_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -104,6 +106,10 @@ class Board:
                     self.watch.check(message.samples[:, self.base])
         if self.listener is not None:
             self.listener(self)
+        if self.watch is not None and time.monotonic() - self._last > BLIND_S:
+            raise AcquisitionError(
+                f"{self.reader.port_name}: no samples for {BLIND_S:g} s while the shaker was on; output off."
+            )
         if self.reader.failure is None and not arrivals and time.monotonic() - self._last > self._patience:
             raise AcquisitionError(
                 f"{self.reader.port_name}: the board is silent for {STALLED_S:g} s; check its supply and firmware."
@@ -133,6 +139,7 @@ class Board:
         """Wait for so many seconds of new samples; (n, channels) [m/s^2]. For less than WINDOW_S."""
         hello = self.decoder.hello
         assert hello is not None
+        self.pump(0.0)  # what came while nobody asked is not new
         self.forget()
         count = round(seconds * hello.rate_hz)
         deadline = time.monotonic() + 2 * seconds + STALLED_S

@@ -76,10 +76,8 @@ def render(board: Board) -> Group:
     top = min(_HIGHEST_HZ, hello.rate_hz / 2)
     lines.append(Text(f"base, 0 to {top:g} Hz, 60 dB  |{spectrum}|"))
     if board.timeline is not None:
-        q = board.timeline.quality()
         done = board.timeline.length / hello.rate_hz
-        style = "red" if q.gaps else ""
-        lines.append(Text(f"{done:.1f} s   {q.frames} frames, {q.lost_frames} lost, {q.damaged} damaged", style=style))
+        lines.append(Text(f"{done:.1f} s   {board.timeline}", style="red" if board.timeline.has_gaps else ""))
     if board.unplugs:
         lines.append(Text(f"unplugged {board.unplugs} times", style="red"))
     return Group(*lines)

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import tomllib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -182,7 +183,13 @@ def check_origin(study: Path, origin: str) -> None:
         InputFileError: the study is of the other kind.
     """
     file = study / "study.toml"
-    if file.is_file() and f'origin = "{origin}"' not in file.read_text():
+    if not file.is_file():
+        return
+    try:
+        found = tomllib.loads(file.read_text()).get("study", {}).get("origin", "measured")
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputFileError(file, f"is not TOML ({error})") from None
+    if found != origin:
         raise InputFileError(file, f"is not {origin} data", f"name another folder for {origin} recordings")
 
 

@@ -105,7 +105,13 @@ class Generator:
         self.volts = volts
 
     def on(self) -> None:
-        """Switch the output on."""
+        """Switch the output on.
+
+        Raises:
+            AcquisitionError: the instrument refuses, or the guard has died.
+        """
+        if self._guard is not None and self._guard.poll() is not None:
+            raise AcquisitionError("the guard that would switch the output off after a crash has died; start again.")
         self.is_on = True  # before the command: if in doubt, it is on
         self.command("OUTP ON")
 

@@ -42,6 +42,7 @@ class Reader(threading.Thread):
         self._queue: deque[Arrival] = deque()
         self._size = 0
         self._lock = threading.Lock()
+        self._arrived = threading.Event()
         self._capture: Capture | None = None
         self._stop_now = threading.Event()
         self.failure: AcquisitionError | None = None
@@ -58,12 +59,12 @@ class Reader(threading.Thread):
         Raises:
             AcquisitionError: the port is gone for good, or nothing can be written any more.
         """
-        deadline = time.monotonic() + wait
-        while not self._queue and time.monotonic() < deadline and not self.failure:
-            time.sleep(0.002)
+        self._arrived.wait(wait)
         with self._lock:
             out, self._size = list(self._queue), 0
             self._queue.clear()
+            if not self.failure:
+                self._arrived.clear()
         if not out and self.failure:
             raise self.failure
         return out
@@ -87,6 +88,7 @@ class Reader(threading.Thread):
                 self._read_once()
         except AcquisitionError as error:
             self.failure = error
+            self._arrived.set()
         finally:
             if self._port is not None:
                 self._port.close()
@@ -129,5 +131,6 @@ class Reader(threading.Thread):
                     self._capture.add("B", arrival.host, arrival.data)
             self._queue.append(arrival)
             self._size += len(arrival.data)
+            self._arrived.set()
             while self._size > LONGEST_QUEUE:
                 self._size -= len(self._queue.popleft().data)

@@ -57,6 +57,8 @@ class Plan:
             raise SettingError(f"a recording of {self.seconds:g} s cannot be meant (valid: 0.1 to 3600).")
         for frequency in self.frequencies_hz:
             if frequency is None:
+                if generator:
+                    raise SettingError("the generator needs a frequency: give --frequency or --sweep.")
                 continue
             if not 3 <= frequency <= 500:
                 raise SettingError(f"{frequency:g} Hz is no excitation for a foot (valid: 3 to 500).")
@@ -154,6 +156,7 @@ def _record(plan: Plan, board: Board, generator: Generator | None, capture: Capt
             )
         if generator is not None and generator.is_on and board.unplugs > unplugs:
             generator.off()  # nobody watches the base any more
+            board.watch = None
         if capture.trouble:
             raise AcquisitionError(f"{capture.trouble}.")
 

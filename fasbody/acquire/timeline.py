@@ -132,12 +132,20 @@ class Timeline:
         self._frames = self._lost = self._damaged = 0
         self._over = np.zeros(len(hello.channels), int)
         self._changed = self._restarted = False
-        self._boot: int | None = None
+        self._boot = hello.boot
 
     @property
     def length(self) -> int:
         """Samples so far, missing ones included."""
         return self._next
+
+    @property
+    def has_gaps(self) -> bool:
+        """Whether samples are missing so far."""
+        return bool(self._gaps)
+
+    def __str__(self) -> str:
+        return f"{self._frames} frames, {self._lost} lost, {self._damaged} damaged, {len(self._gaps)} gaps"
 
     @property
     def over_range(self) -> dict[str, int]:
@@ -164,7 +172,7 @@ class Timeline:
             self.hello.rate_hz, self.hello.channels, self.hello.bits, self.hello.frame_samples
         ):  # fmt: skip
             self._changed = True
-        if self._boot is not None and hello.boot != self._boot:
+        if hello.boot != self._boot:
             self._restarted = True
         self._boot = hello.boot
 
