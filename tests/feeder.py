@@ -7,9 +7,11 @@ from types import TracebackType
 
 import numpy as np
 
-from fasbody.acquire.bench import FRAME_SAMPLES, Line, corrupt
+from fasbody.acquire.bench import FRAME_SAMPLES, Bench, Line, corrupt
 from fasbody.acquire.frames import encode_data, encode_hello
 from fasbody.acquire.messages import Channel, Hello
+from fasbody.acquire.port import Port
+from fasbody.exceptions import AcquisitionError
 
 RANGE = 39.2
 COUNTS = 1024.0  # a power of two: nothing is rounded on the way
@@ -22,8 +24,29 @@ def hello(rate_hz: float = 1000.0, channels: int = 2, bits: int = 16, boot: int 
 
 def counts_of(index: np.ndarray, channels: int) -> np.ndarray:
     """Counts of each sample (n, channels): a function of its number alone, so that every value can be checked."""
-    c = np.arange(channels)
-    return ((index[:, None] * 7919 + c * 104729) % 20011 - 10005).astype(np.int32)
+    primes = np.array([20011, 19997, 19993])[:channels]  # together they repeat after 4e8 samples
+    return (index[:, None] * 7919 % primes - 10_000).astype(np.int32)
+
+
+def number_of(sample: np.ndarray) -> int:
+    """Which sample has these values (channels,) [m/s^2]."""
+    return int(np.flatnonzero((counts_of(np.arange(400_000), sample.size) == sample * COUNTS).all(axis=1))[0])
+
+
+def output_of(bench: Bench) -> str:
+    """Ask the instrument itself, without switching anything."""
+    try:
+        port = Port(bench.generator_port, 115200)
+    except AcquisitionError:
+        return "busy"
+    try:
+        port.write(b"\nOUTP?\n")
+        answer, deadline = b"", time.monotonic() + 1
+        while b"\n" not in answer and time.monotonic() < deadline:
+            answer += port.read()
+        return answer.decode().strip()
+    finally:
+        port.close()
 
 
 class Feeder:

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fasbody.acquire.messages import Block, Damage, Hello
-from fasbody.acquire.timeline import Limits, Timeline
+from fasbody.acquire.quality import Limits
+from fasbody.acquire.timeline import Timeline
 
 N = 16
 

@@ -116,8 +116,11 @@ class Capture:
             problem = "short write"
         except OSError as error:
             problem = error.strerror or str(error)
-        os.ftruncate(self._fd, size)  # no half record stays behind
-        self._move_on(data, problem)
+        try:
+            os.ftruncate(self._fd, size)  # no half record stays behind
+            self._move_on(data, problem)
+        except OSError as error:
+            raise AcquisitionError(f"{self.file}: cannot be written ({problem}), nor can the rest ({error}).") from None
 
     def _move_on(self, data: bytes, problem: str) -> None:
         if self.rescue is not None:

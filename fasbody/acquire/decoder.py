@@ -45,5 +45,3 @@ class Decoder:
                 self._readers = [reader]
                 return [message for message in messages if not isinstance(message, Damage)]
         return []
-
-

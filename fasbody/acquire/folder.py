@@ -14,7 +14,8 @@ import numpy as np
 from fasbody.acquire import capture
 from fasbody.acquire.decoder import Decoder
 from fasbody.acquire.messages import Hello
-from fasbody.acquire.timeline import Limits, Quality, Timeline
+from fasbody.acquire.quality import Limits, Quality
+from fasbody.acquire.timeline import Timeline
 from fasbody.console import to_json, write_whole
 from fasbody.exceptions import AcquisitionError, InputFileError
 from fasbody.recording import Condition, Recording
@@ -246,5 +247,3 @@ def body_mass(study: Path, subject: str) -> float | None:
 
 def _text(value: float | None) -> str:
     return "" if value is None else f"{value:g}"
-
-

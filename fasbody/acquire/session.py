@@ -14,7 +14,7 @@ from fasbody.acquire.capture import SUFFIX, Capture
 from fasbody.acquire.folder import Converted, convert
 from fasbody.acquire.generator import Generator
 from fasbody.acquire.level import Level, Safety, reach
-from fasbody.acquire.timeline import Limits
+from fasbody.acquire.quality import Limits
 from fasbody.console import console
 from fasbody.exceptions import AcquisitionError, FasError, SettingError
 from fasbody.recording import Condition

@@ -134,5 +134,3 @@ class Shaken:
             return (wanted + fade) * slope - fade / LAG_S * wave
 
         return BaseMotion("virtual shaker", length, acceleration, jerk)
-
-
