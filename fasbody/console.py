@@ -27,9 +27,10 @@ def command_line(app: Callable[[], object]) -> None:
     except FasError as error:
         console.print(f"[bold red]error:[/] {_escape(str(error))}", soft_wrap=True)
         sys.exit(2)
-    except KeyboardInterrupt:
-        console.print("interrupted")
-        sys.exit(130)
+    except SystemExit as stop:
+        if stop.code == 130:  # what Typer makes of Ctrl-C
+            console.print("interrupted")
+        raise
 
 
 def print_json(document: Any) -> None:

@@ -61,6 +61,14 @@ class Instrument:
         noisy = values + rng.normal(0, noise, values.size)
         return np.clip(np.round(noisy / step) * step, -self.range_m_s2, self.range_m_s2 - step)
 
+    def observe(self, exact: Recording, rng: np.random.Generator) -> Recording:
+        """A recording as the instrument gives it: noise and quantisation on both channels."""
+        return replace(
+            exact,
+            base_m_s2=self.measure(exact.base_m_s2, self.noise_base, rng),
+            malleolus_m_s2=self.measure(exact.malleolus_m_s2, self.noise_malleolus, rng),
+        )
+
 
 def record(
     foot: TwoDof,
@@ -76,18 +84,18 @@ def record(
         foot: true parameters. motion: base motion. seconds: length [s]. instrument: what it adds. rng: noise source.
         settle: the shaker runs this long before the recording starts [s]; 0 records the transient from rest.
     """
+    return instrument.observe(exact(foot, motion, seconds, instrument, settle), rng)
+
+
+def exact(foot: TwoDof, motion: BaseMotion, seconds: float, instrument: Instrument, settle: float = 1.0) -> Recording:
+    """The same without noise and quantisation: what happened at the samples, the channel delay included."""
     t = np.arange(round(seconds * instrument.rate_hz)) / instrument.rate_hz
     late = np.maximum(t + settle - instrument.delay_s, 0.0)  # at rest until the shaker starts
     solution = solve_ivp(
         lambda time, x: foot.rates(time, x, float(motion.acceleration(np.array([time]))[0])),
         (0.0, late[-1]), np.zeros(4), method="DOP853", t_eval=late, rtol=1e-9, atol=1e-12, max_step=5e-3,
     )  # fmt: skip
-    return Recording(
-        time_s=t,
-        base_m_s2=instrument.measure(motion.acceleration(t + settle), instrument.noise_base, rng),
-        malleolus_m_s2=instrument.measure(foot.output(solution.y), instrument.noise_malleolus, rng),
-        origin="synthetic",
-    )
+    return Recording(t, motion.acceleration(t + settle), foot.output(solution.y), origin="synthetic")
 
 
 def make_study(

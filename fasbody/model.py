@@ -117,6 +117,8 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
                 raise ModelError(f"{name}: {kind} {element!r} has the stiffness {value:g}; it must not be negative.")
     sensor = {element: int(model.sensor(element).adr[0]) + 1 for element in REQUIRED["sensor"]}  # +1: the y component
     base = int(model.jnt_qposadr[model.joint("base").id])
+    if not can_be_constrained(model):  # MuJoCo then need not look for contacts: a fifth of a step
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     return Foot(name, model, declared(model, name), base, first, sensor)
 
 
@@ -129,6 +131,13 @@ def _check_shaker(model: mujoco.MjModel, name: str, shaker: int) -> None:
             f"{name}: the shaker has gear {gear:g} and the joint base has armature {armature:g}; "
             "both must be the same large number (1e9), so that the base follows the prescribed acceleration."
         )
+
+
+def can_be_constrained(model: mujoco.MjModel) -> bool:
+    """Whether anything in a model can touch, or has a limit, an equality or dry friction."""
+    touches = np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any() or model.npair or model.nflex
+    limited = model.jnt_limited.any() or model.tendon_limited.any() or model.neq
+    return bool(touches or limited or model.dof_frictionloss.any() or model.tendon_frictionloss.any())
 
 
 def _check_laws(model: mujoco.MjModel, name: str) -> None:

@@ -37,7 +37,7 @@ _OBJECTS = {
     "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
 }
 _SUFFIX = {"N/m": "n_per_m", "N s/m": "n_s_per_m", "1/m": "per_m", "kg": "kg", "s": "s", "N": "n", "m": "m", "": ""}
-_SUFFIX |= {"N m/rad": "n_m_per_rad", "N m s/rad": "n_m_s_per_rad"}
+_SUFFIX |= {"N s": "n_s", "N m/rad": "n_m_per_rad", "N m s/rad": "n_m_s_per_rad"}
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,10 @@ def _place(model: mujoco.MjModel, text: str, here: str) -> Place:
         number = int(model.jnt_dofadr[number])
     array = getattr(model, field)
     width = array.size // array.shape[0]
-    column = int(words[3]) if len(words) == 4 and words[3].isdigit() else 0
+    if (len(words) == 4) != (width > 1) or not (width == 1 or words[3].isdigit()):
+        wanted = f"{kind} {element} {attribute}" + (f" and a column from 0 to {width - 1}" if width > 1 else "")
+        raise ModelError(f"{here} stands at {text.strip()!r}; write {wanted}.")
+    column = int(words[3]) if width > 1 else 0
     if column >= width:
         raise ModelError(f"{here} stands in column {column} of {attribute!r}, which has {width} (0 to {width - 1}).")
     return Place(field, number * width + column, share)

@@ -46,7 +46,8 @@ class Harmonics:
 
 def harmonic_count(frequency_hz: float, rate_hz: float) -> int:
     """Harmonics compared at an excitation frequency: six, or those below 100 Hz and 0.4 of the sampling rate."""
-    return max(1, min(HARMONICS, int((min(HIGHEST_HZ, 0.4 * rate_hz) + 1e-9) // frequency_hz)))
+    highest = 1.001 * min(HIGHEST_HZ, 0.4 * rate_hz)  # a frequency found a little high must not lose its 100 Hz line
+    return max(1, min(HARMONICS, int(highest // frequency_hz)))
 
 
 def fit_harmonics(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, count: int) -> Harmonics:
@@ -71,18 +72,17 @@ def fit_harmonics(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, c
     return Harmonics(frequency_hz, amplitudes[:count], std, float(coefficients[0]), sigma, scatter, onset)
 
 
-def find_frequency(time_s: np.ndarray, signal: np.ndarray, guess_hz: float | None = None) -> float:
+def find_frequency(time_s: np.ndarray, signal: np.ndarray) -> float:
     """Fundamental frequency [Hz] of a periodic signal, to a small fraction of the inverse length.
 
     Args:
-        time_s: (n,) [s]. signal: (n,), offset removed. guess_hz: nominal frequency; default the spectrum's peak.
+        time_s: (n,) [s]. signal: (n,), offset removed.
     """
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
-    if guess_hz is None:
-        spectrum = np.abs(np.fft.rfft(signal * np.hanning(signal.size), 4 * signal.size))
-        lowest = int(np.ceil(4 * signal.size * 0.5 / rate))
-        guess_hz = (lowest + int(np.argmax(spectrum[lowest:]))) * rate / (4 * signal.size)
-    f = guess_hz
+    spectrum = np.abs(np.fft.rfft(signal * np.hanning(signal.size), 4 * signal.size))
+    lowest = int(np.ceil(4 * signal.size * 0.5 / rate))
+    peak = (lowest + int(np.argmax(spectrum[lowest:]))) * rate / (4 * signal.size)
+    f = peak
     for _ in range(20):  # Gauss-Newton on amplitude, phase and frequency
         wt = 2 * np.pi * f * time_s
         cos, sin = np.cos(wt), np.sin(wt)
@@ -91,9 +91,9 @@ def find_frequency(time_s: np.ndarray, signal: np.ndarray, guess_hz: float | Non
         slope = 2 * np.pi * time_s * (c[2] * cos - c[1] * sin)
         full = _solve(np.column_stack([P, slope]), signal)
         f += full[3]
-        if not 0.5 * guess_hz < f < 2 * guess_hz:
-            return guess_hz
-        if abs(full[3]) < 1e-9 * guess_hz:
+        if not 0.5 * peak < f < 2 * peak:
+            return float(peak)
+        if abs(full[3]) < 1e-9 * peak:
             break
     return float(f)
 

@@ -179,12 +179,25 @@ class _Certified:
     run: Replay
 
 
-def _certify(route: Route, name: str, descent: Descent) -> _Certified:
-    """Settle the weights, converge on the MuJoCo rollout, and run the recordings."""
+def settle(route: Route, descent: Descent) -> tuple[Any, Descent]:
+    """Bring the weights up to date at a descent's end and go on from there: the problem so weighted, and the end."""
     problem = route.explorer()
     for _ in range(_REWEIGH):
         route.reweigh(problem, descent)
         descent = descend(problem, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
+    return problem, descent
+
+
+def standard_errors(problem: Any, descent: Descent, dof: int, chi_square: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Standard errors (p,) and covariance (p, p) of q; a misfit beyond the noise widens the former, NaN at a bound."""
+    covariance = problem.covariance(descent.z, ~problem.space.at_bound(descent.theta))
+    excess = max(1.0, descent.cost / dof) if chi_square and dof else 1.0
+    return np.sqrt(np.diag(covariance) * excess), covariance
+
+
+def _certify(route: Route, name: str, descent: Descent) -> _Certified:
+    """Settle the weights, converge on the MuJoCo rollout, and run the recordings."""
+    problem, descent = settle(route, descent)
     final = route.certifier(problem)
     descent = descend(final, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
     starts = [route.initial_states(final, descent, number) for number in range(len(route.recordings))]
@@ -196,13 +209,9 @@ def _branch(route: Route, certified: _Certified) -> Branch:
     """Estimates with standard errors from the MuJoCo Jacobian."""
     problem, space, descent, run = certified.problem, route.space, certified.descent, certified.run
     dof = max(0, problem.size - descent.z.size)
-    q, (q_low, q_high) = space.to_q(descent.theta), space.bounds
-    at_bound = np.minimum(q - q_low, q_high - q) < 1e-4 * (q_high - q_low)
-    covariance = problem.covariance(descent.z, ~at_bound)
-    # a misfit beyond the noise widens the errors
-    excess = max(1.0, descent.cost / dof) if route.chi_square and dof else 1.0
-    std_q = np.sqrt(np.diag(covariance) * excess)
-    theta = np.where(at_bound, np.where(q - q_low < q_high - q, space.lower, space.upper), descent.theta)
+    std_q, covariance = standard_errors(problem, descent, dof, route.chi_square)
+    at_bound = space.at_bound(descent.theta)
+    theta = space.snapped(descent.theta)
     low, high = space.interval(theta, std_q)
     std = std_q * space.slope(theta)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 _UNITS = {"_n_s_per_m": "N s/m", "_n_m_s_per_rad": "N m s/rad", "_n_m_per_rad": "N m/rad", "_n_per_m": "N/m"}
-_UNITS |= {"_per_m": "1/m", "_kg": "kg", "_s": "s", "_n": "N", "_m": "m"}
+_UNITS |= {"_per_m": "1/m", "_kg": "kg", "_n_s": "N s", "_s": "s", "_n": "N", "_m": "m"}
 
 
 def symbol_and_unit(key: str) -> tuple[str, str]:

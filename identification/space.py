@@ -85,6 +85,16 @@ class Space:
         q = low + (high - low) * rng.uniform(0.1, 0.9, low.size)
         return np.where(self._log, q, np.clip(rng.normal(0, 0.3, low.size), low, high))
 
+    def at_bound(self, theta: np.ndarray) -> np.ndarray:
+        """Which parameters (p,) rest on a bound."""
+        q, (low, high) = self.to_q(theta), self.bounds
+        return np.minimum(q - low, high - q) < 1e-4 * (high - low)
+
+    def snapped(self, theta: np.ndarray) -> np.ndarray:
+        """Parameter values (p,), exactly at the bound where they rest on one."""
+        nearer = np.where(theta - self.lower < self.upper - theta, self.lower, self.upper)
+        return np.where(self.at_bound(theta), nearer, theta)
+
     def interval(self, theta: np.ndarray, std_q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """95 % confidence limits (p,), (p,): symmetric in q, cut at the bounds."""
         q = self.to_q(theta)
