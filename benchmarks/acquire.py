@@ -18,8 +18,8 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.table import Table
 
+from benchmarks.rows import Row, at_most, report
 from fasbody.acquire import folder, session
 from fasbody.acquire.bench import Bench, Line, corrupt
 from fasbody.acquire.board import Board
@@ -31,20 +31,14 @@ from fasbody.acquire.port import Port
 from fasbody.acquire.session import Plan
 from fasbody.acquire.shaken import BODY_MASS_KG, TRUTH
 from fasbody.acquire.timeline import Timeline
-from fasbody.console import command_line, console, print_json
+from fasbody.console import command_line, console
 from fasbody.recording import Condition
 
 BAUD = 921600
 HELLO = Hello("noisy", 4000.0, tuple(Channel(r, 39.2, 1024.0) for r in ("base", "malleolus", "tuberosity")), 16, 16, 1)
-Rows = list[dict[str, str]]
 
 
-def row(what: str, measured: str, required: str, met: bool) -> dict[str, str]:
-    """One line of the table."""
-    return {"what": what, "measured": measured, "required": required, "met": "yes" if met else "NO"}
-
-
-def transfer(seconds: float) -> Rows:
+def transfer(seconds: float) -> list[Row]:
     """Three channels at 4 kHz from the virtual bench, recorded as a session records them."""
     with tempfile.TemporaryDirectory() as name, Bench(rate_hz=4000.0, channels=3) as bench:
         board = Board(bench.board_port, BAUD)
@@ -59,8 +53,8 @@ def transfer(seconds: float) -> Rows:
     lost = q.lost_frames + q.damaged + q.lost_samples
     text = f"{q.frames} frames, {q.lost_frames} lost, {q.damaged} damaged"
     return [
-        row(f"3 channels at 4 kHz for {seconds:g} s", text, "none lost", lost == 0 and made.recording.time_s.size > 0),
-        row("CPU share of the recording process, conversion included", f"{100 * share:.1f} % of a core", "", True),
+        Row(f"3 channels at 4 kHz for {seconds:g} s", text, "none lost", holds=lost == 0),
+        Row("CPU share of the recording process, conversion included", f"{100 * share:.1f} % of a core", ""),
     ]
 
 
@@ -70,7 +64,7 @@ def counts_of(frame: int) -> np.ndarray:
     return ((index[:, None] * 7919 + np.arange(3) * 104729) % 60013 - 30006).astype(np.int32)
 
 
-def noisy_line(accepted: int) -> Rows:
+def noisy_line(accepted: int) -> list[Row]:
     """A line that damages 1 % of the bytes, until so many samples have been accepted."""
     with tempfile.TemporaryDirectory() as name:
         line = Line(Path(name) / "board")
@@ -115,12 +109,12 @@ def noisy_line(accepted: int) -> Rows:
         line.unplug()
     lost = timeline.quality().lost_frames
     return [
-        row("1 % damaged bytes: frames found missing", f"{lost} of {injected}", "all", lost == injected),
-        row("wrong samples accepted", f"{wrong} of {right + wrong}", f"none in {accepted:g}", wrong == 0),
+        Row("1 % damaged bytes: frames found missing", f"{lost} of {injected}", "all", holds=lost == injected),
+        Row("wrong samples accepted", f"{wrong} of {right + wrong}", f"none in {accepted:g}", holds=wrong == 0),
     ]
 
 
-def plug(times: int) -> Rows:
+def plug(times: int) -> list[Row]:
     """The plug is pulled and put back during a recording; what came before and after is kept, the gap marked."""
     with tempfile.TemporaryDirectory() as name, Bench() as bench:
         board = Board(bench.board_port, BAUD)
@@ -143,10 +137,10 @@ def plug(times: int) -> Rows:
         capture.close()
         quality = folder.replay([capture.file])[1].quality()
     text = f"{len(quality.gaps)} gaps for {board.unplugs} pulls"
-    return [row("unplugged and replugged", text, "one each", len(quality.gaps) == board.unplugs == times)]
+    return [Row("unplugged and replugged", text, "one each", holds=len(quality.gaps) == board.unplugs == times)]
 
 
-def killed(times: int) -> Rows:
+def killed(times: int) -> list[Row]:
     """Sessions killed by SIGKILL; how long before the kill the last recovered byte arrived."""
     worst, usable = 0.0, 0
     with tempfile.TemporaryDirectory() as name, Bench() as bench:
@@ -164,12 +158,12 @@ def killed(times: int) -> Rows:
             with contextlib.suppress(Exception):
                 usable += not folder.convert([file], study).problems
     return [
-        row(f"kill -9 of {times} sessions: longest missing end", f"{1e3 * worst:.0f} ms", "100 ms", worst <= 0.1),
-        row("recordings recovered from them, usable", f"{usable} of {times}", "all", usable == times),
+        at_most(f"kill -9 of {times} sessions: longest missing end", 1e3 * worst, 100, "ms"),
+        Row("recordings recovered from them, usable", f"{usable} of {times}", "all", holds=usable == times),
     ]
 
 
-def fuzz(strings: int) -> Rows:
+def fuzz(strings: int) -> list[Row]:
     """Random, damaged and almost right byte strings into both parsers."""
     rng = np.random.default_rng(2)
     good = [encode_hello(HELLO), *(encode_data(i, 4000 * i, counts_of(i), 16) for i in range(4))]
@@ -203,16 +197,15 @@ def fuzz(strings: int) -> Rows:
         if frames.hello is None:
             frames.feed(good[0])
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
-    bounded = longest <= max(LONGEST_WIRE, LONGEST_LINE)
     return [
-        row(f"{strings:,} byte strings into both parsers: exceptions", f"{failures}", "none", failures == 0),
-        row("bytes kept at most", f"{longest}", f"{LONGEST_WIRE}", bounded),
-        row("memory grown", f"{grown:.1f} MB", "50 MB", grown < 50),
-        row("messages made of them", f"{passed:,}", "", True),
+        Row(f"{strings:,} byte strings into both parsers: exceptions", f"{failures}", "none", holds=failures == 0),
+        at_most("bytes kept between strings", longest, max(LONGEST_WIRE, LONGEST_LINE)),
+        at_most("memory grown by the run", grown, 50, "MB"),
+        Row("messages made of them", f"{passed:,}", ""),
     ]
 
 
-def chain(seconds: float) -> Rows:
+def chain(seconds: float) -> list[Row]:
     """Sweep on the virtual bench, fit, and how many parameters lie in their 95 % intervals."""
     with tempfile.TemporaryDirectory() as name:
         study = str(Path(name) / "study")
@@ -233,7 +226,7 @@ def chain(seconds: float) -> Rows:
             far, worst = away, name
     text = f"{inside} of {len(TRUTH) - len(bound)} in 95 %; farthest {worst}, {far:.1f} standard errors"
     text += f"; at a bound: {', '.join(bound)}" if bound else ""
-    return [row(f"sweep 10:50:5 of {seconds:g} s, then identification.fit", text, "all within 4", far < 4)]
+    return [Row(f"sweep 10:50:5 of {seconds:g} s, then identification.fit", text, "all within 4", holds=far < 4)]
 
 
 TOPICS = ("transfer", "noisy", "plug", "killed", "fuzz", "chain")
@@ -259,19 +252,13 @@ def main(
         "transfer": lambda: transfer(seconds), "noisy": lambda: noisy_line(accepted), "plug": lambda: plug(3),
         "killed": lambda: killed(5), "fuzz": lambda: fuzz(strings), "chain": lambda: chain(4.0),
     }  # fmt: skip
-    rows: Rows = []
+    rows: list[Row] = []
     for name in topic or TOPICS:
         if name not in works:
             raise typer.BadParameter(f"{name!r} is none of {', '.join(TOPICS)}")
         console.print(name)
         rows += works[name]()
-    if json_:
-        print_json({"rows": rows})
-        return
-    table = Table(*rows[0], title="acquisition", title_justify="left")
-    for one in rows:
-        table.add_row(*one.values(), style="bold red" if one["met"] == "NO" else None)
-    console.print(table)
+    report("acquisition", rows, json_)
 
 
 if __name__ == "__main__":

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from fasbody.acquire.messages import ROLES, Block, Channel, Damage, Hello, Message
-from fasbody.exceptions import AcquisitionError
+from fasbody.exceptions import MissingPackageError
 
 try:
     from cobs import cobs
 except ImportError:  # the extra is not installed
-    raise AcquisitionError("acquisition needs pyserial and cobs: pip install 'fasbody[acquire]'.") from None
+    raise MissingPackageError("cobs", "acquire") from None
 
 VERSION = 1
 #: Longest payload and longest frame on the wire [bytes]; what is longer is damage, so memory stays bounded.

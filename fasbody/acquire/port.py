@@ -4,13 +4,13 @@ import contextlib
 import os
 from dataclasses import dataclass
 
-from fasbody.exceptions import AcquisitionError
+from fasbody.exceptions import AcquisitionError, MissingPackageError
 
 try:
     import serial
     from serial.tools import list_ports
 except ImportError:  # the extra is not installed
-    raise AcquisitionError("acquisition needs pyserial and cobs: pip install 'fasbody[acquire]'.") from None
+    raise MissingPackageError("pyserial", "acquire") from None
 
 #: Longest wait for bytes [s]: what a kill can cost at most, and how soon the live view hears of silence.
 WAIT_S = 0.02
