@@ -75,8 +75,8 @@ def _time(recording: Recording) -> None:
         count = int((np.abs(steps - typical) > 0.5 * typical).sum())
         raise _fail(
             recording,
-            f"time is not uniform: {steps[place]:g} s after {t[place]:g} s, elsewhere {typical:g} s "
-            f"({count} such places); samples are missing or channels have different rates",
+            f"time is not uniform: {steps[place]:g} s after {t[place]:g} s, elsewhere {typical:g} s; "
+            f"samples are missing or channels have different rates (places: {count})",
         )
 
 
