@@ -12,7 +12,7 @@ from feeder import COUNTS, Feeder, counts_of, number_of
 
 from fasbody.acquire import folder, session
 from fasbody.acquire.bench import Bench
-from fasbody.acquire.board import Board
+from fasbody.acquire.board import Board, Watch
 from fasbody.acquire.capture import Capture
 from fasbody.acquire.display import bar, render, sparkline
 from fasbody.acquire.folder import convert
@@ -142,6 +142,22 @@ def test_not_plugged_in_again_silence_garbage_and_a_missing_channel(tmp_path: Pa
             board.pump()
     board.close()
     feeder.line.plug()
+
+
+def test_shaking_blindly_is_an_error(feeder: Feeder) -> None:
+    board = Board(feeder.port, BAUD)
+    board.wait_for_hello()
+    board.watch = Watch(peak=100.0, offset=0.0)
+    board.collect(0.2)
+    feeder.paused = True
+    with pytest.raises(AcquisitionError, match="no samples for 1 s while the shaker was on"):
+        while True:
+            board.pump()
+    board.watch = Watch(peak=5.0, offset=0.0)
+    feeder.paused = False
+    with pytest.raises(AcquisitionError, match="beyond the safety limit of 5"):
+        board.collect(0.2)
+    board.close()
 
 
 def test_stalled_board_keeps_what_came(tmp_path: Path, feeder: Feeder) -> None:

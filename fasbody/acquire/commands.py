@@ -46,7 +46,7 @@ def record(
     max_displacement: Annotated[
         float, typer.Option(help="largest base motion in m, peak to peak")
     ] = Safety.displacement_m,
-    retries: Annotated[int, typer.Option(help="repeat a recording that lost samples so often")] = 2,
+    retries: Annotated[int, typer.Option(min=0, help="repeat a recording that lost samples so often")] = 2,
     baud: Annotated[int, typer.Option(help="baud rate of the board")] = 921600,
     generator_baud: Annotated[int, typer.Option(help="baud rate of the generator")] = 115200,
     simulate: Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")] = False,

@@ -55,6 +55,10 @@ class Plan:
         """
         if not 0.1 <= self.seconds <= 3600:
             raise SettingError(f"a recording of {self.seconds:g} s cannot be meant (valid: 0.1 to 3600).")
+        if not self.peak_to_peak > 0:
+            raise SettingError(f"the base acceleration is {self.peak_to_peak:g} m/s^2; it must be positive.")
+        if not 0 <= self.condition.added_mass_kg <= 100:
+            raise SettingError(f"the added mass is {self.condition.added_mass_kg:g} kg (valid: 0 to 100).")
         for frequency in self.frequencies_hz:
             if frequency is None:
                 if generator:
