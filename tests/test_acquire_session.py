@@ -153,8 +153,9 @@ def test_shaking_blindly_is_an_error(feeder: Feeder) -> None:
     with pytest.raises(AcquisitionError, match="no samples for 1 s while the shaker was on"):
         while True:
             board.pump()
+    board.watch, feeder.paused = None, False
+    board.collect(0.1)
     board.watch = Watch(peak=5.0, offset=0.0)
-    feeder.paused = False
     with pytest.raises(AcquisitionError, match="beyond the safety limit of 5"):
         board.collect(0.2)
     board.close()
