@@ -73,7 +73,7 @@ def motions(truth: Mapping[str, float], frequencies_hz: Sequence[float], seconds
     made = []
     for frequency in frequencies_hz:
         condition = Condition("16", "midstance", 0.0, body, frequency)
-        foot = TwoDof(**truth, **condition.masses)
+        foot = TwoDof.from_values({**truth, **condition.masses})
         clean = exact(foot, INSTRUMENT.motion(frequency, seconds + 2, rng), seconds, INSTRUMENT)
         made.append(replace(clean, condition=condition, file=f"{frequency:g} Hz"))
     return made

@@ -57,7 +57,7 @@ def bundled() -> list[Recording]:
 def sweep_recording(seconds: float = 10.0, seed: int = 16) -> Recording:
     """A synthetic recording of the laboratory's foot on a swept sine; a lead-in of one second is not recorded."""
     condition = Condition("16", body_mass_kg=SUBJECTS[16].mass_kg)
-    foot = TwoDof(**TRUTH, **condition.masses)
+    foot = TwoDof.from_values({**TRUTH, **condition.masses})
     motion = shaker.sweep(10.0, 50.0, seconds + 1)
     made = record(foot, motion, seconds, Instrument(delay_s=0.0), np.random.default_rng(seed))
     return checked(replace(made, condition=condition))

@@ -72,10 +72,11 @@ def _time(recording: Recording) -> None:
     # Printed time stamps are rounded: allow one unit of a coarse last digit, but no missing sample.
     if np.abs(steps - typical).max() > 0.5 * typical:
         place = int(np.argmax(np.abs(steps - typical)))
+        count = int((np.abs(steps - typical) > 0.5 * typical).sum())
         raise _fail(
             recording,
             f"time is not uniform: {steps[place]:g} s after {t[place]:g} s, elsewhere {typical:g} s; "
-            "samples are missing or channels have different rates",
+            f"samples are missing or channels have different rates (places: {count})",
         )
 
 

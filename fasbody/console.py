@@ -4,12 +4,11 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
@@ -21,8 +20,8 @@ console = Console(stderr=True, highlight=False)
 results = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
 
 
-def command_line(app: typer.Typer) -> None:
-    """Run a Typer app: exit 0 done, 2 bad input (one sentence, no traceback), 130 interrupted, 1 a bug."""
+def command_line(app: Callable[[], object]) -> None:
+    """Run a Typer app (any callable): exit 0 done, 2 bad input (one sentence, no traceback), 130 interrupted, 1 bug."""
     try:
         app()
     except FasError as error:

@@ -58,6 +58,10 @@ class SimulationError(FasError):
     """A simulation became unstable or non-finite."""
 
 
+class AcquisitionError(FasError):
+    """A board, generator or serial line does not do what a recording needs."""
+
+
 class EngineError(FasError):
     """The installed physics engine does not behave as the native callbacks need."""
 

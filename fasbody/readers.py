@@ -12,8 +12,8 @@ from fasbody.exceptions import InputFileError, unknown
 Channels = dict[str, np.ndarray]
 
 #: Units that a header may carry behind a channel's name, and what they are in SI.
-_UNITS = {"m_s2": 1.0, "g": 9.80665, "mm_s2": 1e-3, "cm_s2": 1e-2}
-_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+UNITS = {"m_s2": 1.0, "g": 9.80665, "mm_s2": 1e-3, "cm_s2": 1e-2}
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 _CHANNELS = ("base", "malleolus", "tuberosity")
 #: Larger files are refused before they are read [bytes].
 _LARGEST = 500_000_000
@@ -42,14 +42,14 @@ def read_csv(file: Path) -> Channels:
     wanted: dict[str, tuple[int, float]] = {}
     for index, name in enumerate(names):
         stem, _, unit = name.partition("_")
-        if stem == "time" and unit in _TIME_UNITS:
+        if stem == "time" and unit in TIME_UNITS:
             _once(file, wanted, "time_s")
-            wanted["time_s"] = (index, _TIME_UNITS[unit])
+            wanted["time_s"] = (index, TIME_UNITS[unit])
         elif stem in _CHANNELS:
-            if unit not in _UNITS:
-                raise InputFileError(file, unknown(f"unit of the column {stem!r}:", unit, _UNITS), line=1)
+            if unit not in UNITS:
+                raise InputFileError(file, unknown(f"unit of the column {stem!r}:", unit, UNITS), line=1)
             _once(file, wanted, f"{stem}_m_s2")
-            wanted[f"{stem}_m_s2"] = (index, _UNITS[unit])
+            wanted[f"{stem}_m_s2"] = (index, UNITS[unit])
     missing = [name for name in ("time_s", "base_m_s2", "malleolus_m_s2") if name not in wanted]
     if missing:
         found = ", ".join(names)[:120]

@@ -1,5 +1,6 @@
 """Recordings, their conditions, and studies: folders of recordings with a description."""
 
+import json
 import math
 import tomllib
 from collections.abc import Iterator
@@ -99,6 +100,7 @@ class Recording:
             condition=condition or Condition(),
             file=label or Path(file).name,
             origin=origin,
+            warnings=_remarks(Path(file).with_suffix(".json")),
         )
 
     def write(self, file: Path) -> None:
@@ -106,7 +108,7 @@ class Recording:
         from fasbody.console import write_whole
 
         columns = {name: getattr(self, name) for name in HEADER if getattr(self, name) is not None}
-        digits = max(3, math.ceil(math.log10(self.rate_hz)))
+        digits = 3 + math.ceil(math.log10(max(1.0, self.rate_hz)))  # a sample's time to a thousandth of the interval
         frame = pd.DataFrame({k: np.round(v, digits if k == "time_s" else 6) for k, v in columns.items()})
         write_whole(file, frame.to_csv(index=False))
 
@@ -177,6 +179,17 @@ class Study:
             missing = "lists no recording" if only is None else f"does not list {only.name}"
             raise InputFileError(file, missing, "one row a recording is needed")
         return cls(about["name"], about["origin"], about["description"], tuple(recordings))
+
+
+def _remarks(file: Path) -> tuple[str, ...]:
+    """What acquisition found worth a warning (docs/acquisition.md); none if the recording has no such file by it."""
+    if not file.is_file():
+        return ()
+    try:
+        found = json.loads(file.read_text())["warnings"]
+    except (ValueError, KeyError, TypeError, OSError):
+        return ()
+    return tuple(text for text in found if isinstance(text, str)) if isinstance(found, list) else ()
 
 
 def _describe(file: Path) -> tuple[dict[str, str], "_Corrections"]:

@@ -17,7 +17,7 @@ from identification.space import space_of
 from identification.time_domain import TimeProblem
 
 
-@pytest.mark.parametrize("name", ["accuracy", "callbacks", "fitting", "coverage", "__main__"])
+@pytest.mark.parametrize("name", ["accuracy", "acquire", "callbacks", "fitting", "coverage", "__main__"])
 def test_each_topic_has_a_command(name: str) -> None:
     module = importlib.import_module(f"benchmarks.{name}")
     assert module.app.registered_commands
