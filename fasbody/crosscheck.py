@@ -218,7 +218,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def main(
     model: Annotated[str, typer.Option(help="Shipped arch or MJCF file.")] = "foot_arch",
     samples: Annotated[int, typer.Option(help="Random configurations.", min=1)] = 1000,
-    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+    seed: Annotated[int, typer.Option(help="Of the random numbers.", min=0)] = 0,
     json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """Mass matrix and velocity terms of the arch from the equations, Pinocchio and MuJoCo; exit 1 on disagreement."""

@@ -9,7 +9,8 @@ import typer
 from rich.table import Table
 
 from fasbody.arch import Arch
-from fasbody.console import command_line, console, print_json, write_whole
+from fasbody.console import command_line, console, make_folder, print_json, write_whole
+from fasbody.exceptions import InputFileError
 from fasbody.kinematics import Array
 from fasbody.linear import transmissibility, two_mass_transmissibility
 
@@ -57,11 +58,15 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command(epilog="Example: python -m fasbody.reduction --draws 200 --figure reduction.png")
 def main(
     draws: Annotated[int, typer.Option(help="Random arches from Table 4.2 for each reading.", min=1)] = 30,
-    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+    seed: Annotated[int, typer.Option(help="Of the random numbers.", min=0)] = 0,
     figure: Annotated[Path | None, typer.Option(help="PNG to write.")] = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """What the reduction of the five-body arch to two masses costs at the malleolus, 1-100 Hz."""
+    if figure is not None:
+        make_folder(figure.parent)
+        if figure.is_dir():
+            raise InputFileError(figure, "is a folder", "name a PNG file")
     result = reduce(draws, seed)
     table = Table(title=f"Five bodies against two masses, |T| at the malleolus, 1-100 Hz, {draws} draws")
     for column in ("rotational constants", "median", "median of worst", "worst"):

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from fasbody.arch import PARAMETERS, SPRINGS, Arch
 from fasbody.arch_ode import STATES, initial_state, jacobian, malleolus_acceleration, solve, split
-from fasbody.console import command_line, console, print_json, progress_bar, write_whole
+from fasbody.console import command_line, console, make_folder, print_json, progress_bar, write_whole
 from fasbody.exceptions import SettingError
 from fasbody.kinematics import Array, X, arms, rest
 from fasbody.lagrange import force_per_parameter, mass_matrix
@@ -214,7 +214,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command(epilog="Examples: python -m fasbody.sensitivity --seed 3 | ... --lever-arm 0.015 --lever-arm 0.1 --json")
 def main(
     draws: Annotated[int, typer.Option(help="Random arches from Table 4.2.", min=1)] = 30,
-    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+    seed: Annotated[int, typer.Option(help="Of the random numbers.", min=0)] = 0,
     lever_arm: Annotated[
         list[float] | None,
         typer.Option(help="Also with the rotational constants read as N/m at this arm [m]; may be repeated."),
@@ -228,6 +228,8 @@ def main(
     """Do only k_T, c_T, k_F, c_F matter? Relative sensitivity of the five-body arch to all 13 constants."""
     if trajectory is not None and not 1 <= trajectory <= 1000:
         raise SettingError(f"--trajectory is {trajectory:g} Hz, but must be between 1 and 1000 Hz.")
+    if figures is not None:
+        make_folder(figures)
     arms_m: Sequence[float | None] = [None, *(lever_arm or [])]
     methods = [None] if trajectory is None else [None, trajectory]
     studies = []

@@ -14,7 +14,7 @@ import typer
 from rich.table import Table
 
 from fasbody.arch import SPRINGS, Arch
-from fasbody.console import command_line, console, print_json, write_whole
+from fasbody.console import command_line, console, make_folder, print_json, write_whole
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.kinematics import Array, X, arms, deformations, gradients, rest
 from fasbody.lagrange import force_per_parameter, right_hand_side
@@ -202,7 +202,9 @@ def main(
 ) -> None:
     """Sag of the nominal arch under a static load, and its resonance under the added masses of Chapter 2."""
     if not 0 < load < 1e5:
-        raise SettingError(f"--load is {load:g} N, but must be between 0 and 100000 N.")
+        raise SettingError(f"--load is {load:g} N, but must be above 0 and below 100000 N.")
+    if figures is not None:
+        make_folder(figures)
     arch = Arch.nominal()
     sag, masses = sag_study(arch, np.array([0.02, 0.03, 0.04, 0.05, 0.06]), load), load_study(arch)
     console.print(_sag_table(sag))
