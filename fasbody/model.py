@@ -57,7 +57,7 @@ class Foot:
         changed = copy.copy(self.model)
         for name, value in values.items():
             item = self.parameters[name]
-            item.write({place.field: getattr(changed, place.field).reshape(-1) for place in item.places}, value)
+            item.write({field: getattr(changed, field).reshape(-1) for field in item.fields}, value)
         if step is not None:
             changed.opt.timestep = step
         mujoco.mj_setConst(changed, mujoco.MjData(changed))
