@@ -5,6 +5,8 @@ built in. With q = (z_F, z_T, theta_2, theta_3, theta_4, x) and the tree's veloc
 matrix M and bias b become those of Eq. (4.11) by A = T^T M T and T^T (b + M T' q').
 """
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 
@@ -12,7 +14,7 @@ from fasbody.arch import Arch
 from fasbody.arch_assumptions import carried_mass, check_assumptions
 from fasbody.exceptions import ModelError, unknown
 from fasbody.kinematics import Z_F, Z_T, Array, X, arms, closing_angle, closing_gradient, deformations, gradients
-from fasbody.model import check_constants
+from fasbody.model import check_constants, load
 
 #: The joints of the tree in the order of `tree_position`; the shaker's `base` comes before them.
 JOINTS = (
@@ -78,6 +80,16 @@ def arch_from_model(model: mujoco.MjModel, name: str = "model") -> Arch:
     numbers |= {f"L_{i}": value for i, value in enumerate(length, 1)} | {f"I_{i}": v for i, v in enumerate(spin, 1)}
     numbers |= {f"theta_{i}0": angle[i - 1] for i in (2, 3, 4)} | {"m_T": carried_mass(model, int(body[1]))}
     return Arch(**numbers, **_constants(model, index, name))
+
+
+def read_arch(model: str | Path) -> Arch:
+    """The arch of a shipped model or an MJCF file.
+
+    Raises:
+        InputFileError, ModelError: see `model.load` and `arch_from_model`.
+    """
+    foot = load(model)
+    return arch_from_model(foot.model, foot.name)
 
 
 def _constants(model: mujoco.MjModel, index: dict[tuple[str, str], int], name: str) -> dict[str, float]:
