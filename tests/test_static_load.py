@@ -125,7 +125,8 @@ def test_heel_and_heads_carry_what_mujoco_finds() -> None:
     data.qpos[1:] = tree_position(NOMINAL, settled.q)
     data.xfrc_applied[model.body("tibia").id, 1] = -load
     mujoco.mj_forward(model, data)
-    springs = model.tendon_stiffness.reshape(model.ntendon, -1)[:2, 0] * (data.ten_length[:2] - model.tendon_length0[:2])
+    stiffness = model.tendon_stiffness.reshape(model.ntendon, -1)[:2, 0]
+    springs = stiffness * (data.ten_length[:2] - model.tendon_length0[:2])
     closing = data.efc_force[0] * np.array([1.0, -1.0])  # along the heel's tendon, against the heads'
     upward = closing - springs
     assert upward.sum() == pytest.approx(load, rel=1e-3)
