@@ -25,6 +25,10 @@ ROTATIONAL = ("k_2", "k_3", "k_4", "c_2", "c_3", "c_4")
 SPRING_RANGE = (1e4, 3e6)
 DAMPER_RANGE = (1e2, 3e3)
 
+#: The geometric middle of both ranges.
+_MIDDLE = dict.fromkeys(SPRINGS, float(np.sqrt(np.prod(SPRING_RANGE))))
+_MIDDLE |= dict.fromkeys(DAMPERS, float(np.sqrt(np.prod(DAMPER_RANGE))))
+
 Inertias = Literal["thesis", "centroidal"]
 
 
@@ -120,9 +124,11 @@ class Arch:
             inertias: "thesis" keeps Table 4.1, whose bodies 1 and 2 have the value of a rod about its end, m L^2 / 3;
                 "centroidal" gives all four m L^2 / 12.
         """
-        spring, damper = np.sqrt(np.prod(SPRING_RANGE)), np.sqrt(np.prod(DAMPER_RANGE))
-        constants = dict.fromkeys(SPRINGS, float(spring)) | dict.fromkeys(DAMPERS, float(damper))
-        return cls(**_table_4_1(inertias), **constants)
+        return cls(**_table_4_1(inertias), **_MIDDLE)
+
+    def middle(self) -> Self:
+        """The same bones with the constants of `thesis`."""
+        return replace(self, **_MIDDLE)
 
     @classmethod
     def nominal(cls, inertias: Inertias = "thesis") -> Self:
@@ -153,13 +159,17 @@ class Arch:
         Raises:
             ModelError: the lever arm is not positive.
         """
+        return cls.thesis(inertias).drawn(rng, lever_arm_m)
+
+    def drawn(self, rng: np.random.Generator, lever_arm_m: float | None = None) -> Self:
+        """The same bones with the 13 constants drawn as in `draw`."""
         if lever_arm_m is not None and not lever_arm_m > 0:
             raise ModelError(f"lever arm is {lever_arm_m:g} m, but must be above zero.")
         constants = {name: float(rng.uniform(*SPRING_RANGE)) for name in SPRINGS}
         constants |= {name: float(rng.uniform(*DAMPER_RANGE)) for name in DAMPERS}
         if lever_arm_m is not None:
             constants |= {name: constants[name] * lever_arm_m**2 for name in ROTATIONAL}
-        return cls(**_table_4_1(inertias), **constants)
+        return replace(self, **constants)
 
     @classmethod
     def from_model(cls, model: Any, name: str = "model") -> "Arch":

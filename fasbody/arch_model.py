@@ -5,12 +5,16 @@ built in. With q = (z_F, z_T, theta_2, theta_3, theta_4, x) and the tree's veloc
 matrix M and bias b become those of Eq. (4.11) by A = T^T M T and T^T (b + M T' q').
 """
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 
 from fasbody.arch import Arch
+from fasbody.arch_assumptions import carried_mass, check_assumptions
 from fasbody.exceptions import ModelError, unknown
 from fasbody.kinematics import Z_F, Z_T, Array, X, arms, closing_angle, closing_gradient, deformations, gradients
+from fasbody.model import check_constants, load
 
 #: The joints of the tree in the order of `tree_position`; the shaker's `base` comes before them.
 JOINTS = (
@@ -42,9 +46,12 @@ def arch_from_model(model: mujoco.MjModel, name: str = "model") -> Arch:
         name: what to call it in messages.
 
     Raises:
-        ModelError: a needed element is missing, or the model departs from what the equations of Chapter 4 assume.
+        ModelError: a needed element is missing, or a constant is negative, or the model departs from what
+            the equations of Chapter 4 assume (arch_assumptions.py).
     """
     index = _indices(model, name)
+    check_constants(model, name)
+    check_assumptions(model, index, name)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -71,8 +78,18 @@ def arch_from_model(model: mujoco.MjModel, name: str = "model") -> Arch:
     angle = [float(np.arctan2(bottom[0] - top[0], top[1] - bottom[1])) for top, bottom in ends]
     numbers = {f"m_{i}": float(model.body_mass[link]) for i, link in enumerate(links, 1)}
     numbers |= {f"L_{i}": value for i, value in enumerate(length, 1)} | {f"I_{i}": v for i, v in enumerate(spin, 1)}
-    numbers |= {f"theta_{i}0": angle[i - 1] for i in (2, 3, 4)} | {"m_T": float(model.body_mass[body[1]])}
+    numbers |= {f"theta_{i}0": angle[i - 1] for i in (2, 3, 4)} | {"m_T": carried_mass(model, int(body[1]))}
     return Arch(**numbers, **_constants(model, index, name))
+
+
+def read_arch(model: str | Path) -> Arch:
+    """The arch of a shipped model or an MJCF file.
+
+    Raises:
+        InputFileError, ModelError: see `model.load` and `arch_from_model`.
+    """
+    foot = load(model)
+    return arch_from_model(foot.model, foot.name)
 
 
 def _constants(model: mujoco.MjModel, index: dict[tuple[str, str], int], name: str) -> dict[str, float]:

@@ -82,8 +82,10 @@ def make_folder(path: Path) -> Path:
     """Make a folder for results before the work that fills it, so that a wrong name costs no time.
 
     Raises:
-        InputFileError: it cannot be made or written.
+        InputFileError: it is a file, or cannot be made or written.
     """
+    if path.is_file():
+        raise InputFileError(path, "is a file", "name a folder")
     try:
         path.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=path).close()

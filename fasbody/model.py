@@ -10,6 +10,7 @@ import numpy as np
 
 import mjcf
 from fasbody import damper
+from fasbody.complaints import compiler_complaint
 from fasbody.engine import SHAKER, SHAKER_CONTROLS
 from fasbody.exceptions import InputFileError, ModelError, unknown
 from fasbody.parameters import Parameters, declared, names
@@ -56,7 +57,7 @@ class Foot:
         changed = copy.copy(self.model)
         for name, value in values.items():
             item = self.parameters[name]
-            item.write({place.field: getattr(changed, place.field).reshape(-1) for place in item.places}, value)
+            item.write({field: getattr(changed, field).reshape(-1) for field in item.fields}, value)
         if step is not None:
             changed.opt.timestep = step
         mujoco.mj_setConst(changed, mujoco.MjData(changed))
@@ -86,8 +87,8 @@ def load(model: str | Path) -> Foot:
     try:
         compiled = mujoco.MjModel.from_xml_path(str(file))
     except ValueError as error:
-        problem = " ".join(str(error).replace("Error: ", "").split()).rstrip(".")
-        raise InputFileError(file, f"MuJoCo cannot compile it ({problem})") from None
+        clause, line = compiler_complaint(str(error))
+        raise InputFileError(file, f"MuJoCo cannot compile it ({clause})", line=line) from None
     return check(compiled, str(model) if str(model) in shipped else file.name)
 
 
@@ -102,6 +103,7 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
                 f"{name}: {unknown(kind, missing[0], found).replace('unknown', 'there is no')}; "
                 f"every foot model needs {needs}."
             )
+    check_constants(model, name)
     _check_laws(model, name)
     shaker = model.actuator("shaker").id
     first = int(model.actuator_ctrladr[shaker])
@@ -111,10 +113,6 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
             "that carry its controls; copy the actuators of two_dof.xml."
         )
     _check_shaker(model, name, shaker)
-    for kind, stiffness in (("joint", model.jnt_stiffness), ("tendon", model.tendon_stiffness)):
-        for element, value in zip(names(model, kind), stiffness.ravel(), strict=False):
-            if value < 0:
-                raise ModelError(f"{name}: {kind} {element!r} has the stiffness {value:g}; it must not be negative.")
     sensor = {element: int(model.sensor(element).adr[0]) + 1 for element in REQUIRED["sensor"]}  # +1: the y component
     base = int(model.jnt_qposadr[model.joint("base").id])
     if not can_be_constrained(model):  # MuJoCo then need not look for contacts: a fifth of a step
@@ -138,6 +136,36 @@ def can_be_constrained(model: mujoco.MjModel) -> bool:
     touches = np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any() or model.npair or model.nflex
     limited = model.jnt_limited.any() or model.tendon_limited.any() or model.neq
     return bool(touches or limited or model.dof_frictionloss.any() or model.tendon_frictionloss.any())
+
+
+def check_constants(model: mujoco.MjModel, name: str) -> None:
+    """Refuse a stiffness, damping or mass that is negative or no number; the message names its element.
+
+    Args:
+        model: the compiled model. name: what to call it in messages.
+
+    Raises:
+        ModelError: the first one found.
+    """
+    rows = [("body", b, "mass", m) for b, m in enumerate(model.body_mass)]
+    rows += [("joint", int(model.dof_jntid[i]), "damping", c) for i, c in enumerate(_linear(model.dof_damping))]
+    rows += [("joint", j, "stiffness", k) for j, k in enumerate(_linear(model.jnt_stiffness))]
+    rows += [("tendon", t, "damping", c) for t, c in enumerate(_linear(model.tendon_damping))]
+    rows += [("tendon", t, "stiffness", k) for t, k in enumerate(_linear(model.tendon_stiffness))]
+    for kind, user in (("joint", model.jnt_user), ("tendon", model.tendon_user)):
+        if user.shape[1] > 1:  # c_1 of the law 4.25
+            rows += [(kind, i, "damping", row[1]) for i, row in enumerate(user) if row[0] == 4.25]
+    for kind, number, quantity, value in rows:
+        if not 0 <= value < np.inf:
+            element = getattr(model, kind)(number).name
+            raise ModelError(
+                f"{name}: {kind} {element!r} has the {quantity} {value:g}; it must be a number of zero or more."
+            )
+
+
+def _linear(field: np.ndarray) -> np.ndarray:
+    """The linear coefficient of each element; MuJoCo keeps those of a polynomial behind it."""
+    return field.reshape(len(field), -1)[:, 0] if len(field) else field
 
 
 def _check_laws(model: mujoco.MjModel, name: str) -> None:
@@ -165,6 +193,8 @@ def _check_law(row: np.ndarray, laws: list[damper.Law], here: str) -> None:
     if law is None:
         valid = "; ".join(f"{law.equation} {' '.join(law.parameters)}" for law in laws)
         raise ModelError(f"{here} names the law {row[0]:g} (valid: {valid}).")
+    if not np.isfinite(row).all():
+        raise ModelError(f"{here} gives a parameter that is no number to the law {law.equation}.")
     if law.equation != "4.25":
         for parameter, value in zip(law.parameters, row[1:], strict=False):
             short = parameter.split()[0]

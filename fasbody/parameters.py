@@ -5,7 +5,11 @@ A model lists what may be edited, estimated and batched in its `<custom>` sectio
     <text name="k_F" data="N/m | 3e3 | 1e6 | joint fat_pad stiffness | bounds of section 4.5"/>
 
 The fourth column is one place or several, separated by commas, each optionally with a share of the value:
-`0.5 tendon heel_pad stiffness, 0.5 tendon forefoot_pad stiffness`.
+`0.5 tendon heel_pad stiffness, 0.5 tendon forefoot_pad stiffness`. A number that stands there upside down, alone or in
+a product of two columns of one field, is written
+
+    1/ actuator branch gainprm 0 against dynprm 0     gainprm[0] = 1/value; dynprm[0] follows, their product stays
+    1/ actuator branch dynprm 0 times gainprm 0       dynprm[0] gainprm[0] = 1/value; gainprm[0] stays
 """
 
 from collections.abc import Iterable, Mapping
@@ -42,11 +46,44 @@ _SUFFIX |= {"N s": "n_s", "N m/rad": "n_m_per_rad", "N m s/rad": "n_m_s_per_rad"
 
 @dataclass(frozen=True)
 class Place:
-    """Where a parameter stands in mjModel: field, flat index within it, and the share of the value it takes."""
+    """Where a parameter stands in mjModel.
+
+    Attributes:
+        field: of mjModel; index: flat index within it.
+        share: of the value, or of its reciprocal.
+        reciprocal: one over the value stands there.
+        times: another place (field, index): the product of both is what stands for the value, and it stays as it is.
+        against: another place that is changed too, so that the product of both stays as it is.
+    """
 
     field: str
     index: int
     share: float
+    reciprocal: bool = False
+    times: tuple[str, int] | None = None
+    against: tuple[str, int] | None = None
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Every field that is read or written."""
+        return (self.field, *(partner[0] for partner in (self.times, self.against) if partner))
+
+    def read(self, model: mujoco.MjModel) -> float:
+        """The value that stands here."""
+        stored = getattr(model, self.field).ravel()[self.index]
+        if self.times:
+            stored = stored * getattr(model, self.times[0]).ravel()[self.times[1]]
+        return float(self.share / stored if self.reciprocal else stored / self.share)
+
+    def write(self, target: Mapping[str, np.ndarray], value: np.ndarray | float) -> None:
+        """Write values into arrays by field name, each (nsim, size) or (size,)."""
+        stored = self.share / np.asarray(value) if self.reciprocal else self.share * np.asarray(value)
+        if self.times:
+            stored = stored / target[self.times[0]][..., self.times[1]]
+        if self.against:
+            field, index = self.against
+            target[field][..., index] *= target[self.field][..., self.index] / stored
+        target[self.field][..., self.index] = stored
 
 
 @dataclass(frozen=True)
@@ -74,19 +111,23 @@ class Parameter:
         return f"{self.name}_{_SUFFIX[self.unit]}" if self.unit else self.name
 
     @property
+    def fields(self) -> tuple[str, ...]:
+        """Every mjModel field that is read or written for it."""
+        return tuple(dict.fromkeys(field for place in self.places for field in place.fields))
+
+    @property
     def logarithmic(self) -> bool:
         """Stiffness and damping amplitudes are searched on a logarithmic scale."""
         return self.lower > 0.0
 
     def read(self, model: mujoco.MjModel) -> float:
-        """Value in the model, from its first place and the share of the value that stands there."""
-        place = self.places[0]
-        return float(getattr(model, place.field).ravel()[place.index] / place.share)
+        """Value in the model, from its first place."""
+        return self.places[0].read(model)
 
     def write(self, target: Mapping[str, np.ndarray], value: np.ndarray | float) -> None:
         """Write values into arrays by field name, each (nsim, size) or (size,)."""
         for place in self.places:
-            target[place.field][..., place.index] = place.share * np.asarray(value)
+            place.write(target, value)
 
 
 class Parameters(Mapping[str, Parameter]):
@@ -113,7 +154,7 @@ class Parameters(Mapping[str, Parameter]):
     @property
     def fields(self) -> tuple[str, ...]:
         """Every mjModel field that some parameter stands in."""
-        return tuple(dict.fromkeys(place.field for item in self.values() for place in item.places))
+        return tuple(dict.fromkeys(field for item in self.values() for field in item.fields))
 
 
 def declared(model: mujoco.MjModel, name: str) -> Parameters:
@@ -154,12 +195,24 @@ def _parse(model: mujoco.MjModel, symbol: str, data: str, name: str) -> Paramete
 
 def _place(model: mujoco.MjModel, text: str, here: str) -> Place:
     words = text.split()
-    share = 1.0
+    share, reciprocal = 1.0, bool(words) and words[0].endswith("/")
     try:
-        share = float(words[0])
+        share = float(words[0].removesuffix("/"))
         words = words[1:]
     except (ValueError, IndexError):
         pass
+    partner = words[4:]  # "times" or "against" another column of the same element
+    field, index = _slot(model, words[:4], text, here)
+    if not partner:
+        return Place(field, index, share, reciprocal)
+    if len(partner) != 3 or partner[0] not in ("times", "against"):
+        raise ModelError(f"{here} stands at {text.strip()!r}; behind it only 'times' or 'against ATTRIBUTE column'.")
+    other = _slot(model, [*words[:2], *partner[1:]], text, here)
+    return Place(field, index, share, reciprocal, **{partner[0]: other})
+
+
+def _slot(model: mujoco.MjModel, words: list[str], text: str, here: str) -> tuple[str, int]:
+    """Field and flat index of `kind name attribute [column]`."""
     if len(words) not in (3, 4) or (words[0], words[2]) not in _FIELDS:
         valid = ", ".join(f"{kind} NAME {attribute}" for kind, attribute in _FIELDS)
         raise ModelError(
@@ -180,7 +233,7 @@ def _place(model: mujoco.MjModel, text: str, here: str) -> Place:
     column = int(words[3]) if width > 1 else 0
     if column >= width:
         raise ModelError(f"{here} stands in column {column} of {attribute!r}, which has {width} (0 to {width - 1}).")
-    return Place(field, number * width + column, share)
+    return field, number * width + column
 
 
 def names(model: mujoco.MjModel, kind: str) -> list[str]:

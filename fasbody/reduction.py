@@ -9,7 +9,9 @@ import typer
 from rich.table import Table
 
 from fasbody.arch import Arch
-from fasbody.console import command_line, console, print_json, write_whole
+from fasbody.arch_model import read_arch
+from fasbody.console import command_line, console, make_folder, print_json, write_whole
+from fasbody.exceptions import InputFileError
 from fasbody.kinematics import Array
 from fasbody.linear import transmissibility, two_mass_transmissibility
 
@@ -29,25 +31,34 @@ class Reduction:
     differences: dict[float | None, Array]
 
 
-def reduce(draws: int = 30, seed: int = 0, lever_arms_m: tuple[float | None, ...] = (None, 0.1, 0.015)) -> Reduction:
-    """Compare both models for the nominal and the thesis' mid arch and for random draws of Table 4.2.
+def reduce(
+    draws: int = 30,
+    seed: int = 0,
+    lever_arms_m: tuple[float | None, ...] = (None, 0.1, 0.015),
+    arch: Arch | None = None,
+    name: str = "nominal",
+) -> Reduction:
+    """Compare both models for one arch, for its bones in the middle of Table 4.2 and for random draws of that table.
 
     Args:
         draws: random arches per lever arm.
         seed: of the random numbers, the same for each lever arm.
         lever_arms_m: readings of the rotational constants, see `Arch.draw`.
+        arch: whose bones everything has; None is `Arch.nominal()`.
+        name: what to call it.
     """
+    arch = arch or Arch.nominal()
     frequency = np.linspace(1, 100, 199)
 
-    def both(arch: Arch) -> tuple[Array, Array]:
-        return np.abs(transmissibility(arch, frequency)), np.abs(two_mass_transmissibility(arch, frequency))
+    def both(one: Arch) -> tuple[Array, Array]:
+        return np.abs(transmissibility(one, frequency)), np.abs(two_mass_transmissibility(one, frequency))
 
     differences = {}
     for lever_arm_m in lever_arms_m:
         rng = np.random.default_rng(seed)
-        pairs = [both(Arch.draw(rng, lever_arm_m)) for _ in range(draws)]
+        pairs = [both(arch.drawn(rng, lever_arm_m)) for _ in range(draws)]
         differences[lever_arm_m] = np.array([np.abs(five - two) / two for five, two in pairs])
-    examples = [("nominal", *both(Arch.nominal())), ("middle of Table 4.2", *both(Arch.thesis()))]
+    examples = [(name, *both(arch)), ("middle of Table 4.2", *both(arch.middle()))]
     return Reduction(frequency, examples, differences)
 
 
@@ -56,13 +67,18 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command(epilog="Example: python -m fasbody.reduction --draws 200 --figure reduction.png")
 def main(
+    model: Annotated[str, typer.Option(help="Shipped arch or MJCF file; the draws keep its bones.")] = "foot_arch",
     draws: Annotated[int, typer.Option(help="Random arches from Table 4.2 for each reading.", min=1)] = 30,
-    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+    seed: Annotated[int, typer.Option(help="Of the random numbers.", min=0)] = 0,
     figure: Annotated[Path | None, typer.Option(help="PNG to write.")] = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
     """What the reduction of the five-body arch to two masses costs at the malleolus, 1-100 Hz."""
-    result = reduce(draws, seed)
+    if figure is not None:
+        make_folder(figure.parent)
+        if figure.is_dir():
+            raise InputFileError(figure, "is a folder", "name a PNG file")
+    result = reduce(draws, seed, arch=read_arch(model), name="nominal" if model == "foot_arch" else Path(model).name)
     table = Table(title=f"Five bodies against two masses, |T| at the malleolus, 1-100 Hz, {draws} draws")
     for column in ("rotational constants", "median", "median of worst", "worst"):
         table.add_column(column, justify="right")
@@ -83,7 +99,7 @@ def main(
 
         console.print(f"written: {write_whole(figure, figures.png(figures.reduction(result)))}")
     if json:
-        print_json({"seed": seed, "draws": draws, "rows": rows})
+        print_json({"model": model, "seed": seed, "draws": draws, "rows": rows})
 
 
 if __name__ == "__main__":

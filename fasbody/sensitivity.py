@@ -15,8 +15,9 @@ import typer
 from rich.table import Table
 
 from fasbody.arch import PARAMETERS, SPRINGS, Arch
+from fasbody.arch_model import read_arch
 from fasbody.arch_ode import STATES, initial_state, jacobian, malleolus_acceleration, solve, split
-from fasbody.console import command_line, console, print_json, progress_bar, write_whole
+from fasbody.console import command_line, console, make_folder, print_json, progress_bar, write_whole
 from fasbody.exceptions import SettingError
 from fasbody.kinematics import Array, X, arms, rest
 from fasbody.lagrange import force_per_parameter, mass_matrix
@@ -188,7 +189,11 @@ def trajectory_sensitivity(
 
 
 def study(
-    draws: int = 30, seed: int = 0, lever_arm_m: float | None = None, frequency_hz: float | None = None
+    draws: int = 30,
+    seed: int = 0,
+    lever_arm_m: float | None = None,
+    frequency_hz: float | None = None,
+    bones: Arch | None = None,
 ) -> Iterator[Study]:
     """Draw arches from Table 4.2; yields after each draw the study so far.
 
@@ -197,10 +202,12 @@ def study(
         seed: of the random numbers.
         lever_arm_m: see `Arch.draw`.
         frequency_hz: None for the linear model over `FREQUENCIES_HZ`, else the nonlinear one at this frequency.
+        bones: geometry and masses of every draw; None is Table 4.1.
     """
+    bones = bones or Arch.thesis()
     rng, values = np.random.default_rng(seed), []
     for _ in range(draws):
-        arch = Arch.draw(rng, lever_arm_m)
+        arch = bones.drawn(rng, lever_arm_m)
         if frequency_hz is None:
             values.append(np.sqrt(np.mean(linear_sensitivity(arch) ** 2, axis=0)))
         else:
@@ -213,8 +220,9 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command(epilog="Examples: python -m fasbody.sensitivity --seed 3 | ... --lever-arm 0.015 --lever-arm 0.1 --json")
 def main(
+    model: Annotated[str, typer.Option(help="Shipped arch or MJCF file whose bones every draw has.")] = "foot_arch",
     draws: Annotated[int, typer.Option(help="Random arches from Table 4.2.", min=1)] = 30,
-    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+    seed: Annotated[int, typer.Option(help="Of the random numbers.", min=0)] = 0,
     lever_arm: Annotated[
         list[float] | None,
         typer.Option(help="Also with the rotational constants read as N/m at this arm [m]; may be repeated."),
@@ -228,6 +236,9 @@ def main(
     """Do only k_T, c_T, k_F, c_F matter? Relative sensitivity of the five-body arch to all 13 constants."""
     if trajectory is not None and not 1 <= trajectory <= 1000:
         raise SettingError(f"--trajectory is {trajectory:g} Hz, but must be between 1 and 1000 Hz.")
+    if figures is not None:
+        make_folder(figures)
+    bones = read_arch(model)
     arms_m: Sequence[float | None] = [None, *(lever_arm or [])]
     methods = [None] if trajectory is None else [None, trajectory]
     studies = []
@@ -235,7 +246,7 @@ def main(
         task = progress.add_task("random arches", total=draws * len(arms_m) * len(methods))
         for lever_arm_m in arms_m:
             for frequency_hz in methods:
-                for so_far in study(draws, seed, lever_arm_m, frequency_hz):
+                for so_far in study(draws, seed, lever_arm_m, frequency_hz, bones):
                     result = so_far
                     progress.advance(task)
                 studies.append(result)
@@ -247,7 +258,10 @@ def main(
         for figure, name in ((sensitivity_bars, "sensitivity"), (sensitivity_cases, "sensitivity-cases")):
             console.print(f"written: {write_whole(figures / f'{name}.png', png(figure(studies)))}")
     if json:
-        print_json({"seed": seed, "claimed": sorted(CLAIMED), "studies": [result.document() for result in studies]})
+        print_json({
+            "model": model, "seed": seed, "claimed": sorted(CLAIMED),
+            "studies": [result.document() for result in studies],
+        })  # fmt: skip
 
 
 def _table(result: Study) -> Table:

@@ -14,7 +14,8 @@ import typer
 from rich.table import Table
 
 from fasbody.arch import SPRINGS, Arch
-from fasbody.console import command_line, console, print_json, write_whole
+from fasbody.arch_model import read_arch
+from fasbody.console import command_line, console, make_folder, print_json, write_whole
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.kinematics import Array, X, arms, deformations, gradients, rest
 from fasbody.lagrange import force_per_parameter, right_hand_side
@@ -27,6 +28,8 @@ ARANGIO_LOAD = 683.0
 ARANGIO_SAG = {0.020: (11.8e-3, 13.5e-3), 0.060: (5.5e-3, 7.5e-3)}
 #: The same, fascia cut at 60 mm: increase of sag and of elongation.
 ARANGIO_CUT = (0.36, 0.40)
+#: Kim & Voloshin, in the thesis: part of the compression that the calcaneus carries.
+HEEL = 0.63
 #: Chapter 2: added mass [kg] -> range of the resonance [Hz] at the malleolus (section 2.3.1).
 MEASURED_HZ = {0.0: (15.0, 25.0), 2.3: (30.0, 35.0), 4.5: (35.0, 40.0)}
 
@@ -43,6 +46,7 @@ class Equilibrium:
         elongation: of the aponeurosis [m].
         stiffness: of the arch, d load / d sag [N/m].
         share: part of the load that the aponeurosis carries, tension x d elongation / d sag / load.
+        heel: part of the load that presses on the heel, the rest on the metatarsal heads.
     """
 
     q: Array
@@ -50,6 +54,7 @@ class Equilibrium:
     elongation: float
     stiffness: float
     share: float
+    heel: float
 
 
 def equilibrium(arch: Arch, load: float, steps: int = 20) -> Equilibrium:
@@ -60,26 +65,40 @@ def equilibrium(arch: Arch, load: float, steps: int = 20) -> Equilibrium:
     """
     q = rest(arch)
     for force in np.linspace(load / steps, load, steps):
-        q = _settle(arch, q, force)
+        q = _settle(arch, q, force, load)
     a, e = arms(arch, q), float(deformations(arch, q).e)
     fall = np.array([a.l_2, a.l_3, a.l_4])  # d sag / d theta
     give = np.linalg.solve(-_tangent(arch, q, load), fall)  # d theta / d load
     lengthening = gradients(arch, q).e[2:5] @ give / (fall @ give)
     q[0], q[1], q[X] = -load / arch.k_F, -load / arch.k_T, e
     share = arch.k_11 * e * lengthening / load
-    return Equilibrium(q, float(arch.height_0 - a.E_2), e, float(1 / (fall @ give)), float(share))
+    front = a.l_2 + a.l_3 + a.l_4  # moments of both contact points about the apex
+    heel = front / (front + np.sqrt(a.E_1))
+    return Equilibrium(q, float(arch.height_0 - a.E_2), e, float(1 / (fall @ give)), float(share), float(heel))
 
 
-def _settle(arch: Arch, q: Array, load: float) -> Array:
+def _settle(arch: Arch, q: Array, force: float, load: float) -> Array:
+    """Newton's method for one of the forces on the way to `load` [N]; flat or unstable counts as collapsed."""
     for _ in range(50):
-        step = np.linalg.solve(_tangent(arch, q, load), _moments(arch, q, load))
+        step = np.linalg.solve(_tangent(arch, q, force), _moments(arch, q, force))
         q = q.copy()
         q[2:5] -= step
-        if np.abs(step).max() < 1e-13:
-            return q
-        if not np.abs(step).max() < 1:
+        if not np.abs(step).max() < 1 or not abs(apex_height(arch, q)) < arch.L_1:
             break
-    raise SimulationError(f"the arch collapses under {load:.0f} N; stiffen k_2, k_3, k_4 or k_11.")
+        if np.abs(step).max() < 1e-13:
+            tangent = _tangent(arch, q, force)
+            if apex_height(arch, q) > 0 and np.linalg.eigvalsh(-(tangent + tangent.T) / 2)[0] > 0:
+                return q
+            break
+    raise SimulationError(
+        f"the arch of {arch.height_0 * 1e3:.0f} mm collapses under {load:.0f} N (at {force:.0f} N on the way); "
+        "lower the load or stiffen k_2, k_3, k_4 or k_11."
+    )
+
+
+def apex_height(arch: Arch, q: Array) -> float:
+    """Height of the apex [m], which needs no closed arch."""
+    return float(np.cos(q[2:5]) @ [arch.L_2, arch.L_3, arch.L_4])
 
 
 def _moments(arch: Arch, q: Array, load: float) -> Array:
@@ -110,7 +129,7 @@ def under_weight(arch: Arch, q: Array, gravity: float) -> Array:
         tangent = np.stack([residual(q + 1j * _STEP * unit).imag / _STEP for unit in np.eye(6)], axis=-1)
         step = np.linalg.solve(tangent, residual(q))
         q = q - step
-        if np.abs(step).max() < 1e-13:
+        if np.abs(step).max() < 1e-13 and apex_height(arch, q) > 0:
             return q
     raise SimulationError("the arch collapses under its own weight; stiffen k_2, k_3, k_4 or k_11.")
 
@@ -126,6 +145,7 @@ class SagStudy:
     elongation: Array
     elongation_cut: Array
     share: Array
+    heel: Array
 
 
 def sag_study(arch: Arch, height: Array, load: float = ARANGIO_LOAD) -> SagStudy:
@@ -136,6 +156,7 @@ def sag_study(arch: Arch, height: Array, load: float = ARANGIO_LOAD) -> SagStudy
         load, np.asarray(height), *(np.array(values) for values in (
             [e.sag for e in whole], [e.sag for e in cut],
             [e.elongation for e in whole], [e.elongation for e in cut], [e.share for e in whole],
+            [e.heel for e in whole],
         ))
     )  # fmt: skip
 
@@ -196,17 +217,20 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command(epilog="Example: python -m fasbody.static_load --figures docs/figures")
 def main(
+    model: Annotated[str, typer.Option(help="Shipped arch or MJCF file.")] = "foot_arch",
     load: Annotated[float, typer.Option(help="Static load on the arch [N].")] = ARANGIO_LOAD,
     figures: Annotated[Path | None, typer.Option(help="Folder for sag.png and load.png.")] = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Sag of the nominal arch under a static load, and its resonance under the added masses of Chapter 2."""
+    """Sag of the arch under a static load, and its resonance under the added masses of Chapter 2."""
     if not 0 < load < 1e5:
-        raise SettingError(f"--load is {load:g} N, but must be between 0 and 100000 N.")
-    arch = Arch.nominal()
+        raise SettingError(f"--load is {load:g} N, but must be above 0 and below 100000 N.")
+    if figures is not None:
+        make_folder(figures)
+    arch, name = read_arch(model), "Nominal arch" if model == "foot_arch" else Path(model).name
     sag, masses = sag_study(arch, np.array([0.02, 0.03, 0.04, 0.05, 0.06]), load), load_study(arch)
-    console.print(_sag_table(sag))
-    console.print(_load_table(masses))
+    console.print(_sag_table(sag, name))
+    console.print(_load_table(masses, name))
     if figures is not None:
         from fasbody.figures import arch_sag, load_resonance, png
 
@@ -218,12 +242,15 @@ def main(
             console.print(f"written: {write_whole(figures / f'{name}.png', png(picture))}")
     if json:
         rows = [{key: value for key, value in vars(case).items() if key != "transmissibility"} for case in masses.cases]
-        print_json({"sag": vars(sag), "load": rows})
+        print_json({"model": model, "sag": vars(sag), "load": rows})
 
 
-def _sag_table(study: SagStudy) -> Table:
-    table = Table(title=f"Nominal arch under {study.load:g} N; Arangio 1998 in brackets")
-    for column in ("height [mm]", "sag [mm]", "sag, fascia cut [mm]", "more sag", "more elongation", "fascia's share"):
+def _sag_table(study: SagStudy, name: str) -> Table:
+    table = Table(title=f"{name} under {study.load:g} N; measured in brackets (Arangio 1998; heel: Kim & Voloshin)")
+    for column in (
+        "height [mm]", "sag [mm]", "sag, fascia cut [mm]", "more sag [%]", "more elongation [%]",
+        "fascia's share [%]", "heel's share [%]",
+    ):  # fmt: skip
         table.add_column(column, justify="right")
     for i, height in enumerate(study.height):
         measured = ARANGIO_SAG.get(round(float(height), 3)) if study.load == ARANGIO_LOAD else None
@@ -232,8 +259,9 @@ def _sag_table(study: SagStudy) -> Table:
         more = (values[1] / values[0] - 1, study.elongation_cut[i] / study.elongation[i] - 1)
         nothing = (None, None)
         cells = [_beside(v, m, lambda x: f"{1e3 * x:.1f}") for v, m in zip(values, measured or nothing, strict=True)]
-        cells += [_beside(v, m, lambda x: f"{x:+.0%}") for v, m in zip(more, cut or nothing, strict=True)]
-        table.add_row(f"{1e3 * height:.0f}", *cells, f"{study.share[i]:.2f}")
+        cells += [_beside(v, m, lambda x: f"{100 * x:+.0f}") for v, m in zip(more, cut or nothing, strict=True)]
+        shares = [_beside(v, m, lambda x: f"{100 * x:.0f}") for v, m in ((study.share[i], None), (study.heel[i], HEEL))]
+        table.add_row(f"{1e3 * height:.0f}", *cells, *shares)
     return table
 
 
@@ -241,9 +269,11 @@ def _beside(model: float, measured: float | None, show: Callable[[float], str]) 
     return show(model) if measured is None else f"{show(model)} ({show(measured)})"
 
 
-def _load_table(study: LoadStudy) -> Table:
-    table = Table(title="Nominal arch under added mass, constants unchanged")
-    for column in ("added [kg]", "peak [Hz]", "measured [Hz]", "|T| at peak", "arch [kN/m]", "springs x to meet it"):
+def _load_table(study: LoadStudy, name: str) -> Table:
+    table = Table(title=f"{name} under added mass, constants unchanged")
+    for column in (
+        "added [kg]", "peak [Hz]", "measured [Hz]", "|T| at peak [1]", "arch [kN/m]", "springs x to meet it [1]",
+    ):  # fmt: skip
         table.add_column(column, justify="right")
     for case in study.cases:
         low, high = MEASURED_HZ[case.added_mass]

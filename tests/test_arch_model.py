@@ -5,7 +5,7 @@ from dataclasses import asdict
 import mujoco
 import numpy as np
 import pytest
-from arch_copies import compiled, high_arch
+from arch_copies import XML, compiled, high_arch
 from symbolic_arch import evaluate, poses
 
 from fasbody import arch_model, lagrange
@@ -88,15 +88,65 @@ def test_gravity_hold_settles_on_pad_and_ankle() -> None:
     np.testing.assert_allclose(end.qpos[0, -1, 1:], arch_model.tree_position(arch, pose), rtol=1e-3)
 
 
+CLOSURE = 'name="closure" tendon1="heel_pad" tendon2="forefoot_pad"'
+
+
+def beside_heads(more: str) -> tuple[str, str]:
+    """One more element beside the site of the metatarsal heads."""
+    heads = '<site name="heads" class="bone" pos="0 -0.06527 0"/>'
+    return heads, heads + more
+
+
+def test_a_missing_closure_is_refused() -> None:
+    line = next(line for line in XML.splitlines() if CLOSURE in line)
+    with pytest.raises(ModelError, match="put the equality closure of foot_arch"):
+        Arch.from_model(compiled((line, "")))
+
+
+def test_what_is_fixed_to_the_tibia_is_its_mass() -> None:
+    """A cast: MuJoCo's own mass matrix carries it, so the equations must."""
+    cast = '<body name="cast"><inertial pos="0 0.1 0" mass="0.5" diaginertia="1e-3 1e-3 1e-3"/></body>'
+    geom = '<geom name="tibia"'
+    model = compiled((geom, cast + geom))
+    arch = Arch.from_model(model)
+    assert arch.m_T == pytest.approx(2.86)
+    q, v = poses(arch, np.random.default_rng(2), 5)
+    np.testing.assert_allclose(engine(model, arch, q, v)[0], lagrange.mass_matrix(arch, q), rtol=1e-10, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("edits", "sentence"),
     [
         ([('name="heel_pad" class', 'name="heel" class'), ('tendon1="heel_pad"', 'tendon1="heel"'),
           ("0.5 tendon heel_pad", "0.5 tendon heel")], "there is no tendon 'heel_pad'"),
         ([('joint name="hindfoot"', 'joint name="hind"')], "there is no joint 'hindfoot', did you mean 'hind'"),
-        ([('joint stiffness="230"', 'joint stiffness="-230"')], "k_2 is -230"),
+        ([('joint stiffness="230"', 'joint stiffness="-230"')],
+         "joint 'spring_ligament' has the stiffness -230; it must be a number"),
         ([('euler="0 0 3.4"', 'euler="0 0 8"')], "apart in height; turn calcaneus_talus"),
         ([('pos="0 -0.032635 0"', 'pos="0 -0.03 0"')], "the centre of mass of metatarsals lies 2.635 mm off"),
+        ([('damping="1.1"', 'damping="nan"')], "joint 'spring_ligament' has the damping nan"),
+        ([('user="4.25 430 0 0"', 'user="4.25 -430 0 0"')], "joint 'talocrural' has the damping -430"),
+        ([('stiffness="15e3"', 'stiffness="-15e3"')], "tendon 'plantar_aponeurosis' has the stiffness -15000"),
+        ([(CLOSURE, CLOSURE + ' active="false"')], "no active equality between the tendons 'heel_pad' and 'forefoot"),
+        ([(CLOSURE, CLOSURE + ' polycoef="0 2 0 0 0"')], "equality 'closure' must keep both pads equally long"),
+        ([(CLOSURE, 'name="tied" joint1="spring_ligament" joint2="short_plantar_ligament"/>\n    <tendon ' + CLOSURE),
+          ("<tendon name=\"tied\"", "<joint name=\"tied\"")], "equality 'tied' is none of the arch's"),
+        ([beside_heads('<body name="toes"><inertial pos="0 0 0" mass="0.02" diaginertia="1e-6 1e-6 1e-6"/></body>')],
+         "body 'toes' has a mass or joint of its own"),
+        ([beside_heads('<body name="toes"><joint name="toe"/><inertial pos="0 0 0" mass="0.02" '
+                    'diaginertia="1e-6 1e-6 1e-6"/></body>')], "body 'toes' has a mass or joint of its own"),
+        ([('<joint name="talocrural"', '<joint name="tilt" type="hinge" axis="0 0 1"/><joint name="talocrural"')],
+         "body 'tibia' has a mass or joint of its own"),
+        ([('mass="1e-14"', 'mass="1e-3"')], "body 'apex' and what is fixed to it weigh 0.001 kg"),
+        ([('<joint name="hindfoot"/>', '<joint name="hindfoot" armature="1e-5"/>')],
+         "'hindfoot' has the armature 1e-05"),
+        ([('<joint name="talocrural" ', '<joint name="talocrural" armature="0.1" ')], "'talocrural' has the armature"),
+        ([('<joint name="hindfoot"/>', '<joint name="hindfoot" axis="0 0.1 1"/>')],
+         'must be a hinge with axis="0 0 1"'),
+        ([('<joint name="hindfoot"/>', '<joint name="hindfoot" axis="0 0 -1"/>')], "joint 'hindfoot' must be a hinge"),
+        ([('<joint name="hindfoot"/>', '<joint name="hindfoot" stiffness="5"/>')], "'hindfoot' has a spring or damper"),
+        ([('stiffness="15e3" ', 'stiffness="15e3" springlength="0.1" ')], "remove its springlength"),
+        ([('stiffness="15e3" ', 'stiffness="15e3" damping="9" ')], "'plantar_aponeurosis' has a damper"),
     ],
 )  # fmt: skip
 def test_broken_copies_get_one_sentence(edits: list[tuple[str, str]], sentence: str) -> None:

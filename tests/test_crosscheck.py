@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from arch_copies import compiled, edited, high_arch_xml
+from arch_copies import compiled, edited, high_arch, high_arch_xml
 from typer.testing import CliRunner
 
 from fasbody import crosscheck as module
@@ -15,6 +15,7 @@ from fasbody import lagrange
 from fasbody.arch import Arch
 from fasbody.crosscheck import ENGINES, app, build_pinocchio, crosscheck, random_poses
 from fasbody.exceptions import FasError, ModelError
+from fasbody.model import check
 
 
 @pytest.fixture
@@ -84,3 +85,32 @@ def test_missing_pinocchio_says_what_to_install(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setitem(sys.modules, "pinocchio", None)
     with pytest.raises(FasError, match=r"pip install 'fasbody\[crosscheck\]'"):
         crosscheck(samples=1)
+
+
+def test_dynamics_agree_and_a_nonlinear_ankle_does_not(tmp_path: Path) -> None:
+    """The equations are linear in the dampers, so a strongly nonlinear ankle must be noted and must show."""
+    run = CliRunner().invoke(app, ["--samples", "5", "--dynamics", "--json"])
+    assert run.exit_code == 0
+    motions = json.loads(run.stdout)["dynamics"]
+    assert [motion["frequency_hz"] for motion in motions] == [10, 20, 30, 40, 50]
+    assert all(0 < motion["difference"] < 1e-3 and 0 < motion["accurate"] < 2e-4 for motion in motions)
+    file = tmp_path / "nonlinear.xml"
+    file.write_text(edited(('user="4.25 1500 0 0"', 'user="4.25 1500 -400 0"')))
+    run = CliRunner().invoke(app, ["--samples", "5", "--dynamics", "--model", str(file), "--json"])
+    assert run.exit_code == 1
+    document = json.loads(run.stdout)
+    assert max(document["mass_matrix"].values()) < 1e-12
+    assert "tendon 'heel_pad' (law 4.25)" in document["note"]
+    assert max(motion["difference"] for motion in document["dynamics"]) > 1e-3
+
+
+def test_motion_of_an_edited_copy() -> None:
+    foot = check(high_arch(), "copy")
+    (motion,) = module.compare_motion(foot, Arch.from_model(foot.model), [30.0])
+    assert motion.difference < 1e-3
+
+
+def test_without_dynamics_there_is_no_key_and_no_note() -> None:
+    document = crosscheck(samples=2).document()
+    assert "dynamics" not in document
+    assert document["note"] == ""

@@ -180,7 +180,10 @@ def test_a_missing_name_lists_what_is_needed_and_found(edited: Edit, kind: str, 
         ([("joint fat_pad stiffness", "joint fatpad stiffness")], "unknown joint 'fatpad', did you mean 'fat_pad'"),
         ([("joint fat_pad stiffness", "joint fat_pad strength")], "is no place"),
         ([("joint fat_pad user 3", "joint fat_pad user 8")], "column 8 of 'user', which has 8"),
-        ([('stiffness="1.0e5"', 'stiffness="-1"')], "must not be negative"),
+        ([('stiffness="1.0e5"', 'stiffness="-1"')],
+         "joint 'fat_pad' has the stiffness -1; it must be a number of zero or more"),
+        ([("4.25 800", "4.25 -800")], "joint 'fat_pad' has the damping -800"),
+        ([("4.25 800 -50", "4.25 800 nan")], r"joint 'fat_pad' gives a parameter that is no number to the law 4\.25"),
     ],
 )
 def test_broken_models_get_one_sentence(edited: Edit, edits: list, sentence: str) -> None:

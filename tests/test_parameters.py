@@ -1,15 +1,21 @@
 """Declared parameters: keys, places, shares, and what they write."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import thesis
+from arch_copies import edited as edited_arch
 
 import mjcf
-from fasbody.exceptions import SettingError
+from fasbody.arch import Arch
+from fasbody.arch_motion import with_constants
+from fasbody.exceptions import ModelError, SettingError
 from fasbody.model import Foot, load
+from fasbody.shaker import sine
+from fasbody.simulate import simulate
 
 KEYS = (
     "k_T_n_per_m", "k_F_n_per_m", "c_11_n_s_per_m", "c_12_per_m", "c_13_per_m", "c_21_n_s_per_m", "c_22_per_m",
@@ -53,3 +59,32 @@ def test_an_unknown_name_lists_the_valid_ones(foot: Foot) -> None:
         foot.parameters["kF"]
     assert "kF" not in foot.parameters
     assert len(foot.parameters) == 10
+
+
+@pytest.mark.parametrize("changes", [{"k_12": 9e4}, {"c_1": 700.0}, {"c_1": 5.0, "k_12": 2e5}, {"k_12": 2e5, "c_1": 5}])
+def test_branch_of_the_aponeurosis_each_constant_leaves_the_other(changes: dict[str, float]) -> None:
+    arch = load("foot_arch")
+    changed = arch.with_values(changes)
+    assert changed.values() == pytest.approx({**arch.values(), **changes}, rel=1e-14)
+    read = Arch.from_model(changed.model)
+    assert (read.c_1, read.k_12) == pytest.approx((changes.get("c_1", 300.0), changes.get("k_12", 155e3)), rel=1e-14)
+
+
+def test_branch_of_the_aponeurosis_in_a_batch() -> None:
+    """Each simulation has its own constants, equal to a model with those constants written by another route."""
+    arch, motion = load("foot_arch"), sine(30.0, 0.05)
+    k_12, c_1 = np.array([155e3, 4e4, 4e5]), np.array([300.0, 900.0, 100.0])
+    together = simulate(arch, motion, values={"c_1": c_1, "k_12": k_12}).malleolus
+    for i in range(3):
+        constants = replace(Arch.from_model(arch.model), k_12=float(k_12[i]), c_1=float(c_1[i]))
+        alone = simulate(with_constants(arch, constants), motion).malleolus[0]
+        np.testing.assert_allclose(together[i], alone, atol=1e-6 * np.abs(alone).max())
+    assert np.abs(together[1] - together[0]).max() > 1e-2 * np.abs(together[0]).max()
+
+
+@pytest.mark.parametrize("wrong", ["dynprm 0 with gainprm 0", "dynprm 0 times gainprm", "dynprm 0 times gainprm 10"])
+def test_a_second_column_that_is_none(tmp_path: Path, wrong: str) -> None:
+    file = tmp_path / "copy.xml"
+    file.write_text(edited_arch(("dynprm 0 times gainprm 0", wrong)))
+    with pytest.raises(ModelError, match="parameter 'k_12' stands"):
+        load(file)

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+from arch_copies import high_arch, high_arch_xml
 from typer.testing import CliRunner
 
 from fasbody.arch import Arch
@@ -29,6 +30,17 @@ def test_reduction_hangs_on_the_reading_of_the_rotational_constants() -> None:
     medians = {arm: 100 * np.median(difference) for arm, difference in result.differences.items()}
     assert medians[None] < 0.1
     assert 7 < medians[0.015] < 25
+
+
+def test_another_model_keeps_its_bones(tmp_path) -> None:
+    file = tmp_path / "high.xml"
+    file.write_text(high_arch_xml())
+    result = CliRunner().invoke(app, ["--draws", "2", "--json", "--model", str(file)])
+    rows = json.loads(result.stdout)["rows"]
+    expected = reduce(draws=2, arch=Arch.from_model(high_arch()))
+    assert rows[-2]["arch"] == "high.xml"
+    np.testing.assert_allclose(rows[0]["median"], np.median(expected.differences[None]), rtol=1e-9)
+    assert abs(rows[0]["median"] / np.median(reduce(draws=2).differences[None]) - 1) > 0.01
 
 
 def test_command(tmp_path) -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from arch_copies import high_arch, high_arch_xml
 from typer.testing import CliRunner
 
 from fasbody import linear
@@ -98,6 +99,16 @@ def test_seed_decides_the_draws() -> None:
     first, again, other = (last(draws=3, seed=seed).values for seed in (5, 5, 6))
     np.testing.assert_array_equal(first, again)
     assert np.abs(first - other).max() > 0
+
+
+def test_another_model_keeps_its_bones(tmp_path) -> None:
+    file = tmp_path / "high.xml"
+    file.write_text(high_arch_xml())
+    result = CliRunner().invoke(app, ["--draws", "2", "--json", "--model", str(file)])
+    ours = json.loads(result.stdout)["studies"][0]["malleolus_by_draw"]
+    arch = Arch.from_model(high_arch()).drawn(np.random.default_rng(0))
+    np.testing.assert_allclose(ours[0], np.sqrt(np.mean(linear_sensitivity(arch)[:, -1] ** 2, axis=0)), rtol=1e-9)
+    assert np.abs(ours[0] / last(draws=1).values[0, -1] - 1).max() > 0.01
 
 
 def test_command_writes_one_json_document_and_figures(tmp_path) -> None:

@@ -3,13 +3,16 @@
 import json
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
+from arch_copies import compiled, high_arch, high_arch_xml
 from scipy.optimize import minimize
 from typer.testing import CliRunner
 
 from fasbody import lagrange, linear
 from fasbody.arch import Arch
+from fasbody.arch_model import tree_position
 from fasbody.arch_ode import solve
 from fasbody.exceptions import SimulationError
 from fasbody.static_load import (
@@ -104,6 +107,40 @@ def test_collapse_is_one_sentence() -> None:
     soft = replace(NOMINAL, k_2=1.0, k_3=1.0, k_4=1.0, k_11=0.0)
     with pytest.raises(SimulationError, match="collapses under"):
         equilibrium(soft, 5000.0)
+
+
+def test_past_collapse_is_no_equilibrium() -> None:
+    """The nominal 20 mm arch lies flat near 1.2 kN; Newton's method used to go on to a pose below the floor."""
+    low = NOMINAL.with_height(0.02)
+    assert equilibrium(low, 1000.0).sag < 0.02
+    for load in (1300.0, 3000.0, 2e4):
+        with pytest.raises(SimulationError, match=r"arch of 20 mm collapses under \d+ N \(at \d+ N on the way\)"):
+            equilibrium(low, load)
+
+
+def test_heel_and_heads_carry_what_mujoco_finds() -> None:
+    """Pads and closure of the MJCF, loaded through the tibia in the pose of the equations."""
+    model, load = compiled(), 400.0
+    data, settled = mujoco.MjData(model), equilibrium(NOMINAL, load)
+    data.qpos[1:] = tree_position(NOMINAL, settled.q)
+    data.xfrc_applied[model.body("tibia").id, 1] = -load
+    mujoco.mj_forward(model, data)
+    stiffness = model.tendon_stiffness.reshape(model.ntendon, -1)[:2, 0]
+    springs = stiffness * (data.ten_length[:2] - model.tendon_length0[:2])
+    closing = data.efc_force[0] * np.array([1.0, -1.0])  # along the heel's tendon, against the heads'
+    upward = closing - springs
+    assert upward.sum() == pytest.approx(load, rel=1e-3)
+    assert upward[0] / load == pytest.approx(settled.heel, rel=2e-3)
+
+
+def test_another_model(tmp_path) -> None:
+    file = tmp_path / "high.xml"
+    file.write_text(high_arch_xml())
+    high = Arch.from_model(high_arch())
+    runs = [CliRunner().invoke(app, ["--json", "--model", model]) for model in ("foot_arch", str(file))]
+    nominal, edited = (json.loads(run.stdout)["sag"]["sag"] for run in runs)
+    assert edited[2] == pytest.approx(equilibrium(high.with_height(0.04), 683.0).sag)
+    assert edited[2] < 0.8 * nominal[2]
 
 
 def test_command(tmp_path) -> None:
