@@ -164,3 +164,28 @@ def test_published_tables() -> None:
     assert said.above_rank == 1.0
     assert max(said.best_share, key=lambda name: said.best_share[name]) == "oe"
     assert "270 recordings" in str(said)
+
+
+def test_finite_impulse_response_by_output_error() -> None:
+    """No poles at all: n_f = 0 is a sound model, here the exact one, and its coefficients are counted by the guard."""
+    rng = np.random.default_rng(2)
+    u = rng.standard_normal(600)
+    y = np.convolve(u, [0.0, 1.0, -0.5, 0.25])[:600] + 0.01 * rng.standard_normal(600)
+    found = identify(Series(u, y, 0.1, "fir"), ("oe",), {"oe": (3, 0, 1)})
+    np.testing.assert_allclose(found.models["oe"].best.model.theta, [1.0, -0.5, 0.25], atol=0.005)  # type: ignore[attr-defined]
+    wide = identify(series(foot.sine(20.0, 1000)), ("oe",), {"oe": (4, 0, 1)})
+    assert "the plant has 4 coefficients" in wide.models["oe"].warnings[0]
+
+
+def test_orders_that_cannot_be_meant_say_what_is_valid() -> None:
+    for orders, text in (((-1, 4, 1), "oe=-1,4,1"), ((0, 2, 1), "oe=0,2,1")):
+        with pytest.raises(SettingError, match=text) as caught:
+            identify(series(foot.prbs(200)), ("oe",), {"oe": orders})
+        assert "nb 1 or more, nf 0 or more, nk 0 or more" in str(caught.value)
+
+
+def test_results_folder_is_tried_before_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr("identification.blackbox.__main__.identify", lambda *_: pytest.fail("estimated first"))
+    result = CliRunner().invoke(app, [str(write(tmp_path / "a.csv", series(foot.prbs(200)))), "--out", str(tmp_path / "file")])
+    assert isinstance(result.exception, FasError) and "cannot be written" in str(result.exception)

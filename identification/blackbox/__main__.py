@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from fasbody.console import command_line, console, print_json, progress_bar, to_json, write_whole
+from fasbody.console import command_line, console, make_folder, print_json, progress_bar, to_json, write_whole
 from fasbody.exceptions import SettingError, unknown
 
 from . import data, report
@@ -58,6 +58,8 @@ def main(
     if not 0.0 < split < 1.0:
         raise SettingError(f"split {split:g} is not between 0 and 1.")
     wanted = parse_orders(orders, chosen)
+    if out is not None:
+        make_folder(out)
     recordings = [
         series for path in files for series in data.read(path, input=input, output=output, sample_time=sample_time)
     ]

@@ -185,7 +185,7 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
     test = max(tests, key=lambda t: -min(t.cross_p, t.white_p))
     warnings = [*model.warnings, *chosen.warnings]
     plant = len(model.poles()) + len(model.zeros()) + 1  # the coefficients of a proper B/F
-    guard = seen.warning(plant) if len(model.poles()) else ""
+    guard = seen.warning(plant) if model.structure != "narx" else ""
     if guard:
         warnings.insert(0, guard)
     if not np.isfinite(chosen.best.fit_percent):

@@ -51,6 +51,9 @@ class Orders:
         names = STRUCTURES[structure]
         if len(names) != len(numbers):
             raise SettingError(f"{structure} takes {len(names)} orders ({', '.join(names)}), not {len(numbers)}.")
+        if any(number < (name == "nb") for name, number in zip(names, numbers, strict=True)):
+            valid = ", ".join(f"{name} {int(name == 'nb')} or more" for name in names)
+            raise SettingError(f"{structure}={','.join(map(str, numbers))} cannot be meant; valid: {valid}.")
         return cls(**{"nb": 1, **dict(zip(names, numbers, strict=True))})
 
     def as_tuple(self, structure: str) -> tuple[int, ...]:

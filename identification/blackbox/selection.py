@@ -123,6 +123,10 @@ def judge(model: Model, validation: Sequence[Series]) -> Candidate:
     return Candidate(model, criteria.fit_percent(measured, simulated), blocks)
 
 
+def _largest_pole(model: Model) -> float:
+    return float(np.abs(model.poles()).max(initial=0.0))
+
+
 def rank(models: Iterable[Model], validation: Sequence[Series], tried: int, warnings: Sequence[str]) -> Selection:
     """Candidates in the order of `Selection`.
 
@@ -135,7 +139,7 @@ def rank(models: Iterable[Model], validation: Sequence[Series], tried: int, warn
     if not candidates:
         raise SettingError("no model could be estimated; record longer or lower the orders.")
     shortest = min(len(series) for series in validation)
-    driven = [c for c in candidates if not outlasting(np.poly(c.model.poles()), shortest)] or candidates
+    driven = [c for c in candidates if not outlasting(_largest_pole(c.model), shortest)] or candidates
     candidates.sort(key=lambda c: (c not in driven, -c.fit_percent))
     near = [c for c in driven if c is candidates[0] or c.no_worse_than(candidates[0])]
     first = min(near, key=lambda c: (c.model.parameters, -c.fit_percent))
@@ -232,7 +236,7 @@ def select_state_space(
     found = subspace.decompose(estimation, max(rows, 3))
     wanted = [n for n in wanted if n < found.block_rows]
     selection = rank([found.model(n) for n in wanted], validation, len(wanted), ())
-    order = (selection.best.model.parameters - 1) // 3
+    order = selection.best.model.order  # type: ignore[attr-defined]  # all are state-space models
     refined = judge(found.model(order, refine=True), validation)
     warnings = []
     if order == max(wanted):
