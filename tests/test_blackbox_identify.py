@@ -61,6 +61,8 @@ def test_command_prints_one_json_document_and_writes_figures(tmp_path: Path) -> 
     assert json.loads((tmp_path / "out" / "result.json").read_text()) == document
     assert len((tmp_path / "out" / "models.csv").read_text().splitlines()) == 7
     assert "OE (4, 4, 1)" in done.stderr
+    assert "input base_m_s2, output malleolus_m_s2, sample time 0.001 s" in done.stderr
+    assert document["recordings"][0]["output"] == "malleolus_m_s2"
 
 
 def test_single_sine_says_what_it_identifies(tmp_path: Path) -> None:

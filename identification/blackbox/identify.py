@@ -188,6 +188,11 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
     guard = seen.warning(plant) if model.structure != "narx" else ""
     if guard:
         warnings.insert(0, guard)
+    if all(np.ptp(series.u) == 0.0 for series in chooser.validation):
+        warnings.append(
+            "the input is constant in the held-out part, so the fit judges a free motion and noise there; a larger "
+            "--split holds out less"
+        )
     if not np.isfinite(chosen.best.fit_percent):
         warnings.append("free simulation diverges, so there is no fit")
     return Found(chosen, test, model.response(shown_frequencies(seen)), tuple(warnings) + test.warnings)

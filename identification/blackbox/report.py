@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from rich.markup import escape
 from rich.table import Table
 
 from . import published
@@ -31,6 +32,8 @@ def recording(report: Report) -> dict[str, Any]:
         "files": [series.name for series in report.estimation],
         "estimation_samples": sum(len(series) for series in report.estimation),
         "held_out_samples": sum(len(series) for series in report.validation),
+        "input": report.estimation[0].channels[0],
+        "output": report.estimation[0].channels[1],
         "sample_time_s": report.estimation[0].sample_time,
         "excitation_rank": seen.rank,
         "excitation_rank_limit": seen.limit,
@@ -121,7 +124,9 @@ def single_table(report: Report) -> Table:
     if shown is not None and not report.excitation.single_sine:
         place = int(np.nanargmax(np.abs(shown.response.value)))
     at = f" at {shown.response.frequency_hz[place]:.4g} Hz" if shown else ""
-    table = Table(title=f"{report.name}: {report.excitation}", title_justify="left")
+    series = report.estimation[0]
+    what = f"input {series.channels[0]}, output {series.channels[1]}, sample time {series.sample_time:.6g} s"
+    table = Table(title=f"{escape(f'{report.name}: {what}')}\n{report.excitation}", title_justify="left")
     for heading in ("model", "fit %", "AIC", "BIC", f"gain{at}", "alike"):
         table.add_column(heading, justify="left" if heading == "model" else "right", no_wrap=heading != f"gain{at}")
     for found in report.models.values():
