@@ -1,5 +1,7 @@
 """The whole way from files to report: command, JSON, figures, sentences."""
 
+import csv
+import io
 import json
 import subprocess
 import sys
@@ -11,10 +13,11 @@ import pytest
 from typer.testing import CliRunner
 
 from fasbody.exceptions import FasError, SettingError
-from identification.blackbox import published, report
+from identification.blackbox import figures, pem, published, report
 from identification.blackbox.__main__ import app, parse_orders
 from identification.blackbox.data import Series
 from identification.blackbox.identify import identify
+from identification.blackbox.polynomial import Orders
 
 ROOT = Path(__file__).parent.parent
 ORDERS = "arx=4,4,1;armax=4,4,4,1;oe=4,4,1;bj=4,1,1,4,1;ss=4;hw=4,4,1,3,1"
@@ -191,3 +194,29 @@ def test_results_folder_is_tried_before_the_work(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr("identification.blackbox.__main__.identify", lambda *_: pytest.fail("estimated first"))
     result = CliRunner().invoke(app, [str(write(tmp_path / "a.csv", series(foot.prbs(200)))), "--out", str(tmp_path / "file")])
     assert isinstance(result.exception, FasError) and "cannot be written" in str(result.exception)
+
+
+def test_intervals_are_withheld_where_residuals_are_not_white() -> None:
+    """ARX of an output-error foot leaves coloured residuals, and its formal interval misses the true gain."""
+    one = series(foot.prbs(3000))
+    found = identify(one, ("arx", "oe"), {"arx": (4, 4, 1), "oe": (4, 4, 1)})
+    plain = pem.estimate("arx", one.split()[0], Orders.of("arx", (4, 4, 1))).response(np.array([20.0]))
+    assert abs(abs(plain.value[0]) - abs(foot.response(np.array([20.0]))[0])) > 5 * plain.gain_std[0]
+    arx = found.models["arx"]
+    assert np.isnan(arx.response.gain_std).all() and np.isnan(arx.best.model.std_error).all()  # type: ignore[attr-defined]
+    assert any("valid for white residuals only" in text for text in arx.warnings)
+    assert np.isfinite(found.models["oe"].response.gain_std).all()
+    assert figures.bode(found).axes[0].get_legend_handles_labels()[1][0] == "ARX (4, 4, 1) (no valid band)"
+
+
+def test_table_and_csv_give_the_gain_where_the_input_is_strongest() -> None:
+    """Two lines, the stronger one where the foot answers less; table, CSV and 95 % interval agree."""
+    u = foot.sine(8.0, 2000) + 3.0 * foot.sine(45.0, 2000)
+    found = identify(series(u), ("oe",), {"oe": (2, 2, 1)})
+    row = list(csv.DictReader(io.StringIO(report.csv_text([found]))))[0]
+    assert float(row["gain_frequency_hz"]) == pytest.approx(45.0, abs=0.5)
+    heading = str(report.single_table(found).columns[4].header)
+    assert heading == f"gain at {float(row['gain_frequency_hz']):.4g} Hz, 95 %"
+    gain, interval = str(next(report.single_table(found).columns[4].cells)).split(" +- ")
+    assert float(gain) == pytest.approx(float(row["gain"]), rel=1e-3)
+    assert float(interval) == pytest.approx(1.96 * float(row["gain_std"]), rel=0.2)

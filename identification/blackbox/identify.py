@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,13 +13,14 @@ from fasbody.exceptions import FasError, SettingError, unknown
 from . import excitation, frequency, narx, nonlinear, pem, selection, subspace
 from .data import Series
 from .excitation import Excitation
-from .polynomial import STRUCTURES, Orders, Response
+from .polynomial import STRUCTURES, Orders, PolynomialModel, Response
 from .selection import Candidate, Selection
-from .validation import ResidualTest, residual_test
+from .validation import ALARM, ResidualTest, residual_test
 
 ALL = ("arx", "armax", "bj", "oe", "ss", "hw", "narx")
 DEFAULT = ("arx", "armax", "oe", "bj", "ss", "hw")
 DEGREES = ((3, 1), (1, 3), (3, 3), (5, 3))  # of the Hammerstein-Wiener polynomials tried
+WHITE = ("arx", "armax", "bj")  # their standard errors assume that e(t) is white; those of OE do not
 HEAVY = 30_000  # estimation samples above which the grid of n_b is cut from 15 to 6
 
 #: Structure -> orders in the sequence of Table 3.2; structures not named are selected automatically.
@@ -184,6 +185,10 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
     tests = [residual_test(model.residuals(series), series, noise) for series in chooser.validation]
     test = max(tests, key=lambda t: -min(t.cross_p, t.white_p))
     warnings = [*model.warnings, *chosen.warnings]
+    if test.white_p < ALARM and isinstance(model, PolynomialModel) and model.structure in WHITE:
+        warnings.append(f"no standard errors or band: those of {model.structure.upper()} are valid for white residuals only")
+        model = model.without_intervals()
+        chosen = replace(chosen, candidates=(replace(chosen.best, model=model), *chosen.candidates[1:]))
     plant = len(model.poles()) + len(model.zeros()) + 1  # the coefficients of a proper B/F
     guard = seen.warning(plant) if model.structure != "narx" else ""
     if guard:

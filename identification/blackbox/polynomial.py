@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -136,6 +136,10 @@ class PolynomialModel:
     def parameters(self) -> int:
         """Number of estimated coefficients."""
         return len(self.theta)
+
+    def without_intervals(self) -> PolynomialModel:
+        """The same model with NaN for every standard error, for when the assumptions behind them fail."""
+        return replace(self, spread=np.full_like(self.spread, np.nan))
 
     @property
     def std_error(self) -> np.ndarray:

@@ -15,6 +15,9 @@ from . import published
 from .identify import Found, Report
 
 
+CONFIDENCE = 1.96  # standard deviations of a 95 % interval
+
+
 def document(reports: Sequence[Report]) -> dict[str, Any]:
     """The JSON document of a run; `models` lists the models of all recordings."""
     return {
@@ -116,14 +119,21 @@ def coefficients(estimate: Any) -> dict[str, Any]:
     return found
 
 
+def strongest(report: Report) -> int:
+    """Which of the frequencies shown the estimation inputs excite most: there table and CSV give the gain."""
+    frequency = next(iter(report.models.values())).response.frequency_hz
+    power = np.zeros(len(frequency))
+    for series in report.estimation:
+        windowed = np.hanning(len(series)) * series.u
+        power += np.abs(np.exp(-2j * np.pi * np.outer(frequency, series.time)) @ windowed) ** 2
+    return int(power.argmax())
+
+
 def single_table(report: Report) -> Table:
-    """Models of one recording or pool, one a row; the gain at the strongest excited line of the best linear model."""
+    """Models of one recording or pool, one a row; the gain, with its 95 % interval, where the input is strongest."""
     best = max(report.models.values(), key=lambda found: found.best.fit_percent)
-    shown = next((f for f in (best, *report.models.values()) if np.isfinite(f.response.value).any()), None)
-    place = 0
-    if shown is not None and not report.excitation.single_sine:
-        place = int(np.nanargmax(np.abs(shown.response.value)))
-    at = f" at {shown.response.frequency_hz[place]:.4g} Hz" if shown else ""
+    place = strongest(report)
+    at = f" at {best.response.frequency_hz[place]:.4g} Hz, 95 %"
     series = report.estimation[0]
     what = f"input {series.channels[0]}, output {series.channels[1]}, sample time {series.sample_time:.6g} s"
     table = Table(title=f"{escape(f'{report.name}: {what}')}\n{report.excitation}", title_justify="left")
@@ -134,7 +144,9 @@ def single_table(report: Report) -> Table:
         fit = f"{c.fit_percent:.2f}"
         gain = "-"
         if np.isfinite(response.value[place]):
-            gain = f"{abs(response.value[place]):.4g} +- {response.gain_std[place]:.1g}"
+            gain = f"{abs(response.value[place]):.4g}"
+            if np.isfinite(response.gain_std[place]):
+                gain += f" +- {CONFIDENCE * response.gain_std[place]:.1g}"
         table.add_row(
             c.model.label, f"[bold]{fit}[/]" if found is best else fit, f"{c.aic:.3f}", f"{c.bic:.3f}", gain,
             str(len(found.selection.alike)),
@@ -172,12 +184,13 @@ def csv_text(reports: Sequence[Report]) -> str:
         "gain", "gain_std", "gain_frequency_hz", "warnings",
     ])  # fmt: skip
     for report in reports:
+        k = strongest(report)
         for found in report.models.values():
             c, r = found.best, found.response
-            gain, std = abs(complex(r.value[0])), float(r.gain_std[0])
+            gain, std = abs(complex(r.value[k])), float(r.gain_std[k])
             writer.writerow([
                 report.name, f"{report.excitation.frequency_hz:.6g}", report.excitation.rank, c.model.label,
                 f"{c.fit_percent:.4f}", f"{c.aic:.6f}", f"{c.bic:.6f}", f"{c.fpe:.6g}", c.model.parameters,
-                f"{gain:.6g}", f"{std:.3g}", f"{r.frequency_hz[0]:.6g}", " | ".join(found.warnings),
+                f"{gain:.6g}", f"{std:.3g}", f"{r.frequency_hz[k]:.6g}", " | ".join(found.warnings),
             ])  # fmt: skip
     return text.getvalue()

@@ -230,7 +230,7 @@ def bj_trials(from_oe: Orders) -> list[Orders]:
 def select_state_space(
     estimation: Sequence[Series], validation: Sequence[Series], orders: Iterable[int] = range(2, 16)
 ) -> Selection:
-    """State-space models of all orders from one factorisation; the best is refined when that helps its fit."""
+    """State-space models of all orders from one factorisation; the best is refined unless that spoils its fit."""
     wanted = list(orders)
     rows = min(max(subspace.BLOCK_ROWS, max(wanted) + 1), min(len(series) for series in estimation) // 7)
     found = subspace.decompose(estimation, max(rows, 3))
@@ -245,6 +245,6 @@ def select_state_space(
     if standing_out != order:
         warnings.append(f"{standing_out} singular values stand out of the noise, free simulation prefers order {order}")
     candidates = selection.candidates
-    if refined.fit_percent >= selection.best.fit_percent:
+    if refined.no_worse_than(selection.best):
         candidates = (refined, *candidates[1:])
     return Selection(candidates, selection.tried, selection.alike, tuple(warnings))
