@@ -192,7 +192,8 @@ def test_orders_that_cannot_be_meant_say_what_is_valid() -> None:
 def test_results_folder_is_tried_before_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setattr("identification.blackbox.__main__.identify", lambda *_: pytest.fail("estimated first"))
-    result = CliRunner().invoke(app, [str(write(tmp_path / "a.csv", series(foot.prbs(200)))), "--out", str(tmp_path / "file")])
+    recording = write(tmp_path / "a.csv", series(foot.prbs(200)))
+    result = CliRunner().invoke(app, [str(recording), "--out", str(tmp_path / "file")])
     assert isinstance(result.exception, FasError) and "cannot be written" in str(result.exception)
 
 
@@ -213,7 +214,7 @@ def test_table_and_csv_give_the_gain_where_the_input_is_strongest() -> None:
     """Two lines, the stronger one where the foot answers less; table, CSV and 95 % interval agree."""
     u = foot.sine(8.0, 2000) + 3.0 * foot.sine(45.0, 2000)
     found = identify(series(u), ("oe",), {"oe": (2, 2, 1)})
-    row = list(csv.DictReader(io.StringIO(report.csv_text([found]))))[0]
+    row = next(csv.DictReader(io.StringIO(report.csv_text([found]))))
     assert float(row["gain_frequency_hz"]) == pytest.approx(45.0, abs=0.5)
     heading = str(report.single_table(found).columns[4].header)
     assert heading == f"gain at {float(row['gain_frequency_hz']):.4g} Hz, 95 %"

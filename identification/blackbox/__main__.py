@@ -114,7 +114,8 @@ def _show(reports: list[Report], pool: bool) -> None:
                 sentences.setdefault(text, []).append(name.upper())
         for text, names in sentences.items():
             console.print(f"  [yellow]{', '.join(names)}:[/] {text}", soft_wrap=True)
-        for extra in (one.rational, one.left_out, *one.failures):
+        bad_fit = one.rational.warnings if one.rational else ()
+        for extra in (one.rational, *bad_fit, one.left_out, *one.failures):
             if extra:
                 console.print(f"  {extra}", soft_wrap=True, markup=False)
     if len(reports) > 1:

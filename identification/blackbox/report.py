@@ -14,7 +14,6 @@ from rich.table import Table
 from . import published
 from .identify import Found, Report
 
-
 CONFIDENCE = 1.96  # standard deviations of a 95 % interval
 
 
@@ -52,6 +51,8 @@ def recording(report: Report) -> dict[str, Any]:
             "poles_rad_per_s": [[p.real, p.imag] for p in poles],
             "chi_square": report.rational.chi_square,
             "degrees_of_freedom": report.rational.freedom,
+            "distortion": report.rational.distortion,
+            "warnings": list(report.rational.warnings),
             "left_out_frequency_hz": report.left_out.frequency_hz,
             "left_out_error": report.left_out.error,
         }
