@@ -18,6 +18,7 @@ import time
 import venv
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
@@ -90,7 +91,7 @@ def coverage(seeds: int) -> None:
             inside, gains = [], []
             for seed in range(seeds):
                 model = estimate(structure, record(excite(SAMPLES), 1000 + seed))
-                plant = getattr(model, "transfer", model)
+                plant: Any = getattr(model, "transfer", model)
                 at = np.r_[0:4, 8:12] if structure == "bj" else np.arange(len(wanted))
                 inside.append(np.abs(plant.theta[at] - wanted) < 1.96 * plant.std_error[at])
                 response = model.response(BAND)

@@ -39,6 +39,12 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
+def invoke(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """`run` without the start of a new interpreter."""
+    result = CliRunner().invoke(app, list(arguments))
+    return subprocess.CompletedProcess(arguments, result.exit_code, result.stdout, result.stderr)
+
+
 def test_command_prints_one_json_document_and_writes_figures(tmp_path: Path) -> None:
     file = write(tmp_path / "prbs.csv", series(foot.prbs(1600)))
     done = run(str(file), "--orders", ORDERS, "--json", "--out", str(tmp_path / "out"))
@@ -70,7 +76,7 @@ def test_command_prints_one_json_document_and_writes_figures(tmp_path: Path) -> 
 
 def test_single_sine_says_what_it_identifies(tmp_path: Path) -> None:
     file = write(tmp_path / "sine.csv", series(foot.sine(20.0, 2000)))
-    done = run(str(file), "--structures", "oe,ss", "--orders", "oe=4,4,1;ss=4", "--json")
+    done = invoke(str(file), "--structures", "oe,ss", "--orders", "oe=4,4,1;ss=4", "--json")
     document = json.loads(done.stdout)
     assert document["excitation_rank"] == 2
     for model in document["models"]:
@@ -82,10 +88,10 @@ def test_single_sine_says_what_it_identifies(tmp_path: Path) -> None:
 
 def test_several_files_make_a_table_and_pool(tmp_path: Path) -> None:
     files = [str(write(tmp_path / f"f{f:g}.csv", series(foot.sine(f, 1200), seed=int(f)))) for f in (10.0, 20.0, 35.0)]
-    alone = run(*files, "--structures", "oe", "--orders", "2,2,1")
+    alone = invoke(*files, "--structures", "oe", "--orders", "2,2,1")
     assert alone.returncode == 0, alone.stderr
     assert "form of Table 3.2" in alone.stderr and "--pool" in alone.stderr
-    pooled = run(*files, "--structures", "oe", "--orders", "2,2,1", "--pool", "--json")
+    pooled = invoke(*files, "--structures", "oe", "--orders", "2,2,1", "--pool", "--json")
     document = json.loads(pooled.stdout)
     assert document["excitation_rank"] == 6
     assert len(document["models"]) == 1

@@ -98,7 +98,7 @@ def test_a_binary_input_gets_no_input_polynomial() -> None:
     u = foot.prbs(1200)
     rng = np.random.default_rng(0)
     one = Series(u, foot.linear_output(u) + 0.25 * rng.standard_normal(1200), foot.SAMPLE_TIME)
-    found = identify(one, ("hw",)).models["hw"]
+    found = identify(one, ("hw",), {"oe": (2, 2, 1)}).models["hw"]
     assert found.selection.tried == 1
     assert all(c.model.degrees == (1, 3) for c in found.selection.candidates)  # type: ignore[attr-defined]
     assert any("input has 2 levels" in text for text in found.warnings)

@@ -115,9 +115,9 @@ def test_output_error_orders_are_found_with_few_parameters() -> None:
 
 
 def test_delay_of_a_delayed_foot() -> None:
-    base = foot.prbs(3000)
+    base = foot.prbs(2000)
     y = np.concatenate([np.zeros(3), foot.linear_output(base)[:-3]])
-    late = Series(base, y + 0.1 * np.random.default_rng(0).standard_normal(3000), 1e-3).centred()
+    late = Series(base, y + 0.05 * np.random.default_rng(0).standard_normal(2000), 1e-3).centred()
     assert delay.estimate([late]) == 4
 
 

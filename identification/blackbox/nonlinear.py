@@ -200,7 +200,7 @@ def estimate(
     block = PolynomialModel(
         "oe", orders, minimum.theta[:count], root[:count], minimum.at.loss, minimum.at.samples, pooled[0].sample_time
     )
-    warnings = () if minimum.converged else ("the iterations ended before the loss stopped falling",)
+    warnings: tuple[str, ...] = () if minimum.converged else ("the iterations ended before the loss stopped falling",)
     count_of = min(levels(series.u) for series in pooled)
     if p >= count_of:
         warnings += (f"an input of {count_of:g} levels cannot identify an input polynomial of degree {p}",)
