@@ -18,6 +18,7 @@ import time
 import venv
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
@@ -79,20 +80,25 @@ def accuracy(seeds: int) -> None:
 def coverage(seeds: int) -> None:
     """Share of seeds in which 95 % intervals of the coefficients of B and F hold the truth."""
     num, den = foot.transfer()
-    truth = {"oe": [*num[1:], *den[1:]], "armax": [*den[1:], *num[1:]], "bj": [*num[1:], *den[1:]]}
-    print(f"\n95 % intervals: share that covers the truth, {seeds} seeds, PRBS (plant coefficients; gain over 5-60 Hz)")
+    truth = {
+        "oe": [*num[1:], *den[1:]], "armax": [*den[1:], *num[1:]], "bj": [*num[1:], *den[1:]],
+        "ss refined": [0.0, *num[1:], *den[1:]],
+    }  # fmt: skip
+    print(f"\n95 % intervals: share that covers the truth, {seeds} seeds (plant coefficients; gain over 5-60 Hz)")
     exact = np.abs(foot.response(BAND))
-    for structure, wanted in truth.items():
-        inside, gains = [], []
-        for seed in range(seeds):
-            model = estimate(structure, record(foot.prbs(SAMPLES), 1000 + seed))
-            at = np.r_[0:8] if structure != "bj" else np.r_[0:4, 8:12]
-            inside.append(np.abs(model.theta[at] - wanted) < 1.96 * model.std_error[at])  # type: ignore[attr-defined]
-            response = model.response(BAND)
-            gains.append(np.mean(np.abs(np.abs(response.value) - exact) < 1.96 * response.gain_std))
-        each = np.mean(inside, axis=0)
-        span = f"{100 * each.min():.1f} to {100 * each.max():.1f} %"
-        print(f"{structure:6} {span}; gain {100 * np.mean(gains):.1f} %", flush=True)
+    for name, excite in INPUTS.items():
+        for structure, wanted in truth.items():
+            inside, gains = [], []
+            for seed in range(seeds):
+                model = estimate(structure, record(excite(SAMPLES), 1000 + seed))
+                plant: Any = getattr(model, "transfer", model)
+                at = np.r_[0:4, 8:12] if structure == "bj" else np.arange(len(wanted))
+                inside.append(np.abs(plant.theta[at] - wanted) < 1.96 * plant.std_error[at])
+                response = model.response(BAND)
+                gains.append(np.mean(np.abs(np.abs(response.value) - exact) < 1.96 * response.gain_std))
+            each = np.mean(inside, axis=0)
+            span = f"{100 * each.min():.1f} to {100 * each.max():.1f} %"
+            print(f"{name:10} {structure:11} {span}; gain {100 * np.mean(gains):.1f} %", flush=True)
 
 
 def best_of(times: int, work: Callable[[], object]) -> float:

@@ -9,6 +9,7 @@ import pytest
 from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
 from identification.blackbox import data
 from identification.blackbox.data import Series
+from identification.blackbox.identify import identify
 
 U = foot.prbs(200)
 Y = foot.linear_output(U)
@@ -135,3 +136,65 @@ def test_missing_file_and_empty_folder(tmp_path: Path) -> None:
         data.read(tmp_path / "absent.csv")
     with pytest.raises(InputFileError, match=r"study\.toml: no such file"):
         data.read(tmp_path)
+
+
+@pytest.mark.parametrize("at", [60, 100])
+def test_steps_and_impulses_are_recordings(at: int) -> None:
+    """The second half of a step's or an impulse's record has no changing input; the record still identifies."""
+    n = 600
+    for u in (np.where(np.arange(n) < at, 0.0, 1.0), np.where(np.arange(n) == at, 50.0, 0.0)):
+        y = foot.linear_output(u) + 1e-3 * np.random.default_rng(at).standard_normal(n)
+        found = identify(Series(u, y, 1e-3, "blow"), ("oe",), {"oe": (4, 4, 1)})
+        poles = np.sort_complex(found.models["oe"].best.model.poles())[-2:]
+        np.testing.assert_allclose(poles, np.sort_complex(np.roots(foot.transfer()[1]))[-2:], atol=0.02)
+        assert any("constant in the held-out part" in text for text in found.models["oe"].warnings)
+
+
+def test_a_late_step_names_the_part_and_the_remedy() -> None:
+    u = np.where(np.arange(600) < 400, 0.0, 1.0)
+    late = Series(u, foot.linear_output(u) + 1e-3 * np.random.default_rng(0).standard_normal(600), 1e-3, "late")
+    with pytest.raises(RecordingError, match=r"estimation part \(samples 1 to 300 of 600\).*larger --split"):
+        late.split()
+    first, second = late.split(0.8)
+    assert (len(first), len(second)) == (480, 120)
+
+
+TIME_MS = np.arange(200.0)
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "options"),
+    [
+        ("time_ms,u,y", (TIME_MS, U, Y), {}),
+        ("Time (ms),force,speed", (TIME_MS, U, Y), {}),
+        ("t [us],force,speed", (1e3 * TIME_MS, U, Y), {}),
+        ("Time (s),force,speed", (1e-3 * TIME_MS, U, Y), {"sample_time": 1e-3}),
+        ("timestamp,force,speed", (1e-3 * TIME_MS, U, Y), {}),
+        ("Zeit,force,speed", (TIME_MS, U, Y), {"sample_time": 1e-3}),
+        ("time_min,force,speed", (TIME_MS, U, Y), {"sample_time": 1e-3}),
+    ],
+)
+def test_time_is_recognised_with_its_unit(
+    tmp_path: Path, header: str, columns: tuple[np.ndarray, ...], options: dict
+) -> None:
+    series = data.read_csv(written(tmp_path / "record.csv", header, *columns), **options)
+    assert series.sample_time == pytest.approx(1e-3, rel=1e-9)
+    np.testing.assert_allclose(series.u, U)
+    assert series.channels == tuple(header.split(",")[1:])
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        ("time_min,u,y\n" + "".join(f"{k},{k % 5},{k % 7}\n" for k in range(50)), "unit of the time column"),
+        ("Zeit,u,y\n" + "".join(f"{k},{k % 5},{k % 7}\n" for k in range(50)), "call it time_s, time_ms"),
+        ("time_s;u;y\n0;1;2\n1;2,5;3\n", r"'u' holds '2,5' in data row 2, .*decimal point"),
+        ("time_s,u,y\n0,0,1,5,2,5\n0,1,1,5,2,5\n", "more cells than its header; write decimal points"),
+        ("time_s,u,y\n0,1,2\n1,lost,3\n", r"'u' holds 'lost' in data row 2, .*remove the row"),
+    ],
+)
+def test_unknown_times_and_cells_name_the_remedy(tmp_path: Path, content: str, sentence: str) -> None:
+    file = tmp_path / "record.csv"
+    file.write_text(content)
+    with pytest.raises(InputFileError, match=sentence):
+        data.read_csv(file)

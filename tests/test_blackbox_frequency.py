@@ -88,3 +88,20 @@ def test_continuous_spectrum_and_too_few_points() -> None:
         frequency.points(record(foot.prbs(3000), 0))
     with pytest.raises(SettingError, match="record more frequencies"):
         frequency.rational(frequency.points(nine()[:3]))
+
+
+def test_a_bad_rational_fit_and_nonlinear_distortion_are_said() -> None:
+    """The nonlinear foot's sines have harmonics and no rational function; the linear foot's draw no sentence."""
+    noise = np.random.default_rng(0)
+    bent = []
+    for f in FREQUENCIES:
+        u = foot.sine(f, 2000)
+        y = foot.linear_output(u)
+        bent.append(Series(u, y + 0.004 * y**2 + 0.02 * noise.standard_normal(2000), foot.SAMPLE_TIME, "bent"))
+    data = frequency.points(bent)
+    size = np.max([np.abs(foot.response(np.array([f]))[0]) * foot.AMPLITUDE for f in FREQUENCIES])
+    assert data.distortion == pytest.approx(0.004 * size / 2, rel=0.05)  # cos^2 = (1 + cos 2) / 2
+    assert any("nonlinear distortion" in text for text in frequency.rational(data).warnings)
+    assert frequency.rational(frequency.points(nine())).warnings == ()
+    off = frequency.Points(data.frequency_hz, data.value * (1 + 0.1 * (-1) ** np.arange(9)), data.std)
+    assert "does not fit the points" in frequency.rational(off).warnings[0]

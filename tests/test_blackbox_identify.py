@@ -1,5 +1,7 @@
 """The whole way from files to report: command, JSON, figures, sentences."""
 
+import csv
+import io
 import json
 import subprocess
 import sys
@@ -11,10 +13,11 @@ import pytest
 from typer.testing import CliRunner
 
 from fasbody.exceptions import FasError, SettingError
-from identification.blackbox import published, report
+from identification.blackbox import figures, pem, published, report
 from identification.blackbox.__main__ import app, parse_orders
 from identification.blackbox.data import Series
 from identification.blackbox.identify import identify
+from identification.blackbox.polynomial import Orders
 
 ROOT = Path(__file__).parent.parent
 ORDERS = "arx=4,4,1;armax=4,4,4,1;oe=4,4,1;bj=4,1,1,4,1;ss=4;hw=4,4,1,3,1"
@@ -34,6 +37,12 @@ def write(path: Path, one: Series) -> Path:
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "identification.blackbox", *arguments]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def invoke(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """`run` without the start of a new interpreter."""
+    result = CliRunner().invoke(app, list(arguments))
+    return subprocess.CompletedProcess(arguments, result.exit_code, result.stdout, result.stderr)
 
 
 def test_command_prints_one_json_document_and_writes_figures(tmp_path: Path) -> None:
@@ -61,11 +70,13 @@ def test_command_prints_one_json_document_and_writes_figures(tmp_path: Path) -> 
     assert json.loads((tmp_path / "out" / "result.json").read_text()) == document
     assert len((tmp_path / "out" / "models.csv").read_text().splitlines()) == 7
     assert "OE (4, 4, 1)" in done.stderr
+    assert "input base_m_s2, output malleolus_m_s2, sample time 0.001 s" in done.stderr
+    assert document["recordings"][0]["output"] == "malleolus_m_s2"
 
 
 def test_single_sine_says_what_it_identifies(tmp_path: Path) -> None:
     file = write(tmp_path / "sine.csv", series(foot.sine(20.0, 2000)))
-    done = run(str(file), "--structures", "oe,ss", "--orders", "oe=4,4,1;ss=4", "--json")
+    done = invoke(str(file), "--structures", "oe,ss", "--orders", "oe=4,4,1;ss=4", "--json")
     document = json.loads(done.stdout)
     assert document["excitation_rank"] == 2
     for model in document["models"]:
@@ -77,10 +88,10 @@ def test_single_sine_says_what_it_identifies(tmp_path: Path) -> None:
 
 def test_several_files_make_a_table_and_pool(tmp_path: Path) -> None:
     files = [str(write(tmp_path / f"f{f:g}.csv", series(foot.sine(f, 1200), seed=int(f)))) for f in (10.0, 20.0, 35.0)]
-    alone = run(*files, "--structures", "oe", "--orders", "2,2,1")
+    alone = invoke(*files, "--structures", "oe", "--orders", "2,2,1")
     assert alone.returncode == 0, alone.stderr
     assert "form of Table 3.2" in alone.stderr and "--pool" in alone.stderr
-    pooled = run(*files, "--structures", "oe", "--orders", "2,2,1", "--pool", "--json")
+    pooled = invoke(*files, "--structures", "oe", "--orders", "2,2,1", "--pool", "--json")
     document = json.loads(pooled.stdout)
     assert document["excitation_rank"] == 6
     assert len(document["models"]) == 1
@@ -164,3 +175,55 @@ def test_published_tables() -> None:
     assert said.above_rank == 1.0
     assert max(said.best_share, key=lambda name: said.best_share[name]) == "oe"
     assert "270 recordings" in str(said)
+
+
+def test_finite_impulse_response_by_output_error() -> None:
+    """No poles at all: n_f = 0 is a sound model, here the exact one, and its coefficients are counted by the guard."""
+    rng = np.random.default_rng(2)
+    u = rng.standard_normal(600)
+    y = np.convolve(u, [0.0, 1.0, -0.5, 0.25])[:600] + 0.01 * rng.standard_normal(600)
+    found = identify(Series(u, y, 0.1, "fir"), ("oe",), {"oe": (3, 0, 1)})
+    np.testing.assert_allclose(found.models["oe"].best.model.theta, [1.0, -0.5, 0.25], atol=0.005)  # type: ignore[attr-defined]
+    wide = identify(series(foot.sine(20.0, 1000)), ("oe",), {"oe": (4, 0, 1)})
+    assert "the plant has 4 coefficients" in wide.models["oe"].warnings[0]
+
+
+def test_orders_that_cannot_be_meant_say_what_is_valid() -> None:
+    for orders, text in (((-1, 4, 1), "oe=-1,4,1"), ((0, 2, 1), "oe=0,2,1")):
+        with pytest.raises(SettingError, match=text) as caught:
+            identify(series(foot.prbs(200)), ("oe",), {"oe": orders})
+        assert "nb 1 or more, nf 0 or more, nk 0 or more" in str(caught.value)
+
+
+def test_results_folder_is_tried_before_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr("identification.blackbox.__main__.identify", lambda *_: pytest.fail("estimated first"))
+    recording = write(tmp_path / "a.csv", series(foot.prbs(200)))
+    result = CliRunner().invoke(app, [str(recording), "--out", str(tmp_path / "file")])
+    assert isinstance(result.exception, FasError) and "cannot be written" in str(result.exception)
+
+
+def test_intervals_are_withheld_where_residuals_are_not_white() -> None:
+    """ARX of an output-error foot leaves coloured residuals, and its formal interval misses the true gain."""
+    one = series(foot.prbs(3000))
+    found = identify(one, ("arx", "oe"), {"arx": (4, 4, 1), "oe": (4, 4, 1)})
+    plain = pem.estimate("arx", one.split()[0], Orders.of("arx", (4, 4, 1))).response(np.array([20.0]))
+    assert abs(abs(plain.value[0]) - abs(foot.response(np.array([20.0]))[0])) > 5 * plain.gain_std[0]
+    arx = found.models["arx"]
+    assert np.isnan(arx.response.gain_std).all() and np.isnan(arx.best.model.std_error).all()  # type: ignore[attr-defined]
+    assert any("valid for white residuals only" in text for text in arx.warnings)
+    assert np.isfinite(found.models["oe"].response.gain_std).all()
+    assert figures.bode(found).axes[0].get_legend_handles_labels()[1][0] == "ARX (4, 4, 1) (no valid band)"
+
+
+def test_table_and_csv_give_the_gain_where_the_input_is_strongest() -> None:
+    """Two lines, the stronger one where the foot answers less; table, CSV and 95 % interval agree."""
+    u = foot.sine(8.0, 2000) + 3.0 * foot.sine(45.0, 2000)
+    found = identify(series(u), ("oe",), {"oe": (2, 2, 1)})
+    row = next(csv.DictReader(io.StringIO(report.csv_text([found]))))
+    assert float(row["gain_frequency_hz"]) == pytest.approx(45.0, abs=0.5)
+    heading = str(report.single_table(found).columns[4].header)
+    assert heading == f"gain at {float(row['gain_frequency_hz']):.4g} Hz, 95 %"
+    gain, interval = str(next(report.single_table(found).columns[4].cells)).split(" +- ")
+    assert float(gain) == pytest.approx(float(row["gain"]), rel=1e-3)
+    assert float(interval) == pytest.approx(1.96 * float(row["gain_std"]), rel=0.2)

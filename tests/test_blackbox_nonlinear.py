@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 from fasbody.exceptions import SettingError
 from identification.blackbox import narx, nonlinear, pem, selection
 from identification.blackbox.data import Series
+from identification.blackbox.identify import identify
 from identification.blackbox.polynomial import Orders
 
 ORDERS = Orders.of("oe", (2, 2, 1))
@@ -90,3 +91,24 @@ def test_a_diverging_narx_has_no_fit() -> None:
 def test_degree_below_one() -> None:
     with pytest.raises(SettingError, match="degree 1 or more"):
         nonlinear.estimate(loaded(10.0)[0], ORDERS, (0, 3))
+
+
+def test_a_binary_input_gets_no_input_polynomial() -> None:
+    """On two levels u^3 is proportional to u: the command tries (1, q) only; asked for, it warns."""
+    u = foot.prbs(1200)
+    rng = np.random.default_rng(0)
+    one = Series(u, foot.linear_output(u) + 0.25 * rng.standard_normal(1200), foot.SAMPLE_TIME)
+    found = identify(one, ("hw",), {"oe": (2, 2, 1)}).models["hw"]
+    assert found.selection.tried == 1
+    assert all(c.model.degrees == (1, 3) for c in found.selection.candidates)  # type: ignore[attr-defined]
+    assert any("input has 2 levels" in text for text in found.warnings)
+    assert "cannot identify" in nonlinear.estimate(one, ORDERS, (3, 1)).warnings[-1]
+
+
+def test_levels_are_counted_through_noise() -> None:
+    rng = np.random.default_rng(0)
+    binary, three = rng.integers(0, 2, 900) * 1.0, rng.integers(0, 3, 900) * 1.0
+    assert nonlinear.levels(binary) == 2
+    assert nonlinear.levels(three + 0.002 * rng.standard_normal(900)) == 3
+    for many in (rng.standard_normal(900), np.sin(0.1 * np.arange(900)), rng.uniform(size=900)):
+        assert nonlinear.levels(many) == np.inf

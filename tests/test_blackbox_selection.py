@@ -4,7 +4,7 @@ import linear_foot as foot
 import numpy as np
 import pytest
 
-from identification.blackbox import criteria, pem, selection
+from identification.blackbox import criteria, delay, pem, selection
 from identification.blackbox.data import Series
 from identification.blackbox.polynomial import Orders
 from identification.blackbox.validation import residual_test
@@ -115,10 +115,10 @@ def test_output_error_orders_are_found_with_few_parameters() -> None:
 
 
 def test_delay_of_a_delayed_foot() -> None:
-    base = foot.prbs(3000)
+    base = foot.prbs(2000)
     y = np.concatenate([np.zeros(3), foot.linear_output(base)[:-3]])
-    late = Series(base, y + 0.1 * np.random.default_rng(0).standard_normal(3000), 1e-3).centred()
-    assert selection.delay([late]) == 4
+    late = Series(base, y + 0.05 * np.random.default_rng(0).standard_normal(2000), 1e-3).centred()
+    assert delay.estimate([late]) == 4
 
 
 def test_state_space_selection() -> None:
@@ -139,3 +139,35 @@ def test_a_free_motion_that_outlasts_the_record_ranks_last() -> None:
     )  # fmt: skip
     assert selection.judge(ringing, [validation]).fit_percent > 95
     assert selection.rank([ringing, honest], [validation], 2, ()).best.model is honest
+
+
+def lag(wait: int, n: int = 800) -> Series:
+    """First-order lag after `wait` samples, 0 for direct feedthrough."""
+    rng = np.random.default_rng(wait)
+    u, y = rng.standard_normal(n), np.zeros(n)
+    for t in range(1, n):
+        y[t] = 0.8 * y[t - 1] + (0.5 * u[t - wait] if t >= wait else 0.0)
+    return Series(u, y + 0.1 * rng.standard_normal(n), 1.0, f"lag {wait}").centred()
+
+
+@pytest.mark.parametrize("wait", [0, 1, 41])
+def test_delays_from_none_to_long(wait: int) -> None:
+    """Direct feedthrough and a delay far beyond the grid are found, by OE and by ARX."""
+    series = lag(wait)
+    assert delay.estimate([series]) == wait
+    first, second = series.split()
+    best = selection.select_arx([first], [second], largest=6, nk=wait).best
+    assert best.model.orders.nk == wait  # type: ignore[attr-defined]
+    assert best.fit_percent > 80
+
+
+def test_the_edge_of_every_order_is_named() -> None:
+    estimation, validation = halves(foot.prbs(1500))
+    trials = [Orders(nb=nb, nf=nf, nk=1) for nb in (1, 2) for nf in (1, 2)]
+    chosen = selection.select_polynomial("oe", trials, [estimation], [validation])
+    assert any("n_f = 2 is the largest tried" in text or "n_b = 2" in text for text in chosen.warnings)
+    inner = selection.edge(chosen, {"nb": 15, "nf": 5})
+    assert inner is chosen
+    noise = pem.estimate("bj", estimation, Orders.of("bj", (2, 5, 3, 2, 1)))
+    ranked = selection.rank([noise], [validation], 1, ())
+    assert "n_c = 5 is the largest" in selection.edge(ranked, {"nc": 5, "nd": 5}).warnings[0]

@@ -81,3 +81,30 @@ def test_orders_and_lengths_that_cannot_be() -> None:
         subspace.decompose(record(n=1000)).model(16)
     with pytest.raises(SettingError, match="more than"):
         subspace.estimate(record(n=90), 4)
+
+
+def test_only_refined_models_have_intervals_and_they_cover() -> None:
+    """Multisine, 10 records: the plain estimate errs by many formal deviations, the refined interval holds the gain."""
+    inside, exact = [], np.abs(foot.response(BAND))
+    for seed in range(10):
+        base = foot.multisine(2000)
+        y = foot.linear_output(base) + 0.25 * np.random.default_rng(seed).standard_normal(2000)
+        found = subspace.decompose(Series(base, y, foot.SAMPLE_TIME))
+        response = found.model(4, refine=True).response(BAND)
+        inside.append(np.mean(np.abs(np.abs(response.value) - exact) < 1.96 * response.gain_std))
+    assert 0.85 <= np.mean(inside) <= 1.0
+    plain = found.model(4)
+    assert plain.warnings == (subspace.UNREFINED,)
+    assert np.isnan(plain.response(BAND).gain_std).all()
+
+
+def test_a_moved_pole_is_named_and_leaves_no_intervals() -> None:
+    """An integrator's pole at one is drawn in: the estimate is another plant, and says so."""
+    rng = np.random.default_rng(3)
+    u = rng.standard_normal(1500)
+    u -= u.mean()
+    y = np.concatenate([[0.0], np.cumsum(u)[:-1]])
+    model = subspace.decompose(Series(u, y, 1.0)).model(1)
+    assert "pole 1.0000 moved to modulus 0.999" in model.warnings[0]
+    assert np.isnan(model.transfer.std_error).all()
+    assert np.abs(model.poles()) == pytest.approx([0.999])

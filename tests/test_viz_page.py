@@ -121,7 +121,9 @@ def test_foot_in_the_browser(opened: Any) -> None:
 
         assert page.complaints == []
         host = url.removeprefix("http://").rstrip("/")
-        outside = [a for a in page.addresses if not a.startswith(("data:", "blob:", f"http://{host}/", f"ws://{host}/"))]
+        outside = [
+            a for a in page.addresses if not a.startswith(("data:", "blob:", f"http://{host}/", f"ws://{host}/"))
+        ]
         assert outside == []
         assert any(a.startswith("ws://") for a in page.addresses)
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from fasbody.console import command_line, console, print_json, progress_bar, to_json, write_whole
+from fasbody.console import command_line, console, make_folder, print_json, progress_bar, to_json, write_whole
 from fasbody.exceptions import SettingError, unknown
 
 from . import data, report
@@ -58,6 +58,8 @@ def main(
     if not 0.0 < split < 1.0:
         raise SettingError(f"split {split:g} is not between 0 and 1.")
     wanted = parse_orders(orders, chosen)
+    if out is not None:
+        make_folder(out)
     recordings = [
         series for path in files for series in data.read(path, input=input, output=output, sample_time=sample_time)
     ]
@@ -112,7 +114,8 @@ def _show(reports: list[Report], pool: bool) -> None:
                 sentences.setdefault(text, []).append(name.upper())
         for text, names in sentences.items():
             console.print(f"  [yellow]{', '.join(names)}:[/] {text}", soft_wrap=True)
-        for extra in (one.rational, one.left_out, *one.failures):
+        bad_fit = one.rational.warnings if one.rational else ()
+        for extra in (one.rational, *bad_fit, one.left_out, *one.failures):
             if extra:
                 console.print(f"  {extra}", soft_wrap=True, markup=False)
     if len(reports) > 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,12 +10,16 @@ import numpy as np
 import pandas as pd
 
 from fasbody.exceptions import InputFileError, RecordingError, SettingError, unknown
+from fasbody.readers import TIME_UNITS
 from fasbody.recording import Recording, Study
 
+#: A header of time, alone or with a unit: time_s, "Time (ms)", t [us], timestamp.
+TIME_HEADER = re.compile(r"(?:time\s*stamp|time|t)(?:[\s_.,:/\[(]+(?P<unit>\w+)[\s\])]*)?", re.IGNORECASE)
+UNNAMED = "column {}"  # of a file without a header
 SHORTEST = 20  # samples; below this not even a first-order model and its initial state can be judged
-TIME_NAMES = ("time_s", "time", "t")
-INPUT_NAMES = ("base_m_s2", "u", "input")
-OUTPUT_NAMES = ("malleolus_m_s2", "y", "output")
+INPUT_OUTPUT = ("base_m_s2", "malleolus_m_s2")  # of a foot's recording
+INPUT_NAMES = (INPUT_OUTPUT[0], "u", "input")
+OUTPUT_NAMES = (INPUT_OUTPUT[1], "y", "output")
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +31,9 @@ class Series:
         y: output, shape (N,).
         sample_time: seconds between samples.
         name: what to call it in tables and messages.
+        channels: names of input and output.
+        part: whether it was cut from a whole recording, which alone is asked for excitation: a step or a pulse
+            leaves parts without any.
 
     Raises:
         RecordingError: the arrays cannot identify anything; one sentence says why.
@@ -35,6 +43,8 @@ class Series:
     y: np.ndarray
     sample_time: float
     name: str = "recording"
+    channels: tuple[str, str] = ("input", "output")
+    part: bool = False
 
     def __post_init__(self) -> None:
         """Keep the arrays as read-only floats and check them."""
@@ -42,7 +52,8 @@ class Series:
             values = np.array(getattr(self, field), dtype=float)
             values.setflags(write=False)
             object.__setattr__(self, field, values)
-        problem = find_problem(self.u, self.y, self.sample_time)
+        problem = find_fault(self.u, self.y, self.sample_time)
+        problem = problem or ("" if self.part else find_problem(self.u, self.y))
         if problem:
             raise RecordingError(f"{self.name}: {problem}.")
 
@@ -56,13 +67,14 @@ class Series:
 
     def cut(self, start: int, stop: int) -> Series:
         """The samples from `start` up to, not including, `stop`."""
-        return replace(self, u=self.u[start:stop], y=self.y[start:stop])
+        return replace(self, u=self.u[start:stop], y=self.y[start:stop], part=True)
 
     def split(self, fraction: float = 0.5) -> tuple[Series, Series]:
         """The first `fraction` for estimation and the rest for validation, both less the means of the first.
 
         Raises:
             SettingError: `fraction` leaves one part shorter than any model needs.
+            RecordingError: the input does nothing in the first part, or the output nothing in one of them.
         """
         middle = round(fraction * len(self))
         if not SHORTEST <= middle <= len(self) - SHORTEST:
@@ -72,15 +84,32 @@ class Series:
             )
         u_mean, y_mean = self.u[:middle].mean(), self.y[:middle].mean()
         centred = replace(self, u=self.u - u_mean, y=self.y - y_mean)
-        return centred.cut(0, middle), centred.cut(middle, len(self))
+        parts = centred.cut(0, middle), centred.cut(middle, len(self))
+        for silent, label in (
+            (_constant(self.u[:middle]), "input is constant in the estimation part"),
+            (_constant(self.y[:middle]), "output is constant in the estimation part"),
+            (_constant(self.y[middle:]), "output is constant in the held-out part"),
+        ):
+            if silent:
+                first, last = (1, middle) if "estimation" in label else (middle + 1, len(self))
+                other = "smaller" if "held-out" in label else "larger"
+                raise RecordingError(
+                    f"{self.name}: the {label} (samples {first} to {last} of {len(self)}), though not in the whole "
+                    f"record; choose a {other} --split than {fraction:g}."
+                )
+        return parts
 
     def centred(self) -> Series:
         """The recording less its means: linear models describe motion about the mean."""
         return replace(self, u=self.u - self.u.mean(), y=self.y - self.y.mean())
 
 
-def find_problem(u: np.ndarray, y: np.ndarray, sample_time: float) -> str:
-    """What makes these arrays useless for identification, as a clause, or an empty string."""
+def _constant(signal: np.ndarray) -> bool:
+    return bool(np.ptp(signal) <= 1e-12 * np.abs(signal).max(initial=1e-300))
+
+
+def find_fault(u: np.ndarray, y: np.ndarray, sample_time: float) -> str:
+    """What makes these arrays no recording at all, as a clause, or an empty string."""
     if u.ndim != 1 or u.shape != y.shape:
         return f"input and output must be two columns of equal length, not of shapes {u.shape} and {y.shape}"
     if not (np.isfinite(sample_time) and sample_time > 0):
@@ -91,10 +120,15 @@ def find_problem(u: np.ndarray, y: np.ndarray, sample_time: float) -> str:
         if not np.isfinite(signal).all():
             first = int(np.argmin(np.isfinite(signal)))
             return f"the {label} is not a finite number at sample {first + 1}; cut or mend the gap first"
-    if np.ptp(u) <= 1e-12 * np.abs(u).max(initial=1e-300):
+    return ""
+
+
+def find_problem(u: np.ndarray, y: np.ndarray) -> str:
+    """What makes a sound whole recording useless for identification, as a clause, or an empty string."""
+    if _constant(u):
         what = "zero throughout: an output without input" if not u.any() else "constant"
         return f"the input is {what}, so no response to it can be seen; record while the base is shaken"
-    if np.ptp(y) <= 1e-12 * np.abs(y).max(initial=1e-300):
+    if _constant(y):
         return "the output is constant, so it shows no response; check the sensor and the column"
     if np.array_equal(u, y):
         return "input and output are the same signal; name two different columns or sensors"
@@ -132,11 +166,14 @@ def read(path: Path, *, input: str = "", output: str = "", sample_time: float | 
 def from_recording(recording: Recording) -> Series:
     """A foot's recording as a system from base to malleolus acceleration."""
     name = Path(recording.file).stem
-    return Series(recording.base_m_s2, recording.malleolus_m_s2, 1 / recording.rate_hz, name)
+    return Series(recording.base_m_s2, recording.malleolus_m_s2, 1 / recording.rate_hz, name, INPUT_OUTPUT)
 
 
 def read_csv(path: Path, *, input: str = "", output: str = "", sample_time: float | None = None) -> Series:
     """A `Series` from a CSV file with named columns, or with two (input, output) or three (time first) columns.
+
+    A column called time or t gives the sample time, in the unit its name carries (s, ms or us; seconds without one). A
+    first column that rises from row to row is never taken for the input unless asked for.
 
     Args:
         path: the file; the first row may name the columns.
@@ -150,9 +187,7 @@ def read_csv(path: Path, *, input: str = "", output: str = "", sample_time: floa
     """
     table = _table(path)
     names = [str(name) for name in table.columns]
-    time_name = next((name for name in names if name.strip().lower() in TIME_NAMES), None)
-    if time_name is None and len(names) == 3 and sample_time is None and not (input or output):
-        time_name = names[0]
+    time_name, unit = _time_column(path, table, names, sample_time)
     signals = [name for name in names if name != time_name]
     input_name = _column(path, names, signals, input, INPUT_NAMES, "input")
     others = [name for name in signals if name != input_name]
@@ -160,12 +195,37 @@ def read_csv(path: Path, *, input: str = "", output: str = "", sample_time: floa
     if sample_time is None:
         if time_name is None:
             raise InputFileError(path, "has no time column", "name one 'time_s' or give --sample-time in seconds")
-        sample_time = _sample_time(path, _numbers(path, table, time_name))
+        sample_time = _sample_time(path, _numbers(path, table, time_name) * unit)
     u, y = _numbers(path, table, input_name), _numbers(path, table, output_name)
-    problem = find_problem(u, y, sample_time)
+    problem = find_fault(u, y, sample_time) or find_problem(u, y)
     if problem:
         raise RecordingError(f"{path}: {problem}.")
-    return Series(u, y, sample_time, path.stem)
+    return Series(u, y, sample_time, path.stem, (input_name, output_name))
+
+
+def _time_column(
+    path: Path, table: pd.DataFrame, names: list[str], sample_time: float | None
+) -> tuple[str | None, float]:
+    """Name of the time column and its unit in seconds."""
+    for name in names:
+        header = TIME_HEADER.fullmatch(name)
+        if header:
+            unit = (header["unit"] or "s").lower().replace("µ", "u").replace("sec", "s")
+            if unit in TIME_UNITS:
+                return name, TIME_UNITS[unit]
+            if sample_time is None:
+                sentence = unknown(f"unit of the time column {name!r}:", unit, TIME_UNITS)
+                raise InputFileError(path, sentence, "or give --sample-time in seconds")
+            return name, 1.0
+    first = pd.to_numeric(table[names[0]], errors="coerce").to_numpy(dtype=float)
+    if len(first) < 3 or not np.all(np.diff(first) > 0):
+        return None, 1.0
+    if sample_time is None and names[0] != UNNAMED.format(1):
+        raise InputFileError(
+            path, f"its first column {names[0]!r} rises from row to row as a time does, but has no known name or unit",
+            "call it time_s, time_ms or time_us, or give --sample-time in seconds",
+        )  # fmt: skip
+    return names[0], 1.0
 
 
 def _table(path: Path) -> pd.DataFrame:
@@ -180,7 +240,12 @@ def _table(path: Path) -> pd.DataFrame:
         reason = getattr(error, "strerror", None) or str(error).splitlines()[0].rstrip(".")
         raise InputFileError(path, f"cannot be read as CSV ({reason})", "give rows of numbers") from error
     if not headed:
-        table.columns = [f"column {number}" for number in range(1, table.shape[1] + 1)]
+        table.columns = [UNNAMED.format(number) for number in range(1, table.shape[1] + 1)]
+    if not isinstance(table.index, pd.RangeIndex):
+        raise InputFileError(
+            path, "its rows have more cells than its header",
+            "write decimal points where there are decimal commas, or separate the columns by semicolons",
+        )  # fmt: skip
     return table.rename(columns=lambda name: str(name).strip())
 
 
@@ -208,10 +273,15 @@ def _column(path: Path, names: list[str], free: list[str], asked: str, usual: tu
 
 
 def _numbers(path: Path, table: pd.DataFrame, name: str) -> np.ndarray:
-    try:
-        return table[name].to_numpy(dtype=float)
-    except (ValueError, TypeError) as error:
-        raise InputFileError(path, f"column {name!r} holds something that is not a number ({error})") from error
+    values = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
+    wrong = np.isnan(values) & table[name].notna().to_numpy()
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        cell = str(table[name].iloc[row])
+        comma = _is_number(cell.replace(",", ".", 1))
+        remedy = "write it with a decimal point" if comma else "remove the row or mark it with #"
+        raise InputFileError(path, f"column {name!r} holds {cell[:40]!r} in data row {row + 1}, not a number", remedy)
+    return values
 
 
 def _sample_time(path: Path, time: np.ndarray) -> float:

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from .identify import Found, Report
+from .report import CONFIDENCE
 
 #: Okabe and Ito's colours, told apart with any colour vision; one for each structure in every figure.
 COLOURS = {
@@ -21,7 +22,6 @@ COLOURS = {
 DASHES: dict[str, Any] = {
     "arx": "-", "armax": "--", "oe": "-.", "bj": ":", "ss": (0, (5, 1, 1, 1)), "hw": (0, (3, 2)), "narx": (0, (1, 1)),
 }  # fmt: skip
-CONFIDENCE = 1.96  # standard deviations of a 95 % band
 
 
 def all_figures(report: Report) -> dict[str, bytes]:
@@ -100,6 +100,7 @@ def _bode_band(report: Report) -> Figure:
         gain_band, phase_band = CONFIDENCE * r.gain_std, CONFIDENCE * r.phase_std_deg
         unknown = gain_band >= size
         label = found.best.model.label + (" (undetermined)" if unknown.all() else "")
+        label += " (no valid band)" if np.isnan(gain_band).all() else ""
         for axes, value, band in ((gain, size, gain_band), (phase, angle, phase_band)):
             value = np.where(unknown, np.nan, value)
             if lines:

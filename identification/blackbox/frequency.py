@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import optimize, signal
+from scipy import optimize, signal, stats
 
 from fasbody.exceptions import SettingError
 
 from . import excitation
 from .data import Series
 from .polynomial import Response
+from .validation import ALARM
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,11 +26,14 @@ class Points:
         frequency_hz: rising, shape (M,).
         value: complex output over input, shape (M,).
         std: standard deviation of real and of imaginary part, shape (M,).
+        distortion: largest harmonic of the output that the input's harmonics do not explain, over its fundamental;
+            0 when none stands out of the noise.
     """
 
     frequency_hz: np.ndarray
     value: np.ndarray
     std: np.ndarray
+    distortion: float = 0.0
 
     def __len__(self) -> int:
         return len(self.frequency_hz)
@@ -37,7 +41,7 @@ class Points:
     def without(self, k: int) -> Points:
         """All points but number `k`."""
         keep = np.arange(len(self)) != k
-        return Points(self.frequency_hz[keep], self.value[keep], self.std[keep])
+        return Points(self.frequency_hz[keep], self.value[keep], self.std[keep], self.distortion)
 
     def __str__(self) -> str:
         rows = zip(self.frequency_hz, np.abs(self.value), self.std, np.angle(self.value, deg=True), strict=True)
@@ -54,7 +58,7 @@ def points(recordings: Series | Sequence[Series]) -> Points:
         SettingError: an input has no separate lines.
     """
     pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
-    found = []
+    found, distortion = [], 0.0
     for series in map(_steady, pooled):
         lines, extra = _lines(series)
         u, sigma_u, _ = excitation.sine_fit(series.u, series.sample_time, 1.0, [*lines, *extra])
@@ -62,6 +66,9 @@ def points(recordings: Series | Sequence[Series]) -> Points:
         value = y[: len(lines)] / u[: len(lines)]
         std = np.sqrt(sigma_y**2 + np.abs(value) ** 2 * sigma_u**2) / np.abs(u[: len(lines)])
         found += list(zip(lines, value, std, strict=True))
+        more = np.abs(y[len(lines) :]) - 3.0 * np.abs(value).max() * np.abs(u[len(lines) :])  # 3: a resonance there
+        certain = more[more > 5.0 * sigma_y]
+        distortion = max(distortion, float(certain.max(initial=0.0) / np.abs(y[: len(lines)]).max()))
     found.sort(key=lambda item: item[0])
     groups: list[list[tuple[float, complex, float]]] = []
     for item in found:
@@ -75,7 +82,7 @@ def points(recordings: Series | Sequence[Series]) -> Points:
         frequency.append(float(np.mean([f for f, _, _ in group])))
         value.append(complex(np.sum(weight * np.array([g for _, g, _ in group])) / weight.sum()))
         std.append(float(1.0 / np.sqrt(weight.sum())))
-    return Points(np.array(frequency), np.array(value), np.array(std))
+    return Points(np.array(frequency), np.array(value), np.array(std), distortion)
 
 
 def _steady(series: Series) -> Series:
@@ -122,6 +129,7 @@ class Rational:
         spread: square root of the covariance of (num, den[1:]).
         chi_square: weighted sum of squares left.
         freedom: its degrees of freedom.
+        distortion: that of the points.
     """
 
     num: np.ndarray
@@ -130,6 +138,23 @@ class Rational:
     spread: np.ndarray
     chi_square: float
     freedom: int
+    distortion: float = 0.0
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences for the user."""
+        found = []
+        if self.freedom > 0 and stats.chi2.sf(self.chi_square, self.freedom) < ALARM:
+            found.append(
+                f"the rational function does not fit the points (chi2 {self.chi_square:.3g} at {self.freedom} degrees "
+                "of freedom): the plant is nonlinear or changed between recordings, or the order is too low"
+            )
+        if self.distortion:
+            found.append(
+                f"nonlinear distortion: the output has harmonics up to {100 * self.distortion:.2g} % that the input "
+                "lacks, so the response depends on amplitude"
+            )
+        return tuple(found)
 
     def response(self, frequency_hz: ArrayLike) -> Response:
         """Response with first-order error propagation."""
@@ -208,7 +233,7 @@ def rational(data: Points, zeros: int = 2, poles: int = 4) -> Rational:
     theta = result.x
     return Rational(
         theta[:count], np.concatenate([[1.0], theta[count:]]), scale, spread, float(2 * result.cost),
-        2 * len(data) - count - poles,
+        2 * len(data) - count - poles, data.distortion,
     )  # fmt: skip
 
 

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from fasbody.exceptions import FasError, SettingError, unknown
 
-from . import excitation, frequency, narx, nonlinear, pem, selection, subspace
+from . import delay, excitation, frequency, narx, nonlinear, pem, selection, subspace
 from .data import Series
 from .excitation import Excitation
-from .polynomial import STRUCTURES, Orders, Response
+from .polynomial import STRUCTURES, Orders, PolynomialModel, Response
 from .selection import Candidate, Selection
-from .validation import ResidualTest, residual_test
+from .validation import ALARM, ResidualTest, residual_test
 
 ALL = ("arx", "armax", "bj", "oe", "ss", "hw", "narx")
 DEFAULT = ("arx", "armax", "oe", "bj", "ss", "hw")
 DEGREES = ((3, 1), (1, 3), (3, 3), (5, 3))  # of the Hammerstein-Wiener polynomials tried
+WHITE = ("arx", "armax", "bj")  # their standard errors assume that e(t) is white; those of OE do not
+FEW = 20  # excitation rank up to which a pulse response cannot be seen
 HEAVY = 30_000  # estimation samples above which the grid of n_b is cut from 15 to 6
 
 #: Structure -> orders in the sequence of Table 3.2; structures not named are selected automatically.
@@ -100,9 +103,9 @@ def identify(
             raise SettingError(unknown("structure", name, ALL) + ".")
     pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
     parts = [series.split(split) for series in pooled]
-    chooser = _Chooser([first for first, _ in parts], [second for _, second in parts], wanted or {}, step)
     step("excitation")
-    seen = excitation.examine(chooser.estimation)
+    seen = excitation.examine([first for first, _ in parts])
+    chooser = _Chooser([first for first, _ in parts], [second for _, second in parts], wanted or {}, step, seen)
     models, failures = {}, []
     for name in structures:
         try:
@@ -124,11 +127,17 @@ class _Chooser:
     """Selections of all structures on the same data; the later ones build on the orders of ARX and OE."""
 
     def __init__(
-        self, estimation: list[Series], validation: list[Series], wanted: Wanted, step: Callable[[str], Any]
+        self,
+        estimation: list[Series],
+        validation: list[Series],
+        wanted: Wanted,
+        step: Callable[[str], Any],
+        seen: Excitation,
     ) -> None:
         self.estimation, self.validation = estimation, validation
         self.wanted, self.step = wanted, step
         self.done: dict[str, Selection] = {}
+        self.sines = seen.rank <= FEW
         self.heavy = sum(len(series) for series in estimation) > HEAVY
 
     def select(self, name: str) -> Selection:
@@ -138,6 +147,11 @@ class _Chooser:
             self.done[name] = self._select(name)
         return self.done[name]
 
+    @cached_property
+    def delay(self) -> int:
+        """The plant's delay n_k in samples."""
+        return delay.estimate(self.estimation, far=not self.sines)
+
     def _orders(self, name: str) -> Orders:
         return self.select(name).best.model.orders  # type: ignore[attr-defined]  # arx and oe are polynomial
 
@@ -146,13 +160,10 @@ class _Chooser:
         if name in self.wanted:
             return selection.rank([self._given(name, self.wanted[name])], validation, 1, ())
         if name == "arx":
-            return selection.select_arx(estimation, validation)
+            return selection.select_arx(estimation, validation, nk=self.delay)
         if name == "oe":
-            # Where other sensible delays are wanted: the ARX model's, as in the thesis.
-            nk = selection.delay(estimation, [self._orders("arx").nk])
-            return selection.select_polynomial(
-                "oe", selection.oe_trials(nk, 6 if self.heavy else 15), estimation, validation
-            )
+            trials = selection.oe_trials(self.delay, 6 if self.heavy else 15)
+            return selection.select_polynomial("oe", trials, estimation, validation)
         if name == "armax":
             trials = selection.armax_trials(self._orders("arx"), self._orders("oe"))
             return selection.select_polynomial("armax", trials, estimation, validation)
@@ -162,8 +173,12 @@ class _Chooser:
             return selection.select_state_space(estimation, validation)
         if name == "hw":
             linear = self.select("oe").best.model
-            models = [nonlinear.estimate(estimation, self._orders("oe"), d, linear) for d in DEGREES]  # type: ignore[arg-type]
-            return selection.rank(models, validation, len(models), ())
+            levels = min(nonlinear.levels(series.u) for series in estimation)
+            degrees = [(p, q) for p, q in DEGREES if p < levels]
+            models = [nonlinear.estimate(estimation, self._orders("oe"), d, linear) for d in degrees]  # type: ignore[arg-type]
+            skipped = len(degrees) < len(DEGREES)
+            said = [f"the input has {levels:g} levels: no input polynomial of that degree or more is tried"] * skipped
+            return selection.rank(models, validation, len(models), said)
         best = narx.estimate(estimation, validation)
         return Selection((best,), narx.LARGEST_TERMS, (best.model.label,), ())
 
@@ -184,10 +199,20 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
     tests = [residual_test(model.residuals(series), series, noise) for series in chooser.validation]
     test = max(tests, key=lambda t: -min(t.cross_p, t.white_p))
     warnings = [*model.warnings, *chosen.warnings]
+    if test.white_p < ALARM and isinstance(model, PolynomialModel) and model.structure in WHITE:
+        name = model.structure.upper()
+        warnings.append(f"no standard errors or band: those of {name} are valid for white residuals only")
+        model = model.without_intervals()
+        chosen = replace(chosen, candidates=(replace(chosen.best, model=model), *chosen.candidates[1:]))
     plant = len(model.poles()) + len(model.zeros()) + 1  # the coefficients of a proper B/F
-    guard = seen.warning(plant) if len(model.poles()) else ""
+    guard = seen.warning(plant) if model.structure != "narx" else ""
     if guard:
         warnings.insert(0, guard)
+    if all(np.ptp(series.u) == 0.0 for series in chooser.validation):
+        warnings.append(
+            "the input is constant in the held-out part, so the fit judges a free motion and noise there; a larger "
+            "--split holds out less"
+        )
     if not np.isfinite(chosen.best.fit_percent):
         warnings.append("free simulation diverges, so there is no fit")
     return Found(chosen, test, model.response(shown_frequencies(seen)), tuple(warnings) + test.warnings)

@@ -158,6 +158,19 @@ class _Problem:
         return slope
 
 
+def levels(u: np.ndarray) -> float:
+    """Number of distinct values of an input, noise on them apart; infinite when it is not a few levels.
+
+    Powers from this number on are combinations of the lower ones.
+    """
+    ordered = np.sort(u)
+    gaps = np.diff(ordered)
+    reach = max(float(ordered[-1] - ordered[0]), 1e-300)
+    jumps = gaps > 0.02 * reach
+    between = float(gaps[jumps].sum())
+    return int(jumps.sum()) + 1 if between > 0.8 * reach else np.inf
+
+
 def estimate(
     recordings: Series | Sequence[Series], orders: Orders, degrees: tuple[int, int] = (3, 3),
     linear: PolynomialModel | None = None,
@@ -187,6 +200,9 @@ def estimate(
     block = PolynomialModel(
         "oe", orders, minimum.theta[:count], root[:count], minimum.at.loss, minimum.at.samples, pooled[0].sample_time
     )
-    warnings = () if minimum.converged else ("the iterations ended before the loss stopped falling",)
+    warnings: tuple[str, ...] = () if minimum.converged else ("the iterations ended before the loss stopped falling",)
+    count_of = min(levels(series.u) for series in pooled)
+    if p >= count_of:
+        warnings += (f"an input of {count_of:g} levels cannot identify an input polynomial of degree {p}",)
     terms, out = np.split(minimum.theta[count:], [p - 1])
     return HammersteinWiener(block, terms, out, u_scale, y_scale, minimum.at.loss, minimum.at.samples, warnings)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -51,6 +51,9 @@ class Orders:
         names = STRUCTURES[structure]
         if len(names) != len(numbers):
             raise SettingError(f"{structure} takes {len(names)} orders ({', '.join(names)}), not {len(numbers)}.")
+        if any(number < (name == "nb") for name, number in zip(names, numbers, strict=True)):
+            valid = ", ".join(f"{name} {int(name == 'nb')} or more" for name in names)
+            raise SettingError(f"{structure}={','.join(map(str, numbers))} cannot be meant; valid: {valid}.")
         return cls(**{"nb": 1, **dict(zip(names, numbers, strict=True))})
 
     def as_tuple(self, structure: str) -> tuple[int, ...]:
@@ -133,6 +136,10 @@ class PolynomialModel:
     def parameters(self) -> int:
         """Number of estimated coefficients."""
         return len(self.theta)
+
+    def without_intervals(self) -> PolynomialModel:
+        """The same model with NaN for every standard error, for when the assumptions behind them fail."""
+        return replace(self, spread=np.full_like(self.spread, np.nan))
 
     @property
     def std_error(self) -> np.ndarray:

@@ -8,10 +8,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from rich.markup import escape
 from rich.table import Table
 
 from . import published
 from .identify import Found, Report
+
+CONFIDENCE = 1.96  # standard deviations of a 95 % interval
 
 
 def document(reports: Sequence[Report]) -> dict[str, Any]:
@@ -31,6 +34,8 @@ def recording(report: Report) -> dict[str, Any]:
         "files": [series.name for series in report.estimation],
         "estimation_samples": sum(len(series) for series in report.estimation),
         "held_out_samples": sum(len(series) for series in report.validation),
+        "input": report.estimation[0].channels[0],
+        "output": report.estimation[0].channels[1],
         "sample_time_s": report.estimation[0].sample_time,
         "excitation_rank": seen.rank,
         "excitation_rank_limit": seen.limit,
@@ -46,6 +51,8 @@ def recording(report: Report) -> dict[str, Any]:
             "poles_rad_per_s": [[p.real, p.imag] for p in poles],
             "chi_square": report.rational.chi_square,
             "degrees_of_freedom": report.rational.freedom,
+            "distortion": report.rational.distortion,
+            "warnings": list(report.rational.warnings),
             "left_out_frequency_hz": report.left_out.frequency_hz,
             "left_out_error": report.left_out.error,
         }
@@ -113,15 +120,24 @@ def coefficients(estimate: Any) -> dict[str, Any]:
     return found
 
 
+def strongest(report: Report) -> int:
+    """Which of the frequencies shown the estimation inputs excite most: there table and CSV give the gain."""
+    frequency = next(iter(report.models.values())).response.frequency_hz
+    power = np.zeros(len(frequency))
+    for series in report.estimation:
+        windowed = np.hanning(len(series)) * series.u
+        power += np.abs(np.exp(-2j * np.pi * np.outer(frequency, series.time)) @ windowed) ** 2
+    return int(power.argmax())
+
+
 def single_table(report: Report) -> Table:
-    """Models of one recording or pool, one a row; the gain at the strongest excited line of the best linear model."""
+    """Models of one recording or pool, one a row; the gain, with its 95 % interval, where the input is strongest."""
     best = max(report.models.values(), key=lambda found: found.best.fit_percent)
-    shown = next((f for f in (best, *report.models.values()) if np.isfinite(f.response.value).any()), None)
-    place = 0
-    if shown is not None and not report.excitation.single_sine:
-        place = int(np.nanargmax(np.abs(shown.response.value)))
-    at = f" at {shown.response.frequency_hz[place]:.4g} Hz" if shown else ""
-    table = Table(title=f"{report.name}: {report.excitation}", title_justify="left")
+    place = strongest(report)
+    at = f" at {best.response.frequency_hz[place]:.4g} Hz, 95 %"
+    series = report.estimation[0]
+    what = f"input {series.channels[0]}, output {series.channels[1]}, sample time {series.sample_time:.6g} s"
+    table = Table(title=f"{escape(f'{report.name}: {what}')}\n{report.excitation}", title_justify="left")
     for heading in ("model", "fit %", "AIC", "BIC", f"gain{at}", "alike"):
         table.add_column(heading, justify="left" if heading == "model" else "right", no_wrap=heading != f"gain{at}")
     for found in report.models.values():
@@ -129,7 +145,9 @@ def single_table(report: Report) -> Table:
         fit = f"{c.fit_percent:.2f}"
         gain = "-"
         if np.isfinite(response.value[place]):
-            gain = f"{abs(response.value[place]):.4g} +- {response.gain_std[place]:.1g}"
+            gain = f"{abs(response.value[place]):.4g}"
+            if np.isfinite(response.gain_std[place]):
+                gain += f" +- {CONFIDENCE * response.gain_std[place]:.1g}"
         table.add_row(
             c.model.label, f"[bold]{fit}[/]" if found is best else fit, f"{c.aic:.3f}", f"{c.bic:.3f}", gain,
             str(len(found.selection.alike)),
@@ -167,12 +185,13 @@ def csv_text(reports: Sequence[Report]) -> str:
         "gain", "gain_std", "gain_frequency_hz", "warnings",
     ])  # fmt: skip
     for report in reports:
+        k = strongest(report)
         for found in report.models.values():
             c, r = found.best, found.response
-            gain, std = abs(complex(r.value[0])), float(r.gain_std[0])
+            gain, std = abs(complex(r.value[k])), float(r.gain_std[k])
             writer.writerow([
                 report.name, f"{report.excitation.frequency_hz:.6g}", report.excitation.rank, c.model.label,
                 f"{c.fit_percent:.4f}", f"{c.aic:.6f}", f"{c.bic:.6f}", f"{c.fpe:.6g}", c.model.parameters,
-                f"{gain:.6g}", f"{std:.3g}", f"{r.frequency_hz[0]:.6g}", " | ".join(found.warnings),
+                f"{gain:.6g}", f"{std:.3g}", f"{r.frequency_hz[k]:.6g}", " | ".join(found.warnings),
             ])  # fmt: skip
     return text.getvalue()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -14,7 +14,7 @@ from fasbody.exceptions import FasError, SettingError
 from . import arx, criteria, pem, subspace
 from .data import Series
 from .filters import outlasting
-from .polynomial import Orders, Response
+from .polynomial import Orders, PolynomialModel, Response
 
 NEGLIGIBLE = 2e-3  # of the output's amplitude left unexplained justifies no further parameter
 BLOCKS = 20  # of the held-out data, over which two models' squared errors are compared
@@ -123,6 +123,10 @@ def judge(model: Model, validation: Sequence[Series]) -> Candidate:
     return Candidate(model, criteria.fit_percent(measured, simulated), blocks)
 
 
+def _largest_pole(model: Model) -> float:
+    return float(np.abs(model.poles()).max(initial=0.0))
+
+
 def rank(models: Iterable[Model], validation: Sequence[Series], tried: int, warnings: Sequence[str]) -> Selection:
     """Candidates in the order of `Selection`.
 
@@ -135,7 +139,7 @@ def rank(models: Iterable[Model], validation: Sequence[Series], tried: int, warn
     if not candidates:
         raise SettingError("no model could be estimated; record longer or lower the orders.")
     shortest = min(len(series) for series in validation)
-    driven = [c for c in candidates if not outlasting(np.poly(c.model.poles()), shortest)] or candidates
+    driven = [c for c in candidates if not outlasting(_largest_pole(c.model), shortest)] or candidates
     candidates.sort(key=lambda c: (c not in driven, -c.fit_percent))
     near = [c for c in driven if c is candidates[0] or c.no_worse_than(candidates[0])]
     first = min(near, key=lambda c: (c.model.parameters, -c.fit_percent))
@@ -145,10 +149,11 @@ def rank(models: Iterable[Model], validation: Sequence[Series], tried: int, warn
     return Selection(tuple(ordered), tried, alike, tuple(warnings))
 
 
-def select_arx(estimation: Sequence[Series], validation: Sequence[Series], largest: int = 15) -> Selection:
+def select_arx(estimation: Sequence[Series], validation: Sequence[Series], largest: int = 15, nk: int = 1) -> Selection:
     """ARX over n_a, n_b, n_k = 1..largest: criteria from the grid, then held-out fit of a shortlist.
 
-    The shortlist holds the model of least loss for each number of parameters and those alike by AIC (100 at most).
+    The shortlist holds the model of least loss for each number of parameters and those alike by AIC (100 at most). A
+    plant's delay `nk` beyond the grid, 0 or late, joins with the n_a and n_b of the former.
     """
     shortest = min(len(series) for series in estimation)
     largest = min(largest, max((shortest - 2) // 8, 1))
@@ -157,10 +162,10 @@ def select_arx(estimation: Sequence[Series], validation: Sequence[Series], large
     loss = np.maximum(grid.loss, 1e-300)
     aic = criteria.aic(loss, count, grid.samples)
     bic = criteria.bic(loss, count, grid.samples)
-    shortlist = {int(np.argmin(np.where(count == d, loss, np.inf))) for d in np.unique(count)}
+    leading = {int(np.argmin(np.where(count == d, loss, np.inf))) for d in np.unique(count)}
     by_aic = np.argsort(aic, axis=None)
     alike = by_aic[(aic.ravel()[by_aic] - aic.min()) * grid.samples < ALIKE]
-    shortlist |= {int(k) for k in alike[:100]} | {int(bic.argmin())}
+    shortlist = leading | {int(k) for k in alike[:100]} | {int(bic.argmin())}
     warnings = []
     for name, values in (("AIC", aic), ("BIC", bic)):
         best = np.unravel_index(int(values.argmin()), values.shape)
@@ -172,37 +177,52 @@ def select_arx(estimation: Sequence[Series], validation: Sequence[Series], large
             )
     if len(alike) > 1:
         warnings.append(f"{len(alike)} of {aic.size} ARX models lie within 10 in N x AIC: orders are not decided")
-    models = []
-    for flat in sorted(shortlist):
-        na, nb, nk = (int(k) + 1 for k in np.unravel_index(flat, loss.shape))
-        models.append(arx.estimate(estimation, Orders(na=na, nb=nb, nk=nk)))
-    return rank(models, validation, grid.loss.size, warnings)
+    trials = {_numbers(flat, loss.shape) for flat in shortlist}
+    if not 1 <= nk <= largest:
+        trials |= {(*_numbers(flat, loss.shape)[:2], nk) for flat in leading}
+    wanted = [Orders.of("arx", numbers) for numbers in sorted(trials)]
+    models = _possible(lambda orders: arx.estimate(estimation, orders), wanted)
+    selection = rank(models, validation, grid.loss.size, warnings)
+    return edge(selection, {"na": largest, "nb": largest, "nk": max(largest, nk + 1)})
 
 
 def select_polynomial(
     structure: str, trials: Iterable[Orders], estimation: Sequence[Series], validation: Sequence[Series]
 ) -> Selection:
     """Prediction-error models of all `trials`; those that cannot be estimated are left out and counted."""
-    models, failed, tried = [], 0, 0
+    wanted = list(trials)
+    models = _possible(lambda orders: pem.estimate(structure, estimation, orders), wanted)
+    failed = len(wanted) - len(models)
+    warnings = [f"{failed} of {len(wanted)} orders had no stable start"] if failed else []
+    largest = {name: max(getattr(orders, name) for orders in wanted) for name in ("nb", "nc", "nd", "nf")}
+    several = {n: size for n, size in largest.items() if len({getattr(orders, n) for orders in wanted}) > 1}
+    return edge(rank(models, validation, len(wanted), warnings), several)
+
+
+def _possible(estimate: Callable[[Orders], PolynomialModel], trials: Iterable[Orders]) -> list[PolynomialModel]:
+    """Models of those orders that can be estimated."""
+    models = []
     for orders in trials:
-        tried += 1
         try:
-            models.append(pem.estimate(structure, estimation, orders))
-        except FasError:
-            failed += 1
-    warnings = [f"{failed} of {tried} orders had no stable start"] if failed else []
-    return rank(models, validation, tried, warnings)
-
-
-def delay(estimation: Sequence[Series], others: Sequence[int] = ()) -> int:
-    """Delay n_k whose output-error model of order 4 has the least loss, from 1..5 and `others`."""
-    losses = {}
-    for nk in sorted({1, 2, 3, 4, 5, *others}):
-        try:
-            losses[nk] = pem.estimate("oe", estimation, Orders(nb=4, nf=4, nk=nk)).loss
+            models.append(estimate(orders))
         except FasError:
             continue
-    return min(losses, key=lambda nk: (round(np.log(losses[nk]), 4), nk)) if losses else 1
+    return models
+
+
+def edge(selection: Selection, largest: Mapping[str, int]) -> Selection:
+    """The selection with a warning when an order of its best model is the largest tried."""
+    orders = selection.best.model.orders  # type: ignore[attr-defined]  # polynomial models have orders
+    reached = [f"n_{name[1]} = {size}" for name, size in largest.items() if getattr(orders, name) == size]
+    if not reached:
+        return selection
+    text = f"the chosen {', '.join(reached)} is the largest tried: a larger one may fit better"
+    return replace(selection, warnings=(*selection.warnings, text))
+
+
+def _numbers(flat: int, shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Orders n_a, n_b, n_k of a place in the ARX grid."""
+    return tuple(int(k) + 1 for k in np.unravel_index(flat, shape))
 
 
 def oe_trials(nk: int, nb_max: int = 15) -> list[Orders]:
@@ -226,13 +246,13 @@ def bj_trials(from_oe: Orders) -> list[Orders]:
 def select_state_space(
     estimation: Sequence[Series], validation: Sequence[Series], orders: Iterable[int] = range(2, 16)
 ) -> Selection:
-    """State-space models of all orders from one factorisation; the best is refined when that helps its fit."""
+    """State-space models of all orders from one factorisation; the best is refined unless that spoils its fit."""
     wanted = list(orders)
     rows = min(max(subspace.BLOCK_ROWS, max(wanted) + 1), min(len(series) for series in estimation) // 7)
     found = subspace.decompose(estimation, max(rows, 3))
     wanted = [n for n in wanted if n < found.block_rows]
     selection = rank([found.model(n) for n in wanted], validation, len(wanted), ())
-    order = (selection.best.model.parameters - 1) // 3
+    order = selection.best.model.order  # type: ignore[attr-defined]  # all are state-space models
     refined = judge(found.model(order, refine=True), validation)
     warnings = []
     if order == max(wanted):
@@ -241,6 +261,6 @@ def select_state_space(
     if standing_out != order:
         warnings.append(f"{standing_out} singular values stand out of the noise, free simulation prefers order {order}")
     candidates = selection.candidates
-    if refined.fit_percent >= selection.best.fit_percent:
+    if refined.no_worse_than(selection.best):
         candidates = (refined, *candidates[1:])
     return Selection(candidates, selection.tried, selection.alike, tuple(warnings))

@@ -17,6 +17,7 @@ from .pem import estimate as estimate_polynomial
 from .polynomial import Orders, PolynomialModel
 from .state_space import StateSpaceModel, free_responses, modal_response
 
+UNREFINED = "plain subspace estimate without standard errors, for those of its linearisation would be too small"
 BLOCK_ROWS = 16  # about 15 beats 30 on band-limited input; one more than the largest order asked for
 
 
@@ -41,7 +42,8 @@ class Subspace:
 
         Args:
             order: number of states, less than the number of block rows.
-            refine: improve the plant by output-error iterations started from it.
+            refine: improve the plant by output-error iterations started from it. Without them there are no
+                standard errors: the estimate errs by more than a linearisation of the output error says.
 
         Raises:
             SettingError: the order exceeds what the block rows hold.
@@ -51,17 +53,20 @@ class Subspace:
         gamma = self.left[:, :order] * np.sqrt(self.singular_values[:order])
         C = gamma[0]
         A = linalg.lstsq(gamma[:-1], gamma[1:])[0]
-        A, stabilised = _stable(A)
-        warnings = ["A was scaled to be stable"] if stabilised else []
+        A, warnings = _stable(A)
         B, D, x0, shadow = self._input_matrices(A, C)
+        at_minimum = refine and not warnings
         if refine:
             orders = Orders(nb=order + 1, nf=order, nk=0)
             refined = estimate_polynomial("oe", self.recordings, orders, start=shadow)
             problem = Residuals(self.recordings, orders)
             if refined.loss < problem.at(shadow.theta).loss:
-                shadow = refined
+                shadow, at_minimum, warnings = refined, True, []
                 A, C = linalg.companion(refined.plant[1]).T, np.eye(order)[0]  # observer form
                 B, D, x0, _ = self._input_matrices(A, C)
+        if not at_minimum:
+            shadow = shadow.without_intervals()
+            warnings = warnings or [UNREFINED]
         K = self._kalman_gain(A, C, B, D)
         model = StateSpaceModel(
             A, B, C, D, K, x0, np.nan, 0, self.recordings[0].sample_time, self.singular_values, shadow, tuple(warnings)
@@ -131,13 +136,15 @@ class Subspace:
         return gain if np.abs(np.linalg.eigvals(A - np.outer(gain, C))).max() < 1.0 else np.zeros(len(C))
 
 
-def _stable(A: np.ndarray) -> tuple[np.ndarray, bool]:
-    """A with eigenvalues outside 0.9999 drawn in to 0.999, and whether there were any."""
+def _stable(A: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """A with eigenvalues outside 0.9999 drawn in to 0.999, and a sentence naming them if there were any."""
     values, vectors = np.linalg.eig(A)
     if np.abs(values).max() < 0.9999:
-        return A, False
+        return A, []
     inside = values * np.minimum(1.0, 0.999 / np.maximum(np.abs(values), 1e-300))
-    return (vectors * inside @ np.linalg.inv(vectors)).real, True
+    moved = ", ".join(f"{p:.4f}" if p.imag else f"{p.real:.4f}" for p in values[np.abs(values) > 0.999] if p.imag >= 0)
+    sentence = f"A was scaled to be stable: pole {moved} moved to modulus 0.999, so there are no standard errors"
+    return (vectors * inside @ np.linalg.inv(vectors)).real, [sentence]
 
 
 def decompose(recordings: Series | Sequence[Series], block_rows: int = BLOCK_ROWS) -> Subspace:
