@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from fasbody import formats
+from fasbody.channels import Channels, Layout
 from fasbody.exceptions import InputFileError, RecordingError
-from fasbody.readers import Channels, column, read_csv, read_table
+from fasbody.readers import column, read_table
 from fasbody.subjects import foot_mass, shank_mass
 
 #: The three columns that a recording needs, and one that it may have.
@@ -69,20 +71,26 @@ class Recording:
 
     @classmethod
     def read(
-        cls, file: Path | str, condition: Condition | None = None, label: str = "", origin: str = "measured"
+        cls,
+        file: Path | str,
+        condition: Condition | None = None,
+        label: str = "",
+        origin: str = "measured",
+        layout: Layout | None = None,
     ) -> "Recording":
-        """Read a CSV file with the header ``time_s,base_m_s2,malleolus_m_s2[,tuberosity_m_s2]`` (units may differ).
+        """Read a file: CSV with the header ``time_s,base_m_s2,malleolus_m_s2[,tuberosity_m_s2]``, MAT, HDF5, UFF, TDMS.
 
         Args:
             file: the file.
             condition: what is known of the trial.
             label: what to call it in messages, default the file's name.
             origin: "measured" or "synthetic".
+            layout: where in the file the channels are, and their units, if the file does not say so itself.
 
         Raises:
             InputFileError: no such file, or it is not such a table; the message names line and column.
         """
-        channels = read_csv(Path(file))
+        channels = formats.read(Path(file), layout)
         return cls(
             time_s=channels[HEADER[0]],
             base_m_s2=channels[HEADER[1]],
@@ -93,19 +101,94 @@ class Recording:
             origin=origin,
         )
 
+    @property
+    def channels(self) -> Channels:
+        """Time and accelerations by their names in `HEADER`."""
+        return {name: getattr(self, name) for name in HEADER if getattr(self, name) is not None}
+
     def write(self, file: Path) -> None:
-        """Write as CSV, numbers as short as they are exact to 1e-6."""
+        """Write in the format of the file's ending; as CSV numbers are as short as they are exact to 1e-6."""
         from fasbody.console import write_whole
 
-        columns = {name: getattr(self, name) for name in HEADER if getattr(self, name) is not None}
+        columns = self.channels
+        if file.suffix.lower() != ".csv":
+            return formats.write(file, columns)
         digits = max(3, math.ceil(math.log10(self.rate_hz)))
         frame = pd.DataFrame({k: np.round(v, digits if k == "time_s" else 6) for k, v in columns.items()})
         write_whole(file, frame.to_csv(index=False))
+        return None
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One row of recordings.csv: where the recording is and how it was made."""
+
+    path: Path
+    label: str
+    condition: Condition
+
+
+@dataclass(frozen=True)
+class StudyFolder:
+    """A study on disk: its tables are read, its recordings one at a time when they are asked for.
+
+    Attributes:
+        name: its title. origin: "measured" or "synthetic". description: one paragraph.
+        trials: what recordings.csv lists. layout: what study.toml says of the channels.
+    """
+
+    name: str
+    origin: str
+    description: str
+    trials: tuple[Trial, ...]
+    layout: Layout
+
+    @classmethod
+    def open(cls, folder: Path | str) -> "StudyFolder":
+        """Read `study.toml`, `subjects.csv` and `recordings.csv` of a folder.
+
+        Raises:
+            InputFileError: a file is missing or has a wrong place in it.
+        """
+        root = Path(folder)
+        about, layout = _describe(root / "study.toml")
+        subjects = read_table(root / "subjects.csv", ("subject", "mass_kg"))
+        masses = dict(
+            zip(subjects["subject"].astype(str), column(root / "subjects.csv", subjects, "mass_kg"), strict=True)
+        )
+        file = root / "recordings.csv"
+        table = read_table(file, ("file", "subject", "added_mass_kg"))
+        added = column(file, table, "added_mass_kg")
+        known = "frequency_hz" in table
+        frequency = column(file, table, "frequency_hz", optional=True) if known else np.full(len(table), np.nan)
+        trials = []
+        for i, row in enumerate(table.to_dict("records")):
+            subject = str(row["subject"])
+            if subject not in masses:
+                raise InputFileError(file, f"subject {subject!r} is not in subjects.csv", line=i + 2)
+            path = root / str(row["file"])
+            if not path.resolve().is_relative_to(root.resolve()):
+                raise InputFileError(file, f"{row['file']!r} lies outside the study's folder", line=i + 2)
+            condition = Condition(
+                subject=subject,
+                posture=str(row.get("posture", "midstance")),
+                added_mass_kg=float(added[i]),
+                body_mass_kg=float(masses[subject]),
+                frequency_hz=float(frequency[i]) if np.isfinite(frequency[i]) else None,
+            )
+            trials.append(Trial(path, str(row["file"]), condition))
+        if not trials:
+            raise InputFileError(file, "lists no recording", "one row a recording is needed")
+        return cls(about["name"], about["origin"], about["description"], tuple(trials), layout)
+
+    def read(self, trial: Trial) -> Recording:
+        """The recording of one trial, corrected as study.toml says."""
+        return Recording.read(trial.path, trial.condition, trial.label, self.origin, self.layout)
 
 
 @dataclass(frozen=True)
 class Study:
-    """A folder of recordings.
+    """A folder of recordings, all in memory.
 
     Attributes:
         name: its title. origin: "measured" or "synthetic". description: one paragraph. recordings: in table order.
@@ -124,101 +207,32 @@ class Study:
 
     @classmethod
     def read(cls, folder: Path | str) -> "Study":
-        """Read `study.toml`, `subjects.csv` and `recordings.csv` of a folder, and every recording they list.
+        """Read a study folder and every recording it lists.
 
         Raises:
             InputFileError: a file is missing or has a wrong place in it.
         """
-        root = Path(folder)
-        about, channels = _describe(root / "study.toml")
-        subjects = read_table(root / "subjects.csv", ("subject", "mass_kg"))
-        masses = dict(
-            zip(subjects["subject"].astype(str), column(root / "subjects.csv", subjects, "mass_kg"), strict=True)
-        )
-        file = root / "recordings.csv"
-        table = read_table(file, ("file", "subject", "added_mass_kg"))
-        added = column(file, table, "added_mass_kg")
-        known = "frequency_hz" in table
-        frequency = column(file, table, "frequency_hz", optional=True) if known else np.full(len(table), np.nan)
-        recordings = []
-        for i, row in enumerate(table.to_dict("records")):
-            subject = str(row["subject"])
-            if subject not in masses:
-                raise InputFileError(file, f"subject {subject!r} is not in subjects.csv", line=i + 2)
-            path = root / str(row["file"])
-            if not path.resolve().is_relative_to(root.resolve()):
-                raise InputFileError(file, f"{row['file']!r} lies outside the study's folder", line=i + 2)
-            condition = Condition(
-                subject=subject,
-                posture=str(row.get("posture", "midstance")),
-                added_mass_kg=float(added[i]),
-                body_mass_kg=float(masses[subject]),
-                frequency_hz=float(frequency[i]) if np.isfinite(frequency[i]) else None,
-            )
-            recording = Recording.read(path, condition, origin=about["origin"], label=str(row["file"]))
-            recordings.append(channels.apply(recording))
-        if not recordings:
-            raise InputFileError(file, "lists no recording", "one row a recording is needed")
-        return cls(about["name"], about["origin"], about["description"], tuple(recordings))
+        study = StudyFolder.open(folder)
+        return cls(study.name, study.origin, study.description, tuple(study.read(trial) for trial in study.trials))
 
 
-def _describe(file: Path) -> tuple[dict[str, str], "_Corrections"]:
-    """The [study] table with defaults, and the corrections of the [channels.*] tables."""
+def _describe(file: Path) -> tuple[dict[str, str], Layout]:
+    """The [study] table with defaults, and the layout of the [channels.*] tables."""
     if not file.is_file():
         raise InputFileError(file, "no such file", "a study folder needs study.toml, subjects.csv and recordings.csv")
     try:
         document = tomllib.loads(file.read_text())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputFileError(file, f"is not TOML ({error})") from None
+    given = document.get("study", {})
+    channels = document.get("channels", {})
+    if not isinstance(given, dict) or not isinstance(channels, dict):
+        raise InputFileError(file, "needs the tables [study] and [channels.base], [channels.malleolus]")
     about = {"name": file.parent.resolve().name, "origin": "measured", "description": ""}
-    about |= {key: str(value) for key, value in document.get("study", {}).items() if key in about}
+    about |= {key: str(value) for key, value in given.items() if key in about}
     if about["origin"] not in ("measured", "synthetic"):
         raise InputFileError(file, f"origin is {about['origin']!r}", 'valid: "measured", "synthetic"')
-    return about, _Corrections.from_toml(file, document.get("channels", {}))
-
-
-@dataclass(frozen=True)
-class _Corrections:
-    """Sign, sensitivity and delay of each channel, as study.toml gives them."""
-
-    factor: dict[str, float]
-    delay: dict[str, float]
-
-    @classmethod
-    def from_toml(cls, file: Path, tables: dict[str, dict[str, object]]) -> "_Corrections":
-        names = [name.removesuffix("_m_s2") for name in HEADER[1:]]
-        factor, delay = {}, {}
-        for name, table in tables.items():
-            if name not in names:
-                raise InputFileError(file, f"describes the channel {name!r}", f"valid: {', '.join(names)}")
-            valid = ("unit", "sign", "sensitivity", "delay_s")
-            for key, value in table.items():
-                if key not in valid or (key != "unit" and not isinstance(value, int | float)):
-                    raise InputFileError(
-                        file, f"channels.{name}.{key} = {value!r}", f"valid: {', '.join(valid)}, numbers"
-                    )
-            sensitivity = float(table.get("sensitivity", 1.0))  # type: ignore[arg-type]
-            if sensitivity == 0:
-                raise InputFileError(file, f"channels.{name}.sensitivity is zero", "give recorded unit per m/s^2")
-            factor[name] = float(table.get("sign", 1.0)) / sensitivity  # type: ignore[arg-type]
-            delay[name] = float(table.get("delay_s", 0.0))  # type: ignore[arg-type]
-        return cls(factor, delay)
-
-    def apply(self, recording: Recording) -> Recording:
-        """Scale the channels and undo known delays (band-limited shift by a spline)."""
-        from scipy.interpolate import CubicSpline
-
-        changed = {}
-        for name in self.factor:
-            key = f"{name}_m_s2"
-            values = getattr(recording, key)
-            if values is None:
-                continue
-            values = values * self.factor[name]
-            if self.delay[name]:
-                values = CubicSpline(recording.time_s, values)(recording.time_s + self.delay[name])
-            changed[key] = values
-        return replace(recording, **changed) if changed else recording
+    return about, Layout.from_toml(file, channels, given.get("sampling_rate_hz"))
 
 
 def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg: float | None) -> Recording:
@@ -236,4 +250,10 @@ def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg:
     return replace(recording, condition=condition)
 
 
-__all__ = ["HEADER", "Channels", "Condition", "Recording", "Study", "with_masses"]
+__all__ = ["HEADER", "Channels", "Condition", "Recording", "Study", "StudyFolder", "Trial", "with_masses"]
+
+if __name__ == "__main__":
+    from fasbody.console import command_line
+    from fasbody.conversion import app
+
+    command_line(app)

@@ -59,7 +59,7 @@ def fit_harmonics(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, c
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     fitted = max(count, min(_FITTED, int(0.45 * rate // frequency_hz)))
     P = _basis(time_s, frequency_hz, fitted)
-    coefficients, *_ = np.linalg.lstsq(P, signal, rcond=None)
+    coefficients = _solve(P, signal)
     residual = signal - P @ coefficients
     dof = max(1, signal.size - P.shape[1])
     sigma = float(np.sqrt(residual @ residual / dof))
@@ -100,19 +100,31 @@ def sine_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) -> f
     """Share of the signal's power that one frequency and its harmonics explain (1 for a periodic signal)."""
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     P = _basis(time_s, frequency_hz, max(1, min(_FITTED, int(0.45 * rate // frequency_hz))))
-    c, *_ = np.linalg.lstsq(P, signal, rcond=None)
+    c = _solve(P, signal)
     centred = signal - signal.mean()
     residual = signal - P @ c
     return float(1 - residual @ residual / max(1e-300, centred @ centred))
 
 
 def _basis(time_s: np.ndarray, frequency_hz: float, count: int) -> np.ndarray:
-    wt = 2 * np.pi * frequency_hz * np.multiply.outer(time_s, np.arange(1, count + 1))
     if time_s.size <= 2 * count + 1:
         raise RecordingError(f"{time_s.size} samples are too few for {count} harmonics; record at least one period.")
     P = np.empty((time_s.size, 2 * count + 1))
-    P[:, 0], P[:, 1::2], P[:, 2::2] = 1.0, np.cos(wt), np.sin(wt)
+    P[:, 0] = 1.0
+    first = np.exp(2j * np.pi * frequency_hz * time_s)
+    turning = first.copy()
+    for h in range(count):  # exp(i h w t) by multiplication: sine and cosine of every harmonic would cost most of the fit
+        P[:, 2 * h + 1], P[:, 2 * h + 2] = turning.real, turning.imag
+        turning *= first
     return P
+
+
+def _solve(P: np.ndarray, signal: np.ndarray) -> np.ndarray:
+    """Least squares: harmonics over whole periods are nearly orthogonal, so the normal equations lose no digits."""
+    N = P.T @ P
+    if np.linalg.cond(N) < 1e4:
+        return np.linalg.solve(N, P.T @ signal)
+    return np.linalg.lstsq(P, signal, rcond=None)[0]
 
 
 def _colour(residual: np.ndarray, rate: float, frequency_hz: float, count: int) -> np.ndarray:
@@ -144,7 +156,7 @@ def _with_scatter(
     rows = []
     for a, b in pairwise(edges):
         P = _basis(time_s[a:b], frequency_hz, count)
-        c, *_ = np.linalg.lstsq(P, signal[a:b], rcond=None)
+        c = _solve(P, signal[a:b])
         rows.append(c[1::2] - 1j * c[2::2])
     between = np.std(np.array(rows), axis=0, ddof=1) / np.sqrt(2 * parts)  # of a real part of the mean
     scatter = float(between[0] * np.sqrt(2 * parts) / max(1e-300, abs(fundamental)))
