@@ -207,7 +207,7 @@ def _record(folder: Path, plan: Plan, trial: _Trial) -> list[str]:
     rng = np.random.default_rng(trial.key)
     reference = trial.frequency_hz or BROADBAND_HZ
     foot = trial.person.foot(reference, trial.mass, trial.posture, rng)
-    tuberosity = Tuberosity.under(trial.mass)
+    tuberosity = Tuberosity.under(trial.mass, rng)
     condition = Condition(
         str(trial.person.number), trial.posture, trial.mass, trial.person.mass_kg, trial.frequency_hz
     )

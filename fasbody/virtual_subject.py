@@ -25,6 +25,8 @@ BETWEEN = {"k_T": 0.10, "k_F": 0.07, "c_11": 0.15, "c_21": 0.07}
 #: The same between recordings of one subject, unloaded; a load seats the foot and divides it by 1 + M / SEATING_KG.
 WITHIN = {"k_F": 0.10, "c_21": 0.10}
 SEATING_KG = 0.4
+#: The same for frequency and damping of the tuberosity, under any load.
+TUBEROSITY_SCATTER = 0.12
 #: Tuberosity on the shank by added mass [kg]: undamped frequency [Hz] and damping ratio.
 _TUBEROSITY = {"mass": (0.0, 2.3, 4.5), "frequency": (17.7, 25.8, 24.8), "zeta": (1.7, 1.29, 1.44)}
 
@@ -53,12 +55,13 @@ class Tuberosity:
     zeta: float
 
     @classmethod
-    def under(cls, added_mass_kg: float) -> "Tuberosity":
-        """For a load [kg], between and beyond those of the thesis by interpolation."""
+    def under(cls, added_mass_kg: float, rng: np.random.Generator | None = None) -> "Tuberosity":
+        """For a load [kg], between those of the thesis by interpolation; with `rng`, as it happens to be that time."""
         at = _TUBEROSITY["mass"]
+        chance = np.exp(rng.normal(0, TUBEROSITY_SCATTER, 2)) if rng is not None else np.ones(2)
         return cls(
-            float(np.interp(added_mass_kg, at, _TUBEROSITY["frequency"])),
-            float(np.interp(added_mass_kg, at, _TUBEROSITY["zeta"])),
+            float(np.interp(added_mass_kg, at, _TUBEROSITY["frequency"]) * chance[0]),
+            float(np.interp(added_mass_kg, at, _TUBEROSITY["zeta"]) * chance[1]),
         )
 
     def response(self, frequency_hz: np.ndarray) -> np.ndarray:
