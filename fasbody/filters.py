@@ -7,6 +7,7 @@ from fasbody.exceptions import SettingError
 
 ORDER = 5
 CUTOFF_HZ = 100.0
+_EDGE_S = 0.05
 
 
 def lowpass(
@@ -41,13 +42,13 @@ def peak_to_peak(
     (`benchmarks/peak_to_peak.py` measures by how much).
 
     Args:
-        out, into: (n,) accelerations. rate_hz: sampling rate. zero_phase: see `lowpass`; a single pass starts with a
-            transient of 50 ms, which is left out. frequency_hz: if given, the mean range of single periods is taken
+        out, into: (n,) accelerations. rate_hz: sampling rate. zero_phase: see `lowpass`; its transients of
+            50 ms at both ends are left out. frequency_hz: if given, the mean range of single periods is taken
             instead of the range of the whole.
     """
     filtered = lowpass(np.column_stack([into, out]), rate_hz, zero_phase)
-    if not zero_phase:
-        filtered = filtered[round(0.05 * rate_hz) :]
+    edge = min(round(_EDGE_S * rate_hz), len(filtered) // 4)
+    filtered = filtered[edge : len(filtered) - edge]
     if frequency_hz is None:
         accel_in, accel_out = np.ptp(filtered, axis=0)
     else:

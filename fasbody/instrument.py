@@ -18,6 +18,7 @@ class Instrument:
         delay_s: the malleolus channel lags the base channel by this much (filters, converter).
         distortion: amplitude of the shaker's second and third harmonic over the first.
         offset_m_s2: of every channel. strap_hz, strap_zeta: resonance of a strapped sensor on the skin; 0 Hz: rigid.
+        gain_scatter: relative standard deviation of a strapped sensor's gain from one mounting to the next.
     """
 
     rate_hz: float = 1000.0
@@ -30,6 +31,7 @@ class Instrument:
     offset_m_s2: float = 0.0
     strap_hz: float = 0.0
     strap_zeta: float = 0.1
+    gain_scatter: float = 0.0
 
     def amplitudes(self, rng: np.random.Generator, peak_to_peak: float = shaker.PEAK_TO_PEAK) -> np.ndarray:
         """(3,) complex harmonics of the shaker [m/s^2] at random phases; `peak_to_peak` [m/s^2] of the first."""

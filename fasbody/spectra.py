@@ -93,6 +93,6 @@ def h1(x: np.ndarray, y: np.ndarray, rate_hz: float, resolution_hz: float = 1.0)
     Syy, Sxy = welch(y, **common)[1], csd(x, y, **common)[1]
     use = (Sxx > _EXCITED * Sxx.max()) & (f > 0)
     H, coherence = Sxy[use] / Sxx[use], np.abs(Sxy[use]) ** 2 / (Sxx[use] * Syy[use])
-    averages = 36 * segments**2 / (19 * segments - 1)  # independent ones of half overlapping Hann windows
+    averages = 18 * segments**2 / (19 * segments - 1)  # independent ones of half overlapping Hann windows
     std = np.abs(H) * np.sqrt(np.maximum(0, 1 - coherence) / (2 * averages * np.maximum(coherence, 1e-12)))
     return FrequencyResponse(f[use], H, coherence, std, averages)

@@ -6,6 +6,7 @@ the repeated-measures analysis (Greenhouse-Geisser corrected), Holm's correction
 confidence intervals are given as well. Arrays are (subjects, levels); subjects with a missing value are left out.
 """
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -125,13 +126,17 @@ def mixed_model(levels: np.ndarray) -> Variance:
     _need("statsmodels")
     import pandas as pd
     import statsmodels.formula.api as smf
+    from statsmodels.tools.sm_exceptions import ConvergenceWarning
 
     x = np.asarray(levels, float)
     n, k = x.shape
     frame = pd.DataFrame(
         {"y": x.ravel(), "subject": np.repeat(np.arange(n), k), "level": np.tile(np.arange(k), n).astype(str)}
     ).dropna()
-    fit = smf.mixedlm("y ~ C(level)", frame, groups=frame["subject"]).fit(reml=True)
+    with warnings.catch_warnings():
+        # subjects that do not differ put the random effect on its bound, zero: the model is then the one without it
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        fit = smf.mixedlm("y ~ C(level)", frame, groups=frame["subject"]).fit(reml=True)
     R = np.eye(k)[1:, :]
     b, V = fit.fe_params.to_numpy(), fit.cov_params().to_numpy()[:k, :k]
     F = float((R @ b) @ np.linalg.solve(R @ V @ R.T, R @ b) / (k - 1))

@@ -28,7 +28,7 @@ from fasbody.virtual_subject import POSTURES, Tuberosity, VirtualSubject, panel
 FREQUENCIES_HZ = tuple(float(f) for f in range(10, 55, 5))
 EXCITATIONS = ("sine", "sweep", "multisine", "random")
 #: What the study's instruments add beyond those of one subject's recordings.
-STUDY_INSTRUMENT = Instrument(offset_m_s2=0.1, strap_hz=400.0)
+STUDY_INSTRUMENT = Instrument(offset_m_s2=0.1, strap_hz=600.0, gain_scatter=0.01)
 #: Constants of a foot under broadband excitation are those at this frequency [Hz]: time-domain ones cannot depend on it.
 BROADBAND_HZ = 25.0
 _BAND_HZ = (5.0, 60.0)
@@ -107,11 +107,17 @@ def _recording(
     t: np.ndarray, channels: Sequence[np.ndarray], instrument: Instrument, rng: np.random.Generator
 ) -> Recording:
     noises = (instrument.noise_base, instrument.noise_malleolus, instrument.noise_malleolus)
-    offset = instrument.offset_m_s2
+    gains = (1.0, *mounted(instrument, rng))
     base, malleolus, tuberosity = (
-        instrument.measure(values + offset, noise, rng) for values, noise in zip(channels, noises, strict=True)
+        instrument.measure(gain * values + instrument.offset_m_s2, noise, rng)
+        for gain, values, noise in zip(gains, channels, noises, strict=True)
     )
     return Recording(t, base, malleolus, tuberosity, origin="synthetic")
+
+
+def mounted(instrument: Instrument, rng: np.random.Generator) -> np.ndarray:
+    """(2,) gains of the malleolus' and the tuberosity's sensor as they happen to be strapped on."""
+    return 1 + instrument.gain_scatter * rng.normal(size=2)
 
 
 @dataclass(frozen=True)

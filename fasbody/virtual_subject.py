@@ -26,9 +26,9 @@ BETWEEN = {"k_T": 0.10, "k_F": 0.07, "c_11": 0.15, "c_21": 0.07}
 WITHIN = {"k_F": 0.10, "c_21": 0.10}
 SEATING_KG = 0.4
 #: The same for frequency and damping of the tuberosity, under any load.
-TUBEROSITY_SCATTER = 0.12
+TUBEROSITY_SCATTER = 0.15
 #: Tuberosity on the shank by added mass [kg]: undamped frequency [Hz] and damping ratio.
-_TUBEROSITY = {"mass": (0.0, 2.3, 4.5), "frequency": (17.7, 25.8, 24.8), "zeta": (1.7, 1.29, 1.44)}
+_TUBEROSITY = {"mass": (0.0, 2.3, 4.5), "frequency": (17.7, 25.4, 24.8), "zeta": (1.7, 1.4, 1.5)}
 
 
 def constants(frequency_hz: float, added_mass_kg: float, posture: str = "midstance") -> dict[str, float]:
@@ -38,12 +38,12 @@ def constants(frequency_hz: float, added_mass_kg: float, posture: str = "midstan
     """
     M = added_mass_kg
     u = np.clip(frequency_hz, 5.0, 50.0) - 10.0  # held beyond the range that was calibrated
-    k_T = 68_700 + 5_000 * M + u * (46_450 + 33_690 * M) - u**2 * (619.4 + 387.1 * M)
+    k_T = 68_700 + 5_000 * M + u * (46_450 + 33_690 * M) - u**2 * (615.0 + 385.0 * M)
     k_F = 19_310 + u * (3_610 + 2_518 * M)
     c_11 = 5 + 200 * M + (20 + 215 * M) * np.exp(-u / 60)
     c_21 = 656.7 + 274.6 * M + u * (6.07 - 1.35 * M)
     if posture == "dorsiflexion":
-        c_21 *= 1 - 0.35 * np.exp(-((u / 3.0) ** 2)) + 0.03 / (1 + np.exp(-(u - 15) / 2))
+        c_21 *= 1 - 0.35 * np.exp(-((u / 4.0) ** 2)) + 0.05 / (1 + np.exp(-(u - 12) / 2))
     return {"k_T": float(k_T), "k_F": float(k_F), "c_11": float(c_11), "c_21": float(c_21)}
 
 

@@ -1,6 +1,7 @@
 """Figures in the manner of 2.3 to 2.8 and 2.10: all subjects, means, and the plane of the single mass."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
 from io import BytesIO
 from typing import Any
 
@@ -31,10 +32,20 @@ def save(figure: Figure, ending: str) -> bytes:
     return out.getvalue()
 
 
+def _styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Draw with this file's style, and leave matplotlib's own as it is."""
+
+    @wraps(draw)
+    def styled(*args: Any, **options: Any) -> Figure:
+        with matplotlib.rc_context(_STYLE):
+            return draw(*args, **options)
+
+    return styled
+
+
 def _new(rows: int, columns: int, width: float, height: float, **options: Any) -> tuple[Figure, np.ndarray]:
-    with matplotlib.rc_context(_STYLE):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        return figure, figure.subplots(rows, columns, squeeze=False, **options)
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
 def _smooth(f: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -54,6 +65,7 @@ def _name(condition: Condition, conditions: Sequence[Condition]) -> str:
     return ", ".join(parts)
 
 
+@_styled
 def subjects(table: Table, pair: str, conditions: Sequence[Condition]) -> Figure:
     """Figures 2.3, 2.4, 2.6, 2.7: every subject thin, the mean heavy, the resonance range shaded."""
     figure, axes = _new(2, len(conditions), 2.4 * len(conditions) + 0.6, 4.6, sharex=True, sharey="row")
@@ -86,6 +98,7 @@ def _said(c: Curves) -> str:
     return "no peak or plateau" if c.resonance.kind == "none" else str(c.resonance)
 
 
+@_styled
 def means(table: Table, conditions: Sequence[Condition]) -> Figure:
     """Figures 2.5 and 2.8: means with 95 % intervals for every pair, an arrow at each resonance."""
     pairs = table.pairs
@@ -107,11 +120,12 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
             r = c.resonance
             if r.kind != "none":
                 middle = 0.5 * (r.low + r.high)
-                level = float(np.interp(middle, c.frequency_hz, c.mean))
+                level = float(np.interp(middle, c.frequency_hz, c.mean + half))
                 style = {"arrowstyle": "-|>", "color": colour, "lw": 1.2}
-                top.annotate("", (middle, level + 0.05), (middle, level + 0.17), arrowprops=style)
+                top.annotate("", (middle, level + 0.02), (middle, level + 0.14), arrowprops=style)
         top.axhline(1, lw=0.8, ls="--", color="#444444")
         top.set_title(_PAIRS[pair])
+        top.margins(y=0.12)
         bottom.set_xlabel("frequency [Hz]")
     axes[0, 0].set_ylabel("mean transmissibility")
     axes[1, 0].set_ylabel("mean phase lag [deg]")
@@ -131,6 +145,7 @@ def _half_interval(T: np.ndarray) -> np.ndarray:
     return t.ppf(0.975, n - 1) * np.nanstd(T, axis=0, ddof=1) / np.sqrt(n)
 
 
+@_styled
 def spectrum(table: Table, conditions: Sequence[Condition]) -> Figure:
     """Broadband excitation: mean curves over a fine frequency axis, with the band of subjects."""
     pairs = table.pairs
@@ -152,6 +167,7 @@ def spectrum(table: Table, conditions: Sequence[Condition]) -> Figure:
     return _origin(figure, table, "bands: 80 % of the subjects")
 
 
+@_styled
 def single_mass(
     frequencies_hz: Sequence[float] = (10, 20, 30, 40),
     m: float = sdof.MASS_KG,
@@ -173,7 +189,8 @@ def single_mass(
     for axis, f in zip(axes.flat, frequencies_hz, strict=False):
         T = sdof.transmissibility(2 * np.pi * f, m, c[:, None], k)
         lines = axis.contour(k / 1e3, c, T, levels=levels, cmap="viridis", linewidths=0.9)
-        axis.clabel(lines, fontsize=6.5, fmt="%.1f")
+        crowded = m * (2 * np.pi * f) ** 2 < 0.2 * k[-1]  # where the lines below 1 have no room for a number
+        axis.clabel(lines, [v for v in levels if v >= (1.1 if crowded else 0.6)], fontsize=6.5, fmt="%.1f")
         title = f"{f:g} Hz"
         if measured and f in measured:
             value, std = measured[f]
