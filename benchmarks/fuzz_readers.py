@@ -112,8 +112,7 @@ def main() -> None:
         with progress_bar() as progress:
             bar = progress.add_task(ending, total=count)
             seen = fuzz(ending, count, advance=lambda bar=bar, progress=progress: progress.advance(bar))
-        if reader._child is not None:
-            reader._child = reader._child.stop()  # so that the system counts its memory
+        reader.end_child()  # so that the system counts its memory
         child = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
         own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         print(f"{ending:8} {count} files: {dict(seen)}; peak memory so far {own:.0f} MB here, {child:.0f} MB reading")

@@ -34,7 +34,7 @@ def read(file: Path, layout: Layout | None = None) -> Channels:
 
     layout = layout or Layout()
     if file.suffix.lower() not in ENDINGS:
-        return layout.aligned(read_csv(file, layout))
+        return _long_enough(file, layout.aligned(read_csv(file, layout)))
     from fasbody.formats.reader import read_series
 
     series = read_series(file)
@@ -54,7 +54,13 @@ def read(file: Path, layout: Layout | None = None) -> Channels:
         if not rate:
             raise InputFileError(file, "has neither a time nor a sampling rate", "give sampling_rate_hz in study.toml")
         channels["time_s"] = np.arange(channels["base_m_s2"].size) / rate
-    return layout.aligned(channels)
+    return _long_enough(file, layout.aligned(channels))
+
+
+def _long_enough(file: Path, channels: Channels) -> Channels:
+    if channels["time_s"].size < 2:
+        raise InputFileError(file, f"holds {channels['time_s'].size} samples", "a recording needs at least two")
+    return channels
 
 
 def write(file: Path, channels: Channels) -> None:

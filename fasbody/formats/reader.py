@@ -5,6 +5,7 @@ The child (`python -m fasbody.formats.reader`) stays alive between files, takes 
 one line of JSON and the raw samples: nothing is pickled, and nothing in a file is executed.
 """
 
+import atexit
 import contextlib
 import importlib
 import json
@@ -38,22 +39,19 @@ def read_series(file: Path, patience_s: float = PATIENCE_S) -> list[Series]:
         InputFileError: no such file, too large, or not what its ending says.
         SettingError: the format's library is not installed.
     """
-    global _child
     if not file.is_file():
         raise InputFileError(file, "no such file" if not file.is_dir() else "is a folder, not a file")
     if file.stat().st_size > _LARGEST_FILE:
         raise InputFileError(file, f"is larger than {_LARGEST_FILE // 1_000_000} MB", "split it into recordings")
     need(_format(file).LIBRARY)
     with _lock:
-        if _child is None or not _child.usable():
-            _child = _Child()
         try:
-            header, data = _child.ask(file, patience_s)
+            header, data = _reader().ask(file, patience_s)
         except TimeoutError:
-            _child = _child.stop()
+            end_child()
             raise InputFileError(file, f"could not be read within {patience_s:g} s", "the file is broken") from None
         except (EOFError, OSError, ValueError):
-            _child = _child.stop()
+            end_child()
             raise InputFileError(file, "breaks its reader (it is damaged, or made to do so)") from None
     if "problem" in header:
         raise InputFileError(file, header["problem"])
@@ -61,6 +59,24 @@ def read_series(file: Path, patience_s: float = PATIENCE_S) -> list[Series]:
     ends = np.cumsum([s["size"] for s in header["series"]])
     parts = np.split(values, ends[:-1]) if len(ends) else []
     return [Series(s["name"], s["unit"], v, s["rate_hz"]) for s, v in zip(header["series"], parts, strict=True)]
+
+
+def _reader() -> "_Child":
+    """The living child of this process."""
+    global _child
+    if _child is None or not _child.usable():
+        end_child()
+        _child = _Child()
+    return _child
+
+
+@atexit.register
+def end_child() -> None:
+    """End the reading process, if there is one; the next file starts another."""
+    global _child
+    if _child is not None:
+        _child.stop()
+        _child = None
 
 
 def _format(file: Path):  # type: ignore[no-untyped-def]
@@ -88,16 +104,14 @@ class _Child:
         return self.owner == os.getpid() and self.process.poll() is None
 
     def stop(self) -> None:
-        self.process.kill()
-        self.process.wait()
+        """End it; after a fork only the pipes are closed, for the process is the parent's."""
+        if self.owner == os.getpid():
+            self.process.kill()
+            self.process.wait()
         for pipe in (self.process.stdin, self.process.stdout):
             if pipe:
                 with contextlib.suppress(OSError):
                     pipe.close()
-
-    def __del__(self) -> None:
-        if self.owner == os.getpid() and self.process.returncode is None:
-            self.stop()
 
     def ask(self, file: Path, patience_s: float) -> tuple[dict, bytes]:
         """Header and raw samples of a file; TimeoutError or EOFError if the child does not answer."""
