@@ -1,7 +1,7 @@
 """In how many virtual studies does each finding of section 2.3 come out? `python benchmarks/findings_by_seed.py 100`.
 
-Noise-free and linear (no recordings are made), with the same subjects, trials and strap as fasbody.laboratory, so that a
-hundred studies of twenty subjects take a minute or two.
+Noise-free and linear (no recordings are made), with the same subjects, trials and straps as fasbody.laboratory, so that
+a hundred studies of twenty subjects take a minute or two.
 """
 
 import sys
@@ -29,6 +29,7 @@ def study(seed: int, subjects: int = 20, instrument: Instrument = STUDY_INSTRUME
                 strap = instrument.strap(at)[0] * np.exp(-2j * np.pi * f * instrument.delay_s)
                 MB = person.foot(f, mass, posture, rng).transmissibility(at)[0]
                 TM = Tuberosity.under(mass, rng).response(at)[0]
+                instrument.amplitudes(rng), rng.uniform()  # drawn, though a linear foot does not need them
                 malleolus, tuberosity = mounted(instrument, rng) * np.array([MB, MB * TM]) * strap
                 for pair, H in (("MB", malleolus), ("TB", tuberosity), ("TM", tuberosity / malleolus)):
                     lines.append((str(person.number), posture, mass, f, pair, abs(H), np.degrees(np.angle(H))))

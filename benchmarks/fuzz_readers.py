@@ -20,7 +20,16 @@ from fasbody import formats
 from fasbody.exceptions import FasError
 
 ENDINGS = ("csv", "mat", "h5", "uff", "tdms", "v73.mat")
-_EXTREMES = (b"\x00" * 8, b"\xff" * 8, b"\xff\xff\xff\x7f", b"\x00\x00\x00\x80", b"1e999", b"-1", b"99999999999", b"nan")
+_EXTREMES = (
+    b"\x00" * 8,
+    b"\xff" * 8,
+    b"\xff\xff\xff\x7f",
+    b"\x00\x00\x00\x80",
+    b"1e999",
+    b"-1",
+    b"99999999999",
+    b"nan",
+)
 
 
 def sound(samples: int = 200) -> dict[str, bytes]:
@@ -97,7 +106,9 @@ def fuzz(ending: str, count: int, seed: int = 0, advance: Callable[[], None] = l
             except FasError as error:
                 text = str(error)
                 assert text.count("\n") == 0 and text.startswith(str(file)), text
-                seen["process ended" if "breaks its reader" in text else "too slow" if "within" in text else "refused"] += 1
+                seen[
+                    "process ended" if "breaks its reader" in text else "too slow" if "within" in text else "refused"
+                ] += 1
             seen["slowest, ms"] = max(seen["slowest, ms"], round(1000 * (time.monotonic() - start)))
             advance()
     return seen

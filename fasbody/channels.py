@@ -69,7 +69,7 @@ class Layout:
             channels[name] = _channel(file, name, table)
         if rate_hz is not None and not (isinstance(rate_hz, int | float) and 0 < rate_hz < 1e7):
             raise InputFileError(file, f"sampling_rate_hz = {rate_hz!r}", "valid: a positive number")
-        return cls(channels, None if rate_hz is None else float(rate_hz))  # type: ignore[arg-type]
+        return cls(channels, None if rate_hz is None else float(rate_hz))
 
     def find(self, file: Path, names: Sequence[str], units: Sequence[str], line: int | None = None) -> dict[str, Any]:
         """Which of the file's columns is which channel.

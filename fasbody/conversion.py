@@ -14,7 +14,7 @@ from fasbody.exceptions import FasError, InputFileError, RecordingError
 from fasbody.recording import Recording, StudyFolder, _describe
 from fasbody.response import find_frequency, sine_share
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
+app: typer.Typer = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
 
 _Study = Annotated[Path | None, typer.Option("--study", help="study.toml that maps channels, units and sensitivities")]
 
@@ -120,5 +120,5 @@ def _show(rows: list[dict[str, Any]]) -> None:
         )
     results.print(table)
     for row in rows:
-        for text in row["warnings"] if "warnings" in row else []:
+        for text in row.get("warnings", []):
             console.print(text, soft_wrap=True)

@@ -1,8 +1,8 @@
 """A virtual laboratory: synthetic recordings with known truth, to learn on and to test against.
 
-`python -m fasbody.laboratory FOLDER --subjects 20` makes a whole study (virtual_study.py). Without `--subjects` it makes
-recordings of one foot with constant parameters, the two-mass model of Eq. (4.29) integrated by DOP853 at tight tolerance
-(neither of the engines that the fit uses); the instrument adds what real ones add: shaker harmonics, sensor noise,
+`python -m fasbody.laboratory FOLDER --subjects 20` makes a whole study (virtual_study.py). Without `--subjects` it
+makes recordings of one foot with constant parameters, the two-mass model of Eq. (4.29) integrated by DOP853 at tight
+tolerance (neither of the engines that the fit uses); the instrument adds what real ones add: shaker harmonics, sensor noise,
 12-bit quantisation, a delay between the multiplexed channels. Everything it writes says that it is synthetic, and
 `truth.json` holds the parameters.
 """
@@ -157,7 +157,9 @@ def main(
     if subjects is None:
         if posture or excitation != "sine":
             raise SettingError("postures and excitations other than sines need --subjects.")
-        made = make_study(study, subject, frequencies, added_mass or [0.0], seconds or 4.0, 16 if seed is None else seed)
+        made = make_study(
+            study, subject, frequencies, added_mass or [0.0], seconds or 4.0, 16 if seed is None else seed
+        )
     else:
         conditions = tuple((p, m) for p in posture or ["midstance"] for m in added_mass or ADDED_MASSES_KG)
         plan = Plan(

@@ -253,7 +253,7 @@ def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg:
 __all__ = ["HEADER", "Channels", "Condition", "Recording", "Study", "StudyFolder", "Trial", "with_masses"]
 
 if __name__ == "__main__":
+    from fasbody import conversion
     from fasbody.console import command_line
-    from fasbody.conversion import app
 
-    command_line(app)
+    command_line(conversion.app)

@@ -113,7 +113,9 @@ def _basis(time_s: np.ndarray, frequency_hz: float, count: int) -> np.ndarray:
     P[:, 0] = 1.0
     first = np.exp(2j * np.pi * frequency_hz * time_s)
     turning = first.copy()
-    for h in range(count):  # exp(i h w t) by multiplication: sine and cosine of every harmonic would cost most of the fit
+    for h in range(
+        count
+    ):  # exp(i h w t) by multiplication: sine and cosine of every harmonic would cost most of the fit
         P[:, 2 * h + 1], P[:, 2 * h + 2] = turning.real, turning.imag
         turning *= first
     return P

@@ -31,7 +31,7 @@ class Comparison:
 
     @property
     def verdict(self) -> str:
-        """"above", "below" or "equal" at p < 0.05."""
+        """One of above, below, equal at p < 0.05."""
         return "equal" if not self.p < ALPHA else "above" if self.difference > 0 else "below"
 
     def __str__(self) -> str:

@@ -28,7 +28,7 @@ CHANNELS = {"time_s": T, "base_m_s2": BASE, "malleolus_m_s2": 1.3 * BASE, "tuber
 
 @pytest.mark.parametrize("ending", ["csv", "mat", "h5", "hdf5", "uff", "unv", "tdms"])
 def test_round_trip(tmp_path: Path, ending: str) -> None:
-    Recording(**{k: v for k, v in CHANNELS.items()}).write(tmp_path / f"r.{ending}")
+    Recording(**CHANNELS).write(tmp_path / f"r.{ending}")
     back = Recording.read(tmp_path / f"r.{ending}")
     tolerance = {"csv": 1e-6, "uff": 1e-6, "unv": 1e-6}.get(ending, 1e-12)
     for name in HEADER:
@@ -98,7 +98,7 @@ def test_contradicting_units_and_missing_sensitivity(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text("time_s,base_g,malleolus_v\n0,0,0\n")
     with pytest.raises(InputFileError, match=r"base is in g, and study.toml says m/s\^2"):
         Recording.read(tmp_path / "r.csv", layout=Layout.from_toml(Path("s"), {"base": {"unit": "m/s^2"}}))
-    with pytest.raises(InputFileError, match="malleolus is in v; study.toml must give"):
+    with pytest.raises(InputFileError, match="malleolus is in v; study"):
         Recording.read(tmp_path / "r.csv")
 
 
@@ -168,7 +168,9 @@ def test_a_decompression_bomb_ends_in_a_sentence(tmp_path: Path) -> None:
     for _ in range(size >> 24):
         packed += packer.compress(zeros)
     packed += packer.flush()
-    (tmp_path / "r.mat").write_bytes(whole[:128] + (15).to_bytes(4, "little") + len(packed).to_bytes(4, "little") + packed)
+    (tmp_path / "r.mat").write_bytes(
+        whole[:128] + (15).to_bytes(4, "little") + len(packed).to_bytes(4, "little") + packed
+    )
     with pytest.raises(InputFileError, match="announces 5e"):
         Recording.read(tmp_path / "r.mat")
 

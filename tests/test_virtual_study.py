@@ -57,7 +57,8 @@ def test_broadband_trajectory_has_the_steady_response_of_its_lines() -> None:
 
 
 def test_a_study_is_what_its_seed_says_whatever_the_number_of_processes(tmp_path: Path) -> None:
-    plan = Plan(subjects=2, seconds=0.5, conditions=(("midstance", 0.0), ("dorsiflexion", 2.3)), frequencies_hz=(20.0, 30.0))
+    conditions = (("midstance", 0.0), ("dorsiflexion", 2.3))
+    plan = Plan(subjects=2, seconds=0.5, conditions=conditions, frequencies_hz=(20.0, 30.0))
     one, two = make(tmp_path / "one", plan, processes=1), make(tmp_path / "two", plan, processes=2)
     for file in sorted(p.relative_to(one) for p in one.rglob("*") if p.is_file()):
         assert (one / file).read_bytes() == (two / file).read_bytes(), file
@@ -69,7 +70,8 @@ def test_a_study_is_what_its_seed_says_whatever_the_number_of_processes(tmp_path
 def test_estimates_find_the_stored_truth(tmp_path: Path) -> None:
     """With an instrument that only adds noise and quantisation the truth lies within the stated uncertainty."""
     quiet = Instrument(delay_s=0.0, offset_m_s2=0.2)
-    plan = Plan(subjects=3, seconds=2.0, conditions=(("midstance", 2.3),), frequencies_hz=(15.0, 40.0), instrument=quiet)
+    under = (("midstance", 2.3),)
+    plan = Plan(subjects=3, seconds=2.0, conditions=under, frequencies_hz=(15.0, 40.0), instrument=quiet)
     study = StudyFolder.open(make(tmp_path / "s", plan, processes=1))
     truth = {(r["file"], r["pair"]): r for r in csv.DictReader((tmp_path / "s" / "truth.csv").read_text().splitlines())}
     scores = []

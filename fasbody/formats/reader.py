@@ -148,7 +148,9 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
             if not series:
                 raise FormatError("holds no numeric channel; save plain vectors, not structures or text")
             header: dict = {
-                "series": [{"name": s.name, "unit": s.unit, "rate_hz": s.rate_hz, "size": s.values.size} for s in series]
+                "series": [
+                    {"name": s.name, "unit": s.unit, "rate_hz": s.rate_hz, "size": s.values.size} for s in series
+                ]
             }
         except FormatError as error:
             series, header = [], {"problem": str(error)}

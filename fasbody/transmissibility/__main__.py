@@ -20,7 +20,9 @@ _ENDINGS = ("svg", "png", "pdf")
 def main(
     study: Annotated[Path, typer.Argument(help="study folder, or one recording")],
     out: Annotated[Path | None, typer.Option(help="folder for tables and figures (default results/NAME)")] = None,
-    json_: Annotated[bool, typer.Option("--json", help="the rows as one JSON list on stdout; files only with --out")] = False,
+    json_: Annotated[
+        bool, typer.Option("--json", help="the rows as one JSON list on stdout; files only with --out")
+    ] = False,
     figure_format: Annotated[str, typer.Option("--figures", help="svg, png or pdf")] = "png",
     resolution: Annotated[float, typer.Option(help="distance of frequencies in Hz, for broadband excitation")] = 1.0,
     jobs: Annotated[int, typer.Option(help="processes; 0 for all cores")] = 0,
@@ -58,14 +60,18 @@ def main(
 def show(table: Table) -> None:
     """Mean curves, resonance ranges and the findings, for people."""
     results.print(str(table))
-    printed = Printed("pair", "posture", "load [kg]", "n", "resonance", "mean transmissibility (phase [deg]) by frequency [Hz]")
+    printed = Printed(
+        "pair", "posture", "load [kg]", "n", "resonance", "mean transmissibility (phase [deg]) by frequency [Hz]"
+    )
     for c in table.each():
         every = max(1, round(c.frequency_hz.size / 9))
         cells = [
             f"{f:g}: {T:.2f} ({p:.0f})"
             for f, T, p in zip(c.frequency_hz[::every], c.mean[::every], c.mean_phase_deg[::every], strict=True)
         ]
-        printed.add_row(c.pair, c.posture, f"{c.added_mass_kg:g}", str(len(c.subjects)), str(c.resonance), ", ".join(cells))
+        printed.add_row(
+            c.pair, c.posture, f"{c.added_mass_kg:g}", str(len(c.subjects)), str(c.resonance), ", ".join(cells)
+        )
     results.print(printed)
     stated = _findings(table)
     if stated:

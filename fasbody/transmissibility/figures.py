@@ -8,7 +8,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import Akima1DInterpolator
 
 from fasbody import sdof
 from fasbody.transmissibility.table import Condition, Curves, Table
@@ -49,12 +49,12 @@ def _new(rows: int, columns: int, width: float, height: float, **options: Any) -
 
 
 def _smooth(f: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Spline through the measured points, as the thesis drew it; straight lines through fewer than four."""
+    """Spline through the measured points (Akima's does not overshoot); straight lines through fewer than four."""
     known = np.isfinite(values)
     if known.sum() < 4:
         return f[known], values[known]
     fine = np.linspace(f[known][0], f[known][-1], 200)
-    return fine, CubicSpline(f[known], values[known])(fine)
+    return fine, Akima1DInterpolator(f[known], values[known], method="makima")(fine)
 
 
 def _name(condition: Condition, conditions: Sequence[Condition]) -> str:
@@ -157,7 +157,9 @@ def spectrum(table: Table, conditions: Sequence[Condition]) -> Figure:
             for axis, rows in ((axes[0, column], c.T), (axes[1, column], -c.phase_deg)):
                 low, high = np.nanquantile(rows, [0.1, 0.9], axis=0)
                 axis.fill_between(c.frequency_hz, low, high, color=colour, alpha=0.15, lw=0)
-                axis.plot(c.frequency_hz, np.nanmean(rows, axis=0), lw=1.6, color=colour, label=_name(condition, conditions))
+                axis.plot(
+                    c.frequency_hz, np.nanmean(rows, axis=0), lw=1.6, color=colour, label=_name(condition, conditions)
+                )
         axes[0, column].axhline(1, lw=0.8, ls="--", color="#444444")
         axes[0, column].set_title(_PAIRS[pair])
         axes[1, column].set_xlabel("frequency [Hz]")
@@ -190,7 +192,9 @@ def single_mass(
         T = sdof.transmissibility(2 * np.pi * f, m, c[:, None], k)
         lines = axis.contour(k / 1e3, c, T, levels=levels, cmap="viridis", linewidths=0.9)
         crowded = m * (2 * np.pi * f) ** 2 < 0.2 * k[-1]  # where the lines below 1 have no room for a number
-        axis.clabel(lines, [v for v in levels if v >= (1.1 if crowded else 0.6)], fontsize=6.5, fmt="%.1f")
+        for text in axis.clabel(lines, [v for v in levels if v >= (1.1 if crowded else 0.6)], fontsize=6.5, fmt="%.1f"):
+            x, y = text.get_position()
+            text.set_visible(0.04 < x * 1e3 / k[-1] < 0.96 and 0.04 < y / c[-1] < 0.96)  # whole, or not at all
         title = f"{f:g} Hz"
         if measured and f in measured:
             value, std = measured[f]

@@ -63,8 +63,8 @@ def _malleolus(table: Table) -> list[Finding]:
         r = curves.resonance
         says = f"MB resonance with {curves.added_mass_kg:g} kg: {low}-{high} Hz ({kind})"
         made.append(Finding("2.3.1", says, str(r), (r.kind, r.low, r.high) == (kind, low, high)))
-    low = mb[0].frequency_hz < 20
-    falls = bool(np.all(mb[0].mean[low] > mb[1].mean[low]) and np.all(mb[1].mean[low] > mb[2].mean[low]))
+    slow = mb[0].frequency_hz < 20
+    falls = bool(np.all(mb[0].mean[slow] > mb[1].mean[slow]) and np.all(mb[1].mean[slow] > mb[2].mean[slow]))
     at_10 = ", ".join(f"{c.mean[0]:.2f}" for c in mb)
     made.append(Finding("2.4", "MB below 20 Hz falls with load", f"at 10 Hz {at_10}", falls))
     for curves, (_, from_hz, to_hz) in zip(mb, _RESONANCES, strict=True):
@@ -77,10 +77,11 @@ def _malleolus(table: Table) -> list[Finding]:
         made.append(Finding("2.3.1", says, came, bool(f[at] >= from_hz - 5 and f[at + 1] <= to_hz + 5)))
     for curves in mb[1:]:
         less = curves.mean_phase_deg - mb[0].mean_phase_deg
-        at = int(np.argmax(less))
-        f = curves.frequency_hz
+        at, f = int(np.argmax(less)), curves.frequency_hz
         says = f"lag of MB less with {curves.added_mass_kg:g} kg, most at 30-35 Hz"
-        came = f"most at {f[at]:g} Hz ({less[at]:.0f} degrees; {less[0]:.0f} at {f[0]:g}, {less[-1]:.0f} at {f[-1]:g} Hz)"
+        came = (
+            f"most at {f[at]:g} Hz ({less[at]:.0f} degrees; {less[0]:.0f} at {f[0]:g}, {less[-1]:.0f} at {f[-1]:g} Hz)"
+        )
         made.append(Finding("2.3.1", says, came, bool(25 < f[at] < 40)))
     return made
 
@@ -93,7 +94,9 @@ def _tuberosity(table: Table) -> list[Finding]:
     made = []
     p = statistics.one_way(table.levels("TB", LOADS, 10.0)).p
     made.append(Finding("2.3.1", "TB at 10 Hz differs between the loads", f"p = {p:.2g}", bool(p < statistics.ALPHA)))
-    made.append(Finding("2.3.1", "TB unloaded without peak or plateau", str(tb[0].resonance), tb[0].resonance.kind == "none"))
+    made.append(
+        Finding("2.3.1", "TB unloaded without peak or plateau", str(tb[0].resonance), tb[0].resonance.kind == "none")
+    )
     for curves in tb[1:]:
         r = curves.resonance
         says = f"TB peak with {curves.added_mass_kg:g} kg: 25-30 Hz"
@@ -103,14 +106,14 @@ def _tuberosity(table: Table) -> list[Finding]:
     same = [statistics.one_way(table.levels("TB", LOADS[1:], x)).p >= statistics.ALPHA for x in f]
     middle = (f >= 15) & (f <= 35)
     came = "equal at " + (", ".join(f"{x:g}" for x in f[np.array(same)]) or "no") + " Hz (one-way ANOVA)"
-    made.append(Finding("2.3.1", "TB alike with 2.3 and 4.5 kg at 15-35 Hz", came, bool(np.all(np.array(same)[middle]))))
+    made.append(
+        Finding("2.3.1", "TB alike with 2.3 and 4.5 kg at 15-35 Hz", came, bool(np.all(np.array(same)[middle])))
+    )
     for limits, note in (((30, 35, 40), _CONFLICT), ((40, 45, 50), f"{_SECOND}; {_CONFLICT}")):
         for curves, limit in zip(tb, limits, strict=True):
             says = f"TB with {curves.added_mass_kg:g} kg below 1 {'at' if limit == 50 else 'above'} {limit} Hz"
-            reached = (lambda f, v, at=limit: f < 50 or v == "below") if limit == 50 else (
-                lambda f, v, at=limit: f <= at or v == "below"
-            )  # fmt: skip
-            made.append(_judge("2.3.1", says, _unity(curves), reached, note))
+            first = 50 if limit == 50 else limit + 1  # the text says "at 50 Hz", and "above" for the others
+            made.append(_judge("2.3.1", says, _unity(curves), lambda f, v, at=first: f < at or v == "below", note))
     for c, limit in zip(LOADS, (25, 40, 40), strict=True):
         tm = table.curves("TM", *c)
         says = f"TM with {c[1]:g} kg without a peak"
@@ -152,7 +155,7 @@ def _judge(
     section: str,
     says: str,
     against_unity: list[tuple[float, str, float]],
-    right: Callable[[float, str], bool],
+    right: Callable[..., bool],
     note: str = "",
 ) -> Finding:
     signs = {"above": ">", "below": "<", "equal": "="}
