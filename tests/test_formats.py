@@ -231,7 +231,8 @@ def test_study_of_tdms_files_in_volts(tmp_path: Path) -> None:
     write_tdms(tmp_path / "a.tdms", AI0=(BASE * 0.01, 1000), AI1=(BASE * 0.013, 1000))
     (tmp_path / "study.toml").write_text(
         '[study]\nname = "loggers"\n'
-        '[channels.base]\ncolumn = "AI0"\nsensitivity = 0.01\n[channels.malleolus]\ncolumn = "AI1"\nsensitivity = 0.01\n'
+        '[channels.base]\ncolumn = "AI0"\nsensitivity = 0.01\n'
+        '[channels.malleolus]\ncolumn = "AI1"\nsensitivity = 0.01\n'
     )
     (tmp_path / "subjects.csv").write_text("subject,mass_kg\n1,70\n")
     (tmp_path / "recordings.csv").write_text("file,subject,added_mass_kg\na.tdms,1,0\n")

@@ -63,9 +63,8 @@ def encode(channels: Channels) -> bytes:
                 ref_ent_name="foot", ref_node=1, ref_dir=2, ord_data_type=_REAL, num_pts=values.size,
                 abscissa_spacing=1, abscissa_min=0.0, abscissa_inc=step, abscissa_spec_data_type=_TIME,
                 abscissa_axis_units_lab="s", ordinate_spec_data_type=_ACCELERATION,
-                ordinate_axis_units_lab="m/s^2", data=values, x=t, ver_num=0, load_case_id=0, orddenom_spec_data_type=0, 
-                z_axis_value=0.0,
-                z_axis_spec_data_type=0,
+                ordinate_axis_units_lab="m/s^2", data=values, x=t, ver_num=0, load_case_id=0,
+                orddenom_spec_data_type=0, z_axis_value=0.0, z_axis_spec_data_type=0,
             )
         )  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
