@@ -3,8 +3,8 @@
 `python -m fasbody.laboratory FOLDER --subjects 20` makes a whole study (virtual_study.py). Without `--subjects` it
 makes recordings of one foot with constant parameters, the two-mass model of Eq. (4.29) integrated by DOP853 at tight
 tolerance (neither of the engines that the fit uses); the instrument adds what real ones add: shaker harmonics, sensor
-noise, 12-bit quantisation, a delay between the multiplexed channels. Everything it writes says that it is synthetic, and
-`truth.json` holds the parameters.
+noise, 12-bit quantisation, a delay between the multiplexed channels. Everything it writes says that it is synthetic,
+and `truth.json` holds the parameters.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,8 @@
 """The virtual study: fast engine against DOP853, truth, reproducibility, trends of section 4.6, broadband."""
 
 import csv
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -127,3 +129,17 @@ def test_constants_follow_the_stated_trends() -> None:
 def test_plans_that_make_no_study(wrong: dict, says: str) -> None:
     with pytest.raises(SettingError, match=says):
         Plan(**wrong).check()
+
+
+def test_command_and_its_refusals(tmp_path: Path) -> None:
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "fasbody.laboratory", str(tmp_path / "s"), *arguments]
+        return subprocess.run(command, capture_output=True, text=True)
+
+    done = run("--subjects", "1", "--frequency", "5", "--peak-to-peak", "8", "--posture", "midstance", "--format", "mat")
+    assert done.returncode == 0, done.stderr
+    study = StudyFolder.open(tmp_path / "s")
+    assert [t.condition.added_mass_kg for t in study.trials] == [0.0, 2.3, 4.5]
+    assert np.ptp(study.read(study.trials[0]).base_m_s2) == pytest.approx(8, rel=0.1)
+    refused = run("--excitation", "sweep")
+    assert refused.returncode == 2 and "need --subjects" in refused.stderr and "Traceback" not in refused.stderr
