@@ -37,7 +37,7 @@ def constants(frequency_hz: float, added_mass_kg: float, posture: str = "midstan
     Dorsiflexion tightens the foot at 10 Hz and damps it slightly more above 25 Hz (section 2.4).
     """
     M = added_mass_kg
-    u = np.clip(frequency_hz, 5.0, 50.0) - 10.0  # held beyond the range that was calibrated
+    u = np.clip(frequency_hz, 10.0, 50.0) - 10.0  # held beyond the calibrated range: k_T would turn negative below
     k_T = 68_700 + 5_000 * M + u * (46_450 + 33_690 * M) - u**2 * (615.0 + 385.0 * M)
     k_F = 19_310 + u * (3_610 + 2_518 * M)
     c_11 = 5 + 200 * M + (20 + 215 * M) * np.exp(-u / 60)

@@ -45,10 +45,12 @@ def by_pair(found: list[Row]) -> dict[str, Row]:
 @pytest.mark.parametrize("f", [10.0, 20.0, 50.0])
 def test_sine_fit_within_a_thousandth_and_a_tenth_of_a_degree(f: float) -> None:
     """2 % noise, 20 % second harmonic; and the bias of the thesis' method on the same recording."""
-    found = by_pair(rows(recording(f)))
+    several = [by_pair(rows(recording(f, seed=s))) for s in range(5)]  # one alone scatters by 0.04 % and 0.02 degrees
+    found = several[0]
     for pair, T, phase in (("MB", 1.3, -40), ("TB", 1.1, -75), ("TM", 1.1 / 1.3, -35)):
-        assert found[pair].transmissibility == pytest.approx(T, rel=1e-3)
-        assert found[pair].phase_deg == pytest.approx(phase, abs=0.1)
+        assert np.mean([found[pair].transmissibility for found in several]) == pytest.approx(T, rel=6e-4)
+        assert np.mean([found[pair].phase_deg for found in several]) == pytest.approx(phase, abs=0.06)
+        assert all(abs(found[pair].phase_deg - phase) < 0.1 for found in several)
     if f < 50:  # at 50 Hz the filter takes the second harmonic away
         assert found["MB"].transmissibility_peak_to_peak > 1.3 * 1.02
 
