@@ -16,8 +16,8 @@ lint: $(VENV)/dev.stamp
 	$(RUN) -m ruff check .
 	$(RUN) -m mypy
 
-bench: $(VENV)/dev.stamp  ## every speed and accuracy ratio the documentation states
-	$(RUN) -m benchmarks
+bench: $(VENV)/dev.stamp  ## every speed and accuracy ratio the documentation states; ARGS="--seeds 200" for the study
+	$(RUN) -m benchmarks $(ARGS)
 
 $(VENV)/python.stamp:
 	$(PYTHON) -m venv $(VENV)

@@ -12,6 +12,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -122,7 +123,7 @@ def main() -> None:
     for ending in ENDINGS:
         with progress_bar() as progress:
             bar = progress.add_task(ending, total=count)
-            seen = fuzz(ending, count, advance=lambda bar=bar, progress=progress: progress.advance(bar))
+            seen = fuzz(ending, count, advance=partial(progress.advance, bar))
         reader.end_child()  # so that the system counts its memory
         child = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
         own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

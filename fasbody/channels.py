@@ -15,15 +15,16 @@ Channels = dict[str, np.ndarray]
 #: The accelerometers of section 2.2.2; the first two are needed.
 NAMES = ("base", "malleolus", "tuberosity")
 _G = 9.80665
-#: What a unit is in SI, by how instruments write it.
-ACCELERATIONS = {
-    "m_s2": 1.0, "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "g": _G, "gn": _G, "mm_s2": 1e-3,
-    "mm/s^2": 1e-3, "cm_s2": 1e-2, "cm/s^2": 1e-2,
+#: Units that a CSV header or a board may carry behind a channel's name, and what they are in SI.
+UNITS = {"m_s2": 1.0, "g": _G, "mm_s2": 1e-3, "cm_s2": 1e-2}
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+#: The same with what else instruments write into their files.
+ACCELERATIONS = UNITS | {
+    "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "gn": _G, "mm/s^2": 1e-3, "cm/s^2": 1e-2,
 }  # fmt: skip
 VOLTAGES = {"v": 1.0, "mv": 1e-3}
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 _SENSITIVITY = re.compile(r"\s*([-+.\deE]+)\s*(m?V)\s*/\s*(g|m/s\^?2)\s*", re.IGNORECASE)
-_KEYS = ("column", "unit", "sign", "sensitivity", "delay_s")
+_KEYS = ("unit", "sign", "sensitivity", "delay_s", "column")
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,11 @@ class Layout:
         """
         channels = {}
         for name, table in tables.items():
-            if name not in (*NAMES, "time") or not isinstance(table, dict):
+            if name not in (*NAMES, "time"):
                 raise InputFileError(file, f"describes the channel {name!r}", f"valid: {', '.join(NAMES)}, time")
+            if not isinstance(table, dict):
+                place = f"channels.{name}"
+                raise InputFileError(file, f"{place} is {table!r}", f"it must be a table, [{place}]")
             channels[name] = _channel(file, name, table)
         if rate_hz is not None and not (isinstance(rate_hz, int | float) and 0 < rate_hz < 1e7):
             raise InputFileError(file, f"sampling_rate_hz = {rate_hz!r}", "valid: a positive number")
@@ -82,10 +86,10 @@ class Layout:
             ``time_s``, ``base_m_s2`` ... -> (index, factor to SI).
 
         Raises:
-            InputFileError: a unit is unknown, missing or contradicts study.toml, or a needed channel is not there.
+            InputFileError: a unit is unknown, missing or contradicts study.toml; a channel is missing or there twice.
         """
         wanted: dict[str, tuple[int, float]] = {}
-        for channel in (*NAMES, "time"):
+        for channel in ("time", *NAMES):
             told = self.channels.get(channel, Channel())
             for index, (name, unit) in enumerate(zip(names, units, strict=True)):
                 stem, behind = _split(name)
@@ -93,21 +97,24 @@ class Layout:
                     found = told.unit or unit or (behind if stem == channel else "")
                     if told.unit and (unit or behind) and stem == channel:
                         self._agree(file, channel, told.unit, unit or behind)
+                    key = "time_s" if channel == "time" else f"{channel}_m_s2"
+                    if channel == "time" and found not in TIME_UNITS and not told.column:
+                        continue
+                    if key in wanted:
+                        raise InputFileError(file, f"has two columns for {channel}", "keep one of them", line=line)
                     if channel == "time":
-                        if found not in TIMES and not told.column:
-                            continue
-                        wanted["time_s"] = (index, _known(file, channel, found or "s", TIMES, line))
+                        wanted[key] = (index, _known(file, channel, found or "s", TIME_UNITS, line))
                     else:
-                        wanted[f"{channel}_m_s2"] = (index, self._factor(file, channel, found, line))
-                    break
-            else:
-                if told.column:
-                    listed = ", ".join(names)[:120]
-                    raise InputFileError(file, f"has no column {told.column!r} for {channel} (found: {listed})")
-        for name in ("base_m_s2", "malleolus_m_s2"):
+                        wanted[key] = (index, self._factor(file, channel, found, line))
+            if told.column and not any(key.startswith(f"{channel}_") for key in wanted):
+                listed = ", ".join(names)[:120]
+                raise InputFileError(file, f"has no column {told.column!r} for {channel} (found: {listed})")
+        clock = ("time_s",) if line and self.rate_hz is None else ()  # only text has no rate of its own
+        for name in (*clock, "base_m_s2", "malleolus_m_s2"):
             if name not in wanted:
                 found = ", ".join(names)[:120]
-                raise InputFileError(file, f"has no column {name!r} (found: {found})", _HELP, line=line)
+                hint = "or give sampling_rate_hz in study.toml" if name in clock else _HELP
+                raise InputFileError(file, f"has no column {name!r} (found: {found})", hint, line=line)
         return wanted
 
     def _factor(self, file: Path, channel: str, unit: str, line: int | None) -> float:
@@ -126,7 +133,9 @@ class Layout:
 
     @staticmethod
     def _agree(file: Path, channel: str, told: str, found: str) -> None:
-        both = ACCELERATIONS | VOLTAGES | TIMES
+        if told.lower() in VOLTAGES and found == "m_s2":
+            return  # the standard heading over numbers that study.toml makes m/s^2
+        both = ACCELERATIONS | VOLTAGES | TIME_UNITS
         if both.get(told.lower()) != both.get(found.lower()) or (told.lower() in VOLTAGES) != (
             found.lower() in VOLTAGES
         ):
@@ -172,14 +181,16 @@ def _channel(file: Path, name: str, table: Mapping[str, Any]) -> Channel:
         text = key in ("column", "unit") or (key == "sensitivity" and isinstance(value, str))
         right = isinstance(value, str) if text else isinstance(value, int | float) and np.isfinite(value)
         if key not in _KEYS or not right:
-            raise InputFileError(file, f"channels.{name}.{key} = {value!r}", f"valid: {', '.join(_KEYS)}, numbers")
+            raise InputFileError(
+                file, f"channels.{name}.{key} = {value!r}", f"valid: {', '.join(_KEYS)}, with finite numbers"
+            )
     given = table.get("sensitivity", 1.0)
     sensitivity, volts = (_volts(file, name, given), True) if isinstance(given, str) else (float(given), False)
     if sensitivity == 0:
         raise InputFileError(file, f"channels.{name}.sensitivity is zero", "give recorded unit per m/s^2")
     unit = str(table.get("unit", ""))
     if unit:
-        _known(file, name, unit, TIMES if name == "time" else ACCELERATIONS | VOLTAGES, None)
+        _known(file, name, unit, TIME_UNITS if name == "time" else ACCELERATIONS | VOLTAGES, None)
     return Channel(
         str(table.get("column", "")), unit, float(table.get("sign", 1.0)), sensitivity, volts,
         float(table.get("delay_s", 0.0)),

@@ -10,9 +10,13 @@ from fasbody.response import find_frequency, fit_harmonics, sine_share
 
 #: Sampling rate needed, as a multiple of the excitation frequency.
 OVERSAMPLING = 10
+#: No foot is recorded more slowly than this.
+SLOWEST_HZ = 50.0
 #: A periodic base explains this share of its power by one frequency and its harmonics.
 PERIODIC_SHARE = 0.97
-#: Runs of this many samples at the extreme value mean clipping.
+#: A first part that differs by more than this share of the amplitude.
+_ONSET = 0.02
+#: Runs of this many samples at the extreme value mean clipping in broadband recordings.
 _CLIPPED_RUN = 4
 
 
@@ -36,6 +40,8 @@ def checked(recording: Recording) -> Recording:
         channels[name] = values - values.mean()
     recording = replace(recording, **channels)
     frequency = _excitation(recording)
+    for name in channels:
+        _clipping(recording, name, frequency)
     if frequency is not None:
         _level(recording, frequency, warnings)
     condition = replace(recording.condition, frequency_hz=frequency)
@@ -52,6 +58,12 @@ def _time(recording: Recording) -> None:
         raise _fail(recording, f"has {t.size} samples, too short; record at least three periods (the thesis: 10 s)")
     if not np.isfinite(t).all():
         raise _fail(recording, f"time is not a number at sample {int(np.argmin(np.isfinite(t)))}")
+    if recording.rate_hz < SLOWEST_HZ:
+        raise _fail(
+            recording,
+            f"is sampled at {recording.rate_hz:.3g} Hz over {t[-1] - t[0]:.4g} s; needed are {SLOWEST_HZ:g} Hz "
+            "(if the time is in ms, name the column time_ms)",
+        )
     steps = np.diff(t)
     if steps.min() <= 0:
         place = int(np.argmin(steps)) + 1
@@ -60,10 +72,11 @@ def _time(recording: Recording) -> None:
     # Printed time stamps are rounded: allow one unit of a coarse last digit, but no missing sample.
     if np.abs(steps - typical).max() > 0.5 * typical:
         place = int(np.argmax(np.abs(steps - typical)))
+        count = int((np.abs(steps - typical) > 0.5 * typical).sum())
         raise _fail(
             recording,
             f"time is not uniform: {steps[place]:g} s after {t[place]:g} s, elsewhere {typical:g} s; "
-            "samples are missing or channels have different rates",
+            f"samples are missing or channels have different rates (places: {count})",
         )
 
 
@@ -80,17 +93,27 @@ def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
         raise _fail(
             recording, f"{name} is dead (it varies by {np.ptp(values):.2g} m/s^2); check the cable and the units"
         )
-    for extreme in (values.max(), values.min()):
-        at = values == extreme
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], at.view(np.int8), [0]])))
+
+
+def _clipping(recording: Recording, name: str, frequency: float | None) -> None:
+    """Refuse flat tops: longer runs at an extreme value than the converter's step gives a sine, in many periods."""
+    values, t = getattr(recording, name), recording.time_s
+    levels = np.unique(values)
+    step, size = float(np.diff(levels).min()), 0.5 * float(np.ptp(values))
+    shortest = _CLIPPED_RUN
+    if frequency is not None:  # how long a quantised sine stays at its top, and one sample more at each end
+        shortest = int(np.ceil(2 * np.sqrt(2 * min(step / size, 1)) / (2 * np.pi * frequency) * recording.rate_hz)) + 2
+        shortest = max(3, shortest)
+    periods = 10 if frequency is None else (t[-1] - t[0]) * frequency
+    for extreme in (levels[-1], levels[0]):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], (values == extreme).view(np.int8), [0]])))
         runs = edges[1::2] - edges[::2]
-        # Only flat tops count: several runs as long as a sine of this rate never gives.
-        if (runs >= _CLIPPED_RUN).sum() >= 2 and abs(extreme - values.mean()) > 1.5 * spread * 0.7:
-            place = recording.time_s[edges[::2][np.argmax(runs)]]
-            count = int((runs >= _CLIPPED_RUN).sum())
+        count = int((runs >= shortest).sum())
+        if count >= max(2, 0.2 * periods):
+            place = t[edges[::2][np.argmax(runs)]]
             raise _fail(
                 recording,
-                f"{name} is clipped at {extreme:.4g} m/s^2, {count} times, for {runs.max()} samples near {place:g} s; "
+                f"{name} is clipped {count} times, for up to {runs.max()} samples near {place:g} s; "
                 "record with a larger range",
             )
 
@@ -111,7 +134,7 @@ def _excitation(recording: Recording) -> float | None:
         )
     if nominal is not None and abs(found - nominal) > max(0.02 * nominal, 1.5 / (t[-1] - t[0])):
         raise _fail(recording, f"base_m_s2 vibrates at {found:.4g} Hz and recordings.csv says {nominal:g} Hz")
-    if recording.rate_hz < OVERSAMPLING * found:
+    if recording.rate_hz < OVERSAMPLING * found * (1 - 1e-3):
         raise _fail(
             recording,
             f"is sampled at {recording.rate_hz:g} Hz, less than {OVERSAMPLING} times its excitation of {found:.4g} Hz",
@@ -124,8 +147,14 @@ def _excitation(recording: Recording) -> float | None:
 def _level(recording: Recording, frequency: float, warnings: list[str]) -> None:
     """Amplitudes and phase that a foot on a shaker can have."""
     t = recording.time_s
-    base = fit_harmonics(t, recording.base_m_s2, frequency, 1).amplitudes[0]
-    malleolus = fit_harmonics(t, recording.malleolus_m_s2, frequency, 1).amplitudes[0]
+    fits = [fit_harmonics(t, channel, frequency, 1) for channel in (recording.base_m_s2, recording.malleolus_m_s2)]
+    base, malleolus = (fitted.amplitudes[0] for fitted in fits)
+    onset = max(fitted.onset for fitted in fits)
+    if onset > _ONSET:
+        warnings.append(
+            f"{recording.file}: its first tenth differs from the rest by {100 * onset:.0f} % (a start-up transient?); "
+            "cut it off, or use --domain time."
+        )
     ratio = malleolus / base
     if not 0.02 < abs(ratio) < 20:
         raise _fail(
@@ -133,10 +162,11 @@ def _level(recording: Recording, frequency: float, warnings: list[str]) -> None:
             f"the malleolus moves {abs(ratio):.3g} times as much as the base at {frequency:.4g} Hz; "
             "check units and sensitivities (m/s^2 are expected, or g with the header malleolus_g)",
         )
-    if not 0.3 < abs(base) < 100:
+    if not 2 < abs(base) < 40:
+        hint = "is it in g? Then name the column base_g" if 0.2 < abs(base) <= 2 else "check its unit"
         warnings.append(
             f"{recording.file}: the base amplitude is {abs(base):.3g} m/s^2 at {frequency:.4g} Hz (the thesis: 8.95); "
-            "check its unit."
+            f"{hint}."
         )
     lead = np.degrees(np.angle(ratio))
     if lead > 10:

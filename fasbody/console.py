@@ -4,12 +4,11 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
@@ -18,19 +17,20 @@ from fasbody.exceptions import FasError, InputFileError
 #: Everything for people goes to stderr, so that ``--json`` leaves one clean document on stdout.
 console = Console(stderr=True, highlight=False)
 #: Results for people go to stdout, unless ``--json`` has it.
-results = Console(highlight=False)
+results = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
 
 
-def command_line(app: typer.Typer) -> None:
-    """Run a Typer app: exit 0 done, 2 bad input (one sentence, no traceback), 130 interrupted, 1 a bug."""
+def command_line(app: Callable[[], object]) -> None:
+    """Run a Typer app (any callable): exit 0 done, 2 bad input (one sentence, no traceback), 130 interrupted, 1 bug."""
     try:
         app()
     except FasError as error:
         console.print(f"[bold red]error:[/] {_escape(str(error))}", soft_wrap=True)
         sys.exit(2)
-    except KeyboardInterrupt:
-        console.print("interrupted; finished results are kept")
-        sys.exit(130)
+    except SystemExit as stop:
+        if stop.code == 130:  # what Typer makes of Ctrl-C
+            console.print("interrupted")
+        raise
 
 
 def print_json(document: Any) -> None:
@@ -73,6 +73,20 @@ def write_whole(path: Path, content: str | bytes) -> Path:
         except BaseException:
             Path(name).unlink(missing_ok=True)
             raise
+    except OSError as error:
+        raise InputFileError(path, f"cannot be written ({error.strerror})", "name a writable folder") from error
+    return path
+
+
+def make_folder(path: Path) -> Path:
+    """Make a folder for results before the work that fills it, so that a wrong name costs no time.
+
+    Raises:
+        InputFileError: it cannot be made or written.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=path).close()
     except OSError as error:
         raise InputFileError(path, f"cannot be written ({error.strerror})", "name a writable folder") from error
     return path

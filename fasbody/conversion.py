@@ -10,8 +10,9 @@ from rich.table import Table
 from fasbody.channels import Layout
 from fasbody.checks import checked
 from fasbody.console import console, print_json, progress_bar, results
+from fasbody.description import describe
 from fasbody.exceptions import FasError, InputFileError, RecordingError
-from fasbody.recording import Recording, StudyFolder, _describe
+from fasbody.recording import Recording, StudyFolder
 from fasbody.response import find_frequency, sine_share
 
 app: typer.Typer = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
@@ -103,7 +104,7 @@ def convert(
 
 
 def _layout(study: Path | None) -> Layout | None:
-    return None if study is None else _describe(study)[1]
+    return None if study is None else describe(study)[1]
 
 
 def _show(rows: list[dict[str, Any]]) -> None:

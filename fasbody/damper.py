@@ -3,7 +3,8 @@
 A law travels with the MJCF element it acts on, in the `user` field of a joint or tendon, as the number of its equation
 followed by its parameters (`LAWS` lists them), so `user="4.25 310 -120 180"` reads like the page. In the element's
 coordinate x (extension positive, from rest) the compressive strain of a pad of thickness h is e = e0 - x/h, where e0 is
-the static strain under the foot's weight; the pad's force is taken about that equilibrium, as Eq. (4.29) is.
+the static strain under the foot's weight; the pad's force is taken about that equilibrium, as Eq. (4.29) is. A pad that
+lifts off (e < 0) has no force; one that expands fast while compressed may pull, as the printed laws have it.
 
 All functions are compiled by numba and serve the native callbacks, the Python twin (`.py_func`) and plots alike.
 """

@@ -23,6 +23,7 @@ from numba import carray, cfunc, types
 from numba.extending import intrinsic
 
 from fasbody import damper
+from fasbody.damper import algebraic_force, viscoelastic_force, viscoelastic_rate
 from fasbody.exceptions import EngineError
 from fasbody.layout import DATA_WORDS, MODEL_WORDS, find_offsets, probe_model
 
@@ -55,7 +56,10 @@ def _pointer(context, address):  # type: ignore[no-untyped-def]
 
 
 def _compile(offsets: dict[str, int], stamp: int) -> Callbacks:
-    """Compile the callbacks for one struct layout; `stamp` makes numba's cache follow the laws' source."""
+    """Compile the callbacks for one struct layout; `stamp` makes numba's cache follow the laws' source.
+
+    Closures hold plain numbers only: numba's cache is keyed by their values, and a compiled function has none.
+    """
     NJNT, NTENDON = offsets["njnt"], offsets["ntendon"]
     NUSER_JNT, NUSER_TENDON = offsets["nuser_jnt"], offsets["nuser_tendon"]
     JNT_USER, JNT_QPOSADR, JNT_DOFADR = offsets["jnt_user"], offsets["jnt_qposadr"], offsets["jnt_dofadr"]
@@ -69,7 +73,6 @@ def _compile(offsets: dict[str, int], stamp: int) -> Callbacks:
     CTRL, QFRC, TIME = offsets["ctrl"], offsets["qfrc_passive"], offsets["time"]
     TEN_J, TEN_LENGTH, TEN_VELOCITY = offsets["ten_J"], offsets["ten_length"], offsets["ten_velocity"]
     USER, PRM, BRANCHES, RELAX = damper.USER_SIZE, _PRM, damper.BRANCHES, VISCOELASTIC
-    force, pad_force, pad_rate = damper.algebraic_force, damper.viscoelastic_force, damper.viscoelastic_rate
     MODEL, DATA, BIG = (MODEL_WORDS,), (DATA_WORDS,), (1 << 20,)
     f8, i4, i8 = np.float64, np.int32, np.int64
 
@@ -85,7 +88,7 @@ def _compile(offsets: dict[str, int], stamp: int) -> Callbacks:
             for j in range(m[NJNT]):
                 if user[j * USER] != 0.0:
                     q, v = qposadr[j], dofadr[j]
-                    qfrc[v] += force(user[j * USER : (j + 1) * USER], qpos[q] - rest[q], qvel[v], native[v])
+                    qfrc[v] += algebraic_force(user[j * USER : (j + 1) * USER], qpos[q] - rest[q], qvel[v], native[v])
         if m[NUSER_TENDON] == USER:
             user = carray(_pointer(m[TEN_USER]), BIG, f8)
             native, rest = carray(_pointer(m[TEN_DAMPING]), BIG, f8), carray(_pointer(m[TEN_LENGTH0]), BIG, f8)
@@ -94,7 +97,7 @@ def _compile(offsets: dict[str, int], stamp: int) -> Callbacks:
             column, J = carray(_pointer(m[COLIND]), BIG, i4), carray(_pointer(d[TEN_J]), BIG, f8)
             for t in range(m[NTENDON]):
                 if user[t * USER] != 0.0:
-                    pull = force(user[t * USER : (t + 1) * USER], length[t] - rest[t], velocity[t], native[t])
+                    pull = algebraic_force(user[t * USER : (t + 1) * USER], length[t] - rest[t], velocity[t], native[t])
                     for k in range(start[t], start[t] + count[t]):
                         qfrc[column[k]] += J[k] * pull
 
@@ -110,7 +113,7 @@ def _compile(offsets: dict[str, int], stamp: int) -> Callbacks:
             h = carray(_pointer(d[ACT] + 8 * carray(_pointer(m[ACTADR]), BIG, i4)[actuator]), (BRANCHES,), f8)
             out = carray(_pointer(m[OUTADR]), BIG, i4)[actuator]
             x = carray(_pointer(d[LENGTH]), BIG, f8)[out] - carray(_pointer(m[LENGTH0]), BIG, f8)[out]
-            return pad_force(p, h, x)
+            return viscoelastic_force(p, h, x)
         return 0.0
 
     @cfunc(types.float64(types.voidptr, types.voidptr, types.int32), cache=True)
@@ -125,7 +128,7 @@ def _compile(offsets: dict[str, int], stamp: int) -> Callbacks:
             x = carray(_pointer(d[LENGTH]), BIG, f8)[out] - carray(_pointer(m[LENGTH0]), BIG, f8)[out]
             x_dot = carray(_pointer(d[VELOCITY]), BIG, f8)[out]
             for i in range(BRANCHES):
-                rate[i] = pad_rate(p, h, x, x_dot, i)
+                rate[i] = viscoelastic_rate(p, h, x, x_dot, i)
         return 0.0
 
     return Callbacks(passive.ctypes, act_dyn.ctypes, act_bias.ctypes, _quiet.ctypes)
@@ -172,18 +175,17 @@ def _difference(compiled: Callbacks, model: mujoco.MjModel) -> float:
 
 def python_twin() -> Callbacks:
     """The same callbacks in Python: slow, readable, for tests."""
-    force = damper.algebraic_force
 
     def passive(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         if model.nuser_jnt == damper.USER_SIZE:
             for j in range(model.njnt):
                 q, v = model.jnt_qposadr[j], model.jnt_dofadr[j]
                 x = data.qpos[q] - model.qpos_spring[q]
-                data.qfrc_passive[v] += force(model.jnt_user[j], x, data.qvel[v], model.dof_damping[v])
+                data.qfrc_passive[v] += algebraic_force(model.jnt_user[j], x, data.qvel[v], model.dof_damping[v])
         if model.nuser_tendon == damper.USER_SIZE:
             for t in range(model.ntendon):
                 x = data.ten_length[t] - model.tendon_length0[t]
-                pull = force(model.tendon_user[t], x, data.ten_velocity[t], model.tendon_damping[t])
+                pull = algebraic_force(model.tendon_user[t], x, data.ten_velocity[t], model.tendon_damping[t])
                 row = slice(model.ten_J_rowadr[t], model.ten_J_rowadr[t] + model.ten_J_rownnz[t])
                 data.qfrc_passive[model.ten_J_colind[row]] += data.ten_J.ravel()[row] * pull
 
@@ -194,7 +196,7 @@ def python_twin() -> Callbacks:
             return float(np.polyval(c[:0:-1], data.time - c[0]))
         if p[0] == VISCOELASTIC:
             h = data.act[model.actuator_actadr[actuator] :][: damper.BRANCHES]
-            return damper.viscoelastic_force(p, h, data.actuator_length[actuator] - model.actuator_length0[actuator])
+            return viscoelastic_force(p, h, data.actuator_length[actuator] - model.actuator_length0[actuator])
         return 0.0
 
     def act_dyn(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
@@ -207,7 +209,7 @@ def python_twin() -> Callbacks:
                 data.actuator_velocity[actuator],
             )
             for i in range(damper.BRANCHES):
-                data.act_dot[first + i] = damper.viscoelastic_rate(p, h, x, x_dot, i)
+                data.act_dot[first + i] = viscoelastic_rate(p, h, x, x_dot, i)
         return 0.0
 
     return Callbacks(passive, act_dyn, act_bias, _quiet.ctypes)

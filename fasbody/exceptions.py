@@ -28,6 +28,24 @@ class ModelError(FasError):
     """An MJCF model is broken or lacks something that a command needs."""
 
 
+class MeshError(FasError):
+    """A cell mesh or surface cannot be analysed (inverted elements, open surface, no clamped base, ...)."""
+
+
+class MissingPackageError(FasError):
+    """A command needs a package of an optional extra.
+
+    Args:
+        package: the package that is missing or does not load.
+        extra: the extra of fasbody that brings it.
+        reason: why it does not load, if it is there but broken.
+    """
+
+    def __init__(self, package: str, extra: str, reason: str = "") -> None:
+        state = f"does not load ({reason})" if reason else "is not installed"
+        super().__init__(f"{package} {state}: pip install 'fasbody[{extra}]'.")
+
+
 class RecordingError(FasError):
     """A recording cannot serve as measured data (too short, clipped, NaN, ...)."""
 
@@ -38,6 +56,10 @@ class SettingError(FasError):
 
 class SimulationError(FasError):
     """A simulation became unstable or non-finite."""
+
+
+class AcquisitionError(FasError):
+    """A board, generator or serial line does not do what a recording needs."""
 
 
 class EngineError(FasError):

@@ -1,11 +1,15 @@
 """What the shaker and the data acquisition add to a motion: the errors of real recordings, with known sizes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fasbody import shaker
+from fasbody.recording import Recording
 from fasbody.shaker import BaseMotion
+
+#: What only the strapped sensors of a virtual study have; `observe` leaves it out.
+STRAPPED = ("offset_m_s2", "strap_hz", "strap_zeta", "gain_scatter")
 
 
 @dataclass(frozen=True)
@@ -55,3 +59,11 @@ class Instrument:
         step = 2 * self.range_m_s2 / 2**self.bits
         noisy = values + rng.normal(0, noise, values.size)
         return np.clip(np.round(noisy / step) * step, -self.range_m_s2, self.range_m_s2 - step)
+
+    def observe(self, exact: Recording, rng: np.random.Generator) -> Recording:
+        """A recording as rigidly mounted sensors give it: noise and quantisation on both channels."""
+        return replace(
+            exact,
+            base_m_s2=self.measure(exact.base_m_s2, self.noise_base, rng),
+            malleolus_m_s2=self.measure(exact.malleolus_m_s2, self.noise_malleolus, rng),
+        )

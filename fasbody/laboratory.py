@@ -18,7 +18,7 @@ from scipy.integrate import solve_ivp
 
 from fasbody.console import command_line, console, progress_bar, to_json, write_whole
 from fasbody.exceptions import SettingError
-from fasbody.instrument import Instrument
+from fasbody.instrument import STRAPPED, Instrument
 from fasbody.recording import Condition, Recording
 from fasbody.shaker import BaseMotion
 from fasbody.subjects import ADDED_MASSES_KG, SUBJECTS, foot_mass, shank_mass
@@ -45,18 +45,18 @@ def record(
         foot: true parameters. motion: base motion. seconds: length [s]. instrument: what it adds. rng: noise source.
         settle: the shaker runs this long before the recording starts [s]; 0 records the transient from rest.
     """
+    return instrument.observe(exact(foot, motion, seconds, instrument, settle), rng)
+
+
+def exact(foot: TwoDof, motion: BaseMotion, seconds: float, instrument: Instrument, settle: float = 1.0) -> Recording:
+    """The same without noise and quantisation: what happened at the samples, the channel delay included."""
     t = np.arange(round(seconds * instrument.rate_hz)) / instrument.rate_hz
-    late = t + settle - instrument.delay_s
+    late = np.maximum(t + settle - instrument.delay_s, 0.0)  # at rest until the shaker starts
     solution = solve_ivp(
         lambda time, x: foot.rates(time, x, float(motion.acceleration(np.array([time]))[0])),
         (0.0, late[-1]), np.zeros(4), method="DOP853", t_eval=late, rtol=1e-9, atol=1e-12, max_step=5e-3,
     )  # fmt: skip
-    return Recording(
-        time_s=t,
-        base_m_s2=instrument.measure(motion.acceleration(t + settle), instrument.noise_base, rng),
-        malleolus_m_s2=instrument.measure(foot.output(solution.y), instrument.noise_malleolus, rng),
-        origin="synthetic",
-    )
+    return Recording(t, motion.acceleration(t + settle), foot.output(solution.y), origin="synthetic")
 
 
 def make_study(
@@ -97,7 +97,8 @@ def make_study(
     subjects = f"subject,age_yr,height_m,mass_kg\n{subject},{person.age_yr},{person.height_m},{person.mass_kg}\n"
     write_whole(folder / "subjects.csv", subjects)
     write_whole(folder / "recordings.csv", "\n".join(rows) + "\n")
-    truth = {"origin": "synthetic", "seed": seed, "parameters": TRUTH, "instrument": asdict(instrument)}
+    known = {name: value for name, value in asdict(instrument).items() if name not in STRAPPED}
+    truth = {"origin": "synthetic", "seed": seed, "parameters": TRUTH, "instrument": known}
     write_whole(folder / "truth.json", to_json(truth) + "\n")
     write_whole(folder / "study.toml", _STUDY.format(subject=subject, body=body, seed=seed, rate=instrument.rate_hz))
     return folder

@@ -110,24 +110,66 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
             f'{name}: the actuator shaker needs biastype="user" biasprm="{SHAKER:g}" and four more actuators behind it '
             "that carry its controls; copy the actuators of two_dof.xml."
         )
-    for joint, stiffness in zip(names(model, "joint"), model.jnt_stiffness, strict=False):
-        if stiffness < 0:
-            raise ModelError(f"{name}: joint {joint!r} has the stiffness {stiffness:g}; it must not be negative.")
+    _check_shaker(model, name, shaker)
+    for kind, stiffness in (("joint", model.jnt_stiffness), ("tendon", model.tendon_stiffness)):
+        for element, value in zip(names(model, kind), stiffness.ravel(), strict=False):
+            if value < 0:
+                raise ModelError(f"{name}: {kind} {element!r} has the stiffness {value:g}; it must not be negative.")
     sensor = {element: int(model.sensor(element).adr[0]) + 1 for element in REQUIRED["sensor"]}  # +1: the y component
     base = int(model.jnt_qposadr[model.joint("base").id])
+    if not can_be_constrained(model):  # MuJoCo then need not look for contacts: a fifth of a step
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     return Foot(name, model, declared(model, name), base, first, sensor)
 
 
+def _check_shaker(model: mujoco.MjModel, name: str, shaker: int) -> None:
+    """The shaker's force is gear x acceleration, so the gear must be the base's armature."""
+    gear = float(model.actuator_gear[model.actuator_outadr[shaker], 0])
+    armature = float(model.dof_armature[model.jnt_dofadr[model.joint("base").id]])
+    if not (armature >= 1e6 and abs(gear / armature - 1) < 1e-6):
+        raise ModelError(
+            f"{name}: the shaker has gear {gear:g} and the joint base has armature {armature:g}; "
+            "both must be the same large number (1e9), so that the base follows the prescribed acceleration."
+        )
+
+
+def can_be_constrained(model: mujoco.MjModel) -> bool:
+    """Whether anything in a model can touch, or has a limit, an equality or dry friction."""
+    touches = np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any() or model.npair or model.nflex
+    limited = model.jnt_limited.any() or model.tendon_limited.any() or model.neq
+    return bool(touches or limited or model.dof_frictionloss.any() or model.tendon_frictionloss.any())
+
+
 def _check_laws(model: mujoco.MjModel, name: str) -> None:
-    """Refuse an unknown law, so that a mistyped number is never a silent zero force."""
-    known = {law.code for law in damper.LAWS}
+    """Refuse a law that is unknown or lacks a parameter, so that a mistyped number is never a silent zero force."""
+    memory, *algebraic = damper.LAWS
     for kind, user in (("joint", model.jnt_user), ("tendon", model.tendon_user)):
         if user.size and user.shape[1] != damper.USER_SIZE and np.any(user):
             size = f'nuser_{"jnt" if kind == "joint" else "tendon"}="{damper.USER_SIZE}"'
             raise ModelError(f"{name}: {kind} user fields have {user.shape[1]} numbers; laws need <size {size}/>.")
-        for element, row in enumerate(user):
-            if row.any() and (row[0] not in known or row[0] == damper.LAWS[0].code):
-                valid = "; ".join(f"{law.equation} {' '.join(law.parameters)}" for law in damper.LAWS[1:])
+        for element, row in zip(names(model, kind), user, strict=False):
+            if row.any():
+                _check_law(row, algebraic, f"{name}: the user field of {kind} {element!r}")
+    for actuator in range(model.nactuator):
+        row = model.actuator_biasprm[actuator]
+        if row[0] == memory.code:
+            here = f"{name}: the biasprm of actuator {model.actuator(actuator).name!r}"
+            _check_law(row[: damper.USER_SIZE], [memory], here)
+            if model.actuator_actnum[actuator] != damper.BRANCHES:
+                raise ModelError(f'{here} names the law {memory.equation}, which needs actdim="{damper.BRANCHES}".')
+
+
+def _check_law(row: np.ndarray, laws: list[damper.Law], here: str) -> None:
+    """One law's parameters: pads need positive stiffness, thickness and static strain."""
+    law = next((law for law in laws if law.code == row[0]), None)
+    if law is None:
+        valid = "; ".join(f"{law.equation} {' '.join(law.parameters)}" for law in laws)
+        raise ModelError(f"{here} names the law {row[0]:g} (valid: {valid}).")
+    if law.equation != "4.25":
+        for parameter, value in zip(law.parameters, row[1:], strict=False):
+            short = parameter.split()[0]
+            if value <= 0 and short not in ("l", "eta", "c", "m", "n"):
+                wanted = f"{law.equation} {' '.join(law.parameters)}"
                 raise ModelError(
-                    f"{name}: {kind} number {element} names the law {row[0]:g} in its user field (valid: {valid})."
+                    f"{here} gives {short} = {value:g} to the law {law.equation}; write {wanted}, all positive."
                 )

@@ -37,7 +37,7 @@ _OBJECTS = {
     "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
 }
 _SUFFIX = {"N/m": "n_per_m", "N s/m": "n_s_per_m", "1/m": "per_m", "kg": "kg", "s": "s", "N": "n", "m": "m", "": ""}
-_SUFFIX |= {"N m/rad": "n_m_per_rad", "N m s/rad": "n_m_s_per_rad"}
+_SUFFIX |= {"N s": "n_s", "N m/rad": "n_m_per_rad", "N m s/rad": "n_m_s_per_rad"}
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Parameter:
         return self.lower > 0.0
 
     def read(self, model: mujoco.MjModel) -> float:
-        """Value in the model (the sum over its places, which share it)."""
+        """Value in the model, from its first place and the share of the value that stands there."""
         place = self.places[0]
         return float(getattr(model, place.field).ravel()[place.index] / place.share)
 
@@ -130,14 +130,17 @@ def declared(model: mujoco.MjModel, name: str) -> Parameters:
         symbol = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, number)
         start = model.text_adr[number]
         data = model.text_data[start : start + model.text_size[number]].decode().rstrip("\0")
-        if data.count("|") == 4:  # other custom texts are none of ours
+        if "|" in data:  # other custom texts are none of ours
             items.append(_parse(model, symbol, data, name))
     return Parameters(items, name)
 
 
 def _parse(model: mujoco.MjModel, symbol: str, data: str, name: str) -> Parameter:
-    unit, lower, upper, places, source = (part.strip() for part in data.split("|"))
     here = f"{name}: parameter {symbol!r}"
+    parts = [part.strip() for part in data.split("|")]
+    if len(parts) != 5:
+        raise ModelError(f"{here} has {len(parts)} parts; needed are unit | lower | upper | where | source.")
+    unit, lower, upper, places, source = parts
     if unit not in _SUFFIX:
         raise ModelError(f"{here} has the unit {unit!r} (valid: {', '.join(filter(None, _SUFFIX))}).")
     try:
@@ -171,7 +174,10 @@ def _place(model: mujoco.MjModel, text: str, here: str) -> Place:
         number = int(model.jnt_dofadr[number])
     array = getattr(model, field)
     width = array.size // array.shape[0]
-    column = int(words[3]) if len(words) == 4 and words[3].isdigit() else 0
+    if (len(words) == 4) != (width > 1) or not (width == 1 or words[3].isdigit()):
+        wanted = f"{kind} {element} {attribute}" + (f" and a column from 0 to {width - 1}" if width > 1 else "")
+        raise ModelError(f"{here} stands at {text.strip()!r}; write {wanted}.")
+    column = int(words[3]) if width > 1 else 0
     if column >= width:
         raise ModelError(f"{here} stands in column {column} of {attribute!r}, which has {width} (0 to {width - 1}).")
     return Place(field, number * width + column, share)

@@ -39,14 +39,9 @@ def read_csv(file: Path, layout: Layout | None = None) -> Channels:
     ]
     layout = layout or Layout()
     wanted = layout.find(file, names, [""] * len(names), line=1)
-    if "time_s" not in wanted and layout.rate_hz is None:
-        found = ", ".join(names)[:120]
-        raise InputFileError(
-            file, f"has no column 'time_s' (found: {found})", "or give sampling_rate_hz in study.toml", line=1
-        )
     columns = _numbers(file, text, separator, len(names), {name: index for name, (index, _) in wanted.items()})
     channels = {name: columns[name] * factor for name, (_, factor) in wanted.items()}
-    if "time_s" not in channels:
+    if layout.rate_hz and "time_s" not in channels:
         channels["time_s"] = np.arange(channels["base_m_s2"].size) / layout.rate_hz
     return channels
 
@@ -82,7 +77,10 @@ def _text(file: Path) -> str:
     if file.stat().st_size > _LARGEST:
         raise InputFileError(file, f"is larger than {_LARGEST // 1_000_000} MB", "split it into recordings")
     try:
-        return file.read_text(encoding="utf-8-sig")
+        text = file.read_text(encoding="utf-8-sig")
+        if "\0" in text:
+            raise InputFileError(file, "is not a text file", "a CSV file with a header line is needed")
+        return text
     except UnicodeDecodeError:
         raise InputFileError(file, "is not a text file", "a CSV file with a header line is needed") from None
     except OSError as error:

@@ -1,7 +1,7 @@
 """Recordings, their conditions, and studies: folders of recordings with a description."""
 
+import json
 import math
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,30 +11,15 @@ import pandas as pd
 
 from fasbody import formats
 from fasbody.channels import Channels, Layout
-from fasbody.exceptions import InputFileError, RecordingError
+from fasbody.condition import Condition, plausible
+from fasbody.description import describe
+from fasbody.exceptions import InputFileError
 from fasbody.readers import column, read_table
-from fasbody.subjects import foot_mass, shank_mass
 
 #: The three columns that a recording needs, and one that it may have.
 HEADER = ("time_s", "base_m_s2", "malleolus_m_s2", "tuberosity_m_s2")
-
-
-@dataclass(frozen=True)
-class Condition:
-    """Under what a recording was made. `frequency_hz` is None for broadband excitation, masses None if unknown."""
-
-    subject: str = ""
-    posture: str = "midstance"
-    added_mass_kg: float = 0.0
-    body_mass_kg: float | None = None
-    frequency_hz: float | None = None
-
-    @property
-    def masses(self) -> dict[str, float]:
-        """m_S and m_F [kg] of section 4.5; empty if the body mass is unknown."""
-        if self.body_mass_kg is None:
-            return {}
-        return {"m_S": shank_mass(self.body_mass_kg, self.added_mass_kg), "m_F": foot_mass(self.body_mass_kg)}
+#: Origin of a bare file, which says nothing about itself.
+UNSTATED = "of unstated origin"
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +32,7 @@ class Recording:
         tuberosity_m_s2: (n,) tibial tuberosity [m/s^2], if recorded.
         condition: how it was made.
         file: where it came from, for messages.
-        origin: "measured" or "synthetic".
+        origin: "measured", "synthetic" or "of unstated origin" (a bare file).
         warnings: what the checks found that does not forbid its use.
     """
 
@@ -57,7 +42,7 @@ class Recording:
     tuberosity_m_s2: np.ndarray | None = None
     condition: Condition = field(default_factory=Condition)
     file: str = "recording"
-    origin: str = "measured"
+    origin: str = UNSTATED
     warnings: tuple[str, ...] = ()
 
     @property
@@ -75,7 +60,7 @@ class Recording:
         file: Path | str,
         condition: Condition | None = None,
         label: str = "",
-        origin: str = "measured",
+        origin: str = UNSTATED,
         layout: Layout | None = None,
     ) -> "Recording":
         """Read a file: CSV with the header ``time_s,base_m_s2,malleolus_m_s2[,tuberosity_m_s2]``, MAT, HDF5, UFF, TDMS.
@@ -84,7 +69,7 @@ class Recording:
             file: the file.
             condition: what is known of the trial.
             label: what to call it in messages, default the file's name.
-            origin: "measured" or "synthetic".
+            origin: "measured" or "synthetic", if that is known.
             layout: where in the file the channels are, and their units, if the file does not say so itself.
 
         Raises:
@@ -99,6 +84,7 @@ class Recording:
             condition=condition or Condition(),
             file=label or Path(file).name,
             origin=origin,
+            warnings=_remarks(Path(file).with_suffix(".json")),
         )
 
     @property
@@ -113,7 +99,7 @@ class Recording:
         columns = self.channels
         if file.suffix.lower() != ".csv":
             return formats.write(file, columns)
-        digits = max(3, math.ceil(math.log10(self.rate_hz)))
+        digits = 3 + math.ceil(math.log10(max(1.0, self.rate_hz)))  # a sample's time to a thousandth of the interval
         frame = pd.DataFrame({k: np.round(v, digits if k == "time_s" else 6) for k, v in columns.items()})
         write_whole(file, frame.to_csv(index=False))
         return None
@@ -121,9 +107,10 @@ class Recording:
 
 @dataclass(frozen=True)
 class Trial:
-    """One row of recordings.csv: where the recording is and how it was made."""
+    """One row of recordings.csv: where the recording is, what the row and messages call it, and how it was made."""
 
     path: Path
+    file: str
     label: str
     condition: Condition
 
@@ -144,14 +131,19 @@ class StudyFolder:
     layout: Layout
 
     @classmethod
-    def open(cls, folder: Path | str) -> "StudyFolder":
+    def open(cls, folder: Path | str, only: Path | None = None) -> "StudyFolder":
         """Read `study.toml`, `subjects.csv` and `recordings.csv` of a folder.
+
+        Args:
+            folder: the study.
+            only: list just this one of its recordings.
 
         Raises:
             InputFileError: a file is missing or has a wrong place in it.
+            RecordingError: a mass is not a plausible number.
         """
         root = Path(folder)
-        about, layout = _describe(root / "study.toml")
+        about, layout = describe(root / "study.toml")
         subjects = read_table(root / "subjects.csv", ("subject", "mass_kg"))
         masses = dict(
             zip(subjects["subject"].astype(str), column(root / "subjects.csv", subjects, "mass_kg"), strict=True)
@@ -169,16 +161,19 @@ class StudyFolder:
             path = root / str(row["file"])
             if not path.resolve().is_relative_to(root.resolve()):
                 raise InputFileError(file, f"{row['file']!r} lies outside the study's folder", line=i + 2)
+            if only is not None and path.resolve() != only.resolve():
+                continue
             condition = Condition(
                 subject=subject,
                 posture=str(row.get("posture", "midstance")),
-                added_mass_kg=float(added[i]),
-                body_mass_kg=float(masses[subject]),
+                body_mass_kg=plausible(float(masses[subject]), "body", f"{root / 'subjects.csv'}: subject {subject}"),
+                added_mass_kg=plausible(float(added[i]), "added", f"{file}, line {i + 2}"),
                 frequency_hz=float(frequency[i]) if np.isfinite(frequency[i]) else None,
             )
-            trials.append(Trial(path, str(row["file"]), condition))
+            trials.append(Trial(path, str(row["file"]), f"{root.name}/{row['file']}", condition))
         if not trials:
-            raise InputFileError(file, "lists no recording", "one row a recording is needed")
+            missing = "lists no recording" if only is None else f"does not list {only.name}"
+            raise InputFileError(file, missing, "one row a recording is needed")
         return cls(about["name"], about["origin"], about["description"], tuple(trials), layout)
 
     def read(self, trial: Trial) -> Recording:
@@ -206,33 +201,45 @@ class Study:
         return f"{self.name}: {len(self.recordings)} {self.origin} recordings"
 
     @classmethod
-    def read(cls, folder: Path | str) -> "Study":
+    def read(cls, folder: Path | str, only: Path | None = None) -> "Study":
         """Read a study folder and every recording it lists.
+
+        Args:
+            folder: the study.
+            only: read just this one of its recordings.
 
         Raises:
             InputFileError: a file is missing or has a wrong place in it.
+            RecordingError: a mass is not a plausible number.
         """
-        study = StudyFolder.open(folder)
+        study = StudyFolder.open(folder, only)
         return cls(study.name, study.origin, study.description, tuple(study.read(trial) for trial in study.trials))
 
 
-def _describe(file: Path) -> tuple[dict[str, str], Layout]:
-    """The [study] table with defaults, and the layout of the [channels.*] tables."""
+def _remarks(file: Path) -> tuple[str, ...]:
+    """What acquisition found worth a warning (docs/acquisition.md); none if the recording has no such file by it."""
     if not file.is_file():
-        raise InputFileError(file, "no such file", "a study folder needs study.toml, subjects.csv and recordings.csv")
+        return ()
     try:
-        document = tomllib.loads(file.read_text())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputFileError(file, f"is not TOML ({error})") from None
-    given = document.get("study", {})
-    channels = document.get("channels", {})
-    if not isinstance(given, dict) or not isinstance(channels, dict):
-        raise InputFileError(file, "needs the tables [study] and [channels.base], [channels.malleolus]")
-    about = {"name": file.parent.resolve().name, "origin": "measured", "description": ""}
-    about |= {key: str(value) for key, value in given.items() if key in about}
-    if about["origin"] not in ("measured", "synthetic"):
-        raise InputFileError(file, f"origin is {about['origin']!r}", 'valid: "measured", "synthetic"')
-    return about, Layout.from_toml(file, channels, given.get("sampling_rate_hz"))
+        found = json.loads(file.read_text())["warnings"]
+    except (ValueError, KeyError, TypeError, OSError):
+        return ()
+    return tuple(text for text in found if isinstance(text, str)) if isinstance(found, list) else ()
+
+
+def read_file(file: Path) -> Recording:
+    """A recording with its conditions where it lies in a study that lists it, else as a bare file.
+
+    Raises:
+        InputFileError: it, or the study around it, cannot be read.
+    """
+    for folder in file.resolve().parents[:2]:
+        table = folder / "recordings.csv"
+        if (folder / "study.toml").is_file() and table.is_file():
+            listed = {(folder / str(name)).resolve() for name in read_table(table, ("file",))["file"]}
+            if file.resolve() in listed:
+                return Study.read(folder, only=file).recordings[0]
+    return Recording.read(file)
 
 
 def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg: float | None) -> Recording:
@@ -242,15 +249,11 @@ def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg:
         RecordingError: a mass is not a plausible number.
     """
     condition = recording.condition
-    for name, value, low, high in (("body", body_mass_kg, 20, 300), ("added", added_mass_kg, 0, 100)):
+    for name, value in (("body", body_mass_kg), ("added", added_mass_kg)):
         if value is not None:
-            if not low <= value <= high:
-                raise RecordingError(f"the {name} mass is {value:g} kg; it must lie between {low} and {high} kg.")
-            condition = replace(condition, **{f"{name}_mass_kg": value})  # type: ignore[arg-type]
+            condition = replace(condition, **{f"{name}_mass_kg": plausible(value, name, recording.file)})  # type: ignore[arg-type]
     return replace(recording, condition=condition)
 
-
-__all__ = ["HEADER", "Channels", "Condition", "Recording", "Study", "StudyFolder", "Trial", "with_masses"]
 
 if __name__ == "__main__":
     from fasbody import conversion

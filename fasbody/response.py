@@ -28,6 +28,7 @@ class Harmonics:
         std: (H,) standard deviation of the real, and of the imaginary, part of each.
         offset: mean [m/s^2]. sigma: standard deviation of the noise in a sample [m/s^2].
         scatter: relative standard deviation of the fundamental over the recording's parts: how periodic it is.
+        onset: relative difference of the first part's fundamental from the others': a start-up transient.
     """
 
     frequency_hz: float
@@ -36,6 +37,7 @@ class Harmonics:
     offset: float
     sigma: float
     scatter: float
+    onset: float
 
     def __str__(self) -> str:
         size = ", ".join(f"{abs(a):.4g}" for a in self.amplitudes)
@@ -44,7 +46,8 @@ class Harmonics:
 
 def harmonic_count(frequency_hz: float, rate_hz: float) -> int:
     """Harmonics compared at an excitation frequency: six, or those below 100 Hz and 0.4 of the sampling rate."""
-    return max(1, min(HARMONICS, int((min(HIGHEST_HZ, 0.4 * rate_hz) + 1e-9) // frequency_hz)))
+    highest = 1.001 * min(HIGHEST_HZ, 0.4 * rate_hz)  # a frequency found a little high must not lose its 100 Hz line
+    return max(1, min(HARMONICS, int(highest // frequency_hz)))
 
 
 def fit_harmonics(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, count: int) -> Harmonics:
@@ -65,33 +68,32 @@ def fit_harmonics(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, c
     sigma = float(np.sqrt(residual @ residual / dof))
     amplitudes = coefficients[1::2] - 1j * coefficients[2::2]
     std = np.full(count, sigma) * np.sqrt(2 / signal.size) * _colour(residual, rate, frequency_hz, count)
-    std, scatter = _with_scatter(time_s, signal, frequency_hz, count, std, amplitudes[0])
-    return Harmonics(frequency_hz, amplitudes[:count], std, float(coefficients[0]), sigma, scatter)
+    std, scatter, onset = _with_scatter(time_s, signal, frequency_hz, count, std, amplitudes[0])
+    return Harmonics(frequency_hz, amplitudes[:count], std, float(coefficients[0]), sigma, scatter, onset)
 
 
-def find_frequency(time_s: np.ndarray, signal: np.ndarray, guess_hz: float | None = None) -> float:
+def find_frequency(time_s: np.ndarray, signal: np.ndarray) -> float:
     """Fundamental frequency [Hz] of a periodic signal, to a small fraction of the inverse length.
 
     Args:
-        time_s: (n,) [s]. signal: (n,), offset removed. guess_hz: nominal frequency; default the spectrum's peak.
+        time_s: (n,) [s]. signal: (n,), offset removed.
     """
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
-    if guess_hz is None:
-        spectrum = np.abs(np.fft.rfft(signal * np.hanning(signal.size), 4 * signal.size))
-        lowest = int(np.ceil(4 * signal.size * 0.5 / rate))
-        guess_hz = (lowest + int(np.argmax(spectrum[lowest:]))) * rate / (4 * signal.size)
-    f = guess_hz
+    spectrum = np.abs(np.fft.rfft(signal * np.hanning(signal.size), 4 * signal.size))
+    lowest = int(np.ceil(4 * signal.size * 0.5 / rate))
+    peak = (lowest + int(np.argmax(spectrum[lowest:]))) * rate / (4 * signal.size)
+    f = peak
     for _ in range(20):  # Gauss-Newton on amplitude, phase and frequency
         wt = 2 * np.pi * f * time_s
         cos, sin = np.cos(wt), np.sin(wt)
         P = np.column_stack([np.ones_like(wt), cos, sin])
-        c, *_ = np.linalg.lstsq(P, signal, rcond=None)
+        c = _solve(P, signal)
         slope = 2 * np.pi * time_s * (c[2] * cos - c[1] * sin)
-        full, *_ = np.linalg.lstsq(np.column_stack([P, slope]), signal, rcond=None)
+        full = _solve(np.column_stack([P, slope]), signal)
         f += full[3]
-        if not 0.5 * guess_hz < f < 2 * guess_hz:
-            return guess_hz
-        if abs(full[3]) < 1e-9 * guess_hz:
+        if not 0.5 * peak < f < 2 * peak:
+            return float(peak)
+        if abs(full[3]) < 1e-9 * peak:
             break
     return float(f)
 
@@ -113,9 +115,7 @@ def _basis(time_s: np.ndarray, frequency_hz: float, count: int) -> np.ndarray:
     P[:, 0] = 1.0
     first = np.exp(2j * np.pi * frequency_hz * time_s)
     turning = first.copy()
-    for h in range(
-        count
-    ):  # exp(i h w t) by multiplication: sine and cosine of every harmonic would cost most of the fit
+    for h in range(count):  # exp(i h w t) by multiplication: sines and cosines of each would cost most of the fit
         P[:, 2 * h + 1], P[:, 2 * h + 2] = turning.real, turning.imag
         turning *= first
     return P
@@ -148,12 +148,12 @@ def _colour(residual: np.ndarray, rate: float, frequency_hz: float, count: int) 
 
 def _with_scatter(
     time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, count: int, std: np.ndarray, fundamental: complex
-) -> tuple[np.ndarray, float]:
+) -> tuple[np.ndarray, float, float]:
     """Widen `std` to the scatter between parts of the recording where that is larger beyond chance."""
     periods = int((time_s[-1] - time_s[0]) * frequency_hz)
     parts = min(10, periods // 3)
     if parts < 4:
-        return std, 0.0
+        return std, 0.0, 0.0
     edges = np.linspace(0, time_s.size, parts + 1).astype(int)
     rows = []
     for a, b in pairwise(edges):
@@ -163,4 +163,6 @@ def _with_scatter(
     between = np.std(np.array(rows), axis=0, ddof=1) / np.sqrt(2 * parts)  # of a real part of the mean
     scatter = float(between[0] * np.sqrt(2 * parts) / max(1e-300, abs(fundamental)))
     wide = between > 2.0 * std  # chi-square with 2 (parts - 1) >= 6 degrees: chance below 1e-3
-    return np.where(wide, between, std), scatter
+    first = [row[0] for row in rows]
+    onset = float(abs(first[0] - np.mean(first[1:])) / max(1e-300, abs(fundamental)))
+    return np.where(wide, between, std), scatter, onset

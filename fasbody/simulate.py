@@ -11,6 +11,7 @@ import numpy as np
 from fasbody.engine import SHAKER_CONTROLS, callbacks
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.model import Foot
+from fasbody.parameters import names
 from fasbody.shaker import BaseMotion
 
 
@@ -56,6 +57,10 @@ class Batch:
         self._steps = self._batch.expand("opt.timestep")
         fields = foot.parameters.fields
         self._fields = {field: self._batch.expand(field).reshape(nsim, -1) for field in fields}
+        #: Equalities with a solref in the direct form (negative numbers) close a loop as stiffly as the step allows.
+        self._tied = np.flatnonzero((foot.model.eq_solref < 0).all(axis=1))
+        self._solref = self._batch.expand("eq_solref") if self._tied.size else None
+        self._velocity = _velocity_sensor(foot)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._act, self._time = self._batch.bind("act"), self._batch.bind("time")
         self._rest = foot.model.qpos0.copy()
@@ -86,9 +91,14 @@ class Batch:
             SimulationError: a simulation became non-finite; the message says which and when.
         """
         n = controls.shape[1]
-        full = np.zeros((controls.shape[0], n, self.foot.model.nu))
-        full[..., self.foot.shaker : self.foot.shaker + SHAKER_CONTROLS] = controls
-        self._steps[...] = np.asarray(steps).reshape(-1, *([1] * (self._steps.ndim - 1)))
+        extra = int(self._velocity is not None)  # a velocity difference needs the end of the last step
+        full = np.zeros((controls.shape[0], n + extra, self.foot.model.nu))
+        full[:, :n, self.foot.shaker : self.foot.shaker + SHAKER_CONTROLS] = controls
+        full[:, n:] = full[:, n - 1 : n]
+        h = np.broadcast_to(np.asarray(steps, float).reshape(-1), (self.nsim,))
+        self._steps[...] = h.reshape(-1, *([1] * (self._steps.ndim - 1)))
+        if self._solref is not None:
+            self._solref[:, self._tied] = np.stack([-0.25 / h**2, -1 / h], axis=1)[:, None]
         self._batch.warning[...] = 0
         self._qpos[...] = self._rest if qpos is None else qpos
         self._qvel[...] = 0.0 if qvel is None else qvel
@@ -96,17 +106,21 @@ class Batch:
         self._time[:] = controls[:, 0, 0]
         first = [array[:, None].copy() for array in (self._qpos, self._qvel, self._act)]
         with callbacks():
-            out = self._batch.rollout(n, full, record=("qpos", "qvel", "act", "sensordata"))
-        after = (np.concatenate([a, out[key]], 1) for a, key in zip(first, ("qpos", "qvel", "act"), strict=True))
+            out = self._batch.rollout(n + extra, full, record=("qpos", "qvel", "act", "sensordata"))
+        after = (np.concatenate([a, out[key][:, :n]], 1) for a, key in zip(first, ("qpos", "qvel", "act"), strict=True))
         qpos_all, qvel_all, act_all = after
         self._check_finite(out["sensordata"], qvel_all)
-        base = out["sensordata"][..., self.foot.sensor["base"]]
+        base = out["sensordata"][:, :n, self.foot.sensor["base"]]
+        if self._velocity is None:
+            malleolus = out["sensordata"][..., self.foot.sensor["malleolus"]]
+        else:
+            malleolus = np.diff(out["sensordata"][..., self._velocity], axis=1) / h[:, None]
         wanted = controls[..., 1]
         peak = np.abs(wanted).max() or 1.0
         return Simulation(
             time=np.broadcast_to(controls[..., 0], base.shape),
             base=base,
-            malleolus=out["sensordata"][..., self.foot.sensor["malleolus"]],
+            malleolus=malleolus,
             qpos=qpos_all, qvel=qvel_all, act=act_all,
             base_error=float(np.abs(base - wanted).max() / peak),
         )  # fmt: skip
@@ -119,6 +133,18 @@ class Batch:
                 f"{self.foot.name}: {bad.sum()} of {self.nsim} simulations became unstable; use a smaller time step "
                 "or parameters within the declared bounds."
             )
+
+
+def _velocity_sensor(foot: Foot) -> int | None:
+    """Where the malleolus' velocity stands in sensordata, for integrators whose acceleration sensor is half a step off.
+
+    Runge-Kutta senses the acceleration at the start of the step. The implicit integrators read the velocity half a step
+    early, so there the output is the difference of velocities, from the sensor `malleolus_velocity`.
+    """
+    model = foot.model
+    if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 or "malleolus_velocity" not in names(model, "sensor"):
+        return None
+    return int(model.sensor("malleolus_velocity").adr[0]) + 1  # the y component
 
 
 def simulate(

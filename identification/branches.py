@@ -6,12 +6,12 @@ apart; nonlinear damping, a second load or a second sensor does. A fit therefore
 compares their likelihoods.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fasbody.two_dof import TwoDof
+from fasbody.two_dof import NAMES, TwoDof
 
 #: Odds of one branch over the other beyond which the matter is decided.
 DECISIVE_ODDS = 1000.0
@@ -21,7 +21,7 @@ _NEEDED = ("k_T", "k_F", "c_11", "c_21")
 
 
 def ratio(masses: Sequence[Mapping[str, float]], values: Mapping[str, float]) -> float:
-    """A = m_S / (m_S + m_F), averaged over the recordings' masses."""
+    """The ratio a = m_S / (m_S + m_F), its mean over the recordings: several loads have no exact common mirror."""
     each = [{**values, **m} for m in masses] or [dict(values)]
     return float(np.mean([m["m_S"] / (m["m_S"] + m["m_F"]) for m in each]))
 
@@ -35,13 +35,21 @@ def mirrored(values: Mapping[str, float], a: float) -> dict[str, float]:
     """The mirror image of named values; the masses only enter through a."""
     m_F = 1.0
     image = TwoDof.from_values({**values, "m_S": a * m_F / (1 - a), "m_F": m_F}).mirror()
-    names = ("k_T", "k_F", "c_11", "c_12", "c_13", "c_21", "c_22", "c_23")
-    return {**values, **{name: getattr(image, name) for name in names}}
+    return {**values, **{name: getattr(image, name) for name in NAMES}}
 
 
-def has_mirror(free: Sequence[str]) -> bool:
-    """Whether a fit of these parameters can go to the mirror image."""
-    return set(_NEEDED) <= set(free)
+def has_mirror(free: Sequence[str], declared: Container[str]) -> str:
+    """Why a fit cannot go to the mirror image, or nothing if it can.
+
+    Args:
+        free: estimated parameters. declared: all that the model declares.
+    """
+    if not all(name in declared for name in (*NAMES, "m_S", "m_F")):
+        return "This model has no mirror solution that is known in closed form; one solution is reported."
+    held = [name for name in _NEEDED if name not in free]
+    if held:
+        return f"The mirror solution was not compared, as it needs {', '.join(held)} free; one solution is reported."
+    return ""
 
 
 @dataclass(frozen=True)
@@ -49,17 +57,17 @@ class Verdict:
     """Whether the data decide between the branches.
 
     Attributes:
-        decided: the odds exceed 1000 to 1.
+        word: "decided" (the odds exceed 1000 to 1), "undecided" or "not compared".
         log_likelihood_ratio: of the best branch over the other, scaled by the misfit.
         sentence: for people.
     """
 
-    decided: bool
+    word: str
     log_likelihood_ratio: float
     sentence: str
 
     def __str__(self) -> str:
-        return "decided" if self.decided else "undecided"
+        return self.word
 
 
 def judge(names: Sequence[str], deviances: Sequence[float], chi_square: float, dof: int) -> Verdict:
@@ -73,7 +81,8 @@ def judge(names: Sequence[str], deviances: Sequence[float], chi_square: float, d
         dof: see chi_square.
     """
     if len(names) < 2:
-        return Verdict(False, 0.0, "No second branch was found, so the mirror solution could not be compared.")
+        text = "The mirror image of this solution lies outside the bounds or leads back here, so nothing was compared."
+        return Verdict("not compared", 0.0, text)
     excess = max(1.0, chi_square / max(1, dof))
     ratio_ = 0.5 * (deviances[1] - deviances[0]) / excess
     decided = ratio_ > np.log(DECISIVE_ODDS)
@@ -85,4 +94,4 @@ def judge(names: Sequence[str], deviances: Sequence[float], chi_square: float, d
             f"The data do not decide between {names[0]} and {names[1]} (odds {odds} to 1): both parameter sets "
             "describe the recordings. Record a second load, or a second sensor on the foot bones."
         )
-    return Verdict(bool(decided), float(ratio_), text)
+    return Verdict("decided" if decided else "undecided", float(ratio_), text)

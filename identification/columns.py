@@ -68,7 +68,7 @@ class Columns:
             # values like c_12 pass through zero: their nudge follows the declared range instead
             size = abs(values[name]) if item.logarithmic else max(abs(item.lower), abs(item.upper))
             nudge[ns + i] = _PARAMETER_NUDGE * size
-            column = np.full(self._batch.nsim, values[name])
+            column = np.full(self._batch.nsim, float(values[name]))  # a whole number must take the nudge too
             column[1 + ns + i] += nudge[ns + i]
             self._batch.set({name: column})
         start = np.tile(x0, (self._batch.nsim, 1))

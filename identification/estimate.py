@@ -11,16 +11,19 @@ from scipy.stats import chi2
 from fasbody.checks import checked
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.model import Foot
-from fasbody.recording import Recording
+from fasbody.parameters import Parameter
+from fasbody.recording import UNSTATED, Recording
 from identification.branches import STIFF_ANKLE, STIFF_PAD, Verdict, has_mirror, judge, mirrored, ratio, side
 from identification.excitation import excitation_rank
 from identification.orbits import twin_applies
 from identification.replay import Replay, replay
-from identification.result import Branch, Estimate, FitResult, RecordingFit
+from identification.result import Branch, Estimate, FitResult, RecordingFit, identifiability
 from identification.routes import PeriodicRoute, Route, TimeRoute, choose_domain
 from identification.search import Descent, descend, explore
-from identification.space import Space, space_of
+from identification.space import MASSES, Space, space_of
 
+#: Fit below which something is wrong [%], and error of the base above which the shaker is.
+_POOR_FIT, _BASE_ERROR = 85.0, 1e-4
 #: Rounds of reweighing: the weights depend on the model, and settle at once.
 _REWEIGH = 2
 
@@ -73,15 +76,18 @@ def fit(
     domain, why = choose_domain(data, settings.domain)
     warnings += why
     twin = twin_applies(foot)
-    delay = len(data) > 1 if settings.delay is None else settings.delay
+    delay = _tells_delay(data) if settings.delay is None else settings.delay
+    if not delay:
+        warnings.append("One frequency cannot tell a delay between the channels from damping: it is held at zero.")
     space = space_of(foot, settings.free, settings.bounds, delay)
-    if any(not r.condition.masses for r in data) and {"m_S", "m_F"} & set(foot.parameters):
-        held = ", ".join(f"{n} {v:.3g} kg" for n, v in foot.values().items() if n in ("m_S", "m_F"))
+    if any(not r.condition.masses for r in data) and set(MASSES) & set(foot.parameters):
+        held = ", ".join(f"{n} {v:.3g} kg" for n, v in foot.values().items() if n in MASSES)
         warnings.append(f"The body mass is unknown, so the model's own masses are used ({held}); give --body-mass.")
     route: Route = (PeriodicRoute if domain == "periodic" else TimeRoute)(foot, data, space, twin, settings.threads)
 
     masses = [recording.condition.masses for recording in data]
-    mirror = twin and has_mirror(space.names)
+    why_not = has_mirror(space.names, foot.parameters)
+    mirror = not why_not
     a = ratio(masses, foot.values()) if mirror else 1.0
     starts = _starts(space, foot, settings, a if mirror else None)
     problem = route.explorer()
@@ -89,7 +95,7 @@ def fit(
     descents, interrupted = explore(problem, starts, lambda: advance("exploring starts", next(counter), len(starts)))
     if interrupted:
         warnings.append(f"Interrupted after {len(descents)} of {len(starts)} starts; the result rests on those.")
-    if not np.isfinite(descents[0].cost) or descents[0].cost > 1e10:
+    if descents[0].unstable:
         raise SimulationError(f"{foot.name}: every start was unstable; check the bounds and the model's parameters.")
 
     chosen = _one_a_branch(route, descents, space, a) if mirror else {"best": descents[0]}
@@ -102,14 +108,12 @@ def fit(
     best = certified[0].run
     verdict = judge([b.name for b in built], [b.deviance for b in built], built[0].chi_square, built[0].dof)
     if not mirror:
-        verdict = Verdict(
-            True, 0.0, "This model has no mirror solution that is known in closed form; one solution is reported."
-        )
+        verdict = Verdict("not compared", 0.0, why_not)
     rank = excitation_rank(data)
-    warnings += _advice(built[0], space, rank, data, route)
+    warnings += _advice(built[0], space, rank, data, best, verdict)
     return FitResult(
         source=source or data[0].file,
-        origin="synthetic" if any(r.origin == "synthetic" for r in data) else "measured",
+        origin=next((o for o in ("synthetic", UNSTATED) if any(r.origin == o for r in data)), "measured"),
         model=foot.name,
         domain=domain,
         branches=tuple(built),
@@ -128,6 +132,12 @@ def fit(
         truth=dict(truth or {}),
         seconds=time.perf_counter() - began,
     )
+
+
+def _tells_delay(data: Sequence[Recording]) -> bool:
+    """Several frequencies, or broadband excitation, tell a delay from damping."""
+    found = {round(r.condition.frequency_hz, 1) if r.condition.frequency_hz else None for r in data}
+    return len(found) > 1 or None in found
 
 
 def _starts(space: Space, foot: Foot, settings: Settings, a: float | None) -> list[tuple[str, np.ndarray]]:
@@ -169,12 +179,25 @@ class _Certified:
     run: Replay
 
 
-def _certify(route: Route, name: str, descent: Descent) -> _Certified:
-    """Settle the weights, converge on the MuJoCo rollout, and run the recordings."""
+def settle(route: Route, descent: Descent) -> tuple[Any, Descent]:
+    """Bring the weights up to date at a descent's end and go on from there: the problem so weighted, and the end."""
     problem = route.explorer()
     for _ in range(_REWEIGH):
         route.reweigh(problem, descent)
         descent = descend(problem, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
+    return problem, descent
+
+
+def standard_errors(problem: Any, descent: Descent, dof: int, chi_square: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Standard errors (p,) and covariance (p, p) of q; a misfit beyond the noise widens the former, NaN at a bound."""
+    covariance = problem.covariance(descent.z, ~problem.space.at_bound(descent.theta))
+    excess = max(1.0, descent.cost / dof) if chi_square and dof else 1.0
+    return np.sqrt(np.diag(covariance) * excess), covariance
+
+
+def _certify(route: Route, name: str, descent: Descent) -> _Certified:
+    """Settle the weights, converge on the MuJoCo rollout, and run the recordings."""
+    problem, descent = settle(route, descent)
     final = route.certifier(problem)
     descent = descend(final, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
     starts = [route.initial_states(final, descent, number) for number in range(len(route.recordings))]
@@ -186,15 +209,11 @@ def _branch(route: Route, certified: _Certified) -> Branch:
     """Estimates with standard errors from the MuJoCo Jacobian."""
     problem, space, descent, run = certified.problem, route.space, certified.descent, certified.run
     dof = max(0, problem.size - descent.z.size)
-    covariance = problem.covariance(descent.z)
-    excess = (
-        max(1.0, descent.cost / dof) if route.chi_square and dof else 1.0
-    )  # a misfit beyond the noise widens the errors
-    std_q = np.sqrt(np.diag(covariance) * excess)
-    low, high = space.interval(descent.theta, std_q)
-    q, (q_low, q_high) = space.to_q(descent.theta), space.bounds
-    at_bound = np.minimum(q - q_low, q_high - q) < 1e-4 * (q_high - q_low)
-    std = std_q * space.slope(descent.theta)
+    std_q, covariance = standard_errors(problem, descent, dof, route.chi_square)
+    at_bound = space.at_bound(descent.theta)
+    theta = space.snapped(descent.theta)
+    low, high = space.interval(theta, std_q)
+    std = std_q * space.slope(theta)
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
     return Branch(
@@ -203,8 +222,10 @@ def _branch(route: Route, certified: _Certified) -> Branch:
         deviance=certified.deviance,
         fit_percent=float(np.mean(run.fits)),
         parameters={
-            item.key: Estimate(float(v), float(s), float(lo), float(hi), bool(b))
-            for item, v, s, lo, hi, b in zip(space.free, descent.theta, std, low, high, at_bound, strict=True)
+            item.key: Estimate(
+                float(v), float(s), float(lo), float(hi), bool(b), identifiability(v, s, _size(item), bool(b))
+            )
+            for item, v, s, lo, hi, b in zip(space.free, theta, std, low, high, at_bound, strict=True)
         },
         correlation=np.nan_to_num(correlation).tolist(),
         chi_square=descent.cost,
@@ -213,9 +234,25 @@ def _branch(route: Route, certified: _Certified) -> Branch:
     )
 
 
-def _advice(best: Branch, space: Space, rank: int, data: Sequence[Recording], route: Route) -> list[str]:
+def _size(item: Parameter) -> float:
+    """A value that matters of a parameter that may be zero: a tenth of the way to its bound."""
+    return 0.0 if item.logarithmic else 0.1 * max(abs(item.lower), abs(item.upper))
+
+
+def _advice(
+    best: Branch, space: Space, rank: int, data: Sequence[Recording], run: Replay, verdict: Verdict
+) -> list[str]:
     """Warnings that a careful colleague would give."""
     texts = []
+    poor = [(fit, r.file) for fit, r in zip(run.fits, data, strict=True) if fit < _POOR_FIT]
+    if poor:
+        fit, file = min(poor)
+        texts.append(
+            f"The model follows {file} only to {fit:.0f} %: check that its channels are aligned and in the right unit, "
+            "that it is this foot, and that the bounds hold the answer."
+        )
+    if run.base_error > _BASE_ERROR:
+        texts.append(f"The model's base misses the prescribed acceleration by {run.base_error:.1e} of its peak.")
     if best.dof == 0:
         texts.append(
             f"The recordings hold no more numbers than the {len(space.free)} free parameters: they are fitted exactly "
@@ -227,18 +264,22 @@ def _advice(best: Branch, space: Space, rank: int, data: Sequence[Recording], ro
             "nonlinear dampers tells more. Pool several frequencies."
         )
     bound = [key for key, e in best.parameters.items() if e.at_bound]
-    if bound:
-        texts.append(f"At its bound: {', '.join(bound)}. The value says where the bound is, not where the foot is.")
+    zero = [key for key in bound if best.parameters[key].value == 0.0]
+    if zero:
+        texts.append(f"At zero: {', '.join(zero)}. The recordings show no such bend of the damper's law.")
+    if set(bound) - set(zero):
+        rest = ", ".join(key for key in bound if key not in zero)
+        texts.append(f"At its bound: {rest}. The value says where the bound is, not where the foot is.")
     weak = [key for key, e in best.parameters.items() if e.identifiability == "not identifiable" and not e.at_bound]
     if weak:
-        texts.append(f"Not identifiable from these recordings: {', '.join(weak)} (standard error above 50 %).")
+        texts.append(f"Not identifiable from these recordings: {', '.join(weak)} (standard error too large).")
     if best.p_value is not None and best.p_value < 1e-3:
         texts.append(
             f"The model does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
             f"{best.dof} degrees of freedom); the standard errors are widened accordingly."
         )
     loads = {recording.condition.added_mass_kg for recording in data}
-    if len(loads) == 1 and route.twin:
+    if len(loads) == 1 and str(verdict) == "undecided":
         texts.append("All recordings carry one load; a second load separates the mirror solutions.")
     return texts
 

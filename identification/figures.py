@@ -7,7 +7,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from identification.result import FitResult, RecordingFit
+from identification.result import FitResult, RecordingFit, symbol_and_unit
 
 _MEASURED, _MODEL, _OTHER, _TRUTH = "#2b2b2b", "#c8102e", "#1f6fb2", "#2e8b57"
 _STYLE: Any = {
@@ -45,7 +45,7 @@ def traces(result: FitResult) -> Figure:
         start, length = _window(recording)
         shown = (recording.time_s >= start) & (recording.time_s < start + length)
         t = 1e3 * (recording.time_s[shown] - start)
-        axis.plot(t, recording.measured[shown], ".", ms=2.5, color=_MEASURED, label=result.origin)
+        axis.plot(t, recording.measured[shown], ".", ms=2.5, color=_MEASURED, label="data")
         axis.plot(t, recording.model[shown], lw=1.1, color=_MODEL, label="model")
         axis.set_title(f"{_title(recording)}: fit {recording.fit_percent:.1f} %", fontsize=9)
     for axis in axes.flat[count:]:
@@ -74,7 +74,7 @@ def residuals(result: FitResult) -> Figure:
         window = np.hanning(recording.time_s.size)
         f = np.fft.rfftfreq(recording.time_s.size, (recording.time_s[1] - recording.time_s[0]))
         for signal, colour, label in (
-            (recording.measured, _MEASURED, result.origin),
+            (recording.measured, _MEASURED, "data"),
             (recording.measured - recording.model, _MODEL, "residual"),
         ):
             amplitude = 2 * np.abs(np.fft.rfft(signal * window)) / window.sum()
@@ -115,15 +115,10 @@ def parameters(result: FitResult) -> Figure:
     return figure
 
 
-_UNITS = {"_n_s_per_m": "N s/m", "_n_per_m": "N/m", "_per_m": "1/m", "_s": "s"}
-
-
 def _label(key: str) -> str:
-    for suffix, unit in _UNITS.items():
-        if key.endswith(suffix):
-            stem, _, index = key.removesuffix(suffix).partition("_")
-            return (f"${stem}_{{{index}}}$" if index else stem) + f"\n[{unit}]"
-    return key
+    symbol, unit = symbol_and_unit(key)
+    stem, _, index = symbol.partition("_")
+    return (f"${stem}_{{{index}}}$" if index else stem) + (f"\n[{unit}]" if unit else "")
 
 
 def waterfall(result: FitResult) -> Figure:

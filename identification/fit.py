@@ -7,15 +7,16 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
-from fasbody.console import command_line, console, print_json, progress_bar, results
+from fasbody.console import command_line, console, make_folder, print_json, progress_bar, results
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.model import load
-from fasbody.recording import Recording, Study, with_masses
+from fasbody.recording import Recording, Study, read_file, with_masses
 from identification.estimate import Settings, fit
 from identification.report import write
-from identification.result import FitResult
+from identification.result import FitResult, symbol_and_unit
 
 #: The study that ships with the package.
 BUNDLED = Path(str(files("fasbody"))) / "studies" / "synthetic_subject_16"
@@ -36,7 +37,7 @@ def main(
     ] = None,
     bounds: Annotated[list[str] | None, typer.Option(help="NAME=LOWER:UPPER in SI units; repeat for several")] = None,
     starts: Annotated[int, typer.Option(help="starts of the search")] = 8,
-    seed: Annotated[int, typer.Option(help="seed of the random starts")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="seed of the random starts")] = 0,
     domain: Annotated[str, typer.Option(help="auto, periodic (steady state) or time")] = "auto",
     json_: Annotated[bool, typer.Option("--json", help="print result.json on stdout")] = False,
     out: Annotated[Path | None, typer.Option(help="folder for result.json, parameters.csv, report.html")] = None,
@@ -57,6 +58,9 @@ def main(
         free=_names(free), bounds=dict(_bound(text) for text in bounds or []), starts=starts, seed=seed, domain=domain
     )
     foot = load(model)
+    folder = out or (None if json_ else Path("results") / _slug(source))
+    if folder is not None:
+        make_folder(folder)
     with progress_bar() as progress:
         task = progress.add_task("reading", total=None)
 
@@ -64,13 +68,13 @@ def main(
             progress.update(task, description=what, completed=done, total=total)
 
         result = fit(recordings, foot, settings, source=source, truth=truth, advance=advance)
+    if folder is not None:
+        write(result, folder)
     if json_:
         print_json(result.document())
     else:
         show(result)
-    folder = out or (None if json_ else Path("results") / _slug(source))
     if folder is not None:
-        write(result, folder)
         console.print(
             f"report: [bold]{folder / 'report.html'}[/], with result.json and parameters.csv beside it", soft_wrap=True
         )
@@ -92,10 +96,10 @@ def gather(
             study = Study.read(path)
             names.append(study.name)
             recordings += study.recordings
-            truth = _truth(path / "truth.json")
+            truth = _truth(path / "truth.json") if len(data) == 1 else {}
         elif path.exists():
             names.append(path.name)
-            recordings.append(Recording.read(path))
+            recordings.append(read_file(path))
         else:
             raise InputFileError(path, "no such file or folder", "give a study folder or CSV recordings")
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else ""), [
@@ -116,7 +120,7 @@ def _truth(file: Path) -> dict[str, float]:
 
 
 def _names(text: str | None) -> tuple[str, ...] | None:
-    return tuple(name.strip() for name in text.split(",") if name.strip()) if text else None
+    return None if text is None else tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def _bound(text: str) -> tuple[str, tuple[float, float]]:
@@ -141,12 +145,17 @@ def show(result: FitResult) -> None:
         table.add_column(f"mirror: {branch.name}", justify="right")
     if result.truth:
         table.add_column("truth", justify="right")
-    table.add_column("")
+    table.add_column("", no_wrap=True)
     for key, e in result.parameters.items():
-        row = [key, e.interval(), *(branch.parameters[key].interval() for branch in result.branches[1:])]
+        symbol, unit = symbol_and_unit(key)
+        row = [
+            f"{symbol} [{unit}]" if unit else symbol,
+            e.interval(),
+            *(branch.parameters[key].interval() for branch in result.branches[1:]),
+        ]
         truth = result.truth_of(key)
         row += [f"{truth:.6g}" if truth is not None else ""] if result.truth else []
-        table.add_row(*row, e.identifiability + (", at bound" if e.at_bound else ""))
+        table.add_row(*(escape(cell) for cell in row), e.identifiability + (", at bound" if e.at_bound else ""))
     results.print(table)
     results.print(f"[bold]{result.sentence()}[/]", soft_wrap=True)
     results.print(result.reason, soft_wrap=True)

@@ -33,11 +33,12 @@ class Excitation:
     frequency_hz: float
     amplitudes: np.ndarray
     masses: Mapping[str, float]
+    longest_step: float = LONGEST_STEP  # the model's own, where it asks for a finer one
 
     @property
     def steps(self) -> int:
         """Steps a period."""
-        return max(FEWEST_STEPS, int(np.ceil(1.0 / (self.frequency_hz * LONGEST_STEP))))
+        return max(FEWEST_STEPS, int(np.ceil(1.0 / (self.frequency_hz * self.longest_step) - 1e-6)))
 
     @property
     def step(self) -> float:

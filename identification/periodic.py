@@ -15,12 +15,11 @@ from fasbody.exceptions import RecordingError, SimulationError
 from fasbody.recording import Recording
 from fasbody.response import Harmonics, fit_harmonics, harmonic_count
 from identification.orbits import Engine, Excitation
+from identification.search import UNSTABLE
 from identification.space import DELAY, Space
 
 #: Noise below this share of the amplitude is not believed: clocks and models are not that good.
 _NOISE_FLOOR = 1e-7
-#: Residual of a parameter set whose motion is unstable.
-_UNSTABLE = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +96,15 @@ class PeriodicProblem:
         self.engine.forget()
         return q
 
-    def covariance(self, q: np.ndarray) -> np.ndarray:
-        """Covariance (p, p) of q: the residual is whitened, so the inverse of J^T J; infinite where J has no rank."""
-        return inverse_of_gram(self.jacobian(q))
+    def covariance(self, q: np.ndarray, active: np.ndarray) -> np.ndarray:
+        """Covariance (p, p) of q: the residual is whitened, so the inverse of J^T J; infinite where J has no rank.
+
+        Args:
+            q: search variable. active: (p,) which parameters vary; the others rest on a bound and get NaN.
+        """
+        C = np.full((q.size, q.size), np.nan)
+        C[np.ix_(active, active)] = inverse_of_gram(self.jacobian(q)[:, active])
+        return C
 
     @property
     def log_determinant(self) -> float:
@@ -131,9 +136,9 @@ class PeriodicProblem:
                     r[rows], J[rows] = W @ split(Y - line.malleolus.amplitudes), W @ split(DY)
                     row = rows.stop
             except SimulationError:
-                r[:], J[:] = _UNSTABLE, 0.0
+                r[:], J[:] = UNSTABLE, 0.0
             if not (np.isfinite(r).all() and np.isfinite(J).all()):
-                r[:], J[:] = _UNSTABLE, 0.0
+                r[:], J[:] = UNSTABLE, 0.0
             self._cache = (key, r, J)
         return self._cache[1], self._cache[2]
 

@@ -10,16 +10,10 @@ from fasbody.model import Foot
 from fasbody.recording import Recording
 from fasbody.shaker import samples
 from fasbody.simulate import Batch
+from identification.blackbox.criteria import fit_percent
 from identification.columns import Columns
 from identification.space import DELAY
 from identification.time_domain import TimeTwin, grid
-
-
-def fit_percent(measured: np.ndarray, model: np.ndarray) -> float:
-    """Share of the measured signal that the model reproduces [%], 2-norms about the mean (docs/errata.md)."""
-    return float(
-        100 * (1 - np.linalg.norm(measured - model) / np.linalg.norm(measured - measured.mean()))
-    )  # Eq. (3.20)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +44,7 @@ def replay(
     columns = Columns(foot, ())
     traces: list[np.ndarray] = [np.empty(0)] * len(recordings)
     base_error, difference = 0.0, 0.0
-    grids = [grid(recording) for recording in recordings]
+    grids = [grid(recording, foot) for recording in recordings]
     declared = {name: value for name, value in values.items() if name in foot.parameters}
     engine = TimeTwin(foot, recordings) if twin else None
     for shape in dict.fromkeys(grids):

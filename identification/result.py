@@ -6,38 +6,62 @@ from typing import Any
 
 import numpy as np
 
-#: Relative standard error up to which a parameter counts as identified, and as weakly identified.
+_UNITS = {"_n_s_per_m": "N s/m", "_n_m_s_per_rad": "N m s/rad", "_n_m_per_rad": "N m/rad", "_n_per_m": "N/m"}
+_UNITS |= {"_per_m": "1/m", "_kg": "kg", "_n_s": "N s", "_s": "s", "_n": "N", "_m": "m"}
+
+
+def symbol_and_unit(key: str) -> tuple[str, str]:
+    """Thesis symbol and unit of a key: ``k_T_n_per_m`` is k_T in N/m."""
+    return next(((key.removesuffix(s), unit) for s, unit in _UNITS.items() if key.endswith(s)), (key, ""))
+
+
+#: Standard error up to which a parameter counts as identified, and as weakly identified: as a share of its value, or
+#: of a tenth of its range for parameters that may be zero.
 IDENTIFIED, WEAK = 0.1, 0.5
+
+
+def identifiability(value: float, std_error: float, size: float, at_bound: bool) -> str:
+    """identified / weak / not identifiable.
+
+    Args:
+        value, std_error: of the estimate. size: a size that matters for a parameter that may be zero, else 0.
+        at_bound: it rests on a bound.
+    """
+    relative = std_error / max(abs(value), size, 1e-300)
+    if at_bound or not np.isfinite(relative) or relative > WEAK:
+        return "not identifiable"
+    return "identified" if relative <= IDENTIFIED else "weak"
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter: value, standard error, 95 % confidence limits, and whether it ended at its bound."""
+    """One parameter: value, standard error, 95 % limits, whether it ended at its bound, and how well it is known."""
 
     value: float
     std_error: float
     lower: float
     upper: float
     at_bound: bool
+    identifiability: str
 
     def interval(self) -> str:
         """Value and half width of the 95 % interval, rounded to what is known."""
-        half = 0.5 * (self.upper - self.lower)
-        if not np.isfinite(half) or half <= 0:
-            return f"{self.value:.4g}"
-        power = int(np.floor(np.log10(half)))
-        if power < -3:  # a delay of microseconds
-            return f"({self.value / 10.0**power:.1f} ± {half / 10.0**power:.1f})e{power}"
-        digits = max(0, 1 - power)
-        return f"{round(self.value, 1 - power):.{digits}f} ± {round(half, 1 - power):.{digits}f}"
+        below, above = self.value - self.lower, self.upper - self.value
+        if self.at_bound or not np.isfinite(self.std_error):
+            return f"{self.value:.4g} (bound)" if self.at_bound else "unknown"
+        if max(below, above) > 1.2 * min(below, above):  # cut by a bound, or wide on a logarithmic scale
+            return f"{self.text(self.lower)} to {self.text(self.upper)}"
+        return f"{self.text(self.value)} ± {self.text(0.5 * (below + above))}"
 
-    @property
-    def identifiability(self) -> str:
-        """Identified / weak / not identifiable, by the relative standard error (or the bound it rests on)."""
-        relative = self.std_error / max(abs(self.value), 1e-300)
-        if self.at_bound or not np.isfinite(relative) or relative > WEAK:
-            return "not identifiable"
-        return "identified" if relative <= IDENTIFIED else "weak"
+    def text(self, number: float) -> str:
+        """A number of this parameter's kind with two digits of its uncertainty; a dash if there is none."""
+        half = 0.5 * (self.upper - self.lower)
+        if not np.isfinite(number):
+            return "–"
+        if not np.isfinite(half) or half <= 0:
+            return f"{number:.4g}"
+        digits = 1 - int(np.floor(np.log10(half)))
+        return f"{round(number, digits):.{max(0, digits)}f}"
 
 
 @dataclass(frozen=True)
@@ -128,7 +152,6 @@ class FitResult:
                 for r in self.recordings
             ],
             "parameters": {key: asdict(value) for key, value in self.parameters.items()},
-            "identifiability": {key: value.identifiability for key, value in self.parameters.items()},
             "branches": [asdict(branch) for branch in self.branches],
             "verdict": self.verdict,
             "verdict_reason": self.reason,
@@ -160,8 +183,11 @@ class FitResult:
         parts = [f"{key.split('_n_')[0]} = {p[key].interval()}" for key in p if key.endswith("_n_per_m")]
         stiffness = ", ".join(parts)
         start = f"{stiffness} N/m (95 %)" if parts else ", ".join(f"{key} {e.interval()}" for key, e in p.items())
-        chance = f", chi-square {self.best.chi_square / max(1, self.best.dof):.2f} per degree of freedom"
-        return f"{start}; fit {self.fit_percent:.1f} %{chance if self.domain == 'periodic' else ''}; {self.verdict}."
+        chance = ""
+        if self.domain == "periodic":
+            per = f"chi-square {self.best.chi_square / max(1, self.best.dof):.2f} per degree of freedom"
+            chance = f", {per}" if self.best.dof else ", no degrees of freedom left"
+        return f"{start}; fit {self.fit_percent:.1f} %{chance}; {self.verdict}."
 
     def __str__(self) -> str:
         lines = [self.sentence(), self.reason]

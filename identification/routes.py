@@ -1,7 +1,7 @@
 """The two ways to compare model and recordings, with the two engines each: steady state and time domain."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from fasbody.exceptions import SettingError
 from fasbody.model import Foot
 from fasbody.recording import Recording
-from identification.orbits import Engine, Excitation, Rollouts, Twin
+from identification.orbits import LONGEST_STEP, Engine, Excitation, Rollouts, Twin
 from identification.periodic import Line, PeriodicProblem
 from identification.search import Descent
 from identification.space import Space
@@ -92,6 +92,8 @@ class PeriodicRoute:
         self.lines = [Line.of(recording) for recording in self.recordings]
 
     def _engine(self, excitations: Sequence[Excitation], twin: bool) -> Engine:
+        longest = min(LONGEST_STEP, self.foot.step)
+        excitations = [replace(e, longest_step=longest) for e in excitations]
         return Twin(excitations) if twin else Rollouts(self.foot, excitations, self.space.names, self.threads)
 
     def explorer(self) -> PeriodicProblem:

@@ -37,8 +37,12 @@ class Problem(Protocol):
     def jacobian(self, z: np.ndarray) -> np.ndarray:
         """Its Jacobian."""
 
-    def covariance(self, z: np.ndarray) -> np.ndarray:
-        """Covariance of q."""
+    def covariance(self, z: np.ndarray, active: np.ndarray) -> np.ndarray:
+        """Covariance of the active ones of q, NaN for the others."""
+
+
+#: Every residual of a parameter set whose motion is unstable.
+UNSTABLE = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +52,7 @@ class Descent:
     Attributes:
         label: which start. theta0, theta: parameters at start and end. z: full search variable at the end.
         cost: weighted sum of squares at the end. evaluations: of residual and Jacobian. converged: by its tolerances.
+        unstable: it never left the parameter sets whose motion is unstable.
     """
 
     label: str
@@ -57,6 +62,7 @@ class Descent:
     cost: float
     evaluations: int
     converged: bool
+    unstable: bool
 
 
 def descend(
@@ -66,17 +72,17 @@ def descend(
 
     Args:
         problem: residual and Jacobian. q0: start (p,). label: its name. z0: full search variable to start from instead.
-        tight: converge to rounding, for a result to report.
+        tight: converge well below the standard errors, for a result to report.
     """
     p = problem.space.lower.size
     low, high = problem.bounds
     z = problem.start(q0) if z0 is None else z0
     inside = np.clip(z, low + 1e-9 * (high - low), high - 1e-9 * (high - low))  # the method starts inside its bounds
     before = problem.evaluations
-    tolerance = 1e-12 if tight else 1e-8
+    tolerance = 1e-10 if tight else 1e-8  # of the cost: 1e-10 of chi-square is far below a standard error
     found = least_squares(
         problem.residual, inside, problem.jacobian, bounds=(low, high), method="trf", x_scale="jac",
-        ftol=tolerance, xtol=tolerance, gtol=1e-12 if tight else 1e-8, max_nfev=200,
+        ftol=tolerance, xtol=tolerance, gtol=tolerance, max_nfev=200,
     )  # fmt: skip
     return Descent(
         label=label,
@@ -86,6 +92,7 @@ def descend(
         cost=2 * float(found.cost),
         evaluations=problem.evaluations - before,
         converged=bool(found.success),
+        unstable=bool((found.fun == UNSTABLE).all()),
     )
 
 

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fasbody.exceptions import SettingError
+from fasbody.exceptions import SettingError, unknown
 from fasbody.model import Foot
 from fasbody.parameters import Parameter
 
 #: Delay of the malleolus channel behind the base channel: a parameter of the instrument, so of no model.
 DELAY = Parameter("delay", "s", -2e-3, 2e-3, (), "channels of a multiplexed converter are sampled one after another")
 #: Parameters that a fit never frees: masses come from the recording's condition.
-MASSES = ("m_S", "m_F")
+MASSES = ("m_S", "m_F", "m_T")
 _Z95 = 1.959963984540054
 
 
@@ -85,6 +85,16 @@ class Space:
         q = low + (high - low) * rng.uniform(0.1, 0.9, low.size)
         return np.where(self._log, q, np.clip(rng.normal(0, 0.3, low.size), low, high))
 
+    def at_bound(self, theta: np.ndarray) -> np.ndarray:
+        """Which parameters (p,) rest on a bound."""
+        q, (low, high) = self.to_q(theta), self.bounds
+        return np.minimum(q - low, high - q) < 1e-4 * (high - low)
+
+    def snapped(self, theta: np.ndarray) -> np.ndarray:
+        """Parameter values (p,), exactly at the bound where they rest on one."""
+        nearer = np.where(theta - self.lower < self.upper - theta, self.lower, self.upper)
+        return np.where(self.at_bound(theta), nearer, theta)
+
     def interval(self, theta: np.ndarray, std_q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """95 % confidence limits (p,), (p,): symmetric in q, cut at the bounds."""
         q = self.to_q(theta)
@@ -113,20 +123,25 @@ def space_of(
         SettingError: an unknown name, or a bound that is not one.
     """
     bounds = dict(bounds or {})
-    chosen = list(free) if free else [name for name in foot.parameters if name not in MASSES]
+    estimable = [name for name in foot.parameters if name not in MASSES]
+    chosen = list(free) if free is not None else list(estimable)
+    for name in chosen:
+        if name not in estimable and name != DELAY.name:
+            why = " (masses come from the recording's condition)" if name in MASSES else ""
+            raise SettingError(f"{unknown('parameter to estimate', name, estimable)} in model {foot.name}{why}.")
     if delay and DELAY.name not in chosen:
         chosen.append(DELAY.name)
     items = [DELAY if name == DELAY.name else foot.parameters[name] for name in dict.fromkeys(chosen)]
     items.sort(key=lambda item: item.name == DELAY.name)
     if not [item for item in items if item is not DELAY]:
-        raise SettingError(f"no parameter is free (valid: {', '.join(foot.parameters)}).")
+        raise SettingError(f"no parameter is free (valid: {', '.join(estimable)}).")
     lower, upper = np.array([i.lower for i in items]), np.array([i.upper for i in items])
     for name, (low, high) in bounds.items():
         item = DELAY if name == DELAY.name else foot.parameters[name]
         if item not in items:
             raise SettingError(f"bounds are given for {name}, which is not free (free: {', '.join(chosen)}).")
-        if not low < high or (item.logarithmic and low <= 0):
-            kind = "two positive numbers" if item.logarithmic else "two numbers"
+        if not (np.isfinite([low, high]).all() and low < high) or (item.logarithmic and low <= 0):
+            kind = "two positive numbers" if item.logarithmic else "two finite numbers"
             raise SettingError(f"bounds of {name} are {low:g}:{high:g}; give {kind}, the lower one first.")
         lower[items.index(item)], upper[items.index(item)] = low, high
     fixed = {name: value for name, value in foot.values().items() if name not in chosen}

@@ -19,13 +19,13 @@ from fasbody.shaker import samples
 from fasbody.two_dof import NAMES, trajectory
 from identification.columns import Columns
 from identification.periodic import inverse_of_gram
+from identification.search import UNSTABLE
 from identification.space import DELAY, Space
 
 #: Longest time step [s]; each sampling interval is divided into whole steps.
 LONGEST_STEP = 5e-4
 #: Bound of the scaled initial states.
 _WIDE = 1e3
-_UNSTABLE = 1e8
 
 
 class TimeEngine(Protocol):
@@ -40,10 +40,10 @@ class TimeEngine(Protocol):
         """Output (n,) at the samples and derivatives (n, states + p) to initial states and named parameters."""
 
 
-def grid(recording: Recording) -> tuple[float, int, int]:
-    """Time step [s], number of steps and steps a sample."""
+def grid(recording: Recording, foot: Foot) -> tuple[float, int, int]:
+    """Time step [s], number of steps and steps a sample; the model's own step where it asks for a finer one."""
     interval = 1.0 / recording.rate_hz
-    stride = max(1, int(np.ceil(interval / LONGEST_STEP - 1e-9)))
+    stride = max(1, int(np.ceil(interval / min(LONGEST_STEP, foot.step) - 1e-6)))
     return interval / stride, recording.time_s.size * stride, stride
 
 
@@ -63,7 +63,7 @@ class TimeTwin:
         self.order = np.array([0, 1, 2, 3] if ankle < pad else [1, 0, 3, 2])
         self._runs = []
         for recording in recordings:
-            h, n, stride = grid(recording)
+            h, n, stride = grid(recording, foot)
             motion = samples(recording.time_s - recording.time_s[0], recording.base_m_s2)
             self._runs.append((motion.half_steps(h, n), h, stride, recording.condition.masses))
 
@@ -93,7 +93,7 @@ class TimeRollouts:
         self.state_scale = self.columns.scale
         self._runs = []
         for recording in recordings:
-            h, n, stride = grid(recording)
+            h, n, stride = grid(recording, foot)
             motion = samples(recording.time_s - recording.time_s[0], recording.base_m_s2)
             self._runs.append((motion.controls(h, n), h, stride, recording.condition.masses))
 
@@ -177,23 +177,29 @@ class TimeProblem:
         J[:, :p] *= self.space.slope(theta)
         return y, (y - recording.malleolus_m_s2) / self.sigma[number], J / self.sigma[number]
 
-    def covariance(self, z: np.ndarray) -> np.ndarray:
+    def covariance(self, z: np.ndarray, active: np.ndarray) -> np.ndarray:
         """Covariance (p, p) of q for coloured residuals: (J^T J)^-1 J^T R J (J^T J)^-1, R from their autocorrelation.
 
         The noise of the base sensor comes through the foot and is not white; ignoring that would make the standard
-        errors wrong. The autocorrelation is tapered (Bartlett) after five excitation periods or 5 % of the recording.
+        errors wrong. The autocorrelation is tapered (Bartlett) over 5 % of the recording.
+
+        Args:
+            z: full search variable. active: (p,) which parameters vary; the others rest on a bound and get NaN.
         """
         p, total = self.space.lower.size, z.size
+        varied = np.concatenate([active, np.ones(total - p, bool)])
         middle = np.zeros((total, total))
         for i in range(len(self.recordings)):
             _, r, J = self.rows(z, i)
             columns = self._columns(i)
             middle[np.ix_(columns, columns)] += J.T @ _correlated(r, J)
-        bread = inverse_of_gram(self.jacobian(z))
-        with np.errstate(invalid="ignore"):
-            full = bread @ middle @ bread
+        bread = inverse_of_gram(self.jacobian(z)[:, varied])
         blind = np.isinf(np.diag(bread))
-        full[blind, blind] = np.inf
+        bread[blind] = bread[:, blind] = 0.0
+        inner = bread @ middle[np.ix_(varied, varied)] @ bread
+        inner[blind, blind] = np.inf
+        full = np.full((total, total), np.nan)
+        full[np.ix_(varied, varied)] = inner
         return full[:p, :p]
 
     def _columns(self, number: int) -> np.ndarray:
@@ -213,7 +219,7 @@ class TimeProblem:
                     rows = slice(i * width, i * width + R.shape[0])
                     r[rows], J[rows, self._columns(i)] = R[:, -1], R[:, :-1]
             except SimulationError:
-                r[:], J[:] = _UNSTABLE, 0.0
+                r[:], J[:] = UNSTABLE, 0.0
             self._cache = (key, r, J)
         return self._cache[1], self._cache[2]
 

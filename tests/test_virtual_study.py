@@ -79,7 +79,7 @@ def test_estimates_find_the_stored_truth(tmp_path: Path) -> None:
     scores = []
     for trial in study.trials:
         for row in rows(study.read(trial)):
-            known = truth[row.file, row.pair]
+            known = truth[trial.file, row.pair]
             scores.append((row.transmissibility - float(known["transmissibility"])) / row.transmissibility_std)
             scores.append((row.phase_deg - float(known["phase_deg"])) / row.phase_std_deg)
     assert len(scores) == 36

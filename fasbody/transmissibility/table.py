@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -158,6 +158,6 @@ def _analyse(task: tuple[StudyFolder, Trial, float]) -> list[Row] | str:
     """Rows of one trial, or the sentence on why there are none."""
     study, trial, resolution = task
     try:
-        return rows(study.read(trial), resolution)
+        return [replace(row, file=trial.file) for row in rows(study.read(trial), resolution)]
     except FasError as error:
         return str(error)

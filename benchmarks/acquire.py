@@ -1,0 +1,265 @@
+"""Acquisition, measured: a fast board for a minute, a bad line, a pulled plug, killed sessions, a fuzz run, the chain.
+
+Each is printed beside what is required; everything but the fuzz run goes through a pseudo-terminal and pyserial.
+"""
+
+import contextlib
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from benchmarks.rows import Row, at_most, report
+from fasbody.acquire import folder, session
+from fasbody.acquire.bench import Bench, Line, corrupt
+from fasbody.acquire.board import Board
+from fasbody.acquire.capture import Capture, read
+from fasbody.acquire.frames import LONGEST_WIRE, FrameReader, encode_data, encode_hello, wrap
+from fasbody.acquire.lines import LONGEST_LINE, LineReader, encode_header, encode_line
+from fasbody.acquire.messages import Block, Channel, Hello
+from fasbody.acquire.port import Port
+from fasbody.acquire.session import Plan
+from fasbody.acquire.shaken import BODY_MASS_KG, TRUTH
+from fasbody.acquire.timeline import Timeline
+from fasbody.console import command_line, console
+from fasbody.recording import Condition
+
+BAUD = 921600
+HELLO = Hello("noisy", 4000.0, tuple(Channel(r, 39.2, 1024.0) for r in ("base", "malleolus", "tuberosity")), 16, 16, 1)
+
+
+def transfer(seconds: float) -> list[Row]:
+    """Three channels at 4 kHz from the virtual bench, recorded as a session records them."""
+    with tempfile.TemporaryDirectory() as name, Bench(rate_hz=4000.0, channels=3) as bench:
+        board = Board(bench.board_port, BAUD)
+        board.wait_for_hello()
+        plan = Plan(Path(name), (None,), Condition("16", body_mass_kg=BODY_MASS_KG), seconds=seconds)
+        before = os.times()
+        (made,) = session.run(plan, board)
+        used = os.times()
+        board.close()
+    share = (used.user + used.system - before.user - before.system) / seconds
+    q = made.quality
+    lost = q.lost_frames + q.damaged + q.lost_samples
+    text = f"{q.frames} frames, {q.lost_frames} lost, {q.damaged} damaged"
+    return [
+        Row(f"3 channels at 4 kHz for {seconds:g} s", text, "none lost", holds=lost == 0),
+        Row("CPU share of the recording process, conversion included", f"{100 * share:.1f} % of a core", ""),
+    ]
+
+
+def counts_of(frame: int) -> np.ndarray:
+    """Counts of a frame, a function of its number, so that each sample received can be checked."""
+    index = np.arange(frame * 16, frame * 16 + 16)
+    return ((index[:, None] * 7919 + np.arange(3) * 104729) % 60013 - 30006).astype(np.int32)
+
+
+def noisy_line(accepted: int) -> list[Row]:
+    """A line that damages 1 % of the bytes, until so many samples have been accepted."""
+    with tempfile.TemporaryDirectory() as name:
+        line = Line(Path(name) / "board")
+        line.plug()
+        os.set_blocking(line.master, True)
+        port = Port(str(line.link), BAUD)
+        done, injected, sent = threading.Event(), 0, 0
+
+        def send() -> None:
+            nonlocal injected, sent
+            rng = np.random.default_rng(9)
+            os.write(line.master, encode_hello(HELLO) + encode_data(0, 0, counts_of(0), 16))
+            frame = 1
+            while not done.is_set():
+                out = b""
+                for _ in range(16):
+                    clean = encode_data(frame, frame * 4000, counts_of(frame), 16)
+                    dirty = corrupt(clean, 0.01, rng)
+                    injected += dirty != clean
+                    frame += 1
+                    out += dirty
+                os.write(line.master, out)
+            last = encode_data(frame, frame * 4000, counts_of(frame), 16)  # an undamaged end, to count up to
+            os.write(line.master, last + b"\0" * 2000)
+            sent = frame + 1
+
+        thread = threading.Thread(target=send)
+        thread.start()
+        reader, timeline, right, wrong, last = FrameReader(), Timeline(HELLO), 0, 0, -1
+        while not done.is_set() or last < sent - 1 or sent == 0:
+            messages = reader.feed(port.read())
+            timeline.add(messages, time.monotonic())
+            for message in messages:
+                if isinstance(message, Block):
+                    equal = np.array_equal(message.samples * 1024, counts_of(message.sequence))
+                    right, wrong = right + equal * message.samples.size, wrong + (not equal) * message.samples.size
+                    last = message.sequence
+            if right >= accepted:
+                done.set()
+        thread.join()
+        port.close()
+        line.unplug()
+    lost = timeline.quality().lost_frames
+    return [
+        Row("1 % damaged bytes: frames found missing", f"{lost} of {injected}", "all", holds=lost == injected),
+        Row("wrong samples accepted", f"{wrong} of {right + wrong}", f"none in {accepted:g}", holds=wrong == 0),
+    ]
+
+
+def plug(times: int) -> list[Row]:
+    """The plug is pulled and put back during a recording; what came before and after is kept, the gap marked."""
+    with tempfile.TemporaryDirectory() as name, Bench() as bench:
+        board = Board(bench.board_port, BAUD)
+        board.wait_for_hello()
+        capture = Capture(Path(name) / "captures" / "plug.fascap")
+        capture.add("M", 0.0, {"preamble": board.decoder.preamble.hex(), "condition": {"subject": "16"}})
+        timeline = board.start(capture)
+        for _ in range(times):
+            target = timeline.length + 600
+            while timeline.length < target:
+                board.pump()
+            bench.fault("unplug")
+            time.sleep(0.3)
+            bench.fault("plug")
+            target = timeline.length + 600
+            while timeline.length < target:
+                board.pump()
+        board.stop()
+        board.close()
+        capture.close()
+        quality = folder.replay([capture.file])[1].quality()
+    text = f"{len(quality.gaps)} gaps for {board.unplugs} pulls"
+    return [Row("unplugged and replugged", text, "one each", holds=len(quality.gaps) == board.unplugs == times)]
+
+
+def killed(times: int) -> list[Row]:
+    """Sessions killed by SIGKILL; how long before the kill the last recovered byte arrived."""
+    worst, usable = 0.0, 0
+    with tempfile.TemporaryDirectory() as name, Bench() as bench:
+        for number in range(times):
+            study = Path(name) / str(number)
+            words = ["--port", bench.board_port, "--out", str(study), "--body-mass", "72.57", "--seconds", "60"]
+            victim = subprocess.Popen([sys.executable, "-m", "fasbody.acquire", *words], stderr=subprocess.DEVNULL)
+            file = study / "captures" / "broadband_0kg.fascap"
+            while victim.poll() is None and not (file.is_file() and file.stat().st_size > 10_000 + 1000 * number):
+                time.sleep(0.01)
+            at = time.monotonic()
+            victim.send_signal(signal.SIGKILL)
+            victim.wait()
+            worst = max(worst, at - max(record.host for record in read(file)))
+            with contextlib.suppress(Exception):
+                usable += not folder.convert([file], study).problems
+    return [
+        at_most(f"kill -9 of {times} sessions: longest missing end", 1e3 * worst, 100, "ms"),
+        Row("recordings recovered from them, usable", f"{usable} of {times}", "all", holds=usable == times),
+    ]
+
+
+def fuzz(strings: int) -> list[Row]:
+    """Random, damaged and almost right byte strings into both parsers."""
+    rng = np.random.default_rng(2)
+    good = [encode_hello(HELLO), *(encode_data(i, 4000 * i, counts_of(i), 16) for i in range(4))]
+    header = encode_header("fuzz", 1000.0, ("base", "malleolus"), 39.2)
+    good += [header, *(encode_line(1000 * i, rng.normal(size=2)) for i in range(4))]
+    letters = np.frombuffer(b"0123456789.,-+eE*ABCDEFnaift_us# \n\r\0=", np.uint8)
+    frames, lines = FrameReader(), LineReader()
+    lines.feed(header)
+    failures, longest, passed = 0, 0, 0
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for number in range(strings):
+        kind = number % 6
+        if kind == 0:
+            data = rng.bytes(int(rng.integers(0, 200)))
+        elif kind == 1:
+            data = corrupt(good[int(rng.integers(len(good)))], 0.05, rng)
+        elif kind == 2:
+            data = good[int(rng.integers(len(good)))][int(rng.integers(0, 40)) :]
+        elif kind == 3:  # sound frames of senseless content
+            data = wrap(rng.choice([b"H", b"D"]) + rng.bytes(int(rng.integers(0, 150))))
+        elif kind == 4:  # nothing that ends a frame or a line
+            data = rng.integers(11, 256, int(rng.integers(0, 600)), dtype=np.uint8).tobytes()
+        else:
+            data = letters[rng.integers(0, letters.size, int(rng.integers(0, 120)))].tobytes()
+        try:
+            passed += len(frames.feed(data)) + len(lines.feed(data))
+        except Exception as error:  # counted: this is what the run looks for
+            failures += 1
+            console.print(repr(error), repr(data))
+        longest = max(longest, len(frames._rest), len(lines._rest))
+        if frames.hello is None:
+            frames.feed(good[0])
+    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+    return [
+        Row(f"{strings:,} byte strings into both parsers: exceptions", f"{failures}", "none", holds=failures == 0),
+        at_most("bytes kept between strings", longest, max(LONGEST_WIRE, LONGEST_LINE)),
+        at_most("memory grown by the run", grown, 50, "MB"),
+        Row("messages made of them", f"{passed:,}", ""),
+    ]
+
+
+def chain(seconds: float) -> list[Row]:
+    """Sweep on the virtual bench, fit, and how many parameters lie in their 95 % intervals."""
+    with tempfile.TemporaryDirectory() as name:
+        study = str(Path(name) / "study")
+        words = ["--simulate", "--sweep", "10:50:5", "--seconds", f"{seconds:g}", "--out", study]
+        subprocess.run([sys.executable, "-m", "fasbody.acquire", *words], check=True, stdout=subprocess.DEVNULL)
+        fit = [sys.executable, "-m", "identification.fit", study, "--starts", "4", "--json"]
+        result = json.loads(subprocess.run(fit, check=True, stdout=subprocess.PIPE).stdout)
+    inside, far, worst = 0, 0.0, ""
+    bound: list[str] = []
+    for symbol, truth in TRUTH.items():
+        name, e = next((k, e) for k, e in result["parameters"].items() if k.startswith(f"{symbol}_"))
+        if e["at_bound"]:
+            bound.append(name)
+            continue
+        inside += e["lower"] <= truth <= e["upper"]
+        away = abs(e["value"] - truth) / e["std_error"]
+        if away > far:
+            far, worst = away, name
+    text = f"{inside} of {len(TRUTH) - len(bound)} in 95 %; farthest {worst}, {far:.1f} standard errors"
+    text += f"; at a bound: {', '.join(bound)}" if bound else ""
+    return [Row(f"sweep 10:50:5 of {seconds:g} s, then identification.fit", text, "all within 4", holds=far < 4)]
+
+
+TOPICS = ("transfer", "noisy", "plug", "killed", "fuzz", "chain")
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    topic: Annotated[list[str] | None, typer.Argument(help=f"some of {', '.join(TOPICS)} (default: all)")] = None,
+    seconds: Annotated[float, typer.Option(help="length of the transfer at 4 kHz")] = 60.0,
+    accepted: Annotated[int, typer.Option(help="samples to accept on the bad line")] = 1_000_000,
+    strings: Annotated[int, typer.Option(help="byte strings of the fuzz run")] = 1_000_000,
+    json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout")] = False,
+) -> None:
+    """Measure acquisition; about five minutes.
+
+    Examples:
+      python -m benchmarks.acquire
+
+      python -m benchmarks.acquire fuzz --strings 100000
+    """
+    works = {
+        "transfer": lambda: transfer(seconds), "noisy": lambda: noisy_line(accepted), "plug": lambda: plug(3),
+        "killed": lambda: killed(5), "fuzz": lambda: fuzz(strings), "chain": lambda: chain(4.0),
+    }  # fmt: skip
+    rows: list[Row] = []
+    for name in topic or TOPICS:
+        if name not in works:
+            raise typer.BadParameter(f"{name!r} is none of {', '.join(TOPICS)}")
+        console.print(name)
+        rows += works[name]()
+    report("acquisition", rows, json_)
+
+
+if __name__ == "__main__":
+    command_line(app)

@@ -1,0 +1,116 @@
+"""The stepped five-body arch: error against the reduced ODE of the equations, cost, threads, and random arches.
+
+The oracle is Radau at a tolerance of 1e-9 on Eq. (4.11), which shares no step and no closure with the MuJoCo tree.
+"""
+
+import os
+import time
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from benchmarks.callbacks import unjudged
+from benchmarks.rows import Row, at_least, at_most, interleaved, report
+from fasbody import arch_ode
+from fasbody.arch import Arch
+from fasbody.arch_motion import move, with_constants
+from fasbody.console import command_line, progress_bar
+from fasbody.exceptions import SimulationError
+from fasbody.model import load
+from fasbody.shaker import BaseMotion, sine
+from fasbody.simulate import Batch
+
+FREQUENCIES_HZ = (10.0, 20.0, 30.0, 40.0, 50.0)
+_SECONDS = 0.2
+_BATCH, _BATCH_STEPS = 8, 4000
+
+
+def errors(frequency: float, seconds: float = _SECONDS) -> tuple[float, float]:
+    """Largest error of the malleolus acceleration over its peak, plain and accurate, from rest."""
+    foot, motion = load("foot_arch"), sine(frequency, seconds)
+    instants = foot.step * np.arange(round(seconds / foot.step))
+    omega = 2 * np.pi * frequency
+    exact = arch_ode.solve(Arch.nominal(), lambda t: 8.95 * np.sin(omega * t), instants, tolerance=1e-9).malleolus
+    runs = [move(foot, motion, accurate=accurate) for accurate in (False, True)]
+    plain, accurate = (float(np.abs(run.malleolus - exact).max() / np.abs(exact).max()) for run in runs)
+    return plain, accurate
+
+
+def cost(accurate: bool, seconds: float = 10.0) -> float:
+    """CPU time [s] of so many seconds of motion."""
+    foot, motion = load("foot_arch"), sine(30.0, seconds)
+    began = time.process_time()
+    move(foot, motion, accurate=accurate)
+    return time.process_time() - began
+
+
+def threads(repeats: int = 10) -> tuple[float, float]:
+    """Steps a second of one batched rollout on one and on two threads (wall time)."""
+    foot = load("foot_arch")
+    controls = sine(30.0, 1.0).controls(foot.step, _BATCH_STEPS)[None]
+    works = [lambda run=Batch(foot, _BATCH, n): run.run(controls, foot.step) for n in (1, 2)]
+    best = interleaved(works, repeats, time.perf_counter).min(axis=0)
+    one, two = _BATCH * _BATCH_STEPS / best
+    return float(one), float(two)
+
+
+def finite_draws(draws: int = 60, motion: BaseMotion | None = None) -> tuple[int, int]:
+    """How many random arches of Table 4.2 end finite, and how many of those needed help (which the result says)."""
+    rng, motion = np.random.default_rng(0), motion or sine(50.0, 0.1)
+    finite = helped = 0
+    for _ in range(draws):
+        try:
+            run = move(with_constants(load("foot_arch"), Arch.draw(rng)), motion)
+        except SimulationError:
+            continue
+        finite += bool(np.isfinite(run.malleolus).all())
+        helped += bool(run.note)
+    return finite, helped
+
+
+def measure(draws: int = 60) -> list[Row]:
+    """Rows of the arch."""
+    load_average = os.getloadavg()[0]
+    rows: list[Row] = []
+    with progress_bar() as progress:
+        task = progress.add_task("arch", total=len(FREQUENCIES_HZ) + 3)
+        found = []
+        for frequency in FREQUENCIES_HZ:
+            found.append(errors(frequency))
+            progress.advance(task)
+        plain, accurate = np.max(found, axis=0)
+        span = f"{FREQUENCIES_HZ[0]:g}-{FREQUENCIES_HZ[-1]:g} Hz"
+        rows.append(at_most(f"arch, malleolus error over the peak, default step, {span}", float(plain), 1e-3))
+        rows.append(at_most(f"arch, the same in the accurate mode, {span}", float(accurate), 2e-4))
+        for mode, limit in ((False, 0.6), (True, 1.8)):
+            name = "accurate" if mode else "default"
+            rows.append(at_most(f"arch, CPU time of 10 s of motion, {name}", cost(mode), limit, "s"))
+        progress.advance(task)
+        one, two = threads()
+        gain = at_least(f"arch, steps a second on two threads over {one:.3g} on one", two / one, 1.7, "times")
+        rows.append(gain if load_average < 0.75 * (os.cpu_count() or 1) else unjudged(gain, load_average))
+        progress.advance(task)
+        finite, helped = finite_draws(draws)
+        what = f"arch, random arches of Table 4.2 that end finite ({helped} with help that is said)"
+        rows.append(at_least(what, finite, draws))
+    return rows
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    draws: Annotated[int, typer.Option(help="random arches")] = 60,
+    json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout")] = False,
+) -> None:
+    """Error, cost and stability of the stepped arch.
+
+    Example: python -m benchmarks.arch --draws 60
+    """
+    report("arch", measure(draws), json_)
+
+
+if __name__ == "__main__":
+    command_line(app)

@@ -1,0 +1,210 @@
+"""Are the standard errors true? Many noise seeds of one foot, fitted as `identification.fit` fits them, and counted.
+
+The foot is integrated once a frequency; each seed only redoes what chance does: sensor noise, quantisation, harmonics,
+fit of both branches from starts near the truth and near its mirror, weights, intervals and verdict. Three feet: one
+with strongly nonlinear dampers, whose true branch must be chosen; a nearly linear one, which nobody could decide; and
+one between, whose exponentials are as flat but whose cosines are not (of which nothing is required: a quarter of the
+seeds).
+
+`make bench` runs few seeds; the study is `python -m benchmarks.coverage --seeds 200`.
+"""
+
+import os
+import signal
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.progress import Progress
+from scipy.stats import chi2, kstest
+
+from benchmarks.rows import Row, at_least, between, report
+from fasbody.checks import checked
+from fasbody.console import command_line, console, progress_bar
+from fasbody.exceptions import SettingError
+from fasbody.laboratory import FREQUENCIES_HZ, TRUTH, Instrument, exact
+from fasbody.model import load
+from fasbody.recording import Condition, Recording
+from fasbody.subjects import SUBJECTS
+from fasbody.two_dof import TwoDof
+from identification.branches import judge, mirrored, ratio, side
+from identification.estimate import settle, standard_errors
+from identification.periodic import PeriodicProblem
+from identification.routes import PeriodicRoute
+from identification.search import Descent, descend
+from identification.space import space_of
+
+#: The laboratory's own foot, and the same with less nonlinearity.
+_FLAT = {**TRUTH, "c_12": 3.0, "c_22": -3.0}
+STRONG, WEAK, BETWEEN = "strongly nonlinear", "nearly linear", "between"
+FEET = {STRONG: TRUTH, WEAK: {**_FLAT, "c_13": 10.0, "c_23": 10.0}, BETWEEN: _FLAT}
+COUNTED = ("k_T", "k_F", "c_11", "c_21")
+INSTRUMENT = Instrument()
+#: Seeds below which the chance of a miscount is too large to require anything.
+_ENOUGH = 100
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One seed of one foot.
+
+    Attributes:
+        covered: name -> whether the 95 % interval of the true branch holds the truth, for each of `COUNTED`.
+        chi_square, dof: of the true branch. true_is_best: the true branch is the likelier. decided: the verdict.
+        branches: how many distinct branches were found.
+    """
+
+    covered: Mapping[str, bool]
+    chi_square: float
+    dof: int
+    true_is_best: bool
+    decided: bool
+    branches: int
+
+
+def motions(truth: Mapping[str, float], frequencies_hz: Sequence[float], seconds: float) -> list[Recording]:
+    """Recordings without noise of one foot, one a frequency."""
+    rng = np.random.default_rng(16)
+    body = SUBJECTS[16].mass_kg
+    made = []
+    for frequency in frequencies_hz:
+        condition = Condition("16", "midstance", 0.0, body, frequency)
+        foot = TwoDof.from_values({**truth, **condition.masses})
+        clean = exact(foot, INSTRUMENT.motion(frequency, seconds + 2, rng), seconds, INSTRUMENT)
+        made.append(replace(clean, condition=condition, file=f"{frequency:g} Hz"))
+    return made
+
+
+def trial(truth: Mapping[str, float], clean: Sequence[Recording], seed: int) -> Trial:
+    """Add noise, fit both branches with the twin, and judge, as identification/estimate.py does."""
+    rng = np.random.default_rng(seed)
+    foot = load("two_dof")
+    space = space_of(foot)
+    data = [checked(INSTRUMENT.observe(recording, rng)) for recording in clean]
+    route = PeriodicRoute(foot, data, space, twin=True, threads=1)
+    a = ratio([recording.condition.masses for recording in data], truth)
+    near = {name: value * rng.uniform(0.9, 1.1) for name, value in truth.items()}
+    found: dict[str, tuple[float, PeriodicProblem, Descent]] = {}
+    for start in (near, mirrored(near, a)):
+        descent = descend(route.explorer(), space.to_q(space.theta(start)), "start")
+        problem, descent = settle(route, descent)
+        deviance = descent.cost + problem.log_determinant
+        name = side(space.values(descent.theta), a)
+        if name not in found or deviance < found[name][0]:
+            found[name] = (deviance, problem, descent)
+    names = sorted(found, key=lambda name: found[name][0])
+    best_problem, best = found[names[0]][1:]
+    dof = best_problem.size - best.z.size
+    verdict = judge(names, [found[name][0] for name in names], best.cost, dof)
+    true_name = side(truth, a)
+    if true_name not in found:
+        return Trial(dict.fromkeys(COUNTED, False), np.inf, dof, False, verdict.word == "decided", len(found))
+    _, problem, descent = found[true_name]
+    std, _ = standard_errors(problem, descent, dof, route.chi_square)
+    low, high = (space.values(limit) for limit in space.interval(descent.theta, std))
+    covered = {name: bool(low[name] <= truth[name] <= high[name]) for name in COUNTED}
+    return Trial(covered, descent.cost, dof, names[0] == true_name, verdict.word == "decided", len(found))
+
+
+_shared: dict[str, list[Recording]] = {}
+
+
+def _share(clean: dict[str, list[Recording]]) -> None:
+    """Start of a worker: the motions are sent once, and Ctrl-C is the parent's to handle."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _shared.update(clean)
+
+
+def _work(name: str, seed: int) -> Trial:
+    return trial(FEET[name], _shared[name], seed)
+
+
+def study(seeds: int, jobs: int, progress: Progress, seconds: float = 4.0) -> Iterator[tuple[str, Trial]]:
+    """Trials of all feet as they finish; Ctrl-C ends them and keeps what is done."""
+    work = [(name, seed) for seed in range(seeds) for name in FEET if name != BETWEEN or seed % 4 == 0]
+    task = progress.add_task("noise seeds", total=len(work))
+    clean = {name: motions(truth, FREQUENCIES_HZ, seconds) for name, truth in FEET.items()}
+    with ProcessPoolExecutor(jobs, get_context("spawn"), _share, (clean,)) as pool:
+        futures = {pool.submit(_work, name, seed): name for name, seed in work}
+        try:
+            for future in as_completed(futures):
+                progress.advance(task)
+                yield futures[future], future.result()
+        except KeyboardInterrupt:
+            pool.shutdown(wait=False, cancel_futures=True)
+            console.print("interrupted; the rows rest on the seeds that are done")
+
+
+def rows_of(trials: Mapping[str, Sequence[Trial]]) -> list[Row]:
+    """Rows from the trials of each foot; with fewer than 100 seeds nothing is required of rates."""
+    strong, weak, middle = (trials[name] for name in (STRONG, WEAK, BETWEEN))
+    rows = []
+    if strong:
+        n = len(strong)
+        for name in COUNTED:
+            what = f"95 % interval of {name} holds the truth, {n} seeds"
+            rate = 100 * float(np.mean([t.covered[name] for t in strong]))
+            row = between(what, rate, 92.0, 98.0, "%")
+            if n < _ENOUGH:
+                row = replace(row, against=f"{row.against}, judged from {_ENOUGH} seeds on", holds=None)
+            rows.append(row)
+        dof = strong[0].dof
+        test = kstest([t.chi_square for t in strong], chi2(dof).cdf)
+        mean = float(np.mean([t.chi_square for t in strong]))
+        what = f"chi-square is chi-square, Kolmogorov-Smirnov p, {n} seeds (mean {mean:.1f}, {dof} degrees of freedom)"
+        rows.append(at_least(what, test.pvalue, 0.01))
+        chosen = sum(t.true_is_best and t.decided for t in strong)
+        rows.append(at_least(f"{_about(STRONG)}: true branch chosen and decided, seeds", chosen, n))
+    if weak:
+        undecided = sum(not t.decided and t.branches == 2 for t in weak)
+        rows.append(at_least(f"{_about(WEAK)}: both branches found and undecided, seeds", undecided, len(weak)))
+    if middle:
+        count, wrong = sum(t.decided for t in middle), sum(t.decided and not t.true_is_best for t in middle)
+        what = f"{_about(BETWEEN)}: decided, seeds (wrongly: {wrong})"
+        rows.append(Row(what, f"{count}", f"of {len(middle)}, none wrongly", None, wrong == 0))
+    return rows
+
+
+def _about(name: str) -> str:
+    """A foot's name and the constants that make it."""
+    law = ", ".join(f"{key} {FEET[name][key]:g}" for key in ("c_12", "c_13", "c_22", "c_23"))
+    return f"{name} ({law})"
+
+
+def measure(seeds: int = 20, jobs: int = 0, seconds: float = 4.0) -> list[Row]:
+    """All rows from so many seeds, on so many processes (0: all cores).
+
+    Raises:
+        SettingError: fewer than two seeds.
+    """
+    if seeds < 2:
+        raise SettingError(f"--seeds is {seeds}; at least 2 are needed, and 100 or more to judge the intervals.")
+    trials: dict[str, list[Trial]] = {name: [] for name in FEET}
+    with progress_bar() as progress:
+        for name, done in study(seeds, jobs or os.cpu_count() or 1, progress, seconds):
+            trials[name].append(done)
+    return rows_of(trials)
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    seeds: Annotated[int, typer.Option(help="noise seeds of each foot; the study takes 200")] = 200,
+    jobs: Annotated[int, typer.Option(help="processes, 0 for all cores")] = 0,
+    json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout")] = False,
+) -> None:
+    """Coverage of the confidence intervals, distribution of chi-square, and verdicts.
+
+    Example: python -m benchmarks.coverage --seeds 200
+    """
+    report("coverage", measure(seeds, jobs), json_)
+
+
+if __name__ == "__main__":
+    command_line(app)

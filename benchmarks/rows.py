@@ -1,0 +1,114 @@
+"""Rows of the benchmark table: what was measured, what it must reach or is compared with, and the ratio of the two."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from rich.table import Table
+
+from fasbody.console import console, print_json
+
+
+@dataclass(frozen=True)
+class Row:
+    """One claim.
+
+    Attributes:
+        what: the claim's subject. measured: what came out, with its unit. against: the requirement, or what it is
+            compared with. ratio: how many times better than that, None where it makes no sense.
+        holds: whether the requirement is met, None where nothing is required.
+    """
+
+    what: str
+    measured: str
+    against: str
+    ratio: float | None = None
+    holds: bool | None = None
+
+    @property
+    def cells(self) -> tuple[str, str, str, str, str]:
+        """The row as text."""
+        ratio = "" if self.ratio is None else f"{self.ratio:.3g}"
+        return self.what, self.measured, self.against, ratio, {None: "", True: "yes", False: "NO"}[self.holds]
+
+
+HEADER = ("what", "measured", "required or compared with", "ratio", "met")
+
+
+def at_most(what: str, value: float, limit: float, unit: str = "") -> Row:
+    """A number that must not exceed a limit; its ratio is limit over value."""
+    return Row(what, _number(value, unit), f"at most {_number(limit, unit)}", _over(limit, value), bool(value <= limit))
+
+
+def at_least(what: str, value: float, limit: float, unit: str = "") -> Row:
+    """A number that must reach a limit; its ratio is value over limit."""
+    holds = bool(value >= limit)
+    return Row(what, _number(value, unit), f"at least {_number(limit, unit)}", _over(value, limit), holds)
+
+
+def between(what: str, value: float, low: float, high: float, unit: str = "") -> Row:
+    """A number that must lie in a range."""
+    holds = bool(low <= value <= high)
+    return Row(what, _number(value, unit), f"{_number(low)} to {_number(high, unit)}", None, holds)
+
+
+def faster(what: str, seconds: float, other_seconds: float, other: str, wanted: float | None = None) -> Row:
+    """A time beside that of something else; its ratio is how many times faster."""
+    ratio = _over(other_seconds, seconds)
+    required = "" if wanted is None else f", at least {wanted:g} times"
+    holds = None if wanted is None else ratio is not None and ratio >= wanted
+    return Row(what, _duration(seconds), f"{other}: {_duration(other_seconds)}{required}", ratio, holds)
+
+
+def _over(a: float, b: float) -> float | None:
+    return float(a / b) if b > 0 and np.isfinite(a / b) else None
+
+
+def _number(value: float, unit: str = "") -> str:
+    return f"{value:.3g} {unit}".strip()
+
+
+def _duration(seconds: float) -> str:
+    for factor, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "us")):
+        if seconds * factor >= 1:
+            return f"{seconds * factor:.3g} {unit}"
+    return f"{seconds * 1e9:.3g} ns"
+
+
+def interleaved(
+    works: Sequence[Callable[[], object]], repeats: int, clock: Callable[[], float] = time.process_time
+) -> np.ndarray:
+    """Times (repeats, works) [s] of several works taken in turn, so that a busy machine is equally unkind to all.
+
+    Args:
+        works: what to time; each runs once untimed first. repeats: how often. clock: by default the CPU time of this
+            process, which other processes hardly disturb; `time.perf_counter` where waiting counts.
+    """
+    for work in works:
+        work()
+    times = np.empty((repeats, len(works)))
+    for row in times:
+        for i, work in enumerate(works):
+            began = clock()
+            work()
+            row[i] = clock() - began
+    return times
+
+
+def table(title: str, rows: Sequence[Row]) -> Table:
+    """A table for the terminal."""
+    out = Table(title=title, title_justify="left")
+    for name in HEADER:
+        out.add_column(name, justify="right" if name == "ratio" else "left")
+    for row in rows:
+        out.add_row(*row.cells, style="bold red" if row.holds is False else None)
+    return out
+
+
+def report(title: str, rows: Sequence[Row], as_json: bool) -> None:
+    """Print the rows of a topic that runs alone."""
+    if as_json:
+        print_json({"title": title, "rows": [asdict(row) for row in rows]})
+    else:
+        console.print(table(title, rows))

@@ -1,0 +1,180 @@
+"""A board in use: its messages as they come, the last seconds of its signals, and what is safe."""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fasbody.acquire.capture import Capture
+from fasbody.acquire.decoder import Decoder
+from fasbody.acquire.messages import Block, Hello, Message
+from fasbody.acquire.reader import Reader
+from fasbody.acquire.timeline import Timeline
+from fasbody.exceptions import AcquisitionError
+
+#: How much of the signals is kept for the live view and the amplitude loop [s].
+WINDOW_S = 2.0
+#: Silence of a board that means a stall [s].
+STALLED_S = 3.0
+#: Silence that ends the excitation [s]: nobody watches the base any more.
+BLIND_S = 1.0
+
+
+@dataclass(frozen=True)
+class Watch:
+    """The base must stay within +-peak of its offset [m/s^2]."""
+
+    peak: float
+    offset: float
+
+    def check(self, base: np.ndarray) -> None:
+        """Raise AcquisitionError if it does not; base (n,) [m/s^2]."""
+        highest = float(np.abs(base - self.offset).max())
+        if highest > self.peak:
+            raise AcquisitionError(
+                f"the base reached {highest:.3g} m/s^2, beyond the safety limit of {self.peak:.3g}; output off."
+            )
+
+
+class Board:
+    """An accelerometer board on a port.
+
+    Args:
+        name: port. baud: its rate. patience: how long to wait for a replug [s].
+
+    Raises:
+        AcquisitionError: the port cannot be opened.
+    """
+
+    def __init__(self, name: str, baud: int, patience: float = 15.0) -> None:
+        self.reader = Reader(name, baud, patience)
+        self.decoder = Decoder()
+        self.timeline: Timeline | None = None
+        self.unplugs = 0
+        self.watch: Watch | None = None
+        self.doing = ""
+        self.listener: Callable[[Board], None] | None = None
+        self._recent: deque[np.ndarray] = deque()
+        self._kept = 0
+        self._last = time.monotonic()
+
+    def wait_for_hello(self, seconds: float = STALLED_S) -> Hello:
+        """The board's description.
+
+        Raises:
+            AcquisitionError: it says none, or lacks a channel.
+        """
+        deadline = time.monotonic() + seconds
+        self.reader.send(b"?\n")  # ask; boards that cannot hear repeat their hello every second
+        while self.decoder.hello is None:
+            self.pump()
+            if time.monotonic() > deadline and self.decoder.hello is None:
+                why = "nothing came; is this the board's port"
+                if self.decoder.bytes:
+                    why = f"{self.decoder.bytes} bytes came, but no hello; is {self.reader.baud} the board's baud rate"
+                raise AcquisitionError(f"{self.reader.port_name}: {why}? (--probe tries them all)")
+        hello = self.decoder.hello
+        for role in ("base", "malleolus"):
+            if hello.roles.count(role) != 1:
+                raise AcquisitionError(f"{hello}: a recording needs one channel {role!r}; see docs/acquisition.md.")
+        return hello
+
+    def pump(self, wait: float = 0.02) -> list[Message]:
+        """Take what has arrived.
+
+        Raises:
+            AcquisitionError: the board has been silent for too long, or the port is gone for good.
+        """
+        messages: list[Message] = []
+        arrivals = self.reader.take(wait)
+        for arrival in arrivals:
+            self._last = arrival.host
+            if arrival.event:
+                self.unplugs += arrival.event == "unplugged"
+                self.decoder.fresh()
+                continue
+            found = self.decoder.feed(arrival.data)
+            if self.timeline is not None:
+                self.timeline.add(found, arrival.host)
+            messages += found
+        for message in messages:
+            if isinstance(message, Block):
+                self._keep(message.samples)
+                if self.watch is not None:
+                    self.watch.check(message.samples[:, self.base])
+        if self.listener is not None:
+            self.listener(self)
+        if self.watch is not None and time.monotonic() - self._last > BLIND_S:
+            raise AcquisitionError(
+                f"{self.reader.port_name}: no samples for {BLIND_S:g} s while the shaker was on; output off."
+            )
+        if self.reader.failure is None and not arrivals and time.monotonic() - self._last > self._patience:
+            raise AcquisitionError(
+                f"{self.reader.port_name}: the board is silent for {STALLED_S:g} s; check its supply and firmware."
+            )
+        return messages
+
+    @property
+    def _patience(self) -> float:
+        return STALLED_S if self.unplugs == 0 else STALLED_S + self.reader.patience
+
+    @property
+    def base(self) -> int:
+        """Column of the base channel."""
+        assert self.decoder.hello is not None
+        return self.decoder.hello.roles.index("base")
+
+    def recent(self) -> np.ndarray:
+        """The last WINDOW_S of samples (n, channels) [m/s^2], gaps left out."""
+        return np.concatenate(self._recent) if self._recent else np.zeros((0, 1))
+
+    def forget(self) -> None:
+        """Drop the samples kept so far."""
+        self._recent.clear()
+        self._kept = 0
+
+    def collect(self, seconds: float) -> np.ndarray:
+        """Wait for so many seconds of new samples; (n, channels) [m/s^2]. For less than WINDOW_S."""
+        hello = self.decoder.hello
+        assert hello is not None
+        self.pump(0.0)  # what came while nobody asked is not new
+        self.forget()
+        count = round(seconds * hello.rate_hz)
+        deadline = time.monotonic() + 2 * seconds + STALLED_S
+        while self._kept < count:
+            self.pump()
+            if time.monotonic() > deadline:
+                raise AcquisitionError(
+                    f"{hello.board}: {self._kept} samples in {2 * seconds + STALLED_S:g} s at {hello.rate_hz:g} Hz."
+                )
+        return self.recent()[:count]
+
+    def start(self, capture: Capture) -> Timeline:
+        """Begin a recording: every byte from now on into the capture file, every block onto a timeline."""
+        hello = self.decoder.hello
+        assert hello is not None
+        self.reader.record(capture)
+        self.reader.take(0.0)  # after record(): the capture then begins no later than the timeline
+        self.decoder.fresh()
+        self.timeline = Timeline(hello)
+        return self.timeline
+
+    def stop(self) -> None:
+        """End the recording."""
+        self.reader.record(None)
+        self.timeline = None
+
+    def close(self) -> None:
+        """Close the port."""
+        self.reader.close()
+
+    def _keep(self, samples: np.ndarray) -> None:
+        if self._recent and self._recent[-1].shape[1] != samples.shape[1]:
+            self.forget()
+        self._recent.append(samples)
+        self._kept += len(samples)
+        limit = WINDOW_S * (self.decoder.hello.rate_hz if self.decoder.hello else 1000.0)
+        while self._kept - len(self._recent[0]) > limit:
+            self._kept -= len(self._recent.popleft())

@@ -1,0 +1,204 @@
+"""The commands: record a study from a serial accelerometer board, or recover a recording from its capture."""
+
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from fasbody.acquire import folder, session
+from fasbody.acquire.board import Board
+from fasbody.acquire.display import Display
+from fasbody.acquire.folder import convert
+from fasbody.acquire.generator import Generator
+from fasbody.acquire.level import Safety
+from fasbody.acquire.port import ports
+from fasbody.acquire.probe import probe
+from fasbody.acquire.session import Plan
+from fasbody.console import console, print_json, results, to_json, write_whole
+from fasbody.exceptions import AcquisitionError, SettingError
+from fasbody.recording import Condition
+from fasbody.shaker import PEAK_TO_PEAK
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def record(
+    port: Annotated[str | None, typer.Option(help="port of the accelerometer board")] = None,
+    generator: Annotated[str | None, typer.Option(help="port of the SCPI function generator")] = None,
+    frequency: Annotated[float | None, typer.Option(help="one recording at this excitation in Hz")] = None,
+    sweep: Annotated[str | None, typer.Option(help="START:STOP:STEP in Hz, one recording each")] = None,
+    seconds: Annotated[float, typer.Option(help="length of each recording in s")] = 10.0,
+    out: Annotated[Path | None, typer.Option(help="study folder; recordings are added to one that exists")] = None,
+    subject: Annotated[str, typer.Option(help="name or number of the subject")] = "1",
+    body_mass: Annotated[float | None, typer.Option(help="body mass in kg; once for each subject")] = None,
+    added_mass: Annotated[float, typer.Option(help="mass on the knee in kg")] = 0.0,
+    posture: Annotated[str, typer.Option(help="posture of the foot")] = "midstance",
+    peak_to_peak: Annotated[float, typer.Option(help="wanted base acceleration in m/s^2")] = PEAK_TO_PEAK,
+    max_volts: Annotated[float, typer.Option(help="highest generator amplitude in V peak to peak")] = Safety.volts,
+    max_acceleration: Annotated[float, typer.Option(help="highest base acceleration in m/s^2")] = Safety.peak_m_s2,
+    max_displacement: Annotated[
+        float, typer.Option(help="largest base motion in m, peak to peak")
+    ] = Safety.displacement_m,
+    retries: Annotated[int, typer.Option(min=0, help="repeat a recording that lost samples so often")] = 2,
+    baud: Annotated[int, typer.Option(help="baud rate of the board")] = 921600,
+    generator_baud: Annotated[int, typer.Option(help="baud rate of the generator")] = 115200,
+    simulate: Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")] = False,
+    list_: Annotated[bool, typer.Option("--list", help="show the serial ports and stop")] = False,
+    probe_: Annotated[bool, typer.Option("--probe", help="tell what speaks on --port (or on all) and stop")] = False,
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+) -> None:
+    """Record accelerations of a foot on the shaker into a study folder.
+
+    Examples:
+      python -m fasbody.acquire --simulate --sweep 10:50:5 --seconds 4 --out my_study
+
+      python -m fasbody.acquire --port /dev/ttyACM0 --generator /dev/ttyUSB0 --sweep 10:50:5 --body-mass 72 --out study
+
+      python -m fasbody.acquire --port /dev/ttyACM0 --frequency 20 --body-mass 72.5 --out study
+
+      python -m fasbody.acquire --list
+
+      python -m fasbody.acquire --port /dev/ttyACM0 --probe
+
+      python -m fasbody.acquire recover study/captures/20hz_0kg.fascap
+    """
+    if list_ or probe_:
+        _look(port, probe_, json_)
+        return
+    if out is None:
+        raise SettingError("where to? Give --out STUDY, a folder that is made if needed.")
+    if not simulate and port is None:
+        raise SettingError("give --port (python -m fasbody.acquire --list shows them) or --simulate.")
+    if sweep and not (generator or simulate):
+        raise SettingError("--sweep needs a function generator: give --generator PORT, or --frequency one by one.")
+    if simulate:
+        from fasbody.acquire import shaken
+
+        subject, body_mass = str(shaken.SUBJECT), shaken.BODY_MASS_KG
+    mass = body_mass if body_mass is not None else folder.body_mass(out, subject)
+    if mass is None or not 20 <= mass <= 300:
+        raise SettingError(f"the body mass of subject {subject!r} is needed once: --body-mass, 20 to 300 kg.")
+    plan = Plan(
+        study=out,
+        frequencies_hz=_frequencies(sweep, frequency),
+        condition=Condition(subject, posture, added_mass, mass),
+        seconds=seconds,
+        peak_to_peak=peak_to_peak,
+        retries=retries,
+        origin="synthetic" if simulate else "measured",
+        safety=Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=max_displacement),
+    )
+    plan.check(generator is not None or simulate)
+    with ExitStack() as stack:
+        stack.enter_context(_terminated())
+        if simulate:
+            port, generator = _virtual(stack, plan, added_mass)
+        assert port is not None
+        board = Board(port, baud)
+        stack.callback(board.close)
+        source = stack.enter_context(Generator(generator, generator_baud)) if generator else None
+        stack.enter_context(Display(board))
+        made = session.run(plan, board, source)
+    if json_:
+        print_json({"study": str(out), "recordings": [one.document() for one in made]})
+    else:
+        good = sum(not one.problems for one in made)
+        results.print(f"{good} recordings in {out}; next: python -m identification.fit {out}", soft_wrap=True)
+    bad = session.unusable(made)
+    if bad:
+        names = ", ".join(bad)
+        raise AcquisitionError(f"{len(bad)} recordings are unusable and not listed in recordings.csv: {names}.")
+
+
+@app.command()
+def recover(
+    captures: Annotated[list[Path], typer.Argument(help="capture file; two if a disk became full in between")],
+    out: Annotated[Path | None, typer.Option(help="study folder (default: the one around captures/)")] = None,
+    longest: Annotated[bool, typer.Option("--longest", help="keep only the longest stretch without a gap")] = False,
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+) -> None:
+    """Make the recording of a capture file, as after a crash.
+
+    Example: python -m fasbody.acquire recover study/captures/20hz_0kg.fascap
+    """
+    around = captures[0].resolve().parent
+    if out is None and around.name != folder.CAPTURES:
+        raise SettingError(f"{captures[0]} is not in the captures of a study; give --out STUDY.")
+    made = convert(captures, out or around.parent, longest=longest)
+    if json_:
+        print_json(made.document())
+    else:
+        results.print(str(made), soft_wrap=True, markup=False)
+    if made.problems:
+        raise AcquisitionError(
+            f"{made.file} is written and not listed in recordings.csv: {'; '.join(made.problems)}; "
+            "--longest keeps the longest stretch without a gap."
+        )
+
+
+def _look(port: str | None, probing: bool, json_: bool) -> None:
+    """--list and --probe."""
+    found: list[object] = list(ports())
+    if probing:
+        names = [port] if port else [info.device for info in ports()]
+        found = [probe(name) for name in names]
+    if json_:
+        print_json([vars(item) for item in found])
+    else:
+        for item in found:
+            results.print(str(item), soft_wrap=True, markup=False)
+    if not found:
+        console.print("this computer has no serial port; is the board plugged in, and may you use it (group dialout)?")
+
+
+def _virtual(stack: ExitStack, plan: Plan, added_mass: float) -> tuple[str, str]:
+    """Start the virtual bench; its truth goes into the study."""
+    from fasbody.acquire import shaken
+    from fasbody.acquire.bench import Bench
+
+    bench = stack.enter_context(Bench(added_mass_kg=added_mass))
+    truth = {"origin": "synthetic", "parameters": shaken.TRUTH, "instrument": {"delay_s": 0.0}}
+    write_whole(plan.study / "truth.json", to_json(truth) + "\n")
+    return bench.board_port, bench.generator_port
+
+
+def _frequencies(sweep: str | None, frequency: float | None) -> tuple[float | None, ...]:
+    if sweep is None:
+        return (frequency,)
+    if frequency is not None:
+        raise SettingError("give --frequency or --sweep, not both.")
+    try:
+        start, stop, step = (float(part) for part in sweep.split(":"))
+    except ValueError:
+        raise SettingError(f"--sweep {sweep!r} is not START:STOP:STEP, for example 10:50:5.") from None
+    if not (step > 0 and stop >= start and (stop - start) / step <= 1000):
+        raise SettingError(f"--sweep {sweep!r} holds no frequencies; START must not exceed STOP, and STEP be positive.")
+    return tuple(float(f) for f in np.arange(start, stop + 1e-9 * step, step))
+
+
+@contextmanager
+def _terminated() -> Iterator[None]:
+    """Let SIGTERM and a closed terminal end the session like Ctrl-C, so that every output is switched off."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def run() -> None:
+    """Run the command that the arguments name; `record` if none is named."""
+    words = sys.argv[1:]
+    app(words if words[:1] in (["recover"], ["record"]) else ["record", *words])

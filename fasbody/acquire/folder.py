@@ -1,0 +1,249 @@
+"""From capture files to a study folder: the one way for a session that ends well and for one that crashed."""
+
+import csv
+import io
+import json
+import tomllib
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fasbody.acquire import capture
+from fasbody.acquire.decoder import Decoder
+from fasbody.acquire.messages import Hello
+from fasbody.acquire.quality import Limits, Quality
+from fasbody.acquire.timeline import Timeline
+from fasbody.console import to_json, write_whole
+from fasbody.exceptions import AcquisitionError, InputFileError
+from fasbody.recording import Condition, Recording
+
+CAPTURES, RECORDINGS = "captures", "recordings"
+
+
+@dataclass(frozen=True)
+class Converted:
+    """One recording made from captured bytes.
+
+    Attributes:
+        file: the CSV file. recording: its content. quality: what happened on the line.
+        problems: why it is not listed in recordings.csv; empty if it is. remarks: what else should be known.
+    """
+
+    file: Path
+    recording: Recording
+    quality: Quality
+    problems: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+    def __str__(self) -> str:
+        state = "unusable: " + "; ".join(self.problems) if self.problems else "good"
+        notes = f" ({'; '.join(self.remarks)})" if self.remarks else ""
+        return f"{self.file.name}: {self.recording.time_s.size} samples, {self.quality}, {state}{notes}"
+
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "file": f"{RECORDINGS}/{self.file.name}",
+            "samples": self.recording.time_s.size, "rate_hz": self.recording.rate_hz,
+            "usable": not self.problems, "problems": list(self.problems), "remarks": list(self.remarks),
+            "quality": self.quality.document(),
+        }  # fmt: skip
+
+
+def replay(files: Sequence[Path]) -> tuple[dict[str, Any], Timeline, list[dict[str, Any]]]:
+    """What a capture holds: its plan, its samples on a timeline, and its events.
+
+    Raises:
+        InputFileError: no capture file, or one without a plan and a hello.
+    """
+    about: dict[str, Any] = {}
+    events: list[dict[str, Any]] = []
+    decoder, timeline = Decoder(), None
+    for file in files:
+        for record in capture.read(file):
+            if record.kind == "M" and not about:
+                about = record.json()
+                try:
+                    decoder = Decoder(bytes.fromhex(str(about.get("preamble", ""))))
+                except ValueError:
+                    raise InputFileError(file, "its first record has no readable hello of the board") from None
+            elif record.kind == "E":
+                events.append({"host_s": record.host, **record.json()})
+                decoder.fresh()
+            elif record.kind == "B":
+                messages = decoder.feed(record.content)
+                if timeline is None and decoder.hello is not None:
+                    timeline = Timeline(decoder.hello)
+                if timeline is not None:
+                    timeline.add(messages, record.host)
+    if timeline is None and decoder.hello is not None:
+        timeline = Timeline(decoder.hello)
+    if timeline is None:
+        raise InputFileError(files[0], "holds no hello of a board", "nothing in it can be read as samples")
+    return about, timeline, events
+
+
+def convert(
+    files: Sequence[Path], study: Path, limits: Limits | None = None, longest: bool = False, stopped: str = ""
+) -> Converted:
+    """Write the recording of a capture into a study: CSV, JSON beside it, and a row in recordings.csv if it is usable.
+
+    Lost samples have no row in the CSV: its time column jumps there, the JSON lists the gaps, and identification
+    refuses the file. Nothing is interpolated.
+
+    Args:
+        files: the capture file, and the one that took over when a disk was full. study: folder, made if needed.
+        limits: what is acceptable. longest: keep only the longest stretch without a gap.
+        stopped: why the recording ended early, if it did.
+
+    Raises:
+        InputFileError: a file cannot be read or written. AcquisitionError: too few samples to make a file of.
+    """
+    limits = limits or Limits()
+    about, timeline, events = replay(files)
+    hello = timeline.hello
+    index, values = timeline.samples()
+    wanted = round(float(about.get("seconds", np.inf)) * hello.rate_hz) if about.get("seconds") else None
+    kept = index < wanted if wanted else np.ones(index.size, bool)
+    quality = timeline.quality(wanted)
+    if longest and index.size:
+        kept &= _longest(index)
+        quality = replace(quality, gaps=())
+    index, values = index[kept], values[kept]
+    if index.size < 2:
+        raise AcquisitionError(f"{files[0]}: holds {index.size} samples, too few for a recording.")
+    condition = _condition(about)
+    recording = _recording(index - index[0], values, hello, condition, about)
+    problems, remarks = quality.problems(limits), quality.remarks(limits)
+    length_s = recording.time_s[-1]
+    if condition.frequency_hz and length_s * condition.frequency_hz < limits.periods:
+        problems.append(f"{length_s:.3g} s hold fewer than {limits.periods:g} periods of {condition.frequency_hz:g} Hz")
+    if stopped:
+        remarks.append(f"ended early: {stopped}")
+    elif wanted and index[-1] < wanted - 1 - hello.frame_samples:
+        remarks.append(f"{length_s:.3g} s of {about['seconds']:g} s")
+    if longest:
+        remarks.append("the longest stretch without a gap")
+    stem = files[0].name.removesuffix(capture.SUFFIX)
+    file = study / RECORDINGS / f"{stem}.csv"
+    recording.write(file)
+    made = Converted(file, recording, quality, tuple(problems), tuple(remarks))
+    details = {
+        **{key: value for key, value in about.items() if key != "preamble"},
+        "board": asdict(hello), "first_sample": int(index[0]), "events": events,
+        "captures": [str(f.relative_to(study)) if f.is_relative_to(study) else str(f) for f in files],
+        "limits": asdict(limits), **made.document(),
+        "warnings": [f"{file.name}: {text}." for text in remarks],
+    }  # fmt: skip
+    write_whole(file.with_suffix(".json"), to_json(details) + "\n")
+    _list(study, f"{RECORDINGS}/{file.name}", condition, about, usable=not problems)
+    return made
+
+
+def _longest(index: np.ndarray) -> np.ndarray:
+    """Mask of the longest run of consecutive indices."""
+    runs = np.concatenate([[0], np.cumsum(np.diff(index) != 1)])
+    return runs == np.argmax(np.bincount(runs))
+
+
+def _condition(about: dict[str, Any]) -> Condition:
+    known = about.get("condition", {})
+    return Condition(**{key: known[key] for key in asdict(Condition()) if key in known})
+
+
+def _recording(
+    index: np.ndarray, values: np.ndarray, hello: Hello, condition: Condition, about: dict[str, Any]
+) -> Recording:
+    column = {role: values[:, i] for i, role in reversed(list(enumerate(hello.roles)))}
+    return Recording(
+        time_s=index / hello.rate_hz,
+        base_m_s2=column["base"],
+        malleolus_m_s2=column["malleolus"],
+        tuberosity_m_s2=column.get("tuberosity"),
+        condition=condition,
+        origin=str(about.get("origin", "measured")),
+    )
+
+
+def free_stem(study: Path, stem: str) -> str:
+    """A name that neither captures nor recordings have yet: stem, stem_2, stem_3 ..."""
+    number, name = 1, stem
+    while any((study / place).exists() for place in (f"{CAPTURES}/{name}{capture.SUFFIX}", f"{RECORDINGS}/{name}.csv")):
+        number += 1
+        name = f"{stem}_{number}"
+    return name
+
+
+def check_origin(study: Path, origin: str) -> None:
+    """Refuse to mix measured and synthetic recordings.
+
+    Raises:
+        InputFileError: the study is of the other kind.
+    """
+    file = study / "study.toml"
+    if not file.is_file():
+        return
+    try:
+        found = tomllib.loads(file.read_text()).get("study", {}).get("origin", "measured")
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputFileError(file, f"is not TOML ({error})") from None
+    if found != origin:
+        raise InputFileError(file, f"is not {origin} data", f"name another folder for {origin} recordings")
+
+
+def _list(study: Path, name: str, condition: Condition, about: dict[str, Any], usable: bool) -> None:
+    """Bring study.toml, subjects.csv and recordings.csv up to date."""
+    if not (study / "study.toml").is_file():
+        title, origin = json.dumps(study.resolve().name), about.get("origin", "measured")
+        text = f'[study]\nname = {title}\norigin = "{origin}"\ndescription = "Recorded by python -m fasbody.acquire."\n'
+        write_whole(study / "study.toml", text)
+    subject = {"subject": condition.subject, "mass_kg": _text(condition.body_mass_kg)}
+    _put(study / "subjects.csv", "subject", ("subject", "mass_kg"), subject, keep=True)
+    row = {
+        "file": name, "subject": condition.subject, "posture": condition.posture,
+        "added_mass_kg": _text(condition.added_mass_kg), "frequency_hz": _text(condition.frequency_hz),
+    }  # fmt: skip
+    _put(study / "recordings.csv", "file", tuple(row), row if usable else None, drop=name)
+
+
+def _put(
+    file: Path,
+    key: str,
+    columns: Sequence[str],
+    row: dict[str, str] | None,
+    keep: bool = False,
+    drop: str | None = None,
+) -> None:
+    """Add or replace one row of a table; other rows and columns stay as they are."""
+    rows: list[dict[str, str]] = []
+    if file.is_file():
+        reader = csv.DictReader(io.StringIO(file.read_text()))
+        columns = list(reader.fieldnames or columns)
+        rows = [entry for entry in reader if drop is None or entry.get(key) != drop]
+    if row is not None and not (keep and any(entry.get(key) == row[key] for entry in rows)):
+        rows.append(row)
+    out = io.StringIO()
+    writer = csv.DictWriter(out, columns, restval="", extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_whole(file, out.getvalue())
+
+
+def body_mass(study: Path, subject: str) -> float | None:
+    """Body mass [kg] of a subject that the study knows already."""
+    file = study / "subjects.csv"
+    if file.is_file():
+        for row in csv.DictReader(io.StringIO(file.read_text())):
+            if row.get("subject") == subject and row.get("mass_kg"):
+                try:
+                    return float(row["mass_kg"])
+                except ValueError:
+                    raise InputFileError(file, f"mass_kg is {row['mass_kg']!r}, not a number") from None
+    return None
+
+
+def _text(value: float | None) -> str:
+    return "" if value is None else f"{value:g}"

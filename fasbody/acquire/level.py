@@ -1,0 +1,119 @@
+"""The amplitude loop: bring the base to the wanted peak-to-peak acceleration, slowly, and never beyond the limits."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fasbody.acquire.board import Board, Watch
+from fasbody.acquire.generator import Generator
+from fasbody.exceptions import AcquisitionError, SettingError
+
+
+@dataclass(frozen=True)
+class Safety:
+    """Limits of the excitation.
+
+    Attributes:
+        volts: highest amplitude [V peak to peak]. start_volts: where the first ramp begins.
+        peak_m_s2: highest base acceleration, either sign. displacement_m: largest peak-to-peak motion of the base.
+        growth: the amplitude rises by at most this factor a step.
+    """
+
+    volts: float = 5.0
+    start_volts: float = 0.02
+    peak_m_s2: float = 15.0
+    displacement_m: float = 0.008
+    growth: float = 2.0
+
+    def check(self, frequency_hz: float, peak_to_peak: float) -> None:
+        """Refuse an excitation before anything moves.
+
+        Raises:
+            SettingError: it would exceed a limit.
+        """
+        travel = peak_to_peak / (2 * np.pi * frequency_hz) ** 2
+        if travel > self.displacement_m:
+            raise SettingError(
+                f"{peak_to_peak:g} m/s^2 peak to peak at {frequency_hz:g} Hz move the base by {1e3 * travel:.3g} mm, "
+                f"more than {1e3 * self.displacement_m:g} mm; choose a higher frequency or a lower acceleration."
+            )
+        if 0.5 * peak_to_peak > self.peak_m_s2:
+            raise SettingError(
+                f"{peak_to_peak:g} m/s^2 peak to peak exceed the limit of +-{self.peak_m_s2:g} m/s^2; choose less."
+            )
+
+
+@dataclass(frozen=True)
+class Level:
+    """What the loop reached: peak to peak [m/s^2] at volts [V peak to peak], after so many steps."""
+
+    peak_to_peak: float
+    volts: float
+    steps: int
+
+
+#: How close is close enough (share), how many steps at most, harmonics of the shaker that count for peak to peak.
+TOLERANCE, _STEPS, _HARMONICS = 0.02, 30, 3
+_SETTLE_S, _SETTLE_PERIODS = 0.2, 4.0
+_MEASURE_S, _MEASURE_PERIODS = 0.2, 5.0
+#: The base must answer to a tenth of the largest voltage with more than this [m/s^2].
+_ANSWER = 0.2
+
+
+def peak_to_peak(values: np.ndarray, rate_hz: float, frequency_hz: float) -> float:
+    """Peak to peak of a periodic signal without its noise, from its first three harmonics.
+
+    Args:
+        values: (n,) [m/s^2], at least two periods. rate_hz: sampling rate. frequency_hz: fundamental.
+    """
+    wt = 2 * np.pi * frequency_hz / rate_hz * np.arange(values.size)
+    count = max(1, min(_HARMONICS, int(0.45 * rate_hz // frequency_hz)))
+
+    def basis(phase: np.ndarray) -> np.ndarray:
+        each = [f(h * phase) for h in range(1, count + 1) for f in (np.cos, np.sin)]
+        return np.column_stack([np.ones_like(phase), *each])
+
+    c, *_ = np.linalg.lstsq(basis(wt), values, rcond=None)
+    return float(np.ptp(basis(np.linspace(0, 2 * np.pi, 400)) @ c))
+
+
+def reach(
+    generator: Generator, board: Board, frequency_hz: float, wanted: float, safety: Safety, guess_volts: float = 0.0
+) -> Level:
+    """Switch the generator on and bring the base to `wanted` [m/s^2] peak to peak within 2 %.
+
+    Args:
+        guess_volts: about the voltage that will do [V], if known: the ramp begins at half of it.
+
+    Raises:
+        SettingError: the limits forbid it. AcquisitionError: a limit is reached, or the base does not follow.
+    """
+    safety.check(frequency_hz, wanted)
+    hello = board.decoder.hello
+    assert hello is not None
+    rest = board.collect(0.25)[:, board.base]
+    board.watch = Watch(safety.peak_m_s2, float(rest.mean()))
+    volts = min(max(safety.start_volts, 0.5 * guess_volts), safety.volts)
+    generator.sine(frequency_hz, volts)
+    generator.on()
+    for step in range(1, _STEPS + 1):
+        board.collect(max(_SETTLE_S, _SETTLE_PERIODS / frequency_hz))
+        values = board.collect(max(_MEASURE_S, _MEASURE_PERIODS / frequency_hz))[:, board.base]
+        found = peak_to_peak(values, hello.rate_hz, frequency_hz)
+        if abs(found / wanted - 1) <= TOLERANCE:
+            return Level(found, volts, step)
+        if found < _ANSWER and volts >= 0.1 * safety.volts:
+            raise AcquisitionError(
+                f"the base does not follow: {found:.2g} m/s^2 at {volts:.3g} V; check amplifier and base sensor."
+            )
+        needed = volts * wanted / max(found, 1e-6)
+        if needed > safety.volts and volts >= safety.volts:
+            raise AcquisitionError(
+                f"{wanted:g} m/s^2 at {frequency_hz:g} Hz would need about {needed:.3g} V, beyond {safety.volts:g} V; "
+                "raise the amplifier's gain or --max-volts."
+            )
+        volts = min(needed, safety.growth * volts, safety.volts)
+        generator.set_volts(volts)
+    raise AcquisitionError(
+        f"the base did not settle at {wanted:g} m/s^2 at {frequency_hz:g} Hz ({found:.3g} after {_STEPS} steps)."
+    )

@@ -1,0 +1,91 @@
+"""A serial port: the only place that knows pyserial."""
+
+import contextlib
+import os
+from dataclasses import dataclass
+
+from fasbody.exceptions import AcquisitionError, MissingPackageError
+
+try:
+    import serial
+    from serial.tools import list_ports
+except ImportError:  # the extra is not installed
+    raise MissingPackageError("pyserial", "acquire") from None
+
+#: Longest wait for bytes [s]: what a kill can cost at most, and how soon the live view hears of silence.
+WAIT_S = 0.02
+BAUD_RATES = (921600, 460800, 230400, 115200, 57600, 38400, 19200, 9600)
+
+
+class Unplugged(AcquisitionError):
+    """The port went away."""
+
+
+@dataclass(frozen=True)
+class PortInfo:
+    """A port of this computer."""
+
+    device: str
+    description: str
+    hardware: str
+
+    def __str__(self) -> str:
+        return f"{self.device}  {self.description}  {self.hardware}"
+
+
+def ports() -> list[PortInfo]:
+    """All serial ports of this computer."""
+    return [PortInfo(p.device, p.description or "", p.hwid or "") for p in sorted(list_ports.comports())]
+
+
+class Port:
+    """An open serial port.
+
+    Args:
+        name: device, such as /dev/ttyACM0. baud: baud rate.
+
+    Raises:
+        Unplugged: there is no such port, it is in use, or it cannot run at that rate.
+    """
+
+    def __init__(self, name: str, baud: int) -> None:
+        self.name, self.baud = name, baud
+        try:
+            self._serial = serial.Serial(name, baud, timeout=WAIT_S, write_timeout=1.0, exclusive=True)
+            self._serial.reset_input_buffer()
+        except (serial.SerialException, OSError, ValueError) as error:
+            known = ", ".join(port.device for port in ports()) or "none"
+            number = getattr(error, "errno", None)
+            reason = os.strerror(number) if number else str(error)
+            raise Unplugged(f"{name}: cannot be opened ({reason}); ports of this computer: {known}.") from None
+
+    def read(self) -> bytes:
+        """What has arrived, after at most WAIT_S.
+
+        Raises:
+            Unplugged: the port went away.
+        """
+        try:
+            data = self._serial.read(1)
+            if data:
+                data += self._serial.read(self._serial.in_waiting)
+        except (serial.SerialException, OSError, TypeError):  # TypeError: closed by another thread in mid-read
+            raise Unplugged(f"{self.name}: the port went away.") from None
+        return bytes(data)
+
+    def write(self, data: bytes) -> None:
+        """Send bytes.
+
+        Raises:
+            Unplugged: the port went away, or takes nothing.
+        """
+        try:
+            self._serial.write(data)
+            self._serial.flush()
+        except (serial.SerialException, OSError):
+            raise Unplugged(f"{self.name}: the port went away or takes no bytes.") from None
+
+    def close(self) -> None:
+        """Close; a port that went away is closed too."""
+        with contextlib.suppress(OSError):
+            self._serial.close()

@@ -1,0 +1,255 @@
+"""Command line of the cell: ``python -m fasbody.cell [sweep | verify | shake] --help``."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fasbody.cell.dome import Dome, Nucleus, shape
+from fasbody.cell.materials import MODULI_PA, Preset, preset
+from fasbody.console import command_line, console, print_json, progress_bar, to_json, write_whole
+from fasbody.exceptions import SettingError
+
+if TYPE_CHECKING:
+    from fasbody.cell.analysis import Analysis
+    from fasbody.cell.mesh import MeshSize
+
+app = typer.Typer(pretty_exceptions_enable=False, add_completion=False, rich_markup_mode="rich")
+
+PresetOption = Annotated[str, typer.Option("--preset", help="as-printed, as-reproduced or si.")]
+ShapeOption = Annotated[str, typer.Option("--shape", help="Base axes, long x short [um].")]
+SizeOption = Annotated[float, typer.Option("--size", help="Element size [um]; finer at nucleus and rim.")]
+ModesOption = Annotated[int, typer.Option("--modes", help="Number of modes.")]
+ModulusOption = Annotated[float | None, typer.Option("--modulus", help="Young's modulus of the cytoplasm [Pa].")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
+OutOption = Annotated[Path | None, typer.Option("--out", help="Folder for results and figures.")]
+
+
+@app.callback(invoke_without_command=True)
+def analyse_cell(
+    context: typer.Context,
+    preset_name: PresetOption = "as-reproduced",
+    shape_text: ShapeOption = "100x40",
+    modulus: ModulusOption = None,
+    modes: ModesOption = 10,
+    size: SizeOption = 3.5,
+    height: Annotated[float | None, typer.Option(help="Height of the dome [um].")] = None,
+    profile: Annotated[str, typer.Option(help="ellipsoid or cap.")] = "ellipsoid",
+    nucleus_centre: Annotated[float, typer.Option(help="Height of the nucleus' centre [um].")] = 4.5,
+    no_nucleus: Annotated[bool, typer.Option("--no-nucleus", help="Leave the nucleus out.")] = False,
+    nucleus_modulus: Annotated[float | None, typer.Option(help="Young's modulus of the nucleus [Pa].")] = None,
+    poisson: Annotated[float | None, typer.Option(help="Poisson's ratio of both.")] = None,
+    density: Annotated[float | None, typer.Option(help="Density of both [kg/m^3].")] = None,
+    membrane: Annotated[bool, typer.Option("--membrane", help="Add the elastic membrane of Table 5.1.")] = False,
+    filaments: Annotated[float, typer.Option(help="Add a tensegrity with this many filaments per bar.")] = 0.0,
+    mesh: Annotated[Path | None, typer.Option(help="Your own cell: .vtu, .msh or closed .stl, y up.")] = None,
+    um_per_unit: Annotated[float, typer.Option(help="Micrometres in one length unit of --mesh.")] = 1.0,
+    nucleus_tag: Annotated[int, typer.Option(help="Region number of the nucleus in --mesh.")] = 1,
+    nucleus_surface: Annotated[Path | None, typer.Option(help="Closed .stl of the nucleus, for an .stl cell.")] = None,
+    solver: Annotated[str | None, typer.Option(help="pardiso, superlu or multigrid; default: the fastest.")] = None,
+    as_json: JsonOption = False,
+    out: OutOption = None,
+) -> None:
+    """Natural frequencies and mode shapes of an adherent cell (Chapter 5 of the thesis).
+
+    The presets say what the printed numbers mean: docs/cell.md. With --out, writes cell.json, cell.vtu (ParaView),
+    cell.npz (for the browser) and the figures modes.png and mesh.png.
+
+    Examples:
+      python -m fasbody.cell
+
+      python -m fasbody.cell --preset si --shape 67x60 --modulus 1000 --out results/cell
+
+      python -m fasbody.cell --mesh my_cell.stl --preset si --json
+
+      python -m fasbody.cell sweep --out results/cell
+    """
+    if context.invoked_subcommand is not None:
+        return
+    chosen = _materials(_preset(preset_name, modulus), nucleus_modulus, poisson, density)
+    _positive(modes)
+    from fasbody.cell.analysis import analyse, assemblies
+    from fasbody.cell.cytoskeleton import Tensegrity
+    from fasbody.cell.membrane import Membrane
+
+    options: dict[str, Any] = {"count": modes, "way": solver}
+    options["membrane"] = Membrane() if membrane else None
+    options["cytoskeleton"] = Tensegrity(bundle=filaments) if filaments else None
+    if mesh is not None:
+        from fasbody.cell.assembly import assemble
+        from fasbody.cell.meshfile import read_mesh
+
+        own = read_mesh(mesh, um_per_unit=um_per_unit, nucleus_tag=nucleus_tag, nucleus=nucleus_surface)
+        analysis = analyse(assemble(own), None, chosen, **options)
+    else:
+        nucleus = None if no_nucleus else Nucleus(centre=nucleus_centre)
+        dome = Dome(*shape(shape_text), chosen.height_um if height is None else height, profile, nucleus)
+        with console.status("meshing and solving"):
+            analysis = analyse(*assemblies(dome, _size(size)), chosen, dome=dome, **options)
+    if out is not None:
+        _write(out, analysis)
+    _report(analysis.document(), str(analysis), as_json)
+
+
+@app.command("sweep")
+def sweep(
+    preset_name: PresetOption = "as-reproduced",
+    shape_text: ShapeOption = "100x40",
+    modes: ModesOption = 10,
+    size: SizeOption = 3.5,
+    as_json: JsonOption = False,
+    out: OutOption = None,
+) -> None:
+    """Figures 5.9 (four shapes), 5.10 (seven moduli) and 5.11 (power law with both ways of fitting).
+
+    Example:
+      python -m fasbody.cell sweep --preset as-printed --out results/cell
+    """
+    chosen = preset(preset_name)
+    dome = Dome(*shape(shape_text), chosen.height_um)
+    _positive(modes)
+    from fasbody.cell.dome import SHAPES
+    from fasbody.cell.sweep import YEAST_PA, summarise, sweep_moduli, sweep_shapes
+
+    with progress_bar() as progress:
+        task = progress.add_task("cells", total=len(SHAPES) + len(MODULI_PA) + 1)
+
+        def advance() -> None:
+            progress.advance(task)
+
+        by_shape = sweep_shapes(chosen, size=_size(size), count=modes, advance=advance)
+        by_modulus = sweep_moduli(
+            chosen, dome, moduli=(*MODULI_PA, YEAST_PA), size=_size(size), count=modes, advance=advance
+        )
+    summary = summarise(by_shape, by_modulus)
+    printed, direct = by_modulus.without_last(), by_modulus.analyses[-1]
+    document = {"summary": summary.document(), "shapes": by_shape.document(), "moduli": by_modulus.document()}
+    if out is not None:
+        from fasbody.cell import figures
+
+        write_whole(out / "sweep.json", to_json(document))
+        for name, figure in (
+            ("figure_5_9", figures.shapes(by_shape)),
+            ("figure_5_10", figures.moduli(printed)),
+            ("figure_5_11", figures.power_law(printed, summary.laws, summary.direct_hz)),
+        ):
+            figures.save(figure, out / f"{name}.png")
+        for number, analysis in enumerate(by_shape.analyses, start=5):
+            figures.save(figures.mode_shapes(analysis), out / f"figure_5_{number}.png")
+        console.print(f"written: {out}")
+    _report(document, f"{by_shape}\n{printed}\n{summary}, {direct.descriptions[0]}", as_json)
+
+
+@app.command("verify")
+def verify(preset_name: PresetOption = "as-reproduced", as_json: JsonOption = False) -> None:
+    """Known bodies: free sphere, clamped beam, scaling laws; and the cell's mesh convergence. Takes about a minute.
+
+    Example:
+      python -m fasbody.cell verify
+    """
+    from fasbody.cell.verification import check_cantilever, check_scaling, check_sphere, convergence
+
+    chosen = preset(preset_name)
+    dome = Dome(height=chosen.height_um)
+    with console.status("solving known bodies"):
+        checks = [*check_sphere(), *check_cantilever(), *check_scaling(chosen, dome, _size(6.0))]
+        study = convergence(chosen, dome)
+    document = {"checks": [check.document() for check in checks], "convergence": study.document()}
+    _report(document, "\n".join([*map(str, checks), str(study)]), as_json)
+    if not all(check.passed for check in checks):
+        raise SystemExit(1)
+
+
+@app.command("shake")
+def shake(
+    preset_name: PresetOption = "si",
+    shape_text: ShapeOption = "100x40",
+    modulus: ModulusOption = None,
+    modes: Annotated[int, typer.Option("--modes", help="Modes in the basis; the highest ends the range.")] = 40,
+    size: SizeOption = 3.5,
+    g: Annotated[float, typer.Option(help="Relaxing share of stiffness: instantaneous / rest - 1.")] = 0.5,
+    tau: Annotated[float, typer.Option(help="Relaxation time [s].")] = 2e-5,
+    nucleus_g: Annotated[float | None, typer.Option(help="The same for the nucleus.")] = None,
+    nucleus_tau: Annotated[float | None, typer.Option(help="The same for the nucleus [s].")] = None,
+    as_json: JsonOption = False,
+    out: OutOption = None,
+) -> None:
+    """Beyond the thesis: damping of a viscoelastic cell, and its response to a shaken base from 5 Hz up.
+
+    Examples:
+      python -m fasbody.cell shake
+
+      python -m fasbody.cell shake --g 1 --tau 0.001 --nucleus-tau 0.01 --out results/cell
+    """
+    from fasbody.cell.viscoelastic import ReducedCell, StandardLinearSolid, damped_modes
+
+    solid = StandardLinearSolid(g, tau)
+    other = StandardLinearSolid(g if nucleus_g is None else nucleus_g, tau if nucleus_tau is None else nucleus_tau)
+    chosen = _preset(preset_name, modulus)
+    dome = Dome(*shape(shape_text), chosen.height_um)
+    _positive(modes)
+    import numpy as np
+
+    from fasbody.cell.analysis import assemblies
+    from fasbody.cell.modal import CellModel
+    from fasbody.cell.response import base_response
+
+    with console.status("meshing and solving"):
+        model = CellModel(assemblies(dome, _size(size))[0], chosen.materials, chosen.metres_per_um)
+        cell = ReducedCell.of(model, modes)
+        damped = damped_modes(cell, (solid, other))
+        response = base_response(cell, (solid, other), np.geomspace(5, cell.reach_hz, 500))
+    document = {"preset": chosen.name, "dof": model.assembly.dof, "damped_modes": damped.document()}
+    document["response"] = response.document()
+    if out is not None:
+        from fasbody.cell import figures
+
+        write_whole(out / "shake.json", to_json(document))
+        figures.save(figures.base_response(response), out / "shake.png")
+        console.print(f"written: {out}")
+    _report(document, f"{damped}\n{response}", as_json)
+
+
+def _preset(name: str, modulus: float | None) -> Preset:
+    return preset(name) if modulus is None else preset(name).with_modulus(modulus)
+
+
+def _materials(chosen: Preset, nucleus_E: float | None, nu: float | None, rho: float | None) -> Preset:
+    both: dict[str, float] = {key: value for key, value in (("nu", nu), ("rho", rho)) if value is not None}
+    own = both if nucleus_E is None else both | {"E": nucleus_E}
+    return replace(chosen, cytoplasm=replace(chosen.cytoplasm, **both), nucleus=replace(chosen.nucleus, **own))
+
+
+def _positive(modes: int) -> None:
+    if modes < 1:
+        raise SettingError(f"the number of modes must be 1 or more, not {modes}.")
+
+
+def _size(size: float) -> "MeshSize":
+    from fasbody.cell.mesh import MeshSize
+
+    return MeshSize.of(size)
+
+
+def _write(out: Path, analysis: "Analysis") -> None:
+    from fasbody.cell import figures
+    from fasbody.cell.meshfile import write_browser, write_vtu
+
+    write_whole(out / "cell.json", to_json(analysis.document()))
+    write_vtu(out / "cell.vtu", analysis)
+    write_browser(out / "cell.npz", analysis)
+    figures.save(figures.mode_shapes(analysis), out / "modes.png")
+    figures.save(figures.mesh_views(analysis), out / "mesh.png")
+    console.print(f"written: {out}")
+
+
+def _report(document: dict[str, Any], text: str, as_json: bool) -> None:
+    if as_json:
+        print_json(document)
+    else:
+        print(text)
+
+
+if __name__ == "__main__":
+    command_line(app)

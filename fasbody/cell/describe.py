@@ -1,0 +1,110 @@
+"""What a mode looks like, in words: sway, twist, compression, and how much of it is the nucleus.
+
+The words follow section 5.4: mode 1 sways along z, mode 2 along x, mode 3 twists about y, mode 4 compresses along x.
+They come from numbers: which direction carries the kinetic energy, whether that component is even or odd under the
+cell's two mirror planes, and how often it changes sign along each axis.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from fasbody.cell.modal import CellModel, Modes
+from fasbody.cell.tetmesh import NUCLEUS
+
+AXES = "xyz"
+X, Y, Z = range(3)
+EVEN = 0.5  # mirror correlation above which a component counts as even, and below minus which as odd
+NUCLEUS_MODE = 0.5  # share of the kinetic energy above which the mode belongs to the nucleus
+SLICES = 24
+
+
+@dataclass(frozen=True)
+class ModeDescription:
+    """One mode in words and the numbers behind them.
+
+    Args:
+        label: such as "z sway", "twist about y" or "z sway, 2 nodes along x".
+        energy: share (3,) of the kinetic energy in motion along x, y, z.
+        mirror_x, mirror_z: correlation of the main component with its mirror image in x and in z, 1 even, -1 odd.
+        nodes_x, nodes_z: sign changes of the main component along x and z.
+        nucleus_share: share of the kinetic energy that is in the nucleus.
+        nucleus_strain_share: share of the strain energy that is in the nucleus.
+    """
+
+    label: str
+    energy: tuple[float, float, float]
+    mirror_x: float
+    mirror_z: float
+    nodes_x: int
+    nodes_z: int
+    nucleus_share: float
+    nucleus_strain_share: float
+
+    def __str__(self) -> str:
+        return f"{self.label} (nucleus {self.nucleus_share:.1%})"
+
+
+def describe(model: CellModel, modes: Modes) -> tuple[ModeDescription, ...]:
+    """Describe every mode; meshes need not be symmetric, the mirror image is looked up at the nearest node."""
+    assembly = model.assembly
+    centre = (assembly.nodes_um.max(axis=0) + assembly.nodes_um.min(axis=0)) / 2
+    xyz = assembly.nodes_um - centre
+    tree = cKDTree(xyz)
+    mirror = {axis: tree.query(xyz * np.where(np.arange(3) == axis, -1, 1))[1] for axis in (X, Z)}
+    weight = sum(m.rho * r.m.diagonal() for m, r in zip(model.materials, assembly.regions, strict=True))
+    phi = modes.vectors
+    squares = modes.omega**2
+    by_axis = np.stack([np.einsum("ij,ij->j", phi[a::3], (model.M @ phi)[a::3]) for a in range(3)], axis=1)
+    kinetic = np.einsum("ij,ij->j", phi, model.mass(NUCLEUS) @ phi)
+    strain = np.einsum("ij,ij->j", phi, model.stiffness(NUCLEUS) @ phi) / squares
+    found = []
+    for c, u in enumerate(assembly.expand(phi)):
+        main = int(np.argmax(by_axis[c]))
+        v = u[:, main]
+        even = {axis: float(weight @ (v * v[mirror[axis]]) / (weight @ v**2)) for axis in (X, Z)}
+        nodes = {axis: _sign_changes(xyz, v, weight, axis, other, even[other]) for axis, other in ((X, Z), (Z, X))}
+        label = "nucleus mode" if kinetic[c] > NUCLEUS_MODE else _label(main, even, nodes)
+        share = (float(by_axis[c, 0]), float(by_axis[c, 1]), float(by_axis[c, 2]))
+        found.append(
+            ModeDescription(label, share, even[X], even[Z], nodes[X], nodes[Z], float(kinetic[c]), float(strain[c]))
+        )
+    return tuple(found)
+
+
+def _label(main: int, even: dict[int, float], nodes: dict[int, int]) -> str:
+    odd = {axis: value < -EVEN for axis, value in even.items()}
+    if any(abs(value) <= EVEN for value in even.values()):
+        return f"{AXES[main]} motion without symmetry"
+    across = Z if main == X else X
+    if main == Y:
+        base = "rocking" if odd[X] or odd[Z] else "y bounce"
+        least = {X: int(odd[X]), Z: int(odd[Z])}
+    elif odd[main] and odd[across]:
+        base, least = f"{AXES[main]} compression, odd along {AXES[across]}", {main: 1, across: 1}
+    elif odd[main]:
+        base, least = f"{AXES[main]} compression", {main: 1, across: 0}
+    elif odd[across]:
+        base, least = "twist about y", {main: 0, across: 1}
+    else:
+        base, least = f"{AXES[main]} sway", {main: 0, across: 0}
+    more = [
+        f"{nodes[axis]} node{'s' if nodes[axis] > 1 else ''} along {AXES[axis]}"
+        for axis in (X, Z)
+        if nodes[axis] > least[axis]
+    ]
+    return ", ".join([base, *more])
+
+
+def _sign_changes(
+    xyz: NDArray[np.float64], v: NDArray[np.float64], weight: NDArray[np.float64], axis: int, other: int, even: float
+) -> int:
+    """How often the component changes sign along `axis`, on the half of the cell where `other` is positive."""
+    fold = np.sign(xyz[:, other]) if even < 0 else 1.0
+    half = xyz[:, axis].max() * 1.0001
+    place = ((xyz[:, axis] / half + 1) / 2 * SLICES).astype(int).clip(0, SLICES - 1)
+    profile = np.bincount(place, weight * v * fold, SLICES)
+    strong = profile[np.abs(profile) > 0.1 * np.abs(profile).max()]
+    return int((np.diff(np.sign(strong)) != 0).sum())

@@ -1,0 +1,170 @@
+"""Figures 5.3 to 5.11 anew, and those of what lies beyond the thesis."""
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from fasbody.cell.analysis import Analysis
+from fasbody.cell.meshfile import displacements
+from fasbody.cell.sweep import YEAST_PA, PowerLaw, Sweep
+from fasbody.cell.tetmesh import NUCLEUS, TetMesh
+from fasbody.console import write_whole
+
+if TYPE_CHECKING:
+    from fasbody.cell.response import BaseResponse
+
+SWELL = 0.12  # largest drawn displacement, of the cell's length
+MARKERS = "osD^v<>pPX*hdH"
+#: Viewing directions: turn about y and tilt from the horizon [degrees].
+OBLIQUE, ABOVE, FRONT = (-15.0, 40.0), (0.0, 90.0), (0.0, 8.0)
+
+
+def mode_shapes(analysis: Analysis, count: int = 5) -> Figure:
+    """Figures 5.5 to 5.8: the first modes on the deformed surface, coloured by displacement, from two sides."""
+    mesh = analysis.model.assembly.mesh
+    u = displacements(analysis)[:count]
+    figure = Figure(figsize=(7.2, 1.3 * len(u) + 1.0), layout="constrained")
+    panels = np.atleast_2d(figure.subplots(len(u), 2))
+    faces = np.asarray(mesh.surface.faces)
+    swell = SWELL * float(np.ptp(mesh.points_um[:, 0]))
+    for i, mode in enumerate(u):
+        size = np.linalg.norm(mode, axis=1)[faces].mean(axis=1)
+        for axes, view in zip(panels[i], (OBLIQUE, ABOVE), strict=True):
+            _draw(axes, mesh.points_um + swell * mode, faces, size, view)
+        f, d = analysis.frequencies_hz[i], analysis.descriptions[i]
+        panels[i, 0].set_title(f"mode {i + 1}: {_hertz(f)}, {d.label}", fontsize=9, loc="left")
+    bar = figure.colorbar(ScalarMappable(cmap="viridis"), ax=panels, shrink=0.5, aspect=40, location="bottom")
+    bar.set_label("displacement / largest displacement", fontsize=9)
+    what = f"{_name(analysis)}, {analysis.model.materials[0].E:g} Pa"
+    figure.suptitle(f"{what} (left: oblique, right: from above)", fontsize=10)
+    return figure
+
+
+def mesh_views(analysis: Analysis) -> Figure:
+    """Figure 5.4: the surface mesh, and the elements behind the plane z = 0 with the nucleus in another colour."""
+    mesh = analysis.model.assembly.mesh
+    figure = Figure(figsize=(7.2, 4.2), layout="constrained")
+    upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
+    _draw(upper, mesh.points_um, np.asarray(mesh.surface.faces), None, OBLIQUE, line=0.3)
+    upper.set_title(f"{_name(analysis)}: {len(mesh.tets)} tetrahedra, quadratic displacements", fontsize=9)
+    behind = mesh.corners[:, :, 2].mean(axis=1) < float(np.mean(mesh.surface.bounds[:, 2]))
+    cut = np.asarray(TetMesh(mesh.points_um, mesh.tets[behind], mesh.region[behind]).surface.faces)
+    nucleus = np.isin(cut, np.unique(mesh.tets[mesh.region == NUCLEUS])).all(axis=1)
+    _draw(lower, mesh.points_um, cut, np.where(nucleus, 1.0, 0.35), FRONT, line=0.3)
+    lower.set_title("cut along the long axis, nucleus in yellow", fontsize=9)
+    return figure
+
+
+def shapes(sweep: Sweep) -> Figure:
+    """Figure 5.9: frequencies over the mode number for each base shape."""
+    figure, axes = _axes()
+    numbers = np.arange(1, sweep.frequencies_hz.shape[1] + 1)
+    for i, (a, f) in enumerate(zip(sweep.analyses, sweep.frequencies_hz, strict=True)):
+        label = f"{a.dome.length:g} × {a.dome.width:g} µm" if a.dome else "own mesh"
+        axes.plot(numbers, f, marker=MARKERS[i], label=label)
+    axes.set(xlabel="mode number", ylabel="natural frequency [Hz]", xticks=numbers)
+    axes.legend(title=f"base axes ({sweep.analyses[0].preset.name})")
+    return figure
+
+
+def moduli(sweep: Sweep) -> Figure:
+    """Figure 5.10: frequencies over the mode number for each modulus of the cytoplasm."""
+    figure, axes = _axes()
+    numbers = np.arange(1, sweep.frequencies_hz.shape[1] + 1)
+    for i, (a, f) in enumerate(zip(sweep.analyses, sweep.frequencies_hz, strict=True)):
+        axes.semilogy(numbers, f, marker=MARKERS[i], label=f"{a.model.materials[0].E:g} Pa")
+    axes.set(xlabel="mode number", ylabel="natural frequency [Hz]", xticks=numbers)
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles[::-1], labels[::-1], title="Young's modulus", loc="outside right center", fontsize=8)
+    return figure
+
+
+def power_law(sweep: Sweep, laws: Sequence[PowerLaw], direct_hz: float) -> Figure:
+    """Figure 5.11: first frequency over the modulus, both fits, and what the model itself gives at their far end."""
+    figure, axes = _axes()
+    E = np.array([a.model.materials[0].E for a in sweep.analyses])
+    fine = np.geomspace(E.min(), YEAST_PA, 100)
+    for law, style in zip(laws, ("-", "--"), strict=True):
+        text = f"$f_1 = {law.a:.3g}\\,E^{{{law.b:.3f}}}$ ({law.way}): {law(YEAST_PA):.0f} Hz at {YEAST_PA / 1e6:g} MPa"
+        axes.loglog(fine, law.a * fine**law.b, style, color="0.4", label=text)
+    axes.loglog(E, sweep.frequencies_hz[:, 0], "o", label="model, nucleus 400 Pa")
+    axes.loglog([YEAST_PA], [direct_hz], "s", color="C3", label=f"model at {YEAST_PA / 1e6:g} MPa: {direct_hz:.0f} Hz")
+    axes.set(xlabel="Young's modulus of the cytoplasm [Pa]", ylabel="first natural frequency [Hz]")
+    axes.legend(fontsize=8)
+    return figure
+
+
+def base_response(response: "BaseResponse") -> Figure:
+    """Transmissibility from base to top and nucleus over the frequency of the shaking, per direction."""
+    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    for i, axis in enumerate("xyz"):
+        upper.loglog(response.frequencies_hz, np.abs(response.top[i]), color=f"C{i}", label=f"top, {axis}")
+        upper.loglog(response.frequencies_hz, np.abs(response.nucleus[i]), ":", color=f"C{i}", label=f"nucleus, {axis}")
+        lower.loglog(response.frequencies_hz, response.relative_m[i], color=f"C{i}", label=axis)
+    for axes in (upper, lower):
+        axes.axvspan(10, 100, color="0.9", zorder=0)
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=8, ncols=3)
+    upper.set(ylabel="motion / motion of the base")
+    lower.set(ylabel="top against base [m] at 1 m/s²", xlabel="frequency of the shaking [Hz] (grey: 10 to 100 Hz)")
+    return figure
+
+
+def save(figure: Figure, file: Path) -> Path:
+    """Write a figure as PNG, whole or not at all."""
+    memory = io.BytesIO()
+    FigureCanvasAgg(figure).print_figure(memory, format="png", dpi=200)
+    return write_whole(file, memory.getvalue())
+
+
+def _axes() -> tuple[Figure, Any]:
+    figure = Figure(figsize=(5.6, 4.0), layout="constrained")
+    axes = figure.subplots()
+    axes.grid(alpha=0.3)
+    return figure, axes
+
+
+def _draw(
+    axes: Any, points: np.ndarray, faces: np.ndarray, value: np.ndarray | None, view: tuple[float, float],
+    *, line: float = 0.0,
+) -> None:  # fmt: skip
+    """Triangles seen from far away, x to the right, y up, lit from the upper left; `value` in 0..1 colours them.
+
+    An orthographic projection of our own: matplotlib's 3D axes clip a flat body and leave most of the panel empty.
+    """
+    turn, tilt = np.radians(view)
+    right = np.array([np.cos(turn), 0, np.sin(turn)])
+    toward = np.array([-np.sin(turn) * np.cos(tilt), np.sin(tilt), np.cos(turn) * np.cos(tilt)])
+    up = np.cross(toward, right)
+    corners = points[faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    light = (toward + 0.5 * up - 0.4 * right) / np.linalg.norm(toward + 0.5 * up - 0.4 * right)
+    shade = 0.6 + 0.4 * np.clip(normal @ light, 0, 1)
+    colour = np.tile((0.72, 0.80, 0.88, 1.0), (len(faces), 1)) if value is None else colormaps["viridis"](value)
+    colour[:, :3] *= shade[:, None]
+    seen = np.flatnonzero(normal @ toward > 0)
+    order = seen[np.argsort((corners @ toward).mean(axis=1)[seen])]
+    flat = np.stack([corners @ right, corners @ up], axis=-1)[order]
+    edge = colour[order] if line == 0 else (0, 0, 0, 0.6)
+    axes.add_collection(PolyCollection(list(flat), facecolors=colour[order], edgecolors=edge, linewidths=line or 0.2))
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+    axes.set_axis_off()
+
+
+def _name(analysis: Analysis) -> str:
+    return str(analysis.dome).replace("um", "µm") if analysis.dome else "own mesh"
+
+
+def _hertz(f: float) -> str:
+    return f"{f / 1e3:.3g} kHz" if f >= 1000 else f"{f:.4g} Hz"

@@ -1,0 +1,145 @@
+"""Meshes from and to files: VTU, MSH and STL in, VTU and the browser's compact file out."""
+
+import io
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fasbody.cell.mesh import surface_mesh
+from fasbody.cell.tetmesh import NUCLEUS, TetMesh
+from fasbody.console import to_json, write_whole
+from fasbody.exceptions import FasError, InputFileError, MeshError, MissingPackageError
+
+if TYPE_CHECKING:
+    from fasbody.cell.analysis import Analysis
+
+SUFFIXES = (".vtu", ".msh", ".stl")
+#: Names under which programs store region numbers.
+TAGS = ("region", "gmsh:physical", "medit:ref", "gmsh:geometrical")
+
+
+def read_mesh(
+    file: Path, *, um_per_unit: float = 1.0, nucleus_tag: int = NUCLEUS, nucleus: Path | None = None
+) -> TetMesh:
+    """A cell from a file, y pointing up, standing on its lowest plane.
+
+    Args:
+        file: VTU or MSH with tetrahedra of 4 or 10 nodes, or a closed STL surface, which gmsh fills.
+        um_per_unit: micrometres in one length unit of the file.
+        nucleus_tag: region number of the nucleus in the file's cell data `region`, `gmsh:physical` or `medit:ref`.
+        nucleus: closed STL surface of the nucleus, for an STL cell.
+
+    Raises:
+        InputFileError: the file cannot be read or is not a sound mesh.
+    """
+    if not file.is_file():
+        raise InputFileError(file, "there is no such file", "name a .vtu, .msh or .stl file")
+    if file.suffix.lower() not in SUFFIXES:
+        raise InputFileError(file, "is not a mesh format known here", "valid: .vtu, .msh, .stl")
+    try:
+        if file.suffix.lower() == ".stl":
+            surfaces = [_stl(path, um_per_unit) for path in (file, nucleus) if path is not None]
+            return surface_mesh(*surfaces)
+        return _volume(file, um_per_unit, nucleus_tag).check()
+    except MeshError as error:
+        raise InputFileError(file, str(error).rstrip(".")) from error
+
+
+def write_vtu(file: Path, analysis: "Analysis") -> Path:
+    """Write the mesh with region numbers and every mode as a point vector, largest displacement 1."""
+    meshio = _meshio()
+    mesh = analysis.model.assembly.mesh
+    u = displacements(analysis)
+    data = {f"mode_{i + 1:02d}": np.ascontiguousarray(mode) for i, mode in enumerate(u)}
+    kind = "tetra10" if mesh.tets.shape[1] == 10 else "tetra"
+    content = meshio.Mesh(
+        mesh.points_um, [(kind, mesh.tets)], point_data=data, cell_data={"region": [mesh.region.astype(np.int32)]}
+    )
+    with tempfile.TemporaryDirectory() as folder:  # meshio writes files only, and picks the format by the suffix
+        part = Path(folder) / "cell.vtu"
+        content.write(part)
+        return write_whole(file, part.read_bytes())
+
+
+def displacements(analysis: "Analysis") -> np.ndarray:
+    """Mode shapes (c, points, 3) at the mesh's points, largest displacement 1."""
+    u = analysis.model.assembly.expand(analysis.modes.vectors)[:, analysis.model.assembly.mesh_to_node]
+    return np.asarray(u / np.linalg.norm(u, axis=2).max(axis=1)[:, None, None])
+
+
+def write_browser(file: Path, analysis: "Analysis") -> Path:
+    """Write what a page needs to show the modes: a .npz of
+
+    - `vertices_um` (v, 3) float32: corners of the outer surface and of the nucleus' surface, y up [um];
+    - `faces` (f, 3) int32: triangles of the outer surface, normals outwards;
+    - `nucleus_faces` (g, 3) int32: triangles of the nucleus' surface (none without a nucleus);
+    - `modes` (c, v, 3) float32: displacement at each vertex, largest over the whole cell 1;
+    - `frequencies_hz` (c,) float64;
+    - `document`: the JSON text of ``--json`` (labels, nucleus shares, errors, preset).
+    """
+    mesh = analysis.model.assembly.mesh
+    outer = np.asarray(mesh.surface.faces)
+    inside = mesh.region == NUCLEUS
+    inner = np.asarray(TetMesh(mesh.points_um, mesh.tets[inside], mesh.region[inside]).surface.faces).reshape(-1, 3)
+    used, renumbered = np.unique(np.concatenate([outer, inner]), return_inverse=True)
+    faces = renumbered.reshape(-1, 3).astype(np.int32)
+    memory = io.BytesIO()
+    np.savez_compressed(
+        memory,
+        vertices_um=mesh.points_um[used].astype(np.float32),
+        faces=faces[: len(outer)],
+        nucleus_faces=faces[len(outer) :],
+        modes=displacements(analysis)[:, used].astype(np.float32),
+        frequencies_hz=analysis.frequencies_hz,
+        document=np.array(to_json(analysis.document())),
+    )
+    return write_whole(file, memory.getvalue())
+
+
+def _volume(file: Path, um_per_unit: float, nucleus_tag: int) -> TetMesh:
+    meshio = _meshio()
+    try:
+        content = meshio.read(file)
+    except FasError:
+        raise
+    except (Exception, SystemExit) as error:  # meshio raises whatever its parsers raise, and exits on some formats
+        raise InputFileError(file, f"cannot be read ({error or type(error).__name__})") from error
+    blocks = [i for i, block in enumerate(content.cells) if block.type in ("tetra", "tetra10")]
+    kinds = {content.cells[i].type for i in blocks}
+    if len(kinds) != 1:
+        have = ", ".join(sorted({block.type for block in content.cells})) or "nothing"
+        raise InputFileError(file, f"holds {have}", "tetrahedra of one kind are needed, 4 or 10 nodes each")
+    tets = np.concatenate([content.cells[i].data for i in blocks]).astype(np.int64)
+    name = next((name for name in TAGS if name in content.cell_data), None)
+    tags = np.concatenate([content.cell_data[name][i] for i in blocks]) if name else np.zeros(len(tets))
+    used, renumbered = np.unique(tets, return_inverse=True)
+    points = np.asarray(content.points[used], dtype=np.float64) * um_per_unit
+    if not np.isfinite(points).all():
+        raise InputFileError(file, "has points that are not finite numbers")
+    return TetMesh(points, renumbered.reshape(tets.shape), (tags == nucleus_tag).astype(np.int64))
+
+
+def _stl(file: Path, um_per_unit: float) -> Any:
+    try:
+        import trimesh
+    except ImportError as error:
+        raise MissingPackageError("trimesh", "cell") from error
+    try:
+        surface = trimesh.load_mesh(file)
+    except Exception as error:  # trimesh raises whatever its parsers raise
+        raise InputFileError(file, f"cannot be read as STL ({error})") from error
+    if len(surface.faces) == 0:
+        raise InputFileError(file, "holds no triangles")
+    surface.merge_vertices()
+    surface.apply_scale(um_per_unit)
+    return surface
+
+
+def _meshio() -> Any:
+    try:
+        import meshio
+    except ImportError as error:
+        raise MissingPackageError("meshio", "cell") from error
+    return meshio

@@ -1,0 +1,228 @@
+"""Bodies whose frequencies are known without finite elements, and how fast the cell's own converge."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+from scipy.optimize import brentq, minimize_scalar
+from scipy.special import spherical_jn
+
+from fasbody.cell.analysis import assemblies
+from fasbody.cell.assembly import assemble
+from fasbody.cell.dome import Dome
+from fasbody.cell.materials import Material, Preset
+from fasbody.cell.mesh import MeshSize, ball_mesh, dome_mesh
+from fasbody.cell.modal import CellModel, solve
+from fasbody.cell.tetmesh import TetMesh
+
+
+@dataclass(frozen=True)
+class Check:
+    """A computed number beside the one it must be.
+
+    Args:
+        name: what is compared.
+        computed, reference: the two numbers.
+        dof: unknowns of the computation.
+        allowed: largest relative difference that passes.
+    """
+
+    name: str
+    computed: float
+    reference: float
+    dof: int
+    allowed: float
+
+    @property
+    def error(self) -> float:
+        """Relative difference."""
+        return abs(self.computed / self.reference - 1)
+
+    @property
+    def passed(self) -> bool:
+        """The difference is no larger than allowed."""
+        return self.error <= self.allowed
+
+    def document(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        return {key: getattr(self, key) for key in (*self.__dataclass_fields__, "error", "passed")}
+
+    def __str__(self) -> str:
+        return (
+            f"{'ok  ' if self.passed else 'FAIL'} {self.name}: {self.computed:.6g}, reference {self.reference:.6g}, "
+            f"error {self.error:.1e} (allowed {self.allowed:.0e}, {self.dof} unknowns)"
+        )
+
+
+def lamb_torsional(n: int) -> float:
+    """Lowest x = omega R / c_s of the torsional modes of degree n >= 2 of a free sphere (Lamb 1881)."""
+    return _first_root(lambda x: (n - 1) * spherical_jn(n, x) - x * spherical_jn(n + 1, x))
+
+
+def lamb_spheroidal(n: int, nu: float) -> float:
+    """Lowest x = omega R / c_s of the spheroidal modes of degree n >= 2 of a free sphere (Lamb 1881)."""
+    slow = np.sqrt((1 - 2 * nu) / (2 * (1 - nu)))  # c_s / c_p
+
+    def determinant(x: float) -> float:
+        y = slow * x
+        j_x, j_y, k_x, k_y = (spherical_jn(m, z) for m in (n, n + 1) for z in (x, y))
+        t_11 = (n**2 - n - x**2 / 2) * j_y + 2 * y * k_y
+        t_13 = n * (n + 1) * ((n - 1) * j_x - x * k_x)
+        t_41 = (n - 1) * j_y - y * k_y
+        t_43 = (n**2 - 1 - x**2 / 2) * j_x + x * k_x
+        return float(t_11 * t_43 - t_13 * t_41)
+
+    return _first_root(determinant)
+
+
+def timoshenko_cantilever(E: float, rho: float, length: float, side: float) -> float:
+    """Lowest bending frequency [Hz] of a clamped square beam with nu = 0 (shear coefficient 5/6), lengths in m."""
+    A, inertia, shear = side**2, side**4 / 12, 5 / 6 * E / 2
+
+    def free_end(omega: float) -> float:
+        # along the beam: deflection, rotation, moment, shear force
+        along = np.array(
+            [
+                [0, 1, 0, 1 / (shear * A)],
+                [0, 0, 1 / (E * inertia), 0],
+                [0, -rho * inertia * omega**2, 0, -1],
+                [-rho * A * omega**2, 0, 0, 0],
+            ]
+        )
+        return float(np.linalg.det(expm(along * length)[2:, 2:]))
+
+    slender = 1.8751**2 * np.sqrt(E * inertia / (rho * A)) / length**2  # Euler and Bernoulli: an upper bound
+    return brentq(free_end, 0.5 * slender, 1.05 * slender) / (2 * np.pi)
+
+
+def check_sphere(size: float = 0.3, nu: float = 0.37) -> list[Check]:
+    """A free ball: six rigid-body modes, then five torsional and five spheroidal modes of degree 2."""
+    model = CellModel(assemble(ball_mesh(1.0, size), clamped=False), (Material(1.0, nu, 1.0),) * 2, 1.0)
+    c_s = np.sqrt(1 / (2 * (1 + nu)))
+    f_t, f_s = (x * c_s / (2 * np.pi) for x in (lamb_torsional(2), lamb_spheroidal(2, nu)))
+    modes = solve(model, 16, shift_hz2=-(f_t**2) / 4)
+    f, dof = modes.frequencies_hz, model.assembly.dof
+    return [
+        Check("free sphere, torsional modes of degree 2, mean of 5 [Hz]", f[6:11].mean(), f_t, dof, 1e-3),
+        Check("free sphere, spheroidal modes of degree 2, mean of 5 [Hz]", f[11:16].mean(), f_s, dof, 1e-3),
+        Check("free sphere, 1 + largest rigid-body frequency / first elastic", 1 + f[5] / f[6], 1.0, dof, 1e-4),
+    ]
+
+
+def check_cantilever(length: float = 10.0, parts: int = 20) -> list[Check]:
+    """An upright square beam clamped at its foot, nu = 0, against Timoshenko's theory."""
+    from skfem import MeshTet
+
+    across = np.linspace(-0.5, 0.5, 3)
+    box = MeshTet.init_tensor(across, np.linspace(0, length, parts + 1), across)
+    tets = box.t.T.copy()
+    inverted = np.linalg.det(np.diff(box.p.T[tets], axis=1)) < 0
+    tets[inverted] = tets[inverted][:, [1, 0, 2, 3]]
+    mesh = TetMesh(box.p.T.copy(), tets.astype(np.int64), np.zeros(len(tets), dtype=np.int64)).check()
+    model = CellModel(assemble(mesh), (Material(100.0, 0.0, 1000.0),) * 2)
+    f = solve(model, 2).frequencies_hz
+    reference = timoshenko_cantilever(100.0, 1000.0, length * 1e-6, 1e-6)
+    name = "clamped square beam, length 10 sides, first bending pair [Hz]"
+    return [Check(name, f.mean(), reference, model.assembly.dof, 1e-3)]
+
+
+def check_scaling(preset: Preset, dome: Dome, size: MeshSize, cache: Path | None = None) -> list[Check]:
+    """Scaling f ~ 1 / L, sqrt(E), 1 / sqrt(rho): exact on any mesh, so any slip of units in the code would show."""
+    assembly = assemblies(dome, size, cache)[1]
+
+    def first(E: float, rho: float, length: float) -> float:
+        cytoplasm, nucleus = (replace(m, E=m.E * E, rho=m.rho * rho) for m in preset.materials)
+        model = CellModel(assembly, (cytoplasm, nucleus), preset.metres_per_um * length)
+        return float(solve(model, 1).frequencies_hz[0])
+
+    f = first(1, 1, 1)
+    cases = (
+        ("1 / L", first(1, 1, 1e-3), 1e3),
+        ("sqrt(E)", first(16, 1, 1), 4.0),
+        ("1 / sqrt(rho)", first(1, 4, 1), 0.5),
+    )
+    return [Check(f"f1 ~ {law}, ratio", value / f, expected, assembly.dof, 1e-9) for law, value, expected in cases]
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Frequencies on ever finer meshes, and the f_inf + C h^p that fits them with one order p for all modes.
+
+    Args:
+        sizes_um: element sizes h (n,), falling [um]; nucleus and rim are refined in proportion.
+        dof: unknowns (n,), rising.
+        frequencies_hz: frequencies (n, c) [Hz].
+        order: observed order p.
+        limit_hz: Richardson's limit f_inf (c,) [Hz].
+    """
+
+    sizes_um: NDArray[np.float64]
+    dof: NDArray[np.int64]
+    frequencies_hz: NDArray[np.float64]
+    order: float
+    limit_hz: NDArray[np.float64]
+
+    @classmethod
+    def fit(
+        cls, sizes_um: NDArray[np.float64], dof: NDArray[np.int64], frequencies_hz: NDArray[np.float64]
+    ) -> "Convergence":
+        """Observe order and limit on three meshes or more, by least squares in relative frequency."""
+        relative = frequencies_hz / frequencies_hz[-1]
+
+        def fitted(p: float) -> tuple[NDArray[np.float64], float]:
+            columns = np.stack([np.ones(len(dof)), (sizes_um / sizes_um[-1]) ** p], axis=1)
+            solution, *_ = np.linalg.lstsq(columns, relative, rcond=None)
+            return solution[0] * frequencies_hz[-1], float(((columns @ solution - relative) ** 2).sum())
+
+        best = minimize_scalar(lambda p: fitted(p)[1], bounds=(0.2, 8.0), method="bounded")
+        return cls(sizes_um, dof, frequencies_hz, float(best.x), fitted(best.x)[0])
+
+    @property
+    def change(self) -> NDArray[np.float64]:
+        """Relative change (n - 1, c) from each mesh to the next finer one."""
+        return np.asarray(np.abs(self.frequencies_hz[:-1] / self.frequencies_hz[1:] - 1))
+
+    @property
+    def errors(self) -> NDArray[np.float64]:
+        """Relative error (n, c) against the limit."""
+        return np.asarray(np.abs(self.frequencies_hz / self.limit_hz - 1))
+
+    def document(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        return {key: getattr(self, key) for key in (*self.__dataclass_fields__, "change", "errors")}
+
+    def __str__(self) -> str:
+        rows = [
+            f"  {n} unknowns: f1 {f[0]:.6g} Hz, largest error of f1..f{len(f)} {e.max():.2%} against the limit"
+            for n, f, e in zip(self.dof, self.frequencies_hz, self.errors, strict=True)
+        ]
+        rows += [
+            f"  from {a} to {b} unknowns f1..f{len(self.limit_hz)} change by at most {c.max():.2%}"
+            for a, b, c in zip(self.dof, self.dof[1:], self.change, strict=False)
+        ]
+        return "\n".join([f"mesh convergence: observed order {self.order:.1f}", *rows])
+
+
+def convergence(
+    preset: Preset, dome: Dome, sizes: tuple[float, ...] = (4.4, 3.2, 2.3), count: int = 10,
+    cache: Path | None = None, advance: Callable[[], object] = lambda: None,
+) -> Convergence:  # fmt: skip
+    """Solve on several meshes; about 12,000, 25,000 and 60,000 unknowns on the 100 x 40 um dome."""
+    dof, rows = [], []
+    for size in sizes:
+        assembly = assemble(dome_mesh(dome, MeshSize.of(size), cache=cache))
+        dof.append(assembly.dof)
+        rows.append(solve(CellModel(assembly, preset.materials, preset.metres_per_um), count).frequencies_hz)
+        advance()
+    return Convergence.fit(np.array(sizes), np.array(dof), np.array(rows))
+
+
+def _first_root(f: Callable[[float], float], start: float = 0.5, stop: float = 30.0, steps: int = 3000) -> float:
+    x = np.linspace(start, stop, steps)
+    y = np.array([f(value) for value in x])
+    first = int(np.flatnonzero(y[:-1] * y[1:] < 0)[0])
+    return float(brentq(f, x[first], x[first + 1], xtol=1e-14))

@@ -1,0 +1,172 @@
+"""Viscoelastic cytoplasm and nucleus: standard linear solids, complex frequencies and damping (thesis, Chapter 6).
+
+A standard linear solid is a spring E beside a spring g E in series with a dashpot:
+
+    E(s) = E (1 + g s tau / (1 + s tau)),
+
+E at rest, (1 + g) E when shaken fast. With an internal displacement q_r for the dashpots of each region the modes are
+the eigenvalues of a linear problem. It is solved in a small basis (modes, and how the nucleus bends them) and the
+residual of the full equations is reported with every result; with one and the same solid in both regions the basis is
+exact. Membrane and cytoskeleton stay elastic.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from fasbody.cell.inverse import fastest, inverse
+from fasbody.cell.modal import CellModel, solve
+from fasbody.cell.tetmesh import CYTOPLASM, NUCLEUS
+from fasbody.exceptions import SettingError
+
+
+@dataclass(frozen=True)
+class StandardLinearSolid:
+    """Relaxation of one region.
+
+    Args:
+        g: instantaneous stiffness over stiffness at rest, minus 1.
+        tau: relaxation time at constant strain [s].
+
+    Raises:
+        SettingError: g is negative or tau not positive.
+    """
+
+    g: float
+    tau: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.g) and self.g >= 0):
+            raise SettingError(f"the relaxing share of stiffness must be 0 or more, not {self.g}.")
+        if not (math.isfinite(self.tau) and self.tau > 0):
+            raise SettingError(f"the relaxation time must be a positive number of s, not {self.tau}.")
+
+    def __call__(self, s: Any) -> Any:
+        """E(s) / E at complex frequency `s` [rad/s]."""
+        return 1 + self.g * s * self.tau / (1 + s * self.tau)
+
+
+Solids = tuple[StandardLinearSolid, StandardLinearSolid]
+
+
+@dataclass(frozen=True)
+class ReducedCell:
+    """A cell in a small M-orthonormal basis.
+
+    Args:
+        model: the full cell.
+        basis: vectors (dof, m).
+        stiffness: stiffness of each region in the basis, (m, m) each, then what does not relax.
+        loads: basis^T M times unit translations (m, 3).
+        reach_hz: highest mode in the basis; above it the other vectors stand in for modes that are missing [Hz].
+    """
+
+    model: CellModel
+    basis: NDArray[np.float64]
+    stiffness: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+    loads: NDArray[np.float64]
+    reach_hz: float
+
+    @classmethod
+    def of(cls, model: CellModel, count: int) -> "ReducedCell":
+        """Basis of `count` modes, their correction by the nucleus, and the deflection under steady acceleration."""
+        modes = solve(model, count)
+        apply = inverse(model.K, fastest())
+        K_n = model.stiffness(NUCLEUS)
+        columns = np.column_stack([K_n @ modes.vectors, model.M @ model.rigid])
+        vectors = np.column_stack([modes.vectors, *(apply(column) for column in columns.T)])
+        basis = _orthonormal(vectors, model.M)
+        parts = (model.stiffness(CYTOPLASM), K_n, model.additions)
+        cytoplasm, nucleus, rest = (basis.T @ (part @ basis) for part in parts)
+        loads = basis.T @ (model.M @ model.rigid)
+        return cls(model, basis, (cytoplasm, nucleus, rest), loads, float(modes.frequencies_hz[-1]))
+
+    def dynamic_stiffness(self, s: complex, solids: Solids) -> NDArray[np.complex128]:
+        """K(s) in the basis (m, m) [1/s^2]."""
+        cytoplasm, nucleus, rest = self.stiffness
+        return np.asarray(solids[CYTOPLASM](s) * cytoplasm + solids[NUCLEUS](s) * nucleus + rest)
+
+
+@dataclass(frozen=True)
+class DampedModes:
+    """Oscillating modes of a viscoelastic cell, by rising frequency.
+
+    Args:
+        s: complex eigenvalues (c,) with positive imaginary part [rad/s].
+        residuals: |s^2 M x + K(s) x| / |K(s) x| in the full unknowns (c,).
+        elastic_hz: frequencies of the same cell at rest stiffness (c,) [Hz].
+    """
+
+    s: NDArray[np.complex128]
+    residuals: NDArray[np.float64]
+    elastic_hz: NDArray[np.float64]
+
+    @property
+    def frequencies_hz(self) -> NDArray[np.float64]:
+        """Damped frequencies (c,) [Hz]."""
+        return self.s.imag / (2 * np.pi)
+
+    @property
+    def damping(self) -> NDArray[np.float64]:
+        """Damping ratios (c,)."""
+        return np.asarray(-self.s.real / np.abs(self.s))
+
+    def document(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        return {
+            "frequencies_hz": self.frequencies_hz,
+            "damping_ratio": self.damping,
+            "elastic_hz": self.elastic_hz,
+            "residuals": self.residuals,
+        }
+
+    def __str__(self) -> str:
+        rows = zip(self.frequencies_hz, self.damping, self.elastic_hz, strict=True)
+        return "\n".join(
+            f"  mode {i + 1:2d}  {f:10.4g} Hz, damping {z:.3%} (elastic {e:.4g} Hz)" for i, (f, z, e) in enumerate(rows)
+        )
+
+
+def damped_modes(cell: ReducedCell, solids: Solids, count: int = 10) -> DampedModes:
+    """The `count` lowest oscillating modes.
+
+    State (u, v, q_1, q_2): s u = v, s v = -(K + sum g_r K_r) u + sum g_r K_r q_r, s q_r = (u - q_r) / tau_r.
+    """
+    m = cell.basis.shape[1]
+    one, zero = np.eye(m), np.zeros((m, m))
+    first, second = solids
+    K_1, K_2, rest = cell.stiffness
+    fast = (1 + first.g) * K_1 + (1 + second.g) * K_2 + rest
+    state = np.block(
+        [
+            [zero, one, zero, zero],
+            [-fast, zero, first.g * K_1, second.g * K_2],
+            [one / first.tau, zero, -one / first.tau, zero],
+            [one / second.tau, zero, zero, -one / second.tau],
+        ]
+    )
+    values, vectors = scipy.linalg.eig(state)
+    swinging = np.flatnonzero(values.imag > 1e-6 * np.abs(values))
+    order = swinging[np.argsort(values[swinging].imag)][:count]
+    s, x = values[order], cell.basis @ vectors[:m, order]
+    model = cell.model
+    K_1x, K_2x, Mx = (matrix @ x for matrix in (model.stiffness(CYTOPLASM), model.stiffness(NUCLEUS), model.M))
+    restoring = first(s) * K_1x + second(s) * K_2x + model.additions @ x
+    residuals = np.linalg.norm(s**2 * Mx + restoring, axis=0) / np.linalg.norm(restoring, axis=0)
+    at_rest = scipy.linalg.eigh(sum(cell.stiffness), eigvals_only=True)[: len(s)]
+    return DampedModes(s, residuals, np.sqrt(at_rest) / (2 * np.pi))
+
+
+def _orthonormal(vectors: NDArray[np.float64], M: sp.csr_array) -> NDArray[np.float64]:
+    """M-orthonormal basis of the columns' span; directions that add nothing are dropped."""
+    vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, M @ vectors))
+    for _ in range(2):  # the second pass removes what rounding left of the first
+        values, turn = np.linalg.eigh(vectors.T @ (M @ vectors))
+        keep = values > 1e-10 * values[-1]
+        vectors = vectors @ (turn[:, keep] / np.sqrt(values[keep]))
+    return vectors

@@ -1,0 +1,137 @@
+"""Command `python -m identification.blackbox`: black-box models of recordings, with what the data cannot tell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fasbody.console import command_line, console, print_json, progress_bar, to_json, write_whole
+from fasbody.exceptions import SettingError, unknown
+
+from . import data, report
+from .identify import ALL, DEFAULT, Report, identify
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
+
+EXAMPLES = """
+Linear and Hammerstein-Wiener models of recordings with one input and one output.
+
+Works on a study folder, on recordings (time_s, base_m_s2, malleolus_m_s2) and on any CSV with two signals. Orders are
+ranked by free simulation of held-out data; warnings say what the input did not excite.
+
+[bold]Examples[/]
+
+  python -m identification.blackbox recording.csv
+
+  python -m identification.blackbox motor.csv --input volts --output speed --sample-time 0.01
+
+  python -m identification.blackbox recording.csv --structures oe,ss --orders "oe=4,4,1;ss=4" --json
+
+  python -m identification.blackbox study/ --pool --structures oe --out results/
+"""
+
+
+@app.command(help=EXAMPLES)
+def main(
+    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="CSV files or study folders.")],
+    input: Annotated[str, typer.Option(help="Input column, by name or number from 1.")] = "",
+    output: Annotated[str, typer.Option(help="Output column, by name or number from 1.")] = "",
+    sample_time: Annotated[float | None, typer.Option(help=r"Sample time \[s] when there is no time column.")] = None,
+    structures: Annotated[str, typer.Option(help=f"Of {', '.join(ALL)}, separated by commas.")] = ",".join(DEFAULT),
+    orders: Annotated[
+        str, typer.Option(help='"auto", or orders as in Table 3.2: "oe=4,4,1;ss=4" (others are selected).')
+    ] = "auto",
+    split: Annotated[float, typer.Option(help="Fraction used for estimation; the rest is held out.")] = 0.5,
+    pool: Annotated[bool, typer.Option("--pool", help="One model of all recordings, an initial state each.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for result.json, models.csv and figures.")] = None,
+) -> None:
+    """Identify, report, draw."""
+    chosen = tuple(name.strip().lower() for name in structures.split(",") if name.strip())
+    if not chosen:
+        raise SettingError(f"no structure named (valid: {', '.join(ALL)}).")
+    for name in chosen:
+        if name not in ALL:
+            raise SettingError(unknown("structure", name, ALL) + ".")
+    if not 0.0 < split < 1.0:
+        raise SettingError(f"split {split:g} is not between 0 and 1.")
+    wanted = parse_orders(orders, chosen)
+    recordings = [
+        series for path in files for series in data.read(path, input=input, output=output, sample_time=sample_time)
+    ]
+    groups = [recordings] if pool else [[series] for series in recordings]
+    reports: list[Report] = []
+    with progress_bar() as progress:
+        task = progress.add_task("", total=len(groups) * (len(chosen) + 1))
+        for group in groups:
+            name = group[0].name if len(group) == 1 else f"{len(group)} pooled"
+
+            def step(text: str, name: str = name) -> None:
+                progress.update(task, advance=1, description=f"{name}: {text}")
+
+            reports.append(identify(group, chosen, wanted, split, step))
+    document = report.document(reports)
+    if json:
+        print_json(document)
+    _show(reports, pool)
+    if out is not None:
+        _write(out, reports, document)
+
+
+def parse_orders(text: str, structures: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
+    """Orders by structure from the option's text.
+
+    Raises:
+        SettingError: it cannot be read, or names a structure that is not asked for.
+    """
+    if text.strip().lower() == "auto":
+        return {}
+    wanted = {}
+    for entry in text.split(";"):
+        name, _, numbers = entry.rpartition("=")
+        name = name.strip().lower() or (structures[0] if len(structures) == 1 else "")
+        if name not in structures:
+            raise SettingError(f"orders {entry.strip()!r}: " + unknown("structure", name, structures) + ".")
+        try:
+            wanted[name] = tuple(int(number) for number in numbers.split(","))
+        except ValueError as error:
+            raise SettingError(
+                f'orders {entry.strip()!r} are not whole numbers; write them as "oe=4,4,1;ss=4" or "auto".'
+            ) from error
+    return wanted
+
+
+def _show(reports: list[Report], pool: bool) -> None:
+    for one in reports:
+        console.print(report.single_table(one))
+        sentences: dict[str, list[str]] = {}
+        for name, found in one.models.items():
+            for text in found.warnings:
+                sentences.setdefault(text, []).append(name.upper())
+        for text, names in sentences.items():
+            console.print(f"  [yellow]{', '.join(names)}:[/] {text}", soft_wrap=True)
+        for extra in (one.rational, one.left_out, *one.failures):
+            if extra:
+                console.print(f"  {extra}", soft_wrap=True, markup=False)
+    if len(reports) > 1:
+        console.print(report.thesis_table(reports))
+        if not pool and any(one.excitation.single_sine for one in reports):
+            console.print("These are single sines: [bold]--pool[/] estimates one model from all of them together.")
+
+
+def _write(folder: Path, reports: list[Report], document: dict[str, object]) -> None:
+    from . import figures
+
+    write_whole(folder / "result.json", to_json(document))
+    write_whole(folder / "models.csv", report.csv_text(reports))
+    for one in reports:
+        stem = "".join(c if c.isalnum() or c in "-_." else "_" for c in one.name)
+        for name, content in figures.all_figures(one).items():
+            write_whole(folder / f"{stem}_{name}.png", content)
+    console.print(f"written to {folder}", markup=False)
+
+
+if __name__ == "__main__":
+    command_line(app)

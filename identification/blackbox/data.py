@@ -1,0 +1,224 @@
+"""Input, output and sample time of one recording, checked, and the reader of CSV files and study folders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from fasbody.exceptions import InputFileError, RecordingError, SettingError, unknown
+from fasbody.recording import Recording, Study
+
+SHORTEST = 20  # samples; below this not even a first-order model and its initial state can be judged
+TIME_NAMES = ("time_s", "time", "t")
+INPUT_NAMES = ("base_m_s2", "u", "input")
+OUTPUT_NAMES = ("malleolus_m_s2", "y", "output")
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """One recording of a single-input single-output system.
+
+    Attributes:
+        u: input, shape (N,).
+        y: output, shape (N,).
+        sample_time: seconds between samples.
+        name: what to call it in tables and messages.
+
+    Raises:
+        RecordingError: the arrays cannot identify anything; one sentence says why.
+    """
+
+    u: np.ndarray
+    y: np.ndarray
+    sample_time: float
+    name: str = "recording"
+
+    def __post_init__(self) -> None:
+        """Keep the arrays as read-only floats and check them."""
+        for field in ("u", "y"):
+            values = np.array(getattr(self, field), dtype=float)
+            values.setflags(write=False)
+            object.__setattr__(self, field, values)
+        problem = find_problem(self.u, self.y, self.sample_time)
+        if problem:
+            raise RecordingError(f"{self.name}: {problem}.")
+
+    def __len__(self) -> int:
+        return len(self.u)
+
+    @property
+    def time(self) -> np.ndarray:
+        """Seconds from the first sample, shape (N,)."""
+        return np.arange(len(self)) * self.sample_time
+
+    def cut(self, start: int, stop: int) -> Series:
+        """The samples from `start` up to, not including, `stop`."""
+        return replace(self, u=self.u[start:stop], y=self.y[start:stop])
+
+    def split(self, fraction: float = 0.5) -> tuple[Series, Series]:
+        """The first `fraction` for estimation and the rest for validation, both less the means of the first.
+
+        Raises:
+            SettingError: `fraction` leaves one part shorter than any model needs.
+        """
+        middle = round(fraction * len(self))
+        if not SHORTEST <= middle <= len(self) - SHORTEST:
+            raise SettingError(
+                f"split {fraction:g} of {len(self)} samples leaves a part with fewer than {SHORTEST} samples; "
+                "choose a fraction nearer to 0.5 or a longer recording."
+            )
+        u_mean, y_mean = self.u[:middle].mean(), self.y[:middle].mean()
+        centred = replace(self, u=self.u - u_mean, y=self.y - y_mean)
+        return centred.cut(0, middle), centred.cut(middle, len(self))
+
+    def centred(self) -> Series:
+        """The recording less its means: linear models describe motion about the mean."""
+        return replace(self, u=self.u - self.u.mean(), y=self.y - self.y.mean())
+
+
+def find_problem(u: np.ndarray, y: np.ndarray, sample_time: float) -> str:
+    """What makes these arrays useless for identification, as a clause, or an empty string."""
+    if u.ndim != 1 or u.shape != y.shape:
+        return f"input and output must be two columns of equal length, not of shapes {u.shape} and {y.shape}"
+    if not (np.isfinite(sample_time) and sample_time > 0):
+        return f"the sample time must be a positive number of seconds, not {sample_time}"
+    if len(u) < SHORTEST:
+        return f"{len(u)} samples are too few; at least {SHORTEST} are needed"
+    for signal, label in ((u, "input"), (y, "output")):
+        if not np.isfinite(signal).all():
+            first = int(np.argmin(np.isfinite(signal)))
+            return f"the {label} is not a finite number at sample {first + 1}; cut or mend the gap first"
+    if np.ptp(u) <= 1e-12 * np.abs(u).max(initial=1e-300):
+        what = "zero throughout: an output without input" if not u.any() else "constant"
+        return f"the input is {what}, so no response to it can be seen; record while the base is shaken"
+    if np.ptp(y) <= 1e-12 * np.abs(y).max(initial=1e-300):
+        return "the output is constant, so it shows no response; check the sensor and the column"
+    if np.array_equal(u, y):
+        return "input and output are the same signal; name two different columns or sensors"
+    if _grows_without_bound(u, y):
+        return (
+            "the output grows from beginning to end while the input does not, as of an unstable system; free "
+            "simulation cannot be judged on it, so cut the recording to its stationary part"
+        )
+    return ""
+
+
+def _grows_without_bound(u: np.ndarray, y: np.ndarray) -> bool:
+    """Whether the output's level rises by a fifth or more in every tenth of the record, the input's not."""
+    blocks = 10
+    size = len(y) // blocks
+    levels = [
+        np.sqrt(np.mean((signal[: blocks * size].reshape(blocks, size) - signal[:size].mean()) ** 2, axis=1))
+        for signal in (y, u)
+    ]
+    growth = [level[1:] / np.maximum(level[:-1], 1e-300) for level in levels]
+    return bool(np.all(growth[0] > 1.2) and not np.all(growth[1] > 1.1))
+
+
+def read(path: Path, *, input: str = "", output: str = "", sample_time: float | None = None) -> list[Series]:
+    """Every recording at `path`: a CSV file, or a study folder (base to malleolus).
+
+    Raises:
+        InputFileError: nothing readable is there.
+    """
+    if path.is_dir():
+        return [from_recording(recording) for recording in Study.read(path)]
+    return [read_csv(path, input=input, output=output, sample_time=sample_time)]
+
+
+def from_recording(recording: Recording) -> Series:
+    """A foot's recording as a system from base to malleolus acceleration."""
+    name = Path(recording.file).stem
+    return Series(recording.base_m_s2, recording.malleolus_m_s2, 1 / recording.rate_hz, name)
+
+
+def read_csv(path: Path, *, input: str = "", output: str = "", sample_time: float | None = None) -> Series:
+    """A `Series` from a CSV file with named columns, or with two (input, output) or three (time first) columns.
+
+    Args:
+        path: the file; the first row may name the columns.
+        input: name or 1-based number of the input column; default: a usual name, else the first after time.
+        output: the same for the output; default: a usual name, else the one after the input.
+        sample_time: seconds; default: from the time column.
+
+    Raises:
+        InputFileError: the file, a column or the time column cannot be used.
+        RecordingError: the signals cannot identify anything.
+    """
+    table = _table(path)
+    names = [str(name) for name in table.columns]
+    time_name = next((name for name in names if name.strip().lower() in TIME_NAMES), None)
+    if time_name is None and len(names) == 3 and sample_time is None and not (input or output):
+        time_name = names[0]
+    signals = [name for name in names if name != time_name]
+    input_name = _column(path, names, signals, input, INPUT_NAMES, "input")
+    others = [name for name in signals if name != input_name]
+    output_name = _column(path, names, others, output, OUTPUT_NAMES, "output")
+    if sample_time is None:
+        if time_name is None:
+            raise InputFileError(path, "has no time column", "name one 'time_s' or give --sample-time in seconds")
+        sample_time = _sample_time(path, _numbers(path, table, time_name))
+    u, y = _numbers(path, table, input_name), _numbers(path, table, output_name)
+    problem = find_problem(u, y, sample_time)
+    if problem:
+        raise RecordingError(f"{path}: {problem}.")
+    return Series(u, y, sample_time, path.stem)
+
+
+def _table(path: Path) -> pd.DataFrame:
+    try:
+        with path.open(encoding="utf-8-sig") as file:
+            first = file.readline()
+        cells = [cell.strip() for cell in first.replace(";", ",").replace("\t", ",").split(",")]
+        separator = next((mark for mark in (";", "\t") if mark in first), ",")
+        headed = not all(_is_number(cell) for cell in cells if cell)
+        table = pd.read_csv(path, sep=separator, header=0 if headed else None, skipinitialspace=True, comment="#")
+    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        reason = getattr(error, "strerror", None) or str(error).splitlines()[0].rstrip(".")
+        raise InputFileError(path, f"cannot be read as CSV ({reason})", "give rows of numbers") from error
+    if not headed:
+        table.columns = [f"column {number}" for number in range(1, table.shape[1] + 1)]
+    return table.rename(columns=lambda name: str(name).strip())
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _column(path: Path, names: list[str], free: list[str], asked: str, usual: tuple[str, ...], role: str) -> str:
+    if asked:
+        if asked in names:
+            return asked
+        if asked.isdigit() and 1 <= int(asked) <= len(names):
+            return names[int(asked) - 1]
+        raise InputFileError(path, unknown(f"{role} column", asked, names))
+    for name in usual:
+        if name in free:
+            return name
+    if not free:
+        raise InputFileError(path, f"has no column left for the {role}", "two signals are needed, input and output")
+    return free[0]
+
+
+def _numbers(path: Path, table: pd.DataFrame, name: str) -> np.ndarray:
+    try:
+        return table[name].to_numpy(dtype=float)
+    except (ValueError, TypeError) as error:
+        raise InputFileError(path, f"column {name!r} holds something that is not a number ({error})") from error
+
+
+def _sample_time(path: Path, time: np.ndarray) -> float:
+    steps = np.diff(time)
+    if len(steps) == 0 or not np.isfinite(steps).all() or steps.min() <= 0:
+        raise InputFileError(path, "its time column does not increase from row to row", "give --sample-time instead")
+    step = float((time[-1] - time[0]) / len(steps))
+    if np.abs(steps - step).max() > 0.01 * step + 2e-6:  # 2 us: times written with few decimals
+        raise InputFileError(path, "is not sampled uniformly", "resample it, or give --sample-time if it is")
+    return step

@@ -1,0 +1,180 @@
+"""What an input can tell: its excitation order, the band it excites, and single sines with their harmonics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from .data import Series
+
+THRESHOLD = 1e-3  # of the largest singular value: weaker directions drown in sensor noise, whatever eps allows
+LAGS = 200  # the largest excitation order looked for
+SIGNIFICANT = 20.0  # times the median power: noise of a whole record reaches 14 to 17
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """What the input of one recording, or of several pooled, excites.
+
+    Attributes:
+        rank: order of persistent excitation, counted up to `limit`; the number of plant parameters it determines.
+        limit: number of lags examined.
+        frequency_hz: fundamental of a periodic input; NaN otherwise.
+        harmonics: significant multiples of the fundamental, 1 included; empty unless the input is a single sine.
+        band_hz: frequencies at which the input stands out, shape (M,), rising.
+    """
+
+    rank: int
+    limit: int
+    frequency_hz: float
+    harmonics: tuple[int, ...]
+    band_hz: np.ndarray
+
+    @property
+    def single_sine(self) -> bool:
+        """Whether the input is one sine with its harmonics."""
+        return bool(self.harmonics)
+
+    def warning(self, parameters: int) -> str:
+        """The sentence for a model with `parameters` plant coefficients, or an empty string."""
+        if parameters <= self.rank or self.rank >= self.limit:
+            return ""
+        cause = f"a single {self.frequency_hz:.4g} Hz sine" if self.single_sine else "this input"
+        return (
+            f"{cause} excites rank {self.rank}, the plant has {parameters} coefficients: "
+            f"{parameters - self.rank} combinations of them are arbitrary, and so is the response where not excited"
+        )
+
+    def __str__(self) -> str:
+        if self.single_sine:
+            lines = ", ".join(f"{h * self.frequency_hz:.4g}" for h in self.harmonics)
+            return (
+                f"a single sine of {self.frequency_hz:.4g} Hz, rank {self.rank}: what is identified is gain and phase "
+                f"at {lines} Hz, nothing in between; pool recordings at several frequencies for a transfer function"
+            )
+        more = " or more" if self.rank >= self.limit else ""
+        return f"rank {self.rank}{more}, excited from {self.band_hz[0]:.4g} to {self.band_hz[-1]:.4g} Hz"
+
+
+def examine(recordings: Series | Sequence[Series]) -> Excitation:
+    """Excitation of one recording or of many pooled (their excited directions add up)."""
+    pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
+    limit = min(LAGS, min(len(series) for series in pooled) // 3)
+    gram = np.zeros((limit, limit))
+    bands = []
+    for series in pooled:
+        clean, band = _significant_part(series)
+        gram += _gram(clean, limit) / np.mean(clean**2) / len(clean)
+        bands.append(band)
+    size = np.sqrt(np.maximum(linalg.eigvalsh(gram), 0.0))
+    rank = int(np.sum(size > THRESHOLD * size[-1]))
+    band = np.unique(np.concatenate(bands))
+    sines = [single_sine(series) for series in pooled]
+    first = sines[0][0]
+    alone = all(found[1] and abs(found[0] / first - 1) < 0.01 for found in sines)
+    if not alone:
+        return Excitation(rank, limit, np.nan, (), band)
+    harmonics = tuple(sorted(set().union(*(found[1] for found in sines))))
+    return Excitation(min(rank, 2 * len(harmonics)), limit, first, harmonics, band)
+
+
+def _significant_part(series: Series) -> tuple[np.ndarray, np.ndarray]:
+    """The input without spectral lines at its noise floor, and the frequencies of the lines kept.
+
+    The floor is the median power; an input whose lines all keep close to it (white noise, a pseudo-random binary
+    signal) is kept whole.
+    """
+    u = series.u - series.u.mean()
+    spectrum = np.fft.rfft(u)
+    frequency = np.fft.rfftfreq(len(u), series.sample_time)
+    power = np.abs(spectrum) ** 2
+    floor = max(float(np.median(power[1:])), 1e-20 * float(power.max()))
+    strong = power > SIGNIFICANT * floor
+    kept = power[strong].sum()
+    if kept < 0.9 * power.sum():  # a broad spectrum: a few bins above the floor are chance
+        smooth = np.convolve(power, np.ones(9) / 9, mode="same")
+        return u, frequency[(smooth > 1e-4 * smooth.max()) & (frequency > 0)]
+    windowed = np.abs(np.fft.rfft(np.hanning(len(u)) * u)) ** 2  # without the skirts of lines between the bins
+    lines = (windowed > 1e-4 * windowed.max()) & (windowed > SIGNIFICANT * np.median(windowed)) & (frequency > 0)
+    lines[1:-1] &= (windowed[1:-1] >= windowed[:-2]) & (windowed[1:-1] > windowed[2:])  # tops, not their flanks
+    return np.fft.irfft(np.where(strong, spectrum, 0.0), len(u)), frequency[lines]
+
+
+def _gram(u: np.ndarray, lags: int) -> np.ndarray:
+    """Inner products of all pairs of delayed inputs over the complete rows, shape (lags, lags).
+
+    Row by row from the first: moving both delays by one swaps two end terms, so no large matrix is formed.
+    """
+    n = len(u)
+    first = np.array([u[lags - 1 :] @ u[lags - 1 - k : n - k] for k in range(lags)])
+    gram = np.zeros((lags, lags))
+    gram[0] = first
+    for i in range(1, lags):
+        gains = u[lags - 1 - i] * u[lags - 1 - np.arange(i, lags)]
+        losses = u[n - i] * u[n - np.arange(i, lags)]
+        gram[i, i:] = gram[i - 1, i - 1 : lags - 1] + gains - losses
+    return np.triu(gram) + np.triu(gram, 1).T
+
+
+def single_sine(series: Series, harmonics: int = 6) -> tuple[float, tuple[int, ...]]:
+    """Frequency [Hz] and significant harmonics of an input that is one sine; no harmonics when it is not.
+
+    A harmonic counts when it has more than a thousandth of the fundamental and five of its standard errors.
+    """
+    u = series.u - series.u.mean()
+    frequency = fundamental(u, series.sample_time)
+    multiples = [h for h in range(1, harmonics + 1) if h * frequency < 0.5 / series.sample_time]
+    if not multiples or frequency * series.sample_time * len(u) < 2:
+        return frequency, ()
+    amplitude, sigma, rest = sine_fit(u, series.sample_time, frequency, multiples)
+    if rest > 0.05 * np.mean(u**2) or abs(amplitude[0]) ** 2 / 2 < 0.5 * np.mean(u**2):
+        return frequency, ()
+    size = np.abs(amplitude)
+    return frequency, tuple(
+        h for h, a in zip(multiples, size, strict=True) if h == 1 or a > max(THRESHOLD * size[0], 5 * sigma)
+    )
+
+
+def fundamental(u: np.ndarray, sample_time: float) -> float:
+    """Frequency [Hz] of the strongest line: the spectrum's peak, refined by Gauss-Newton on one sine and a level."""
+    power = np.abs(np.fft.rfft(np.hanning(len(u)) * u)) ** 2
+    peak = int(np.argmax(power[1:])) + 1
+    width = 1.0 / (len(u) * sample_time)
+    frequency = peak * width
+    t = (np.arange(len(u)) - (len(u) - 1) / 2) * sample_time
+    for _ in range(6):
+        cosine, sine = np.cos(2 * np.pi * frequency * t), np.sin(2 * np.pi * frequency * t)
+        phi = np.column_stack([np.ones(len(u)), cosine, sine])
+        a, b = np.linalg.lstsq(phi, u, rcond=None)[0][1:]
+        slope = 2 * np.pi * t * (b * cosine - a * sine)
+        step = np.linalg.lstsq(np.column_stack([phi, slope]), u, rcond=None)[0][3]
+        step = float(np.clip(step, -0.5 * width, 0.5 * width))
+        if not max(peak - 1.5, 0.2) * width < frequency + step < (peak + 1.5) * width:
+            break  # not one line: keep the best so far
+        frequency += step
+        if abs(step) < 1e-7 * width:
+            break
+    return float(frequency)
+
+
+def sine_fit(
+    signal: np.ndarray, sample_time: float, frequency: float, multiples: Sequence[float]
+) -> tuple[np.ndarray, float, float]:
+    """Least-squares complex amplitudes at multiples of a frequency.
+
+    Returns:
+        amplitudes Z_h of Re(Z_h exp(2 pi i h f t)), shape (H,); the standard error of their real and imaginary
+        parts under white noise; the mean square of what is left.
+    """
+    angle = 2 * np.pi * frequency * sample_time * np.arange(len(signal))
+    columns = [np.ones(len(signal))]
+    for h in multiples:
+        columns += [np.cos(h * angle), -np.sin(h * angle)]
+    phi = np.column_stack(columns)
+    solution = linalg.solve(phi.T @ phi, phi.T @ signal, assume_a="pos", check_finite=False)
+    rest = signal - phi @ solution
+    mean_square = float(rest @ rest / max(len(signal) - phi.shape[1], 1))
+    return solution[1::2] + 1j * solution[2::2], float(np.sqrt(2 * mean_square / len(signal))), mean_square

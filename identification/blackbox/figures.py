@@ -1,0 +1,221 @@
+"""Figures of a report: output (as Figures 3.3 to 3.6), Bode with confidence, residual tests, poles and zeros."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from .identify import Found, Report
+
+#: Okabe and Ito's colours, told apart with any colour vision; one for each structure in every figure.
+COLOURS = {
+    "arx": "#0072B2", "armax": "#D55E00", "oe": "#009E73", "bj": "#CC79A7", "ss": "#E69F00", "hw": "#56B4E9",
+    "narx": "#7F4F24",
+}  # fmt: skip
+DASHES: dict[str, Any] = {
+    "arx": "-", "armax": "--", "oe": "-.", "bj": ":", "ss": (0, (5, 1, 1, 1)), "hw": (0, (3, 2)), "narx": (0, (1, 1)),
+}  # fmt: skip
+CONFIDENCE = 1.96  # standard deviations of a 95 % band
+
+
+def all_figures(report: Report) -> dict[str, bytes]:
+    """PNG files by name: output, bode, residuals, poles_zeros."""
+    drawings = {"output": output, "bode": bode, "residuals": residuals, "poles_zeros": poles}
+    return {name: png(draw(report)) for name, draw in drawings.items()}
+
+
+def png(figure: Figure, dpi: int = 160) -> bytes:
+    """The figure as a PNG file."""
+    FigureCanvasAgg(figure)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi)
+    return buffer.getvalue()
+
+
+def output(report: Report) -> Figure:
+    """Held-out output, measured and freely simulated: the whole record at the left, one cycle and its errors right."""
+    series = report.validation[0]
+    figure = Figure(figsize=(10, 4.8), layout="constrained")
+    places = figure.subplot_mosaic("ab\nac", width_ratios=[1.5, 1], height_ratios=[2, 1])
+    whole, cycle, error = places["a"], places["b"], places["c"]
+    offset = 0.0 if len(report.estimation) > 1 else len(report.estimation[0]) * series.sample_time
+    time = series.time + offset
+    part = _one_cycle(report, len(series))
+    whole.plot(time, series.y, color="0.25", lw=1.4, zorder=1)
+    cycle.plot(time[part], series.y[part], color="0.25", lw=2.4, label="measured", zorder=1)
+    for name, found in report.models.items():
+        simulated = found.best.model.simulate(series)
+        if not np.isfinite(simulated).all():
+            continue
+        style: dict[str, Any] = {"color": COLOURS[name], "ls": DASHES[name]}
+        whole.plot(time, simulated, lw=0.4, **style)
+        label = f"{found.best.model.label}: {found.best.fit_percent:.1f} %"
+        cycle.plot(time[part], simulated[part], lw=1.3, label=label, **style)
+        error.plot(time[part], (series.y - simulated)[part], lw=1.0, **style)
+    for axes in (whole, cycle, error):
+        axes.grid(alpha=0.3, lw=0.5)
+    whole.set_xlabel("time [s]")
+    error.set_xlabel("time [s]")
+    cycle.sharex(error)
+    cycle.tick_params(labelbottom=False)
+    error.set_ylabel("error", fontsize=9)
+    whole.set_ylabel("output, mean removed [unit of the recording]")
+    whole.set_title("held-out part, free simulation", fontsize=10)
+    cycle.set_title("one cycle" if np.isfinite(report.excitation.frequency_hz) else "a short stretch", fontsize=10)
+    handles, labels = cycle.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    figure.suptitle(f"{report.name} ({series.name})" if len(report.validation) > 1 else report.name, fontsize=11)
+    return figure
+
+
+def _one_cycle(report: Report, length: int) -> slice:
+    frequency = report.excitation.frequency_hz
+    count = length // 25 if not np.isfinite(frequency) else round(1.0 / (frequency * report.validation[0].sample_time))
+    middle = length // 2
+    return slice(middle, min(middle + max(count, 10) + 1, length))
+
+
+def bode(report: Report) -> Figure:
+    """Gain and phase with 95 % bands, drawn only where the input excites and the model determines them."""
+    return _points_of_sine(report) if report.excitation.single_sine else _bode_band(report)
+
+
+def _responding(report: Report) -> dict[str, Found]:
+    return {name: found for name, found in report.models.items() if np.isfinite(found.response.value).any()}
+
+
+def _bode_band(report: Report) -> Figure:
+    figure = Figure(figsize=(7, 5.6), layout="constrained")
+    gain, phase = figure.subplots(2, 1, sharex=True)
+    lines = len(report.excitation.band_hz) <= 60  # separate lines: points, for nothing is known between them
+    for name, found in _responding(report).items():
+        r = found.response
+        size, angle = np.abs(r.value), np.rad2deg(np.unwrap(np.angle(r.value)))
+        gain_band, phase_band = CONFIDENCE * r.gain_std, CONFIDENCE * r.phase_std_deg
+        unknown = gain_band >= size
+        label = found.best.model.label + (" (undetermined)" if unknown.all() else "")
+        for axes, value, band in ((gain, size, gain_band), (phase, angle, phase_band)):
+            value = np.where(unknown, np.nan, value)
+            if lines:
+                size_of = 7 - list(report.models).index(name)
+                style: dict[str, Any] = {"fmt": "o", "ms": size_of, "mfc": "none", "capsize": 2, "lw": 1}
+                axes.errorbar(r.frequency_hz, value, band, color=COLOURS[name], label=label, **style)
+                continue
+            axes.plot(r.frequency_hz, value, color=COLOURS[name], ls=DASHES[name], label=label)
+            axes.fill_between(r.frequency_hz, value - band, value + band, color=COLOURS[name], alpha=0.18, lw=0)
+    gain.set_yscale("log")
+    gain.set_xscale("log")
+    gain.set_ylabel("gain [output / input]")
+    phase.set_ylabel("phase [deg]")
+    phase.set_xlabel("frequency [Hz]")
+    for axis in (gain.yaxis, phase.xaxis):
+        low, high = axis.get_view_interval()
+        axis.set_major_formatter("{x:g}")
+        few = high < 30 * low  # a decade or so: label 2, 3, 5 as well
+        axis.set_minor_formatter(lambda x, _, few=few: f"{x:g}" if few and f"{x:e}"[0] in "235" else "")
+    for axes in (gain, phase):
+        axes.grid(alpha=0.3, lw=0.5, which="both")
+    gain.legend(fontsize=8, frameon=False, ncols=2)
+    where = "excited lines only" if lines else "excited band"
+    gain.set_title(f"{report.name}: response with 95 % confidence, {where}", fontsize=10)
+    return figure
+
+
+def _points_of_sine(report: Report) -> Figure:
+    """Gain and phase at the only frequency that a sine identifies, model by model."""
+    figure = Figure(figsize=(7, 4.6), layout="constrained")
+    gain, phase = figure.subplots(2, 1, sharex=True)
+    shown = _responding(report)
+    for place, (name, found) in enumerate(shown.items()):
+        r = found.response
+        style: dict[str, Any] = {"color": COLOURS[name], "fmt": "o", "ms": 5, "capsize": 4, "lw": 1.3}
+        if CONFIDENCE * r.gain_std[0] >= abs(r.value[0]):
+            gain.annotate("undetermined", (place, 0.5), xycoords=("data", "axes fraction"), ha="center", fontsize=8)
+            continue
+        gain.errorbar(place, abs(r.value[0]), CONFIDENCE * r.gain_std[0], **style)
+        phase.errorbar(place, np.angle(r.value[0], deg=True), CONFIDENCE * r.phase_std_deg[0], **style)
+    labels = [
+        found.best.model.label.replace(" ", "\n", 1) + ("\nsmall amplitude" if name == "hw" else "")
+        for name, found in shown.items()
+    ]
+    phase.set_xticks(range(len(shown)), labels, fontsize=8)
+    phase.set_xlim(-0.6, len(shown) - 0.4)
+    for axes, text in ((gain, "gain [output / input]"), (phase, "phase [deg]")):
+        axes.set_ylabel(text)
+        axes.ticklabel_format(axis="y", useOffset=False)
+        axes.grid(alpha=0.3, lw=0.5)
+    frequency = report.excitation.frequency_hz
+    gain.set_title(
+        f"{report.name}: response at {frequency:.4g} Hz with 95 % confidence; no other frequency is identified",
+        fontsize=10,
+    )
+    return figure
+
+
+def residuals(report: Report) -> Figure:
+    """Autocorrelation of held-out residuals, and their correlation with past inputs, with 99 % bands."""
+    count = len(report.models)
+    figure = Figure(figsize=(9, 1.15 + 1.25 * count), layout="constrained")
+    rows = figure.subplots(count, 2, sharex="col", squeeze=False)
+    for (left, right), (name, found) in zip(rows, report.models.items(), strict=True):
+        test = found.test
+        _bars(left, test.lags, test.auto, test.bound, COLOURS[name])
+        _bars(right, test.cross_lags, test.cross, test.cross_bound, COLOURS[name])
+        left.set_ylabel(name.upper(), rotation=0, ha="right", va="center")
+    rows[0][0].set_title("residual autocorrelation", fontsize=10)
+    rows[0][1].set_title("residual(t) with input(t - lag)", fontsize=10)
+    rows[-1][0].set_xlabel("lag [samples]")
+    rows[-1][1].set_xlabel("lag [samples]; negative: input after output")
+    figure.suptitle(f"{report.name}: residuals of held-out data, shaded: 99 % band of no correlation", fontsize=10)
+    return figure
+
+
+def _bars(axes: Axes, lags: np.ndarray, values: np.ndarray, bound: float, colour: str) -> None:
+    axes.axhspan(-bound, bound, color="0.85", lw=0)
+    axes.vlines(lags, 0, values, color=colour, lw=1.6)
+    axes.axhline(0, color="0.3", lw=0.6)
+    reach = max(1.25 * float(np.abs(values).max()), 1.6 * bound)
+    axes.set_ylim(-reach, reach)
+    axes.tick_params(labelsize=7)
+
+
+def poles(report: Report) -> Figure:
+    """Poles and zeros in the z plane, the part near the unit circle where the models differ enlarged."""
+    figure = Figure(figsize=(9, 4.7), layout="constrained")
+    plane, near = figure.subplots(1, 2)
+    angle = np.linspace(0, 2 * np.pi, 721)
+    shown: dict[str, Found] = {name: found for name, found in report.models.items() if len(found.best.model.poles())}
+    for axes in (plane, near):
+        axes.plot(np.cos(angle), np.sin(angle), color="0.6", lw=0.8)
+        axes.axhline(0, color="0.85", lw=0.6, zorder=0)
+        axes.axvline(0, color="0.85", lw=0.6, zorder=0)
+        for place, (name, found) in enumerate(shown.items()):
+            p, z = found.best.model.poles(), found.best.model.zeros()
+            size = 12 - 1.4 * place  # smaller on top, so that agreeing models can be seen through one another
+            axes.plot(p.real, p.imag, "x", color=COLOURS[name], ms=size, mew=1.5)
+            axes.plot(z.real, z.imag, "o", color=COLOURS[name], ms=0.8 * size, mfc="none", mew=1.1)
+        axes.set_aspect("equal")
+        axes.set_xlabel("Re z")
+        axes.grid(alpha=0.3, lw=0.5)
+    plane.set_ylabel("Im z")
+    plane.set_xlim(-1.6, 1.6)
+    plane.set_ylim(-1.6, 1.6)
+    sample_time = report.estimation[0].sample_time
+    reach = float(np.clip(np.sin(2 * np.pi * report.excitation.band_hz[-1] * sample_time) * 2.5, 0.3, 1.1))
+    near.set_xlim(1.08 - 2 * reach, 1.08)
+    near.set_ylim(-reach, reach)
+    near.set_title("slow modes, enlarged", fontsize=10)
+    plane.set_title("whole plane (zeros beyond are not shown)", fontsize=10)
+    labels = {name: found.best.model.label for name, found in shown.items()}
+    marks = [Line2D([], [], color=COLOURS[name], marker="s", ls="", label=label) for name, label in labels.items()]
+    marks += [Line2D([], [], color="0.2", marker="x", ls="", label="pole")]
+    marks += [Line2D([], [], color="0.2", marker="o", mfc="none", ls="", label="zero")]
+    figure.legend(handles=marks, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    figure.suptitle(f"{report.name}: poles and zeros", fontsize=11)
+    return figure

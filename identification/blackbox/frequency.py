@@ -1,0 +1,272 @@
+"""Frequency-response points from sine fits, a rational function through them, and leave-one-frequency-out checks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import optimize, signal
+
+from fasbody.exceptions import SettingError
+
+from . import excitation
+from .data import Series
+from .polynomial import Response
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Measured frequency response.
+
+    Attributes:
+        frequency_hz: rising, shape (M,).
+        value: complex output over input, shape (M,).
+        std: standard deviation of real and of imaginary part, shape (M,).
+    """
+
+    frequency_hz: np.ndarray
+    value: np.ndarray
+    std: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.frequency_hz)
+
+    def without(self, k: int) -> Points:
+        """All points but number `k`."""
+        keep = np.arange(len(self)) != k
+        return Points(self.frequency_hz[keep], self.value[keep], self.std[keep])
+
+    def __str__(self) -> str:
+        rows = zip(self.frequency_hz, np.abs(self.value), self.std, np.angle(self.value, deg=True), strict=True)
+        return "\n".join(f"{f:8.3f} Hz  gain {g:.4f} +- {s:.2g}  phase {p:8.2f} deg" for f, g, s, p in rows)
+
+
+def points(recordings: Series | Sequence[Series]) -> Points:
+    """Response at the lines of the inputs, by least-squares fits of all lines of a recording at once.
+
+    A single sine gives its fundamental alone: what answers at its harmonics is in part the plant's nonlinearity. Points
+    of several recordings at one frequency are averaged with their weights.
+
+    Raises:
+        SettingError: an input has no separate lines.
+    """
+    pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
+    found = []
+    for series in map(_steady, pooled):
+        lines, extra = _lines(series)
+        u, sigma_u, _ = excitation.sine_fit(series.u, series.sample_time, 1.0, [*lines, *extra])
+        y, sigma_y, _ = excitation.sine_fit(series.y, series.sample_time, 1.0, [*lines, *extra])
+        value = y[: len(lines)] / u[: len(lines)]
+        std = np.sqrt(sigma_y**2 + np.abs(value) ** 2 * sigma_u**2) / np.abs(u[: len(lines)])
+        found += list(zip(lines, value, std, strict=True))
+    found.sort(key=lambda item: item[0])
+    groups: list[list[tuple[float, complex, float]]] = []
+    for item in found:
+        if groups and abs(item[0] / groups[-1][0][0] - 1) < 1e-3:
+            groups[-1].append(item)
+        else:
+            groups.append([item])
+    frequency, value, std = [], [], []
+    for group in groups:
+        weight = np.array([1.0 / max(s, 1e-15) ** 2 for _, _, s in group])
+        frequency.append(float(np.mean([f for f, _, _ in group])))
+        value.append(complex(np.sum(weight * np.array([g for _, g, _ in group])) / weight.sum()))
+        std.append(float(1.0 / np.sqrt(weight.sum())))
+    return Points(np.array(frequency), np.array(value), np.array(std))
+
+
+def _steady(series: Series) -> Series:
+    """The recording without its start-up: tenths are cut while the first is missed half as badly again as the rest."""
+    for _ in range(3):
+        lines, extra = _lines(series)
+        angle = 2 * np.pi * np.outer(series.time, [*lines, *extra])
+        phi = np.column_stack([np.ones(len(series)), np.cos(angle), np.sin(angle)])
+        rest = series.y - phi @ np.linalg.lstsq(phi, series.y, rcond=None)[0]
+        tenth = len(series) // 10
+        if np.std(rest[:tenth]) < 1.5 * np.std(rest[tenth:]):
+            break
+        series = series.cut(tenth, len(series))
+    return series
+
+
+def _lines(series: Series) -> tuple[list[float], list[float]]:
+    """Frequencies [Hz] to report, and more that only take part in the fit."""
+    frequency, harmonics = excitation.single_sine(series)
+    if harmonics:
+        highest = 0.5 / series.sample_time
+        return [frequency], [h * frequency for h in range(2, 7) if h * frequency < highest]
+    u = series.u - series.u.mean()
+    power = np.abs(np.fft.rfft(np.hanning(len(u)) * u)) ** 2
+    peaks, _ = signal.find_peaks(power, height=1e-4 * power.max(), distance=3)
+    near = np.unique(np.clip(peaks[:, None] + np.arange(-2, 3), 0, len(power) - 1))
+    if len(near) > len(power) / 4 or power[near].sum() < 0.98 * power.sum():
+        raise SettingError(
+            f"{series.name}: the input has a continuous spectrum, not separate lines; estimate a model in time instead."
+        )
+    left, middle, right = (np.log(np.maximum(power[peaks + k], 1e-300)) for k in (-1, 0, 1))
+    exact = peaks + 0.5 * (left - right) / (left - 2 * middle + right)  # vertex of the parabola through the logarithms
+    return [float(f) for f in exact / (len(u) * series.sample_time)], []
+
+
+@dataclass(frozen=True, eq=False)
+class Rational:
+    """G(s) = N(s) / D(s), D(0) = 1, in s = j f / f_0.
+
+    Attributes:
+        num: coefficients of rising powers of s, shape (zeros + 1,).
+        den: the same, first 1, shape (poles + 1,).
+        scale_hz: f_0.
+        spread: square root of the covariance of (num, den[1:]).
+        chi_square: weighted sum of squares left.
+        freedom: its degrees of freedom.
+    """
+
+    num: np.ndarray
+    den: np.ndarray
+    scale_hz: float
+    spread: np.ndarray
+    chi_square: float
+    freedom: int
+
+    def response(self, frequency_hz: ArrayLike) -> Response:
+        """Response with first-order error propagation."""
+        frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
+        G, gradient = _rational(np.concatenate([self.num, self.den[1:]]), len(self.num), 1j * frequency / self.scale_hz)
+        return Response(frequency, G, np.stack([gradient.real, gradient.imag], axis=1) @ self.spread)
+
+    def poles(self) -> np.ndarray:
+        """Poles in rad/s."""
+        return np.roots(self.den[::-1]) * 2 * np.pi * self.scale_hz
+
+    def to_transfer_function(self) -> Any:
+        """Continuous-time `scipy.signal.TransferFunction`."""
+        w0 = 2 * np.pi * self.scale_hz
+        num, den = (p / w0 ** np.arange(len(p)) for p in (self.num, self.den))
+        return signal.TransferFunction(num[::-1], den[::-1])
+
+    def __str__(self) -> str:
+        poles = self.poles()
+        listed = ", ".join(f"{abs(p) / 2 / np.pi:.2f} Hz zeta {-p.real / abs(p):.3f}" for p in poles if p.imag >= 0)
+        return f"{len(self.num) - 1}/{len(self.den) - 1} rational, chi2 {self.chi_square:.3g}/{self.freedom}: {listed}"
+
+
+def _rational(theta: np.ndarray, count: int, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    num, den = theta[:count], np.concatenate([[1.0], theta[count:]])
+    N, D = (np.polynomial.polynomial.polyval(s, p) for p in (num, den))
+    G = N / D
+    gradient = np.column_stack([
+        *(s**k / D for k in range(count)), *(-G * s**k / D for k in range(1, len(den))),
+    ])  # fmt: skip
+    return G, gradient
+
+
+def rational(data: Points, zeros: int = 2, poles: int = 4) -> Rational:
+    """Rational function through the points: Sanathanan and Koerner's iteration, then weighted least squares.
+
+    Defaults are the two-mass foot's: two zeros, four poles.
+
+    Raises:
+        SettingError: fewer real numbers than coefficients.
+    """
+    count = zeros + 1
+    if 2 * len(data) < count + poles:
+        raise SettingError(
+            f"{len(data)} points hold {2 * len(data)} numbers, a {zeros}/{poles} rational function has "
+            f"{count + poles}; record more frequencies or lower the orders."
+        )
+    scale = float(data.frequency_hz.max())
+    s = 1j * data.frequency_hz / scale
+    std = np.maximum(data.std, 1e-12 * np.abs(data.value))
+    weight = 1.0 / std
+    D = np.ones(len(s), dtype=complex)
+    starts = []
+    for _ in range(30):
+        rows = np.column_stack([
+            *(s**k for k in range(count)), *(-data.value * s**k for k in range(1, poles + 1)),
+        ]) * (weight / D)[:, None]  # fmt: skip
+        out = data.value * weight / D
+        theta = np.linalg.lstsq(np.vstack([rows.real, rows.imag]), np.concatenate([out.real, out.imag]), rcond=None)[0]
+        theta[count:] = _stable(theta[count:])
+        D = np.polynomial.polynomial.polyval(s, np.concatenate([[1.0], theta[count:]]))
+        starts.append(theta)
+
+    def residuals(theta: np.ndarray) -> np.ndarray:
+        error = (_rational(theta, count, s)[0] - data.value) * weight
+        return np.concatenate([error.real, error.imag])
+
+    def jacobian(theta: np.ndarray) -> np.ndarray:
+        gradient = _rational(theta, count, s)[1] * weight[:, None]
+        return np.vstack([gradient.real, gradient.imag])
+
+    best = min(starts, key=lambda theta: float(np.sum(residuals(theta) ** 2)))
+    result = optimize.least_squares(residuals, best, jacobian, x_scale="jac", method="lm", xtol=1e-14, ftol=1e-14)
+    _, size, vt = np.linalg.svd(result.jac, full_matrices=False)
+    spread = vt.T / np.maximum(size, 1e-12 * size[0])
+    theta = result.x
+    return Rational(
+        theta[:count], np.concatenate([[1.0], theta[count:]]), scale, spread, float(2 * result.cost),
+        2 * len(data) - count - poles,
+    )  # fmt: skip
+
+
+def _stable(tail: np.ndarray) -> np.ndarray:
+    """Coefficients 1.. of a denominator with constant term 1, its roots mirrored into the left half plane."""
+    roots = np.roots(np.concatenate([[1.0], tail])[::-1])
+    if len(roots) < len(tail) or not np.any(roots.real > 0):
+        return tail
+    mirrored = np.poly(-np.abs(roots.real) + 1j * roots.imag).real[::-1]
+    return mirrored[1:] / mirrored[0]
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """Prediction of each frequency from all others.
+
+    Attributes:
+        frequency_hz: left out, shape (M,).
+        error: |predicted - measured| / |measured|, shape (M,).
+    """
+
+    frequency_hz: np.ndarray
+    error: np.ndarray
+
+    @property
+    def inside(self) -> float:
+        """Largest error at the frequencies between the lowest and the highest, which are interpolated."""
+        return float(self.error[1:-1].max()) if len(self.error) > 2 else float(self.error.max())
+
+    def __str__(self) -> str:
+        listed = ", ".join(f"{f:.4g} Hz {100 * e:.2g} %" for f, e in zip(self.frequency_hz, self.error, strict=True))
+        return f"left out one by one: {listed}"
+
+
+def leave_one_out(data: Points, zeros: int = 2, poles: int = 4) -> LeftOut:
+    """Error of the rational fit at each point when that point is left out."""
+    predicted = [
+        rational(data.without(k), zeros, poles).response(f).value[0] for k, f in enumerate(data.frequency_hz)
+    ]  # fmt: skip
+    return LeftOut(data.frequency_hz, np.abs(np.array(predicted) / data.value - 1))
+
+
+def leave_one_frequency_out(recordings: Sequence[Series], estimate: Callable[[Sequence[Series]], Any]) -> LeftOut:
+    """Error of any model at each recording's frequency when all recordings of that frequency are left out.
+
+    Args:
+        recordings: single sines at two or more frequencies.
+        estimate: makes a model with `response` from recordings.
+
+    Raises:
+        SettingError: fewer than two frequencies.
+    """
+    data = points(recordings)
+    if len(data) < 2:
+        raise SettingError("leaving one frequency out needs recordings at two or more frequencies.")
+    own = np.array([excitation.single_sine(series)[0] for series in recordings])
+    predicted = []
+    for f in data.frequency_hz:
+        kept = [series for series, g in zip(recordings, own, strict=True) if abs(g / f - 1) > 1e-3]
+        predicted.append(estimate(kept).response(f).value[0])
+    return LeftOut(data.frequency_hz, np.abs(np.array(predicted) / data.value - 1))

@@ -1,0 +1,165 @@
+"""Levenberg-Marquardt on stacked recordings, with the initial states of each recording projected out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy import linalg
+
+#: Directions of the parameters with less than this share of the largest singular value count as unseen and get that
+#: share: a huge standard error, yet small enough not to leak by rounding into what is well determined.
+UNSEEN = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """Prediction errors at one parameter vector, and their derivatives after the initial states are fitted.
+
+    Attributes:
+        errors: of each recording, shape (N_i,) each.
+        gradient: d errors / d theta of each recording, orthogonal to its initial states, shape (N_i, d) each;
+            empty when only the errors were asked for.
+    """
+
+    errors: list[np.ndarray]
+    gradient: list[np.ndarray]
+
+    @property
+    def samples(self) -> int:
+        """Number of residuals over all recordings."""
+        return sum(len(e) for e in self.errors)
+
+    @property
+    def loss(self) -> float:
+        """Mean squared prediction error, Eq. (3.15)."""
+        return float(sum(e @ e for e in self.errors) / self.samples)
+
+
+class Problem(Protocol):
+    """What `minimise` needs to know."""
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        """Whether the predictor is stable here."""
+
+    def at(self, theta: np.ndarray, *, gradient: bool = False) -> Linearisation:
+        """Errors, and their derivatives when asked."""
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """Where the iterations ended."""
+
+    theta: np.ndarray
+    at: Linearisation
+    iterations: int
+    converged: bool
+
+
+def project_states(errors: np.ndarray, states: np.ndarray) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
+    """Fit `states` (N, n) to `errors` (N,): the coefficients, and the map that removes them from other columns.
+
+    States may be nearly collinear (a pole far inside the unit circle leaves no trace of its start), so directions
+    below 1e-9 of the largest count as absent.
+    """
+    if states.shape[1] == 0:
+        return np.zeros(0), lambda columns: columns
+    scale = np.linalg.norm(states, axis=0)
+    scale[scale == 0] = 1.0
+    q, r, order = linalg.qr(states / scale, mode="economic", pivoting=True, check_finite=False)
+    size = np.abs(np.diag(r))
+    keep = int(np.sum(size > 1e-9 * size[0]))
+    q = q[:, :keep]
+    fitted = np.zeros(states.shape[1])
+    fitted[order[:keep]] = linalg.solve_triangular(r[:keep, :keep], q.T @ errors, check_finite=False)
+    return fitted / scale, lambda columns: columns - q @ (q.T @ columns)
+
+
+def minimise(problem: Problem, start: np.ndarray, *, iterations: int = 60, tolerance: float = 1e-4) -> Minimum:
+    """Minimise the mean squared prediction error, Eq. (3.16), by damped Gauss-Newton steps.
+
+    A step is refused when it raises the loss or makes the predictor unstable. The end is reached when an undamped
+    step promises to lower chi-square (the sum of squares over the noise variance) by less than `tolerance`, so at
+    1e-4 the estimate is within a hundredth of a standard error of the minimum.
+    """
+    theta, now = start, problem.at(start, gradient=True)
+    damping, done = 1e-3, 0
+    for done in range(1, iterations + 1):
+        r, rhs = reduced(now)
+        scale = np.linalg.norm(r, axis=0)
+        scale[scale == 0] = 1.0
+        u, s, vt = linalg.svd(r / scale, full_matrices=False, check_finite=False)
+        along = u.T @ rhs
+        if along @ along <= tolerance * now.loss:
+            return Minimum(theta, now, done, True)
+        moved = False
+        while damping < 1e9:
+            step = -(vt.T @ (s * along / (s**2 + damping))) / scale
+            if problem.admissible(theta + step):
+                trial = problem.at(theta + step)
+                if np.isfinite(trial.loss) and trial.loss < now.loss:
+                    moved = True
+                    break
+            damping *= 6.0
+        if not moved:
+            return Minimum(theta, now, done, True)
+        small = (now.loss - trial.loss) * now.samples < 10 * tolerance * now.loss
+        theta = theta + step
+        now = problem.at(theta, gradient=True)
+        damping = max(damping / 10.0, 1e-14)
+        if small:
+            return Minimum(theta, now, done, True)
+    return Minimum(theta, now, done, False)
+
+
+def reduced(at: Linearisation) -> tuple[np.ndarray, np.ndarray]:
+    """Triangular factor of the stacked gradient and the errors in its coordinates."""
+    rows = []
+    for gradient, errors in zip(at.gradient, at.errors, strict=True):
+        stacked = np.column_stack([gradient, errors])
+        rows.append(linalg.qr(stacked, mode="r", overwrite_a=True, check_finite=False)[0][: stacked.shape[1]])
+    r = rows[0] if len(rows) == 1 else linalg.qr(np.vstack(rows), mode="r", check_finite=False)[0]
+    width = r.shape[1] - 1
+    return r[:width, :width], r[:width, width]
+
+
+def spread(at: Linearisation, *, coloured: bool = False) -> np.ndarray:
+    """Square root S of the covariance S S' of the estimate, shape (d, d), from the linearisation at the minimum.
+
+    The root, not the covariance, is kept: squared, what a single sine leaves open would drown what it determines.
+
+    With `coloured` the errors need not be white: their spectrum, described by an autoregression of order 30, enters
+    between the two inverses (the form that stays valid for output-error models under any stationary noise).
+    """
+    r, _ = reduced(at)
+    scale = np.linalg.norm(r, axis=0)
+    scale[scale == 0] = 1.0
+    _, s, vt = linalg.svd(r / scale, full_matrices=False, check_finite=False)
+    floored = np.maximum(s, UNSEEN * max(s.max(initial=0.0), 1e-300))
+    inverse = vt.T / floored / scale[:, None]
+    sigma = np.sqrt(at.loss * at.samples / max(at.samples - r.shape[1], 1))
+    if not coloured:
+        return sigma * inverse
+    rows = [np.diag(sigma * np.sqrt(1.0 - (s / floored) ** 2))]  # the data say nothing of the unseen directions
+    for gradient, errors in zip(at.gradient, at.errors, strict=True):
+        filtered = _coloured_backwards(gradient @ inverse, errors)
+        rows.append(linalg.qr(filtered, mode="r", overwrite_a=True, check_finite=False)[0][: r.shape[1]])
+    return inverse @ np.vstack(rows).T
+
+
+def _coloured_backwards(gradient: np.ndarray, errors: np.ndarray, order: int = 30) -> np.ndarray:
+    """Gradient filtered backwards in time by the shaping filter of the errors' autoregression."""
+    from scipy.signal import lfilter
+
+    n = len(errors)
+    order = min(order, n // 10)
+    correlation = np.array([errors[: n - k] @ errors[k:] for k in range(order + 1)]) / n
+    if correlation[0] <= 1e-300:
+        return np.zeros_like(gradient)
+    correlation[0] *= 1 + 1e-6  # keeps the equations regular for errors that are all rounding or one sine
+    a = linalg.solve_toeplitz(correlation[:-1], correlation[1:]) if order else np.zeros(0)
+    innovation = max(correlation[0] - a @ correlation[1:], 0.0)
+    shaping = np.concatenate([[1.0], -a])
+    return np.sqrt(innovation) * lfilter([1.0], shaping, gradient[::-1], axis=0)[::-1]

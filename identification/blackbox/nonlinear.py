@@ -1,0 +1,192 @@
+"""Hammerstein-Wiener models: polynomial in, linear OE, polynomial out, by exact-gradient prediction error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.signal import lfilter
+
+from fasbody.exceptions import SettingError
+
+from . import pem
+from .data import Series
+from .filters import largest_root, pulse_response, shifted
+from .least_squares import Linearisation, minimise, project_states, spread
+from .polynomial import Orders, PolynomialModel, Response
+
+
+@dataclass(frozen=True, eq=False)
+class HammersteinWiener:
+    """y = g(w), w = B/F h(u), h(u) = u + sum a_k s_u (u/s_u)^k, g(w) = w + c_0 s_w + sum c_k s_w (w/s_w)^k, k >= 2.
+
+    The linear terms of h and g are one, so the gain is the linear block's alone and the model is unique up to what the
+    input leaves open. At small amplitude it is the linear block.
+
+    Attributes:
+        linear: the block B/F; its spread is that of the joint estimate.
+        input_terms: a_2, a_3, ..., shape (p - 1,).
+        output_terms: c_0, c_2, c_3, ..., shape (q,).
+        input_scale: s_u, root mean square of the estimation input.
+        output_scale: s_w, root mean square of the estimation output.
+        loss: mean squared simulation error.
+        samples: residuals behind `loss`.
+        warnings: sentences for the user.
+    """
+
+    linear: PolynomialModel
+    input_terms: np.ndarray
+    output_terms: np.ndarray
+    input_scale: float
+    output_scale: float
+    loss: float
+    samples: int
+    warnings: tuple[str, ...] = field(default=())
+    structure: str = "hw"
+
+    @property
+    def parameters(self) -> int:
+        """Number of estimated coefficients."""
+        return self.linear.parameters + len(self.input_terms) + len(self.output_terms)
+
+    @property
+    def degrees(self) -> tuple[int, int]:
+        """Degrees p and q of the polynomials at the input and the output."""
+        return len(self.input_terms) + 1, max(len(self.output_terms), 1)
+
+    @property
+    def label(self) -> str:
+        """Structure, linear orders and degrees."""
+        nb, nf, nk = self.linear.orders.as_tuple("oe")
+        return f"HW ({nb}, {nf}, {nk}; {self.degrees[0]}, {self.degrees[1]})"
+
+    def poles(self) -> np.ndarray:
+        """Poles of the linear block."""
+        return self.linear.poles()
+
+    def zeros(self) -> np.ndarray:
+        """Zeros of the linear block."""
+        return self.linear.zeros()
+
+    def response(self, frequency_hz: ArrayLike) -> Response:
+        """Response of the linear block: the limit for small amplitudes."""
+        return self.linear.response(frequency_hz)
+
+    def simulate(self, series: Series) -> np.ndarray:
+        """Free simulation with the initial state of the linear block that fits best, shape (N,)."""
+        problem = _Problem([series], self.linear.orders, *self.degrees, self.input_scale, self.output_scale)
+        theta = np.concatenate([self.linear.theta, self.input_terms, self.output_terms])
+        errors = problem.at(theta).errors[0]
+        simulated = series.y.copy()
+        simulated[len(series) - len(errors) :] -= errors
+        return simulated
+
+    def residuals(self, series: Series) -> np.ndarray:
+        """Simulation errors, which are the prediction errors of a model without noise dynamics."""
+        return (series.y - self.simulate(series))[self.linear.orders.first_row :]
+
+    def __str__(self) -> str:
+        return f"{self.label}, loss {self.loss:.5g}, input {self.input_terms}, output {self.output_terms}"
+
+
+class _Problem:
+    """Errors and exact derivatives; the initial state of 1/F is refitted by Gauss-Newton at every parameter vector."""
+
+    def __init__(
+        self, recordings: Sequence[Series], orders: Orders, p: int, q: int, input_scale: float, output_scale: float
+    ) -> None:
+        self.recordings, self.orders = recordings, orders
+        self.p, self.q = p, q
+        self.input_scale, self.output_scale = input_scale, output_scale
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        _, f, _, _ = self._split(theta)
+        return bool(np.isfinite(theta).all()) and largest_root(f) < pem.RADIUS
+
+    def _split(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        o = self.orders
+        b, f, a, c = np.split(theta, np.cumsum([o.nb, o.nf, self.p - 1]))
+        return np.concatenate([np.zeros(o.nk), b]), np.concatenate([[1.0], f]), a, c
+
+    def at(self, theta: np.ndarray, *, gradient: bool = False) -> Linearisation:
+        parts = [self._one(series, theta, gradient) for series in self.recordings]
+        return Linearisation([errors for errors, _ in parts], [columns for _, columns in parts] if gradient else [])
+
+    def _one(self, series: Series, theta: np.ndarray, gradient: bool) -> tuple[np.ndarray, np.ndarray]:
+        o = self.orders
+        b, f, a, c = self._split(theta)
+        first, length = o.first_row, len(series)
+        terms = self.input_scale * (series.u / self.input_scale)[:, None] ** np.arange(2, self.p + 1)
+        bent = series.u + terms @ a
+        forced = lfilter(b, f, bent)
+        pulses = np.zeros((length, o.nf), order="F")
+        pulses[first:] = shifted(pulse_response(f, length - first), o.nf)
+        state = np.zeros(o.nf)
+        for _ in range(3):  # mildly nonlinear: three steps reach rounding for a foot's amplitudes
+            w = forced + pulses @ state
+            slope = self._slope(w, c)
+            errors = (series.y - self._output(w, c))[first:]
+            step, remove = project_states(errors, (pulses * slope[:, None])[first:])
+            state = state + step
+        w = forced + pulses @ state
+        errors = (series.y - self._output(w, c))[first:]
+        if not gradient:
+            return errors, np.empty((0, 0))
+        slope = self._slope(w, c)
+        _, remove = project_states(errors, (pulses * slope[:, None])[first:])
+        through_f = lfilter([1.0], f, np.column_stack([bent, w]), axis=0)
+        dw = np.hstack([
+            shifted(through_f[:, 0], o.nb, o.nk), -shifted(through_f[:, 1], o.nf, 1), lfilter(b, f, terms, axis=0),
+        ])  # fmt: skip
+        powers = self._powers(w)
+        return errors, remove(-np.hstack([dw * slope[:, None], powers])[first:])
+
+    def _powers(self, w: np.ndarray) -> np.ndarray:
+        exponents = np.array([0, *range(2, self.q + 1)])[: self.q if self.q > 1 else 1]
+        return self.output_scale * (w / self.output_scale)[:, None] ** exponents
+
+    def _output(self, w: np.ndarray, c: np.ndarray) -> np.ndarray:
+        with np.errstate(over="ignore", invalid="ignore"):
+            return w + self._powers(w) @ c
+
+    def _slope(self, w: np.ndarray, c: np.ndarray) -> np.ndarray:
+        slope = np.ones(len(w))
+        for k, coefficient in enumerate(c[1:], start=2):
+            slope = slope + coefficient * k * (w / self.output_scale) ** (k - 1)
+        return slope
+
+
+def estimate(
+    recordings: Series | Sequence[Series], orders: Orders, degrees: tuple[int, int] = (3, 3),
+    linear: PolynomialModel | None = None,
+) -> HammersteinWiener:  # fmt: skip
+    """Hammerstein-Wiener model by prediction error, started from the linear output-error model.
+
+    Args:
+        recordings: one or many, pooled with an initial state each; means removed.
+        orders: n_b, n_f, n_k of the linear block.
+        degrees: of the polynomials at input and output; (1, q) is a Wiener, (p, 1) a Hammerstein model.
+        linear: a linear output-error model of the same orders to start from.
+
+    Raises:
+        SettingError: a degree below one, or more parameters than samples.
+    """
+    p, q = degrees
+    if p < 1 or q < 1:
+        raise SettingError(f"degrees {degrees} cannot be meant; a polynomial has degree 1 or more.")
+    pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
+    start = linear or pem.estimate("oe", pooled, orders)
+    u_scale = float(np.sqrt(np.mean(np.concatenate([s.u for s in pooled]) ** 2)))
+    y_scale = float(np.sqrt(np.mean(np.concatenate([s.y for s in pooled]) ** 2)))
+    problem = _Problem(pooled, orders, p, q, u_scale, y_scale)
+    minimum = minimise(problem, np.concatenate([start.theta, np.zeros(p - 1 + q)]), iterations=100)
+    root = spread(minimum.at, coloured=True)
+    count = orders.nb + orders.nf
+    block = PolynomialModel(
+        "oe", orders, minimum.theta[:count], root[:count], minimum.at.loss, minimum.at.samples, pooled[0].sample_time
+    )
+    warnings = () if minimum.converged else ("the iterations ended before the loss stopped falling",)
+    terms, out = np.split(minimum.theta[count:], [p - 1])
+    return HammersteinWiener(block, terms, out, u_scale, y_scale, minimum.at.loss, minimum.at.samples, warnings)

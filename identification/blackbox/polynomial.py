@@ -1,0 +1,269 @@
+"""The general linear polynomial model A y = B/F u + C/D e: response, poles, simulation, prediction, conversions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import signal
+
+from fasbody.exceptions import SettingError, unknown
+
+from .data import Series
+from .filters import free_run
+
+#: Orders of each structure in the sequence of Table 3.2.
+STRUCTURES = {
+    "arx": ("na", "nb", "nk"),
+    "armax": ("na", "nb", "nc", "nk"),
+    "bj": ("nb", "nc", "nd", "nf", "nk"),
+    "oe": ("nb", "nf", "nk"),
+}
+
+
+@dataclass(frozen=True)
+class Orders:
+    """Numbers of coefficients of A, B, C, D, F and the delay n_k in samples, Eq. (3.4).
+
+    B holds n_b coefficients, the first at lag n_k: sum of b_k u(t - n_k - k + 1), k = 1..n_b (one convention for the
+    two that the thesis prints).
+    """
+
+    na: int = 0
+    nb: int = 1
+    nc: int = 0
+    nd: int = 0
+    nf: int = 0
+    nk: int = 1
+
+    def __post_init__(self) -> None:
+        """Refuse counts that cannot be meant."""
+        if self.nb < 1 or min(self.na, self.nc, self.nd, self.nf, self.nk) < 0:
+            raise SettingError(f"orders {self} cannot be meant; n_b is at least 1 and no other is negative.")
+
+    @classmethod
+    def of(cls, structure: str, numbers: tuple[int, ...]) -> Orders:
+        """Orders from the numbers in the sequence of Table 3.2, e.g. `of("oe", (4, 4, 1))`."""
+        if structure not in STRUCTURES:
+            raise SettingError(unknown("structure", structure, STRUCTURES) + ".")
+        names = STRUCTURES[structure]
+        if len(names) != len(numbers):
+            raise SettingError(f"{structure} takes {len(names)} orders ({', '.join(names)}), not {len(numbers)}.")
+        return cls(**{"nb": 1, **dict(zip(names, numbers, strict=True))})
+
+    def as_tuple(self, structure: str) -> tuple[int, ...]:
+        """The numbers in the sequence of Table 3.2."""
+        return tuple(getattr(self, name) for name in STRUCTURES[structure])
+
+    @property
+    def parameters(self) -> int:
+        """Number of estimated coefficients d."""
+        return self.na + self.nb + self.nc + self.nd + self.nf
+
+    @property
+    def first_row(self) -> int:
+        """First sample whose regressors are all measured."""
+        return max(self.na, self.nk + self.nb - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """A frequency response with its uncertainty.
+
+    Attributes:
+        frequency_hz: shape (M,).
+        value: complex, shape (M,).
+        spread: square root S of the covariance S S' of (real, imaginary), shape (M, 2, m).
+    """
+
+    frequency_hz: np.ndarray
+    value: np.ndarray
+    spread: np.ndarray
+
+    def _along(self, direction: np.ndarray) -> np.ndarray:
+        parts = np.stack([direction.real, direction.imag], axis=-1)
+        return np.linalg.norm(np.einsum("mi,mij->mj", parts, self.spread), axis=1)
+
+    @property
+    def gain_std(self) -> np.ndarray:
+        """Standard deviation of the gain, shape (M,)."""
+        with np.errstate(invalid="ignore"):
+            return self._along(self.value / np.maximum(np.abs(self.value), 1e-300))
+
+    @property
+    def phase_std_deg(self) -> np.ndarray:
+        """Standard deviation of the phase in degrees, shape (M,)."""
+        with np.errstate(invalid="ignore"):
+            size = np.maximum(np.abs(self.value), 1e-300)
+            return np.rad2deg(self._along(1j * self.value / size) / size)
+
+
+@dataclass(frozen=True, eq=False)
+class PolynomialModel:
+    """An estimated polynomial model with its uncertainty.
+
+    Attributes:
+        structure: arx, armax, oe, bj, or ss for the polynomial form of a state-space model.
+        orders: numbers of coefficients.
+        theta: coefficients a, b, c, d, f in this sequence, shape (d,).
+        spread: square root S of the covariance S S' of `theta`, shape (d, m).
+        loss: mean squared one-step prediction error on the estimation data [output unit squared].
+        samples: number of residuals behind `loss`.
+        sample_time: seconds.
+        warnings: sentences for the user.
+    """
+
+    structure: str
+    orders: Orders
+    theta: np.ndarray
+    spread: np.ndarray
+    loss: float
+    samples: int
+    sample_time: float
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def polynomials(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """A, B, C, D, F as coefficients of rising powers of q^-1; B begins with its n_k zeros."""
+        return unpack(self.theta, self.orders)
+
+    @property
+    def parameters(self) -> int:
+        """Number of estimated coefficients."""
+        return len(self.theta)
+
+    @property
+    def std_error(self) -> np.ndarray:
+        """Standard errors of `theta`, shape (d,)."""
+        return np.linalg.norm(self.spread, axis=1)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of `theta`, shape (d, d)."""
+        return self.spread @ self.spread.T
+
+    @property
+    def noise_variance(self) -> float:
+        """Unbiased estimate of the variance of e(t)."""
+        return self.loss * self.samples / max(self.samples - self.parameters, 1)
+
+    @property
+    def plant(self) -> tuple[np.ndarray, np.ndarray]:
+        """Numerator and denominator of G in rising powers of q^-1, Eq. (3.1)."""
+        a, b, _, _, f = self.polynomials
+        return b, np.convolve(a, f)
+
+    @property
+    def noise(self) -> tuple[np.ndarray, np.ndarray]:
+        """Numerator and denominator of H in rising powers of q^-1, Eq. (3.2)."""
+        a, _, c, d, _ = self.polynomials
+        return c, np.convolve(a, d)
+
+    def poles(self) -> np.ndarray:
+        """Poles of G in the z plane."""
+        return np.roots(self.plant[1])
+
+    def zeros(self) -> np.ndarray:
+        """Zeros of G in the z plane, without the delay's."""
+        return np.roots(np.trim_zeros(self.plant[0], "f"))
+
+    @property
+    def stable(self) -> bool:
+        """Whether free simulation stays bounded."""
+        return bool(np.all(np.abs(self.poles()) < 1.0))
+
+    def response(self, frequency_hz: ArrayLike) -> Response:
+        """Frequency response of G with first-order error propagation from the parameters' covariance."""
+        frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
+        o = self.orders
+        a, b, _, _, f = self.polynomials
+        shift = np.exp(-2j * np.pi * frequency * self.sample_time)  # q^-1
+        A, B, F = (np.polynomial.polynomial.polyval(shift, p) for p in (a, b, f))
+        G = B / (A * F)
+        lag = lambda n, first: shift[:, None] ** (first + np.arange(n))  # noqa: E731
+        gradient = np.zeros((len(frequency), self.parameters), dtype=complex)
+        gradient[:, : o.na] = -(G / A)[:, None] * lag(o.na, 1)
+        gradient[:, o.na : o.na + o.nb] = lag(o.nb, o.nk) / (A * F)[:, None]
+        gradient[:, self.parameters - o.nf :] = -(G / F)[:, None] * lag(o.nf, 1)
+        parts = np.stack([gradient.real, gradient.imag], axis=1)
+        return Response(frequency, G, parts @ self.spread)
+
+    def simulate(self, series: Series) -> np.ndarray:
+        """Free simulation from the input alone, initial state and level by least squares, shape (N,)."""
+        num, den = self.plant
+        return free_run(num, den, series.u, series.y)
+
+    def residuals(self, series: Series) -> np.ndarray:
+        """One-step prediction errors from the first sample with complete regressors on."""
+        from .pem import Residuals
+
+        return Residuals([series], self.orders).at(self.theta).errors[0]
+
+    def predict(self, series: Series) -> np.ndarray:
+        """One-step prediction of the output, Eq. (3.13); measured values where the past is not complete yet."""
+        errors = self.residuals(series)
+        prediction = series.y.copy()
+        prediction[len(series) - len(errors) :] -= errors
+        return prediction
+
+    def to_transfer_function(self) -> Any:
+        """G as `scipy.signal.TransferFunction` with its sample time."""
+        num, den = _same_length(*self.plant)
+        lead = int(np.argmax(np.abs(num) > 1e-14 * np.abs(num).max(initial=0.0))) if num.any() else 0
+        return signal.TransferFunction(num[lead:], den, dt=self.sample_time)
+
+    def to_zeros_poles(self) -> Any:
+        """G as `scipy.signal.ZerosPolesGain`."""
+        return self.to_transfer_function().to_zpk()
+
+    def to_state_space(self) -> Any:
+        """G as `scipy.signal.StateSpace`."""
+        return self.to_transfer_function().to_ss()
+
+    def to_control(self) -> Any:
+        """G as a python-control `TransferFunction`.
+
+        Raises:
+            SettingError: python-control is not installed.
+        """
+        try:
+            import control
+        except ImportError as error:
+            raise SettingError("python-control is missing; pip install 'fasbody[control]'.") from error
+        transfer = self.to_transfer_function()
+        return control.TransferFunction(transfer.num, transfer.den, self.sample_time)
+
+    @property
+    def label(self) -> str:
+        """Structure and orders, as `OE (4, 4, 1)`."""
+        return f"{self.structure.upper()} {self.orders.as_tuple(self.structure)}"
+
+    def __str__(self) -> str:
+        names = [
+            f"{letter}{k}" for letter, first in zip("abcdf", (1, self.orders.nk, 1, 1, 1), strict=True)
+            for k in range(first, first + getattr(self.orders, f"n{letter}"))
+        ]  # fmt: skip
+        rows = [f"  {n:>4} {v: .6g} +- {s:.2g}" for n, v, s in zip(names, self.theta, self.std_error, strict=True)]
+        head = f"{self.label}, loss {self.loss:.5g}, {self.samples} samples of {self.sample_time:g} s"
+        return "\n".join([head, *rows, *(f"  warning: {text}" for text in self.warnings)])
+
+
+def unpack(theta: np.ndarray, orders: Orders) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Polynomials A, B, C, D, F of Eq. (3.4) from the coefficient vector."""
+    counts = (orders.na, orders.nb, orders.nc, orders.nd, orders.nf)
+    a, b, c, d, f = np.split(theta, np.cumsum(counts)[:-1])
+    monic = [np.concatenate([[1.0], p]) for p in (a, c, d, f)]
+    return monic[0], np.concatenate([np.zeros(orders.nk), b]), monic[1], monic[2], monic[3]
+
+
+def pack(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, f: np.ndarray) -> np.ndarray:
+    """The coefficient vector of the polynomials; `b` without its leading zeros, the others monic."""
+    return np.concatenate([a[1:], b, c[1:], d[1:], f[1:]])
+
+
+def _same_length(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Both padded to one length, so that powers of q^-1 read as powers of z."""
+    length = max(len(num), len(den))
+    return np.pad(num, (0, length - len(num))), np.pad(den, (0, length - len(den)))

@@ -1,0 +1,178 @@
+"""Reports as a table in the form of Table 3.2, as JSON and as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from . import published
+from .identify import Found, Report
+
+
+def document(reports: Sequence[Report]) -> dict[str, Any]:
+    """The JSON document of a run; `models` lists the models of all recordings."""
+    return {
+        "models": [model(report, found) for report in reports for found in report.models.values()],
+        "excitation_rank": min(report.excitation.rank for report in reports),
+        "recordings": [recording(report) for report in reports],
+    }
+
+
+def recording(report: Report) -> dict[str, Any]:
+    """What is said about one recording or pool, its models apart."""
+    seen = report.excitation
+    about: dict[str, Any] = {
+        "recording": report.name,
+        "files": [series.name for series in report.estimation],
+        "estimation_samples": sum(len(series) for series in report.estimation),
+        "held_out_samples": sum(len(series) for series in report.validation),
+        "sample_time_s": report.estimation[0].sample_time,
+        "excitation_rank": seen.rank,
+        "excitation_rank_limit": seen.limit,
+        "excitation": str(seen),
+        "single_sine": seen.single_sine,
+        "frequency_hz": seen.frequency_hz,
+        "harmonics": list(seen.harmonics),
+        "failures": list(report.failures),
+    }
+    if report.rational and report.left_out:
+        poles = report.rational.poles()
+        about["rational_fit"] = {
+            "poles_rad_per_s": [[p.real, p.imag] for p in poles],
+            "chi_square": report.rational.chi_square,
+            "degrees_of_freedom": report.rational.freedom,
+            "left_out_frequency_hz": report.left_out.frequency_hz,
+            "left_out_error": report.left_out.error,
+        }
+    return about
+
+
+def model(report: Report, found: Found) -> dict[str, Any]:
+    """One model as JSON."""
+    best = found.best
+    estimate = best.model
+    response = found.response
+    return {
+        "recording": report.name,
+        "structure": estimate.structure,
+        "orders": orders(estimate),
+        "label": estimate.label,
+        "fit_percent": best.fit_percent,
+        "aic": best.aic,
+        "fpe": best.fpe,
+        "bic": best.bic,
+        "loss": estimate.loss,
+        "parameters": estimate.parameters,
+        "coefficients": coefficients(estimate),
+        "poles": [[p.real, p.imag] for p in np.asarray(estimate.poles(), dtype=complex)],
+        "zeros": [[z.real, z.imag] for z in np.asarray(estimate.zeros(), dtype=complex)],
+        "response": {
+            "frequency_hz": response.frequency_hz,
+            "gain": np.abs(response.value),
+            "gain_std": response.gain_std,
+            "phase_deg": np.angle(response.value, deg=True),
+            "phase_std_deg": response.phase_std_deg,
+        },
+        "residual_whiteness_p": found.test.white_p,
+        "residual_input_independence_p": found.test.cross_p,
+        "models_tried": found.selection.tried,
+        "indistinguishable": list(found.selection.alike),
+        "excitation_rank": report.excitation.rank,
+        "warnings": list(found.warnings),
+    }
+
+
+def orders(estimate: Any) -> dict[str, int]:
+    """Orders by name."""
+    if estimate.structure == "ss":
+        return {"order": estimate.order}
+    if estimate.structure == "narx":
+        return {"lags": estimate.lags, "step": estimate.step, "terms": len(estimate.terms)}
+    linear = getattr(estimate, "linear", estimate)
+    found = {name: getattr(linear.orders, name) for name in published.NAMES[linear.structure]}
+    if estimate.structure == "hw":
+        found |= dict(zip(("input_degree", "output_degree"), estimate.degrees, strict=True))
+    return found
+
+
+def coefficients(estimate: Any) -> dict[str, Any]:
+    """Estimated coefficients with standard errors, or the state-space matrices."""
+    if estimate.structure == "ss":
+        return {key: getattr(estimate, key) for key in ("A", "B", "C", "D", "K", "x0")}
+    if estimate.structure == "narx":
+        return {"terms": [list(term) for term in estimate.terms], "theta": estimate.theta}
+    linear = getattr(estimate, "linear", estimate)
+    found = {"theta": linear.theta, "std_error": linear.std_error}
+    if estimate.structure == "hw":
+        found |= {"input_terms": estimate.input_terms, "output_terms": estimate.output_terms}
+    return found
+
+
+def single_table(report: Report) -> Table:
+    """Models of one recording or pool, one a row; the gain at the strongest excited line of the best linear model."""
+    best = max(report.models.values(), key=lambda found: found.best.fit_percent)
+    shown = next((f for f in (best, *report.models.values()) if np.isfinite(f.response.value).any()), None)
+    place = 0
+    if shown is not None and not report.excitation.single_sine:
+        place = int(np.nanargmax(np.abs(shown.response.value)))
+    at = f" at {shown.response.frequency_hz[place]:.4g} Hz" if shown else ""
+    table = Table(title=f"{report.name}: {report.excitation}", title_justify="left")
+    for heading in ("model", "fit %", "AIC", "BIC", f"gain{at}", "alike"):
+        table.add_column(heading, justify="left" if heading == "model" else "right", no_wrap=heading != f"gain{at}")
+    for found in report.models.values():
+        c, response = found.best, found.response
+        fit = f"{c.fit_percent:.2f}"
+        gain = "-"
+        if np.isfinite(response.value[place]):
+            gain = f"{abs(response.value[place]):.4g} +- {response.gain_std[place]:.1g}"
+        table.add_row(
+            c.model.label, f"[bold]{fit}[/]" if found is best else fit, f"{c.aic:.3f}", f"{c.bic:.3f}", gain,
+            str(len(found.selection.alike)),
+        )  # fmt: skip
+    return table
+
+
+def thesis_table(reports: Sequence[Report]) -> Table:
+    """All recordings in the form of Table 3.2: orders and fit of each structure."""
+    names = list(dict.fromkeys(name for report in reports for name in report.models))
+    table = Table(title="orders and held-out fit in free simulation (form of Table 3.2)", title_justify="left")
+    for heading in ("recording", "rank", *(name.upper() for name in names)):
+        table.add_column(heading)
+    for report in reports:
+        cells = []
+        best = max(found.best.fit_percent for found in report.models.values())
+        for name in names:
+            found = report.models.get(name)
+            if found is None:
+                cells.append("-")
+                continue
+            fit = found.best.fit_percent
+            numbers = found.best.model.label.split(" ", 1)[1]
+            cells.append(f"{numbers} {'[bold]' if fit == best else ''}{fit:.1f}{'[/]' if fit == best else ''}")
+        table.add_row(report.name, str(report.excitation.rank), *cells)
+    return table
+
+
+def csv_text(reports: Sequence[Report]) -> str:
+    """One row for each model: a table to continue with."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([
+        "recording", "frequency_hz", "excitation_rank", "model", "fit_percent", "aic", "bic", "fpe", "parameters",
+        "gain", "gain_std", "gain_frequency_hz", "warnings",
+    ])  # fmt: skip
+    for report in reports:
+        for found in report.models.values():
+            c, r = found.best, found.response
+            gain, std = abs(complex(r.value[0])), float(r.gain_std[0])
+            writer.writerow([
+                report.name, f"{report.excitation.frequency_hz:.6g}", report.excitation.rank, c.model.label,
+                f"{c.fit_percent:.4f}", f"{c.aic:.6f}", f"{c.bic:.6f}", f"{c.fpe:.6g}", c.model.parameters,
+                f"{gain:.6g}", f"{std:.3g}", f"{r.frequency_hz[0]:.6g}", " | ".join(found.warnings),
+            ])  # fmt: skip
+    return text.getvalue()

@@ -1,0 +1,72 @@
+"""Shared by all tests: the stock foot, edited copies of its MJCF, noisy synthetic recordings, commands."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import oracle
+import pytest
+
+import mjcf
+from fasbody.model import Foot, load
+from fasbody.recording import Condition, Recording
+
+ROOT = Path(__file__).parent.parent
+
+
+@pytest.fixture(scope="session")
+def foot() -> Foot:
+    return load("two_dof")
+
+
+@pytest.fixture
+def edited(tmp_path: Path) -> Callable[..., Path]:
+    """Write a copy of two_dof.xml with (old, new) texts replaced, each of which must be there."""
+
+    def edit(*replacements: tuple[str, str]) -> Path:
+        text = mjcf.path("two_dof").read_text()
+        for old, new in replacements:
+            assert old in text, old
+            text = text.replace(old, new)
+        file = tmp_path / "edited.xml"
+        file.write_text(text)
+        return file
+
+    return edit
+
+
+@pytest.fixture(scope="session")
+def trial() -> Callable[..., Recording]:
+    """Make a steady synthetic recording with the oracle: parameters, frequency, noise; see `oracle.steady`."""
+    known: dict[object, tuple[np.ndarray, ...]] = {}
+
+    def make(
+        p: dict[str, float], frequency_hz: float, *, seed: int = 0, added: float = 0.0, seconds: float = 3.0,
+        noise: tuple[float, float] = (0.03, 0.05), rate_hz: float = 1200.0, **more: object,
+    ) -> Recording:  # fmt: skip
+        condition = Condition("16", "midstance", added, 72.57, frequency_hz)
+        key = (*p.values(), *map(str, more.values()), frequency_hz, rate_hz, seconds, added)
+        if key not in known:  # the motion without noise
+            known[key] = oracle.steady({**p, **condition.masses}, frequency_hz, rate_hz, seconds, **more)
+        t, base, malleolus = known[key]
+        rng = np.random.default_rng((seed, round(frequency_hz), round(10 * added)))
+        noisy = (x + rng.normal(0, s, t.size) for x, s in zip((base, malleolus), noise, strict=True))
+        return Recording(t, *noisy, condition=condition, file=f"{frequency_hz:g}hz.csv", origin="synthetic")
+
+    return make
+
+
+def run(*arguments: str, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
+    """`python -m ...` as a user runs it."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200"}
+    return subprocess.run(
+        [sys.executable, "-m", *arguments], cwd=cwd, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.fixture(scope="session")
+def command() -> Callable[..., subprocess.CompletedProcess[str]]:
+    return run

@@ -1,0 +1,96 @@
+"""A board made of a thread: known samples in real time over a pseudo-terminal, with faults on demand."""
+
+import threading
+import time
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from fasbody.acquire.bench import FRAME_SAMPLES, Bench, Line, corrupt
+from fasbody.acquire.frames import encode_data, encode_hello
+from fasbody.acquire.messages import Channel, Hello
+from fasbody.acquire.port import Port
+from fasbody.exceptions import AcquisitionError
+
+RANGE = 39.2
+COUNTS = 1024.0  # a power of two: nothing is rounded on the way
+
+
+def hello(rate_hz: float = 1000.0, channels: int = 2, bits: int = 16, boot: int = 1) -> Hello:
+    roles = ("base", "malleolus", "tuberosity")[:channels]
+    return Hello("feeder", rate_hz, tuple(Channel(r, RANGE, COUNTS) for r in roles), bits, FRAME_SAMPLES, boot)
+
+
+def counts_of(index: np.ndarray, channels: int) -> np.ndarray:
+    """Counts of each sample (n, channels): a function of its number alone, so that every value can be checked."""
+    primes = np.array([20011, 19997, 19993])[:channels]  # together they repeat after 4e8 samples
+    return (index[:, None] * 7919 % primes - 10_000).astype(np.int32)
+
+
+def number_of(sample: np.ndarray) -> int:
+    """Which sample has these values (channels,) [m/s^2]."""
+    return int(np.flatnonzero((counts_of(np.arange(400_000), sample.size) == sample * COUNTS).all(axis=1))[0])
+
+
+def output_of(bench: Bench) -> str:
+    """Ask the instrument itself, without switching anything."""
+    try:
+        port = Port(bench.generator_port, 115200)
+    except AcquisitionError:
+        return "busy"
+    try:
+        port.write(b"\nOUTP?\n")
+        answer, deadline = b"", time.monotonic() + 1
+        while b"\n" not in answer and time.monotonic() < deadline:
+            answer += port.read()
+        return answer.decode().strip()
+    finally:
+        port.close()
+
+
+class Feeder:
+    """Sends frames in real time from a thread; `sent` is the number of samples a channel so far."""
+
+    def __init__(self, folder: Path, rate_hz: float = 1000.0, channels: int = 2, damage: float = 0.0) -> None:
+        self.line = Line(folder / "feeder")
+        self.port = str(self.line.link)
+        self.hello = hello(rate_hz, channels)
+        self.sent = 0
+        self.damaged: set[int] = set()  # numbers of the frames that went out damaged
+        self.paused = False
+        self.garbage = False
+        self.amplitude = 0  # counts added to every sample
+        self._damage, self._rng = damage, np.random.default_rng(5)
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> "Feeder":
+        self.line.plug()
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._end.set()
+        self._thread.join()
+        self.line.unplug()
+
+    def _run(self) -> None:
+        start, n, frame = time.monotonic(), FRAME_SAMPLES, 0
+        rate = self.hello.rate_hz
+        while not self._end.is_set():
+            time.sleep(max(0.0, start + (frame + 1) * n / rate - time.monotonic()))
+            out = b""
+            if frame % round(rate / n) == 0 or self.line.receive():
+                out = encode_hello(self.hello)
+            counts = counts_of(np.arange(frame * n, (frame + 1) * n), len(self.hello.channels)) + self.amplitude
+            clean = encode_data(frame, round(frame * n / rate * 1e6), np.clip(counts, -32768, 32767), 16)
+            dirty = corrupt(clean, self._damage, self._rng) if self._damage else clean
+            if dirty != clean:
+                self.damaged.add(frame)
+            if not self.paused:
+                self.line.send(self._rng.bytes(80) if self.garbage else out + dirty)
+            frame += 1
+            self.sent = frame * n

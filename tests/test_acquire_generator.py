@@ -1,0 +1,130 @@
+"""The generator and its level: limits hold, errors are heard, and the output ends up off."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from feeder import Feeder, output_of
+
+from fasbody.acquire.bench import Bench
+from fasbody.acquire.board import Board
+from fasbody.acquire.generator import Generator
+from fasbody.acquire.level import Safety, peak_to_peak, reach
+from fasbody.acquire.probe import probe
+from fasbody.acquire.session import Plan
+from fasbody.acquire.shaken import BODY_MASS_KG, GAIN, Shaker
+from fasbody.exceptions import AcquisitionError, SettingError
+from fasbody.recording import Condition
+
+ROOT = Path(__file__).parent.parent
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
+BAUD = 921600
+CONDITION = Condition("16", "midstance", 0.0, BODY_MASS_KG)
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Bench]:
+    with Bench(seed=4) as made:
+        yield made
+
+
+@pytest.fixture
+def feeder(tmp_path: Path) -> Iterator[Feeder]:
+    with Feeder(tmp_path) as made:
+        yield made
+
+
+DRIVER = """
+import sys, time
+from fasbody.acquire.generator import Generator
+with Generator(sys.argv[1], 115200) as g:
+    g.sine(20.0, 0.01)
+    g.on()
+    print("on", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_output_goes_off_when_the_driver_dies(bench: Bench, number: signal.Signals) -> None:
+    driver = subprocess.Popen(
+        [sys.executable, "-c", DRIVER, bench.generator_port], env=ENVIRONMENT, stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    assert driver.stdout is not None and driver.stdout.readline() == b"on\n"
+    time.sleep(0.2)  # past the guard's start, which does not matter: its pipe is there from the beginning
+    driver.send_signal(number)
+    driver.wait()
+    driver.stdout.close()
+    deadline = time.monotonic() + 20
+    while output_of(bench) != "0":
+        assert time.monotonic() < deadline
+        time.sleep(0.2)
+
+
+def test_level_is_reached_limits_hold_and_the_output_is_off_afterwards(bench: Bench) -> None:
+    board = Board(bench.board_port, BAUD)
+    board.wait_for_hello()
+    with Generator(bench.generator_port, 115200, guard=False) as generator:
+        level = reach(generator, board, 25.0, 12.0, Safety())
+        values = board.collect(1.0)[:, board.base]
+        assert level.peak_to_peak == pytest.approx(12.0, rel=0.02)
+        amplitude = 2 * np.abs(np.mean(values * np.exp(-2j * np.pi * 25 * np.arange(values.size) / 1000)))
+        assert 2 * amplitude == pytest.approx(GAIN * level.volts, rel=0.01)
+        with pytest.raises(AcquisitionError, match=r"would need about"):
+            reach(generator, board, 25.0, 12.0, Safety(volts=0.4), guess_volts=0.8)
+        with pytest.raises(AcquisitionError, match="beyond the safety limit"):
+            reach(generator, board, 25.0, 12.0, Safety(peak_m_s2=6.01), guess_volts=1.9)
+    board.close()
+    assert output_of(bench) == "0"
+
+
+def test_safety_is_judged_before_anything_moves(tmp_path: Path) -> None:
+    with pytest.raises(SettingError, match=r"move the base by 50\.4 mm"):
+        Safety().check(3.0, 17.9)
+    with pytest.raises(SettingError, match=r"exceed the limit"):
+        Safety().check(50.0, 60.0)
+    Safety().check(10.0, 17.9)
+    for wrong in ({"seconds": 0.01}, {"frequencies_hz": (1.0,)}, {"frequencies_hz": (5.0,), "seconds": 0.5}):
+        with pytest.raises(SettingError):
+            replace(Plan(tmp_path, (20.0,), CONDITION), **wrong).check(False)  # type: ignore[arg-type]
+
+
+def test_peak_to_peak_is_that_of_the_motion_without_noise() -> None:
+    t = np.arange(700) / 1000
+    phase = 2 * np.pi * 17 * t
+    clean = 5 * np.sin(phase) + 0.4 * np.sin(2 * phase + 1) + 9.81
+    fine = np.linspace(0, 2 * np.pi, 100_001)
+    exact = np.ptp(5 * np.sin(fine) + 0.4 * np.sin(2 * fine + 1))
+    noisy = clean + np.random.default_rng(1).normal(0, 0.2, t.size)
+    assert peak_to_peak(clean, 1000, 17) == pytest.approx(exact, rel=1e-3)
+    assert peak_to_peak(noisy, 1000, 17) == pytest.approx(exact, rel=1e-2)
+
+
+def test_instrument_reports_errors(bench: Bench) -> None:
+    with Generator(bench.generator_port, 115200, guard=False) as generator:
+        assert generator.identity.startswith("FAS,")
+        with pytest.raises(AcquisitionError, match=r"VOLT 99.* is refused \(-222"):
+            generator.set_volts(99.0)
+        with pytest.raises(AcquisitionError, match=r"\(-113"):
+            generator.command("BANANA")
+    shaker = Shaker()
+    assert shaker.do("FREQ abc") is None and shaker.do("SYST:ERR?") == '-104,"Data type error"'
+    assert shaker.do("WHAT?") is None and shaker.output()["volts"] == 0.0
+
+
+def test_probe_tells_boards_from_generators(bench: Bench, feeder: Feeder) -> None:
+    found = probe(feeder.port, (BAUD,))
+    assert found.kind == "board" and "base, malleolus at 1000 Hz, 16-bit frames of 16" in str(found)
+    assert probe(bench.generator_port, (115200,)).kind == "generator"
+    feeder.garbage = True
+    assert probe(feeder.port, (9600,)).kind == "unknown bytes"
+    feeder.paused = True
+    assert "silence" in str(probe(feeder.port, (9600,)))

@@ -1,0 +1,102 @@
+"""The grid of samples: gaps to the sample, restarts, clocks, and the judgement."""
+
+import numpy as np
+import pytest
+from feeder import COUNTS, counts_of, hello
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fasbody.acquire.messages import Block, Damage, Hello
+from fasbody.acquire.quality import Limits
+from fasbody.acquire.timeline import Timeline
+
+N = 16
+
+
+def block(frame: int, rate: float = 1000.0, first: int = 0, time_us: int | None = None) -> Block:
+    stamp = round(frame * N / rate * 1e6) if time_us is None else time_us
+    samples = counts_of(np.arange(frame * N, frame * N + N), 2) / COUNTS
+    return Block((first + frame) % 2**32, stamp % 2**32, samples, np.zeros(2, int))
+
+
+@given(st.sets(st.integers(1, 60)), st.sampled_from([0, 2**32 - 20]))
+def test_every_received_sample_is_at_its_place_and_every_lost_one_counted(lost: set[int], first: int) -> None:
+    timeline = Timeline(hello())
+    for frame in range(62):
+        if frame not in lost:
+            timeline.add([block(frame, first=first)], 0.016 * frame)
+    index, values = timeline.samples()
+    np.testing.assert_array_equal(values * COUNTS, counts_of(index, 2))
+    quality = timeline.quality()
+    assert quality.lost_frames == len(lost) and quality.lost_samples == N * len(lost)
+    runs = len([f for f in lost if f - 1 not in lost])
+    assert len(quality.gaps) == runs and quality.frames == 62 - len(lost)
+    assert timeline.length == 62 * N
+    assert bool(quality.problems(Limits())) == bool(lost)
+
+
+def test_gap_says_where() -> None:
+    timeline = Timeline(hello())
+    timeline.add([block(f) for f in (0, 1, 4, 5)], 0.1)
+    (gap,) = timeline.quality().gaps
+    assert gap.after_s == pytest.approx(0.031) and gap.lost_samples == 32 and gap.cause == "lost frames"
+    assert timeline.quality(length=20).gaps == ()
+
+
+def test_samples_skipped_inside_the_board_show_in_its_time_stamps() -> None:
+    timeline = Timeline(hello())
+    timeline.add([block(0), block(1), block(2, time_us=32_000 + 5_000), block(3, time_us=48_000 + 5_000)], 0.1)
+    (gap,) = timeline.quality().gaps
+    assert (gap.lost_samples, gap.cause) == (5, "skipped")
+
+
+@pytest.mark.parametrize("boot", [1, 2])
+def test_restart_is_a_gap_by_the_host_clock(boot: int) -> None:
+    """With another boot number even a sequence that happens to continue is a restart."""
+    timeline = Timeline(hello())
+    timeline.add([hello(boot=1), *(block(f) for f in range(10))], 0.16)
+    timeline.add([hello(boot=boot), block(0 if boot == 1 else 10, time_us=0)], 2.16)
+    (gap,) = timeline.quality().gaps
+    assert gap.cause == "restart" and gap.lost_samples == 2000 - N
+
+
+def test_changed_description_and_damage() -> None:
+    timeline = Timeline(hello())
+    timeline.add([block(0), Damage("CRC", 30), Hello("feeder", 2000.0, hello().channels, 16, N)], 0.0)
+    quality = timeline.quality()
+    assert quality.changed and quality.damaged == 1
+    assert any("description" in text for text in quality.problems(Limits()))
+    assert quality.remarks(Limits()) == ["1 damaged pieces on the line"]
+
+
+@pytest.mark.parametrize("ppm", [-2000.0, 0.0, 800.0])
+def test_drift_of_the_device_clock_is_measured_through_jitter(ppm: float) -> None:
+    """Arrivals late by an exponential 3 ms: the drift is found within four standard errors, and those are small."""
+    rng = np.random.default_rng(3)
+    timeline = Timeline(hello())
+    for frame in range(620):
+        due = (frame + 1) * N / 1000 / (1 + ppm * 1e-6)
+        timeline.add([block(frame)], 100.0 + due + rng.exponential(3e-3))
+    quality = timeline.quality()
+    assert abs(quality.drift_ppm - ppm) < 4 * quality.drift_std_ppm
+    assert quality.drift_std_ppm < 60
+    assert any("clock" in text for text in quality.remarks(Limits())) == (ppm != 0.0)
+    assert quality.problems(Limits()) == []
+
+
+@pytest.mark.parametrize(("ppm", "refused"), [(100, False), (600, False), (8000, True)])
+def test_rate_by_the_device_clock_against_the_declared_one(ppm: float, refused: bool) -> None:
+    timeline = Timeline(hello())
+    timeline.add([block(f, time_us=round(f * N / 1000 * 1e6 / (1 + ppm * 1e-6))) for f in range(300)], 0.0)
+    quality = timeline.quality()
+    assert quality.rate_ppm == pytest.approx(ppm, abs=1)
+    assert bool(quality.problems(Limits())) == refused
+    assert bool(quality.remarks(Limits())) == (ppm == 600)
+
+
+def test_over_range_is_a_problem() -> None:
+    timeline = Timeline(hello())
+    one = block(0)
+    timeline.add([Block(one.sequence, one.time_us, one.samples, np.array([0, 3]))], 0.0)
+    assert timeline.over_range == {"base": 0, "malleolus": 3}
+    assert timeline.quality().problems(Limits()) == ["over range: malleolus 3 samples"]

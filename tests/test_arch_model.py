@@ -1,0 +1,104 @@
+"""The MJCF arch against the equations: constants, mass matrix, bias, stepped motion; edited and broken copies."""
+
+from dataclasses import asdict
+
+import mujoco
+import numpy as np
+import pytest
+from arch_copies import compiled, high_arch
+from symbolic_arch import evaluate, poses
+
+from fasbody import arch_model, lagrange
+from fasbody.arch import Arch
+from fasbody.exceptions import ModelError
+from fasbody.kinematics import rest
+from fasbody.model import check
+from fasbody.shaker import harmonics
+from fasbody.simulate import simulate
+from fasbody.static_load import under_weight
+
+
+def engine(model: mujoco.MjModel, arch: Arch, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mass matrix and bias of MuJoCo at the poses of the equations, base left out, projected."""
+    data, masses, biases = mujoco.MjData(model), [], []
+    tree, T = arch_model.tree_position(arch, q), arch_model.tree_jacobian(arch, q)
+    for i in range(len(q)):
+        data.qpos[1:], data.qvel[1:] = tree[i], T[i] @ v[i]
+        mujoco.mj_forward(model, data)
+        heel, heads = data.site("heel").xpos[1], data.site("heads").xpos[1]
+        assert heel == pytest.approx(q[i, 0], abs=1e-12)
+        assert heads == pytest.approx(q[i, 0], abs=1e-12)
+        full = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, full)
+        masses.append(full[1:, 1:])
+        biases.append(data.qfrc_bias[1:].copy())
+    return arch_model.project(arch, q, v, np.array(masses), np.array(biases))
+
+
+def test_shipped_model_is_the_nominal_arch() -> None:
+    ours, nominal = Arch.from_model(compiled()), Arch.nominal()
+    for name, value in asdict(nominal).items():
+        assert getattr(ours, name) == pytest.approx(value, rel=1e-9), name
+
+
+@pytest.mark.parametrize("model", [compiled, high_arch], ids=["shipped", "high arch"])
+def test_mass_matrix_and_bias_against_equations_and_sympy(model) -> None:
+    model = model()
+    arch = Arch.from_model(model)
+    q, v = poses(arch, np.random.default_rng(0), 200)
+    A, bias = lagrange.mass_and_bias(arch, q, v)
+    M, b = engine(model, arch, q, v)
+    assert np.max(np.abs(M - A).max(axis=0)[:5, :5] / np.abs(A).max(axis=0)[:5, :5]) < 1e-12
+    assert np.max(np.abs(b - bias).max(axis=0)[:5] / np.abs(bias).max(axis=0)[:5]) < 1e-12
+    np.testing.assert_allclose(M[0], evaluate("mass", arch, q[0]), atol=1e-12)
+
+
+def test_edits_reach_the_arch() -> None:
+    arch = Arch.from_model(high_arch())
+    assert arch.height_0 == pytest.approx(0.0486, abs=1e-4)  # 20 % above 40 mm
+    assert (arch.m_3, arch.k_11) == (0.040, pytest.approx(40e3))
+
+
+def test_tree_coordinates_by_complex_steps() -> None:
+    arch = Arch.nominal()
+    q, v = poses(arch, np.random.default_rng(1), 20)
+    T = arch_model.tree_jacobian(arch, q)
+    for i, unit in enumerate(np.eye(6)):
+        slope = arch_model.tree_position(arch, q + 1e-30j * unit).imag / 1e-30
+        np.testing.assert_allclose(T[..., i], slope, rtol=1e-12, atol=1e-14)
+    step = 1e-6
+    faster = np.einsum("nij,nj->ni", arch_model.tree_jacobian(arch, q + step * v), v)
+    slower = np.einsum("nij,nj->ni", arch_model.tree_jacobian(arch, q - step * v), v)
+    np.testing.assert_allclose(arch_model.tree_drift(arch, q, v), (faster - slower) / (2 * step), rtol=1e-6, atol=1e-6)
+
+
+def test_gravity_hold_settles_on_pad_and_ankle() -> None:
+    """z_F = -W / k_F and z_T = -m_T g / k_T; the dashpot yields to the whole elongation, its tension to nothing."""
+    foot = check(compiled(('gravity="0 0 0"', 'gravity="0 -9.81 0"')), "hold")
+    end = simulate(foot, harmonics(10.0, [0.0], 2.0))
+    data, arch = mujoco.MjData(foot.model), Arch.from_model(foot.model)
+    mujoco.mj_kinematics(foot.model, data)
+    before = data.site("heel").xpos[1]
+    data.qpos[:] = end.qpos[0, -1]
+    mujoco.mj_kinematics(foot.model, data)
+    sunk = data.site("heel").xpos[1] - before - end.qpos[0, -1, 0]
+    assert sunk == pytest.approx(-(arch.m_T + arch.m_F) * 9.81 / arch.k_F, rel=1e-3)
+    assert end.qpos[0, -1, 2] == pytest.approx(-arch.m_T * 9.81 / arch.k_T, rel=1e-3)
+    pose = under_weight(arch, rest(arch), 9.81)
+    np.testing.assert_allclose(end.qpos[0, -1, 1:], arch_model.tree_position(arch, pose), rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("edits", "sentence"),
+    [
+        ([('name="heel_pad" class', 'name="heel" class'), ('tendon1="heel_pad"', 'tendon1="heel"'),
+          ("0.5 tendon heel_pad", "0.5 tendon heel")], "there is no tendon 'heel_pad'"),
+        ([('joint name="hindfoot"', 'joint name="hind"')], "there is no joint 'hindfoot', did you mean 'hind'"),
+        ([('joint stiffness="230"', 'joint stiffness="-230"')], "k_2 is -230"),
+        ([('euler="0 0 3.4"', 'euler="0 0 8"')], "apart in height; turn calcaneus_talus"),
+        ([('pos="0 -0.032635 0"', 'pos="0 -0.03 0"')], "the centre of mass of metatarsals lies 2.635 mm off"),
+    ],
+)  # fmt: skip
+def test_broken_copies_get_one_sentence(edits: list[tuple[str, str]], sentence: str) -> None:
+    with pytest.raises(ModelError, match=sentence):
+        Arch.from_model(compiled(*edits))

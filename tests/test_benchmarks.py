@@ -1,0 +1,146 @@
+"""The benchmarks' own arithmetic on tiny sizes; what they measure is not asserted here."""
+
+import importlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks import accuracy, callbacks, coverage, fitting, plain_scipy, rows
+from benchmarks.__main__ import machine, markdown
+from fasbody.model import can_be_constrained, load
+from fasbody.shaker import sine
+from fasbody.simulate import simulate
+from fasbody.two_dof import TwoDof
+from identification.routes import TimeRoute
+from identification.space import space_of
+from identification.time_domain import TimeProblem
+
+
+@pytest.mark.parametrize("name", ["accuracy", "acquire", "callbacks", "fitting", "coverage", "__main__"])
+def test_each_topic_has_a_command(name: str) -> None:
+    module = importlib.import_module(f"benchmarks.{name}")
+    assert module.app.registered_commands
+
+
+def test_rows_say_how_much_better_than_required() -> None:
+    assert rows.at_most("x", 2.0, 10.0).ratio == 5.0
+    assert rows.at_most("x", 11.0, 10.0).holds is False
+    assert rows.at_least("x", 10.0, 2.0).ratio == 5.0
+    assert rows.at_least("x", 1.9, 2.0).holds is False
+    assert rows.between("x", 95.0, 92.0, 98.0).holds is True
+    assert rows.between("x", 99.0, 92.0, 98.0).holds is False
+    row = rows.faster("x", 2e-3, 1.0, "other", 300.0)
+    assert (row.ratio, row.holds) == (500.0, True)
+    assert row.cells == ("x", "2 ms", "other: 1 s, at least 300 times", "500", "yes")
+    assert rows.faster("x", 2e-3, 0.1, "other", 300.0).holds is False
+    assert rows.at_most("x", 0.0, 1.0).ratio is None
+
+
+def test_interleaved_takes_turns_after_one_warm_up() -> None:
+    order: list[str] = []
+    clock = iter(range(100))
+    times = rows.interleaved([lambda: order.append("a"), lambda: order.append("b")], 3, lambda: float(next(clock)))
+    assert order == ["a", "b"] * 4
+    np.testing.assert_array_equal(times, np.ones((3, 2)))
+
+
+def test_results_name_machine_and_every_row() -> None:
+    text = markdown([rows.at_most("first claim", 1.0, 2.0, "ms")], machine(), "2026-01-01", (0.5, 1.0))
+    assert "| first claim | 1 ms | at most 2 ms | 2 | yes |" in text
+    assert "mujoco 4.0" in text and "2026-01-01" in text
+
+
+def test_observed_order_of_a_fourth_order_error() -> None:
+    step = np.array([1e-3, 5e-4, 2.5e-4])
+    np.testing.assert_allclose(accuracy.order(step, 7 * step**4), [4.0, 4.0])
+
+
+def test_errors_shrink_with_the_step() -> None:
+    found = accuracy.errors(load("two_dof").with_values(accuracy.SETS["stiff"]), 30.0, (1e-3, 5e-4), seconds=0.1)
+    assert found.recorded[1] < found.recorded[0] / 8
+    assert found.smooth[1] < found.smooth[0] / 8
+    assert (found.at_samples <= found.between).all()
+
+
+def test_step_costs_are_times_of_all_three() -> None:
+    times = callbacks.step_costs(repeats=1, steps=5)
+    assert times.shape == (1, 3) and (times > 0).all()
+
+
+def test_busy_cores_give_no_verdict_on_threads() -> None:
+    row = callbacks.unjudged(rows.at_least("gain", 1.0, 1.7), 9.0)
+    assert row.holds is None and "load 9.0" in row.what and row.measured == "1"
+
+
+@pytest.fixture(scope="module")
+def short() -> TimeProblem:
+    foot = load("two_dof")
+    return TimeRoute(foot, [fitting.sweep_recording(1.0)], space_of(foot, delay=False), twin=True).explorer()
+
+
+def test_scipy_solves_the_same_problem(short: TimeProblem) -> None:
+    """RK45 at rtol 1e-6 and the twin give the same misfit, far from the minimum, with each initial state in use."""
+    z = short.start(short.space.to_q(short.space.theta(load("two_dof").values())))
+    z[-4:] = 0.3, -0.2, 0.1, 0.4
+    ours = float(np.sum(short.residual(z) ** 2))
+    assert np.sum(plain_scipy.residual(short, z) ** 2) == pytest.approx(ours, rel=1e-3)
+
+
+def test_plain_rates_are_those_of_the_model(short: TimeProblem) -> None:
+    recording = short.recordings[0]
+    foot = TwoDof.from_values(load("two_dof").values())
+    t = recording.time_s - recording.time_s[0]
+    x = np.array([4e-4, -7e-4, 0.05, -0.08])
+    plain = plain_scipy.plain_rates(foot, t, recording.base_m_s2)(float(t[200]), x)
+    np.testing.assert_allclose(plain, foot.rates(0.0, x, float(recording.base_m_s2[200])), rtol=1e-9)
+
+
+def test_one_noise_seed_of_the_coverage_study() -> None:
+    truth = coverage.FEET[coverage.STRONG]
+    clean = coverage.motions(truth, (10.0, 20.0, 30.0), seconds=1.0)
+    found = coverage.trial(truth, clean, seed=0)
+    assert found.dof == 2 * (6 + 5 + 3) - 9
+    assert found.chi_square < 5 * found.dof
+    assert found.branches >= 1 and set(found.covered) == set(coverage.COUNTED)
+
+
+def test_coverage_rows_count_trials() -> None:
+    good = coverage.Trial(dict.fromkeys(coverage.COUNTED, True), 50.0, 53, True, True, 2)
+    bad = replace(good, covered=dict.fromkeys(coverage.COUNTED, False), true_is_best=False)
+    undecided = replace(good, decided=False)
+    trials = {coverage.STRONG: [good] * 3 + [bad], coverage.WEAK: [undecided, good], coverage.BETWEEN: []}
+    made = coverage.rows_of(trials)
+    by_name = {row.what.split(" (")[0]: row for row in made}
+    assert by_name["95 % interval of k_T holds the truth, 4 seeds"].measured == "75 %"
+    assert by_name["95 % interval of k_T holds the truth, 4 seeds"].holds is None  # too few to require anything
+    assert by_name["strongly nonlinear"].measured == "3" and by_name["strongly nonlinear"].holds is False
+    assert by_name["nearly linear"].measured == "1" and by_name["nearly linear"].holds is False
+
+
+def test_skipping_the_constraint_stage_changes_no_bit() -> None:
+    foot = load("two_dof")
+    assert not can_be_constrained(foot.model)
+    motion = sine(30.0, 0.1)
+    fast = simulate(foot, motion)
+    foot.model.opt.disableflags = 0
+    slow = simulate(foot, motion)
+    np.testing.assert_array_equal(fast.malleolus, slow.malleolus)
+
+
+@pytest.mark.parametrize("change", ["limit", "contact", "equality"])
+def test_a_model_that_can_be_constrained_keeps_the_stage(change: str, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    import mjcf
+
+    text = mjcf.path("two_dof").read_text()
+    edits = {
+        "limit": ('<joint name="fat_pad"', '<joint name="fat_pad" range="-0.01 0.01"'),
+        "contact": ('<geom name="table"', '<geom name="table" contype="1" conaffinity="1"'),
+        "equality": ("<actuator>", '<equality><joint joint1="talocrural" active="false"/></equality><actuator>'),
+    }
+    old, new = edits[change]
+    assert old in text
+    file = tmp_path / "foot.xml"
+    file.write_text(text.replace(old, new, 1))
+    foot = load(file)
+    assert can_be_constrained(foot.model) and not foot.model.opt.disableflags

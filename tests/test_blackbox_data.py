@@ -1,0 +1,137 @@
+"""Reading and checking recordings: one clear sentence for each kind of useless data."""
+
+from pathlib import Path
+
+import linear_foot as foot
+import numpy as np
+import pytest
+
+from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
+from identification.blackbox import data
+from identification.blackbox.data import Series
+
+U = foot.prbs(200)
+Y = foot.linear_output(U)
+
+
+def written(path: Path, header: str, *columns: np.ndarray, delimiter: str = ",") -> Path:
+    np.savetxt(path, np.column_stack(columns), delimiter=delimiter, header=header, comments="")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("u", "y", "sentence"),
+    [
+        (np.ones(200), Y, "the input is constant"),
+        (np.zeros(200), Y, "an output without input"),
+        (U, np.full(200, 3.0), "the output is constant"),
+        (U, U, "the same signal"),
+        (U[:2], Y[:2], "2 samples are too few"),
+        (np.where(np.arange(200) == 7, np.nan, U), Y, "not a finite number at sample 8"),
+        (U, np.where(np.arange(200) == 9, np.inf, Y), "output is not a finite number at sample 10"),
+        (U, np.exp(0.1 * np.arange(200)), "grows from beginning to end"),
+        (U, 0.1 * np.exp(0.03 * np.arange(200)) * np.sin(np.arange(200)), "grows from beginning to end"),
+        (U, Y[:-1], "of equal length"),
+    ],
+)
+def test_useless_data_get_one_sentence(u: np.ndarray, y: np.ndarray, sentence: str) -> None:
+    with pytest.raises(RecordingError, match=sentence) as caught:
+        Series(u, y, 1e-3)
+    assert str(caught.value).count("\n") == 0
+    assert str(caught.value).endswith(".")
+
+
+def test_a_record_that_starts_at_rest_does_not_grow_without_bound() -> None:
+    for frequency in (5.0, 20.0, 50.0):
+        u = foot.sine(frequency, 2000)
+        Series(u, foot.linear_output(u), 1e-3)
+
+
+def test_sample_time_must_be_positive() -> None:
+    with pytest.raises(RecordingError, match="positive number of seconds"):
+        Series(U, Y, 0.0)
+
+
+def test_split_removes_the_means_of_the_first_part() -> None:
+    first, second = Series(U + 5.0, Y - 2.0, 1e-3).split(0.6)
+    assert (len(first), len(second)) == (120, 80)
+    assert abs(first.u.mean()) < 1e-12 and abs(first.y.mean()) < 1e-12
+    np.testing.assert_allclose(second.u, U[120:] - U[:120].mean(), atol=1e-12)
+    with pytest.raises(SettingError, match="fewer than 20"):
+        Series(U, Y, 1e-3).split(0.01)
+
+
+def test_arrays_are_kept_from_change() -> None:
+    series = Series(U, Y, 1e-3)
+    with pytest.raises(ValueError, match="read-only"):
+        series.u[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "options"),
+    [
+        ("time_s,base_m_s2,malleolus_m_s2", (np.arange(200) * 1e-3, U, Y), {}),
+        ("time_s,malleolus_m_s2,base_m_s2", (np.arange(200) * 1e-3, Y, U), {}),
+        ("force,speed", (U, Y), {"sample_time": 1e-3}),
+        ("speed,force", (Y, U), {"input": "force", "output": "speed", "sample_time": 1e-3}),
+        ("a,b,c", (Y, U, Y), {"input": "2", "output": "3", "sample_time": 1e-3}),
+        ("", (U, Y), {"sample_time": 1e-3}),
+        ("", (np.arange(200) * 1e-3, U, Y), {}),
+    ],
+)
+def test_csv_of_many_forms(tmp_path: Path, header: str, columns: tuple[np.ndarray, ...], options: dict) -> None:
+    file = tmp_path / "record.csv"
+    np.savetxt(file, np.column_stack(columns), delimiter=",", header=header, comments="")
+    if not header:
+        file.write_text(file.read_text().lstrip("\n"))
+    series = data.read_csv(file, **options)
+    np.testing.assert_allclose(series.u, U)
+    np.testing.assert_allclose(series.y, Y)
+    assert series.sample_time == pytest.approx(1e-3, rel=1e-9)
+
+
+def test_semicolons_and_byte_order_mark(tmp_path: Path) -> None:
+    file = written(tmp_path / "record.csv", "time;u;y", np.arange(200) * 1e-3, U, Y, delimiter=";")
+    file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
+    np.testing.assert_allclose(data.read_csv(file).y, Y)
+
+
+def test_study_folder_keeps_the_corrections_of_its_study(tmp_path: Path) -> None:
+    folder = tmp_path / "recordings"
+    folder.mkdir()
+    for name in ("a.csv", "b.csv"):
+        written(folder / name, "time_s,base_m_s2,malleolus_m_s2", np.arange(200) * 1e-3, U, Y)
+    (tmp_path / "study.toml").write_text("[channels.malleolus]\nsign = -1\n")
+    (tmp_path / "subjects.csv").write_text("subject,mass_kg\n16,72.57\n")
+    rows = "recordings/a.csv,16,0\nrecordings/b.csv,16,0\n"
+    (tmp_path / "recordings.csv").write_text("file,subject,added_mass_kg\n" + rows)
+    read = data.read(tmp_path)
+    assert [series.name for series in read] == ["a", "b"]
+    np.testing.assert_allclose(read[0].y, -Y)
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "sentence"),
+    [
+        ("", {}, "cannot be read as CSV"),
+        ("u,y\n" + "1,2\n2,3\n" * 20, {}, "has no time column"),
+        ("time_s,u\n0,1\n1,2\n", {}, "has no column left for the output"),
+        ("time_s,u,y\n0,1,1\n1,2,1\n1,2,3\n", {}, "does not increase"),
+        ("time_s,u,y\n0,1,1\n1,2,1\n5,2,3\n6,1,2\n", {}, "not sampled uniformly"),
+        ("u,y\n1,x\n2,3\n", {"sample_time": 1.0}, "not a number"),
+        ("force,speed\n1,2\n2,3\n", {"input": "forces", "sample_time": 1.0}, "did you mean 'force'"),
+    ],
+)
+def test_useless_files_get_one_sentence(tmp_path: Path, content: str, options: dict, sentence: str) -> None:
+    file = tmp_path / "record.csv"
+    file.write_text(content)
+    with pytest.raises(FasError, match=sentence) as caught:
+        data.read_csv(file, **options)
+    assert "record.csv" in str(caught.value)
+
+
+def test_missing_file_and_empty_folder(tmp_path: Path) -> None:
+    with pytest.raises(InputFileError, match="No such file"):
+        data.read(tmp_path / "absent.csv")
+    with pytest.raises(InputFileError, match=r"study\.toml: no such file"):
+        data.read(tmp_path)

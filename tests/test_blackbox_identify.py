@@ -1,0 +1,166 @@
+"""The whole way from files to report: command, JSON, figures, sentences."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import linear_foot as foot
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from fasbody.exceptions import FasError, SettingError
+from identification.blackbox import published, report
+from identification.blackbox.__main__ import app, parse_orders
+from identification.blackbox.data import Series
+from identification.blackbox.identify import identify
+
+ROOT = Path(__file__).parent.parent
+ORDERS = "arx=4,4,1;armax=4,4,4,1;oe=4,4,1;bj=4,1,1,4,1;ss=4;hw=4,4,1,3,1"
+
+
+def series(u: np.ndarray, name: str = "foot", seed: int = 0) -> Series:
+    y = foot.linear_output(u) + 0.25 * np.random.default_rng(seed).standard_normal(len(u))
+    return Series(u, y, foot.SAMPLE_TIME, name)
+
+
+def write(path: Path, one: Series) -> Path:
+    header = "time_s,base_m_s2,malleolus_m_s2"
+    np.savetxt(path, np.column_stack([one.time, one.u, one.y]), delimiter=",", header=header, comments="")
+    return path
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "identification.blackbox", *arguments]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def test_command_prints_one_json_document_and_writes_figures(tmp_path: Path) -> None:
+    file = write(tmp_path / "prbs.csv", series(foot.prbs(1600)))
+    done = run(str(file), "--orders", ORDERS, "--json", "--out", str(tmp_path / "out"))
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["excitation_rank"] == 200
+    by_name = {m["structure"]: m for m in document["models"]}
+    assert set(by_name) == {"arx", "armax", "oe", "bj", "ss", "hw"}
+    oe = by_name["oe"]
+    assert oe["orders"] == {"nb": 4, "nf": 4, "nk": 1}
+    assert 95 < oe["fit_percent"] < 99.5
+    poles = np.sort_complex([complex(*p) for p in oe["poles"]])
+    slow = np.sort_complex(np.roots(foot.transfer()[1]))[2:]
+    np.testing.assert_allclose(poles[2:], slow, atol=0.02)
+    assert oe["aic"] < oe["bic"] < by_name["arx"]["bic"]
+    assert oe["fpe"] == pytest.approx(np.exp(oe["aic"]), rel=1e-4)
+    assert isinstance(oe["warnings"], list)
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    pictures = {f"prbs_{kind}.png" for kind in ("output", "bode", "residuals", "poles_zeros")}
+    assert names == pictures | {"result.json", "models.csv"}
+    for picture in pictures:
+        assert (tmp_path / "out" / picture).read_bytes().startswith(b"\x89PNG")
+    assert json.loads((tmp_path / "out" / "result.json").read_text()) == document
+    assert len((tmp_path / "out" / "models.csv").read_text().splitlines()) == 7
+    assert "OE (4, 4, 1)" in done.stderr
+
+
+def test_single_sine_says_what_it_identifies(tmp_path: Path) -> None:
+    file = write(tmp_path / "sine.csv", series(foot.sine(20.0, 2000)))
+    done = run(str(file), "--structures", "oe,ss", "--orders", "oe=4,4,1;ss=4", "--json")
+    document = json.loads(done.stdout)
+    assert document["excitation_rank"] == 2
+    for model in document["models"]:
+        assert any("excites rank 2" in text for text in model["warnings"])
+        assert model["response"]["frequency_hz"] == pytest.approx([20.0], abs=0.01)
+        assert model["response"]["gain"][0] == pytest.approx(abs(foot.response(np.array([20.0]))[0]), rel=5e-3)
+    assert "a single sine of 20 Hz" in done.stderr
+
+
+def test_several_files_make_a_table_and_pool(tmp_path: Path) -> None:
+    files = [str(write(tmp_path / f"f{f:g}.csv", series(foot.sine(f, 1200), seed=int(f)))) for f in (10.0, 20.0, 35.0)]
+    alone = run(*files, "--structures", "oe", "--orders", "2,2,1")
+    assert alone.returncode == 0, alone.stderr
+    assert "form of Table 3.2" in alone.stderr and "--pool" in alone.stderr
+    pooled = run(*files, "--structures", "oe", "--orders", "2,2,1", "--pool", "--json")
+    document = json.loads(pooled.stdout)
+    assert document["excitation_rank"] == 6
+    assert len(document["models"]) == 1
+
+
+def table(row: str, count: int = 60) -> str:
+    """CSV text of `count` rows after the pattern `row`."""
+    gaps = ["nan" if k == 9 else k % 7 for k in range(count)]
+    lines = [row.format(k=k, five=k % 5, seven=k % 7, growing=1.3**k, gap=gaps[k]) for k in range(count)]
+    return "t,u,y\n" + "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "sentence"),
+    [
+        (table("{k},1,{seven}"), [], "the input is constant"),
+        (table("{k},0,{seven}"), [], "an output without input"),
+        (table("{k},{five},{gap}"), [], "not a finite number"),
+        (table("{k},{five},{seven}", 2), [], "2 samples are too few"),
+        (table("{k},{five},{five}"), [], "the same signal"),
+        (table("{k},{five},{growing}"), [], "grows from beginning to end"),
+        (table("{k},{five},{seven}"), ["--structures", "arma"], "did you mean"),
+        (table("{k},{five},{seven}"), ["--split", "1.5"], "not between 0 and 1"),
+    ],
+)
+def test_bad_input_is_one_sentence(tmp_path: Path, content: str, options: list[str], sentence: str) -> None:
+    """Through the runner, whose uncaught FasError is what `command_line` turns into exit 2 (next test)."""
+    file = tmp_path / "bad.csv"
+    file.write_text(content)
+    result = CliRunner().invoke(app, [str(file), *options])
+    assert isinstance(result.exception, FasError), result.output
+    assert sentence in str(result.exception)
+    assert "\n" not in str(result.exception)
+
+
+def test_bad_input_exits_with_two(tmp_path: Path) -> None:
+    file = tmp_path / "bad.csv"
+    file.write_text("t,u,y\n0,1,2\n1,2,3\n")
+    done = run(str(file), "--json")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("error:")
+    assert "Traceback" not in done.stderr
+
+
+def test_orders_option() -> None:
+    assert parse_orders("auto", ("oe",)) == {}
+    assert parse_orders("4,4,1", ("oe",)) == {"oe": (4, 4, 1)}
+    assert parse_orders("oe=4,4,1; ss=3", ("oe", "ss")) == {"oe": (4, 4, 1), "ss": (3,)}
+    for text in ("bj=1,1,1,1,1", "oe=a", "4,4,1"):
+        with pytest.raises(SettingError):
+            parse_orders(text, ("oe", "ss"))
+
+
+def test_automatic_orders_on_a_short_record() -> None:
+    """All structures selected without any order given, on 700 samples of an unrelated first-order plant."""
+    rng = np.random.default_rng(0)
+    u, y = rng.standard_normal(700), np.zeros(700)
+    for t in range(1, 700):
+        y[t] = 0.8 * y[t - 1] + 0.5 * u[t - 1]
+    one = Series(u, y + 0.05 * rng.standard_normal(700), 0.1, "lag")
+    found = identify(one, ("arx", "oe", "bj", "ss", "armax"))
+    assert found.failures == ()
+    frequency = np.array([0.05, 0.5, 2.0])
+    shift = np.exp(-2j * np.pi * frequency * 0.1)
+    exact = 0.5 * shift / (1 - 0.8 * shift)
+    for name in ("oe", "bj", "ss", "armax"):
+        assert np.abs(found.models[name].best.model.response(frequency).value / exact - 1).max() < 0.02
+    assert found.models["oe"].best.model.parameters <= 4
+    text = str(found)
+    assert "lag: rank" in text
+    assert report.csv_text([found]).count("\n") == 6
+
+
+def test_published_tables() -> None:
+    data = published.table()
+    assert len(data) == 270 and data["subject"].nunique() == 10
+    row = data[(data.subject == 16) & (data.frequency_hz == 10) & (data.added_mass_kg == 4.5)].iloc[0]
+    assert (row.oe_nb, row.oe_nf, row.oe_nk, row.oe_fit, row.ss_order) == (11, 3, 8, 84, 6)
+    said = published.plausibility()
+    assert said.fewest_parameters > published.SINE_RANK
+    assert said.above_rank == 1.0
+    assert max(said.best_share, key=lambda name: said.best_share[name]) == "oe"
+    assert "270 recordings" in str(said)

@@ -1,0 +1,57 @@
+"""The mirror solution and the verdict about it."""
+
+import numpy as np
+import oracle
+import pytest
+
+from identification.branches import DECISIVE_ODDS, STIFF_ANKLE, STIFF_PAD, has_mirror, judge, mirrored, ratio, side
+
+A = oracle.MASSES["m_S"] / (oracle.MASSES["m_S"] + oracle.MASSES["m_F"])
+
+
+def test_ratio_of_the_recordings_masses() -> None:
+    assert ratio([oracle.MASSES], {}) == pytest.approx(0.0465 / (0.0465 + 0.0145), rel=1e-14)
+    assert ratio([{}], oracle.MASSES) == pytest.approx(A)
+    loaded = {**oracle.MASSES, "m_S": oracle.MASSES["m_S"] + 4.5}
+    want = 0.5 * (A + loaded["m_S"] / (loaded["m_S"] + loaded["m_F"]))
+    assert ratio([oracle.MASSES, loaded], {}) == pytest.approx(want)
+
+
+@pytest.mark.parametrize("name", oracle.FEET)
+def test_mirror_lies_on_the_other_side_with_the_same_linear_response(name: str) -> None:
+    p = {**oracle.FEET[name], "delay": 1e-4}
+    image = mirrored(p, A)
+    f = np.linspace(5, 60, 20)
+    want = oracle.linear_response(p, f)
+    assert np.abs(oracle.linear_response(image, f) - want).max() < 1e-12 * np.abs(want).max()
+    assert {side(p, A), side(image, A)} == {STIFF_ANKLE, STIFF_PAD}
+    assert mirrored(image, A) == pytest.approx(p, rel=1e-12)
+    assert image["delay"] == 1e-4
+
+
+def test_a_mirror_needs_four_free_parameters() -> None:
+    declared = {**oracle.TRUTH, **oracle.MASSES}
+    assert has_mirror(["k_T", "k_F", "c_11", "c_21", "c_12"], declared) == ""
+    assert "it needs c_21 free" in has_mirror(["k_T", "k_F", "c_11"], declared)
+    assert "no mirror solution that is known" in has_mirror(["k_T", "k_F", "c_11", "c_21"], ["k_T", "k_F"])
+
+
+@pytest.mark.parametrize(("difference", "decided"), [(0.1, False), (13.0, False), (14.0, True), (400.0, True)])
+def test_odds_of_a_thousand_decide(difference: float, decided: bool) -> None:
+    """-2 log likelihood differs by 2 log(1000) = 13.8."""
+    assert 13.0 < 2 * np.log(DECISIVE_ODDS) < 14.0
+    verdict = judge([STIFF_ANKLE, STIFF_PAD], [100.0, 100.0 + difference], 40.0, 50)
+    assert str(verdict) == ("decided" if decided else "undecided")
+    assert verdict.log_likelihood_ratio == pytest.approx(difference / 2)
+    assert ("Record a second load" in verdict.sentence) is not decided
+
+
+def test_a_misfit_weakens_the_verdict() -> None:
+    good, bad = (judge(["a", "b"], [0.0, 40.0], chi_square, 50) for chi_square in (50.0, 500.0))
+    assert good.log_likelihood_ratio == pytest.approx(10 * bad.log_likelihood_ratio)
+    assert good.word == "decided"
+    assert bad.word == "undecided"
+
+
+def test_without_a_second_branch_nothing_is_decided() -> None:
+    assert judge(["a"], [0.0], 1.0, 1).word == "not compared"

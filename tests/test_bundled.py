@@ -1,0 +1,123 @@
+"""The fit of the bundled study, run once as a user runs it: numbers against the truth, one JSON document, the files."""
+
+import json
+import re
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import oracle
+import pandas as pd
+import pytest
+from test_report import Balanced
+
+from identification.branches import ratio
+
+TRUTH = {name: float(value) for name, value in oracle.TRUTH.items()}
+KEYS = {"k_T_n_per_m": "k_T", "k_F_n_per_m": "k_F", "c_11_n_s_per_m": "c_11", "c_21_n_s_per_m": "c_21"}
+PARAMETERS = {
+    "k_T_n_per_m", "k_F_n_per_m", "c_11_n_s_per_m", "c_12_per_m", "c_13_per_m", "c_21_n_s_per_m", "c_22_per_m",
+    "c_23_per_m",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def bundled(
+    tmp_path_factory: pytest.TempPathFactory, command: Callable
+) -> tuple[dict, Path, subprocess.CompletedProcess[str]]:
+    """The fit's document, the folder of its files, and the finished process."""
+    folder = tmp_path_factory.mktemp("bundled")
+    done = command("identification.fit", "--json", "--out", str(folder))
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout), folder, done
+
+
+def test_one_branch_is_the_truth(bundled: tuple) -> None:
+    """Within 3 % and three standard errors for stiffness and damping."""
+    document, *_ = bundled
+    branches = {b["name"]: b["parameters"] for b in document["branches"]}
+    for key, name in KEYS.items():
+        e = branches["stiff ankle"][key]
+        assert abs(e["value"] / TRUTH[name] - 1) < 0.03, key
+        assert abs(e["value"] - TRUTH[name]) < 3 * e["std_error"], key
+    for key, name in {"c_12_per_m": "c_12", "c_22_per_m": "c_22", "c_23_per_m": "c_23"}.items():
+        e = branches["stiff ankle"][key]
+        assert abs(e["value"] - TRUTH[name]) < 3 * e["std_error"], key
+    delay = branches["stiff ankle"]["delay_s"]
+    assert abs(delay["value"] - 2e-4) < 3 * delay["std_error"] < 3e-5
+
+
+def test_the_mirror_is_reported_and_is_worse(bundled: tuple) -> None:
+    document, *_ = bundled
+    true, mirror = document["branches"]
+    assert (true["name"], mirror["name"]) == ("stiff ankle", "stiff pad")
+    a = ratio([oracle.MASSES], {})
+    p = mirror["parameters"]
+    assert p["k_T_n_per_m"]["value"] == pytest.approx(a * TRUTH["k_F"], rel=0.03)
+    assert p["k_F_n_per_m"]["value"] == pytest.approx(TRUTH["k_T"] / a, rel=0.03)
+    assert mirror["cost"] > 5 * true["cost"]
+    assert document["verdict"] == "decided"
+    assert document["log_likelihood_ratio"] > np.log(1000)
+
+
+def test_goodness_of_fit_and_certificates(bundled: tuple) -> None:
+    document, *_ = bundled
+    goodness = document["goodness_of_fit"]
+    assert goodness["dof"] == 2 * (6 + 6 + 5 + 4 + 3 + 2 + 2 + 2 + 2) - 9
+    assert 1e-3 < goodness["p_value"] < 1 - 1e-3
+    assert document["twin_mujoco_difference"] <= 1e-6
+    assert document["base_acceleration_error"] <= 1e-6
+    assert document["excitation_rank"] == 30  # nine sines; of their 2nd and 3rd harmonics, 60 to 100 Hz are new
+    assert document["fit_percent"] > 98
+
+
+def test_correlations_are_correlations(bundled: tuple) -> None:
+    document, *_ = bundled
+    C = np.array(document["branches"][0]["correlation"], float)
+    np.testing.assert_allclose(C, C.T, atol=1e-9)
+    np.testing.assert_allclose(np.diag(C), 1, atol=1e-9)
+    assert np.linalg.eigvalsh(C).min() > 0
+
+
+def test_stdout_is_one_json_document_with_the_promised_keys(bundled: tuple) -> None:
+    document, _, done = bundled
+    assert json.loads(done.stdout) == document  # json.loads refuses anything before or after
+    wanted = {"fit_percent", "recordings", "parameters", "branches", "verdict", "excitation_rank"}
+    assert wanted | {"twin_mujoco_difference", "base_acceleration_error", "warnings"} <= set(document)
+    assert set(document["parameters"]) >= PARAMETERS
+    for e in document["parameters"].values():
+        assert set(e) >= {"value", "std_error", "lower", "upper", "at_bound"}
+    assert len(document["recordings"]) == 9
+    for r in document["recordings"]:
+        assert {"file", "frequency_hz", "fit_percent"} <= set(r)
+        assert r["fit_percent"] > 95
+    for b in document["branches"]:
+        assert {"name", "cost", "fit_percent", "parameters"} <= set(b)
+        assert set(b["parameters"]) >= PARAMETERS
+    assert document["origin"] == "synthetic"
+    assert document["truth"]["k_T"] == oracle.TRUTH["k_T"]
+    assert "Traceback" not in done.stderr
+
+
+def test_files_hold_the_same_numbers(bundled: tuple) -> None:
+    document, folder, _ = bundled
+    assert json.loads((folder / "result.json").read_text()) == document
+    table = pd.read_csv(folder / "parameters.csv")
+    assert len(table) == 2 * len(document["parameters"])
+    best = table[table.branch == document["branches"][0]["name"]].set_index("parameter")
+    for key, e in document["parameters"].items():
+        assert best.loc[key, "value"] == pytest.approx(e["value"], rel=1e-6)
+    assert sorted(f.name for f in folder.iterdir()) == ["parameters.csv", "report.html", "result.json"]
+
+
+def test_bundled_report_shows_the_fit(bundled: tuple) -> None:
+    document, folder, _ = bundled
+    text = (folder / "report.html").read_text()
+    page = Balanced()
+    page.feed(text)
+    assert page.outside == []
+    for name in ("stiff ankle", "stiff pad", "50hz_0kg.csv", "truth"):
+        assert name in text
+    assert len(re.findall("<figure", text)) == 5
+    assert document["source"] in text

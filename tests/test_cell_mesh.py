@@ -1,0 +1,97 @@
+"""Meshes: closed forms of volume, conformity, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from cell_cases import CACHE, block, cell
+
+from fasbody.cell.assembly import assemble
+from fasbody.cell.dome import Dome, Nucleus
+from fasbody.cell.mesh import MeshSize, dome_mesh, surface_mesh
+from fasbody.cell.tetmesh import EDGES, NUCLEUS, TetMesh
+from fasbody.exceptions import MeshError, SettingError
+
+
+@pytest.mark.parametrize("profile", ["ellipsoid", "cap"])
+def test_volumes_agree_with_the_closed_forms(profile: str) -> None:
+    dome = Dome(profile=profile)
+    assembly = assemble(dome_mesh(dome, MeshSize.of(5.0), cache=CACHE))
+    assert assembly.volume_um3 == pytest.approx(dome.volume_um3, rel=5e-4)
+    assert assembly.regions[NUCLEUS].volume_um3 == pytest.approx(Nucleus().volume_um3, rel=5e-3)
+
+
+def test_mesh_is_conforming_closed_and_quadratic() -> None:
+    mesh = cell().mesh
+    assert mesh.surface.is_watertight
+    inside = mesh.region == NUCLEUS
+    nucleus = TetMesh(mesh.points_um, mesh.tets[inside], mesh.region[inside])
+    assert nucleus.surface.is_watertight  # so cytoplasm and nucleus share their nodes: one hole, one plug
+    shared = np.intersect1d(mesh.tets[inside], mesh.tets[~inside])
+    assert set(np.unique(nucleus.surface.faces)) <= set(shared)
+    ends = mesh.points_um[mesh.tets[:, np.array(EDGES)]]
+    length = np.linalg.norm(ends[:, :, 0] - ends[:, :, 1], axis=2)
+    off = np.linalg.norm(mesh.points_um[mesh.tets[:, 4:]] - ends.mean(axis=2), axis=2)
+    assert (off < 0.35 * length).all()  # a wrong node order puts mid-edge nodes far from their edges
+
+
+def test_curved_nodes_lie_on_the_dome() -> None:
+    mesh = cell().mesh
+    level = Dome().level(mesh.points_um)
+    assert level.max() == pytest.approx(1.0, abs=1e-6)
+
+
+def test_quality_of_a_cube_cut_in_six() -> None:
+    """Kuhn's tetrahedra: volume 1/6, squared edges 1, 1, 1, 2, 2, 3, so the mean ratio is 12 (1/2)^(2/3) / 10."""
+    quality = block((1, 1, 1)).quality
+    assert quality.mean_ratio_min == pytest.approx(1.2 * 0.5 ** (2 / 3))
+    assert quality.det_j_min == pytest.approx(1.0)
+
+
+def test_cache_returns_the_same_mesh_and_survives_damage(tmp_path: Path) -> None:
+    dome, size = Dome(40.0, 30.0, nucleus=None), MeshSize.of(9.0)
+    first = dome_mesh(dome, size, cache=tmp_path)
+    (file,) = tmp_path.glob("*.npz")
+    again = dome_mesh(dome, size, cache=tmp_path)
+    assert (again.tets == first.tets).all()
+    assert again.points_um == pytest.approx(first.points_um)
+    file.write_bytes(b"damaged")
+    assert (dome_mesh(dome, size, cache=tmp_path).tets == first.tets).all()
+
+
+def test_inverted_elements_are_named() -> None:
+    mesh = block()
+    tets = mesh.tets.copy()
+    tets[5] = tets[5][[1, 0, 2, 3]]
+    with pytest.raises(MeshError, match=r"1 of the \d+ tetrahedra are inverted or flat \(the first is number 5\)"):
+        TetMesh(mesh.points_um, tets, mesh.region).check()
+
+
+def test_hanging_cell_has_no_base() -> None:
+    mesh = block()
+    turn = np.array([[1, 1, 0], [-1, 1, 0], [0, 0, np.sqrt(2)]]) / np.sqrt(2)
+    with pytest.raises(MeshError, match="stands on its base"):
+        TetMesh(mesh.points_um @ turn.T, mesh.tets, mesh.region).check()
+
+
+def test_closed_surfaces_are_filled() -> None:
+    box = trimesh.creation.box((10, 8, 12)).subdivide().subdivide()
+    ball = trimesh.creation.icosphere(2, 2.0)
+    assembly = assemble(surface_mesh(box, ball))
+    assert assembly.volume_um3 == pytest.approx(960.0, rel=1e-9)
+    assert assembly.regions[NUCLEUS].volume_um3 == pytest.approx(ball.volume, rel=1e-9)
+
+
+def test_open_or_misplaced_surfaces_are_refused() -> None:
+    box = trimesh.creation.box((10, 8, 12))
+    box.update_faces(np.arange(len(box.faces)) > 0)
+    with pytest.raises(MeshError, match="cell's surface is not closed: 3 edges"):
+        surface_mesh(box)
+    with pytest.raises(MeshError, match="not inside"):
+        surface_mesh(trimesh.creation.box((10, 8, 12)), trimesh.creation.icosphere(1, 5.0))
+
+
+def test_element_size_must_be_positive() -> None:
+    with pytest.raises(SettingError, match="element size"):
+        MeshSize.of(-1.0)

@@ -1,0 +1,90 @@
+"""Meshes in and out: the same frequencies from a written file, regions by tag, and clear refusals."""
+
+import json
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+import trimesh
+from cell_cases import block, cell
+
+from fasbody.cell.analysis import Analysis, analyse
+from fasbody.cell.assembly import assemble
+from fasbody.cell.materials import preset
+from fasbody.cell.meshfile import read_mesh, write_browser, write_vtu
+from fasbody.exceptions import InputFileError
+
+SI = preset("si")
+
+
+@pytest.fixture(scope="module")
+def analysis() -> Analysis:
+    return analyse(cell(size=8.0), None, SI, count=3)
+
+
+def test_a_written_vtu_gives_the_same_frequencies(tmp_path: Path, analysis: Analysis) -> None:
+    file = write_vtu(tmp_path / "cell.vtu", analysis)
+    again = analyse(assemble(read_mesh(file)), None, SI, count=3)
+    assert again.frequencies_hz == pytest.approx(analysis.frequencies_hz, rel=1e-9)
+    data = meshio.read(file).point_data
+    assert sorted(data) == ["mode_01", "mode_02", "mode_03"]
+    assert np.linalg.norm(data["mode_02"], axis=1).max() == pytest.approx(1.0)
+
+
+def test_browser_file_holds_surface_modes_and_document(tmp_path: Path, analysis: Analysis) -> None:
+    with np.load(write_browser(tmp_path / "cell.npz", analysis), allow_pickle=False) as stored:
+        surface = trimesh.Trimesh(stored["vertices_um"], stored["faces"], process=False)
+        nucleus = trimesh.Trimesh(stored["vertices_um"], stored["nucleus_faces"], process=False)
+        assert surface.is_watertight
+        assert surface.volume == pytest.approx(analysis.model.assembly.volume_um3, rel=0.06)
+        assert nucleus.is_watertight
+        assert stored["modes"].shape == (3, len(stored["vertices_um"]), 3)
+        on_base = stored["vertices_um"][:, 1] < 1e-6
+        assert (stored["modes"][:, on_base] == 0).all()
+        assert json.loads(str(stored["document"]))["frequencies_hz"] == pytest.approx(stored["frequencies_hz"].tolist())
+
+
+@pytest.mark.parametrize("suffix", ["msh", "vtu"])
+def test_linear_tetrahedra_with_tags(tmp_path: Path, suffix: str) -> None:
+    mesh = block((2, 4, 2), nucleus_below=1.0)
+    name = "gmsh:physical" if suffix == "msh" else "region"
+    data = {name: [mesh.region + 4]}
+    if suffix == "msh":
+        data["gmsh:geometrical"] = [mesh.region + 1]
+    content = meshio.Mesh(mesh.points_um / 1000, [("tetra", mesh.tets)], cell_data=data)
+    content.write(tmp_path / f"own.{suffix}", **({"file_format": "gmsh22"} if suffix == "msh" else {}))
+    again = read_mesh(tmp_path / f"own.{suffix}", um_per_unit=1000.0, nucleus_tag=5)
+    assert np.bincount(again.region).tolist() == np.bincount(mesh.region).tolist()
+    assert np.ptp(again.points_um, axis=0) == pytest.approx(2.0)
+
+
+def test_closed_stl_is_filled_and_open_stl_is_refused(tmp_path: Path) -> None:
+    box = trimesh.creation.box((10, 8, 12)).subdivide()
+    box.export(tmp_path / "closed.stl")
+    assert assemble(read_mesh(tmp_path / "closed.stl")).volume_um3 == pytest.approx(960.0)
+    box.update_faces(np.arange(len(box.faces)) > 1)
+    box.export(tmp_path / "open.stl")
+    with pytest.raises(InputFileError, match=r"open\.stl: the cell's surface is not closed: \d edges"):
+        read_mesh(tmp_path / "open.stl")
+
+
+def test_files_that_are_no_cells(tmp_path: Path) -> None:
+    with pytest.raises(InputFileError, match="no such file"):
+        read_mesh(tmp_path / "absent.vtu")
+    (tmp_path / "cell.obj").write_text("")
+    with pytest.raises(InputFileError, match=r"valid: \.vtu, \.msh, \.stl"):
+        read_mesh(tmp_path / "cell.obj")
+    for name in ("broken.vtu", "broken.msh", "broken.stl"):
+        (tmp_path / name).write_text("no mesh")
+        with pytest.raises(InputFileError, match=name):
+            read_mesh(tmp_path / name)
+    meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])]).write(tmp_path / "flat.vtu")
+    with pytest.raises(InputFileError, match="holds triangle; tetrahedra of one kind"):
+        read_mesh(tmp_path / "flat.vtu")
+    mesh = block()
+    tets = mesh.tets.copy()
+    tets[0] = tets[0][[1, 0, 2, 3]]
+    meshio.Mesh(mesh.points_um, [("tetra", tets)]).write(tmp_path / "inverted.vtu")
+    with pytest.raises(InputFileError, match=r"inverted\.vtu: 1 of the \d+ tetrahedra are inverted"):
+        read_mesh(tmp_path / "inverted.vtu")

@@ -1,0 +1,62 @@
+"""Known bodies, and the error estimate against a finer mesh."""
+
+import numpy as np
+import pytest
+from cell_cases import CACHE, cell
+
+from fasbody.cell.analysis import analyse, assemblies
+from fasbody.cell.dome import Dome
+from fasbody.cell.materials import preset
+from fasbody.cell.mesh import MeshSize
+from fasbody.cell.modal import CellModel, solve
+from fasbody.cell.verification import (
+    Check,
+    Convergence,
+    check_cantilever,
+    check_scaling,
+    check_sphere,
+    lamb_spheroidal,
+    lamb_torsional,
+    timoshenko_cantilever,
+)  # fmt: skip
+
+
+def test_lamb_roots_are_the_published_ones() -> None:
+    """Eringen and Suhubi; the spheroidal root for nu = 0.25 is Lamb's 2.640 (0.840 pi)."""
+    assert lamb_torsional(2) == pytest.approx(2.50113, abs=1e-5)
+    assert lamb_spheroidal(2, 0.37) == pytest.approx(2.65396, abs=1e-5)
+    assert lamb_spheroidal(2, 0.25) / np.pi == pytest.approx(0.840, abs=1e-3)
+
+
+def test_slender_beam_is_euler_and_bernoulli() -> None:
+    E, rho, length, side = 100.0, 1000.0, 1.0, 0.002
+    slender = 1.875104**2 / (2 * np.pi) * np.sqrt(E * side**2 / 12 / rho) / length**2
+    assert timoshenko_cantilever(E, rho, length, side) == pytest.approx(slender, rel=1e-4)
+
+
+def test_known_bodies() -> None:
+    checks = [*check_sphere(0.25), *check_cantilever(), *check_scaling(preset("si"), Dome(), MeshSize.of(8.0), CACHE)]
+    assert [str(check) for check in checks if not check.passed] == []
+    assert all(check.dof <= 15_000 for check in checks)
+
+
+def test_a_wrong_number_fails_its_check() -> None:
+    assert not Check("x", 1.01, 1.0, 10, 1e-3).passed
+    assert str(Check("x", 1.01, 1.0, 10, 1e-3)).startswith("FAIL")
+
+
+def test_convergence_recovers_order_and_limit() -> None:
+    h = np.array([4.0, 3.0, 2.0, 1.0])
+    study = Convergence.fit(h, np.array([1, 2, 3, 4]), np.outer(h**3.5, [1e-4, 3e-4]) + np.array([10.0, 20.0]))
+    assert study.order == pytest.approx(3.5, abs=1e-3)
+    assert study.limit_hz == pytest.approx([10.0, 20.0], rel=1e-7)
+
+
+def test_error_estimate_is_of_the_size_of_the_error() -> None:
+    chosen = preset("si")
+    rough = analyse(*assemblies(Dome(), MeshSize.of(6.0), CACHE), chosen, count=5, dome=Dome())
+    fine = solve(CellModel(cell(size=4.0), chosen.materials, chosen.metres_per_um), 5).frequencies_hz
+    assert rough.errors is not None
+    true = np.abs(rough.frequencies_hz / fine - 1)
+    assert (rough.errors > 0.5 * true).all()
+    assert (rough.errors < 5 * true).all()

@@ -1,0 +1,156 @@
+"""Each bad recording gets its sentence, and good ones of any kind pass."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import oracle
+import pytest
+
+from fasbody.checks import checked
+from fasbody.exceptions import RecordingError
+from fasbody.recording import Condition, Recording
+
+RATE, N = 1000.0, 2000
+T = np.arange(N) / RATE
+
+
+def good(frequency: float = 20.0, nominal: float | None = None, seed: int = 0) -> Recording:
+    """A linear foot's steady response with noise."""
+    rng = np.random.default_rng(seed)
+    H = oracle.linear_response(oracle.TRUTH, frequency)[0]
+    turn = np.exp(2j * np.pi * frequency * T)
+    base, malleolus = (8.95 * turn).real, (8.95 * H * turn).real
+    noisy = (x + rng.normal(0, 0.05, N) for x in (base, malleolus))
+    return Recording(T, *noisy, condition=Condition(frequency_hz=nominal), file="x.csv")
+
+
+@pytest.mark.parametrize("frequency", [5.0, 10.0, 17.3, 33.0, 50.0, 97.0])
+def test_excitation_frequency_is_found(frequency: float) -> None:
+    found = checked(good(frequency))
+    assert found.condition.frequency_hz == pytest.approx(frequency, abs=1e-3)
+    assert found.warnings == ()
+
+
+def test_broadband_is_none() -> None:
+    rng = np.random.default_rng(0)
+    r = Recording(T, rng.normal(0, 5, N), rng.normal(0, 5, N))
+    assert checked(r).condition.frequency_hz is None
+
+
+def test_offsets_are_taken_out_and_told() -> None:
+    r = good()
+    r = replace(r, base_m_s2=r.base_m_s2 + 9.81, malleolus_m_s2=r.malleolus_m_s2 - 3.0)
+    found = checked(r)
+    assert abs(found.base_m_s2.mean()) < 1e-12
+    assert abs(found.malleolus_m_s2.mean()) < 1e-12
+    assert len(found.warnings) == 2
+    assert "x.csv: base_m_s2 has gravity of 9.8" in found.warnings[0]
+    assert "malleolus_m_s2 has an offset of -3.0" in found.warnings[1]
+
+
+def test_rounded_time_stamps_pass() -> None:
+    checked(replace(good(), time_s=np.round(T, 3) + 12.0))
+    checked(replace(good(), time_s=np.round(2.5 * T, 3)))  # 2.5 ms apart, printed to whole ms
+
+
+CHANNELS = ("time_s", "base_m_s2", "malleolus_m_s2")
+TIME, BASE, MALLEOLUS = CHANNELS
+
+
+def change(name: str, f: Callable[[np.ndarray], np.ndarray]) -> Callable[[Recording], Recording]:
+    return lambda r: replace(r, **{name: f(getattr(r, name).copy())})
+
+
+def put(name: str, place: int, value: float) -> Callable[[Recording], Recording]:
+    def f(x: np.ndarray) -> np.ndarray:
+        x[place] = value
+        return x
+
+    return change(name, f)
+
+
+def told(frequency: float) -> Condition:
+    return Condition(frequency_hz=frequency)
+
+
+def noise() -> np.ndarray:
+    return np.random.default_rng(0).normal(0, 5, N)
+
+
+BAD = {
+    "short": (lambda r: replace(r, **{n: getattr(r, n)[:40] for n in CHANNELS}), "has 40 samples, too short"),
+    "time backwards": (put(TIME, 500, 0.1), r"time does not increase at sample 500 \(0.499 s, then 0.1 s\)"),
+    "time repeated": (put(TIME, 500, 0.499), "time does not increase at sample 500"),
+    "time nan": (put(TIME, 7, np.nan), "time is not a number at sample 7"),
+    "gap": (
+        change(TIME, lambda t: t + 0.01 * (t > 0.5)),
+        "time is not uniform: 0.011 s after 0.5 s, elsewhere 0.001 s; samples are missing",
+    ),
+    "nan": (put(MALLEOLUS, 321, np.nan), "malleolus_m_s2 is nan at 0.321 s; every sample must be finite"),
+    "infinite": (put(BASE, 3, np.inf), "base_m_s2 is inf at 0.003 s"),
+    "lengths": (change(BASE, lambda x: x[:-1]), "base_m_s2 has 1999 samples and time has 2000"),
+    "dead": (change(MALLEOLUS, lambda x: 0 * x + 1.0), "malleolus_m_s2 is dead"),
+    "dead base": (change(BASE, lambda x: 1e-5 * x), "base_m_s2 is dead"),
+    "clipped": (
+        change(MALLEOLUS, lambda x: np.clip(x, -7, 7)),
+        r"malleolus_m_s2 is clipped \d+ times, .*record with a larger range",
+    ),
+    "clipped one side": (change(BASE, lambda x: np.maximum(x, -6)), r"base_m_s2 is clipped \d+ times"),
+    "wrong table": (
+        lambda r: replace(r, condition=told(25.0)),
+        r"base_m_s2 vibrates at 20 Hz and recordings\.csv says 25 Hz",
+    ),
+    "not found": (
+        lambda r: replace(r, base_m_s2=noise(), condition=told(20.0)),
+        r"of 20 Hz is not found in base_m_s2 \(a sine explains \d+ % of its power\); leave frequency_hz empty",
+    ),
+    "units": (
+        change(MALLEOLUS, lambda x: x * 1000),
+        r"the malleolus moves .* times as much as the base at 20 Hz; check units",
+    ),
+    "tiny": (change(MALLEOLUS, lambda x: x / 1000), "the malleolus moves"),
+    "sign": (change(MALLEOLUS, lambda x: -x), r"the malleolus leads the base by .* degrees"),
+    "misaligned": (
+        change(MALLEOLUS, lambda x: np.roll(x, -10)),
+        r"the malleolus leads the base by \d+ degrees .*misaligned",
+    ),
+    "swapped": (lambda r: replace(r, base_m_s2=r.malleolus_m_s2, malleolus_m_s2=r.base_m_s2), "channels are swapped"),
+    "tuberosity": (lambda r: replace(r, tuberosity_m_s2=np.zeros(N)), "tuberosity_m_s2 is dead"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_recordings_get_their_sentence(name: str) -> None:
+    spoil, sentence = BAD[name]
+    with pytest.raises(RecordingError, match=sentence) as caught:
+        checked(spoil(good()))
+    assert str(caught.value).startswith("x.csv: ")
+    assert str(caught.value).endswith(".")
+
+
+def test_too_slow_sampling_and_too_few_periods() -> None:
+    with pytest.raises(RecordingError, match="is sampled at 1000 Hz, less than 10 times its excitation of 120 Hz"):
+        checked(good(120.0))
+    r = good(20.0)
+    cut = replace(r, **{n: getattr(r, n)[:120] for n in CHANNELS})
+    with pytest.raises(RecordingError, match=r"is too short: 2\.4 periods of 20\.?\d* Hz, needed are 3"):
+        checked(cut)
+
+
+def test_an_odd_amplitude_is_only_a_warning() -> None:
+    r = good()
+    found = checked(replace(r, base_m_s2=r.base_m_s2 / 50, malleolus_m_s2=r.malleolus_m_s2 / 50))
+    assert "the base amplitude is 0.179 m/s^2 at 20 Hz" in found.warnings[0]
+    assert "check its unit" in found.warnings[0]
+
+
+def test_quantised_sines_are_not_called_clipped() -> None:
+    """A slow sine of a coarse converter stays several samples at its extreme value, in every period."""
+    step = 78.4 / 4096
+    q = lambda x: np.round(x / step) * step  # noqa: E731
+    for frequency in (5.0, 10.0, 20.0):
+        r = good(frequency)
+        checked(replace(r, base_m_s2=q(r.base_m_s2), malleolus_m_s2=q(r.malleolus_m_s2)))
+        turn = 8.95 * np.cos(2 * np.pi * frequency * T)  # without noise the tops are flat
+        checked(replace(r, base_m_s2=q(turn)))

@@ -1,0 +1,86 @@
+"""The three engines agree on the shipped arch and on edited copies, and the command notices when they do not."""
+
+import json
+import sys
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from arch_copies import compiled, edited, high_arch_xml
+from typer.testing import CliRunner
+
+from fasbody import crosscheck as module
+from fasbody import lagrange
+from fasbody.arch import Arch
+from fasbody.crosscheck import ENGINES, app, build_pinocchio, crosscheck, random_poses
+from fasbody.exceptions import FasError, ModelError
+
+
+@pytest.fixture
+def model(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    texts = {
+        "high arch": high_arch_xml(),
+        "gravity": edited(('gravity="0 0 0"', 'gravity="0 -9.81 0"'), ('mass="2.36"', 'mass="6.86"')),
+    }
+    if request.param == "shipped":
+        return "foot_arch"
+    file = tmp_path / "copy.xml"
+    file.write_text(texts[request.param])
+    return str(file)
+
+
+@pytest.mark.parametrize("model", ["shipped", "high arch", "gravity"], indirect=True)
+def test_three_engines_agree(model: str) -> None:
+    result = crosscheck(model, samples=1000, seed=3)
+    for quantity in (result.mass_matrix, result.bias, result.linear_mass_matrix):
+        assert set(quantity) == {f"{one}-{other}" for one, other in combinations(ENGINES, 2)}
+        assert max(quantity.values()) < 1e-12
+    assert result.agrees
+
+
+def test_printed_A_55_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    def as_printed(arch, q, q_dot, gravity=0.0):  # type: ignore[no-untyped-def]
+        return lagrange.mass_matrix(arch, q, as_printed=True), lagrange.mass_and_bias(arch, q, q_dot, gravity)[1]
+
+    monkeypatch.setattr(module, "mass_and_bias", as_printed)
+    result = crosscheck(samples=20)
+    assert result.mass_matrix["analytic-mujoco"] > 0.5
+    assert result.mass_matrix["pinocchio-mujoco"] < 1e-12
+    run = CliRunner().invoke(app, ["--samples", "5"])
+    assert run.exit_code == 1
+
+
+def test_command_prints_one_json_document() -> None:
+    run = CliRunner().invoke(app, ["--samples", "20", "--seed", "4", "--json"])
+    assert run.exit_code == 0
+    document = json.loads(run.stdout)
+    assert (document["model"], document["samples"], document["seed"]) == ("foot_arch", 20, 4)
+    assert set(document["bias"]) == {"analytic-pinocchio", "analytic-mujoco", "pinocchio-mujoco"}
+
+
+def test_pinocchio_has_the_same_size_mass_and_order() -> None:
+    mujoco_model = compiled()
+    built = build_pinocchio(mujoco_model)
+    assert (built.nq, built.nv) == (mujoco_model.nq, mujoco_model.nv)
+    assert sum(inertia.mass for inertia in built.inertias) == pytest.approx(mujoco_model.body_mass.sum(), rel=1e-14)
+
+
+def test_other_joints_are_refused() -> None:
+    ball = compiled(('<joint name="base"/>', '<joint name="base"/><joint name="tilt" type="hinge" axis="1 0 0"/>'))
+    with pytest.raises(ModelError, match="'base' has several joints"):
+        build_pinocchio(ball)
+
+
+def test_random_poses_close_even_near_the_limit() -> None:
+    arch = Arch.nominal().with_height(0.072)
+    q, _ = random_poses(arch, np.random.default_rng(0), 500)
+    heights = np.cos(q[:, 2:5]) @ [arch.L_2, arch.L_3, arch.L_4]
+    assert q.shape == (500, 6)
+    assert heights.max() < arch.L_1
+
+
+def test_missing_pinocchio_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pinocchio", None)
+    with pytest.raises(FasError, match=r"pip install 'fasbody\[crosscheck\]'"):
+        crosscheck(samples=1)

@@ -1,0 +1,145 @@
+"""What a fit says about data whose truth is known: two loads, hopeless cases, another model, bounds."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import oracle
+import pytest
+
+from fasbody.exceptions import RecordingError, SettingError
+from fasbody.model import Foot, load
+from fasbody.recording import Condition, Recording
+from identification.estimate import Settings, fit
+from identification.result import FitResult
+
+Trial = Callable[..., Recording]
+TRUTH = {name: float(value) for name, value in oracle.TRUTH.items()}
+NEARLY_LINEAR = {**TRUTH, "c_12": 3.0, "c_13": 10.0, "c_22": -3.0, "c_23": 10.0}
+#: Parameters of the linear foot; the others are held.
+LINEAR = ("k_T", "k_F", "c_11", "c_21")
+
+
+def near(result: FitResult, truth: dict[str, float], keys: dict[str, str], allowed: float) -> None:
+    for key, name in keys.items():
+        e = result.parameters[key]
+        assert abs(e.value - truth[name]) < 3 * e.std_error, f"{key}: {e} for {truth[name]}"
+        assert e.value == pytest.approx(truth[name], rel=allowed), key
+
+
+KEYS = {"k_T_n_per_m": "k_T", "k_F_n_per_m": "k_F", "c_11_n_s_per_m": "c_11", "c_21_n_s_per_m": "c_21"}
+
+
+@pytest.fixture(scope="module")
+def light(trial: Trial) -> list[Recording]:
+    return [trial(NEARLY_LINEAR, f) for f in (10.0, 20.0, 30.0, 50.0)]
+
+
+def test_nearly_linear_damping_is_undecided(foot: Foot, light: list[Recording]) -> None:
+    result = fit(light, foot, Settings(starts=2))
+    assert result.verdict == "undecided"
+    assert "Record a second load" in result.reason
+    assert len(result.branches) == 2
+    by_name = {b.name: b.parameters for b in result.branches}
+    true = by_name["stiff ankle"]["k_T_n_per_m"]
+    assert abs(true.value - TRUTH["k_T"]) < 3 * true.std_error
+
+
+def test_two_loads_separate_the_mirror(foot: Foot, light: list[Recording], trial: Trial) -> None:
+    heavy = [trial(NEARLY_LINEAR, f, added=4.5) for f in (20.0, 30.0, 50.0)]
+    linear = foot.with_values({n: v for n, v in NEARLY_LINEAR.items() if n not in LINEAR})
+    one = fit(light, linear, Settings(free=LINEAR, starts=2))
+    two = fit(light + heavy, linear, Settings(free=LINEAR, starts=2))
+    assert one.log_likelihood_ratio < two.log_likelihood_ratio
+    assert two.verdict == "decided"
+    assert two.best.name == "stiff ankle"
+    near(two, NEARLY_LINEAR, KEYS, 0.03)
+    assert not any("second load" in text for text in two.warnings)
+
+
+def test_a_single_20_hz_recording_tells_little_and_says_so(foot: Foot, trial: Trial) -> None:
+    result = fit([trial(TRUTH, 20.0)], foot, Settings(starts=3))
+    assert result.verdict == "undecided"
+    words = [e.identifiability for e in result.parameters.values()]
+    assert words.count("not identifiable") >= 2
+    assert words.count("identified") <= 3
+    assert result.excitation_rank == 2
+    text = " ".join(result.warnings)
+    assert "The excitation has rank 2, fewer than the 8 free parameters" in text
+    assert "Not identifiable from these recordings" in text
+    assert "One frequency cannot tell a delay" in text
+    assert "delay_s" not in result.parameters
+    assert result.fit_percent > 98  # and yet the fit percentage is splendid
+
+
+PAD = '<joint name="fat_pad" stiffness="1.0e5" user="4.25 800 -50 100"/>'
+
+
+def test_a_model_without_twin_is_fitted_in_mujoco_alone(edited: Callable[..., Path], trial: Trial) -> None:
+    """The strain-proportional pad of Eq. 4.24: E = 1900 N, eta = 140 N s, recovered from oracle data."""
+    E, eta, h, e0 = 1900.0, 140.0, 0.02, 0.15
+
+    def pad(x: float, v: float) -> float:
+        e = e0 - x / h
+        return E * e0 - (E * e + eta * e * (-v / h) if e > 0 else 0.0)
+
+    c_21 = '<text name="c_21" data="N s/m | 1 | 3e3 | joint fat_pad user 1'
+    c_22 = '<text name="c_22" data="1/m | -600 | 600 | joint fat_pad user 2'
+    file = edited(
+        (PAD, f'<joint name="fat_pad" user="4.24 1200 60 {h} {e0}"/>'),
+        (c_21, '<text name="E" data="N | 100 | 2e4 | joint fat_pad user 1'),
+        (c_22, '<text name="eta" data="N s | 1 | 2e3 | joint fat_pad user 2'),
+    )
+    foot = load(file)
+    truth = {**TRUTH, "c_12": 50.0, "c_13": 100.0}
+    recordings = [trial(truth, f, pad=pad, seconds=1.0) for f in (10.0, 20.0, 40.0)]
+    result = fit(recordings, foot, Settings(free=("k_T", "c_11", "E", "eta"), starts=1))
+    assert result.twin_mujoco_difference is None
+    assert result.model == "edited.xml"
+    keys = {"k_T_n_per_m": "k_T", "c_11_n_s_per_m": "c_11", "E_n": "E", "eta_n_s": "eta"}
+    near(result, {**truth, "E": E, "eta": eta}, keys, 0.03)
+    assert result.best.name == "best"
+    assert result.best.p_value is not None
+    assert result.best.p_value > 1e-3
+
+
+def test_bounds_are_kept_and_told(foot: Foot, trial: Trial) -> None:
+    start = foot.with_values(TRUTH)
+    recordings = [trial(TRUTH, f) for f in (10.0, 20.0, 30.0)]
+    result = fit(recordings, start, Settings(free=("k_T", "c_11"), bounds={"k_T": (1.4e5, 2e5)}, starts=1))
+    e = result.parameters["k_T_n_per_m"]
+    assert e.value == pytest.approx(1.4e5, rel=1e-4)
+    assert e.at_bound
+    assert e.identifiability == "not identifiable"
+    assert any(text.startswith("At its bound: k_T") for text in result.warnings)
+    assert any("does not describe the recordings to their noise" in text for text in result.warnings)
+
+
+def test_unknown_masses_are_the_models_and_told(foot: Foot, trial: Trial) -> None:
+    from dataclasses import replace
+
+    r = replace(trial(TRUTH, 20.0), condition=Condition(frequency_hz=20.0))
+    result = fit([r], foot.with_values(TRUTH), Settings(free=("k_T", "k_F"), starts=1))
+    assert any("body mass is unknown" in text for text in result.warnings)
+    assert result.parameters["k_T_n_per_m"].value == pytest.approx(TRUTH["k_T"], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        (Settings(starts=0), "the number of starts is 0"),
+        (Settings(domain="frequency"), r"the domain is 'frequency' \(valid: auto, periodic, time\)"),
+        (Settings(free=("k_X",)), "unknown parameter to estimate 'k_X'"),
+    ],
+)
+def test_settings_that_cannot_be_meant(foot: Foot, trial: Trial, settings: Settings, sentence: str) -> None:
+    with pytest.raises(SettingError, match=sentence):
+        fit([trial(TRUTH, 20.0)], foot, settings)
+
+
+def test_a_bad_recording_is_refused(foot: Foot, trial: Trial) -> None:
+    from dataclasses import replace
+
+    r = trial(TRUTH, 20.0)
+    with pytest.raises(RecordingError, match="malleolus_m_s2 is dead"):
+        fit([replace(r, malleolus_m_s2=np.zeros(r.time_s.size))], foot)

@@ -1,0 +1,46 @@
+"""Excitation rank: two for each sine in the base motion, none for its noise."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fasbody.checks import checked
+from fasbody.recording import Condition, Recording
+from identification.excitation import excitation_rank
+
+T = np.arange(2000) / 1000
+
+
+def base(*frequencies: float, seed: int = 0, noise: float = 0.03) -> Recording:
+    rng = np.random.default_rng(seed)
+    a = sum(8.95 * np.sin(2 * np.pi * f * T + f) for f in frequencies) + rng.normal(0, noise, T.size)
+    only = frequencies[0] if len(frequencies) == 1 else None
+    return Recording(T, a, a, condition=Condition(frequency_hz=only))
+
+
+def test_one_sine_has_rank_two() -> None:
+    assert excitation_rank([base(20.0)]) == 2
+
+
+def test_pooled_sines_add_and_equal_ones_do_not() -> None:
+    assert excitation_rank([base(20.0), base(33.0, seed=1)]) == 4
+    assert excitation_rank([base(20.0), base(20.0, seed=1)]) == 2
+    assert excitation_rank([base(20.0), base(33.0, seed=1), base(50.0, seed=2)]) == 6
+
+
+def test_harmonics_of_the_shaker_count() -> None:
+    r = base(20.0)
+    assert excitation_rank([replace(r, base_m_s2=r.base_m_s2 + 0.2 * np.sin(2 * np.pi * 40 * T))]) == 4
+
+
+def test_multisine_counts_its_lines() -> None:
+    assert excitation_rank([base(11.0, 23.0, 37.0, 41.5)]) == 8
+
+
+def test_a_recording_without_a_sine_has_the_rank_of_its_band() -> None:
+    rng, spectrum = np.random.default_rng(0), np.zeros(1001, complex)
+    spectrum[20:100] = np.exp(1j * rng.uniform(0, 6.28, 80)) * 1000
+    a = np.fft.irfft(spectrum) + rng.normal(0, 0.01, 2000)
+    found = checked(Recording(T, a, np.roll(a, 3)))
+    assert found.condition.frequency_hz is None
+    assert excitation_rank([found]) == 160

@@ -1,0 +1,110 @@
+"""The virtual laboratory: its truth, its instrument, and the bundled study made again bit for bit."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import oracle
+import pytest
+import thesis
+
+from fasbody import shaker
+from fasbody.exceptions import SettingError
+from fasbody.laboratory import FREQUENCIES_HZ, TRUTH, Instrument, make_study, record
+from fasbody.recording import Study
+from fasbody.two_dof import TwoDof
+from identification.fit import BUNDLED
+
+SILENT = Instrument(noise_base=0.0, noise_malleolus=0.0, bits=30, delay_s=0.0)
+
+
+def test_the_bundled_study_is_made_by_the_stated_command(tmp_path: Path) -> None:
+    """The first of the nine recordings and all descriptions, from the fixed seed."""
+    make_study(tmp_path, frequencies_hz=FREQUENCIES_HZ[:1])
+    for name in ("subjects.csv", "truth.json", "study.toml", "recordings/10hz_0kg.csv"):
+        assert (tmp_path / name).read_text() == (BUNDLED / name).read_text(), name
+
+
+def test_the_truth_is_stored_and_bundled() -> None:
+    truth = json.loads((BUNDLED / "truth.json").read_text())
+    assert truth["origin"] == "synthetic"
+    assert truth["parameters"] == TRUTH == {k: float(v) for k, v in oracle.TRUTH.items()}
+    assert truth["instrument"]["bits"] == 12
+    assert 0 < truth["instrument"]["delay_s"] < 1e-3  # a fraction of a sample
+    assert tuple(FREQUENCIES_HZ) == thesis.FREQUENCIES_HZ
+
+
+@pytest.mark.parametrize("settle", [0.0, 0.3])
+def test_a_silent_instrument_records_the_physics(settle: float) -> None:
+    foot = TwoDof(**TRUTH, **oracle.MASSES)
+    made = record(foot, shaker.sine(20.0, 2.0), 0.2, SILENT, np.random.default_rng(0), settle)
+    t = np.concatenate([[0.0], made.time_s + settle])[0 if settle else 1 :]
+    want = oracle.malleolus(oracle.TRUTH, oracle.sine(20.0), t)[1 if settle else 0 :]
+    assert np.abs(made.malleolus_m_s2 - want).max() < 1e-6 * np.abs(want).max()
+    assert np.abs(made.base_m_s2 - 8.95 * np.sin(40 * np.pi * (made.time_s + settle))).max() < 1e-6
+    assert made.origin == "synthetic"
+
+
+def test_the_malleolus_channel_is_late_by_the_delay() -> None:
+    foot = TwoDof(**TRUTH, **oracle.MASSES)
+    late = Instrument(noise_base=0.0, noise_malleolus=0.0, bits=30, delay_s=5e-4)
+    args = (foot, shaker.sine(20.0, 2.0), 0.2)
+    a = record(*args, SILENT, np.random.default_rng(0)).malleolus_m_s2
+    b = record(*args, late, np.random.default_rng(0)).malleolus_m_s2
+    turn = np.exp(-2j * np.pi * 20 * np.arange(200) / 1000)
+    assert np.angle((b * turn).sum() / (a * turn).sum()) == pytest.approx(-2 * np.pi * 20 * 5e-4, rel=1e-3)
+
+
+def test_instrument_quantises_clips_and_adds_noise() -> None:
+    instrument, rng = Instrument(noise_base=0.0), np.random.default_rng(0)
+    step = 2 * 39.2 / 4096
+    values = instrument.measure(np.linspace(-50, 50, 5001), 0.0, rng)
+    assert np.allclose(values / step, np.round(values / step), atol=1e-9)
+    assert (values.min(), values.max()) == (-39.2, 39.2 - step)
+    inside = np.abs(np.linspace(-50, 50, 5001)) < 39
+    assert np.abs(values - np.linspace(-50, 50, 5001))[inside].max() <= step / 2 + 1e-12
+    noisy = instrument.measure(np.zeros(20_000), 0.05, rng)
+    assert noisy.std() == pytest.approx(np.hypot(0.05, step / np.sqrt(12)), rel=0.02)
+
+
+def test_shaker_harmonics_and_peak_to_peak() -> None:
+    motion = Instrument().motion(20.0, 1.0, np.random.default_rng(0))
+    spectrum = 2 / 1000 * np.abs(np.fft.rfft(motion.acceleration(np.arange(1000) / 1000)))
+    np.testing.assert_allclose(spectrum[[20, 40, 60]], 8.95 * np.array([1, 0.015, 0.008]), rtol=1e-9)
+
+
+def test_study_with_two_loads(tmp_path: Path) -> None:
+    make_study(tmp_path, subject=7, frequencies_hz=(20.0,), added_masses_kg=(0.0, 2.3), seconds=0.5, seed=3)
+    study = Study.read(tmp_path)
+    assert [r.condition.added_mass_kg for r in study] == [0.0, 2.3]
+    assert {r.condition.body_mass_kg for r in study} == {54.43}
+    light, heavy = (np.abs(np.fft.rfft(r.malleolus_m_s2)[10]) for r in study)
+    H = [oracle.linear_response({**oracle.TRUTH, **r.condition.masses}, 20.0)[0] for r in study]
+    assert heavy / light == pytest.approx(abs(H[1] / H[0]), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"subject": 21}, "there is no subject 21; Table 2.1 has 1 to 20"),
+        ({"frequencies_hz": (200.0,)}, "200 Hz cannot be recorded at 1000 Hz"),
+        ({"frequencies_hz": (10.0,), "seconds": 0.2}, "0.2 s hold fewer than 3 periods of 10 Hz"),
+    ],
+)
+def test_impossible_studies_get_a_sentence(tmp_path: Path, options: dict, sentence: str) -> None:
+    with pytest.raises(SettingError, match=sentence):
+        make_study(tmp_path / "s", **options)
+    assert not (tmp_path / "s").exists()
+
+
+def test_command(tmp_path: Path, command: Callable) -> None:
+    done = command("fasbody.laboratory", str(tmp_path / "s"), "--frequency", "30", "--seconds", "0.3")
+    assert done.returncode == 0, done.stderr
+    assert "1 synthetic recordings in" in done.stderr.replace("\n", " ")
+    assert [r.condition.frequency_hz for r in Study.read(tmp_path / "s")] == [30.0]
+    (tmp_path / "s" / "truth.json").unlink()
+    again = command("fasbody.laboratory", str(tmp_path / "s"))
+    assert again.returncode == 2
+    assert "holds a study that was not made here" in again.stderr
+    assert "Traceback" not in again.stderr

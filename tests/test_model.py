@@ -1,0 +1,212 @@
+"""MJCF feet: edited copies, every force law as the fat pad against an independent ODE, sentences for broken files."""
+
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import oracle
+import pytest
+from scipy.integrate import solve_ivp
+
+import mjcf
+from fasbody import shaker
+from fasbody.exceptions import InputFileError, ModelError, SettingError
+from fasbody.model import Foot, load
+from fasbody.simulate import simulate
+
+PAD_JOINT = '<joint name="fat_pad" stiffness="1.0e5" user="4.25 800 -50 100"/>'
+BARE_PAD = '<joint name="fat_pad"/>'
+NO_PAD_PARAMETERS = [
+    (line, "") for line in re.findall(r'    <text name="(?:k_F|c_21|c_22|c_23)".*\n', mjcf.path("two_dof").read_text())
+]
+Edit = Callable[..., Path]
+
+
+def shaken(foot: Foot, frequency: float = 25.0, seconds: float = 0.25) -> tuple[np.ndarray, np.ndarray]:
+    out = simulate(foot, shaker.sine(frequency, seconds), step=2.5e-4, values={"k_T": oracle.TRUTH["k_T"]})
+    return out.time[0], out.malleolus[0]
+
+
+#: The stock foot's ankle with the stiffness that `shaken` sets.
+ANKLE = {"k_T": oracle.TRUTH["k_T"], "c_11": 430, "c_12": 50, "c_13": 100, "m_S": 3.374505, "m_F": 1.052265}
+
+
+def agrees(file: Path, pad: oracle.Force, allowed: float = 2e-5) -> None:
+    t, y = shaken(load(file))
+    want = oracle.malleolus(ANKLE, oracle.sine(25.0), t, pad=pad, rtol=1e-9)
+    assert np.abs(y - want).max() < allowed * np.abs(want).max()
+
+
+def test_stock_model_is_the_two_mass_foot() -> None:
+    foot = load("two_dof")
+    body = 0.0145 * 72.57
+    assert foot.values() == pytest.approx(
+        {"k_T": 1.5e5, "k_F": 1e5, "c_11": 430, "c_12": 50, "c_13": 100, "c_21": 800, "c_22": -50, "c_23": 100}
+        | {"m_S": 0.0465 * 72.57, "m_F": body},
+        rel=1e-12,
+    )
+    assert foot.step == 5e-4
+    assert "k_T 1.5e+05 N/m" in str(foot)
+    assert "two_dof" in mjcf.names()
+    with pytest.raises(KeyError, match="shipped models"):
+        mjcf.path("three_dof")
+
+
+def test_law_4_25_as_the_pad(edited: Edit) -> None:
+    file = edited((PAD_JOINT, '<joint name="fat_pad" stiffness="9e4" user="4.25 600 -90 150"/>'))
+    agrees(file, oracle.spring_and_damper(9e4, 600, -90, 150))
+
+
+def test_law_4_24_as_the_pad(edited: Edit) -> None:
+    """Strain-proportional damper: E 1800 N over 20 mm is 9e4 N/m; the pad lifts off where strain would be negative."""
+    E, eta, h, e0 = 1800.0, 60.0, 0.02, 0.1
+
+    def pad(x: float, v: float) -> float:
+        e = e0 - x / h
+        return E * e0 - (E * e + eta * e * (-v / h) if e > 0 else 0.0)
+
+    agrees(edited((PAD_JOINT, f'<joint name="fat_pad" user="4.24 {E} {eta} {h} {e0}"/>')), pad)
+
+
+def test_law_4_23_as_the_pad(edited: Edit) -> None:
+    j, k, l, m, n, h, e0 = 4000.0, 1.4, 150.0, 0.9, 0.8, 0.02, 0.3  # noqa: E741
+
+    def pad(x: float, v: float) -> float:
+        e, rate = e0 - x / h, -v / h
+        force = j * e**k + l * e**m * abs(rate) ** n * math.copysign(1, rate) if e > 0 else 0.0
+        return j * e0**k - force
+
+    # |rate|^0.8 has an infinite slope at rest, so the order of any solver drops there
+    agrees(edited((PAD_JOINT, f'<joint name="fat_pad" user="4.23 {j} {k} {l} {m} {n} {h} {e0}"/>')), pad, 5e-3)
+
+
+def test_law_4_22_as_the_pad(edited: Edit) -> None:
+    """Quasi-linear viscoelastic pad: an actuator with eight activations against an ODE with 120 exponentials."""
+    A, B, c, tau_1, tau_2, h, e0 = 150.0, 6.0, 0.9, 0.002, 1.0, 0.02, 0.2
+    file = edited(
+        (PAD_JOINT, BARE_PAD), *NO_PAD_PARAMETERS,
+        ("  </actuator>", f'    <general name="pad" joint="fat_pad" dyntype="user" actdim="8" gainprm="0" '
+         f'biastype="user" biasprm="4.22 {A} {B} {c} {tau_1} {tau_2} {h} {e0}"/>\n  </actuator>'),
+    )  # fmt: skip
+    t, y = shaken(load(file))
+    count = 120
+    tau = tau_1 * (tau_2 / tau_1) ** ((np.arange(count) + 0.5) / count)  # midpoint rule in log(tau)
+    weight, whole = np.full(count, math.log(tau_2 / tau_1) / count), 1 + c * math.log(tau_2 / tau_1)
+    ankle, base, (m_S, m_F) = oracle.ankle_of(ANKLE), oracle.sine(25.0), (ANKLE["m_S"], ANKLE["m_F"])
+
+    def rates(time: float, s: np.ndarray) -> np.ndarray:
+        w1, w2, v1, v2 = s[:4]
+        strain, rate = e0 - w2 / h, -v2 / h
+        push = (A * (math.exp(B * strain) - math.exp(B * e0)) + c * weight @ s[4:]) / whole
+        T, a = ankle(w1 - w2, v1 - v2), base(time)
+        stress_rate = A * B * math.exp(B * strain) * rate
+        return np.concatenate([[v1, v2, -T / m_S - a, (T + push) / m_F - a], stress_rate - s[4:] / tau])
+
+    s = solve_ivp(rates, (0, t[-1]), np.zeros(4 + count), method="DOP853", t_eval=t, rtol=1e-8, atol=1e-12).y
+    want = np.array([-ankle(a, b) / m_S for a, b in zip(s[0] - s[1], s[2] - s[3], strict=True)])
+    elastic = [-A * (math.exp(B * (e0 - w / h)) - math.exp(B * e0)) for w in s[1]]
+    assert np.ptp(s[1]) / h > 0.02  # the strain moves enough for the exponential to matter
+    assert np.ptp(elastic) > 10
+    assert np.abs(y - want).max() < 1e-3 * np.abs(want).max()
+
+
+def test_laws_on_tendons_equal_laws_on_joints(edited: Edit) -> None:
+    """The pad as a fixed tendon on the same joint: spring, native damping and law."""
+    tendon = (
+        '<tendon><fixed name="pad" stiffness="1.0e5" damping="{}" user="4.25 800 -50 100">'
+        '<joint joint="fat_pad" coef="1"/></fixed></tendon>\n  <actuator>'
+    )
+    size = ('<size nuser_jnt="8"/>', '<size nuser_jnt="8" nuser_tendon="8"/>')
+    want = shaken(load(edited()))[1]
+    for native in (0, 300):
+        file = edited(size, (PAD_JOINT, BARE_PAD), *NO_PAD_PARAMETERS, ("<actuator>", tendon.format(native)))
+        have = shaken(load(file))[1]
+        assert np.abs(have - want).max() < 1e-9 * np.abs(want).max()
+
+
+def test_a_native_share_of_the_damper_changes_nothing(edited: Edit) -> None:
+    want = shaken(load("two_dof"))[1]
+    file = edited(('user="4.25 800 -50 100"', 'damping="400" user="4.25 800 -50 100"'))
+    assert np.abs(shaken(load(file))[1] - want).max() < 1e-9 * np.abs(want).max()
+
+
+def test_an_edited_model_that_keeps_the_named_elements_works(edited: Edit) -> None:
+    """Other names for the inner joints and bodies, another mass and no declared parameters."""
+    file = edited(
+        *NO_PAD_PARAMETERS, ('mass="1.052265"', 'mass="1.5"'), ('name="fat_pad"', 'name="my_pad"'),
+        ('<body name="foot"', '<body name="hind_foot"'), ("| body foot mass |", "| body hind_foot mass |"),
+    )  # fmt: skip
+    t, y = shaken(load(file))
+    pad = oracle.spring_and_damper(1e5, 800, -50, 100)
+    want = oracle.malleolus({**ANKLE, "m_F": 1.5}, oracle.sine(25.0), t, pad=pad)
+    assert np.abs(y - want).max() < 2e-5 * np.abs(want).max()
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "edits"),
+    [
+        ("joint", "base", [('<joint name="base"/>', '<joint name="slide"/>'), ('joint="base"', 'joint="slide"')]),
+        ("actuator", "shaker", [('name="shaker"', 'name="shaking"')]),
+        ("sensor", "malleolus", [('<framelinacc name="malleolus"', '<framelinacc name="ankle"')]),
+        ("sensor", "base", [('<framelinacc name="base"', '<framelinacc name="table"')]),
+        ("site", "malleolus", [('<site name="malleolus"', '<site name="ankle"'),
+                               ('objname="malleolus"', 'objname="ankle"')]),
+    ],
+)  # fmt: skip
+def test_a_missing_name_lists_what_is_needed_and_found(edited: Edit, kind: str, name: str, edits: list) -> None:
+    with pytest.raises(ModelError) as caught:
+        load(edited(*edits))
+    text = str(caught.value)
+    assert f"there is no {kind} '{name}'" in text
+    assert "every foot model needs joint base, actuator shaker, sensor base and malleolus, site malleolus" in text
+    found = {"joint": "talocrural", "actuator": "shaker_a0", "site": "base", "sensor": "valid:"}[kind]
+    assert found in text
+
+
+@pytest.mark.parametrize(
+    ("edits", "sentence"),
+    [
+        ([("4.25 800", "4.52 800")], r"names the law 4\.52 .*valid: 4\.23 .*4\.25 c1"),
+        ([("4.25 800", "4.22 800")], r"names the law 4\.22"),
+        ([('nuser_jnt="8"', 'nuser_jnt="9"')], r'user fields have 9 numbers; laws need <size nuser_jnt="8"/>'),
+        ([('biasprm="1"', 'biasprm="2"')], r'needs biastype="user" biasprm="1"'),
+        ([('    <general name="shaker_a3" class="column" joint="base"/>\n', "")], "four more actuators"),
+        ([('"N/m | 3e3 | 1e6', '"N/mm | 3e3 | 1e6')], r"parameter 'k_F' has the unit 'N/mm' \(valid: N/m"),
+        ([("| 3e3 | 1e6 |", "| 3e6 | 1e6 |")], "lower bound 3e[+]06 that is not below"),
+        ([("| 3e3 | 1e6 |", "| low | 1e6 |")], "bounds 'low' and '1e6'; both must be numbers"),
+        ([("joint fat_pad stiffness", "joint fatpad stiffness")], "unknown joint 'fatpad', did you mean 'fat_pad'"),
+        ([("joint fat_pad stiffness", "joint fat_pad strength")], "is no place"),
+        ([("joint fat_pad user 3", "joint fat_pad user 8")], "column 8 of 'user', which has 8"),
+        ([('stiffness="1.0e5"', 'stiffness="-1"')], "must not be negative"),
+    ],
+)
+def test_broken_models_get_one_sentence(edited: Edit, edits: list, sentence: str) -> None:
+    with pytest.raises(ModelError, match=sentence) as caught:
+        load(edited(*edits))
+    assert "edited.xml" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_files_that_are_no_models(tmp_path: Path) -> None:
+    with pytest.raises(InputFileError, match=r"no such model; give an MJCF file or one of .*two_dof"):
+        load(tmp_path / "none.xml")
+    (tmp_path / "text.xml").write_text("<mujoco><worldbody>")
+    with pytest.raises(InputFileError, match="MuJoCo cannot compile it"):
+        load(tmp_path / "text.xml")
+    with pytest.raises(InputFileError, match="no such model"):
+        load("two_dofs")
+
+
+def test_with_values_changes_a_copy(foot: Foot) -> None:
+    before = foot.values()
+    changed = foot.with_values({"k_T": 2e5, "c_23": 7.0, "m_S": 4.0}, step=1e-4)
+    assert foot.values() == before
+    assert changed.values() == {**before, "k_T": 2e5, "c_23": 7.0, "m_S": 4.0}
+    assert (foot.step, changed.step) == (5e-4, 1e-4)
+    heavier = mujoco.mj_getTotalmass(changed.model) - mujoco.mj_getTotalmass(foot.model)
+    assert heavier == pytest.approx(4.0 - before["m_S"])
+    with pytest.raises(SettingError, match="unknown parameter 'k_S'"):
+        foot.with_values({"k_S": 1.0})

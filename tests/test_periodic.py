@@ -1,0 +1,147 @@
+"""Harmonic residuals: chi-square at the truth, exact Jacobian, and weights against the linear theory."""
+
+from collections.abc import Callable
+
+import numpy as np
+import oracle
+import pytest
+from scipy.stats import chi2
+
+from fasbody.checks import checked
+from fasbody.exceptions import RecordingError
+from fasbody.model import Foot
+from fasbody.recording import Recording
+from identification.orbits import Twin
+from identification.periodic import Line, PeriodicProblem, inverse_of_gram, split
+from identification.space import space_of
+
+FREQUENCIES = (10.0, 20.0, 30.0, 50.0)
+LINEAR = {**oracle.TRUTH, "c_12": 0.0, "c_13": 0.0, "c_22": 0.0, "c_23": 0.0}
+
+
+def lines(trial: Callable[..., Recording], p: dict = oracle.TRUTH, **more: object) -> list[Line]:
+    return [Line.of(checked(trial(p, f, **more))) for f in FREQUENCIES]
+
+
+def problem(foot: Foot, found: list[Line]) -> PeriodicProblem:
+    return PeriodicProblem(found, Twin([line.excitation for line in found]), space_of(foot))
+
+
+def engine_of(excitations: list) -> Twin:
+    return Twin(excitations)
+
+
+def test_lines_hold_the_harmonics_of_both_channels(trial: Callable[..., Recording]) -> None:
+    found = Line.of(checked(trial(LINEAR, 20.0)))
+    assert found.count == 5
+    assert abs(found.base.amplitudes[0] + 8.95j) < 5e-3
+    H = found.malleolus.amplitudes[0] / found.base.amplitudes[0]
+    assert abs(H - oracle.linear_response(LINEAR, 20.0)[0]) < 5e-3
+    assert {n: found.excitation.masses[n] for n in oracle.MASSES} == pytest.approx(oracle.MASSES)
+
+
+def test_broadband_has_no_lines() -> None:
+    rng, t = np.random.default_rng(0), np.arange(1000) / 1000
+    r = Recording(t, rng.normal(0, 5, 1000), rng.normal(0, 5, 1000), file="x.csv")
+    with pytest.raises(RecordingError, match=r"x\.csv: is not periodic, so it has no harmonics"):
+        Line.of(checked(r))
+
+
+def test_residual_at_the_truth_is_chi_square(foot: Foot, trial: Callable[..., Recording]) -> None:
+    """Sums of squares over several noise seeds lie where the distribution says, one by one and together."""
+    costs, size = [], 0
+    for seed in range(6):
+        made = problem(foot, lines(trial, seed=seed))
+        q = made.space.to_q(made.space.theta(oracle.TRUTH))
+        made.reweigh(q, engine_of)
+        r = made.residual(q)
+        costs.append(r @ r)
+        size = made.size
+        assert r.size == size == 2 * (6 + 5 + 3 + 2)
+    assert all(1e-4 < chi2.cdf(cost, size) < 1 - 1e-4 for cost in costs)
+    assert 1e-3 < chi2.cdf(sum(costs), 6 * size) < 1 - 1e-3
+
+
+def test_residual_of_a_wrong_foot_is_large(foot: Foot, trial: Callable[..., Recording]) -> None:
+    made = problem(foot, lines(trial))
+    q = made.space.to_q(made.space.theta({**oracle.TRUTH, "k_T": 1.25e5}))
+    r = made.residual(q)
+    assert r @ r > 10 * made.size
+
+
+def test_jacobian_against_differences(foot: Foot, trial: Callable[..., Recording]) -> None:
+    made = problem(foot, lines(trial))
+    made.tolerance = 1e-11
+    q = made.space.to_q(made.space.theta({**oracle.TRUTH, "c_12": 60.0, "delay": 2e-4}))
+    J = made.jacobian(q).copy()
+    for j, item in enumerate(made.space.free):
+        d = 1e-5 * np.eye(q.size)[j]
+        want = (made.residual(q + d) - made.residual(q - d)) / 2e-5
+        assert np.abs(J[:, j] - want).max() < 1e-4 * np.abs(want).max(), item.name
+
+
+def test_weights_of_a_linear_foot_are_sensor_noise_and_input_noise_through_its_response(
+    foot: Foot, trial: Callable[..., Recording]
+) -> None:
+    """S = S_y + |H|^2 S_u at each harmonic, H from the dynamic stiffness."""
+    made = problem(foot, lines(trial, LINEAR))
+    q = made.space.to_q(made.space.theta(LINEAR))
+    made.reweigh(q, engine_of)
+    for line, W in zip(made.lines, made._whiten, strict=True):
+        S = np.linalg.inv(W.T @ W)
+        H = oracle.linear_response(LINEAR, line.base.frequency_hz * np.arange(1, line.count + 1))
+        want = np.tile(line.malleolus.std**2 + np.abs(H) ** 2 * line.base.std**2, 2)
+        np.testing.assert_allclose(np.diag(S), want, rtol=2e-3)
+        off = S - np.diag(np.diag(S))
+        assert np.abs(off).max() < 1e-3 * want.max()
+
+
+def test_log_determinant_is_that_of_the_covariance(foot: Foot, trial: Callable[..., Recording]) -> None:
+    made = problem(foot, lines(trial))
+    q = made.space.to_q(made.space.theta(oracle.TRUTH))
+    made.reweigh(q, engine_of)
+    want = sum(np.linalg.slogdet(np.linalg.inv(W.T @ W))[1] for W in made._whiten)
+    assert made.log_determinant == pytest.approx(want, rel=1e-9)
+
+
+def test_delay_turns_the_phase(foot: Foot, trial: Callable[..., Recording]) -> None:
+    made = problem(foot, lines(trial))
+    made.tolerance = 1e-12
+    q = made.space.to_q(made.space.theta({**oracle.TRUTH, "delay": 0.0}))
+    late = made.space.to_q(made.space.theta({**oracle.TRUTH, "delay": 5e-4}))
+    for line, a, b in zip(made.lines, made.predict(q), made.predict(late), strict=True):
+        h = np.arange(1, line.count + 1)
+        np.testing.assert_allclose(b / a, np.exp(-2j * np.pi * line.base.frequency_hz * h * 5e-4), rtol=1e-9)
+
+
+def test_an_unstable_foot_has_a_large_residual_not_an_exception(foot: Foot, trial: Callable[..., Recording]) -> None:
+    made = problem(foot, lines(trial))
+    low, high = made.bounds
+    q = made.space.to_q(made.space.theta(oracle.TRUTH))
+    q[[0, 1]], q[[2, 5]] = low[[0, 1]], low[[2, 5]]
+    q[[3, 6]] = high[[3, 6]]
+    with np.errstate(all="ignore"):
+        r = made.residual(q)
+    assert np.isfinite(r).all()
+    assert r @ r > 1e6
+
+
+def test_split_and_inverse() -> None:
+    np.testing.assert_array_equal(split(np.array([1 + 2j, 3 + 4j])), [1, 3, 2, 4])
+    J = np.random.default_rng(0).normal(size=(20, 4))
+    np.testing.assert_allclose(inverse_of_gram(J), np.linalg.inv(J.T @ J), rtol=1e-10)
+    J[:, 2] = 0.0
+    C = inverse_of_gram(J)
+    assert np.isinf(C[2, 2])
+    keep = [0, 1, 3]
+    np.testing.assert_allclose(C[np.ix_(keep, keep)], np.linalg.inv(J[:, keep].T @ J[:, keep]), rtol=1e-10)
+
+
+def test_parameters_at_their_bounds_have_no_covariance(foot: Foot, trial: Callable[..., Recording]) -> None:
+    made = problem(foot, lines(trial))
+    q = made.space.to_q(made.space.theta(oracle.TRUTH))
+    active = np.ones(q.size, bool)
+    active[4] = False
+    C, J = made.covariance(q, active), made.jacobian(q)[:, active]
+    assert np.isnan(C[4]).all()
+    np.testing.assert_allclose(C[np.ix_(active, active)], np.linalg.inv(J.T @ J), rtol=1e-6)

@@ -1,0 +1,96 @@
+"""CSV dialects and units, and the line and column of whatever is wrong."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fasbody.exceptions import InputFileError
+from fasbody.readers import column, read_csv, read_table
+
+ROWS = np.array([[0.0, 1.5, -2.25], [0.001, 2.5, -3.25], [0.002, -1e-3, 4.0]])
+
+
+def write(tmp_path: Path, text: str | bytes) -> Path:
+    file = tmp_path / "r.csv"
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return file
+
+
+def table(separator: str = ",", header: str = "time_s,base_m_s2,malleolus_m_s2", rows: np.ndarray = ROWS) -> str:
+    lines = [header.replace(",", separator)] + [separator.join(f"{x:.10g}" for x in row) for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", " "])
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+def test_dialects(tmp_path: Path, separator: str, ending: str) -> None:
+    channels = read_csv(write(tmp_path, table(separator).replace("\n", ending)))
+    np.testing.assert_array_equal(np.column_stack(list(channels.values())), ROWS)
+    assert list(channels) == ["time_s", "base_m_s2", "malleolus_m_s2"]
+
+
+@pytest.mark.parametrize(
+    ("header", "factors"),
+    [
+        ("time_ms,base_g,malleolus_mm_s2", (1e-3, 9.80665, 1e-3)),
+        ("time_us,base_cm_s2,malleolus_m_s2", (1e-6, 1e-2, 1)),
+        ("Time_s,BASE_m_s2,Malleolus_M_S2", (1, 1, 1)),
+        ('"time_s","base_m_s2","malleolus_g"', (1, 1, 9.80665)),
+    ],
+)
+def test_units(tmp_path: Path, header: str, factors: tuple[float, ...]) -> None:
+    channels = read_csv(write(tmp_path, table(header=header)))
+    np.testing.assert_allclose(np.column_stack(list(channels.values())), ROWS * factors, rtol=1e-15)
+
+
+def test_order_extra_columns_byte_order_mark_and_empty_lines(tmp_path: Path) -> None:
+    text = "\ufeffmalleolus_m_s2,note,time_s,tuberosity_m_s2,base_m_s2\n1,a,0,5,2\n\n3,b,0.001,6,4\n"
+    channels = read_csv(write(tmp_path, text))
+    assert {name: list(values) for name, values in channels.items()} == {
+        "time_s": [0, 0.001], "base_m_s2": [2, 4], "malleolus_m_s2": [1, 3], "tuberosity_m_s2": [5, 6],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", r"is empty; the first line must be time_s,base_m_s2,malleolus_m_s2\."),
+        ("time_s,base_m_s2\n0,1\n", r"line 1: has no column 'malleolus_m_s2' \(found: time_s, base_m_s2\)"),
+        ("0,1,2\n0.001,1,2\n", r"has no column 'time_s' \(found: 0, 1, 2\)"),
+        ("time_s,base_ft_s2,malleolus_m_s2\n0,1,2\n", r"line 1: unknown unit of the column 'base': 'ft_s2'"),
+        (table() + "0.003,abc,1\n", r"line 5: base_m_s2 is 'abc', not a number"),
+        (table() + "0.003,1\n", r"line 5: malleolus_m_s2 is '', not a number"),
+        (table() + "0.003,1,nan\n", r"line 5: malleolus_m_s2 is 'nan'; every sample must be finite"),
+        (table() + "0.003,inf,1\n", r"line 5: base_m_s2 is 'inf'; every sample must be finite"),
+        ("time_s;base_m_s2;malleolus_m_s2\n0,000;1,5;2\n", r"line 2: time_s is '0,000', not a number"),
+        (b"\xff\xfe\x00\x01\x80", r"is not a text file; a CSV file with a header line is needed"),
+        ("time_s,base_g,malleolus_g,base_m_s2\n0,1,2,3\n", r"line 1: has two columns for base; keep one of them"),
+        ("time_s,time_ms,base_g,malleolus_g\n0,1,2,3\n", r"line 1: has two columns for time; keep one of them"),
+        (b"time_s,base_g,malleolus_g\n0,1,2\0\n", r"is not a text file; a CSV file with a header line is needed"),
+    ],
+)
+def test_what_is_wrong_and_where(tmp_path: Path, text: str | bytes, sentence: str) -> None:
+    with pytest.raises(InputFileError, match=sentence) as caught:
+        read_csv(write(tmp_path, text))
+    assert "r.csv" in str(caught.value)
+
+
+def test_missing_file_and_folder(tmp_path: Path) -> None:
+    with pytest.raises(InputFileError, match="no such file"):
+        read_csv(tmp_path / "none.csv")
+    with pytest.raises(InputFileError, match="is a folder, not a file"):
+        read_csv(tmp_path)
+
+
+def test_tables(tmp_path: Path) -> None:
+    file = write(tmp_path, "subject, mass_kg\n1, 70\nb,x\n3,\n")
+    read = read_table(file, ("subject", "mass_kg"))
+    with pytest.raises(InputFileError, match="line 3: mass_kg is 'x', not a number"):
+        column(file, read, "mass_kg")
+    with pytest.raises(InputFileError, match=r"has no column 'height_m' \(found: subject, mass_kg\)"):
+        read_table(file, ("height_m",))
+    good = read.drop(index=1)
+    np.testing.assert_array_equal(column(file, good, "mass_kg", optional=True), [70, np.nan])
+    with pytest.raises(InputFileError, match="not a number"):
+        column(file, good, "mass_kg")

@@ -1,0 +1,168 @@
+"""Recordings and studies: exact round trips, corrections of channels, and sentences for broken folders."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fasbody.exceptions import InputFileError, RecordingError
+from fasbody.recording import Condition, Recording, Study, read_file, with_masses
+
+T = np.arange(300) / 1000
+
+
+def make(**more: object) -> Recording:
+    rng = np.random.default_rng(1)
+    return Recording(T, np.round(rng.normal(0, 5, 300), 6), np.round(rng.normal(0, 5, 300), 6), **more)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A sound study of two recordings."""
+    make().write(tmp_path / "recordings" / "a.csv")
+    make(tuberosity_m_s2=np.ones(300)).write(tmp_path / "recordings" / "b.csv")
+    (tmp_path / "study.toml").write_text('[study]\nname = "two"\norigin = "measured"\ndescription = "d"\n')
+    (tmp_path / "subjects.csv").write_text("subject,mass_kg\n7,54.43\n")
+    (tmp_path / "recordings.csv").write_text(
+        "file,subject,posture,added_mass_kg,frequency_hz\nrecordings/a.csv,7,midstance,0,10\nrecordings/b.csv,7,,2.3,\n"
+    )
+    return tmp_path
+
+
+def test_write_and_read_give_the_same_numbers(tmp_path: Path) -> None:
+    made = make(tuberosity_m_s2=np.linspace(-1, 1, 300).round(6))
+    made.write(tmp_path / "x" / "r.csv")
+    read = Recording.read(tmp_path / "x" / "r.csv")
+    for name in ("time_s", "base_m_s2", "malleolus_m_s2", "tuberosity_m_s2"):
+        np.testing.assert_array_equal(getattr(read, name), getattr(made, name))
+    assert (read.file, read.origin, read.condition) == ("r.csv", "of unstated origin", Condition())
+    assert [file.name for file in (tmp_path / "x").iterdir()] == ["r.csv"]  # no temporary file stays
+
+
+def test_rate_and_print() -> None:
+    assert make().rate_hz == pytest.approx(1000)
+    assert str(make()) == "recording: of unstated origin, broadband, 300 samples at 1000 Hz"
+    assert "20 Hz" in str(make(condition=Condition(frequency_hz=20)))
+
+
+def test_time_stamps_of_an_odd_rate_survive(tmp_path: Path) -> None:
+    made = Recording(np.arange(300) / 1500, *np.zeros((2, 300)))
+    made.write(tmp_path / "r.csv")
+    assert Recording.read(tmp_path / "r.csv").rate_hz == pytest.approx(1500, rel=1e-3)
+
+
+def test_study(folder: Path) -> None:
+    study = Study.read(folder)
+    assert str(study) == "two: 2 measured recordings"
+    one, two = study
+    assert one.condition == Condition("7", "midstance", 0.0, 54.43, 10.0)
+    assert two.condition.frequency_hz is None
+    shank = 0.0465 * 54.43 + 2.3
+    assert two.condition.masses == {"m_S": shank, "m_T": shank, "m_F": 0.0145 * 54.43}
+    assert two.tuberosity_m_s2 is not None
+    assert one.file == f"{folder.name}/recordings/a.csv"
+
+
+def test_channel_corrections(folder: Path) -> None:
+    """Sign, sensitivity and a delay that is undone: a late 20 Hz sine comes back on time."""
+    late = 3e-4
+    sine = lambda t: 7 * np.sin(2 * np.pi * 20 * t)  # noqa: E731
+    Recording(T, sine(T), -0.5 * sine(T - late)).write(folder / "recordings" / "a.csv")
+    with (folder / "study.toml").open("a") as file:
+        file.write(f'[channels.malleolus]\nunit = "V"\nsign = -1\nsensitivity = 0.5\ndelay_s = {late}\n')
+    read = Study.read(folder).recordings[0]
+    np.testing.assert_allclose(read.malleolus_m_s2[5:-5], sine(T)[5:-5], atol=1e-4)
+    np.testing.assert_allclose(read.base_m_s2, sine(T), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "sentence"),
+    [
+        ("study.toml", None, "no such file; a study folder needs study.toml, subjects.csv and recordings.csv"),
+        ("study.toml", "[study\n", r"study.toml: is not TOML \("),
+        ("study.toml", '[study]\norigin = "guessed"\n', 'origin is \'guessed\'; valid: "measured", "synthetic"'),
+        ("study.toml", "[channels.knee]\nsign = 1\n", "the channel 'knee'; valid: base, malleolus, tuberosity"),
+        ("study.toml", "[channels.base]\ngain = 1\n", "base.gain = 1; valid: unit, sign, sensitivity, delay_s"),
+        ("study.toml", '[channels.base]\nsign = "minus"\n', "channels.base.sign = 'minus'"),
+        ("study.toml", "[channels.base]\nsensitivity = 0\n", "channels.base.sensitivity is zero"),
+        ("study.toml", "[channels.base]\nsensitivity = nan\n", "channels.base.sensitivity = nan; .*finite numbers"),
+        ("study.toml", "[channels.base]\ndelay_s = inf\n", "channels.base.delay_s = inf; .*finite numbers"),
+        ("study.toml", "study = 3\n", r"study is 3; it must be a table, \[study\]"),
+        ("study.toml", "channels = 3\n", r"channels is 3; it must be a table, \[channels\]"),
+        ("study.toml", "[channels]\nbase = 3\n", r"base is 3; it must be a table, \[.*base\]"),
+        ("subjects.csv", None, "subjects.csv: no such file"),
+        ("subjects.csv", "subject\n7\n", "subjects.csv, line 1: has no column 'mass_kg'"),
+        ("subjects.csv", "subject,mass_kg\n7,heavy\n", "subjects.csv, line 2: mass_kg is 'heavy', not a number"),
+        ("recordings.csv", "file,subject\na,7\n", "recordings.csv, line 1: has no column 'added_mass_kg'"),
+        ("recordings.csv", "file,subject,added_mass_kg\n", "lists no recording; one row a recording is needed"),
+        ("recordings.csv", "file,subject,added_mass_kg\nx.csv,8,0\n", "line 2: subject '8' is not in subjects.csv"),
+        ("recordings.csv", "file,subject,added_mass_kg\n../x.csv,7,0\n", "'../x.csv' lies outside the study's folder"),
+        ("recordings.csv", "file,subject,added_mass_kg\nx.csv,7,0\n", r"x\.csv: no such file"),
+        ("recordings/a.csv", "time_s,base_m_s2,malleolus_m_s2\n0,1,z\n", r"a\.csv, line 2: malleolus_m_s2 is 'z'"),
+    ],
+)
+def test_broken_studies_get_one_sentence(folder: Path, file: str, text: str | None, sentence: str) -> None:
+    place = folder / file
+    place.unlink()
+    if text is not None:
+        place.write_text(text)
+    with pytest.raises(InputFileError, match=sentence):
+        Study.read(folder)
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "sentence"),
+    [
+        ("subjects.csv", "subject,mass_kg\n7,7257\n", r"subjects\.csv: subject 7: the body mass is 7257 kg"),
+        ("recordings.csv", "file,subject,added_mass_kg\na,7,0\nb,7,-1\n", "line 3: the added mass is -1 kg"),
+    ],
+)
+def test_implausible_masses_name_their_place(folder: Path, file: str, text: str, sentence: str) -> None:
+    (folder / file).write_text(text)
+    with pytest.raises(RecordingError, match=sentence):
+        Study.read(folder)
+
+
+def test_one_file_of_a_study_has_its_conditions(folder: Path) -> None:
+    """The other recording is not even opened; a warning beside the file comes along."""
+    (folder / "recordings" / "b.csv").unlink()
+    (folder / "recordings" / "a.json").write_text('{"warnings": ["one gap", 3]}')
+    read = read_file(folder / "recordings" / "a.csv")
+    assert (read.condition.body_mass_kg, read.origin, read.warnings) == (54.43, "measured", ("one gap",))
+    with pytest.raises(InputFileError, match=r"does not list c\.csv"):
+        Study.read(folder, only=folder / "c.csv")
+
+
+def test_masses_from_the_command_line() -> None:
+    given = with_masses(make(), 72.57, 4.5)
+    shank = 0.0465 * 72.57 + 4.5
+    assert given.condition.masses == {"m_S": shank, "m_T": shank, "m_F": 0.0145 * 72.57}
+    assert with_masses(given, None, None).condition == given.condition
+    assert with_masses(given, None, 0.0).condition.masses["m_S"] == 0.0465 * 72.57
+    for body, added, sentence in ((2.0, None, "body mass is 2 kg"), (70.0, -1.0, "added mass is -1 kg")):
+        with pytest.raises(RecordingError, match=sentence):
+            with_masses(make(), body, added)
+    with pytest.raises(RecordingError, match="body mass is nan kg"):
+        with_masses(make(), float("nan"), None)
+
+
+def test_a_write_that_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def no(self: Path, target: Path) -> None:
+        raise PermissionError(13, "no")
+
+    monkeypatch.setattr(Path, "replace", no)
+    with pytest.raises(InputFileError, match=r"cannot be written \(no\); name a writable folder"):
+        make().write(tmp_path / "r.csv")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_bundled_study_is_plainly_synthetic() -> None:
+    from identification.fit import BUNDLED
+
+    study = Study.read(BUNDLED)
+    assert study.origin == "synthetic"
+    assert all(r.origin == "synthetic" for r in study)
+    assert "Nobody was measured" in study.description
+    assert [r.condition.frequency_hz for r in study] == list(range(10, 55, 5))
+    assert {r.condition.body_mass_kg for r in study} == {72.57}
+    assert sum(f.stat().st_size for f in BUNDLED.rglob("*") if f.is_file()) < 2_000_000

@@ -1,0 +1,102 @@
+"""Harmonic fits: exact for sums of sines, unbiased with honest standard deviations for noisy ones."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fasbody.exceptions import RecordingError
+from fasbody.response import find_frequency, fit_harmonics, harmonic_count, sine_share
+
+T = np.arange(1000) / 500.0
+
+
+def signal(frequency: float, amplitudes: list[complex], t: np.ndarray = T) -> np.ndarray:
+    h = np.arange(1, len(amplitudes) + 1)
+    return (np.exp(2j * np.pi * frequency * np.outer(t, h)) @ np.array(amplitudes)).real
+
+
+@given(frequency=st.floats(8, 60), phases=st.lists(st.floats(0, 6.28), min_size=3, max_size=3))
+@settings(max_examples=15, deadline=None)
+def test_sums_of_sines_are_recovered_exactly(frequency: float, phases: list[float]) -> None:
+    """For any frequency, so for any fraction of a period in the recording."""
+    U = np.array([8.95, 0.3, 0.05]) * np.exp(1j * np.array(phases))
+    found = fit_harmonics(T, signal(frequency, list(U)) + 2.5, frequency, 3)
+    np.testing.assert_allclose(found.amplitudes, U, atol=1e-9)
+    assert found.offset == pytest.approx(2.5, abs=1e-9)
+    assert found.sigma < 1e-9
+
+
+def test_standard_deviations_are_honest() -> None:
+    """200 noisy recordings: the scatter of the estimates is the stated one, and their mean the truth."""
+    rng, U = np.random.default_rng(0), [5.0 - 3.0j, 0.4j]
+    clean = signal(21.0, U)
+    rows, stated, sigma = [], [], []
+    for _ in range(200):
+        found = fit_harmonics(T, clean + rng.normal(0, 0.3, T.size), 21.0, 2)
+        rows.append(found.amplitudes)
+        stated.append(found.std)
+        sigma.append(found.sigma)
+    parts = np.concatenate([np.real(rows), np.imag(rows)], axis=1)
+    std = np.sqrt(np.mean(np.square(stated), axis=0))
+    np.testing.assert_allclose(parts.std(axis=0), np.tile(std, 2), rtol=0.2)
+    np.testing.assert_allclose(std, 0.3 * np.sqrt(2 / T.size), rtol=0.03)
+    error = np.abs(parts.mean(axis=0) - np.concatenate([np.real(U), np.imag(U)]))
+    assert (error < 4 * np.tile(std, 2) / np.sqrt(200)).all()
+    assert np.mean(sigma) == pytest.approx(0.3, rel=0.01)
+
+
+def test_coloured_noise_has_its_own_weight_at_each_harmonic() -> None:
+    """Noise between 5 and 35 Hz only: a 20 Hz amplitude is worse than the average over all frequencies says."""
+    rng = np.random.default_rng(0)
+    rows, stated = [], []
+    f = np.fft.rfftfreq(T.size, 2e-3)
+    inside = (f > 5) & (f < 35)
+    for _ in range(200):
+        spectrum = np.where(inside, rng.normal(size=f.size) + 1j * rng.normal(size=f.size), 0) * 30
+        found = fit_harmonics(T, signal(20.0, [8.0]) + np.fft.irfft(spectrum, T.size), 20.0, 3)
+        rows.append(found.amplitudes)
+        stated.append(found.std)
+    std = np.sqrt(np.mean(np.square(stated), axis=0))
+    have = np.real(rows).std(axis=0)
+    assert have[0] == pytest.approx(std[0], rel=0.2)
+    assert std[2] < 0.3 * std[0]
+
+
+def test_amplitude_wander_widens_the_standard_deviation() -> None:
+    steady = fit_harmonics(T, signal(20.0, [8.0]) + np.random.default_rng(0).normal(0, 0.02, T.size), 20.0, 1)
+    beating = signal(20.0, [8.0]) * (1 + 0.2 * np.sin(2 * np.pi * 1.7 * T))
+    wander = fit_harmonics(T, beating + np.random.default_rng(0).normal(0, 0.02, T.size), 20.0, 1)
+    assert steady.scatter < 0.01
+    assert wander.scatter > 0.05
+    assert wander.std[0] > 5 * steady.std[0]
+
+
+@pytest.mark.parametrize("frequency", [0.9, 9.97, 20.0, 33.333, 51.2, 90.0])
+def test_frequency_is_found_to_a_thousandth_of_a_line(frequency: float) -> None:
+    rng = np.random.default_rng(0)
+    noisy = signal(frequency, [8.95j, 0.2, 0.1j]) + rng.normal(0, 0.05, T.size)
+    allowed = 3e-3 if frequency < 5 else 5e-4
+    assert find_frequency(T, noisy) == pytest.approx(frequency, abs=allowed)
+
+
+def test_share_of_a_sine_is_its_share_of_the_power() -> None:
+    rng = np.random.default_rng(0)
+    noise = rng.normal(0, 1.5, T.size)
+    noisy = signal(20.0, [3.0]) + noise
+    left = noise.var() * (1 - 23 / T.size)  # eleven harmonics and the mean take their part of the noise
+    assert sine_share(T, noisy, 20.0) == pytest.approx(1 - left / noisy.var(), abs=0.01)
+    assert sine_share(T, signal(20.0, [3.0, 1.0j]), 20.0) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_harmonic_count() -> None:
+    """Up to six, below 100 Hz and 0.4 of the sampling rate; a frequency found a little too high loses none."""
+    assert [harmonic_count(f, 1000.0) for f in (10, 15, 20, 25, 30, 35, 40, 45, 50)] == [6, 6, 5, 4, 3, 2, 2, 2, 2]
+    assert [harmonic_count(f * (1 + 1e-5), 1000.0) for f in (20.0, 25.0, 50.0)] == [5, 4, 2]
+    assert harmonic_count(10.0, 125.0) == 5
+    assert harmonic_count(120.0, 2000.0) == 1
+
+
+def test_too_few_samples_get_a_sentence() -> None:
+    with pytest.raises(RecordingError, match="10 samples are too few for"):
+        fit_harmonics(T[:10], T[:10], 20.0, 6)

@@ -1,0 +1,75 @@
+"""Descents against a problem whose minimum is known, and what an interruption keeps."""
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from fasbody.model import Foot
+from identification.search import descend, explore
+from identification.space import space_of
+
+
+class Quadratic:
+    """Residual M q - b: the bounded minimum is known from scipy's lsq_linear."""
+
+    log_determinant = 0.0
+
+    def __init__(self, foot: Foot, b: float) -> None:
+        self.space = space_of(foot, ["c_12", "c_22"], delay=False)
+        self.M, self.b = np.array([[1.0, 0.5], [0.2, 2.0], [0.3, 0.1]]), np.array([b, 1.0, -1.0])
+        self.evaluations, self.size = 0, 3
+
+    bounds = property(lambda self: self.space.bounds)
+
+    def start(self, q: np.ndarray) -> np.ndarray:
+        return q
+
+    def residual(self, z: np.ndarray) -> np.ndarray:
+        self.evaluations += 1
+        return self.M @ z - self.b
+
+    def jacobian(self, z: np.ndarray) -> np.ndarray:
+        return self.M
+
+    def covariance(self, z: np.ndarray, active: np.ndarray) -> np.ndarray:
+        return np.linalg.inv(self.M.T @ self.M)
+
+
+@pytest.mark.parametrize("b", [2.0, 90.0])  # inside, and beyond the bounds
+def test_descent_ends_at_the_bounded_minimum(foot: Foot, b: float) -> None:
+    problem = Quadratic(foot, b)
+    found = descend(problem, np.zeros(2), "here", tight=True)
+    want = lsq_linear(problem.M, problem.b, problem.bounds)
+    np.testing.assert_allclose(found.z, want.x, atol=1e-4)
+    assert found.cost == pytest.approx(2 * want.cost, rel=1e-4)
+    np.testing.assert_allclose(found.theta, problem.space.to_theta(found.z))
+    assert (found.label, found.converged) == ("here", True)
+    assert found.evaluations > 1
+
+
+def test_exploring_sorts_and_survives_an_interruption(foot: Foot) -> None:
+    problem, count = Quadratic(foot, 2.0), 0
+
+    def advance() -> None:
+        nonlocal count
+        count += 1
+        if count == 2:
+            raise KeyboardInterrupt
+
+    starts = [(f"{i}", np.full(2, float(i))) for i in range(5)]
+    done, interrupted = explore(problem, starts, advance)
+    assert interrupted
+    assert len(done) == 2
+    done, interrupted = explore(problem, starts)
+    assert not interrupted
+    assert [d.cost for d in done] == sorted(d.cost for d in done)
+    assert len(done) == 5
+
+
+def test_an_interruption_before_the_first_result_is_one(foot: Foot) -> None:
+    def starts():  # type: ignore[no-untyped-def]
+        raise KeyboardInterrupt
+        yield
+
+    with pytest.raises(KeyboardInterrupt):
+        explore(Quadratic(foot, 2.0), starts())

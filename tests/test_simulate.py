@@ -1,0 +1,158 @@
+"""MuJoCo rollouts of the two-mass foot against DOP853, the compiled twin, and the linear transfer function."""
+
+import numpy as np
+import oracle
+import pytest
+import thesis
+
+from fasbody import shaker
+from fasbody.exceptions import SettingError, SimulationError
+from fasbody.model import Foot
+from fasbody.simulate import Batch, simulate
+from fasbody.two_dof import NAMES, TwoDof, trajectory
+
+SECONDS = 0.3
+ALL = list(oracle.FEET.values())
+#: All four feet in one batch.
+VALUES = {name: np.array([p[name] for p in ALL], float) for name in NAMES} | oracle.MASSES
+
+
+def recorded(frequency: float) -> shaker.BaseMotion:
+    """A sine as a 1 kHz recording gives it: samples only."""
+    t = np.arange(0, SECONDS + 1e-9, 1e-3)
+    return shaker.samples(t, 8.95 * np.sin(2 * np.pi * frequency * t))
+
+
+@pytest.mark.parametrize("frequency", [10.0, 30.0, 50.0])
+def test_malleolus_from_a_1_khz_recording_against_dop853(foot: Foot, frequency: float) -> None:
+    """The accuracy that the README states: 3e-4 of the peak at 5e-4 s, 2e-5 at 2.5e-4 s, the stiff foot included."""
+    t = np.arange(0, SECONDS - 1e-9, 5e-4)
+    want = np.array([oracle.malleolus(p, oracle.sine(frequency), t) for p in ALL])
+    peak = np.abs(want).max(axis=1, keepdims=True)
+    for step, allowed in ((5e-4, 3e-4), (2.5e-4, 2e-5)):
+        out = simulate(foot, recorded(frequency), step=step, values=VALUES)
+        error = np.abs(out.malleolus[:, :: round(5e-4 / step)] - want) / peak
+        assert error.max() <= allowed, f"{step}: {dict(zip(oracle.FEET, error.max(axis=1), strict=True))}"
+
+
+@pytest.mark.parametrize("frequency", [10.0, 30.0, 50.0])
+def test_fourth_order_with_an_exact_sine(foot: Foot, frequency: float) -> None:
+    t = np.arange(0, 0.1 - 1e-9, 1e-3)
+    want = oracle.malleolus(oracle.TRUTH, oracle.sine(frequency), t, rtol=1e-12)
+    errors = []
+    for step in (1e-3, 5e-4, 2.5e-4):
+        out = simulate(foot, shaker.sine(frequency, 0.1), step=step, values={**oracle.TRUTH, **oracle.MASSES})
+        errors.append(np.abs(out.malleolus[0, :: round(1e-3 / step)] - want).max())
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert ((orders > 3.9) & (orders < 4.7)).all(), orders
+
+
+@pytest.mark.parametrize("step", [5e-4, 2.5e-4])
+@pytest.mark.parametrize("frequency", [10.0, 50.0])
+def test_twin_against_mujoco_on_the_same_input(foot: Foot, frequency: float, step: float) -> None:
+    motion = recorded(frequency)
+    out = simulate(foot, motion, step=step, values=VALUES)
+    n = out.base.shape[1]
+    for p, have in zip(ALL, out.malleolus, strict=True):
+        twin = TwoDof.from_values({**p, **oracle.MASSES})
+        u = motion.half_steps(step, n)
+        want, *_ = trajectory(np.zeros(4), twin.theta, twin.m_S, twin.m_F, u, step, 1, 0)
+        assert np.abs(have - want).max() <= 1e-6 * np.abs(want).max()
+
+
+def test_base_follows_the_recording_at_and_between_its_samples(foot: Foot) -> None:
+    """At 50 Hz: within 1e-6 of the peak at the samples, 1e-4 between them."""
+    out = simulate(foot, recorded(50.0), step=2.5e-4, values=oracle.STIFF)
+    want = 8.95 * np.sin(2 * np.pi * 50 * out.time[0])
+    error = np.abs(out.base[0] - want) / 8.95
+    assert error[::4].max() <= 1e-6
+    assert error[5:-5].max() <= 1e-4
+    assert out.base_error <= 1e-6  # what the result says of itself, against the spline
+    assert np.abs(out.base[0]).max() > 8.9
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [shaker.sweep(5, 60, 0.5), shaker.multisine([10, 33], 0.5), shaker.random(5, 50, 0.5)],
+    ids=lambda motion: motion.name,
+)
+def test_every_motion_moves_base_and_foot(foot: Foot, motion: shaker.BaseMotion) -> None:
+    out = simulate(foot, motion, values={**oracle.TRUTH, **oracle.MASSES})
+    np.testing.assert_allclose(out.base[0], motion.acceleration(out.time[0]), atol=1e-6 * np.abs(out.base).max())
+    assert out.base_error < 1e-6
+    base = lambda t: float(motion.acceleration(np.array([t]))[0])  # noqa: E731
+    want = oracle.malleolus(oracle.TRUTH, base, out.time[0], rtol=1e-8)
+    assert np.abs(out.malleolus[0] - want).max() < 2e-5 * np.abs(want).max()
+
+
+def test_sensor_sample_k_belongs_to_state_k(foot: Foot) -> None:
+    """The accelerometer before step k is Eq. 4.31 at the state before step k; one step later it is another number."""
+    out = simulate(foot, shaker.sine(50.0, 0.1), step=5e-4, values={**oracle.TRUTH, **oracle.MASSES})
+    pad, ankle = (int(foot.model.joint(n).qposadr[0]) for n in ("fat_pad", "talocrural"))
+    x = np.stack([out.qpos[0, :, ankle], out.qpos[0, :, pad], out.qvel[0, :, ankle], out.qvel[0, :, pad]])
+    want = TwoDof.from_values({**oracle.TRUTH, **oracle.MASSES}).output(x)
+    peak = np.abs(want).max()
+    assert np.abs(out.malleolus[0] - want[:-1]).max() < 1e-8 * peak
+    assert np.abs(out.malleolus[0] - want[1:]).max() > 0.05 * peak
+    np.testing.assert_allclose(out.time[0], np.arange(200) * 5e-4, atol=1e-12)
+
+
+def test_settled_linear_foot_has_the_linear_transmissibility(foot: Foot) -> None:
+    """Nine frequencies in one batch, amplitude and phase from one whole period, against the dynamic stiffness."""
+    linear = {**oracle.TRUTH, "c_12": 0.0, "c_13": 0.0, "c_22": 0.0, "c_23": 0.0}
+    frequencies = np.array(thesis.FREQUENCIES_HZ, float)
+    out = simulate(foot, [shaker.sine(f, 1.0) for f in frequencies], step=5e-4, values={**linear, **oracle.MASSES})
+    last = out.time[0] >= 0.8  # 0.2 s: whole periods of all nine
+    turn = np.exp(-2j * np.pi * np.outer(frequencies, out.time[0][last]))
+    H = (out.malleolus[:, last] * turn).sum(1) / (out.base[:, last] * turn).sum(1)
+    np.testing.assert_allclose(H, oracle.linear_response(linear, frequencies), rtol=2e-5)
+
+
+def test_parameters_of_one_simulation_are_those_of_a_separate_model(foot: Foot) -> None:
+    batch = simulate(foot, shaker.sine(30.0, 0.1), values=VALUES)
+    for i, p in enumerate(ALL):
+        single = simulate(foot.with_values({**p, **oracle.MASSES}), shaker.sine(30.0, 0.1))
+        np.testing.assert_array_equal(batch.malleolus[i], single.malleolus[0])
+        np.testing.assert_array_equal(batch.qpos[i], single.qpos[0])
+    assert np.ptp(batch.malleolus[:, -1]) > 0.1
+
+
+def test_batches_do_not_depend_on_threads_or_on_what_ran_before(foot: Foot) -> None:
+    motion = shaker.random(5, 50, 0.2)
+    one = simulate(foot, motion, values=VALUES, threads=1)
+    two = simulate(foot, motion, values=VALUES, threads=2)
+    np.testing.assert_array_equal(one.malleolus, two.malleolus)
+    batch, controls = Batch(foot, 4, 1), motion.controls(5e-4, 400)[None]
+    batch.set(VALUES)
+    first = batch.run(controls, 5e-4).malleolus
+    batch.run(motion.controls(2.5e-4, 100)[None], 2.5e-4, qvel=np.full(foot.model.nv, 0.1))
+    np.testing.assert_array_equal(batch.run(controls, 5e-4).malleolus, first)
+
+
+def test_initial_states(foot: Foot) -> None:
+    """Free vibration from a displaced, moving start."""
+    pad, ankle = (int(foot.model.joint(n).qposadr[0]) for n in ("fat_pad", "talocrural"))
+    qpos, qvel = np.zeros(3), np.zeros(3)
+    qpos[[ankle, pad]], qvel[[ankle, pad]] = (5e-4, -8e-4), (0.05, -0.08)
+    still = shaker.BaseMotion("still", 0.1, np.zeros_like, np.zeros_like)
+    out = simulate(foot, still, step=1e-4, values={**oracle.TRUTH, **oracle.MASSES}, qpos=qpos, qvel=qvel)
+    want = oracle.malleolus(oracle.TRUTH, lambda t: 0.0, out.time[0], start=(5e-4, -8e-4, 0.05, -0.08))
+    assert np.abs(out.malleolus[0] - want).max() < 1e-6 * np.abs(want).max()
+
+
+def test_sizes_that_do_not_fit_get_a_sentence(foot: Foot) -> None:
+    with pytest.raises(SettingError, match=r"as many as each other, not \[2, 3\]"):
+        simulate(foot, [shaker.sine(10.0, 0.1)] * 2, values={"k_T": np.array([1e5, 2e5, 3e5])})
+    with pytest.raises(SettingError, match="shorter than one step"):
+        simulate(foot, shaker.sine(10.0, 1e-4))
+    with pytest.raises(SettingError, match=r"unknown parameter 'k_t'.*did you mean 'k_T'"):
+        simulate(foot, shaker.sine(10.0, 0.1), values={"k_t": 1e5})
+
+
+def test_an_unstable_step_is_an_error_not_a_number(foot: Foot) -> None:
+    with pytest.raises(SimulationError, match="1 of 2 simulations became unstable"):
+        simulate(foot, shaker.sine(10.0, 2.0), step=2e-3, values={"c_21": np.array([300.0, 9000.0])})
+
+
+def test_result_prints_itself(foot: Foot) -> None:
+    assert "1 x 200 steps" in str(simulate(foot, shaker.sine(30.0, 0.1)))
