@@ -4,10 +4,13 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 PIP := $(RUN) -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: fit test lint bench clean
+.PHONY: fit view test lint bench clean
 
 fit: $(VENV)/core.stamp  ## identify the bundled synthetic foot; add ARGS="..." for options
 	$(RUN) -m identification.fit $(ARGS)
+
+view: $(VENV)/view.stamp  ## the vibrating foot in the browser; add ARGS="..." for options
+	$(RUN) -m viz.foot $(ARGS)
 
 test: $(VENV)/dev.stamp lint  ## the whole test suite; ARGS="-k name" selects
 	$(RUN) -m pytest $(ARGS)
@@ -27,9 +30,13 @@ $(VENV)/core.stamp: $(VENV)/python.stamp pyproject.toml constraints.txt
 	$(PIP) --editable .
 	touch $@
 
+$(VENV)/view.stamp: $(VENV)/python.stamp pyproject.toml constraints.txt
+	$(PIP) --editable '.[view]'
+	touch $@ $(VENV)/core.stamp
+
 $(VENV)/dev.stamp: $(VENV)/python.stamp pyproject.toml constraints.txt
 	$(PIP) --editable '.[dev]'
-	touch $@ $(VENV)/core.stamp
+	touch $@ $(VENV)/core.stamp $(VENV)/view.stamp
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache

@@ -20,3 +20,13 @@ def path(name: str) -> Path:
     if name not in names():
         raise KeyError(f"no model {name!r}; shipped models: {', '.join(names())}")
     return _FOLDER / f"{name}.xml"
+
+
+def asset(name: str) -> Path:
+    """A file of the display-only assets (meshes made by `python -m viz.anatomy`)."""
+    return _FOLDER / "assets" / name
+
+
+def scene(name: str) -> Path:
+    """The shipped model dressed with the assets, for MuJoCo's own viewer."""
+    return _FOLDER / "scene" / path(name).name

@@ -1,0 +1,138 @@
+"""The viewer: frames a second streamed, slider to picture, and memory over a long run: `python -m benchmarks.viewer`.
+
+The server runs in its own process. A headless Chromium draws by the processor alone, which takes both cores of a small
+machine, so the delay is measured with the drawing left out too: "posed" is when the new motion is in the scene.
+"""
+
+import asyncio
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Annotated, Any
+
+import numpy as np
+import psutil
+import tornado.websocket
+import typer
+from tornado.httpclient import HTTPRequest
+
+from benchmarks.rows import Row, at_least, at_most, report
+from fasbody.console import command_line, console
+from viz.export import CHROMIUM, chromium
+
+MODELS = ("two_dof", "foot_arch")
+#: Motions before memory is first read, so that everything that is made once is made.
+WARM = 100
+
+
+@contextmanager
+def viewer(model: str) -> Iterator[tuple[str, psutil.Process]]:
+    """The command in a process of its own; yields its address and process."""
+    command = [sys.executable, "-m", "viz.foot", "--no-browser", "--json", "--model", model]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        assert process.stdout is not None
+        text = ""
+        while "}" not in text:
+            text += process.stdout.readline()
+        yield json.loads(text)["url"], psutil.Process(process.pid)
+    finally:
+        process.terminate()
+        process.wait(20)
+
+
+async def _stream(url: str, seconds: float, process: psutil.Process) -> tuple[float, float, list[float]]:
+    """Ask for motion after motion: frames a second, megabytes of a motion, resident memory over time [MB]."""
+    request = HTTPRequest(url.replace("http", "ws") + "stream", headers={"Origin": url.rstrip("/")})
+    socket = await tornado.websocket.websocket_connect(request)
+    memory, frames, size, count = [], 0, 0, 0
+    started = time.perf_counter()
+    while time.perf_counter() - started < seconds or count < 2 * WARM:
+        asked = {"type": "simulate", "frequency": 10 + count % 40, "peak_to_peak": 17.9, "added_mass": 0}
+        await socket.write_message(json.dumps(asked))
+        while True:
+            message = await asyncio.wait_for(socket.read_message(), 60)
+            if isinstance(message, str) and json.loads(message)["type"] == "motion":
+                break
+        count, size = count + 1, len(message)
+        frames += json.loads(message)["feet"]["a"]["frames"]
+        if count >= WARM and count % 20 == 0:
+            memory.append(process.memory_info().rss / 1e6)
+    spent = time.perf_counter() - started
+    socket.close()
+    return frames / spent, size / 1e6, memory
+
+
+def _page(url: str, quality: str, moves: int = 20) -> tuple[dict[str, float], float]:
+    """Move the frequency slider: median posed and drawn delays [ms], and pictures a second while playing."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium(), args=list(CHROMIUM))
+        try:
+            page = browser.new_page(viewport={"width": 1366, "height": 768})
+            page.goto(f"{url}?quality={quality}")
+
+            def until(condition: str) -> None:
+                while not page.evaluate(condition):
+                    time.sleep(0.02)
+
+            until("window.stats && stats.motions > 0")
+            page.wait_for_timeout(5000 if quality == "auto" else 500)  # the automatic quality has settled
+            first = page.evaluate("stats.frames")
+            page.wait_for_timeout(4000)
+            rate = (page.evaluate("stats.frames") - first) / 4
+            page.evaluate("play(false); stats.posed.length = 0; stats.drawn.length = 0")
+            for k in range(moves):
+                page.locator("#frequency").fill(str(12 + 2 * (k % 20)))
+                until(f"stats.drawn.length > {k}")
+            medians = {key: float(np.median(page.evaluate(f"stats.{key}"))) for key in ("posed", "drawn")}
+        finally:
+            browser.close()
+    return medians, rate
+
+
+def measure(minutes: float = 0.5) -> list[Row]:
+    """All rows; the memory run takes `minutes`."""
+    rows = []
+    for model in MODELS:
+        with viewer(model) as (url, process):
+            seconds = 60 * minutes if model == MODELS[-1] else 5.0
+            rate, size, memory = asyncio.run(_stream(url, seconds, process))
+            rows.append(at_least(f"{model}: frames a second simulated and streamed", rate, 60))
+            rows.append(Row(f"{model}: one motion of 64 frames", f"{1e3 * size:.0f} kB", ""))
+            if model == MODELS[-1]:
+                grown = memory[-1] - memory[0]
+                what = f"{model}: growth of the server over {seconds / 60:.3g} min ({memory[0]:.0f} MB at first)"
+                rows.append(at_most(what, grown, 10, "MB"))
+            if chromium():
+                delay, _ = _page(url, "none")
+                what = f"{model}: slider to motion posed, drawing left out, median"
+                rows.append(at_most(what, delay["posed"], 65, "ms"))
+                delay, pictures = _page(url, "auto")
+                software = f"{model}: drawn by the processor alone: "
+                rows.append(Row(f"{software}slider to motion posed", f"{delay['posed']:.0f} ms", ""))
+                rows.append(Row(f"{software}slider to picture finished", f"{delay['drawn']:.0f} ms", ""))
+                rows.append(Row(f"{software}pictures a second", f"{pictures:.1f}", ""))
+    return rows
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command(epilog="Example: python -m benchmarks.viewer --minutes 30")
+def main(
+    minutes: Annotated[float, typer.Option(help="Length of the memory run.")] = 0.5,
+    json_: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Frames a second, slider to picture, memory."""
+    with console.status("measuring the viewer"):
+        rows: Any = measure(minutes)
+    report("The viewer", rows, json_)
+
+
+if __name__ == "__main__":
+    command_line(app)

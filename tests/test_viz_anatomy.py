@@ -1,0 +1,130 @@
+"""The meshes: closed, in place, following the bodies; and for display only."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import mjcf
+from fasbody.arch import Arch
+from fasbody.model import load
+from viz import anatomy, bones
+from viz.field import ellipsoid, mesh, round_cone, union
+from viz.rest import SEGMENT_BODIES, segment_bodies
+from viz.show import load_foot
+
+trimesh = pytest.importorskip("trimesh", reason="needs the extra: pip install 'fasbody[view]'")
+
+
+@pytest.fixture(scope="module")
+def parts() -> dict[str, anatomy.Part]:
+    return {part.name: part for part in anatomy.read()}
+
+
+def solid(part: anatomy.Part):  # type: ignore[no-untyped-def]
+    return trimesh.Trimesh(part.vertices, part.faces, process=False)
+
+
+def test_mesher_on_an_ellipsoid() -> None:
+    made = mesh(ellipsoid((3, -2, 5), (20, 12, 8), 25), 1.0)
+    closed = trimesh.Trimesh(made.vertices, made.faces, process=False)
+    assert closed.is_watertight
+    assert closed.volume == pytest.approx(4 / 3 * np.pi * 20 * 12 * 8, rel=0.005)
+    assert np.quantile(np.einsum("ij,ij->i", closed.vertex_normals, made.normals), 0.01) > 0.98
+
+
+def test_union_is_smooth_and_larger_than_its_parts() -> None:
+    a, b = round_cone((0, 0, 0), (20, 0, 0), 5, 5), round_cone((10, 0, 0), (10, 20, 0), 4, 4)
+    both = mesh(union(a, b, blend=5), 1.0)
+    volumes = [trimesh.Trimesh(m.vertices, m.faces).volume for m in (both, mesh(a, 1.0), mesh(b, 1.0))]
+    assert max(volumes[1:]) < volumes[0] < 1.1 * sum(volumes[1:])
+
+
+def test_every_stored_part_is_closed_and_in_one_piece(parts: dict[str, anatomy.Part]) -> None:
+    assert len(parts) == 34
+    for part in parts.values():
+        body = solid(part)
+        assert body.is_watertight, part.name
+        assert body.is_winding_consistent, part.name
+        assert body.volume > 0, part.name
+        assert body.body_count == 1, part.name
+        assert np.allclose(part.weights.sum(1), 1)
+
+
+def test_stored_parts_are_what_the_shapes_give(parts: dict[str, anatomy.Part]) -> None:
+    """The assets are not older than the script."""
+    for name, shape in (("talus", bones.talus()), ("navicular", bones.navicular())):
+        p = 1e3 * parts[name].vertices[:, [0, 2, 1]] * (1, -1, 1)
+        assert np.abs(shape.distance(p)).max() < 0.12, name
+
+
+def test_anatomy_is_where_it_belongs(parts: dict[str, anatomy.Part]) -> None:
+    centre = {name: solid(part).center_mass for name, part in parts.items()}
+    x, y, z = 0, 1, 2
+    assert centre["calcaneus"][x] < centre["talus"][x] < centre["navicular"][x] < centre["medial_cuneiform"][x]
+    assert centre["calcaneus"][y] < centre["talus"][y] < centre["tibia"][y]
+    assert centre["fibula"][z] < centre["tibia"][z]  # lateral is -z on a left foot
+    assert centre["cuboid"][z] < centre["lateral_cuneiform"][z] < centre["medial_cuneiform"][z]
+    heads = [parts[f"metatarsal_{i}"].vertices[:, x].max() for i in range(1, 6)]
+    assert heads[2] > heads[3] > heads[4]
+    # the bones of the arch end where Table 4.1 has its joints
+    arch = Arch.thesis()
+    assert centre["calcaneus"][x] == pytest.approx(-arch.L_1 * np.sin(arch.theta_10), abs=0.03)
+    heads_at = arch.l_0 - arch.L_1 * np.sin(arch.theta_10)
+    assert parts["metatarsal_1"].vertices[:, x].max() == pytest.approx(heads_at, abs=0.015)
+    # pads stand on the table and reach the bone
+    for pad in ("heel_pad", "forefoot_pad"):
+        assert parts[pad].vertices[:, y].min() == pytest.approx(1e-3 * bones.TABLE, abs=0.0012)
+
+
+def test_skin_holds_every_bone(parts: dict[str, anatomy.Part]) -> None:
+    from viz import tissue
+
+    skin = tissue.skin()
+    for part in parts.values():
+        if part.segment is not None:
+            p = 1e3 * part.vertices[:, [0, 2, 1]] * (1, -1, 1)
+            below_the_cut = p[:, 2] < bones.KNEE - 4
+            assert skin.distance(p[below_the_cut]).max() < 0, part.name
+
+
+@pytest.mark.parametrize("name", list(SEGMENT_BODIES))
+def test_display_changes_no_dynamics(name: str) -> None:
+    bare = mujoco.MjModel.from_xml_path(str(mjcf.path(name)))
+    dressed = mujoco.MjModel.from_xml_path(str(mjcf.scene(name)))
+    assert dressed.nskin == 4
+    assert bare.nskin == 0
+    fields = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature", "dof_damping", "jnt_stiffness")
+    for field in fields:
+        assert np.array_equal(getattr(bare, field), getattr(dressed, field)), field
+    assert (bare.nv, bare.nbody, bare.ncam) == (dressed.nv, dressed.nbody, dressed.ncam)
+    states = []
+    for model in (bare, dressed):
+        data = mujoco.MjData(model)
+        data.qvel[:] = np.linspace(0.01, 0.05, model.nv)
+        mujoco.mj_step(model, data, 20)
+        states.append(data.qpos.copy())
+    assert np.array_equal(*states)
+
+
+def test_skins_bend_with_the_bodies() -> None:
+    """MuJoCo's bind poses are the rest poses, so at rest nothing moves and a bone follows its body rigidly."""
+    model = mujoco.MjModel.from_xml_path(str(mjcf.scene("foot_arch")))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    for bone in range(model.nskinbone):
+        body = model.skin_bonebodyid[bone]
+        assert np.allclose(model.skin_bonebindpos[bone], data.xpos[body], atol=1e-6)
+        turned = abs(model.skin_bonebindquat[bone] @ data.xquat[body])
+        assert turned == pytest.approx(1, abs=1e-6)
+
+
+def test_flat_foot_is_a_model_of_its_own() -> None:
+    flat = load_foot("foot_arch@25")
+    arch = Arch.from_model(flat.model)
+    assert arch.height_0 == pytest.approx(0.025, abs=1e-9)
+    normal = Arch.from_model(load("foot_arch").model)
+    assert (arch.L_1, arch.m_F, arch.k_11) == pytest.approx((normal.L_1, normal.m_F, normal.k_11))
+    assert arch.l_0 > normal.l_0  # a flatter foot is longer
+    found = segment_bodies(flat.model)
+    assert found is not None
+    assert found[0] == "foot_arch"

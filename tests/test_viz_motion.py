@@ -1,0 +1,122 @@
+"""The shown motion is the model's: against the compiled twin, the linear equations, an energy balance."""
+
+import numpy as np
+import pytest
+
+from fasbody.arch import Arch
+from fasbody.exceptions import SettingError
+from fasbody.linear import transmissibility
+from fasbody.model import load
+from fasbody.shaker import PEAK_TO_PEAK, harmonics, sweep
+from fasbody.two_dof import TwoDof, periodic
+from viz.motion import CURVE, Motion, Settings, discretise, displacement, periodic_motion, transient_motion
+
+
+def twin_orbit(frequency: float, added_mass: float, count: int) -> np.ndarray:
+    """Malleolus acceleration over one period from the twin's shooting, which knows nothing of MuJoCo."""
+    values = load("two_dof").values()
+    foot = TwoDof.from_values(values | {"m_S": values["m_S"] + added_mass})
+    step = 1 / (frequency * count)
+    base = harmonics(frequency, [-0.5j * PEAK_TO_PEAK], 1 / frequency).half_steps(step, count)
+    orbit, _, _, _, gap = periodic(np.zeros(4), foot.theta, foot.m_S, foot.m_F, base, step, 1e-10, 60)
+    assert gap < 1e-9
+    return orbit
+
+
+@pytest.mark.parametrize(("frequency", "added_mass"), [(10.0, 0.0), (20.0, 2.3), (45.0, 4.5)])
+def test_two_masses_follow_the_twin(frequency: float, added_mass: float) -> None:
+    motion = periodic_motion(load("two_dof"), Settings(frequency, added_mass=added_mass))
+    orbit = twin_orbit(frequency, added_mass, 64 * 16)[::16]
+    assert np.abs(motion.malleolus - orbit).max() < 0.01 * np.abs(orbit).max()
+    assert motion.gap < 1e-3
+
+
+def test_shown_bodies_move_as_their_accelerations_say() -> None:
+    motion = periodic_motion(load("two_dof"), Settings(20.0))
+    shank = motion.bodies[:, list(motion.names).index("shank"), 1]
+    harmonic = np.fft.rfft(motion.malleolus)[1:8] / -((2 * np.pi * 20 * np.arange(1, 8)) ** 2)
+    assert np.abs(np.fft.rfft(shank)[1:8] - harmonic).max() < 1e-3 * np.abs(harmonic).max()
+
+
+@pytest.mark.parametrize("name", ["two_dof", "foot_arch"])
+def test_curve_is_the_linear_one(name: str) -> None:
+    foot = load(name)
+    if name == "two_dof":
+        expected = TwoDof.from_values(foot.values()).transmissibility(CURVE)
+        assert np.abs(discretise(foot).transmissibility(CURVE) - expected).max() < 1e-4
+        return
+    expected = transmissibility(Arch.from_model(foot.model), CURVE)
+    errors = [np.abs(discretise(foot.with_values({}, step=h)).transmissibility(CURVE) - expected) for h in (1e-4, 5e-5)]
+    assert errors[0].max() < 0.02
+    # the engine is of first order in its step (mjcf/foot_arch.md), so half the step leaves half the error
+    assert errors[1].max() == pytest.approx(errors[0].max() / 2, rel=0.15)
+
+
+def test_loops_hold_the_energy_that_the_shaker_puts_in() -> None:
+    """Over one period the work of the base on the foot is what pad and ankle lose: the areas of the shown loops."""
+    foot = load("two_dof")
+    motion = periodic_motion(foot, Settings(20.0))
+    m_S, m_F = (foot.values()[name] for name in ("m_S", "m_F"))
+    y = motion.bodies[:, :, 1]
+    names = list(motion.names)
+    w = 2 * np.pi * 20
+
+    def rate(values: np.ndarray, order: int) -> np.ndarray:
+        spectrum = np.fft.rfft(values) * (1j * w * np.arange(33)) ** order
+        return np.fft.irfft(spectrum, 64)
+
+    push = m_S * rate(y[:, names.index("shank")], 2) + m_F * rate(y[:, names.index("foot")], 2)
+    work = np.sum(push * rate(y[:, names.index("base")], 1)) / 64 / 20
+    lost = sum(np.sum(force * rate(x, 1)) / 64 / 20 for x, force in motion.loops.values())
+    assert set(motion.loops) == {"fat pad", "ankle"}
+    assert lost == pytest.approx(work, rel=1e-3)
+    assert lost > 0
+
+
+def test_arch_flattens_and_fascia_stretches() -> None:
+    motion = periodic_motion(load("foot_arch"), Settings(20.0))
+    apex = motion.bodies[:, list(motion.names).index("apex"), 1]
+    base = motion.bodies[:, list(motion.names).index("base"), 1]
+    stretch = motion.loops["fascia"][0]
+    assert np.corrcoef(apex - base, stretch)[0, 1] < -0.7  # down goes with longer
+    linear = transmissibility(Arch.from_model(load("foot_arch").model), np.array([20.0]))
+    assert motion.ratio == pytest.approx(abs(linear[0]), rel=5e-3)
+
+
+def test_transient_keeps_the_table_in_the_picture() -> None:
+    motion: Motion = transient_motion(load("two_dof"), Settings(), sweep(5, 40, 1.0))
+    table = motion.bodies[:, 0, 1]
+    assert 1e-4 < np.abs(table).max() < 0.02
+    assert motion.ratio is None
+    assert not motion.periodic
+
+
+def test_displacement_of_a_sine() -> None:
+    t = np.arange(2000) / 1000
+    seen = displacement(3 * np.sin(2 * np.pi * 20 * t), 2.0)[500:1500]
+    expected = -3 * np.sin(2 * np.pi * 20 * t[500:1500]) / (2 * np.pi * 20) ** 2
+    assert np.abs(seen - expected).max() < 0.02 * np.abs(expected).max()
+
+
+def test_parameters_stay_within_their_bounds() -> None:
+    foot = load("two_dof")
+    wild = Settings(20.0, values={"k_F": 1e12}).apply(foot)
+    assert wild.values()["k_F"] == pytest.approx(foot.parameters["k_F"].upper)
+    with pytest.raises(SettingError, match="unknown parameter 'k_X'"):
+        Settings(20.0, values={"k_X": 1.0}).apply(foot)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"frequency": 0.0}, {"frequency": float("nan")}, {"added_mass": -1.0}, {"peak_to_peak": 1e9}]
+)
+def test_settings_that_cannot_be_meant(wrong: dict[str, float]) -> None:
+    with pytest.raises(SettingError, match="must be between"):
+        Settings(**wrong)
+
+
+def test_corners_of_the_declared_bounds_are_shown() -> None:
+    """Far too stiff for the model's own step, so a smaller one is taken; the twin agrees with its own."""
+    corner = {"m_F": 0.2, "c_21": 3e3, "c_11": 2.9e3, "c_12": 0.0, "c_13": 0.0, "c_22": 0.0, "c_23": 0.0}
+    motion = periodic_motion(load("two_dof"), Settings(30.0, values=corner))
+    foot = TwoDof.from_values(load("two_dof").values() | corner)
+    assert motion.ratio == pytest.approx(abs(foot.transmissibility(np.array([30.0]))[0]), rel=1e-3)

@@ -1,0 +1,179 @@
+"""The page in a real browser: the foot is drawn, moves as simulated, follows the sliders, the file and the network."""
+
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from viewer import HIDE, Watched, bone_share, browser, changed_share, viewer
+
+import mjcf
+from fasbody.model import load
+from viz.motion import Settings, periodic_motion
+
+pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
+SCALE = 10.0
+
+
+@pytest.fixture(scope="module")
+def opened() -> Iterator[Any]:
+    with browser() as found:
+        yield found
+
+
+def assert_drawn_and_moving(page: Watched) -> None:
+    """Bones cover part of the canvas and nothing else does; two moments differ."""
+    page("showAt(0)")
+    first, low = page.canvas(), page.height("tibia")
+    page("showAt(0.25)")
+    second, high = page.canvas(), page.height("tibia")
+    assert bone_share(first) > 0.06
+    page(HIDE.format("false"))
+    without = page.canvas()
+    page(HIDE.format("true"))
+    assert changed_share(second, without) > 0.05
+    assert bone_share(without) < 0.3 * bone_share(second)
+    assert abs(high - low) > 0.01
+    assert changed_share(first, second) > 0.002
+
+
+def test_foot_in_the_browser(opened: Any) -> None:
+    with viewer("--model", "foot_arch", "--frequency", "20", "--amplify", "10") as (url, _):
+        page = Watched(opened, url)
+        assert_drawn_and_moving(page)
+
+        # positions are the simulation's, at several moments
+        motion = periodic_motion(load("foot_arch"), Settings(20.0))
+        gain = page("stage.gain(motion, state.amplify)")
+        assert gain == pytest.approx(10)
+        for k in (0, 17, 40):
+            page(f"showAt({k / 64})")
+            for segment in ("tibia", "metatarsals", "calcaneus_talus"):
+                body = list(motion.names).index(segment)
+                shift = page(f"(s => [s.shift.x, s.shift.y])(stage.feet.a.segments.find(s => s.name === '{segment}'))")
+                assert shift == pytest.approx(list(gain * SCALE * motion.bodies[k, body, :2]), abs=2e-4)
+
+        # the heel pad is squeezed and the fascia stretched as the model says
+        assert page("stage.squeeze(stage.feet.a, 'heel_pad')") != pytest.approx(1, abs=1e-3)
+        ends = page(
+            "(p => { const a = p.mesh.geometry.attributes.position.array; let l = 9, h = -9;"
+            "for (let i = 0; i < a.length; i += 3) { l = Math.min(l, a[i]); h = Math.max(h, a[i]); } return h - l; })"
+            "(stage.feet.a.soft.find(p => p.name === 'aponeurosis'))"
+        )
+        assert 1.7 < ends < 2.1
+
+        # a slider runs the model again, and the numbers are that model's
+        count = page("stats.motions")
+        page.page.locator("#frequency").fill("33")
+        page.until(f"stats.motions > {count} && Math.abs(motion.feet.a.duration - 1 / 33) < 1e-9")
+        expected = periodic_motion(load("foot_arch"), Settings(33.0)).ratio
+        assert page("motion.feet.a.ratio") == pytest.approx(expected, rel=1e-9)
+        page.until("document.getElementById('state').textContent.includes('33 Hz')")
+        page.page.locator("#added_mass").fill("4.5")
+        page.until("Math.abs(state.added_mass - 4.5) < 1e-9 && !busy && !wanted")
+        heavy = periodic_motion(load("foot_arch"), Settings(33.0, added_mass=4.5)).ratio
+        page.until(f"Math.abs(motion.feet.a.ratio - {heavy}) < 1e-6")
+        assert heavy != pytest.approx(expected, rel=0.02)
+        page.page.locator("#parameter_k_F").fill("300")
+        page.until("!busy && !wanted && 'k_F' in state.values")
+        soft = page("state.values.k_F")
+        changed = periodic_motion(load("foot_arch"), Settings(33.0, added_mass=4.5, values={"k_F": soft})).ratio
+        page.until(f"Math.abs(motion.feet.a.ratio - {changed}) < 1e-6")
+
+        # keys: frequency, pause, one frame on, camera
+        page("document.activeElement.blur()")
+        page.page.keyboard.press("ArrowUp")
+        page.until("Math.abs(motion.feet.a.duration - 1 / 38) < 1e-9")
+        page("play(true)")
+        page.page.keyboard.press(" ")
+        assert page("playing") is False
+        before, camera = page("frame()"), page("stage.camera.position.toArray()")
+        page.page.keyboard.press(".")
+        assert page("frame()") == pytest.approx((before + 1) % 64, abs=1e-6)
+        page.page.keyboard.press("4")
+        assert page("stage.camera.position.toArray()") != camera
+
+        # postures turn the foot and leave the numbers alone
+        ratio = page("motion.feet.a.ratio")
+        page.page.locator("#posture").select_option("10")
+        page("showAt(0.1)")
+        turn, flat = (page(f"2 * Math.acos(stage.feet.a.segments[0].{q}.w)") for q in ("q", "flat"))
+        angle = turn - flat
+        assert abs(abs(angle) - np.radians(10)) < 0.01
+        assert page("motion.feet.a.ratio") == ratio
+
+        # a connection lost in the middle: frames that arrive before the scene must not corrupt the pose
+        page.page.locator("#posture").select_option("0")
+        page("showAt(0.2)")
+        rest = [page.height(s) for s in ("tibia", "metatarsals", "navicular")]
+        page(
+            "() => { const p = Object.getOwnPropertyDescriptor(WebSocket.prototype, 'onmessage');"
+            "Object.defineProperty(WebSocket.prototype, 'onmessage', { configurable: true, get: p.get,"
+            "set(f) { p.set.call(this, m => setTimeout(() => f.call(this, m), 300)); } });"
+            "window.seen = stats.motions; socket.close(); }"
+        )
+        page.until("stats.motions > window.seen && motion")
+        page("showAt(0.2)")
+        assert [page.height(s) for s in ("tibia", "metatarsals", "navicular")] == pytest.approx(rest, abs=1e-9)
+
+        assert page.complaints == []
+        host = url.removeprefix("http://").rstrip("/")
+        outside = [a for a in page.addresses if not a.startswith(("data:", "blob:", f"http://{host}/", f"ws://{host}/"))]
+        assert outside == []
+        assert any(a.startswith("ws://") for a in page.addresses)
+
+
+def test_edited_model_reloads_and_a_broken_one_is_told(opened: Any, tmp_path: Path) -> None:
+    file = tmp_path / "my_foot.xml"
+    shutil.copy(mjcf.path("two_dof"), file)
+    good = file.read_text()
+    with viewer("--model", str(file), "--watch", "--compare", "two_dof") as (url, _):
+        page = Watched(opened, url)
+        before = page("motion.feet.a.ratio")
+        assert before == pytest.approx(page("motion.feet.b.ratio"))
+        page("stage.view('lateral'); play(false)")
+        camera = page("stage.camera.position.toArray()")
+        page.page.locator("#frequency").fill("25")
+        page.until("Math.abs(motion.feet.a.duration - 1 / 25) < 1e-9 && !busy")
+        before = page("motion.feet.a.ratio")
+
+        line = 1 + good[: good.index('<joint name="fat_pad"')].count("\n")
+        file.write_text(good.replace('<joint name="fat_pad"', '<join name="fat_pad"'))
+        page.until("!document.getElementById('error').hidden")
+        text = page("document.getElementById('error').textContent")
+        assert f"line {line}" in text
+        assert "last good model" in text
+        assert page("motion.feet.a.ratio") == before
+
+        file.write_text(good.replace('stiffness="1.0e5"', 'stiffness="2.0e5"'))
+        page.until("document.getElementById('error').hidden && motion")
+        page.until(f"motion && Math.abs(motion.feet.a.ratio - {before}) > 1e-3")
+        expected = periodic_motion(load(file), Settings(25.0)).ratio
+        assert page("motion.feet.a.ratio") == pytest.approx(expected, rel=1e-9)
+        assert page("motion.feet.b.ratio") == pytest.approx(before, rel=1e-9)
+        assert page("stage.camera.position.toArray()") == camera
+        assert page("state.frequency") == 25
+        page.page.get_by_text("Side by side").click()
+        page("showAt(0)")
+        assert page("stage.feet.b.segments[0].node.position.z - stage.feet.a.segments[0].node.position.z") < -1
+        assert page.complaints == []
+
+
+def test_exported_page_needs_no_server(opened: Any, tmp_path: Path) -> None:
+    from typer.testing import CliRunner
+
+    from viz.foot import app
+
+    file = tmp_path / "foot.html"
+    run = CliRunner().invoke(app, ["--model", "two_dof", "--export", str(file), "--json"])
+    assert run.exit_code == 0, run.output
+    assert json.loads(run.stdout)["bytes"] == file.stat().st_size < 4e6
+    page = Watched(opened, file.as_uri())
+    assert_drawn_and_moving(page)
+    page.page.locator("#seek").fill("0.5")
+    page.until("Math.abs(frame() - 32) < 0.2")
+    assert page.complaints == []
+    assert all(a.startswith(("file:", "data:", "blob:")) for a in page.addresses)

@@ -1,0 +1,226 @@
+"""The server: loopback only, refuses strangers, answers nonsense with a sentence, ends when told."""
+
+import asyncio
+import json
+import signal
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
+psutil = pytest.importorskip("psutil", reason="pip install 'fasbody[dev]'")
+
+import tornado.httpclient  # noqa: E402
+import tornado.websocket  # noqa: E402
+from typer.testing import CliRunner  # noqa: E402
+from viewer import viewer  # noqa: E402
+
+from fasbody.exceptions import FasError, SettingError  # noqa: E402
+from viz import foot as command  # noqa: E402
+from viz.server import Server, settings_from  # noqa: E402
+from viz.show import Show  # noqa: E402
+
+Client = Callable[[Server], Coroutine[Any, Any, None]]
+
+
+@pytest.fixture(scope="module")
+def show() -> Show:
+    return Show(["two_dof"])
+
+
+def serve(show: Show, client: Client) -> None:
+    """Run a client against a server, then stop it; the server must end by itself."""
+
+    async def both() -> None:
+        server = Server(show)
+        running = asyncio.create_task(server.run())
+        try:
+            await asyncio.wait_for(client(server), 60)
+        finally:
+            server.stop()
+            await asyncio.wait_for(running, 20)
+
+    asyncio.run(both())
+
+
+async def status(url: str, **headers: str) -> tornado.httpclient.HTTPResponse:
+    client = tornado.httpclient.AsyncHTTPClient(force_instance=True)
+    try:
+        return await client.fetch(url, headers=headers, raise_error=False)
+    finally:
+        client.close()
+
+
+async def upgrade(server: Server, **headers: str) -> tornado.websocket.WebSocketClientConnection:
+    request = tornado.httpclient.HTTPRequest(server.url.replace("http", "ws") + "stream", headers=headers)
+    return await tornado.websocket.websocket_connect(request)
+
+
+async def documents(socket: tornado.websocket.WebSocketClientConnection, kind: str) -> dict[str, Any]:
+    """The next JSON document of a kind, the scene's messages passed over."""
+    while True:
+        message = await asyncio.wait_for(socket.read_message(), 30)
+        assert message is not None
+        if isinstance(message, str) and json.loads(message)["type"] == kind:
+            return dict(json.loads(message))
+
+
+def test_strangers_are_refused(show: Show) -> None:
+    async def client(server: Server) -> None:
+        page = await status(server.url)
+        assert page.code == 200
+        policy = page.headers["Content-Security-Policy"]
+        assert "default-src 'none'" in policy
+        assert "unsafe-eval" not in policy
+        assert "script-src 'self';" in policy
+        for name in ("meshcat.js", "stage.js", "plots.js", "foot.js", "style.css"):
+            assert (await status(server.url + name)).code == 200
+        for name in ("../foot.py", "foot.py", "%2e%2e/foot.py", "page.html"):
+            assert (await status(server.url + name)).code == 404
+        assert (await status(server.url, Host="evil.example")).code == 403
+        for origin in ("http://evil.example", f"http://127.0.0.1:{server.port + 1}", "null"):
+            with pytest.raises(tornado.httpclient.HTTPClientError, match="403"):
+                await upgrade(server, Origin=origin)
+        with pytest.raises(tornado.httpclient.HTTPClientError, match="403"):
+            await upgrade(server, Origin="http://evil.example", Host="evil.example")
+
+    serve(show, client)
+
+
+def test_pages_get_motions_and_sentences(show: Show) -> None:
+    async def client(server: Server) -> None:
+        sockets = [await upgrade(server, Origin=server.url.rstrip("/")) for _ in range(3)]
+        asked = {"type": "simulate", "frequency": 20, "peak_to_peak": 17.9, "added_mass": 0}
+        for number, socket in enumerate(sockets):
+            model = await documents(socket, "model")
+            assert [p["name"] for p in model["parameters"]] == list(show.feet["a"].parameters)
+            await socket.write_message(json.dumps(asked | {"request": number, "frequency": 20 + number}))
+        for number, socket in enumerate(sockets):
+            motion = await documents(socket, "motion")
+            assert motion["request"] == number
+            assert motion["feet"]["a"]["duration"] == pytest.approx(1 / (20 + number))
+        for wrong, sentence in (
+            ({"frequency": "fast"}, "cannot be read"), ({"frequency": -3}, "must be between"),
+            ({"values": {"k_X": 1}}, "unknown parameter 'k_X'"), ({"values": [1]}, "cannot be read"),
+        ):  # fmt: skip
+            await sockets[0].write_message(json.dumps(asked | wrong))
+            assert sentence in (await documents(sockets[0], "error"))["text"]
+        await sockets[1].write_message("[")
+        while await asyncio.wait_for(sockets[1].read_message(), 30) is not None:
+            pass
+        sockets[1].close()
+        sockets[2].close()
+        while len(server.pages) > 1:
+            await asyncio.sleep(0.02)
+        assert len(show.hub.listeners) == 1
+        sockets[0].close()
+        while server.pages:
+            await asyncio.sleep(0.02)
+
+    serve(show, client)
+    assert not show.hub.listeners
+
+
+def test_scene_keeps_the_last_of_each_property(show: Show) -> None:
+    count = len(list(show.hub.messages()))
+    for value in range(50):
+        show.hub.property("/Grid", "visible", bool(value % 2))
+    assert len(list(show.hub.messages())) == count
+
+
+def test_settings_from_the_page() -> None:
+    read = settings_from({"frequency": 12, "peak_to_peak": 3, "added_mass": 1, "values": {"k_F": 1e5}})
+    assert (read.frequency, read.values) == (12, {"k_F": 1e5})
+    with pytest.raises(SettingError):
+        settings_from({})
+
+
+def test_process_listens_on_the_loopback_only_and_ends_on_ctrl_c() -> None:
+    with viewer("--model", "two_dof") as (url, process):
+        connections = psutil.Process(process.pid).net_connections(kind="inet")
+        listening = [c.laddr for c in connections if c.status == psutil.CONN_LISTEN]
+        assert [address.ip for address in listening] == ["127.0.0.1"]
+        assert str(listening[0].port) in url
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["--model", "foot_arc"], "no such model"),
+        (["--model", "foot_arch@high"], "no number in mm"),
+        (["--model", "foot_arch@300"], "bones reach"),
+        (["--model", "two_dof@25"], "five-body arch needs it"),
+        (["--watch"], "file of your own"),
+        (["--frequency", "0"], "must be between"),
+        (["--slow", "0"], "--slow"),
+        (["--sweep", "--recording", "x.csv"], "exclude each other"),
+        (["--recording", "nowhere.csv"], "nowhere.csv"),
+        (["--result", "nowhere.json"], "nowhere.json"),
+        (["--export", "foot.avi"], "ending must be one of"),
+    ],
+)
+def test_bad_options_are_one_sentence(options: list[str], sentence: str) -> None:
+    run = CliRunner().invoke(command.app, options)
+    assert isinstance(run.exception, FasError)
+    assert sentence in str(run.exception)
+
+
+def test_result_of_a_fit_moves_the_sliders(tmp_path: Path) -> None:
+    entries = {"k_T_n_per_m": {"value": 2e5}, "c_12_per_m": {"value": 5.0}, "delay_s": {"value": 1e-4}}
+    file = tmp_path / "result.json"
+    file.write_text(json.dumps({"parameters": entries}))
+    model = Show(["two_dof"]).feet["a"]
+    assert command.parameters_of(file, model.parameters) == {"k_T": 2e5, "c_12": 5.0}
+    file.write_text("{}")
+    with pytest.raises(FasError, match="is not a result"):
+        command.parameters_of(file, model.parameters)
+
+
+def test_recording_drives_the_table_and_is_shown_beside(tmp_path: Path) -> None:
+    from identification.fit import BUNDLED
+    from viz.show import MEASURED, MODEL, Excitation
+
+    show = Show(["two_dof"], Excitation.recorded(BUNDLED / "recordings" / "20hz_0kg.csv", 0.5))
+    answer = show.answer(show.settings)
+    measured, model = answer["feet"][MEASURED], answer["feet"][MODEL]
+    assert measured["base"] == model["base"]
+    # the truth of the bundled foot differs from the nominal model, but both are feet at 20 Hz
+    assert 0.5 < max(measured["malleolus"]) / max(model["malleolus"]) < 2
+    assert max(measured["bodies"]) < 0.01
+
+
+def test_foot_with_names_of_its_own_is_drawn_by_its_geoms(tmp_path: Path) -> None:
+    import mjcf
+
+    text = mjcf.path("two_dof").read_text()
+    file = tmp_path / "own.xml"
+    file.write_text(text.replace('body name="foot"', 'body name="pes"').replace("body foot mass", "body pes mass"))
+    show = Show([str(file)])
+    rest = show.description()["feet"]["a"]
+    assert not rest["dressed"]
+    assert [segment["name"] for segment in rest["segments"]] == ["base", "pes", "shank"]
+    scene = b"".join(show.hub.messages())
+    for path in (b"/meshcat/foot/a/base/geom0", b"/meshcat/foot/a/pes/geom1", b"/meshcat/foot/a/shank/geom2"):
+        assert path in scene
+    assert b"/meshcat/foot/a/tibia" not in scene
+
+
+def test_broken_model_keeps_the_last_good_one(tmp_path: Path) -> None:
+    import mjcf
+
+    file = tmp_path / "mine.xml"
+    good = mjcf.path("two_dof").read_text()
+    file.write_text(good)
+    show = Show([str(file)])
+    file.write_text(good.replace("</worldbody>", ""))
+    with pytest.raises(FasError, match="cannot compile"):
+        show.reload()
+    assert show.description()["error"]
+    assert show.answer(show.settings)["feet"]["a"]["ratio"] > 1
+    file.write_text(good)
+    show.reload()
+    assert not show.description()["error"]

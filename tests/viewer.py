@@ -1,0 +1,123 @@
+"""A viewer in a process of its own, and a headless Chromium, for the tests of the page."""
+
+import contextlib
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from viz.export import CHROMIUM, chromium
+
+ROOT = Path(__file__).parent.parent
+#: Nothing here is timed; this only keeps a hung test from hanging the suite [s].
+PATIENCE = 120.0
+
+
+@contextmanager
+def viewer(*options: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """`python -m viz.foot --no-browser` with more options; yields its address and process, ends it by Ctrl-C."""
+    command = [sys.executable, "-m", "viz.foot", "--no-browser", "--json", *options]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    process = subprocess.Popen(
+        command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout is not None
+        text = ""
+        while "}" not in text:
+            line = process.stdout.readline()
+            if not line:
+                assert process.stderr is not None
+                raise AssertionError(f"the viewer did not start: {process.stderr.read()}")
+            text += line
+        yield json.loads(text)["url"], process
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(20)
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+@contextmanager
+def browser() -> Iterator[Any]:
+    """Headless Chromium; skips where there is none."""
+    path = chromium()
+    if path is None:
+        pytest.skip("no Chromium on this machine (apt-get install chromium)")
+    sync_api = pytest.importorskip("playwright.sync_api", reason="pip install 'fasbody[dev]'")
+    with sync_api.sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM))
+        try:
+            yield opened
+        finally:
+            opened.close()
+
+
+class Watched:
+    """A page whose console errors and requests are kept, under its own content-security policy."""
+
+    def __init__(self, opened: Any, url: str) -> None:
+        self.page = opened.new_page(viewport={"width": 720, "height": 420})
+        self.page.set_default_timeout(1000 * PATIENCE)
+        self.complaints: list[str] = []
+        self.addresses: list[str] = []
+        page = self.page
+        page.on("console", lambda m: m.type in ("error", "warning") and self.complaints.append(m.text))
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("request", lambda request: self.addresses.append(request.url))
+        page.on("websocket", lambda socket: self.addresses.append(socket.url))
+        page.goto(f"{url}?quality=low")
+        self.until("window.stats && stats.motions > 0")
+        self("play(false)")
+
+    def __call__(self, expression: str, argument: Any = None) -> Any:
+        return self.page.evaluate(expression, argument)
+
+    def until(self, condition: str) -> None:
+        """Wait for a condition by asking; wait_for_function would need the policy lifted."""
+        end = time.monotonic() + PATIENCE
+        while not self(condition):
+            assert time.monotonic() < end, f"never true: {condition}; {self.complaints}"
+            time.sleep(0.05)
+
+    def canvas(self) -> np.ndarray:
+        """The drawn canvas as (height, width, 3) integers."""
+        from PIL import Image
+
+        self("stage.render()")
+        address = self("stage.renderer.domElement.toDataURL('image/png')")
+        import base64
+
+        image = Image.open(io.BytesIO(base64.b64decode(address.partition(",")[2])))
+        return np.asarray(image.convert("RGB")).astype(int)
+
+    def height(self, segment: str) -> float:
+        """Height of a segment of the first foot in the scene [dm]."""
+        return float(self(f"stage.feet.a.segments.find(s => s.name === '{segment}').node.position.y"))
+
+
+def bone_share(picture: np.ndarray) -> float:
+    """Share of warm bright pixels: bone, on a bluish dark ground."""
+    red, blue = picture[..., 0], picture[..., 2]
+    return float(((red > 140) & (red > blue + 12)).mean())
+
+
+def changed_share(one: np.ndarray, other: np.ndarray) -> float:
+    """Share of pixels that differ clearly."""
+    return float((np.abs(one - other).max(-1) > 24).mean())
+
+
+HIDE = "for (const s of stage.feet.a.segments) s.node.visible = {}"

@@ -1,0 +1,143 @@
+"""The viewer without a server: a page that works from a file, a picture, a film."""
+
+import base64
+import io
+import json
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from fasbody.console import progress_bar, write_whole
+from fasbody.exceptions import SettingError
+from viz import scene
+from viz.show import Show
+
+PAGE = Path(__file__).parent / "page"
+#: Nothing of an exported page may reach for any address.
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
+    "connect-src data: blob:"
+)
+#: Frames of a film, which shows one period (or the whole transient), and how fast they go by [1/s].
+FILM, FILM_RATE = 48, 24
+WIDTH, HEIGHT = 1120, 640
+#: What Chromium needs to draw without a screen and without reaching out.
+CHROMIUM = (
+    "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist", "--disable-background-networking", "--disable-sync", "--no-first-run",
+    "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1",
+)  # fmt: skip
+
+
+def export_to(show: Show, file: Path) -> Path:
+    """Write what `show` shows, as the file's ending says.
+
+    Raises:
+        SettingError: another ending, or a tool that is not installed.
+    """
+    writers: dict[str, Callable[[Show], str | bytes]] = {".html": html, ".png": png, ".gif": gif, ".mp4": mp4}
+    if file.suffix not in writers:
+        raise SettingError(f"--export {file}: the ending must be one of {', '.join(writers)}.")
+    return write_whole(file, writers[file.suffix](show))
+
+
+def html(show: Show) -> str:
+    """One page with scene, motion and code inside; works from file://, offline."""
+    data = {"model": show.description(), "motion": show.answer(show.settings), "scene": scene.embedded(show.hub)}
+
+    def safe(text: str) -> str:
+        return text.replace("</script", "<\\/script").replace("<!--", "<\\!--")
+
+    def script(match: re.Match[str]) -> str:
+        name = match[1]
+        code = (scene.SCRIPT if name == "meshcat.js" else PAGE / name).read_text()
+        before = f"<script>window.EXPORTED = {safe(json.dumps(data))};</script>\n" if name == "stage.js" else ""
+        return f"{before}<script>{safe(code)}</script>"
+
+    page = (PAGE / "page.html").read_text()
+    page = re.sub(r'<script src="([^"]+)"></script>', script, page)
+    style = f"<style>{(PAGE / 'style.css').read_text()}</style>"
+    page = page.replace('<link rel="stylesheet" href="style.css">', style)
+    return page.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)
+
+
+def png(show: Show) -> bytes:
+    """The canvas a third into the motion."""
+    with _browser(show) as page:
+        return _shot(page, 1 / 3)
+
+
+def gif(show: Show) -> bytes:
+    """One period as an animated GIF."""
+    from PIL import Image
+
+    images = [Image.open(io.BytesIO(frame)).convert("RGB") for frame in _film(show)]
+    palette = images[0].quantize(128, dither=Image.Dither.NONE)
+    first, *others = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
+    out = io.BytesIO()
+    first.save(out, "GIF", save_all=True, append_images=others, duration=round(1000 / FILM_RATE), loop=0)
+    return out.getvalue()
+
+
+def mp4(show: Show) -> bytes:
+    """Four periods as H.264, by ffmpeg."""
+    tool = shutil.which("ffmpeg")
+    if tool is None:
+        raise SettingError("--export to .mp4 needs ffmpeg: apt-get install ffmpeg, or export a .gif.")
+    with tempfile.TemporaryDirectory() as folder:
+        frames = _film(show)
+        for i in range(4 * FILM):
+            (Path(folder) / f"{i:04}.png").write_bytes(frames[i % FILM])
+        target = Path(folder) / "foot.mp4"
+        command = [tool, "-loglevel", "error", "-framerate", str(FILM_RATE), "-i", f"{folder}/%04d.png",
+                   "-pix_fmt", "yuv420p", "-movflags", "+faststart", str(target)]  # fmt: skip
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+        if done.returncode:
+            raise SettingError(f"ffmpeg could not write the film: {done.stderr.strip()[:200]}")
+        return target.read_bytes()
+
+
+def _film(show: Show) -> list[bytes]:
+    with _browser(show) as page, progress_bar() as progress:
+        return [_shot(page, k / FILM) for k in progress.track(range(FILM), description="drawing")]
+
+
+def _shot(page: Any, share: float) -> bytes:
+    page.evaluate("share => showAt(share)", share)
+    address = page.evaluate("stage.renderer.domElement.toDataURL('image/png')")
+    return base64.b64decode(address.partition(",")[2])
+
+
+def chromium() -> str | None:
+    """A Chromium of the system, None if there is none."""
+    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+@contextmanager
+def _browser(show: Show) -> Iterator[Any]:
+    """A headless browser with the exported page, everything but the canvas out of sight."""
+    path = chromium()
+    if path is None:
+        raise SettingError("pictures and films need Chromium: apt-get install chromium, or export a .html.")
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        raise SettingError("pictures and films need playwright: pip install playwright, or export a .html.") from None
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        file = Path(folder) / "foot.html"
+        file.write_text(html(show))
+        browser = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM))
+        try:
+            page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, bypass_csp=True)
+            page.goto(f"{file.as_uri()}?quality=fixed", timeout=60_000)
+            page.wait_for_function("window.stats && stats.motions > 0", timeout=60_000)
+            page.add_style_tag(content="aside, footer { display: none } body { grid-template: 1fr / 1fr }")
+            page.evaluate("play(false); stage.viewer.set_3d_pane_size()")
+            yield page
+        finally:
+            browser.close()

@@ -1,0 +1,116 @@
+"""The vibrating foot in a browser: `python -m viz.foot`."""
+
+import asyncio
+import json as json_module
+import signal
+import sys
+import webbrowser
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from fasbody.console import command_line, console, print_json
+from fasbody.exceptions import InputFileError, SettingError
+from fasbody.parameters import Parameter
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command(
+    epilog="Examples: python -m viz.foot · python -m viz.foot --model my_foot.xml --watch · "
+    "python -m viz.foot --compare foot_arch@25 · python -m viz.foot --export foot.html"
+)
+def main(
+    model: Annotated[str, typer.Option(help="Model or MJCF file; foot_arch@25 is an arch 25 mm high.")] = "foot_arch",
+    compare: Annotated[str, typer.Option(help="A second model, shown as a ghost.")] = "",
+    frequency: Annotated[float, typer.Option(help="Of the shaker [Hz].")] = 20.0,
+    peak_to_peak: Annotated[float, typer.Option(help="Acceleration of the table [m/s^2].")] = 17.9,
+    added_mass: Annotated[float, typer.Option(help="On the knee [kg].")] = 0.0,
+    sweep: Annotated[bool, typer.Option(help="A swept sine, 5 to 50 Hz in 4 s, in place of the sine.")] = False,
+    recording: Annotated[Path | None, typer.Option(help="Drive the table by it; its ankle is a ghost.")] = None,
+    seconds: Annotated[float, typer.Option(help="How much of the recording [s].")] = 1.0,
+    result: Annotated[Path | None, typer.Option(help="Parameters of a fit, result.json.")] = None,
+    slow: Annotated[float, typer.Option(help="Slow motion, times.")] = 20.0,
+    amplify: Annotated[float, typer.Option(help="Motion shown larger, times.")] = 10.0,
+    watch: Annotated[bool, typer.Option(help="Load the model again whenever its file is saved.")] = False,
+    export: Annotated[Path | None, typer.Option(help="Write .html, .png, .gif or .mp4 and end.")] = None,
+    port: Annotated[int, typer.Option(help="0 takes a free one.")] = 0,
+    browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
+    json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout: address or file.")] = False,
+) -> None:
+    """Watch a foot on the shaker in slow motion; move a slider and the real model runs again."""
+    for name, value in (("--slow", slow), ("--amplify", amplify), ("--seconds", seconds)):
+        if not 0 < value < 1e4:
+            raise SettingError(f"{name} is {value:g}, but must be between 0 and 10000.")
+    look = {"slow": slow, "amplify": amplify}
+    show = _show(model, compare, frequency, peak_to_peak, added_mass, sweep, recording, seconds, result, look)
+    if export is not None:
+        from viz.export import export_to
+
+        written = export_to(show, export)
+        console.print(f"written: {written} ({written.stat().st_size / 1e6:.2f} MB)")
+        if json:
+            print_json({"file": str(written), "bytes": written.stat().st_size})
+        return
+    file = Path(model.partition("@")[0])
+    if watch and not file.is_file():
+        raise SettingError(f"--watch needs a model in a file of your own, not {model!r}; copy a shipped one first.")
+    asyncio.run(_serve(show, port, browser, file if watch else None, json))
+
+
+def _show(
+    model: str, compare: str, frequency: float, peak_to_peak: float, added_mass: float, sweep: bool,
+    recording: Path | None, seconds: float, result: Path | None, look: Mapping[str, float],
+) -> Any:  # fmt: skip
+    from viz.motion import Settings
+    from viz.show import Excitation, Show, load_foot
+
+    if sweep and recording:
+        raise SettingError("--sweep and --recording exclude each other.")
+    excitation = Excitation.swept() if sweep else Excitation()
+    if recording is not None:
+        excitation = Excitation.recorded(recording, seconds)
+    values = parameters_of(result, load_foot(model).parameters) if result else {}
+    settings = Settings(frequency, peak_to_peak, added_mass, values)
+    with console.status("loading the model and its meshes"):
+        return Show([model, *([compare] if compare else [])], excitation, settings, look)
+
+
+def parameters_of(result: Path, parameters: Mapping[str, Parameter]) -> dict[str, float]:
+    """Values of a fit's result.json for a model's parameters, by thesis symbol.
+
+    Raises:
+        InputFileError: no such file, it is no result, or it holds none of the model's parameters.
+    """
+    try:
+        entries = json_module.loads(result.read_text())["parameters"]
+        values = {name: float(entries[p.key]["value"]) for name, p in parameters.items() if p.key in entries}
+    except OSError as error:
+        raise InputFileError(result, f"cannot be read ({error.strerror})") from None
+    except (ValueError, KeyError, TypeError):
+        valid = "give the result.json of python -m identification.fit"
+        raise InputFileError(result, "is not a result", valid) from None
+    if not values:
+        raise InputFileError(result, "holds no parameter of this model", "give the --model that was fitted")
+    return values
+
+
+async def _serve(show: Any, port: int, browser: bool, watch: Path | None, json: bool) -> None:
+    from viz.server import Server
+
+    server = Server(show, port)
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, server.stop)
+    console.print(f"the foot is at {server.url} (Ctrl-C ends it)")
+    if json:
+        print_json({"url": server.url})
+        sys.stdout.flush()  # whoever started this waits for the address
+    opened = browser and await loop.run_in_executor(None, webbrowser.open, server.url)
+    await server.run(watch, stay=not opened)
+
+
+if __name__ == "__main__":
+    command_line(app)

@@ -1,0 +1,298 @@
+"""What the viewer shows of one foot: a periodic motion under a sine, or a transient under any base motion.
+
+Works for every MJCF that the commands accept. One batched step with perturbed states gives the discrete linear model,
+its frequency response the transmissibility and the start of the periodic motion; MuJoCo then runs whole periods until
+the motion repeats itself.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fasbody.damper import algebraic_force
+from fasbody.engine import SHAKER_CONTROLS, callbacks
+from fasbody.exceptions import SettingError, SimulationError
+from fasbody.model import Foot
+from fasbody.parameters import names
+from fasbody.shaker import PEAK_TO_PEAK, BaseMotion, harmonics
+from fasbody.simulate import Batch, Simulation
+from viz.rest import frames as rest_frames
+
+Array = np.ndarray
+
+#: Frames of one shown period; a transient has at most `RATE` frames a second.
+FRAMES = 64
+RATE = 240.0
+#: The motion counts as periodic when a period changes it by less than this share of its size.
+PERIODIC = 1e-3
+#: A settled orbit is tried for at most so many periods, and the step halved at most so often.
+PERIODS, HALVINGS = 60, 4
+#: The transmissibility curve [Hz].
+CURVE = np.linspace(1.0, 60.0, 119)
+#: Parameters that an added mass on the knee raises.
+CARRIERS = ("m_S", "m_T")
+#: Joints and tendons whose force loop is worth a plot, by what they stand for.
+LOOPS = {"fat pad": ("fat_pad", "heel_pad"), "ankle": ("talocrural",), "fascia": ("plantar_aponeurosis",)}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the sliders say: frequency [Hz], peak to peak of the base [m/s^2], mass on the knee [kg], parameters."""
+
+    frequency: float = 20.0
+    peak_to_peak: float = PEAK_TO_PEAK
+    added_mass: float = 0.0
+    values: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, value, low, high in (
+            ("frequency", self.frequency, 0.5, 100.0),
+            ("peak to peak", self.peak_to_peak, 0.0, 200.0),
+            ("added mass", self.added_mass, 0.0, 50.0),
+        ):
+            if not low <= value <= high:
+                raise SettingError(f"{name} is {value:g}, but must be between {low:g} and {high:g}.")
+
+    def apply(self, foot: Foot) -> Foot:
+        """The foot with these parameters, each held within its declared bounds, and the added mass."""
+        values = {
+            name: float(np.clip(value, foot.parameters[name].lower, foot.parameters[name].upper))
+            for name, value in self.values.items()
+        }
+        carrier = next((name for name in CARRIERS if name in foot.parameters), None)
+        if carrier and self.added_mass:
+            values[carrier] = values.get(carrier, foot.values()[carrier]) + self.added_mass
+        return foot.with_values(values)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One shown motion of one foot.
+
+    Attributes:
+        time: (n,) [s]; a periodic motion starts again after `duration`.
+        duration: [s].
+        bodies: (n, bodies, 6) displacement [m] and rotation vector [rad] of each body from rest, in order of `names`.
+        names: bodies of the model.
+        base: (n,) base acceleration; malleolus: (n,) its acceleration [m/s^2].
+        loops: what -> (2, n) extension [m] and force [N], both positive in extension.
+        transmissibility: complex malleolus over base of the linear model at `CURVE`.
+        ratio: |T| of the shown motion at its frequency, None for a transient. phase: its phase [deg].
+        gap: change of the motion over its last period, as a share of its size.
+        periodic: whether it repeats.
+    """
+
+    time: Array
+    duration: float
+    bodies: Array
+    names: Sequence[str]
+    base: Array
+    malleolus: Array
+    loops: Mapping[str, Array]
+    transmissibility: Array
+    ratio: float | None
+    phase: float | None
+    gap: float
+    periodic: bool
+
+    def __str__(self) -> str:
+        ratio = "" if self.ratio is None else f", transmissibility {self.ratio:.3f}"
+        return f"{len(self.time)} frames over {self.duration:.4g} s{ratio}"
+
+
+@dataclass(frozen=True, eq=False)
+class Discrete:
+    """x_(k+1) = A x_k + B c_k of one step about rest: x = (q, q', act), c = (a_0, ..., a_3) of the base acceleration.
+
+    `malleolus` (states,) gives the vertical velocity of the malleolus.
+    """
+
+    step: float
+    A: Array
+    B: Array
+    malleolus: Array
+
+    def controls(self, frequency_hz: Array) -> Array:
+        """(n, 4) coefficients c of a base acceleration exp(i w t) at t = 0, as `BaseMotion.controls` makes them."""
+        w = 2j * np.pi * np.asarray(frequency_hz, float)
+        a, b = np.ones_like(w), np.exp(w * self.step)
+        rise, j, k = (b - a) / self.step, w * a, w * b
+        return np.stack([a, j, (3 * rise - 2 * j - k) / self.step, (j + k - 2 * rise) / self.step**2], -1)
+
+    def states(self, frequency_hz: Array) -> Array:
+        """(n, states) complex steady states at t = 0 under a base acceleration exp(i w t)."""
+        z = np.exp(2j * np.pi * np.asarray(frequency_hz, float) * self.step)
+        force = self.controls(frequency_hz) @ self.B.T
+        return np.linalg.solve(z[:, None, None] * np.eye(len(self.A)) - self.A, force[..., None])[..., 0]
+
+    def transmissibility(self, frequency_hz: Array) -> Array:
+        """(n,) complex malleolus over base acceleration."""
+        return 2j * np.pi * np.asarray(frequency_hz) * (self.states(frequency_hz) @ self.malleolus)
+
+
+def discretise(foot: Foot) -> Discrete:
+    """The linear model of one step, by central differences of one batched step.
+
+    Raises:
+        SettingError: the model has ball or free joints.
+    """
+    model = foot.model
+    if model.nq != model.nv:
+        raise SettingError(f"{foot.name}: the viewer needs joints that are slides or hinges, not balls or free ones.")
+    n, n_act = model.nv, model.na
+    # Large enough for MuJoCo's constraint solver, which stops at an absolute gain and would see nothing in small ones.
+    size = np.concatenate([np.full(n, 1e-4), np.full(n, 1e-2), np.full(n_act, 1.0), [1.0, 1e2, 1e4, 1e6]])
+    states, count = 2 * n + n_act, len(size)
+    push = np.concatenate([np.diag(size), -np.diag(size)])
+    controls = np.zeros((2 * count, 1, SHAKER_CONTROLS))
+    controls[:, 0, 1:] = push[:, states:]
+    start = np.concatenate([model.qpos0, np.zeros(n + n_act)]) + push[:, :states]
+    out = Batch(foot, 2 * count, threads=1).run(controls, foot.step, *np.split(start, [n, 2 * n], axis=1))
+    after = np.concatenate([out.qpos[:, -1], out.qvel[:, -1], out.act[:, -1]], axis=1)
+    slope = (after[:count] - after[count:]) / (2 * size[:, None])
+    data, jacobian = mujoco.MjData(model), np.zeros((3, n))
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_jacSite(model, data, jacobian, None, model.site("malleolus").id)
+    row = np.concatenate([np.zeros(n), jacobian[1], np.zeros(n_act)])
+    return Discrete(foot.step, slope[:states].T, slope[states:].T, row)
+
+
+def periodic_motion(foot: Foot, settings: Settings) -> Motion:
+    """The motion under a sine, as it repeats itself once everything has settled.
+
+    A foot too stiff for its model's time step is tried with smaller ones.
+
+    Raises:
+        SettingError: settings outside their bounds. SimulationError: unstable, or it does not settle.
+    """
+    changed = settings.apply(foot)
+    count = FRAMES * int(np.ceil(1 / (settings.frequency * changed.step * FRAMES)))
+    for halving in range(HALVINGS + 1):
+        try:
+            return _settled(changed, settings, count * 2**halving)
+        except (SimulationError, np.linalg.LinAlgError):
+            if halving == HALVINGS:
+                raise
+    raise AssertionError("unreachable")
+
+
+def _settled(foot: Foot, settings: Settings, count: int) -> Motion:
+    """The periodic motion with `count` steps a period, a multiple of `FRAMES`."""
+    f, amplitude = settings.frequency, 0.5 * settings.peak_to_peak
+    changed = foot.with_values({}, step=1 / (f * count))
+    linear = discretise(changed)
+    start = (-1j * amplitude * linear.states(np.array([f]))[0]).real  # the base moves as sin(w t)
+    n = changed.model.nv
+    batch = Batch(changed, 1, threads=1)
+    controls = harmonics(f, [-1j * amplitude], 1 / f).controls(changed.step, count)[None]
+    q, v, a = np.split(start, [n, 2 * n])
+    q = q + changed.model.qpos0
+    for _ in range(PERIODS):
+        out = batch.run(controls, changed.step, q, v, a)
+        size = np.ptp(out.qpos[0], axis=0).max() or 1.0
+        gap = float(np.abs(out.qpos[0, -1] - out.qpos[0, 0])[1:].max() / size)
+        if gap < PERIODIC:
+            break
+        q, v, a = out.qpos[0, -1].copy(), out.qvel[0, -1].copy(), out.act[0, -1].copy()
+        q[foot.base], v[foot.base] = out.qpos[0, 0, foot.base], out.qvel[0, 0, foot.base]  # the base must not drift
+    else:
+        raise SimulationError(
+            f"{foot.name}: the motion at {f:g} Hz does not settle within {PERIODS} periods; add damping."
+        )
+    w = np.exp(-2j * np.pi * np.arange(count) / count)
+    ratio = complex(out.malleolus[0] @ w / (out.base[0] @ w)) if amplitude else 0j
+    pick = np.arange(0, count, count // FRAMES)
+    found = (abs(ratio), float(np.degrees(np.angle(ratio))))
+    return _shown(changed, out, pick, 1 / f, linear.transmissibility(CURVE), gap, found)
+
+
+def transient_motion(foot: Foot, settings: Settings, base: BaseMotion) -> Motion:
+    """The motion from rest under any base motion: a sweep, a recording."""
+    changed = settings.apply(foot)
+    count = round(base.duration / changed.step)
+    controls = base.controls(changed.step, count)[None]
+    out = Batch(changed, 1, threads=1).run(controls, changed.step)
+    stride = max(1, round(1 / (RATE * changed.step)))
+    pick = np.arange(0, count, stride)
+    shown = _shown(changed, out, pick, base.duration, discretise(changed).transmissibility(CURVE), 0.0, None)
+    lift = _without_drift(shown.base, shown.duration / len(pick)) - out.qpos[0, pick, foot.base]
+    shown.bodies[..., 1] += lift[:, None]
+    return shown
+
+
+def _without_drift(acceleration: Array, step: float, lowest_hz: float = 3.0) -> Array:
+    """Displacement [m] of an acceleration (n,) without what is slower than `lowest_hz`, so that the picture stays."""
+    padded = 2 * len(acceleration)
+    spectrum, f = np.fft.rfft(acceleration, padded), np.fft.rfftfreq(padded, step)
+    keep = f**4 / (f**4 + lowest_hz**4)
+    spectrum[1:] *= -keep[1:] / (2 * np.pi * f[1:]) ** 2
+    spectrum[0] = 0
+    return np.fft.irfft(spectrum, padded)[: len(acceleration)]
+
+
+def displacement(acceleration: Array, duration: float) -> Array:
+    """What a measured acceleration (n,) over `duration` [s] looks like as a displacement [m], drift removed."""
+    return _without_drift(acceleration - acceleration.mean(), duration / len(acceleration))
+
+
+def _shown(
+    foot: Foot, out: Simulation, pick: Array, duration: float, curve: Array, gap: float,
+    ratio: tuple[float, float] | None,
+) -> Motion:  # fmt: skip
+    """Poses and forces of the picked steps."""
+    model, data = foot.model, mujoco.MjData(foot.model)
+    rest = rest_frames(model)
+    bodies = list(rest)[1:]  # without the world
+    index = [model.body(name).id for name in bodies]
+    position, quaternion = np.empty((len(pick), len(bodies), 3)), np.empty((len(pick), len(bodies), 4))
+    watched = _watched(model)
+    loops = {label: np.empty((2, len(pick))) for label in watched}
+    with callbacks():
+        for row, k in enumerate(pick):
+            data.qpos[:], data.qvel[:], data.act[:] = out.qpos[0, k], out.qvel[0, k], out.act[0, k]
+            mujoco.mj_forward(model, data)
+            position[row], quaternion[row] = data.xpos[index], data.xquat[index]
+            for label, elements in watched.items():
+                rows = [_loop_point(model, data, kind, i) for kind, i in elements]
+                loops[label][:, row] = np.mean([x for x, _ in rows]), np.sum([force for _, force in rows])
+    still = np.tile([rest[name].quaternion for name in bodies], (len(pick), 1))
+    turned = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)  # about the world's axes
+    turn = (turned * Rotation.from_quat(still, scalar_first=True).inv()).as_rotvec().reshape(position.shape)
+    shift = position - np.array([rest[name].position for name in bodies])
+    return Motion(
+        time=(out.time[0, pick] - out.time[0, 0]), duration=duration, bodies=np.concatenate([shift, turn], -1),
+        names=bodies, base=out.base[0, pick], malleolus=out.malleolus[0, pick], loops=loops, transmissibility=curve,
+        ratio=ratio[0] if ratio else None, phase=ratio[1] if ratio else None, gap=gap, periodic=ratio is not None,
+    )  # fmt: skip
+
+
+def _watched(model: mujoco.MjModel) -> dict[str, list[tuple[str, int]]]:
+    found: dict[str, list[tuple[str, int]]] = {}
+    for label, wanted in LOOPS.items():
+        for kind in ("joint", "tendon"):
+            there = names(model, kind)
+            found.setdefault(label, []).extend((kind, getattr(model, kind)(n).id) for n in wanted if n in there)
+    return {label: elements for label, elements in found.items() if elements}
+
+
+def _loop_point(model: mujoco.MjModel, data: mujoco.MjData, kind: str, i: int) -> tuple[float, float]:
+    """Extension and tensile force of a joint's or tendon's spring, native damper and law together."""
+    if kind == "joint":
+        q, v = model.jnt_qposadr[i], model.jnt_dofadr[i]
+        x, x_dot = data.qpos[q] - model.qpos_spring[q], data.qvel[v]
+        stiffness, native, user = model.jnt_stiffness, model.dof_damping.reshape(model.nv, -1)[v, 0], model.jnt_user
+    else:
+        x, x_dot = data.ten_length[i] - model.tendon_length0[i], data.ten_velocity[i]
+        stiffness, user = model.tendon_stiffness, model.tendon_user
+        native = model.tendon_damping.reshape(model.ntendon, -1)[i, 0]
+    force = stiffness.reshape(len(user), -1)[i, 0] * x + native * x_dot
+    if user.shape[1]:
+        force -= algebraic_force(user[i], x, x_dot, native)
+    if kind == "tendon":  # an actuator on the tendon pulls too, such as the branch of the aponeurosis
+        on = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (model.actuator_trnid[:, 0] == i)
+        force -= float(np.sum(data.actuator_force[on]))
+    return float(x), float(force)

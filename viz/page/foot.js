@@ -1,0 +1,284 @@
+// The page: controls from the model's declarations, one request in flight, playing, plots, keys.
+"use strict";
+const byId = id => document.getElementById(id);
+const BASE = "#8fa3b8", ANKLE = "#ffb454", OTHER = "#6cb6ff", SEEN = "#7ee0a1";
+const stage = new Stage(byId("pane"));
+const state = { frequency: 20, peak_to_peak: 17.9, added_mass: 0, values: {}, slow: 20, amplify: 10 };
+const stats = { frames: 0, motions: 0, posed: [], drawn: [], seconds: [] };
+let model = null, motion = null, playing = true, time = 0, last = 0, asked = 0, request = 0, fresh = false;
+
+// ---- controls -------------------------------------------------------------------------------------------------------
+function slider(parent, key, label, unit, low, high, value, changed, { log = false, step = 0, hint = "" } = {}) {
+  const row = document.createElement("label");
+  row.innerHTML = "<span></span><output></output><input type=range>";
+  const [name, shown, input] = row.children;
+  name.textContent = label;
+  row.title = hint;
+  input.id = key;
+  Object.assign(input, log ? { min: 0, max: 1000, step: 1 } : { min: low, max: high, step: step || (high - low) / 500 });
+  const toInput = v => (log ? 1000 * Math.log(v / low) / Math.log(high / low) : v);
+  const fromInput = v => (log ? low * (high / low) ** (v / 1000) : v);
+  const write = v => { shown.textContent = `${+v.toPrecision(4)} ${unit}`; };
+  row.set = v => { input.value = toInput(v); write(v); };
+  input.oninput = () => { const v = fromInput(+input.value); write(v); changed(v, row); };
+  row.set(value);
+  parent.append(row);
+  return row;
+}
+
+function button(parent, label, action, title = "") {
+  const b = document.createElement("button");
+  b.textContent = label;
+  b.title = title;
+  b.onclick = () => action(b);
+  parent.append(b);
+  return b;
+}
+
+function rowIn(parent) {
+  const row = document.createElement("div");
+  row.className = "row";
+  parent.append(row);
+  return row;
+}
+
+const rows = {};
+function buildControls() {
+  for (const id of ["excitation", "showing", "parameters"]) for (const old of byId(id).querySelectorAll("label, .row, p")) old.remove();
+  const shaker = byId("excitation"), s = state;
+  if (model.periodic) {
+    rows.frequency = slider(shaker, "frequency", "Frequency", "Hz", 1, 60, s.frequency, v => { s.frequency = v; ask(); }, { step: 0.5 });
+    rows.peak = slider(shaker, "peak_to_peak", "Acceleration, peak to peak", "m/s²", 0, 40, s.peak_to_peak, v => { s.peak_to_peak = v; ask(); }, { step: 0.1 });
+  } else {
+    const note = document.createElement("p");
+    note.textContent = model.excitation;
+    shaker.append(note);
+  }
+  if (model.can_add_mass) rows.mass = slider(shaker, "added_mass", "Mass on the knee", "kg", 0, 10, s.added_mass, v => { s.added_mass = v; ask(); }, { step: 0.1 });
+  const picture = byId("showing");
+  rows.slow = slider(picture, "slow", "Slow motion", "× slower", 1, 200, s.slow, v => { s.slow = v; }, { log: true });
+  rows.amplify = slider(picture, "amplify", "Motion shown larger", "×", 1, 100, s.amplify, v => { s.amplify = v; }, { log: true });
+  const posture = document.createElement("label");
+  posture.innerHTML = "<span>Posture <small>(picture only)</small></span><select id=posture><option value=0>midstance</option>" +
+    "<option value=-10>plantarflexion 10°</option><option value=10>dorsiflexion 10°</option></select>";
+  posture.title = "The models know no posture: the measurements of the thesis show its effect at 10 Hz only.";
+  posture.querySelector("select").value = String(stage.posture);
+  posture.querySelector("select").onchange = e => { stage.posture = +e.target.value; };
+  picture.append(posture);
+  const looks = rowIn(picture);
+  button(looks, "Skin", b => { stage.showSkin(!stage.skinShown); b.setAttribute("aria-pressed", stage.skinShown); }, "K").setAttribute("aria-pressed", stage.skinShown);
+  if (Object.keys(model.feet).length > 1) button(looks, "Side by side", b => { stage.apart = !stage.apart; b.textContent = stage.apart ? "Overlaid" : "Side by side"; });
+  button(looks, "Save PNG", savePicture);
+  const list = byId("parameters");
+  for (const p of model.parameters) {
+    const value = p.name in s.values ? s.values[p.name] : p.value;
+    if (value !== p.nominal) s.values[p.name] = value;
+    rows[p.name] = slider(list, `parameter_${p.name}`, p.name, p.unit, p.lower, p.upper, value, (v, row) => {
+      s.values[p.name] = v;
+      row.classList.add("changed");
+      ask();
+    }, { log: p.logarithmic, hint: `${p.name} [${p.unit}], ${p.lower} to ${p.upper}; ${p.source}` });
+    rows[p.name].classList.toggle("changed", value !== p.nominal);
+  }
+}
+byId("reset").onclick = () => { state.values = {}; for (const p of model.parameters) { rows[p.name].set(p.nominal); rows[p.name].classList.remove("changed"); } ask(); };
+
+for (const name of Object.keys(VIEWS)) button(byId("cameras"), name, () => stage.view(name), `camera: ${name}`);
+byId("play").onclick = () => play(!playing);
+byId("step").onclick = () => stepOn(1);
+byId("seek").oninput = e => { play(false); time = +e.target.value * length(); };
+function play(on) { playing = on; byId("play").textContent = on ? "Pause" : "Play"; }
+function stepOn(n) { play(false); time += n * length() / lead().frames; }
+const lead = () => Object.values(motion.feet)[0], length = () => (motion ? lead().duration : 1);
+
+// ---- the server -----------------------------------------------------------------------------------------------------
+let socket = null, busy = false, wanted = false, wait = 300;
+function ask() {
+  if (!socket || socket.readyState !== 1) return;
+  if (busy) { wanted = true; return; }
+  busy = true;
+  asked = performance.now();
+  request += 1;
+  const { frequency, peak_to_peak, added_mass, values } = state;
+  socket.send(JSON.stringify({ type: "simulate", request, frequency, peak_to_peak, added_mass, values }));
+}
+
+function receive(document_) {
+  if (document_.type === "model") {
+    const first = model === null;
+    model = document_;
+    motion = null;  // of another model
+    stage.setModel(model);
+    if (first) Object.assign(state, model.settings, model.look);
+    const known = new Set(model.parameters.map(p => p.name));
+    for (const name of Object.keys(state.values)) if (!known.has(name)) delete state.values[name];
+    buildControls();
+    say(model.error);
+    busy = false;
+    ask();
+  } else {
+    busy = false;
+    if (document_.type === "motion") {
+      motion = document_;
+      fresh = true;
+      stats.motions += 1;
+      stats.seconds.push(document_.seconds);
+      say("");
+      stage.pose(motion, frame(), stage.gain(motion, state.amplify));
+      stats.posed.push(performance.now() - asked);
+    } else say(document_.text);
+    if (wanted) { wanted = false; ask(); }
+  }
+}
+
+function say(text) {
+  byId("error").textContent = text || "";
+  byId("error").hidden = !text;
+}
+
+function connect() {
+  socket = new WebSocket(`ws://${location.host}/stream`);
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => { wait = 300; busy = true; motion = null; stage.feet = {}; };  // nothing is posed before the scene is whole
+  socket.onclose = () => { byId("state").textContent = "connection lost, trying again"; setTimeout(connect, wait); wait = Math.min(2 * wait, 5000); };
+  socket.onmessage = message => {
+    if (message.data instanceof ArrayBuffer) { stage.viewer.handle_command_message(message); stage.viewer.set_dirty(); }
+    else receive(JSON.parse(message.data));
+  };
+}
+
+// ---- a page of its own, without a server ----------------------------------------------------------------------------
+async function unpack(text) {
+  const packed = Uint8Array.from(atob(text), c => c.charCodeAt(0));
+  const whole = await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
+  const view = new DataView(whole);
+  for (let at = 0; at < whole.byteLength;) {
+    const size = view.getUint32(at, true);
+    stage.viewer.handle_command_bytearray(new Uint8Array(whole.slice(at + 4, at + 4 + size)));
+    at += 4 + size;
+  }
+}
+
+async function start() {
+  if (QUALITY === "low" || QUALITY === "none") stage.setQuality(0);
+  const own = window.EXPORTED;
+  if (!own) { connect(); return; }
+  document.body.classList.add("exported");
+  await unpack(own.scene);
+  receive(own.model);
+  for (const input of document.querySelectorAll("#excitation input, #parameters input")) input.disabled = true;
+  receive(own.motion);
+}
+
+// ---- drawing --------------------------------------------------------------------------------------------------------
+const plots = { traces: canvas("traces", true), curve: canvas("curve", true), pad: canvas("pad_loop"), ankle: canvas("ankle_loop") };
+const frame = () => { const foot = lead(); return (((time / foot.duration) % 1) + 1) % 1 * (foot.periodic ? foot.frames : foot.frames - 1); };
+
+function draw() {
+  const feet = Object.entries(motion.feet), first = lead(), at = frame() / first.frames;
+  const colour = name => ({ b: OTHER, measured: SEEN })[name] || ANKLE;
+  const label = name => ({ b: "other", measured: "measured" })[name] || "malleolus";
+  plotTraces(plots.traces, "acceleration [m/s²]", first.duration,
+    [["base", BASE, first.base], ...feet.map(([n, f]) => [label(n), colour(n), f.malleolus, n !== "a"])], at);
+  const curves = feet.filter(([n]) => n !== "measured");
+  plotCurve(plots.curve, "transmissibility", model.curve_hz, curves.map(([n, f]) => [model.feet[n].title, colour(n), f.transmissibility]),
+    curves.filter(([, f]) => f.ratio !== null).map(([n, f]) => [state.frequency, f.ratio, colour(n)]));
+  const loops = key => curves.filter(([, f]) => f.loops[key]).map(([n, f]) => [n, colour(n), f.loops[key].x, f.loops[key].force]);
+  plotLoop(plots.pad, "fat pad, force [N]", loops("fat pad"), at);
+  plotLoop(plots.ankle, "ankle, force [N]", loops("ankle"), at);
+}
+
+function legend() {
+  const box = byId("legend"), loops = lead().loops;
+  box.replaceChildren();
+  for (const [title, key, ramp, sign] of [["fascia: tension", "fascia", "tension", 1], ["fat pad: compression", "fat pad", "pressure", -1]]) {
+    if (!loops[key]) continue;
+    const top = Math.max(...loops[key].force.map(Math.abs)), item = document.createElement("div"), bar = document.createElement("i");
+    bar.style.background = `linear-gradient(90deg, ${RAMPS[ramp].join(", ")})`;
+    item.append(title, bar);
+    for (const v of [-top, top]) { const s = document.createElement("span"); s.textContent = `${v > 0 ? "+" : "−"}${Math.abs(v).toPrecision(3)} N`; item.append(s); }
+    box.append(item);
+  }
+}
+
+function report() {
+  const foot = lead(), gain = stage.gain(motion, state.amplify);
+  const shown = `shown ${gain.toPrecision(3)}× larger${gain < 0.999 * state.amplify ? " (as much as fits)" : ""}, ${state.slow.toPrecision(3)}× slower`;
+  const ratio = foot.ratio === null ? model.excitation : `${state.frequency} Hz, transmissibility ${foot.ratio.toFixed(2)}, phase ${foot.phase.toFixed(0)}°`;
+  byId("state").textContent = `${model.feet.a.title} · ${ratio} · ${shown}`;
+}
+
+function savePicture() {
+  stage.render();
+  const link = document.createElement("a");
+  link.href = stage.renderer.domElement.toDataURL("image/png");
+  link.download = "foot.png";
+  link.click();
+}
+
+// Show one share (0 to 1) of the motion and draw it now: for pictures and films.
+function showAt(share) {
+  play(false);
+  time = share * length();
+  stage.pose(motion, frame(), stage.gain(motion, state.amplify));
+  draw();
+  stage.render();
+}
+
+const slowFrames = [];
+function tick(now) {
+  requestAnimationFrame(tick);
+  const passed = Math.min(0.1, (now - last) / 1000);
+  last = now;
+  if (motion && model) {
+    if (playing) time += passed / state.slow;
+    const started = performance.now();
+    if (playing || fresh || stage.viewer.needs_render || byId("seek").value !== String(time)) {
+      stage.pose(motion, frame(), stage.gain(motion, state.amplify));
+      draw();
+      if (fresh) legend();
+      report();
+      byId("seek").value = frame() / lead().frames;
+      byId("clock").textContent = `${(1e3 * (((time % length()) + length()) % length())).toFixed(1)} of ${(1e3 * length()).toFixed(1)} ms`;
+    }
+    if (stage.viewer.needs_render) stage.render();
+    if (fresh) {  // reading a pixel waits for the picture
+      const gl = stage.renderer.getContext();
+      gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+      stats.drawn.push(performance.now() - asked);
+      fresh = false;
+    }
+    stats.frames += 1;
+    adapt(performance.now() - started, passed * 1000);
+  }
+}
+
+// Automatic quality: if the first frames are slow, shadows go first, then pixels.
+function adapt(spent, passed) {
+  if (stage.quality === 0 || QUALITY === "fixed") return;
+  slowFrames.push(Math.max(spent, passed));
+  if (slowFrames.length < 12) return;
+  const middle = slowFrames.slice(4).sort((a, b) => a - b)[4];
+  slowFrames.length = 0;
+  if (middle > 70) stage.setQuality(stage.quality - 1);
+}
+
+addEventListener("keydown", event => {
+  if (event.target.matches("input, select, textarea") && event.key !== " ") return;
+  if (event.ctrlKey || event.metaKey || event.altKey || !motion) return;
+  const change = { ArrowRight: 0.5, ArrowLeft: -0.5, ArrowUp: 5, ArrowDown: -5 }[event.key], views = Object.keys(VIEWS);
+  if (event.key === " ") { if (event.target.matches("button")) return; play(!playing); }
+  else if (event.key === ".") stepOn(1);
+  else if (event.key === ",") stepOn(-1);
+  else if (event.key === "k") stage.showSkin(!stage.skinShown);
+  else if (+event.key >= 1 && +event.key <= views.length) stage.view(views[+event.key - 1]);
+  else if (change && model.periodic && rows.frequency && !window.EXPORTED) {
+    state.frequency = Math.min(60, Math.max(1, state.frequency + change));
+    rows.frequency.set(state.frequency);
+    ask();
+  } else return;
+  event.preventDefault();
+});
+Object.assign(window, { stage, stats, state, showAt, play });
+requestAnimationFrame(tick);
+start();

@@ -1,0 +1,262 @@
+"""The only door to meshcat: the scene as messages of meshcat's protocol, kept so that a new browser gets all of it.
+
+meshcat's own server binds every address and waits without end, so its ZMQ window is replaced: `Hub` takes the place of
+the window, `meshcat.Visualizer` and its geometries are used as they are, and server.py sends the messages.
+"""
+
+import base64
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from fasbody.exceptions import SettingError
+
+try:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # zmq.eventloop.ioloop, which we do not use
+        import meshcat
+        import meshcat.geometry as geometry
+        import umsgpack
+except ImportError:
+    raise SettingError("the viewer needs meshcat: pip install 'fasbody[view]'.") from None
+
+from viz.anatomy import Part, colour
+from viz.bones import SEGMENTS, TABLE
+from viz.rest import Frame
+
+Array = np.ndarray
+
+#: meshcat's own page code, in the package.
+SCRIPT = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"
+#: Scene units a metre: decimetres suit meshcat's clip planes.
+SCALE = 10.0
+_ORDER = ("set_object", "set_transform", "set_property")
+
+
+class Hub:
+    """Stands where meshcat expects its window: packs commands, remembers the last of each kind, hands them on."""
+
+    web_url = ""
+
+    def __init__(self) -> None:
+        self.listeners: set[Callable[[bytes], None]] = set()
+        self._tree: dict[str, dict[tuple[str, str | None], bytes]] = {}
+
+    def send(self, command: Any) -> None:
+        """Called by `meshcat.Visualizer`."""
+        self.put(command.lower())
+
+    def put(self, message: dict[str, Any]) -> None:
+        """Send one message of the protocol and keep it, only the last of each property."""
+        data, path, kind = umsgpack.packb(message), message["path"], message["type"]
+        if kind == "delete":
+            for known in [k for k in self._tree if k == path or k.startswith(f"{path}/")]:
+                del self._tree[known]
+        else:
+            node = self._tree.setdefault(path, {})
+            if kind == "set_object":
+                node.clear()
+            node[kind, message.get("property")] = data
+        for listener in list(self.listeners):
+            listener(data)
+
+    def messages(self) -> Iterator[bytes]:
+        """Everything that makes the scene, objects before their properties."""
+        for node in self._tree.values():
+            for key in sorted(node, key=lambda k: _ORDER.index(k[0])):
+                yield node[key]
+
+    def property(self, path: str, key: str, value: Any) -> None:
+        """Like meshcat's set_property, which would write castShadow in lower case."""
+        self.put({"type": "set_property", "path": path, "property": key, "value": value})
+
+    def object(self, path: str, plain: dict[str, Any]) -> None:
+        """Any object of three.js, such as a light."""
+        whole = {"metadata": {"version": 4.5, "type": "Object"}, "geometries": [], "materials": [], "object": plain}
+        self.put({"type": "set_object", "path": path, "object": whole})
+
+
+class Surface(geometry.Geometry):
+    """An indexed mesh with normals, and colours and skinning weights where given."""
+
+    def __init__(self, vertices: Array, faces: Array, normals: Array, **attributes: Array) -> None:
+        super().__init__()
+        self._faces = faces
+        self._attributes = {"position": vertices, "normal": normals, **attributes}
+
+    def lower(self, object_data: Any) -> dict[str, Any]:
+        """The form in which meshcat sends a geometry."""
+
+        def packed(values: Array) -> dict[str, Any]:
+            return dict(geometry.pack_numpy_array(np.asarray(values, np.float32).T))
+
+        index = geometry.umsgpack.Ext(0x16, np.asarray(self._faces, np.uint32).tobytes())
+        data = {
+            "attributes": {name: packed(values) for name, values in self._attributes.items()},
+            "index": {"itemSize": 1, "type": "Uint32Array", "array": index, "normalized": False},
+        }
+        return {"uuid": self.uuid, "type": "BufferGeometry", "data": data}
+
+
+def _material(kind: str, **settings: Any) -> geometry.Material:
+    return type(kind, (geometry.GenericMaterial,), {"_type": kind})(**settings)
+
+
+def linear(rgb: Array) -> Array:
+    """Linear light of an sRGB colour; three.js r132 does not convert material and vertex colours."""
+    return np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+
+
+def _hex(code: str) -> int:
+    r, g, b = (255 * linear(colour(code))).round().astype(int)
+    return int(r) << 16 | int(g) << 8 | int(b)
+
+
+def stage(hub: Hub) -> meshcat.Visualizer:
+    """Background, ground and light; returns meshcat's visualizer on the hub. The models' y is meshcat's z."""
+    visualizer = meshcat.Visualizer(window=hub)
+    turned = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
+    visualizer["foot"].set_transform(turned)
+    for name in ("Grid", "Axes"):
+        hub.property(f"/{name}", "visible", False)
+    hub.property("/Background", "top_color", [0.010, 0.014, 0.024])
+    hub.property("/Background", "bottom_color", [0.055, 0.072, 0.098])
+    for name in ("PointLightNegativeX", "PointLightPositiveX", "FillLight", "SpotLight"):
+        hub.property(f"/Lights/{name}", "visible", False)
+        hub.property(f"/Lights/{name}/<object>", "castShadow", False)
+    hub.property("/Lights/AmbientLight/<object>", "intensity", 0.16)
+    ground = _hex("#9a7a60")
+    sky = {"uuid": "sky", "type": "HemisphereLight", "color": 0xFFFFFF, "groundColor": ground, "intensity": 0.4}
+    hub.object("/Lights/Sky", {"uuid": "sky group", "type": "Group", "children": [sky]})
+    camera = {"uuid": "key camera", "type": "OrthographicCamera", "left": -2.4, "right": 2.4, "top": 2.4,
+              "bottom": -2.4, "near": 0.5, "far": 14}  # fmt: skip
+    shadow = {"bias": -4e-4, "normalBias": 0.012, "radius": 4, "mapSize": [2048, 2048], "camera": camera}
+    _sun(hub, "Key", "#fff4e4", 1.25, (1.8, -3.4, 4.6), castShadow=True, shadow=shadow)
+    _sun(hub, "Rim", "#bcd4ff", 0.85, (-3.5, 2.8, 2.2), castShadow=False)
+    _sun(hub, "Front", "#ffe9d2", 0.32, (4.0, 1.5, 1.6), castShadow=False)
+    return visualizer
+
+
+def _sun(hub: Hub, name: str, code: str, intensity: float, at: tuple[float, float, float], **more: Any) -> None:
+    matrix = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, *at, 1.0]
+    light = {"uuid": name, "type": "DirectionalLight", "color": _hex(code), "intensity": intensity, "matrix": matrix}
+    hub.object(f"/Lights/{name}", light | more)
+
+
+def add_foot(
+    hub: Hub, visualizer: meshcat.Visualizer, name: str, parts: list[Part], frames: dict[str, Frame], ghost: bool
+) -> None:
+    """Put one dressed foot into the scene under `name`: one mesh a segment, and the soft parts with their weights.
+
+    Args:
+        hub: takes the messages. visualizer: on the hub. name: of this foot, such as ``a``.
+        parts: the meshes. frames: bind pose of each segment; a segment's mesh is sent in its own frame.
+        ghost: bluish and translucent, to be compared with another foot.
+    """
+    root = visualizer["foot"][name]
+    for segment in SEGMENTS[:-1]:
+        group = [part for part in parts if part.segment == segment]
+        if not group:
+            continue
+        offset = np.cumsum([0, *(len(part.vertices) for part in group)])
+        vertices = np.vstack([part.vertices for part in group]) - frames[segment].position
+        faces = np.vstack([part.faces + o for part, o in zip(group, offset, strict=False)])
+        normals = np.vstack([part.normals for part in group])
+        paint = linear(np.vstack([part.colours for part in group]))
+        look: dict[str, Any] = {"vertexColors": True, "color": 0xFFFFFF}
+        if ghost:
+            look = {"color": _hex("#5fb4ff"), "transparent": True, "opacity": 0.38, "depthWrite": False,
+                    "polygonOffset": True, "polygonOffsetFactor": 2, "polygonOffsetUnits": 2}  # fmt: skip
+        material = _material(
+            "MeshPhongMaterial", shininess=22, specular=_hex("#2a2620"), side=0, reflectivity=0.3, **look
+        )
+        root[segment].set_object(Surface(SCALE * vertices, faces, normals, color=paint), material)
+        if ghost:
+            hub.property(f"/meshcat/foot/{name}/{segment}/<object>", "castShadow", False)
+    for part in parts:
+        if part.segment is None and not (ghost and part.name == "skin"):
+            _add_soft(hub, root, name, part, ghost)
+    if not ghost:
+        _add_table(hub, root)
+
+
+_SOFT_LOOKS: dict[str, dict[str, Any]] = {
+    "skin": {"code": "#d8a58a", "opacity": 0.55, "depthWrite": False, "shininess": 8, "specular": "#332a22"},
+    "aponeurosis": {"code": "#ffffff", "opacity": 1.0, "depthWrite": True, "shininess": 45, "specular": "#44484c"},
+    "heel_pad": {"code": "#ffffff", "opacity": 0.62, "depthWrite": True, "shininess": 60, "specular": "#554422"},
+    "forefoot_pad": {"code": "#ffffff", "opacity": 0.62, "depthWrite": True, "shininess": 60, "specular": "#554422"},
+}
+
+
+def _add_soft(hub: Hub, root: meshcat.Visualizer, foot: str, part: Part, ghost: bool) -> None:
+    look = _SOFT_LOOKS[part.name]
+    opacity = 0.3 * look["opacity"] if ghost else look["opacity"]
+    material = _material(
+        "MeshPhongMaterial", color=_hex("#5fb4ff" if ghost else look["code"]), side=0, transparent=opacity < 1,
+        opacity=opacity, depthWrite=look["depthWrite"] and not ghost, shininess=look["shininess"],
+        specular=_hex(look["specular"]),
+    )  # fmt: skip
+    surface = Surface(SCALE * part.vertices, part.faces, part.normals, weights=part.weights)
+    root[part.name].set_object(surface, material)
+    path = f"/meshcat/foot/{foot}/{part.name}/<object>"
+    hub.property(path, "renderOrder", 3 if part.name == "skin" else 1)
+    hub.property(path, "frustumCulled", False)
+    if opacity < 1:
+        hub.property(path, "castShadow", False)
+
+
+def _add_table(hub: Hub, root: meshcat.Visualizer) -> None:
+    """The shaker's table, a rim around it, and the ground it stands over."""
+    top = 1e-3 * TABLE * SCALE
+    path = "/".join(("", "meshcat", "foot", root.path.entries[-1]))
+    for name, size, at, code in (
+        ("base", (3.3, 0.12, 1.5), (0.30, top - 0.06, -0.02), "#434d59"),
+        ("shaker", (1.5, 0.34, 0.9), (0.30, top - 0.30, -0.02), "#20262d"),
+    ):
+        material = _material("MeshPhongMaterial", color=_hex(code), shininess=70, specular=_hex("#39424c"), side=0)
+        root[name].set_object(geometry.Box(size), material)
+        move = np.eye(4)
+        move[:3, 3] = at
+        root[name].set_transform(move)
+        hub.property(f"{path}/{name}/<object>", "castShadow", False)
+
+
+def add_plain(visualizer: meshcat.Visualizer, name: str, model: mujoco.MjModel) -> None:
+    """Put a foot with body names of its own into the scene as the geoms of its MJCF."""
+    kinds = mujoco.mjtGeom
+    for i in range(model.ngeom):
+        body, size = model.body(model.geom_bodyid[i]).name, SCALE * model.geom_size[i]
+        position, rotation = model.geom_pos[i], np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, model.geom_quat[i])
+        shapes = {
+            kinds.mjGEOM_BOX: geometry.Box(2 * size),
+            kinds.mjGEOM_SPHERE: geometry.Sphere(size[0]),
+            kinds.mjGEOM_ELLIPSOID: geometry.Ellipsoid(size),
+            kinds.mjGEOM_CAPSULE: geometry.Cylinder(2 * size[1], size[0]),
+            kinds.mjGEOM_CYLINDER: geometry.Cylinder(2 * size[1], size[0]),
+        }
+        shape = shapes.get(int(model.geom_type[i]))
+        if shape is None or not body:
+            continue
+        frame = np.eye(4)
+        along = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])  # meshcat's cylinder stands along y, MuJoCo's along z
+        lying = int(model.geom_type[i]) in (kinds.mjGEOM_CAPSULE, kinds.mjGEOM_CYLINDER)
+        frame[:3, :3] = rotation.reshape(3, 3) @ (along if lying else np.eye(3))
+        frame[:3, 3] = SCALE * position
+        r, g, b = (255 * linear(model.geom_rgba[i, :3])).astype(int)
+        node = visualizer["foot"][name][body][f"geom{i}"]
+        paint = int(r) << 16 | int(g) << 8 | int(b)
+        node.set_object(shape, _material("MeshPhongMaterial", color=paint, shininess=30))
+        node.set_transform(frame)
+
+
+def embedded(hub: Hub) -> str:
+    """All messages of the scene, each behind its length, as base64 of gzip: for a page without a server."""
+    import gzip
+
+    whole = b"".join(len(m).to_bytes(4, "little") + m for m in hub.messages())
+    return base64.b64encode(gzip.compress(whole, 9)).decode()

@@ -1,0 +1,236 @@
+"""The page's server: one process, the loopback only, no caller from another site, simulations off the event loop."""
+
+import asyncio
+import contextlib
+import json
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import tornado.httpserver
+import tornado.netutil
+import tornado.web
+import tornado.websocket
+
+from fasbody.console import console
+from fasbody.exceptions import FasError, SettingError
+from viz import scene
+from viz.motion import Settings
+from viz.show import Show
+
+ADDRESS = "127.0.0.1"
+PAGE = Path(__file__).parent / "page"
+#: No script but ours and no address but this server; meshcat's control panel writes styles into the page.
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
+    "connect-src 'self' ws://{host}; font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+#: Largest message a page may send [bytes], and seconds after which a silent or slow browser is let go.
+LARGEST, PATIENCE = 65536, 30.0
+#: Seconds between the last page leaving and the end of the command, so that a reload is not the end.
+GRACE = 8.0
+
+
+def settings_from(message: dict[str, Any]) -> Settings:
+    """The page's settings, checked.
+
+    Raises:
+        SettingError: something is missing or no number.
+    """
+    try:
+        values = {str(name): float(value) for name, value in dict(message.get("values", {})).items()}
+        numbers = {name: float(message[name]) for name in ("frequency", "peak_to_peak", "added_mass")}
+    except (KeyError, TypeError, ValueError) as error:
+        raise SettingError(f"the page's settings cannot be read ({error}); reload it.") from None
+    return Settings(**numbers, values=values)
+
+
+class Server:
+    """Serves one `Show` until it is told to stop.
+
+    Args:
+        show: what is shown. port: 0 takes a free one.
+    """
+
+    def __init__(self, show: Show, port: int = 0) -> None:
+        self.show = show
+        self.pages: set[Stream] = set()
+        self._pool = ThreadPoolExecutor(1, "simulation")
+        try:
+            self._sockets = tornado.netutil.bind_sockets(port, address=ADDRESS)
+        except OSError as error:
+            problem = f"port {port} cannot be used ({error.strerror}); leave --port out for a free one."
+            raise SettingError(problem) from None
+        self.port = self._sockets[0].getsockname()[1]
+        self.url = f"http://{ADDRESS}:{self.port}/"
+        self.hosts = {f"{ADDRESS}:{self.port}", f"localhost:{self.port}"}
+        self._ended = asyncio.Event()
+        files = {"foot.js": PAGE / "foot.js", "stage.js": PAGE / "stage.js", "plots.js": PAGE / "plots.js",
+                 "style.css": PAGE / "style.css", "meshcat.js": scene.SCRIPT}  # fmt: skip
+        routes: list[Any] = [("/", Page, {"server": self, "file": PAGE / "page.html"})]
+        routes += [(f"/{name}", Page, {"server": self, "file": file}) for name, file in files.items()]
+        routes += [("/stream", Stream, {"server": self})]
+        self._application = tornado.web.Application(
+            routes, websocket_ping_interval=PATIENCE / 2, websocket_ping_timeout=PATIENCE / 2,
+            websocket_max_message_size=LARGEST, log_function=lambda handler: None,
+        )  # fmt: skip
+
+    async def run(self, watch: Path | None = None, stay: bool = True) -> None:
+        """Serve until `stop`, or with `stay` false until the last page has left."""
+        http = tornado.httpserver.HTTPServer(self._application, idle_connection_timeout=PATIENCE)
+        http.add_sockets(self._sockets)
+        tasks = [asyncio.create_task(self._watch(watch))] if watch else []
+        if not stay:
+            tasks.append(asyncio.create_task(self._until_alone()))
+        try:
+            await self._ended.wait()
+        finally:
+            for task in tasks:
+                task.cancel()
+            http.stop()
+            for page in list(self.pages):
+                page.close(1001, "the viewer has ended")
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(http.close_all_connections(), 2)
+            self._pool.shutdown(wait=False, cancel_futures=True)
+
+    def stop(self) -> None:
+        """End `run`."""
+        self._ended.set()
+
+    async def answer(self, message: dict[str, Any]) -> str:
+        """Simulate what a page asks for."""
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._pool, self._answer, message)
+
+    def _answer(self, message: dict[str, Any]) -> str:
+        started = time.perf_counter()
+        try:
+            answer = self.show.answer(settings_from(message))
+        except FasError as error:
+            answer = {"type": "error", "text": str(error)}
+        answer |= {"request": message.get("request"), "seconds": time.perf_counter() - started}
+        return json.dumps(answer)
+
+    def broadcast(self, document: dict[str, Any]) -> None:
+        """Send one document to every page."""
+        text = json.dumps(document)
+        for page in list(self.pages):
+            page.send(text)
+
+    async def _watch(self, file: Path) -> None:
+        """Load the model again whenever its file is saved; the folder is watched, as editors replace files."""
+        from watchfiles import awatch
+
+        wanted = str(file.resolve())
+        async for _ in awatch(file.resolve().parent, step=20, debounce=60, watch_filter=lambda _, p: p == wanted):
+            try:
+                await asyncio.get_running_loop().run_in_executor(self._pool, self.show.reload)
+                self.broadcast(self.show.description())
+            except FasError as error:
+                console.print(f"[yellow]not loaded:[/] {error}", markup=True)
+                self.show.error = str(error)
+                self.broadcast({"type": "error", "text": f"{error} The last good model is shown."})
+
+    async def _until_alone(self) -> None:
+        while not self.pages:
+            await asyncio.sleep(0.2)
+        alone = 0.0
+        while alone < GRACE:
+            await asyncio.sleep(0.2)
+            alone = 0.0 if self.pages else alone + 0.2
+        console.print("the last page was closed")
+        self.stop()
+
+
+class Guarded(tornado.web.RequestHandler):
+    """Whatever the server answers, it answers only under its own names."""
+
+    server: Server
+
+    def prepare(self) -> None:
+        """Refuse a foreign name that resolves to this machine (DNS rebinding).
+
+        Tornado takes a websocket whose Origin equals its Host without asking `check_origin`, so this guards both.
+        """
+        if self.request.host not in self.server.hosts:
+            raise tornado.web.HTTPError(403)
+
+
+class Page(Guarded):
+    """One of the page's files."""
+
+    def initialize(self, server: Server, file: Path) -> None:
+        """Called by tornado."""
+        self.server, self.file = server, file
+
+    def set_default_headers(self) -> None:
+        """No caching, no framing, no guessing of types."""
+        self.set_header("Cache-Control", "no-store")
+        self.set_header("Content-Security-Policy", POLICY.format(host=self.request.host))
+        self.set_header("X-Content-Type-Options", "nosniff")
+        self.set_header("Referrer-Policy", "no-referrer")
+        self.set_header("Server", "fasbody")
+
+    def get(self) -> None:
+        """The file."""
+        kinds = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
+        self.set_header("Content-Type", f"{kinds[self.file.suffix]}; charset=utf-8")
+        self.write(self.file.read_bytes())
+
+
+class Stream(Guarded, tornado.websocket.WebSocketHandler):
+    """One page: it gets the scene, the model, and a motion for every request."""
+
+    def initialize(self, server: Server) -> None:
+        """Called by tornado."""
+        self.server = server
+        self._forget: Callable[[], None] = lambda: None
+
+    def check_origin(self, origin: str) -> bool:
+        """Only our own page may connect."""
+        return origin in {f"http://{host}" for host in self.server.hosts}
+
+    def open(self, *_: str, **__: str) -> None:
+        """Send the whole scene, then what the model is."""
+        self.set_nodelay(True)
+        self.server.pages.add(self)
+
+        hub = self.server.show.hub
+        for message in hub.messages():
+            self.send(message)
+        self.send(json.dumps(self.server.show.description()))
+        loop = asyncio.get_running_loop()
+
+        def later(message: bytes) -> None:  # a reload happens in the simulation's thread
+            loop.call_soon_threadsafe(self.send, message)
+
+        hub.listeners.add(later)
+        self._forget = lambda: hub.listeners.discard(later)
+
+    def on_close(self) -> None:
+        """Forget the page."""
+        self.server.pages.discard(self)
+        self._forget()
+
+    async def on_message(self, message: str | bytes) -> None:
+        """A request for a motion."""
+        try:
+            request = json.loads(message)
+            kind = request["type"]
+        except (ValueError, TypeError, KeyError):
+            self.close(1003, "not understood")
+            return
+        if kind == "simulate":
+            self.send(await self.server.answer(request))
+
+    def send(self, message: str | bytes) -> None:
+        """Write, and forget a page that has gone."""
+        try:
+            written = self.write_message(message, binary=isinstance(message, bytes))
+        except tornado.websocket.WebSocketClosedError:
+            self.on_close()
+            return
+        written.add_done_callback(lambda done: done.cancelled() or done.exception())  # a page that left is no error
