@@ -1,13 +1,14 @@
 """A virtual laboratory: synthetic recordings with known truth, to learn on and to test against.
 
-`python -m fasbody.laboratory FOLDER` makes a study of one synthetic subject at the nine frequencies of the thesis. The
-foot is the two-mass model of Eq. (4.29), integrated by DOP853 at tight tolerance (neither of the engines that the fit
-uses); the instrument adds what real ones add: shaker harmonics, sensor noise, 12-bit quantisation, a delay between the
-multiplexed channels. Everything it writes says that it is synthetic, and `truth.json` holds the parameters.
+`python -m fasbody.laboratory FOLDER --subjects 20` makes a whole study (virtual_study.py). Without `--subjects` it
+makes recordings of one foot with constant parameters, the two-mass model of Eq. (4.29) integrated by DOP853 at tight
+tolerance (neither of the engines that the fit uses); the instrument adds what real ones add: shaker harmonics, sensor
+noise, 12-bit quantisation, a delay between the multiplexed channels. Everything it writes says that it is synthetic,
+and `truth.json` holds the parameters.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -15,59 +16,19 @@ import numpy as np
 import typer
 from scipy.integrate import solve_ivp
 
-from fasbody import shaker
 from fasbody.console import command_line, console, progress_bar, to_json, write_whole
 from fasbody.exceptions import SettingError
+from fasbody.instrument import STRAPPED, Instrument
 from fasbody.recording import Condition, Recording
 from fasbody.shaker import BaseMotion
-from fasbody.subjects import SUBJECTS, foot_mass, shank_mass
+from fasbody.subjects import ADDED_MASSES_KG, SUBJECTS, foot_mass, shank_mass
 from fasbody.two_dof import TwoDof
+from fasbody.virtual_study import EXCITATIONS, FREQUENCIES_HZ, Plan, make
+from fasbody.virtual_subject import POSTURES
 
-#: Frequencies of section 2.2.2 [Hz].
-FREQUENCIES_HZ = tuple(float(f) for f in range(10, 55, 5))
 #: A foot with visibly nonlinear dampers: invented, within what chapters 2 and 4 of the thesis describe.
 TRUTH = {"k_T": 1.31e5, "k_F": 9.4e4, "c_11": 380.0, "c_12": 90.0, "c_13": 140.0, "c_21": 760.0, "c_22": -120.0}
 TRUTH |= {"c_23": 180.0}
-
-
-@dataclass(frozen=True)
-class Instrument:
-    """What the shaker and the data acquisition add to the motion.
-
-    Attributes:
-        rate_hz: sampling rate. noise_base, noise_malleolus: standard deviation of the sensor noise [m/s^2].
-        bits, range_m_s2: the converter spans +-range in 2^bits steps.
-        delay_s: the malleolus channel lags the base channel by this much (filters, converter).
-        distortion: amplitude of the shaker's second and third harmonic over the first.
-    """
-
-    rate_hz: float = 1000.0
-    noise_base: float = 0.03
-    noise_malleolus: float = 0.05
-    bits: int = 12
-    range_m_s2: float = 39.2
-    delay_s: float = 2e-4
-    distortion: tuple[float, float] = (0.015, 0.008)
-
-    def motion(self, frequency_hz: float, duration_s: float, rng: np.random.Generator) -> BaseMotion:
-        """Shaker motion of 17.9 m/s^2 peak to peak with its harmonics at random phases."""
-        phases = rng.uniform(0, 2 * np.pi, 3)
-        sizes = 0.5 * shaker.PEAK_TO_PEAK * np.array([1.0, *self.distortion])
-        return shaker.harmonics(frequency_hz, -1j * sizes * np.exp(1j * phases), duration_s)
-
-    def measure(self, values: np.ndarray, noise: float, rng: np.random.Generator) -> np.ndarray:
-        """Add noise and quantise; (n,) [m/s^2]."""
-        step = 2 * self.range_m_s2 / 2**self.bits
-        noisy = values + rng.normal(0, noise, values.size)
-        return np.clip(np.round(noisy / step) * step, -self.range_m_s2, self.range_m_s2 - step)
-
-    def observe(self, exact: Recording, rng: np.random.Generator) -> Recording:
-        """A recording as the instrument gives it: noise and quantisation on both channels."""
-        return replace(
-            exact,
-            base_m_s2=self.measure(exact.base_m_s2, self.noise_base, rng),
-            malleolus_m_s2=self.measure(exact.malleolus_m_s2, self.noise_malleolus, rng),
-        )
 
 
 def record(
@@ -136,7 +97,8 @@ def make_study(
     subjects = f"subject,age_yr,height_m,mass_kg\n{subject},{person.age_yr},{person.height_m},{person.mass_kg}\n"
     write_whole(folder / "subjects.csv", subjects)
     write_whole(folder / "recordings.csv", "\n".join(rows) + "\n")
-    truth = {"origin": "synthetic", "seed": seed, "parameters": TRUTH, "instrument": asdict(instrument)}
+    known = {name: value for name, value in asdict(instrument).items() if name not in STRAPPED}
+    truth = {"origin": "synthetic", "seed": seed, "parameters": TRUTH, "instrument": known}
     write_whole(folder / "truth.json", to_json(truth) + "\n")
     write_whole(folder / "study.toml", _STUDY.format(subject=subject, body=body, seed=seed, rate=instrument.rate_hz))
     return folder
@@ -163,21 +125,50 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def main(
     study: Annotated[Path, typer.Argument(help="folder to write")],
-    subject: Annotated[int, typer.Option(help="subject of Table 2.1 whose body mass is used")] = 16,
-    added_mass: Annotated[list[float], typer.Option(help="mass on the knee in kg; repeat for several")] = [0.0],  # noqa: B006
+    subjects: Annotated[
+        int | None, typer.Option(help="a whole study of so many virtual subjects, with tuberosity and scatter")
+    ] = None,
+    subject: Annotated[int, typer.Option(help="else: subject of Table 2.1 whose body mass one foot has")] = 16,
+    added_mass: Annotated[
+        list[float] | None, typer.Option(help="mass on the knee in kg; repeat (default 0, for studies 0, 2.3, 4.5)")
+    ] = None,
+    posture: Annotated[
+        list[str] | None, typer.Option(help=f"{', '.join(POSTURES)}; repeat (studies; default all, unloaded)")
+    ] = None,
     frequency: Annotated[
         list[float] | None, typer.Option(help="excitation in Hz; repeat (default 10, 15 ... 50)")
     ] = None,
-    seconds: Annotated[float, typer.Option(help="length of each recording in s")] = 4.0,
-    seed: Annotated[int, typer.Option(help="seed of phases and noise")] = 16,
+    excitation: Annotated[str, typer.Option(help=f"{', '.join(EXCITATIONS)} (studies)")] = "sine",
+    peak_to_peak: Annotated[float, typer.Option(help="base acceleration in m/s^2 (studies)")] = 17.9,
+    seconds: Annotated[
+        float | None, typer.Option(help="length of each recording in s (default 4, for studies 10)")
+    ] = None,
+    file_format: Annotated[str, typer.Option("--format", help="csv, mat, h5, uff or tdms (studies)")] = "csv",
+    seed: Annotated[int | None, typer.Option(help="seed of subjects, phases and noise")] = None,
+    jobs: Annotated[int, typer.Option(help="processes; 0 for all cores")] = 0,
 ) -> None:
     """Make a synthetic study with known truth.
 
-    Example: python -m fasbody.laboratory my_study --added-mass 0 --added-mass 2.3 --seconds 10
+    Example: python -m fasbody.laboratory my_study --subjects 20
+             python -m fasbody.laboratory one_foot --added-mass 0 --added-mass 2.3 --seconds 10
     """
     if (study / "recordings.csv").exists() and not (study / "truth.json").exists():
         raise SettingError(f"{study} holds a study that was not made here; name another folder.")
-    made = make_study(study, subject, frequency or FREQUENCIES_HZ, added_mass, seconds, seed)
+    frequencies = tuple(frequency or FREQUENCIES_HZ)
+    if subjects is None:
+        if posture or excitation != "sine":
+            raise SettingError("postures and excitations other than sines need --subjects.")
+        made = make_study(
+            study, subject, frequencies, added_mass or [0.0], seconds or 4.0, 16 if seed is None else seed
+        )
+    else:
+        conditions = tuple((p, m) for p in posture or ["midstance"] for m in added_mass or ADDED_MASSES_KG)
+        plan = Plan(
+            subjects=subjects, conditions=conditions if posture or added_mass else (), frequencies_hz=frequencies,
+            excitation=excitation, peak_to_peak=peak_to_peak, file_format=file_format.removeprefix("."),
+        )  # fmt: skip
+        plan = replace(plan, seconds=seconds or plan.seconds, seed=plan.seed if seed is None else seed)
+        made = make(study, plan, jobs)
     count = len((made / "recordings.csv").read_text().splitlines()) - 1
     console.print(f"{count} synthetic recordings in {made}; the truth is in {made / 'truth.json'}")
 

@@ -7,23 +7,21 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from fasbody.exceptions import InputFileError, unknown
+from fasbody.channels import Channels, Layout
+from fasbody.exceptions import InputFileError
 
-Channels = dict[str, np.ndarray]
-
-#: Units that a header may carry behind a channel's name, and what they are in SI.
-UNITS = {"m_s2": 1.0, "g": 9.80665, "mm_s2": 1e-3, "cm_s2": 1e-2}
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
-_CHANNELS = ("base", "malleolus", "tuberosity")
 #: Larger files are refused before they are read [bytes].
 _LARGEST = 500_000_000
 
 
-def read_csv(file: Path) -> Channels:
+def read_csv(file: Path, layout: Layout | None = None) -> Channels:
     """Read one recording.
 
     The header names the columns with their units, ``time_s,base_m_s2,malleolus_m_s2[,tuberosity_m_s2]``; other columns
     are ignored. Units may also be ms or us, g, mm_s2 or cm_s2. Comma, semicolon, tab or blank separate the columns.
+
+    Args:
+        file: the file. layout: what study.toml says of its columns.
 
     Returns:
         name in SI (``time_s``, ``base_m_s2``, ...) -> (n,) values.
@@ -39,30 +37,13 @@ def read_csv(file: Path) -> Channels:
     names = [
         name.strip().strip('"').lower() for name in (first.split(separator) if separator != " " else first.split())
     ]
-    wanted: dict[str, tuple[int, float]] = {}
-    for index, name in enumerate(names):
-        stem, _, unit = name.partition("_")
-        if stem == "time" and unit in TIME_UNITS:
-            _once(file, wanted, "time_s")
-            wanted["time_s"] = (index, TIME_UNITS[unit])
-        elif stem in _CHANNELS:
-            if unit not in UNITS:
-                raise InputFileError(file, unknown(f"unit of the column {stem!r}:", unit, UNITS), line=1)
-            _once(file, wanted, f"{stem}_m_s2")
-            wanted[f"{stem}_m_s2"] = (index, UNITS[unit])
-    missing = [name for name in ("time_s", "base_m_s2", "malleolus_m_s2") if name not in wanted]
-    if missing:
-        found = ", ".join(names)[:120]
-        raise InputFileError(
-            file, f"has no column {missing[0]!r} (found: {found})", "units may also be g or ms", line=1
-        )
-    frame = _numbers(file, text, separator, len(names), {name: index for name, (index, _) in wanted.items()})
-    return {name: frame[name] * scale for name, (_, scale) in wanted.items()}
-
-
-def _once(file: Path, wanted: dict[str, tuple[int, float]], name: str) -> None:
-    if name in wanted:
-        raise InputFileError(file, f"has two columns for {name.removesuffix('_m_s2')}", "keep one of them", line=1)
+    layout = layout or Layout()
+    wanted = layout.find(file, names, [""] * len(names), line=1)
+    columns = _numbers(file, text, separator, len(names), {name: index for name, (index, _) in wanted.items()})
+    channels = {name: columns[name] * factor for name, (_, factor) in wanted.items()}
+    if layout.rate_hz and "time_s" not in channels:
+        channels["time_s"] = np.arange(channels["base_m_s2"].size) / layout.rate_hz
+    return channels
 
 
 def read_table(file: Path, needed: Sequence[str]) -> pd.DataFrame:

@@ -2,46 +2,24 @@
 
 import json
 import math
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from fasbody.exceptions import InputFileError, RecordingError
-from fasbody.readers import column, read_csv, read_table
-from fasbody.subjects import foot_mass, shank_mass
+from fasbody import formats
+from fasbody.channels import Channels, Layout
+from fasbody.condition import Condition, plausible
+from fasbody.description import describe
+from fasbody.exceptions import InputFileError
+from fasbody.readers import column, read_table
 
 #: The three columns that a recording needs, and one that it may have.
 HEADER = ("time_s", "base_m_s2", "malleolus_m_s2", "tuberosity_m_s2")
-
-
-#: What a person and a load on the knee can weigh.
-_MASS_LIMITS_KG = {"body": (20, 300), "added": (0, 100)}
 #: Origin of a bare file, which says nothing about itself.
 UNSTATED = "of unstated origin"
-
-
-@dataclass(frozen=True)
-class Condition:
-    """Under what a recording was made. `frequency_hz` is None for broadband excitation, masses None if unknown."""
-
-    subject: str = ""
-    posture: str = "midstance"
-    added_mass_kg: float = 0.0
-    body_mass_kg: float | None = None
-    frequency_hz: float | None = None
-
-    @property
-    def masses(self) -> dict[str, float]:
-        """m_S (in the arch m_T) and m_F [kg] of section 4.5; empty if the body mass is unknown."""
-        if self.body_mass_kg is None:
-            return {}
-        shank = shank_mass(self.body_mass_kg, self.added_mass_kg)
-        return {"m_S": shank, "m_T": shank, "m_F": foot_mass(self.body_mass_kg)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,20 +56,26 @@ class Recording:
 
     @classmethod
     def read(
-        cls, file: Path | str, condition: Condition | None = None, label: str = "", origin: str = UNSTATED
+        cls,
+        file: Path | str,
+        condition: Condition | None = None,
+        label: str = "",
+        origin: str = UNSTATED,
+        layout: Layout | None = None,
     ) -> "Recording":
-        """Read a CSV file with the header ``time_s,base_m_s2,malleolus_m_s2[,tuberosity_m_s2]`` (units may differ).
+        """Read a file: CSV with the header ``time_s,base_m_s2,malleolus_m_s2[,tuberosity_m_s2]``, MAT, HDF5, UFF, TDMS.
 
         Args:
             file: the file.
             condition: what is known of the trial.
             label: what to call it in messages, default the file's name.
             origin: "measured" or "synthetic", if that is known.
+            layout: where in the file the channels are, and their units, if the file does not say so itself.
 
         Raises:
             InputFileError: no such file, or it is not such a table; the message names line and column.
         """
-        channels = read_csv(Path(file))
+        channels = formats.read(Path(file), layout)
         return cls(
             time_s=channels[HEADER[0]],
             base_m_s2=channels[HEADER[1]],
@@ -103,19 +87,103 @@ class Recording:
             warnings=_remarks(Path(file).with_suffix(".json")),
         )
 
+    @property
+    def channels(self) -> Channels:
+        """Time and accelerations by their names in `HEADER`."""
+        return {name: getattr(self, name) for name in HEADER if getattr(self, name) is not None}
+
     def write(self, file: Path) -> None:
-        """Write as CSV, numbers as short as they are exact to 1e-6."""
+        """Write in the format of the file's ending; as CSV numbers are as short as they are exact to 1e-6."""
         from fasbody.console import write_whole
 
-        columns = {name: getattr(self, name) for name in HEADER if getattr(self, name) is not None}
+        columns = self.channels
+        if file.suffix.lower() != ".csv":
+            return formats.write(file, columns)
         digits = 3 + math.ceil(math.log10(max(1.0, self.rate_hz)))  # a sample's time to a thousandth of the interval
         frame = pd.DataFrame({k: np.round(v, digits if k == "time_s" else 6) for k, v in columns.items()})
         write_whole(file, frame.to_csv(index=False))
+        return None
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One row of recordings.csv: where the recording is, what the row and messages call it, and how it was made."""
+
+    path: Path
+    file: str
+    label: str
+    condition: Condition
+
+
+@dataclass(frozen=True)
+class StudyFolder:
+    """A study on disk: its tables are read, its recordings one at a time when they are asked for.
+
+    Attributes:
+        name: its title. origin: "measured" or "synthetic". description: one paragraph.
+        trials: what recordings.csv lists. layout: what study.toml says of the channels.
+    """
+
+    name: str
+    origin: str
+    description: str
+    trials: tuple[Trial, ...]
+    layout: Layout
+
+    @classmethod
+    def open(cls, folder: Path | str, only: Path | None = None) -> "StudyFolder":
+        """Read `study.toml`, `subjects.csv` and `recordings.csv` of a folder.
+
+        Args:
+            folder: the study.
+            only: list just this one of its recordings.
+
+        Raises:
+            InputFileError: a file is missing or has a wrong place in it.
+            RecordingError: a mass is not a plausible number.
+        """
+        root = Path(folder)
+        about, layout = describe(root / "study.toml")
+        subjects = read_table(root / "subjects.csv", ("subject", "mass_kg"))
+        masses = dict(
+            zip(subjects["subject"].astype(str), column(root / "subjects.csv", subjects, "mass_kg"), strict=True)
+        )
+        file = root / "recordings.csv"
+        table = read_table(file, ("file", "subject", "added_mass_kg"))
+        added = column(file, table, "added_mass_kg")
+        known = "frequency_hz" in table
+        frequency = column(file, table, "frequency_hz", optional=True) if known else np.full(len(table), np.nan)
+        trials = []
+        for i, row in enumerate(table.to_dict("records")):
+            subject = str(row["subject"])
+            if subject not in masses:
+                raise InputFileError(file, f"subject {subject!r} is not in subjects.csv", line=i + 2)
+            path = root / str(row["file"])
+            if not path.resolve().is_relative_to(root.resolve()):
+                raise InputFileError(file, f"{row['file']!r} lies outside the study's folder", line=i + 2)
+            if only is not None and path.resolve() != only.resolve():
+                continue
+            condition = Condition(
+                subject=subject,
+                posture=str(row.get("posture", "midstance")),
+                body_mass_kg=plausible(float(masses[subject]), "body", f"{root / 'subjects.csv'}: subject {subject}"),
+                added_mass_kg=plausible(float(added[i]), "added", f"{file}, line {i + 2}"),
+                frequency_hz=float(frequency[i]) if np.isfinite(frequency[i]) else None,
+            )
+            trials.append(Trial(path, str(row["file"]), f"{root.name}/{row['file']}", condition))
+        if not trials:
+            missing = "lists no recording" if only is None else f"does not list {only.name}"
+            raise InputFileError(file, missing, "one row a recording is needed")
+        return cls(about["name"], about["origin"], about["description"], tuple(trials), layout)
+
+    def read(self, trial: Trial) -> Recording:
+        """The recording of one trial, corrected as study.toml says."""
+        return Recording.read(trial.path, trial.condition, trial.label, self.origin, self.layout)
 
 
 @dataclass(frozen=True)
 class Study:
-    """A folder of recordings.
+    """A folder of recordings, all in memory.
 
     Attributes:
         name: its title. origin: "measured" or "synthetic". description: one paragraph. recordings: in table order.
@@ -134,7 +202,7 @@ class Study:
 
     @classmethod
     def read(cls, folder: Path | str, only: Path | None = None) -> "Study":
-        """Read `study.toml`, `subjects.csv` and `recordings.csv` of a folder, and every recording they list.
+        """Read a study folder and every recording it lists.
 
         Args:
             folder: the study.
@@ -142,43 +210,10 @@ class Study:
 
         Raises:
             InputFileError: a file is missing or has a wrong place in it.
+            RecordingError: a mass is not a plausible number.
         """
-        root = Path(folder)
-        about, channels = _describe(root / "study.toml")
-        subjects = read_table(root / "subjects.csv", ("subject", "mass_kg"))
-        masses = dict(
-            zip(subjects["subject"].astype(str), column(root / "subjects.csv", subjects, "mass_kg"), strict=True)
-        )
-        file = root / "recordings.csv"
-        table = read_table(file, ("file", "subject", "added_mass_kg"))
-        added = column(file, table, "added_mass_kg")
-        known = "frequency_hz" in table
-        frequency = column(file, table, "frequency_hz", optional=True) if known else np.full(len(table), np.nan)
-        recordings = []
-        for i, row in enumerate(table.to_dict("records")):
-            subject = str(row["subject"])
-            if subject not in masses:
-                raise InputFileError(file, f"subject {subject!r} is not in subjects.csv", line=i + 2)
-            path = root / str(row["file"])
-            if not path.resolve().is_relative_to(root.resolve()):
-                raise InputFileError(file, f"{row['file']!r} lies outside the study's folder", line=i + 2)
-            if only is not None and path.resolve() != only.resolve():
-                continue
-            _plausible(float(masses[subject]), "body", f"{root / 'subjects.csv'}: subject {subject}")
-            _plausible(float(added[i]), "added", f"{file}, line {i + 2}")
-            condition = Condition(
-                subject=subject,
-                posture=str(row.get("posture", "midstance")),
-                added_mass_kg=float(added[i]),
-                body_mass_kg=float(masses[subject]),
-                frequency_hz=float(frequency[i]) if np.isfinite(frequency[i]) else None,
-            )
-            recording = Recording.read(path, condition, origin=about["origin"], label=f"{root.name}/{row['file']}")
-            recordings.append(channels.apply(recording))
-        if not recordings:
-            missing = "lists no recording" if only is None else f"does not list {only.name}"
-            raise InputFileError(file, missing, "one row a recording is needed")
-        return cls(about["name"], about["origin"], about["description"], tuple(recordings))
+        study = StudyFolder.open(folder, only)
+        return cls(study.name, study.origin, study.description, tuple(study.read(trial) for trial in study.trials))
 
 
 def _remarks(file: Path) -> tuple[str, ...]:
@@ -190,74 +225,6 @@ def _remarks(file: Path) -> tuple[str, ...]:
     except (ValueError, KeyError, TypeError, OSError):
         return ()
     return tuple(text for text in found if isinstance(text, str)) if isinstance(found, list) else ()
-
-
-def _describe(file: Path) -> tuple[dict[str, str], "_Corrections"]:
-    """The [study] table with defaults, and the corrections of the [channels.*] tables."""
-    if not file.is_file():
-        raise InputFileError(file, "no such file", "a study folder needs study.toml, subjects.csv and recordings.csv")
-    try:
-        document = tomllib.loads(file.read_text())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputFileError(file, f"is not TOML ({error})") from None
-    about = {"name": file.parent.resolve().name, "origin": "measured", "description": ""}
-    about |= {key: str(value) for key, value in _table(file, document, "study").items() if key in about}
-    if about["origin"] not in ("measured", "synthetic"):
-        raise InputFileError(file, f"origin is {about['origin']!r}", 'valid: "measured", "synthetic"')
-    return about, _Corrections.from_toml(file, _table(file, document, "channels"))
-
-
-def _table(file: Path, document: Any, name: str) -> dict[str, Any]:
-    """A table of a TOML document, empty if it is not there."""
-    table = document.get(name, {})
-    if not isinstance(table, dict):
-        raise InputFileError(file, f"{name} is {table!r}", f"it must be a table, [{name}]")
-    return table
-
-
-@dataclass(frozen=True)
-class _Corrections:
-    """Sign, sensitivity and delay of each channel, as study.toml gives them."""
-
-    factor: dict[str, float]
-    delay: dict[str, float]
-
-    @classmethod
-    def from_toml(cls, file: Path, tables: dict[str, Any]) -> "_Corrections":
-        names = [name.removesuffix("_m_s2") for name in HEADER[1:]]
-        factor, delay = {}, {}
-        for name in tables:
-            if name not in names:
-                raise InputFileError(file, f"describes the channel {name!r}", f"valid: {', '.join(names)}")
-            table = _table(file, tables, name)
-            valid = ("unit", "sign", "sensitivity", "delay_s")
-            for key, value in table.items():
-                number = isinstance(value, int | float) and math.isfinite(value)
-                if key not in valid or (key != "unit" and not number):
-                    here = f"channels.{name}.{key} = {value!r}"
-                    raise InputFileError(file, here, f"valid: {', '.join(valid)}, with finite numbers")
-            sensitivity = float(table.get("sensitivity", 1.0))
-            if sensitivity == 0:
-                raise InputFileError(file, f"channels.{name}.sensitivity is zero", "give recorded unit per m/s^2")
-            factor[name] = float(table.get("sign", 1.0)) / sensitivity
-            delay[name] = float(table.get("delay_s", 0.0))
-        return cls(factor, delay)
-
-    def apply(self, recording: Recording) -> Recording:
-        """Scale the channels and undo known delays (band-limited shift by a spline)."""
-        from scipy.interpolate import CubicSpline
-
-        changed = {}
-        for name in self.factor:
-            key = f"{name}_m_s2"
-            values = getattr(recording, key)
-            if values is None:
-                continue
-            values = values * self.factor[name]
-            if self.delay[name]:
-                values = CubicSpline(recording.time_s, values)(recording.time_s + self.delay[name])
-            changed[key] = values
-        return replace(recording, **changed) if changed else recording
 
 
 def read_file(file: Path) -> Recording:
@@ -275,12 +242,6 @@ def read_file(file: Path) -> Recording:
     return Recording.read(file)
 
 
-def _plausible(mass_kg: float, name: str, here: str) -> None:
-    low, high = _MASS_LIMITS_KG[name]
-    if not low <= mass_kg <= high:
-        raise RecordingError(f"{here}: the {name} mass is {mass_kg:g} kg; it must lie between {low} and {high} kg.")
-
-
 def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg: float | None) -> Recording:
     """The recording with masses given on the command line in place of its own.
 
@@ -290,6 +251,12 @@ def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg:
     condition = recording.condition
     for name, value in (("body", body_mass_kg), ("added", added_mass_kg)):
         if value is not None:
-            _plausible(value, name, recording.file)
-            condition = replace(condition, **{f"{name}_mass_kg": value})  # type: ignore[arg-type]
+            condition = replace(condition, **{f"{name}_mass_kg": plausible(value, name, recording.file)})  # type: ignore[arg-type]
     return replace(recording, condition=condition)
+
+
+if __name__ == "__main__":
+    from fasbody import conversion
+    from fasbody.console import command_line
+
+    command_line(conversion.app)

@@ -108,18 +108,25 @@ def sine_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) -> f
     return float(1 - residual @ residual / max(1e-300, centred @ centred))
 
 
-def _solve(P: np.ndarray, signal: np.ndarray) -> np.ndarray:
-    """Least squares by the normal equations: sines over whole periods are nearly orthogonal, so this is accurate."""
-    return np.linalg.solve(P.T @ P, P.T @ signal)
-
-
 def _basis(time_s: np.ndarray, frequency_hz: float, count: int) -> np.ndarray:
-    wt = 2 * np.pi * frequency_hz * np.multiply.outer(time_s, np.arange(1, count + 1))
     if time_s.size <= 2 * count + 1:
         raise RecordingError(f"{time_s.size} samples are too few for {count} harmonics; record at least one period.")
     P = np.empty((time_s.size, 2 * count + 1))
-    P[:, 0], P[:, 1::2], P[:, 2::2] = 1.0, np.cos(wt), np.sin(wt)
+    P[:, 0] = 1.0
+    first = np.exp(2j * np.pi * frequency_hz * time_s)
+    turning = first.copy()
+    for h in range(count):  # exp(i h w t) by multiplication: sines and cosines of each would cost most of the fit
+        P[:, 2 * h + 1], P[:, 2 * h + 2] = turning.real, turning.imag
+        turning *= first
     return P
+
+
+def _solve(P: np.ndarray, signal: np.ndarray) -> np.ndarray:
+    """Least squares: harmonics over whole periods are nearly orthogonal, so the normal equations lose no digits."""
+    N = P.T @ P
+    if np.linalg.cond(N) < 1e4:
+        return np.linalg.solve(N, P.T @ signal)
+    return np.linalg.lstsq(P, signal, rcond=None)[0]
 
 
 def _colour(residual: np.ndarray, rate: float, frequency_hz: float, count: int) -> np.ndarray:

@@ -65,6 +65,9 @@ def test_order_extra_columns_byte_order_mark_and_empty_lines(tmp_path: Path) -> 
         (table() + "0.003,inf,1\n", r"line 5: base_m_s2 is 'inf'; every sample must be finite"),
         ("time_s;base_m_s2;malleolus_m_s2\n0,000;1,5;2\n", r"line 2: time_s is '0,000', not a number"),
         (b"\xff\xfe\x00\x01\x80", r"is not a text file; a CSV file with a header line is needed"),
+        ("time_s,base_g,malleolus_g,base_m_s2\n0,1,2,3\n", r"line 1: has two columns for base; keep one of them"),
+        ("time_s,time_ms,base_g,malleolus_g\n0,1,2,3\n", r"line 1: has two columns for time; keep one of them"),
+        (b"time_s,base_g,malleolus_g\n0,1,2\0\n", r"is not a text file; a CSV file with a header line is needed"),
     ],
 )
 def test_what_is_wrong_and_where(tmp_path: Path, text: str | bytes, sentence: str) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fasbody.exceptions import InputFileError, RecordingError
-from fasbody.recording import Condition, Recording, Study, with_masses
+from fasbody.recording import Condition, Recording, Study, read_file, with_masses
 
 T = np.arange(300) / 1000
 
@@ -85,6 +85,11 @@ def test_channel_corrections(folder: Path) -> None:
         ("study.toml", "[channels.base]\ngain = 1\n", "base.gain = 1; valid: unit, sign, sensitivity, delay_s"),
         ("study.toml", '[channels.base]\nsign = "minus"\n', "channels.base.sign = 'minus'"),
         ("study.toml", "[channels.base]\nsensitivity = 0\n", "channels.base.sensitivity is zero"),
+        ("study.toml", "[channels.base]\nsensitivity = nan\n", "channels.base.sensitivity = nan; .*finite numbers"),
+        ("study.toml", "[channels.base]\ndelay_s = inf\n", "channels.base.delay_s = inf; .*finite numbers"),
+        ("study.toml", "study = 3\n", r"study is 3; it must be a table, \[study\]"),
+        ("study.toml", "channels = 3\n", r"channels is 3; it must be a table, \[channels\]"),
+        ("study.toml", "[channels]\nbase = 3\n", r"base is 3; it must be a table, \[.*base\]"),
         ("subjects.csv", None, "subjects.csv: no such file"),
         ("subjects.csv", "subject\n7\n", "subjects.csv, line 1: has no column 'mass_kg'"),
         ("subjects.csv", "subject,mass_kg\n7,heavy\n", "subjects.csv, line 2: mass_kg is 'heavy', not a number"),
@@ -103,6 +108,29 @@ def test_broken_studies_get_one_sentence(folder: Path, file: str, text: str | No
         place.write_text(text)
     with pytest.raises(InputFileError, match=sentence):
         Study.read(folder)
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "sentence"),
+    [
+        ("subjects.csv", "subject,mass_kg\n7,7257\n", r"subjects\.csv: subject 7: the body mass is 7257 kg"),
+        ("recordings.csv", "file,subject,added_mass_kg\na,7,0\nb,7,-1\n", "line 3: the added mass is -1 kg"),
+    ],
+)
+def test_implausible_masses_name_their_place(folder: Path, file: str, text: str, sentence: str) -> None:
+    (folder / file).write_text(text)
+    with pytest.raises(RecordingError, match=sentence):
+        Study.read(folder)
+
+
+def test_one_file_of_a_study_has_its_conditions(folder: Path) -> None:
+    """The other recording is not even opened; a warning beside the file comes along."""
+    (folder / "recordings" / "b.csv").unlink()
+    (folder / "recordings" / "a.json").write_text('{"warnings": ["one gap", 3]}')
+    read = read_file(folder / "recordings" / "a.csv")
+    assert (read.condition.body_mass_kg, read.origin, read.warnings) == (54.43, "measured", ("one gap",))
+    with pytest.raises(InputFileError, match=r"does not list c\.csv"):
+        Study.read(folder, only=folder / "c.csv")
 
 
 def test_masses_from_the_command_line() -> None:

@@ -1,0 +1,134 @@
+"""Mutated files for every reader: `python benchmarks/fuzz_readers.py 2000`.
+
+Each file is a sound recording with bytes flipped, blocks cut, repeated, or replaced by extreme numbers, or the file of
+another format under the wrong name. A reader must answer with a recording or with an InputFileError, within its time
+and memory, and stay usable. Deterministic for a seed.
+"""
+
+import random
+import resource
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from fasbody import formats
+from fasbody.exceptions import FasError
+
+ENDINGS = ("csv", "mat", "h5", "uff", "tdms", "v73.mat")
+_EXTREMES = (
+    b"\x00" * 8,
+    b"\xff" * 8,
+    b"\xff\xff\xff\x7f",
+    b"\x00\x00\x00\x80",
+    b"1e999",
+    b"-1",
+    b"99999999999",
+    b"nan",
+)
+
+
+def sound(samples: int = 200) -> dict[str, bytes]:
+    """A small recording in every format, by ending."""
+    t = np.arange(samples) / 1000
+    base = 8.95 * np.sin(2 * np.pi * 20 * t)
+    channels = {"time_s": t, "base_m_s2": base, "malleolus_m_s2": 1.3 * base, "tuberosity_m_s2": 1.2 * base}
+    made = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for ending in ("mat", "h5", "uff", "tdms"):
+            formats.write(Path(folder) / f"sound.{ending}", channels)
+            made[ending] = (Path(folder) / f"sound.{ending}").read_bytes()
+        made["v73.mat"] = _version_73(channels, Path(folder) / "sound.mat")
+    rows = [",".join(channels), *(",".join(f"{v:.6g}" for v in row) for row in zip(*channels.values(), strict=True))]
+    return made | {"csv": ("\n".join(rows) + "\n").encode()}
+
+
+def _version_73(channels: dict[str, np.ndarray], file: Path) -> bytes:
+    import h5py
+
+    with h5py.File(file, "w", userblock_size=512) as out:
+        for name, values in channels.items():
+            out.create_dataset(name, data=values[None, :]).attrs["MATLAB_class"] = np.bytes_("double")
+    whole = bytearray(file.read_bytes())
+    whole[:116] = b"MATLAB 7.3 MAT-file".ljust(116)
+    whole[124:128] = b"\x00\x02IM"
+    return bytes(whole)
+
+
+def mutated(content: bytes, others: list[bytes], rng: random.Random) -> bytes:
+    """One damaged file."""
+    data = bytearray(content)
+    for _ in range(rng.choice((1, 1, 2, 4, 16))):
+        kind = rng.randrange(8)
+        # headers matter most: half of the damage goes into the first kilobyte
+        at = rng.randrange(max(1, min(len(data), 1024) if rng.random() < 0.5 else len(data)))
+        if kind == 0 and data:
+            data[at] ^= 1 << rng.randrange(8)
+        elif kind == 1 and data:
+            data[at] = rng.randrange(256)
+        elif kind == 2:
+            del data[at:]
+        elif kind == 3:
+            del data[at : at + rng.randrange(1, 64)]
+        elif kind == 4:
+            data[at:at] = data[at : at + rng.randrange(1, 256)]
+        elif kind == 5:
+            extreme = rng.choice(_EXTREMES)
+            data[at : at + len(extreme)] = extreme
+        elif kind == 6:
+            data[at:at] = bytes(rng.randrange(256) for _ in range(rng.randrange(1, 32)))
+        elif rng.random() < 0.05:
+            data = bytearray(rng.choice(others))
+    return bytes(data)
+
+
+def fuzz(ending: str, count: int, seed: int = 0, advance: Callable[[], None] = lambda: None) -> Counter[str]:
+    """Read `count` mutated files; how many were read, refused, and refused because the reading process ended.
+
+    Any other exception than a FasError is a failure and comes through.
+    """
+    files = sound()
+    rng = random.Random(f"{ending}{seed}")
+    seen: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / f"fuzz.{ending.rsplit('.')[-1]}"
+        for _ in range(count):
+            file.write_bytes(mutated(files[ending], list(files.values()), rng))
+            start = time.monotonic()
+            try:
+                channels = formats.read(file)
+                assert {"time_s", "base_m_s2", "malleolus_m_s2"} <= set(channels)
+                seen["read"] += 1
+            except FasError as error:
+                text = str(error)
+                assert text.count("\n") == 0 and text.startswith(str(file)), text
+                seen[
+                    "process ended" if "breaks its reader" in text else "too slow" if "within" in text else "refused"
+                ] += 1
+            seen["slowest, ms"] = max(seen["slowest, ms"], round(1000 * (time.monotonic() - start)))
+            advance()
+    return seen
+
+
+def main() -> None:
+    from fasbody.console import progress_bar
+    from fasbody.formats import reader
+
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
+    for ending in ENDINGS:
+        with progress_bar() as progress:
+            bar = progress.add_task(ending, total=count)
+            seen = fuzz(ending, count, advance=partial(progress.advance, bar))
+        reader.end_child()  # so that the system counts its memory
+        child = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+        own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        print(f"{ending:8} {count} files: {dict(seen)}; peak memory so far {own:.0f} MB here, {child:.0f} MB reading")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,208 @@
+"""Which column of a file is which channel, and what turns its numbers into m/s^2: units, sensitivity, sign, delay."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fasbody.exceptions import InputFileError, unknown
+
+Channels = dict[str, np.ndarray]
+
+#: The accelerometers of section 2.2.2; the first two are needed.
+NAMES = ("base", "malleolus", "tuberosity")
+_G = 9.80665
+#: Units that a CSV header or a board may carry behind a channel's name, and what they are in SI.
+UNITS = {"m_s2": 1.0, "g": _G, "mm_s2": 1e-3, "cm_s2": 1e-2}
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+#: The same with what else instruments write into their files.
+ACCELERATIONS = UNITS | {
+    "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "gn": _G, "mm/s^2": 1e-3, "cm/s^2": 1e-2,
+}  # fmt: skip
+VOLTAGES = {"v": 1.0, "mv": 1e-3}
+_SENSITIVITY = re.compile(r"\s*([-+.\deE]+)\s*(m?V)\s*/\s*(g|m/s\^?2)\s*", re.IGNORECASE)
+_KEYS = ("unit", "sign", "sensitivity", "delay_s", "column")
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What study.toml says of one channel.
+
+    Attributes:
+        column: its name in the files, default the channel's own name. unit: of the numbers, if the files do not say.
+        sign: +1 or -1. sensitivity: recorded unit per m/s^2, or in V per m/s^2 if `volts`. delay_s: how late it is.
+    """
+
+    column: str = ""
+    unit: str = ""
+    sign: float = 1.0
+    sensitivity: float = 1.0
+    volts: bool = False
+    delay_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The channels of a study's files.
+
+    Attributes:
+        channels: by name, "time" included; those not listed are found by name and unit in the file.
+        rate_hz: sampling rate of files that have no time.
+    """
+
+    channels: Mapping[str, Channel] = field(default_factory=dict)
+    rate_hz: float | None = None
+
+    @classmethod
+    def from_toml(cls, file: Path, tables: Mapping[str, Any], rate_hz: object = None) -> "Layout":
+        """From the [channels.*] tables of study.toml.
+
+        Raises:
+            InputFileError: a channel, key or value that does not exist.
+        """
+        channels = {}
+        for name, table in tables.items():
+            if name not in (*NAMES, "time"):
+                raise InputFileError(file, f"describes the channel {name!r}", f"valid: {', '.join(NAMES)}, time")
+            if not isinstance(table, dict):
+                place = f"channels.{name}"
+                raise InputFileError(file, f"{place} is {table!r}", f"it must be a table, [{place}]")
+            channels[name] = _channel(file, name, table)
+        if rate_hz is not None and not (isinstance(rate_hz, int | float) and 0 < rate_hz < 1e7):
+            raise InputFileError(file, f"sampling_rate_hz = {rate_hz!r}", "valid: a positive number")
+        return cls(channels, None if rate_hz is None else float(rate_hz))
+
+    def find(self, file: Path, names: Sequence[str], units: Sequence[str], line: int | None = None) -> dict[str, Any]:
+        """Which of the file's columns is which channel.
+
+        Args:
+            file: for messages. names, units: of the file's columns; a unit may also stand behind a name
+                (``base_g``, ``base [g]``). line: of the header, for messages.
+
+        Returns:
+            ``time_s``, ``base_m_s2`` ... -> (index, factor to SI).
+
+        Raises:
+            InputFileError: a unit is unknown, missing or contradicts study.toml; a channel is missing or there twice.
+        """
+        wanted: dict[str, tuple[int, float]] = {}
+        for channel in ("time", *NAMES):
+            told = self.channels.get(channel, Channel())
+            for index, (name, unit) in enumerate(zip(names, units, strict=True)):
+                stem, behind = _split(name)
+                if name.strip().lower() == told.column.strip().lower() if told.column else stem == channel:
+                    found = told.unit or unit or (behind if stem == channel else "")
+                    if told.unit and (unit or behind) and stem == channel:
+                        self._agree(file, channel, told.unit, unit or behind)
+                    key = "time_s" if channel == "time" else f"{channel}_m_s2"
+                    if channel == "time" and found not in TIME_UNITS and not told.column:
+                        continue
+                    if key in wanted:
+                        raise InputFileError(file, f"has two columns for {channel}", "keep one of them", line=line)
+                    if channel == "time":
+                        wanted[key] = (index, _known(file, channel, found or "s", TIME_UNITS, line))
+                    else:
+                        wanted[key] = (index, self._factor(file, channel, found, line))
+            if told.column and not any(key.startswith(f"{channel}_") for key in wanted):
+                listed = ", ".join(names)[:120]
+                raise InputFileError(file, f"has no column {told.column!r} for {channel} (found: {listed})")
+        clock = ("time_s",) if line and self.rate_hz is None else ()  # only text has no rate of its own
+        for name in (*clock, "base_m_s2", "malleolus_m_s2"):
+            if name not in wanted:
+                found = ", ".join(names)[:120]
+                hint = "or give sampling_rate_hz in study.toml" if name in clock else _HELP
+                raise InputFileError(file, f"has no column {name!r} (found: {found})", hint, line=line)
+        return wanted
+
+    def _factor(self, file: Path, channel: str, unit: str, line: int | None) -> float:
+        told = self.channels.get(channel, Channel())
+        if unit.lower() in VOLTAGES:
+            if told.sensitivity == 1.0 and not told.volts:
+                raise InputFileError(
+                    file, f"{channel} is in {unit}", f'study.toml must give channels.{channel}.sensitivity = "100 mV/g"'
+                )
+            scale = VOLTAGES[unit.lower()] if told.volts else 1.0
+        else:
+            scale = _known(file, channel, unit, ACCELERATIONS, line)
+            if told.volts:
+                raise InputFileError(file, f"{channel} is in {unit}, and study.toml gives a sensitivity in volts")
+        return told.sign * scale / told.sensitivity
+
+    @staticmethod
+    def _agree(file: Path, channel: str, told: str, found: str) -> None:
+        if told.lower() in VOLTAGES and found == "m_s2":
+            return  # the standard heading over numbers that study.toml makes m/s^2
+        both = ACCELERATIONS | VOLTAGES | TIME_UNITS
+        if both.get(told.lower()) != both.get(found.lower()) or (told.lower() in VOLTAGES) != (
+            found.lower() in VOLTAGES
+        ):
+            raise InputFileError(file, f"{channel} is in {found}, and study.toml says {told}", "correct one of them")
+
+    def aligned(self, channels: Channels) -> Channels:
+        """The channels with their known delays undone (band-limited shift by a spline)."""
+        from scipy.interpolate import CubicSpline
+
+        late = {f"{name}_m_s2": c.delay_s for name, c in self.channels.items() if c.delay_s and name != "time"}
+        t = channels["time_s"]
+        if not late or t.size < 2 or np.any(np.diff(t) <= 0) or not np.isfinite(t).all():
+            return channels  # the checks will say what is wrong with such a time
+        shifted = {
+            name: CubicSpline(t, channels[name])(t + delay)
+            for name, delay in late.items()
+            if name in channels and np.isfinite(channels[name]).all()
+        }
+        return {**channels, **shifted}
+
+
+_HELP = "units may also be g or ms, and study.toml can name the column: [channels.base] column = ..."
+
+
+def _split(name: str) -> tuple[str, str]:
+    """Name and unit of a heading such as ``base_m_s2``, ``base [m/s^2]``, ``Base (g)``."""
+    text = name.strip().strip('"').lower()
+    match = re.fullmatch(r"([a-z]+)\s*[\[(]\s*([^\])]*?)\s*[\])]", text)
+    if match:
+        return match[1], match[2]
+    stem, _, unit = text.partition("_")
+    return stem, unit
+
+
+def _known(file: Path, channel: str, unit: str, valid: Mapping[str, float], line: int | None) -> float:
+    if unit.lower() not in valid:
+        raise InputFileError(file, unknown(f"unit of the column {channel!r}:", unit, valid), line=line)
+    return valid[unit.lower()]
+
+
+def _channel(file: Path, name: str, table: Mapping[str, Any]) -> Channel:
+    for key, value in table.items():
+        text = key in ("column", "unit") or (key == "sensitivity" and isinstance(value, str))
+        right = isinstance(value, str) if text else isinstance(value, int | float) and np.isfinite(value)
+        if key not in _KEYS or not right:
+            raise InputFileError(
+                file, f"channels.{name}.{key} = {value!r}", f"valid: {', '.join(_KEYS)}, with finite numbers"
+            )
+    given = table.get("sensitivity", 1.0)
+    sensitivity, volts = (_volts(file, name, given), True) if isinstance(given, str) else (float(given), False)
+    if sensitivity == 0:
+        raise InputFileError(file, f"channels.{name}.sensitivity is zero", "give recorded unit per m/s^2")
+    unit = str(table.get("unit", ""))
+    if unit:
+        _known(file, name, unit, TIME_UNITS if name == "time" else ACCELERATIONS | VOLTAGES, None)
+    return Channel(
+        str(table.get("column", "")), unit, float(table.get("sign", 1.0)), sensitivity, volts,
+        float(table.get("delay_s", 0.0)),
+    )  # fmt: skip
+
+
+def _volts(file: Path, name: str, text: str) -> float:
+    """Sensitivity in V per m/s^2 from a data sheet's "100 mV/g"."""
+    match = _SENSITIVITY.fullmatch(text)
+    try:
+        assert match is not None
+        return float(match[1]) * VOLTAGES[match[2].lower()] / ACCELERATIONS[match[3].lower()]
+    except (AssertionError, ValueError):
+        place = f"channels.{name}.sensitivity = {text!r}"
+        raise InputFileError(file, place, 'valid: a number (unit per m/s^2), "100 mV/g" or "10.2 mV/m/s^2"') from None

@@ -1,0 +1,125 @@
+"""`python -m fasbody.recording check PATH` and `convert FROM TO`: what a file holds, and the same in another format."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from fasbody.channels import Layout
+from fasbody.checks import checked
+from fasbody.console import console, print_json, progress_bar, results
+from fasbody.description import describe
+from fasbody.exceptions import FasError, InputFileError, RecordingError
+from fasbody.recording import Recording, StudyFolder
+from fasbody.response import find_frequency, sine_share
+
+app: typer.Typer = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
+
+_Study = Annotated[Path | None, typer.Option("--study", help="study.toml that maps channels, units and sensitivities")]
+
+
+@app.callback()
+def main() -> None:
+    """Recordings: check what was understood of a file, convert it.
+
+    Example: python -m fasbody.recording check my_study
+    """
+
+
+@app.command()
+def check(
+    path: Annotated[Path, typer.Argument(help="a recording (CSV, MAT, HDF5, UFF, TDMS) or a study folder")],
+    study: _Study = None,
+    json_: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
+) -> None:
+    """Tell what was understood of a recording or a study, and what is wrong with it.
+
+    Example: python -m fasbody.recording check measured.tdms --study study.toml --json
+
+    Exit code 2 if any recording cannot serve.
+    """
+    rows: list[dict[str, Any]] = []
+    if path.is_dir():
+        folder = StudyFolder.open(path)
+        with progress_bar() as progress:
+            for trial in progress.track(folder.trials, description="checking"):
+                try:
+                    rows.append(understood(folder.read(trial)))
+                except FasError as error:
+                    rows.append({"file": trial.label, "problem": str(error)})
+    else:
+        recording = Recording.read(path, layout=_layout(study))  # a file that cannot be read at all: one sentence
+        rows.append(understood(recording))
+    if json_:
+        print_json({"path": str(path), "recordings": rows})
+    else:
+        _show(rows)
+    wrong = [row for row in rows if row["problem"]]
+    if wrong:
+        raise RecordingError(
+            wrong[0]["problem"].rstrip(".") + (f" (and {len(wrong) - 1} more)." if len(wrong) > 1 else ".")
+        )
+
+
+def understood(recording: Recording) -> dict[str, Any]:
+    """Length, rate, excitation and root mean square of each channel; the problem, if any, and the warnings."""
+    row: dict[str, Any] = {"file": recording.file, "problem": "", "warnings": []}
+    try:
+        good = checked(recording)
+        row["warnings"] = list(good.warnings)
+        row["frequency_hz"] = good.condition.frequency_hz
+    except RecordingError as error:
+        row["problem"] = str(error)
+        good = recording
+    t = recording.time_s
+    row |= {"samples": t.size, "origin": recording.origin}
+    if t.size > 1 and np.isfinite(t).all() and t[-1] > t[0]:
+        row |= {"rate_hz": recording.rate_hz, "seconds": float(t[-1] - t[0])}
+    row["rms_m_s2"] = {
+        name.removesuffix("_m_s2"): float(np.std(values)) for name, values in good.channels.items() if name != "time_s"
+    }
+    if not row["problem"]:
+        found = good.condition.frequency_hz or find_frequency(good.time_s, good.base_m_s2)
+        row["sine_share"] = sine_share(good.time_s, good.base_m_s2, found)
+    return row
+
+
+@app.command()
+def convert(
+    source: Annotated[Path, typer.Argument(help="the recording to read")],
+    target: Annotated[Path, typer.Argument(help="file to write: .csv, .mat, .h5, .uff or .tdms")],
+    study: _Study = None,
+) -> None:
+    """Write a recording in another format, in m/s^2, signs, sensitivities and delays applied.
+
+    Example: python -m fasbody.recording convert measured.tdms measured.csv --study study.toml
+    """
+    if target.exists():
+        raise InputFileError(target, "exists", "name a new file")
+    recording = Recording.read(source, layout=_layout(study))
+    recording.write(target)
+    console.print(f"{recording.time_s.size} samples of {len(recording.channels) - 1} channels in {target}")
+
+
+def _layout(study: Path | None) -> Layout | None:
+    return None if study is None else describe(study)[1]
+
+
+def _show(rows: list[dict[str, Any]]) -> None:
+    table = Table("file", "samples", "rate [Hz]", "excitation [Hz]", "rms [m/s²]", "verdict")
+    for row in rows:
+        found = row.get("frequency_hz")
+        table.add_row(
+            row["file"],
+            str(row.get("samples", "")),
+            f"{row['rate_hz']:.6g}" if "rate_hz" in row else "",
+            "" if row["problem"] else "broadband" if found is None else f"{found:.5g}",
+            ", ".join(f"{name} {value:.3g}" for name, value in row.get("rms_m_s2", {}).items()),
+            "[red]unusable[/]" if row["problem"] else "[yellow]usable, see below[/]" if row["warnings"] else "sound",
+        )
+    results.print(table)
+    for row in rows:
+        for text in row.get("warnings", []):
+            console.print(text, soft_wrap=True)

@@ -1,0 +1,82 @@
+"""Files of measuring instruments: MATLAB 5 and 7.3, HDF5, UFF 58 and TDMS, beside the CSV of fasbody.readers.
+
+Each reader turns a file into `Series`, named columns with a unit and a rate; `fasbody.channels.Layout` then finds base,
+malleolus and tuberosity among them. Binary files are read in a child process of limited memory and time (reader.py), so
+that a broken or hostile file ends in a sentence.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from fasbody.channels import Channels, Layout
+from fasbody.exceptions import InputFileError
+
+#: Endings of the binary formats, and the module that reads and writes each.
+ENDINGS = {
+    ".mat": "mat", ".h5": "hdf5", ".hdf5": "hdf5", ".uff": "uff", ".unv": "uff", ".tdms": "tdms",
+}  # fmt: skip
+
+
+def read(file: Path, layout: Layout | None = None) -> Channels:
+    """The channels of a recording in any format, by the file's ending; everything unknown is read as CSV.
+
+    Args:
+        file: the file. layout: what study.toml says of its channels.
+
+    Returns:
+        ``time_s``, ``base_m_s2``, ``malleolus_m_s2`` and perhaps ``tuberosity_m_s2``, each (n,), delays undone.
+
+    Raises:
+        InputFileError: what is wrong with the file, in one sentence.
+    """
+    from fasbody.readers import read_csv
+
+    layout = layout or Layout()
+    if file.suffix.lower() not in ENDINGS:
+        return _long_enough(file, layout.aligned(read_csv(file, layout)))
+    from fasbody.formats.reader import read_series
+
+    series = read_series(file)
+    wanted = layout.find(file, [s.name for s in series], [s.unit for s in series])
+    channels = {name: series[index].values * factor for name, (index, factor) in wanted.items()}
+    sizes = {name: values.size for name, values in channels.items()}
+    if len(set(sizes.values())) > 1:
+        listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
+        raise InputFileError(file, f"its channels have different lengths ({listed})", "resample them to one rate")
+    if "time_s" not in channels:
+        rates = {series[index].rate_hz for index, _ in wanted.values()} - {None}
+        rates = rates or {next((s.rate_hz for s in series if s.rate_hz), None)} - {None}
+        if len(rates) > 1:
+            listed = ", ".join(f"{rate:g}" for rate in sorted(r for r in rates if r))
+            raise InputFileError(file, f"its channels have different rates ({listed} Hz)", "resample them to one rate")
+        rate = layout.rate_hz or next(iter(rates), None)
+        if not rate:
+            raise InputFileError(file, "has neither a time nor a sampling rate", "give sampling_rate_hz in study.toml")
+        channels["time_s"] = np.arange(channels["base_m_s2"].size) / rate
+    return _long_enough(file, layout.aligned(channels))
+
+
+def _long_enough(file: Path, channels: Channels) -> Channels:
+    if channels["time_s"].size < 2:
+        raise InputFileError(file, f"holds {channels['time_s'].size} samples", "a recording needs at least two")
+    return channels
+
+
+def write(file: Path, channels: Channels) -> None:
+    """Write channels in the format of the file's ending.
+
+    Raises:
+        InputFileError: no such format, or the folder cannot be written.
+    """
+    import importlib
+
+    from fasbody.console import write_whole
+    from fasbody.formats.series import need
+
+    ending = file.suffix.lower()
+    if ending not in ENDINGS:
+        raise InputFileError(file, f"no format has the ending {ending!r}", f"valid: .csv, {', '.join(ENDINGS)}")
+    module = importlib.import_module(f"fasbody.formats.{ENDINGS[ending]}")
+    need(module.LIBRARY)
+    write_whole(file, module.encode(channels))

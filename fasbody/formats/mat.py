@@ -1,0 +1,55 @@
+"""MATLAB files: version 5 (and 4, 6, 7) by scipy, version 7.3, which is HDF5, by h5py."""
+
+from io import BytesIO
+from pathlib import Path
+
+from fasbody.channels import Channels
+from fasbody.formats import hdf5
+from fasbody.formats.series import FormatError, Series, check_size, columns_of, with_rate
+
+LIBRARY = "scipy"
+_NUMERIC = {
+    "double", "single", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "logical",
+}  # fmt: skip
+
+
+def decode(file: Path) -> list[Series]:
+    """Numeric vectors and the columns of numeric matrices; a scalar named fs or rate_hz gives the rate.
+
+    Structures, cells, text and objects are passed over, never built.
+    """
+    from scipy.io import loadmat, whosmat
+
+    with file.open("rb") as start:
+        head = start.read(520)
+    if head[512:520] == hdf5.MAGIC or head[:8] == hdf5.MAGIC:
+        return hdf5.decode(file)
+    if head.lstrip()[:1] in (b"{", b"<") or not head:
+        raise FormatError("is not a MATLAB file")
+    chosen = []
+    total = 0.0
+    for name, shape, kind in whosmat(str(file)):
+        size = 1.0
+        for n in shape:
+            size *= max(n, 0)
+        if kind in _NUMERIC and len(shape) == 2 and not name.startswith("__"):
+            total += size
+            check_size(total)
+            chosen.append(name)
+    if not chosen:
+        return []
+    loaded = loadmat(str(file), variable_names=chosen, chars_as_strings=False, struct_as_record=True)
+    found: list[Series] = []
+    for name in chosen:
+        if getattr(loaded.get(name), "dtype", None) is not None and loaded[name].dtype.kind in "fiub":
+            found += columns_of(name, loaded[name])
+    return with_rate(found)
+
+
+def encode(channels: Channels) -> bytes:
+    """A version 5 file with one column vector a channel."""
+    from scipy.io import savemat
+
+    file = BytesIO()
+    savemat(file, channels, oned_as="column", do_compression=True)
+    return file.getvalue()

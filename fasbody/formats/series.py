@@ -1,0 +1,64 @@
+"""What every format is read into, and the sizes beyond which a file is refused before anything is allocated."""
+
+import importlib.util
+from dataclasses import dataclass
+
+import numpy as np
+
+from fasbody.exceptions import SettingError
+
+#: Most samples of all channels of a file together: 160 MB of floats, an hour of five channels at 1 kHz.
+MOST_SAMPLES = 20_000_000
+#: Most channels of a file.
+MOST_SERIES = 1000
+
+
+class FormatError(Exception):
+    """What is wrong with a file, continuing the sentence after its name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """One column of a file: name, unit ("" if the file does not say), (n,) values, rate [Hz] if the file says."""
+
+    name: str
+    unit: str
+    values: np.ndarray
+    rate_hz: float | None = None
+
+
+def check_size(samples: float, series: int = 1) -> None:
+    """Refuse what a header announces before it is allocated."""
+    if not 0 <= samples <= MOST_SAMPLES:
+        raise FormatError(f"announces {samples:.4g} samples, more than the {MOST_SAMPLES:.0e} that are read")
+    if series > MOST_SERIES:
+        raise FormatError(f"holds more than {MOST_SERIES} channels")
+
+
+def columns_of(name: str, values: np.ndarray, unit: str = "", rate_hz: float | None = None) -> list[Series]:
+    """Series of an array: itself if it is a vector, else its columns, named ``name_1``, ``name_2`` ..."""
+    array = np.asarray(values, float)
+    if array.ndim > 2 or array.size == 0:
+        return []
+    if array.ndim < 2 or 1 in array.shape:
+        return [Series(name, unit, array.reshape(-1), rate_hz)]
+    tall = array if array.shape[0] >= array.shape[1] else array.T
+    check_size(tall.size, tall.shape[1])
+    return [Series(f"{name}_{i + 1}", unit, tall[:, i].copy(), rate_hz) for i in range(tall.shape[1])]
+
+
+#: Names under which programs store the sampling rate [Hz].
+RATES = ("rate_hz", "sampling_rate_hz", "fs", "sample_rate", "samplerate")
+
+
+def with_rate(series: list[Series]) -> list[Series]:
+    """Without the scalars; one that is named like a sampling rate becomes that of all others."""
+    rates = [float(s.values[0]) for s in series if s.values.size == 1 and s.name.rsplit("/")[-1].lower() in RATES]
+    rate = rates[0] if rates and 0 < rates[0] < 1e9 else None
+    return [Series(s.name, s.unit, s.values, s.rate_hz or rate) for s in series if s.values.size > 1]
+
+
+def need(library: str) -> None:
+    """Say which extra to install if a format's library is missing."""
+    if importlib.util.find_spec(library) is None:
+        raise SettingError(f"this format needs {library}: pip install 'fasbody[formats]'.")

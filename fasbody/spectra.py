@@ -1,0 +1,98 @@
+"""Cross-spectra: the phase of Eqs. (2.2), (2.3), and H1 with coherence for broadband excitation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import csd, welch
+from scipy.signal import detrend as remove_mean
+
+from fasbody.exceptions import RecordingError
+
+
+def cross_covariance(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """C_XY(k) for lags k = 0 ... N-1, (N,); means removed."""
+    x, y = x - x.mean(), y - y.mean()
+    N = x.size
+    size = 1 << (2 * N - 1).bit_length()
+    product = np.conj(np.fft.rfft(x, size)) * np.fft.rfft(y, size)
+    return np.fft.irfft(product, size)[:N] / N  # Eq. (2.3)
+
+
+def cross_spectrum(x: np.ndarray, y: np.ndarray, rate_hz: float, frequency_hz: float) -> complex:
+    """Z_XY at one frequency, the exponent with omega_0 (docs/errata.md); its phase is that of y relative to x.
+
+    The covariance of a finite record decays linearly with the lag and only positive lags enter, which biases the phase
+    by up to 1 / (2 periods) rad; whole periods are taken, and the sum over both signs of the lag makes it exact.
+
+    Args:
+        x, y: (n,) input and output. rate_hz: sampling rate. frequency_hz: n omega_0 / (2 pi) of the equation.
+    """
+    periods = int(x.size * frequency_hz / rate_hz)
+    if periods < 1:
+        raise RecordingError(f"a cross-spectrum at {frequency_hz:g} Hz needs at least one period.")
+    N = round(periods * rate_hz / frequency_hz)
+    C = np.concatenate([cross_covariance(y[:N], x[:N])[:0:-1], cross_covariance(x[:N], y[:N])])
+    k = np.arange(1 - N, N)
+    return complex(np.mean(C * np.exp(-2j * np.pi * frequency_hz * k / rate_hz)) * C.size / N)  # Eq. (2.2)
+
+
+def phase_delay(frequency_hz: np.ndarray, H: np.ndarray) -> np.ndarray:
+    """Delay [s] of each frequency from the phase unwrapped along ascending frequencies, (n,).
+
+    The first phase is taken as it is, so the lowest frequency must lag by less than half a period.
+    """
+    return -np.unwrap(np.angle(H)) / (2 * np.pi * np.asarray(frequency_hz))
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """H1 estimate for broadband excitation.
+
+    Attributes:
+        frequency_hz: (n,). H: (n,) complex. coherence: (n,) 0 to 1. std: (n,) standard deviation of |H|, and of its
+            phase times |H|. averages: number of independent segments.
+    """
+
+    frequency_hz: np.ndarray
+    H: np.ndarray
+    coherence: np.ndarray
+    std: np.ndarray
+    averages: float
+
+    def __str__(self) -> str:
+        low, high = self.frequency_hz[0], self.frequency_hz[-1]
+        return (
+            f"{self.H.size} frequencies from {low:.3g} to {high:.3g} Hz, {self.averages:.1f} averages, "
+            f"coherence {self.coherence.min():.3f} to {self.coherence.max():.3f}"
+        )
+
+
+#: Frequencies whose input lies this far below the strongest are not estimated: there is nothing but noise.
+_EXCITED = 1e-3
+
+
+def h1(x: np.ndarray, y: np.ndarray, rate_hz: float, resolution_hz: float = 1.0) -> FrequencyResponse:
+    """H1 = S_xy / S_xx by Welch's method with Hann windows, half overlapping, where the input has power.
+
+    Args:
+        x, y: (n,) input and output. rate_hz: sampling rate. resolution_hz: distance of the frequencies.
+
+    Raises:
+        RecordingError: shorter than three segments.
+    """
+    length = round(rate_hz / resolution_hz)
+    segments = (x.size - length) // (length // 2) + 1 if x.size >= length else 0
+    if segments < 3:
+        raise RecordingError(
+            f"{x.size / rate_hz:.3g} s are too short for a resolution of {resolution_hz:g} Hz; "
+            f"record at least {2 / resolution_hz:g} s or ask for a coarser one."
+        )
+    common = {"fs": rate_hz, "nperseg": length, "noverlap": length // 2, "window": "hann"}
+    x, y = remove_mean(x, type="constant"), remove_mean(y, type="constant")
+    f, Sxx = welch(x, **common)
+    Syy, Sxy = welch(y, **common)[1], csd(x, y, **common)[1]
+    use = (Sxx > _EXCITED * Sxx.max()) & (f > 0)
+    H, coherence = Sxy[use] / Sxx[use], np.abs(Sxy[use]) ** 2 / (Sxx[use] * Syy[use])
+    averages = 18 * segments**2 / (19 * segments - 1)  # independent ones of half overlapping Hann windows
+    std = np.abs(H) * np.sqrt(np.maximum(0, 1 - coherence) / (2 * averages * np.maximum(coherence, 1e-12)))
+    return FrequencyResponse(f[use], H, coherence, std, averages)

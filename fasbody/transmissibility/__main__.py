@@ -1,0 +1,171 @@
+"""`python -m fasbody.transmissibility STUDY`: the table, the statistics and the figures of Chapter 2."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table as Printed
+
+from fasbody.console import command_line, console, print_json, results, write_whole
+from fasbody.exceptions import RecordingError, SettingError
+from fasbody.recording import Recording, StudyFolder
+from fasbody.transmissibility.findings import Finding, findings
+from fasbody.transmissibility.table import Condition, Table
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+_ENDINGS = ("svg", "png", "pdf")
+
+
+@app.command()
+def main(
+    study: Annotated[Path, typer.Argument(help="study folder, or one recording")],
+    out: Annotated[Path | None, typer.Option(help="folder for tables and figures (default results/NAME)")] = None,
+    json_: Annotated[
+        bool, typer.Option("--json", help="the rows as one JSON list on stdout; files only with --out")
+    ] = False,
+    figure_format: Annotated[str, typer.Option("--figures", help="svg, png or pdf")] = "png",
+    resolution: Annotated[float, typer.Option(help="distance of frequencies in Hz, for broadband excitation")] = 1.0,
+    jobs: Annotated[int, typer.Option(help="processes; 0 for all cores")] = 0,
+) -> None:
+    """Transmissibility and phase for MB, TB and TM by load and posture, with statistics and figures.
+
+    Example: python -m fasbody.transmissibility my_study --out results/my_study
+             python -m fasbody.transmissibility 20hz.csv --json
+
+    Exit code 2 if a recording cannot be used; the results of the others are written all the same.
+    """
+    if figure_format not in _ENDINGS:
+        raise SettingError(f"figures cannot be {figure_format!r} (valid: {', '.join(_ENDINGS)}).")
+    if not 0.05 <= resolution <= 20:
+        raise SettingError(f"a resolution of {resolution:g} Hz makes no curve (valid: 0.05 to 20).")
+    if study.is_dir():
+        table = Table.of(StudyFolder.open(study), resolution, jobs)
+    else:
+        table = Table.of_recordings([Recording.read(study)], resolution)
+    if json_:
+        print_json(table.frame.to_dict("records"))
+    else:
+        show(table)
+    folder = out or (None if json_ else Path("results") / study.resolve().stem)
+    if folder is not None:
+        write(table, folder, figure_format)
+        console.print(f"tables and figures in [bold]{folder}[/]", soft_wrap=True)
+    for problem in table.problems:
+        console.print(f"not used: {problem}", markup=False, soft_wrap=True)
+    if table.problems:
+        total = len(table.problems) + table.frame["file"].nunique()
+        raise RecordingError(f"{len(table.problems)} of {total} recordings could not be used; they are named above.")
+
+
+def show(table: Table) -> None:
+    """Mean curves, resonance ranges and the findings, for people."""
+    results.print(str(table))
+    printed = Printed(
+        "pair", "posture", "load [kg]", "n", "resonance", "mean transmissibility (phase [deg]) by frequency [Hz]"
+    )
+    for c in table.each():
+        every = max(1, round(c.frequency_hz.size / 9))
+        cells = [
+            f"{f:g}: {T:.2f} ({p:.0f})"
+            for f, T, p in zip(c.frequency_hz[::every], c.mean[::every], c.mean_phase_deg[::every], strict=True)
+        ]
+        printed.add_row(
+            c.pair, c.posture, f"{c.added_mass_kg:g}", str(len(c.subjects)), str(c.resonance), ", ".join(cells)
+        )
+    results.print(printed)
+    stated = _findings(table)
+    if stated:
+        show_findings(stated, table.origin)
+
+
+def show_findings(stated: list[Finding], origin: str) -> None:
+    """What sections 2.3 and 2.4 state, beside what came out."""
+    printed = Printed("section", "the thesis states", f"came out ({origin})", "holds", "note")
+    for f in stated:
+        printed.add_row(f.section, f.says, f.came_out, "[green]yes[/]" if f.holds else "[red]no[/]", f.note)
+    results.print(printed)
+    results.print(f"{sum(f.holds for f in stated)} of {len(stated)} statements hold.")
+    if origin == "synthetic":
+        results.print("The virtual subjects were calibrated to these statements: agreement is no evidence for them.")
+
+
+def _findings(table: Table) -> list[Finding]:
+    enough = table.frame["subject"].nunique() >= 3 and table.frame["frequency_hz"].nunique() == 9
+    return findings(table) if enough else []
+
+
+def write(table: Table, folder: Path, figure_format: str) -> None:
+    """Tables as CSV, curves as NetCDF where xarray is installed, statistics where statsmodels is, and the figures."""
+    import importlib.util
+
+    import pandas as pd
+
+    from fasbody.transmissibility import comparisons, figures
+
+    write_whole(folder / "transmissibility.csv", table.csv())
+    if table.frame["subject"].nunique() >= 3:
+        write_whole(folder / "resonances.csv", comparisons.resonances(table).to_csv(index=False))
+    stated = _findings(table)
+    if stated:
+        write_whole(folder / "findings.csv", pd.DataFrame(stated).to_csv(index=False))
+    if importlib.util.find_spec("xarray") and importlib.util.find_spec("h5netcdf"):
+        write_whole(folder / "transmissibility.nc", table.netcdf())
+    else:
+        console.print(r"no NetCDF and no statistics without pip install 'fasbody\[statistics]'")
+    sets = comparable(table)
+    if importlib.util.find_spec("statsmodels") and table.frame["subject"].nunique() >= 3:
+        unity = comparisons.against_unity(table)
+        write_whole(folder / "against_unity.csv", unity.to_csv(index=False, float_format="%.6g"))
+        for name, conditions in sets.items():
+            if len(conditions) > 1:
+                compared = comparisons.between(table, conditions)
+                write_whole(folder / f"between_{name}.csv", compared.to_csv(index=False, float_format="%.6g"))
+    fine = table.frame["frequency_hz"].nunique() > 25
+    for name, conditions in sets.items():
+        made = {f"{name}_mean": figures.spectrum(table, conditions) if fine else figures.means(table, conditions)}
+        if not fine:
+            made |= {f"{name}_{pair}": figures.subjects(table, pair, conditions) for pair in table.pairs}
+        for stem, figure in made.items():
+            write_whole(folder / f"{stem}.{figure_format}", figures.save(figure, figure_format))
+    write_whole(folder / f"single_mass.{figure_format}", figures.save(_single_mass(table), figure_format))
+
+
+def comparable(table: Table) -> dict[str, list[Condition]]:
+    """Conditions that belong into one figure: loads in one posture, postures under one load."""
+    conditions = table.conditions
+    posture, load = conditions[0]
+    sets = {
+        "loads": [c for c in conditions if c[0] == posture],
+        "postures": [c for c in conditions if c[1] == load],
+    }
+    if len(sets["postures"]) == 1:
+        del sets["postures"]
+    elif len(sets["loads"]) == 1:
+        del sets["loads"]
+    left = [c for c in conditions if not any(c in s for s in sets.values())]
+    return sets | ({"others": left} if left else {})
+
+
+def _single_mass(table: Table):  # type: ignore[no-untyped-def]
+    """Figure 2.10 with the study's own mean MB in it, unloaded or of the first condition."""
+    import numpy as np
+
+    from fasbody import sdof
+    from fasbody.transmissibility import figures
+
+    condition = table.conditions[0]
+    c = table.curves("MB", *condition)
+    n = np.isfinite(c.T).sum(axis=0)
+    if n.min() > 1:
+        std = np.nanstd(c.T, axis=0, ddof=1) / np.sqrt(n)
+    else:
+        rows = table.frame[table.frame["pair"] == "MB"].groupby("frequency_hz")["transmissibility_std"].mean()
+        std = np.maximum(rows.reindex(c.frequency_hz).to_numpy(), 0.01)
+    wanted = [f for f in (10.0, 20.0, 30.0, 40.0) if f in c.frequency_hz] or [float(c.frequency_hz[0])]
+    place = [int(np.flatnonzero(c.frequency_hz == f)[0]) for f in wanted]
+    measured = {f: (float(c.mean[i]), float(std[i])) for f, i in zip(wanted, place, strict=True)}
+    return figures.single_mass(wanted, sdof.MASS_KG + condition[1], measured, table.origin)
+
+
+if __name__ == "__main__":
+    command_line(app)

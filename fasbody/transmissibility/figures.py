@@ -1,0 +1,219 @@
+"""Figures in the manner of 2.3 to 2.8 and 2.10: all subjects, means, and the plane of the single mass."""
+
+from collections.abc import Callable, Sequence
+from functools import wraps
+from io import BytesIO
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.interpolate import Akima1DInterpolator
+
+from fasbody import sdof
+from fasbody.transmissibility.table import Condition, Curves, Table
+
+#: Colour-blind safe, and different in grey; the thesis' three conditions.
+_COLOURS = ("#1b1b1b", "#d1495b", "#2e86ab", "#66a182", "#edae49", "#8d6a9f")
+_MARKERS = ("o", "s", "^", "D", "v", "P")
+_STYLE: Any = {
+    "font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25,
+    "grid.linewidth": 0.5, "svg.fonttype": "path", "svg.hashsalt": "fasbody", "legend.frameon": False,
+    "axes.titlesize": 9, "axes.labelsize": 9,
+}  # fmt: skip
+
+
+def save(figure: Figure, ending: str) -> bytes:
+    """The figure as the content of an .svg, .png or .pdf file."""
+    out = BytesIO()
+    with matplotlib.rc_context(_STYLE):
+        date = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(ending)
+        figure.savefig(out, format=ending, dpi=200, metadata=date)
+    return out.getvalue()
+
+
+def _styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Draw with this file's style, and leave matplotlib's own as it is."""
+
+    @wraps(draw)
+    def styled(*args: Any, **options: Any) -> Figure:
+        with matplotlib.rc_context(_STYLE):
+            return draw(*args, **options)
+
+    return styled
+
+
+def _new(rows: int, columns: int, width: float, height: float, **options: Any) -> tuple[Figure, np.ndarray]:
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def _smooth(f: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Spline through the measured points (Akima's does not overshoot); straight lines through fewer than four."""
+    known = np.isfinite(values)
+    if known.sum() < 4:
+        return f[known], values[known]
+    fine = np.linspace(f[known][0], f[known][-1], 200)
+    return fine, Akima1DInterpolator(f[known], values[known], method="makima")(fine)
+
+
+def _name(condition: Condition, conditions: Sequence[Condition]) -> str:
+    """Load or posture, whichever distinguishes the conditions."""
+    by_load = len({mass for _, mass in conditions}) > 1
+    by_posture = len({posture for posture, _ in conditions}) > 1
+    parts = ([condition[0]] if by_posture or not by_load else []) + ([f"{condition[1]:g} kg"] if by_load else [])
+    return ", ".join(parts)
+
+
+@_styled
+def subjects(table: Table, pair: str, conditions: Sequence[Condition]) -> Figure:
+    """Figures 2.3, 2.4, 2.6, 2.7: every subject thin, the mean heavy, the resonance range shaded."""
+    figure, axes = _new(2, len(conditions), 2.4 * len(conditions) + 0.6, 4.6, sharex=True, sharey="row")
+    for column, condition in enumerate(conditions):
+        c = table.curves(pair, *condition)
+        colour = _COLOURS[column % len(_COLOURS)]
+        top, bottom = axes[0, column], axes[1, column]
+        for axis, rows, mean in ((top, c.T, c.mean), (bottom, -c.phase_deg, -c.mean_phase_deg)):
+            for row in rows:
+                axis.plot(*_smooth(c.frequency_hz, row), lw=0.5, color="#8a8a8a", alpha=0.7)
+            axis.plot(*_smooth(c.frequency_hz, mean), lw=2.2, color=colour)
+            axis.plot(c.frequency_hz, mean, "o", ms=3.5, color=colour)
+        top.axhline(1, lw=0.8, ls="--", color="#444444")
+        r = c.resonance
+        if r.kind != "none":
+            for axis in (top, bottom):
+                axis.axvspan(*_widened(r.low, r.high), color=colour, alpha=0.12, lw=0)
+        top.set_title(f"{_name(condition, conditions)}  (n = {len(c.subjects)})\n{_said(c)}")
+        bottom.set_xlabel("frequency [Hz]")
+    axes[0, 0].set_ylabel(f"{pair} transmissibility")
+    axes[1, 0].set_ylabel(f"{pair} phase lag [deg]")
+    return _origin(figure, table, "thin: subjects; heavy: mean; shaded: resonance range by paired t tests, p < 0.05")
+
+
+def _widened(low: float, high: float) -> tuple[float, float]:
+    return (low, high) if high > low else (low - 1, high + 1)
+
+
+def _said(c: Curves) -> str:
+    return "no peak or plateau" if c.resonance.kind == "none" else str(c.resonance)
+
+
+@_styled
+def means(table: Table, conditions: Sequence[Condition]) -> Figure:
+    """Figures 2.5 and 2.8: means with 95 % intervals for every pair, an arrow at each resonance."""
+    pairs = table.pairs
+    figure, axes = _new(2, len(pairs), 2.5 * len(pairs) + 0.6, 4.8, sharex=True, sharey="row")
+    for column, pair in enumerate(pairs):
+        top, bottom = axes[0, column], axes[1, column]
+        for i, condition in enumerate(conditions):
+            c = table.curves(pair, *condition)
+            colour, marker = _COLOURS[i % len(_COLOURS)], _MARKERS[i % len(_MARKERS)]
+            half = _half_interval(c.T)
+            shift = 0.45 * (i - (len(conditions) - 1) / 2)  # so that the bars do not hide each other
+            top.plot(*_smooth(c.frequency_hz, c.mean), lw=1.4, color=colour)
+            top.errorbar(
+                c.frequency_hz + shift, c.mean, yerr=half, fmt=marker, ms=3.5, lw=0.8, capsize=1.5, color=colour,
+                label=_name(condition, conditions),
+            )  # fmt: skip
+            bottom.plot(*_smooth(c.frequency_hz, -c.mean_phase_deg), lw=1.4, color=colour)
+            bottom.plot(c.frequency_hz, -c.mean_phase_deg, marker, ms=3.5, color=colour)
+            r = c.resonance
+            if r.kind != "none":
+                middle = 0.5 * (r.low + r.high)
+                level = float(np.interp(middle, c.frequency_hz, c.mean + half))
+                style = {"arrowstyle": "-|>", "color": colour, "lw": 1.2}
+                top.annotate("", (middle, level + 0.02), (middle, level + 0.14), arrowprops=style)
+        top.axhline(1, lw=0.8, ls="--", color="#444444")
+        top.set_title(_PAIRS[pair])
+        top.margins(y=0.12)
+        bottom.set_xlabel("frequency [Hz]")
+    axes[0, 0].set_ylabel("mean transmissibility")
+    axes[1, 0].set_ylabel("mean phase lag [deg]")
+    axes[0, -1].legend(loc="upper right", fontsize=8)
+    return _origin(figure, table, "bars: 95 % intervals of the mean; arrows: observed resonance (peak or plateau)")
+
+
+_PAIRS = {"MB": "MB: malleolus / base", "TB": "TB: tuberosity / base", "TM": "TM: tuberosity / malleolus"}
+
+
+def _half_interval(T: np.ndarray) -> np.ndarray:
+    from scipy.stats import t
+
+    n = np.isfinite(T).sum(axis=0)
+    if n.min() < 2:
+        return np.zeros(T.shape[1])
+    return t.ppf(0.975, n - 1) * np.nanstd(T, axis=0, ddof=1) / np.sqrt(n)
+
+
+@_styled
+def spectrum(table: Table, conditions: Sequence[Condition]) -> Figure:
+    """Broadband excitation: mean curves over a fine frequency axis, with the band of subjects."""
+    pairs = table.pairs
+    figure, axes = _new(2, len(pairs), 2.5 * len(pairs) + 0.6, 4.6, sharex=True, sharey="row")
+    for column, pair in enumerate(pairs):
+        for i, condition in enumerate(conditions):
+            c = table.curves(pair, *condition)
+            colour = _COLOURS[i % len(_COLOURS)]
+            for axis, rows in ((axes[0, column], c.T), (axes[1, column], -c.phase_deg)):
+                low, high = np.nanquantile(rows, [0.1, 0.9], axis=0)
+                axis.fill_between(c.frequency_hz, low, high, color=colour, alpha=0.15, lw=0)
+                axis.plot(
+                    c.frequency_hz, np.nanmean(rows, axis=0), lw=1.6, color=colour, label=_name(condition, conditions)
+                )
+        axes[0, column].axhline(1, lw=0.8, ls="--", color="#444444")
+        axes[0, column].set_title(_PAIRS[pair])
+        axes[1, column].set_xlabel("frequency [Hz]")
+    axes[0, 0].set_ylabel("mean transmissibility (H1)")
+    axes[1, 0].set_ylabel("mean phase lag [deg]")
+    axes[0, -1].legend(loc="upper right", fontsize=8)
+    return _origin(figure, table, "bands: 80 % of the subjects")
+
+
+@_styled
+def single_mass(
+    frequencies_hz: Sequence[float] = (10, 20, 30, 40),
+    m: float = sdof.MASS_KG,
+    measured: dict[float, tuple[float, float]] | None = None,
+    origin: str = "",
+) -> Figure:
+    """Figure 2.10: contour lines of the single mass' transmissibility over stiffness and damping.
+
+    Args:
+        frequencies_hz: one panel each. m: mass [kg].
+        measured: frequency -> (transmissibility, standard deviation); where given, the agreeing region is shaded.
+        origin: of the measured values, for the caption.
+    """
+    k, c = np.linspace(1e3, 3e5, 400), np.linspace(20, 3000, 300)
+    columns = min(2, len(frequencies_hz))
+    rows = -(-len(frequencies_hz) // columns)
+    figure, axes = _new(rows, columns, 3.3 * columns, 2.7 * rows, sharex=True, sharey=True)
+    levels = (0.4, 0.6, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 2.0, 3.0)
+    for axis, f in zip(axes.flat, frequencies_hz, strict=False):
+        T = sdof.transmissibility(2 * np.pi * f, m, c[:, None], k)
+        lines = axis.contour(k / 1e3, c, T, levels=levels, cmap="viridis", linewidths=0.9)
+        crowded = m * (2 * np.pi * f) ** 2 < 0.2 * k[-1]  # where the lines below 1 have no room for a number
+        for text in axis.clabel(lines, [v for v in levels if v >= (1.1 if crowded else 0.6)], fontsize=6.5, fmt="%.1f"):
+            x, y = text.get_position()
+            text.set_visible(0.04 < x * 1e3 / k[-1] < 0.96 and 0.04 < y / c[-1] < 0.96)  # whole, or not at all
+        title = f"{f:g} Hz"
+        if measured and f in measured:
+            value, std = measured[f]
+            inside = np.abs(T - value) <= 1.96 * std
+            axis.contourf(k / 1e3, c, inside, levels=(0.5, 1.5), colors=[_COLOURS[1]], alpha=0.35)
+            title += f": T = {value:.2f} ± {1.96 * std:.2f}"
+        axis.set_title(title)
+        axis.grid(False)
+    for axis in axes.flat[len(frequencies_hz) :]:
+        axis.set_axis_off()
+    for axis in axes[-1]:
+        axis.set_xlabel("stiffness k [kN/m]")
+    for row in axes:
+        row[0].set_ylabel("damping c [N s/m]")
+    text = f"transmissibility of one mass of {m:g} kg"
+    figure.supxlabel(text + (f"; shaded: agrees with the {origin} mean (95 %)" if measured else ""), fontsize=7)
+    return figure
+
+
+def _origin(figure: Figure, table: Table, text: str) -> Figure:
+    figure.supxlabel(f"{table.origin} data; {text}", fontsize=7, color="#444444")
+    return figure

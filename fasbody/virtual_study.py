@@ -1,0 +1,258 @@
+"""A whole synthetic study: subjects, loads, postures and excitations of Chapter 2, base, malleolus and tuberosity.
+
+Sines are computed as periodic orbits of the compiled two-mass model, the tuberosity and the strapped sensors as linear
+filters of their harmonics; other excitations as trajectories. Every recording depends only on the seed and its own
+place in the table, not on the number of processes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from fasbody import shaker
+from fasbody.console import to_json, write_whole
+from fasbody.exceptions import SettingError, SimulationError, unknown
+from fasbody.formats import ENDINGS
+from fasbody.instrument import Instrument
+from fasbody.parallel import run
+from fasbody.recording import Condition, Recording
+from fasbody.subjects import ADDED_MASSES_KG, SUBJECTS
+from fasbody.two_dof import TwoDof, periodic, trajectory
+from fasbody.virtual_subject import POSTURES, Tuberosity, VirtualSubject, panel
+
+#: Frequencies of section 2.2.2 [Hz].
+FREQUENCIES_HZ = tuple(float(f) for f in range(10, 55, 5))
+EXCITATIONS = ("sine", "sweep", "multisine", "random")
+#: What the study's instruments add beyond those of one subject's recordings.
+STUDY_INSTRUMENT = Instrument(offset_m_s2=0.1, strap_hz=600.0, gain_scatter=0.01)
+#: A foot under broadband excitation has its constants at this frequency [Hz]; in time they cannot depend on it.
+BROADBAND_HZ = 25.0
+_BAND_HZ = (5.0, 60.0)
+_HARMONICS = 20
+#: Integration steps: at most this long [s], at least so many a period.
+_STEP_S, _STEPS = 2.5e-4, 96
+
+
+def steady(
+    foot: TwoDof,
+    tuberosity: Tuberosity,
+    frequency_hz: float,
+    seconds: float,
+    instrument: Instrument,
+    rng: np.random.Generator,
+    peak_to_peak: float = shaker.PEAK_TO_PEAK,
+) -> tuple[Recording, dict[str, complex]]:
+    """A recording of the steady state under a sine, and its true MB and TB (bone over base, fundamental).
+
+    Raises:
+        SimulationError: the foot has no periodic motion.
+    """
+    U = instrument.amplitudes(rng, peak_to_peak)
+    steps = max(_STEPS, int(np.ceil(1 / (frequency_hz * _STEP_S))))
+    step = 1 / (frequency_hz * steps)
+    u = shaker.harmonics(frequency_hz, U, 1 / frequency_hz).half_steps(step, steps)
+    Y, *_, gap = periodic(np.zeros(4), foot.theta, foot.m_S, foot.m_F, u, step, 1e-9, 30)
+    if not gap < 1e-6:
+        raise SimulationError(f"the virtual foot has no periodic motion at {frequency_hz:g} Hz.")
+    malleolus = np.fft.rfft(Y)[1 : _HARMONICS + 1] * 2 / steps
+    f = frequency_hz * np.arange(1, malleolus.size + 1)
+    shank = malleolus * tuberosity.response(f)
+    seen = instrument.strap(f) * np.exp(-2j * np.pi * f * instrument.delay_s)
+    t = np.arange(round(seconds * instrument.rate_hz)) / instrument.rate_hz
+    at = np.exp(2j * np.pi * frequency_hz * (t + rng.uniform(0, 1)))
+    recording = _recording(t, [_sum(at, U), _sum(at, malleolus * seen), _sum(at, shank * seen)], instrument, rng)
+    return recording, {"MB": complex(malleolus[0] / U[0]), "TB": complex(shank[0] / U[0])}
+
+
+def moving(
+    foot: TwoDof,
+    tuberosity: Tuberosity,
+    motion: shaker.BaseMotion,
+    seconds: float,
+    instrument: Instrument,
+    rng: np.random.Generator,
+    settle: float = 1.0,
+) -> Recording:
+    """A recording under any base motion, which must last `seconds` + `settle` + 0.1 s."""
+    t = np.arange(round(seconds * instrument.rate_hz)) / instrument.rate_hz
+    step = 1 / (8 * instrument.rate_hz)
+    count = int(np.ceil((seconds + settle + 0.05) / step))
+    u = motion.half_steps(step, count)
+    Y, *_ = trajectory(np.zeros(4), foot.theta, foot.m_S, foot.m_F, u, step, 1, 0)
+    if not np.isfinite(Y).all():
+        raise SimulationError("the virtual foot does not stay finite under this base motion.")
+    fine = step * np.arange(count)
+    f = np.fft.rfftfreq(2 * count, step)  # padded to twice, so that the filters' tails do not wrap around
+    spectrum = np.fft.rfft(Y, 2 * count)
+    channels = []
+    for response in (np.ones_like(f), tuberosity.response(f)):
+        seen = np.fft.irfft(spectrum * response * instrument.strap(f), 2 * count)[:count]
+        channels.append(CubicSpline(fine, seen)(t + settle - instrument.delay_s))
+    return _recording(t, [motion.acceleration(t + settle), *channels], instrument, rng)
+
+
+def _sum(at: np.ndarray, amplitudes: np.ndarray) -> np.ndarray:
+    """Sum over h of Re(A_h at^h): the harmonics by Horner's rule."""
+    total = np.zeros_like(at)
+    for A in amplitudes[::-1]:
+        total = (total + A) * at
+    return total.real
+
+
+def _recording(
+    t: np.ndarray, channels: Sequence[np.ndarray], instrument: Instrument, rng: np.random.Generator
+) -> Recording:
+    noises = (instrument.noise_base, instrument.noise_malleolus, instrument.noise_malleolus)
+    gains = (1.0, *mounted(instrument, rng))
+    base, malleolus, tuberosity = (
+        instrument.measure(gain * values + instrument.offset_m_s2, noise, rng)
+        for gain, values, noise in zip(gains, channels, noises, strict=True)
+    )
+    return Recording(t, base, malleolus, tuberosity, origin="synthetic")
+
+
+def mounted(instrument: Instrument, rng: np.random.Generator) -> np.ndarray:
+    """(2,) gains of the malleolus' and the tuberosity's sensor as they happen to be strapped on."""
+    return 1 + instrument.gain_scatter * rng.normal(size=2)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a study holds; `conditions` are (posture, added mass [kg])."""
+
+    subjects: int = 20
+    seed: int = 9  # of the first hundred, it is one of three with most stated findings (benchmarks/findings_by_seed.py)
+    conditions: tuple[tuple[str, float], ...] = ()
+    frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ
+    excitation: str = "sine"
+    seconds: float = 10.0
+    peak_to_peak: float = shaker.PEAK_TO_PEAK
+    file_format: str = "csv"
+    instrument: Instrument = STUDY_INSTRUMENT
+
+    def check(self) -> "Plan":
+        """Itself, complete: without conditions, the loads in midstance and the other postures without load."""
+        conditions = self.conditions or (
+            *(("midstance", m) for m in ADDED_MASSES_KG), *((p, 0.0) for p in POSTURES[1:])
+        )  # fmt: skip
+        for posture, mass in conditions:
+            if posture not in POSTURES:
+                raise SettingError(f"{unknown('posture', posture, POSTURES)}.")
+            if not 0 <= mass <= 20:
+                raise SettingError(f"an added mass of {mass:g} kg is not calibrated (valid: 0 to 20 kg).")
+        if self.excitation not in EXCITATIONS:
+            raise SettingError(f"{unknown('excitation', self.excitation, EXCITATIONS)}.")
+        if f".{self.file_format}" not in (".csv", *ENDINGS):
+            raise SettingError(f"{unknown('format', self.file_format, ['csv', *(e[1:] for e in ENDINGS)])}.")
+        if not 1 <= self.subjects <= 10_000 or not 0.5 <= self.seconds <= 3600 or not 0.1 <= self.peak_to_peak <= 60:
+            raise SettingError(
+                "valid: 1 to 10000 subjects, 0.5 to 3600 seconds, 0.1 to 60 m/s^2 peak to peak; "
+                f"not {self.subjects}, {self.seconds:g} and {self.peak_to_peak:g}."
+            )
+        for f in self.frequencies_hz:
+            if not 0.5 <= f <= self.instrument.rate_hz / 10 or self.seconds * f < 3:
+                raise SettingError(f"{f:g} Hz needs 0.5 to 100 Hz and at least 3 periods in {self.seconds:g} s.")
+        return replace(self, conditions=tuple(conditions))
+
+
+@dataclass(frozen=True)
+class _Trial:
+    person: VirtualSubject
+    posture: str
+    mass: float
+    frequency_hz: float | None
+    key: tuple[int, ...]
+    name: str
+
+
+def make(folder: Path, plan: Plan, processes: int = 0) -> Path:
+    """Write a study folder with `truth.json` (parameters) and `truth.csv` (transmissibilities of the bones).
+
+    Raises:
+        SettingError: the plan makes no study. InputFileError: the folder cannot be written.
+    """
+    plan = plan.check()
+    people = panel(plan.subjects, np.random.default_rng(plan.seed))
+    trials = []
+    for person in people:
+        for c, (posture, mass) in enumerate(plan.conditions):
+            for i, f in enumerate(plan.frequencies_hz if plan.excitation == "sine" else (None,)):
+                at = plan.excitation if f is None else f"{f:g}hz"
+                name = f"recordings/s{person.number:02d}_{posture}_{mass:g}kg_{at}.{plan.file_format}"
+                trials.append(_Trial(person, posture, mass, f, (plan.seed, person.number, c, i), name))
+    made = dict(run(partial(_record, folder, plan), trials, "recording", processes))
+    rows, truth = ["file,subject,posture,added_mass_kg,frequency_hz"], [_TRUTH_HEADER]
+    for index, trial in enumerate(trials):
+        at = "" if trial.frequency_hz is None else f"{trial.frequency_hz:g}"
+        rows.append(f"{trial.name},{trial.person.number},{trial.posture},{trial.mass:g},{at}")
+        truth += made[index]
+    about = "subject,age_yr,height_m,mass_kg"
+    listed = [(p, SUBJECTS[(p.number - 1) % len(SUBJECTS) + 1]) for p in people]
+    subjects = [f"{p.number},{s.age_yr},{s.height_m},{p.mass_kg}" for p, s in listed]
+    write_whole(folder / "subjects.csv", "\n".join([about, *subjects]) + "\n")
+    write_whole(folder / "truth.csv", "\n".join(truth) + "\n")
+    document = {
+        "origin": "synthetic", "seed": plan.seed, "parameters": {}, "instrument": asdict(plan.instrument),
+        "subjects": {p.number: {"mass_kg": p.mass_kg, "factors": p.factors} for p in people},
+    }  # fmt: skip
+    write_whole(folder / "truth.json", to_json(document) + "\n")
+    write_whole(folder / "study.toml", _STUDY.format(plan=plan, rate=plan.instrument.rate_hz))
+    write_whole(folder / "recordings.csv", "\n".join(rows) + "\n")  # last: with it the study is whole
+    return folder
+
+
+_TRUTH_HEADER = "file,pair,transmissibility,phase_deg"
+
+
+def _record(folder: Path, plan: Plan, trial: _Trial) -> list[str]:
+    """Write one recording; returns its lines of truth.csv."""
+    rng = np.random.default_rng(trial.key)
+    reference = trial.frequency_hz or BROADBAND_HZ
+    foot = trial.person.foot(reference, trial.mass, trial.posture, rng)
+    tuberosity = Tuberosity.under(trial.mass, rng)
+    condition = Condition(str(trial.person.number), trial.posture, trial.mass, trial.person.mass_kg, trial.frequency_hz)
+    truth: dict[str, complex] = {}
+    if trial.frequency_hz is not None:
+        recording, truth = steady(
+            foot, tuberosity, trial.frequency_hz, plan.seconds, plan.instrument, rng, plan.peak_to_peak
+        )
+        truth["TM"] = truth["TB"] / truth["MB"]
+    else:
+        motion = _motion(plan, int(rng.integers(2**31)))
+        recording = moving(foot, tuberosity, motion, plan.seconds, plan.instrument, rng)
+    replace(recording, condition=condition).write(folder / trial.name)
+    return [f"{trial.name},{pair},{abs(H):.6f},{np.degrees(np.angle(H)):.4f}" for pair, H in truth.items()]
+
+
+def _motion(plan: Plan, seed: int) -> shaker.BaseMotion:
+    low, high = _BAND_HZ
+    whole, rms = plan.seconds + 1.2, plan.peak_to_peak / np.sqrt(8)
+    if plan.excitation == "sweep":
+        return shaker.sweep(low, high, whole, plan.peak_to_peak)
+    if plan.excitation == "multisine":
+        return shaker.multisine(tuple(np.arange(low, high + 0.5)), whole, rms, seed)
+    return shaker.random(low, high, whole, rms, seed)
+
+
+_STUDY = '''[study]
+name = "virtual study"
+origin = "synthetic"
+description = """
+{plan.subjects} virtual subjects made by python -m fasbody.laboratory (seed {plan.seed}). Nobody was measured:
+truth.json holds the parameters, truth.csv the transmissibilities. The mean subject is calibrated to the findings of
+section 2.3."""
+sampling_rate_hz = {rate:g}
+
+[channels.base]
+unit = "m/s^2"
+
+[channels.malleolus]
+unit = "m/s^2"
+
+[channels.tuberosity]
+unit = "m/s^2"
+'''

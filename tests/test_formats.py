@@ -1,0 +1,242 @@
+"""Files written by the formats' own libraries, broken ones, and hostile ones."""
+
+import os
+import pickle
+import sys
+import zlib
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from nptdms import ChannelObject, TdmsWriter
+from scipy.io import savemat
+
+from fasbody import formats
+from fasbody.channels import Layout
+from fasbody.exceptions import InputFileError, SettingError
+from fasbody.formats import reader
+from fasbody.recording import HEADER, Recording, StudyFolder
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
+from fuzz_readers import ENDINGS, fuzz, sound
+
+T = np.arange(300) / 1000
+BASE = 8.95 * np.sin(2 * np.pi * 20 * T)
+CHANNELS = {"time_s": T, "base_m_s2": BASE, "malleolus_m_s2": 1.3 * BASE, "tuberosity_m_s2": 1.2 * BASE}
+
+
+@pytest.mark.parametrize("ending", ["csv", "mat", "h5", "hdf5", "uff", "unv", "tdms"])
+def test_round_trip(tmp_path: Path, ending: str) -> None:
+    Recording(**CHANNELS).write(tmp_path / f"r.{ending}")
+    back = Recording.read(tmp_path / f"r.{ending}")
+    tolerance = {"csv": 1e-6, "uff": 1e-6, "unv": 1e-6}.get(ending, 1e-12)
+    for name in HEADER:
+        assert getattr(back, name) == pytest.approx(CHANNELS[name], abs=tolerance)
+
+
+def test_version_7_3_and_scalar_rate(tmp_path: Path) -> None:
+    (tmp_path / "r.mat").write_bytes(sound()["v73.mat"])
+    assert Recording.read(tmp_path / "r.mat").rate_hz == pytest.approx(1000)
+    savemat(tmp_path / "s.mat", {"fs": 500.0, "Base_g": BASE / 9.80665, "malleolus_m_s2": BASE, "note": "left foot"})
+    back = Recording.read(tmp_path / "s.mat")
+    assert back.rate_hz == pytest.approx(500)
+    assert back.base_m_s2 == pytest.approx(BASE)
+
+
+def test_layout_maps_columns_volts_sign_and_delay(tmp_path: Path) -> None:
+    """A logger's matrix in volts: 100 mV/g, malleolus mounted upside down and 0.4 ms late."""
+    volts = BASE / 9.80665 * 0.1
+    late = -1.3 * 8.95 * np.sin(2 * np.pi * 20 * (T - 4e-4)) / 9.80665 * 100  # mV
+    savemat(tmp_path / "r.mat", {"data": np.column_stack([volts, late])})
+    table = {
+        "base": {"column": "data_1", "unit": "V", "sensitivity": "100 mV/g"},
+        "malleolus": {"column": "data_2", "unit": "mV", "sensitivity": "100 mV/g", "sign": -1, "delay_s": 4e-4},
+    }
+    layout = Layout.from_toml(Path("study.toml"), table, 1000)
+    back = Recording.read(tmp_path / "r.mat", layout=layout)
+    assert back.base_m_s2 == pytest.approx(BASE)
+    assert back.malleolus_m_s2[5:-5] == pytest.approx(1.3 * BASE[5:-5], abs=2e-4)
+
+
+@pytest.mark.parametrize("text", ["time_s;Base [g];MALLEOLUS (m/s^2)", "time_ms\tbase_g\tmalleolus_m_s2"])
+def test_csv_headings(tmp_path: Path, text: str) -> None:
+    separator = ";" if ";" in text else "\t"
+    scale = 1000 if "ms" in text.split(separator)[0] else 1
+    rows = [f"{t * scale:.6f}{separator}{b / 9.80665:.9f}{separator}{b:.6f}" for t, b in zip(T, BASE, strict=True)]
+    (tmp_path / "r.csv").write_text("\n".join([text, *rows]))
+    back = Recording.read(tmp_path / "r.csv")
+    assert back.base_m_s2 == pytest.approx(BASE, abs=1e-6)
+    assert back.rate_hz == pytest.approx(1000)
+
+
+def write_tdms(file: Path, **channels: tuple[np.ndarray, float]) -> None:
+    with TdmsWriter(file) as writer:
+        objects = [
+            ChannelObject("g", name, values, properties={"wf_increment": 1 / rate, "unit_string": "m/s^2"})
+            for name, (values, rate) in channels.items()
+        ]
+        writer.write_segment(objects)
+
+
+@pytest.mark.parametrize(
+    ("toml", "says"),
+    [
+        ({"heel": {}}, "describes the channel 'heel'"),
+        ({"base": {"sensitivity": "100 mV per g"}}, "sensitivity = '100 mV per g'"),
+        ({"base": {"sensitivity": 0}}, "sensitivity is zero"),
+        ({"base": {"unit": "furlong"}}, "unknown unit"),
+        ({"base": {"gain": 2}}, "channels.base.gain"),
+    ],
+)
+def test_layouts_that_make_no_sense(toml: dict, says: str) -> None:
+    with pytest.raises(InputFileError, match=says):
+        Layout.from_toml(Path("study.toml"), toml)
+
+
+def test_contradicting_units_and_missing_sensitivity(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("time_s,base_g,malleolus_v\n0,0,0\n")
+    with pytest.raises(InputFileError, match=r"base is in g, and study.toml says m/s\^2"):
+        Recording.read(tmp_path / "r.csv", layout=Layout.from_toml(Path("s"), {"base": {"unit": "m/s^2"}}))
+    with pytest.raises(InputFileError, match="malleolus is in v; study"):
+        Recording.read(tmp_path / "r.csv")
+
+
+def test_mixed_rates_and_lengths(tmp_path: Path) -> None:
+    write_tdms(tmp_path / "a.tdms", base=(BASE, 1000), malleolus=(BASE, 500))
+    with pytest.raises(InputFileError, match=r"different rates \(500, 1000 Hz\)"):
+        Recording.read(tmp_path / "a.tdms")
+    write_tdms(tmp_path / "b.tdms", base=(BASE, 1000), malleolus=(BASE[::2], 500))
+    with pytest.raises(InputFileError, match=r"different lengths \(base_m_s2 300, malleolus_m_s2 150\)"):
+        Recording.read(tmp_path / "b.tdms")
+    savemat(tmp_path / "c.mat", {"base_g": BASE, "malleolus_g": BASE})
+    with pytest.raises(InputFileError, match="neither a time nor a sampling rate"):
+        Recording.read(tmp_path / "c.mat")
+
+
+class Danger:
+    """Unpickled, it would leave a file behind."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self):  # type: ignore[no-untyped-def]
+        return os.mkdir, (str(self.mark),)
+
+
+@pytest.mark.parametrize("ending", ["mat", "h5", "uff", "tdms", "csv"])
+def test_pickles_are_never_loaded(tmp_path: Path, ending: str) -> None:
+    mark = tmp_path / "executed"
+    poison = pickle.dumps(Danger(mark))
+    file = tmp_path / f"r.{ending}"
+    if ending == "mat":
+        savemat(file, {"base_m_s2": np.frombuffer(poison, np.uint8), "malleolus_m_s2": np.array(["x"], object)})
+    elif ending == "h5":
+        with h5py.File(file, "w") as out:
+            out["base_m_s2"] = np.void(poison)
+            out["malleolus_m_s2"] = BASE
+            out["malleolus_m_s2"].attrs["units"] = np.void(poison)
+    else:
+        file.write_bytes(poison)
+    with pytest.raises(InputFileError):
+        Recording.read(file)
+    assert not mark.exists()
+
+
+def test_declared_sizes_are_checked_before_they_are_allocated(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "r.h5", "w") as out:  # 8 TB announced, nothing stored
+        out.create_dataset("base_m_s2", (10**12,), "f8", chunks=(10**6,))
+        out.create_dataset("malleolus_m_s2", (10**12,), "f8", chunks=(10**6,))
+    with pytest.raises(InputFileError, match=r"announces 1e\+12 samples"):
+        Recording.read(tmp_path / "r.h5")
+
+
+def test_a_decompression_bomb_ends_in_a_sentence(tmp_path: Path) -> None:
+    """A version 5 file whose one compressed variable unpacks to 400 MB."""
+    savemat(tmp_path / "r.mat", {"base_m_s2": BASE}, do_compression=False)
+    whole = bytearray((tmp_path / "r.mat").read_bytes())
+    body = whole[128:]
+    size = 4 * 10**8
+    body[4:8] = (size + 60).to_bytes(4, "little")
+    at = body.index((2400).to_bytes(4, "little"), 40)  # bytes of the real part
+    body[at : at + 4] = size.to_bytes(4, "little")
+    place = body.index((300).to_bytes(4, "little"))
+    body[place : place + 4] = (size // 8).to_bytes(4, "little")
+    packer = zlib.compressobj(9)
+    packed = packer.compress(bytes(body))
+    zeros = bytes(1 << 24)
+    for _ in range(size >> 24):
+        packed += packer.compress(zeros)
+    packed += packer.flush()
+    (tmp_path / "r.mat").write_bytes(
+        whole[:128] + (15).to_bytes(4, "little") + len(packed).to_bytes(4, "little") + packed
+    )
+    with pytest.raises(InputFileError, match="announces 5e"):
+        Recording.read(tmp_path / "r.mat")
+
+
+def test_external_data_are_refused(tmp_path: Path) -> None:
+    """HDF5 can say that a dataset's bytes lie in another file: any file of the reader's machine."""
+    (tmp_path / "secret").write_bytes(b"password" * 300)
+    with h5py.File(tmp_path / "r.h5", "w") as out:
+        for name in ("base_m_s2", "malleolus_m_s2"):
+            out.create_dataset(name, (300,), "f8", external=[(str(tmp_path / "secret"), 0, 2400)])
+    with pytest.raises(InputFileError, match="other files"):
+        Recording.read(tmp_path / "r.h5")
+    with h5py.File(tmp_path / "l.h5", "w") as out:
+        out["base_m_s2"] = h5py.ExternalLink("secret.h5", "/x")
+    with pytest.raises(InputFileError, match="no numeric channel"):
+        Recording.read(tmp_path / "l.h5")
+
+
+@pytest.mark.parametrize("ending", ["mat", "h5", "uff", "tdms", "csv"])
+def test_truncated_and_mislabelled(tmp_path: Path, ending: str) -> None:
+    files = sound()
+    file = tmp_path / f"r.{ending}"
+    for content in (b"", files[ending][:40], files["tdms" if ending != "tdms" else "h5"]):
+        file.write_bytes(content)
+        with pytest.raises(InputFileError, match=f"r.{ending}"):
+            Recording.read(file)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_mutated_files(ending: str) -> None:
+    """The full runs of 2,000 files a reader are benchmarks/fuzz_readers.py."""
+    seen = fuzz(ending, 40, seed=1)
+    assert seen["read"] + seen["refused"] + seen["process ended"] == 40
+    assert seen["refused"] > 0
+
+
+def test_a_reader_that_hangs_or_dies_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "r.h5").write_bytes(sound()["h5"])
+    with pytest.raises(InputFileError, match="within 0 s"):
+        reader.read_series(tmp_path / "r.h5", patience_s=0.0)
+    assert Recording.read(tmp_path / "r.h5").time_s.size == 200
+    assert reader._child is not None
+    reader._child.process.kill()
+    reader._child.process.wait()
+    assert Recording.read(tmp_path / "r.h5").time_s.size == 200
+
+
+def test_missing_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import importlib.util
+
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    (tmp_path / "r.tdms").write_bytes(b"TDSm")
+    with pytest.raises(SettingError, match=r"pip install 'fasbody\[formats\]'"):
+        formats.read(tmp_path / "r.tdms")
+
+
+def test_study_of_tdms_files_in_volts(tmp_path: Path) -> None:
+    write_tdms(tmp_path / "a.tdms", AI0=(BASE * 0.01, 1000), AI1=(BASE * 0.013, 1000))
+    (tmp_path / "study.toml").write_text(
+        '[study]\nname = "loggers"\n'
+        '[channels.base]\ncolumn = "AI0"\nsensitivity = 0.01\n'
+        '[channels.malleolus]\ncolumn = "AI1"\nsensitivity = 0.01\n'
+    )
+    (tmp_path / "subjects.csv").write_text("subject,mass_kg\n1,70\n")
+    (tmp_path / "recordings.csv").write_text("file,subject,added_mass_kg\na.tdms,1,0\n")
+    study = StudyFolder.open(tmp_path)
+    back = study.read(study.trials[0])
+    assert back.base_m_s2 == pytest.approx(BASE)
+    assert back.malleolus_m_s2 == pytest.approx(1.3 * BASE)

@@ -1,0 +1,62 @@
+"""The single mass: against integration of its equation of motion, its limits, and the misprint."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from fasbody import sdof
+from fasbody.exceptions import SettingError
+from fasbody.response import fit_harmonics
+
+
+def test_response_is_the_steady_state_of_the_equation_of_motion() -> None:
+    m, c, k, f = 4.3, 400.0, 6e4, 20.0
+    w = 2 * np.pi * f
+    t = np.arange(1.0, 1.4, 1e-3)  # the transient decays within 0.1 s
+
+    def rates(t: float, x: np.ndarray) -> list[float]:
+        return [x[1], -(c * (x[1] - w * np.cos(w * t)) + k * (x[0] - np.sin(w * t))) / m]
+
+    y = solve_ivp(rates, (0, 1.4), [0, 0], t_eval=t, rtol=1e-10, atol=1e-12).y[0]
+    into, out = (fit_harmonics(t, v, f, 1).amplitudes[0] for v in (np.sin(w * t), y))
+    assert sdof.response(np.array(w), m, c, k) == pytest.approx(out / into, abs=1e-7)
+    assert sdof.transmissibility(np.array(w), m, c, k) == pytest.approx(abs(out / into), abs=1e-7)
+
+
+def test_print_omits_a_square() -> None:
+    """20 Hz, m = 4.3, c = 400, k = 6e4: 1.538 with k - m w^2, 1.005 with k - m w as printed."""
+    m, c, k, w = 4.3, 400.0, 6e4, 2 * np.pi * 20
+    printed = np.sqrt((k**2 + (w * c) ** 2) / ((k - m * w) ** 2 + (w * c) ** 2))
+    assert sdof.transmissibility(np.array(w), m, c, k) == pytest.approx(1.538, abs=5e-4)
+    assert printed == pytest.approx(1.005, abs=5e-4)
+
+
+def test_isolation_begins_at_sqrt_2_of_the_natural_frequency_for_any_damping() -> None:
+    m, k = 4.3, 6e4
+    w = np.sqrt(2 * k / m)
+    c = np.array([10.0, 100.0, 1000.0])
+    assert sdof.transmissibility(np.array(w), m, c, k) == pytest.approx(np.ones(3), abs=1e-12)
+    assert np.all(sdof.transmissibility(np.array(1.01 * w), m, c, k) < 1)
+
+
+def test_contour_line_is_the_inverse() -> None:
+    k = np.linspace(4e4, 2e5, 50)
+    w = 2 * np.pi * 20
+    c = sdof.damping_for(1.3, w, 4.3, k)
+    known = np.isfinite(c)
+    assert known.sum() > 20
+    assert sdof.transmissibility(np.array(w), 4.3, c[known], k[known]) == pytest.approx(np.full(known.sum(), 1.3))
+
+
+def test_region_holds_the_truth_and_shrinks_with_more_frequencies() -> None:
+    f = np.array([10.0, 20.0, 30.0, 40.0])
+    T = sdof.transmissibility(2 * np.pi * f, 4.3, 400.0, 6e4)
+    one = sdof.region(f[1:2], T[1:2], np.array([0.02]))
+    four = sdof.region(f, T, np.full(4, 0.02))
+    i, j = np.argmin(np.abs(four.c - 400)), np.argmin(np.abs(four.k - 6e4))
+    assert one.inside[i, j] and four.inside[i, j]
+    assert 0 < four.inside.sum() < 0.2 * one.inside.sum()
+    assert "N/m" in str(four)
+    assert "no single mass" in str(sdof.region(f, T * [1, 2, 1, 1], np.full(4, 0.001)))
+    with pytest.raises(SettingError):
+        sdof.region(f, T, np.zeros(4))

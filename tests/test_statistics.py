@@ -1,0 +1,98 @@
+"""The tests of section 2.3 against formulas written out, simulation and the libraries' other routes."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from fasbody import statistics
+from fasbody.exceptions import RecordingError
+
+RNG = np.random.default_rng(5)
+LEVELS = RNG.normal(1.2, 0.1, (20, 1)) + np.array([0.0, 0.03, 0.08]) + RNG.normal(0, 0.05, (20, 3))
+
+
+def test_paired_t_by_hand() -> None:
+    a, b = LEVELS[:, 2], LEVELS[:, 0]
+    d = a - b
+    t = d.mean() / (d.std(ddof=1) / np.sqrt(20))
+    c = statistics.paired(a, b)
+    assert c.p == pytest.approx(2 * stats.t.sf(abs(t), 19))
+    assert (c.difference, c.effect) == (pytest.approx(d.mean()), pytest.approx(t / np.sqrt(20)))
+    assert c.verdict == "above" and c.lower < d.mean() < c.upper
+    assert statistics.paired(b, a).verdict == "below"
+
+
+def test_confidence_interval_covers_in_95_of_100() -> None:
+    rng = np.random.default_rng(6)
+    inside = [c.lower < 0.1 < c.upper for c in (statistics.one_sample(rng.normal(1.1, 0.2, 12)) for _ in range(2000))]
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.02)
+
+
+def test_one_way_between_two_levels_is_the_t_test_squared() -> None:
+    v = statistics.one_way(LEVELS[:, :2])
+    t = stats.ttest_ind(LEVELS[:, 0], LEVELS[:, 1])
+    assert (v.F, v.p) == (pytest.approx(t.statistic**2), pytest.approx(t.pvalue))
+    assert v.effect == pytest.approx(t.statistic**2 / (t.statistic**2 + 38))
+
+
+def test_repeated_measures_between_two_levels_is_the_paired_t_test() -> None:
+    v = statistics.repeated_measures(LEVELS[:, :2])
+    t = stats.ttest_rel(LEVELS[:, 0], LEVELS[:, 1])
+    assert (v.F, v.p, v.epsilon) == (pytest.approx(t.statistic**2), pytest.approx(t.pvalue), 1.0)
+
+
+def test_repeated_measures_sees_what_subjects_hide_from_the_one_way_test() -> None:
+    assert statistics.one_way(LEVELS).p > statistics.repeated_measures(LEVELS).p
+    assert statistics.repeated_measures(LEVELS).p < 1e-4
+
+
+def test_greenhouse_geisser_keeps_the_level_where_sphericity_fails() -> None:
+    rng = np.random.default_rng(7)
+    spread = np.array([0.01, 0.01, 0.3, 0.3])
+    tests = [statistics.repeated_measures(rng.normal(0, spread, (12, 4))) for _ in range(200)]
+    plain = [stats.f.sf(v.F, 3, 33) for v in tests]
+    corrected = np.mean([v.p < 0.05 for v in tests])
+    assert corrected == pytest.approx(0.05, abs=0.035)
+    assert np.mean(np.array(plain) < 0.05) > corrected
+    assert all(1 / 3 <= v.epsilon <= 1 for v in tests)
+
+
+def test_mixed_model_agrees_with_the_complete_analysis_and_accepts_gaps() -> None:
+    full = statistics.repeated_measures(LEVELS)
+    assert pytest.approx(full.F, rel=1e-3) == statistics.mixed_model(LEVELS).F
+    gaps = LEVELS.copy()
+    gaps[3, 1] = gaps[7, 2] = np.nan
+    assert pytest.approx(full.F, rel=0.4) == statistics.mixed_model(gaps).F
+
+
+def test_holm_by_hand() -> None:
+    assert statistics.holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+
+
+F = np.arange(10.0, 55, 5)
+
+
+def panel(mean: np.ndarray, spread: float, subjects: int = 20) -> np.ndarray:
+    rng = np.random.default_rng(8)
+    noise = rng.normal(0, spread, (subjects, mean.size))
+    return mean + noise - noise.mean(axis=0) + rng.normal(0, 0.2, (subjects, 1))
+
+
+def test_resonance_rule_finds_peak_plateau_and_none() -> None:
+    peak = np.array([1.0, 1.1, 1.2, 1.3, 1.4, 1.4, 1.3, 1.2, 1.1])
+    peak[5] -= 0.001
+    found = statistics.resonance(F, panel(peak, 0.03))
+    assert (found.kind, found.low, found.high, found.top) == ("peak", 30, 35, 30)
+    flat = np.array([1.5, 1.3, 1.3, 1.3, 1.2, 1.1, 1.0, 0.9, 0.8])
+    found = statistics.resonance(F, panel(flat, 0.03))
+    assert (found.kind, found.low, found.high) == ("plateau", 15, 25)
+    assert statistics.resonance(F, panel(np.linspace(1.5, 0.7, 9), 0.03)).kind == "none"
+    assert str(found) == "plateau 15-25 Hz"
+
+
+def test_subjects_with_gaps_are_left_out_and_two_are_too_few() -> None:
+    x = panel(np.linspace(1.5, 0.7, 9), 0.03, 4)
+    x[0, 3] = np.nan
+    assert len(statistics.complete(x)) == 3
+    with pytest.raises(RecordingError, match="three subjects"):
+        statistics.complete(x[:3])

@@ -1,0 +1,199 @@
+"""Transmissibility of recordings and studies: signals of known answer, the table, the command, the figures."""
+
+import json
+import subprocess
+import sys
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+from fasbody.exceptions import RecordingError
+from fasbody.recording import Condition, Recording, StudyFolder
+from fasbody.transmissibility.comparisons import against_unity, between, resonances
+from fasbody.transmissibility.estimate import Row, rows, unwrapped
+from fasbody.transmissibility.findings import LOADS, findings
+from fasbody.transmissibility.table import Table
+from fasbody.virtual_study import Plan, make
+
+KEYS = {
+    "file", "subject", "posture", "added_mass_kg", "frequency_hz", "pair", "transmissibility", "transmissibility_std",
+    "phase_deg", "phase_std_deg", "transmissibility_peak_to_peak",
+}  # fmt: skip
+
+
+def recording(f: float = 20.0, seed: int = 0, noise: float = 0.02, second: float = 0.2) -> Recording:
+    """Known MB 1.3 at -40 degrees, TB 1.1 at -75 degrees; 10 s, noise and second harmonic as shares."""
+    t, rng = np.arange(10_000) / 1000, np.random.default_rng(seed)
+    turn = 8.95 * np.exp(2j * np.pi * f * t + 1j)
+    H = {"base": 1.0, "malleolus": 1.3 * np.exp(-1j * np.radians(40)), "tuberosity": 1.1 * np.exp(-1j * np.radians(75))}
+    channels = {
+        f"{name}_m_s2": (h * turn).real
+        + (second * abs(h) * turn**2 / 8.95).real * (name != "base")
+        + noise * 8.95 * rng.normal(size=t.size)
+        for name, h in H.items()
+    }
+    return Recording(t, **channels, condition=Condition("7", "midstance", 2.3, 70.0, f), file=f"{f:g}.csv")
+
+
+def by_pair(found: list[Row]) -> dict[str, Row]:
+    return {row.pair: row for row in found}
+
+
+@pytest.mark.parametrize("f", [10.0, 20.0, 50.0])
+def test_sine_fit_within_a_thousandth_and_a_tenth_of_a_degree(f: float) -> None:
+    """2 % noise, 20 % second harmonic; and the bias of the thesis' method on the same recording."""
+    several = [by_pair(rows(recording(f, seed=s))) for s in range(5)]  # one alone scatters by 0.04 % and 0.02 degrees
+    found = several[0]
+    for pair, T, phase in (("MB", 1.3, -40), ("TB", 1.1, -75), ("TM", 1.1 / 1.3, -35)):
+        assert np.mean([found[pair].transmissibility for found in several]) == pytest.approx(T, rel=6e-4)
+        assert np.mean([found[pair].phase_deg for found in several]) == pytest.approx(phase, abs=0.06)
+        assert all(abs(found[pair].phase_deg - phase) < 0.1 for found in several)
+    if f < 50:  # at 50 Hz the filter takes the second harmonic away
+        assert found["MB"].transmissibility_peak_to_peak > 1.3 * 1.02
+
+
+def test_stated_uncertainty_is_the_scatter_over_repetitions() -> None:
+    repeated = [by_pair(rows(recording(seed=s)))["MB"] for s in range(40)]
+    T, phase = (np.array([getattr(r, name) for r in repeated]) for name in ("transmissibility", "phase_deg"))
+    assert np.mean([r.transmissibility_std for r in repeated]) == pytest.approx(T.std(ddof=1), rel=0.35)
+    assert np.mean([r.phase_std_deg for r in repeated]) == pytest.approx(phase.std(ddof=1), rel=0.35)
+
+
+def test_unwrapping_passes_over_gaps() -> None:
+    assert unwrapped([-150, np.nan, 170, 130]) == pytest.approx([-150, np.nan, -190, -230], nan_ok=True)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    plan = Plan(subjects=5, seconds=1.0, file_format="h5")
+    return make(tmp_path_factory.mktemp("made") / "study", plan, processes=1)
+
+
+@pytest.fixture(scope="module")
+def table(study: Path) -> Table:
+    return Table.of(StudyFolder.open(study), processes=1)
+
+
+def test_table_has_every_subject_condition_pair_and_frequency(table: Table) -> None:
+    assert len(table.frame) == 5 * 5 * 9 * 3
+    assert table.pairs == ["MB", "TB", "TM"]
+    assert table.conditions == [
+        ("midstance", 0.0), ("midstance", 2.3), ("midstance", 4.5), ("plantarflexion", 0.0), ("dorsiflexion", 0.0),
+    ]  # fmt: skip
+    for curves in table.each():
+        assert curves.T.shape == (5, 9)
+        assert np.all(np.diff(curves.mean_phase_deg) < 15)
+
+
+def test_pairs_of_one_recording_are_consistent(table: Table) -> None:
+    c = {pair: table.curves(pair, "midstance", 4.5) for pair in table.pairs}
+    product = c["MB"].T * c["TM"].T
+    assert product == pytest.approx(c["TB"].T, rel=1e-9)
+    assert c["TB"].phase_deg == pytest.approx(c["MB"].phase_deg + c["TM"].phase_deg, abs=1e-6)
+
+
+def test_netcdf_and_csv_hold_the_table(table: Table) -> None:
+    with xarray.open_dataset(BytesIO(table.netcdf()), engine="h5netcdf") as data:
+        value = data["transmissibility"].sel(
+            subject="3", posture="midstance", added_mass_kg=2.3, pair="MB", frequency_hz=30.0
+        )
+        c = table.curves("MB", "midstance", 2.3)
+        assert float(value) == pytest.approx(c.T[c.subjects.index("3"), 4])
+        assert data.attrs["origin"] == "synthetic"
+    assert len(table.csv().splitlines()) == len(table.frame) + 1
+
+
+def test_comparisons(table: Table) -> None:
+    unity, loads, found = against_unity(table), between(table, list(LOADS)), resonances(table)
+    assert set(unity["verdict"]) <= {"above", "equal", "below"}
+    assert (unity["p_holm"] >= unity["p"]).all() and (loads["p_holm"] >= loads["p"]).all()
+    assert len(loads) == 27 and set(loads["test"]) == {"repeated-measures ANOVA"}
+    assert set(found["kind"]) <= {"peak", "plateau", "none"}
+
+
+def test_gaps_lead_to_the_mixed_model(table: Table) -> None:
+    f = table.frame
+    gap = (f["subject"] == "2") & (f["frequency_hz"] == 20) & (f["added_mass_kg"] == 2.3)
+    loads = between(Table(f[~gap], "synthetic"), list(LOADS))
+    at = loads[(loads["frequency_hz"] == 20) & (loads["pair"] == "MB")].iloc[0]
+    assert at["test"] == "mixed model" and 0 <= at["p"] <= 1
+
+
+def test_findings_judge_what_the_curves_say(table: Table) -> None:
+    """Hand-made curves that contradict a statement make it fail."""
+    made = {f.says: f for f in findings(table)}
+    assert made["MB below 20 Hz falls with load"].holds
+    frame = table.frame.copy()
+    low = (frame["pair"] == "MB") & (frame["added_mass_kg"] == 4.5)
+    frame.loc[low, "transmissibility"] *= 0.5
+    again = {f.says: f for f in findings(Table(frame, "synthetic"))}
+    assert made["MB with 4.5 kg above 1 at all frequencies"].holds
+    assert not again["MB with 4.5 kg above 1 at all frequencies"].holds
+    assert "10<" in again["MB with 4.5 kg above 1 at all frequencies"].came_out
+
+
+def command(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "fasbody.transmissibility", *arguments], capture_output=True, text=True, timeout=120
+    )
+
+
+def test_command_writes_tables_and_figures_and_prints_one_json_list(study: Path, tmp_path: Path) -> None:
+    done = command(str(study), "--json", "--out", str(tmp_path / "out"), "--jobs", "1")
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert len(document) == 675 and set(document[0]) == KEYS
+    for name in ("transmissibility.csv", "transmissibility.nc", "resonances.csv", "findings.csv", "against_unity.csv"):
+        assert (tmp_path / "out" / name).stat().st_size > 100
+    figures = sorted(p.name for p in (tmp_path / "out").glob("*.png"))
+    assert figures == sorted(
+        [f"{s}_{p}.png" for s in ("loads", "postures") for p in ("MB", "TB", "TM", "mean")] + ["single_mass.png"]
+    )
+
+
+def test_one_recording_and_no_tuberosity(tmp_path: Path) -> None:
+    r = recording()
+    Recording(r.time_s, r.base_m_s2, r.malleolus_m_s2).write(tmp_path / "20hz.csv")
+    done = command(str(tmp_path / "20hz.csv"), "--json")
+    (row,) = json.loads(done.stdout)
+    assert row["pair"] == "MB" and row["transmissibility"] == pytest.approx(1.3, rel=1e-3)
+
+
+def test_unusable_recordings_are_named_and_the_others_used(study: Path, tmp_path: Path) -> None:
+    import shutil
+
+    shutil.copytree(study, tmp_path / "s")
+    (tmp_path / "s" / "recordings" / "s01_midstance_0kg_10hz.h5").write_bytes(b"nothing")
+    done = command(str(tmp_path / "s"), "--json", "--jobs", "1")
+    assert done.returncode == 2
+    assert "1 of 225 recordings could not be used" in done.stderr and "s01_midstance_0kg_10hz.h5" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert len(json.loads(done.stdout)) == 672
+
+
+def test_a_study_without_any_usable_recording(tmp_path: Path) -> None:
+    (tmp_path / "study.toml").write_text("")
+    (tmp_path / "subjects.csv").write_text("subject,mass_kg\n1,70\n")
+    (tmp_path / "recordings.csv").write_text("file,subject,added_mass_kg\nmissing.csv,1,0\n")
+    with pytest.raises(RecordingError, match=r"missing.csv: no such file"):
+        Table.of(StudyFolder.open(tmp_path))
+
+
+def test_check_and_convert(tmp_path: Path) -> None:
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([sys.executable, "-m", "fasbody.recording", *arguments], capture_output=True, text=True)
+
+    recording().write(tmp_path / "a.csv")
+    assert run("convert", str(tmp_path / "a.csv"), str(tmp_path / "b.tdms")).returncode == 0
+    told = run("check", str(tmp_path / "b.tdms"), "--json")
+    (row,) = json.loads(told.stdout)["recordings"]
+    assert (told.returncode, row["samples"], row["frequency_hz"]) == (0, 10_000, pytest.approx(20, abs=1e-3))
+    silence = "".join(f"{i / 1000},0,0\n" for i in range(99))
+    (tmp_path / "c.csv").write_text("time_s,base_m_s2,malleolus_m_s2\n" + silence)
+    told = run("check", str(tmp_path / "c.csv"))
+    assert told.returncode == 2 and "is dead" in told.stderr and "Traceback" not in told.stderr
+    again = run("convert", str(tmp_path / "a.csv"), str(tmp_path / "b.tdms"))
+    assert again.returncode == 2 and "exists" in again.stderr
