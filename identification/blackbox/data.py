@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from fasbody.exceptions import InputFileError, RecordingError, SettingError, unknown
-from fasbody.readers import TIME_UNITS
+from fasbody.channels import TIME_UNITS
 from fasbody.recording import Recording, Study
 
 #: A header of time, alone or with a unit: time_s, "Time (ms)", t [us], timestamp.
