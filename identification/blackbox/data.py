@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from fasbody.exceptions import InputFileError, RecordingError, SettingError, unknown
 from fasbody.channels import TIME_UNITS
+from fasbody.exceptions import InputFileError, RecordingError, SettingError, unknown
 from fasbody.recording import Recording, Study
 
 #: A header of time, alone or with a unit: time_s, "Time (ms)", t [us], timestamp.
