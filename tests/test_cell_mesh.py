@@ -93,6 +93,14 @@ def test_surfaces_are_filled_at_the_size_asked_for(size: float) -> None:
     assert assemble(mesh).volume_um3 == pytest.approx(960.0, rel=1e-9)
 
 
+def test_a_nucleus_surface_is_filled_finer_than_its_cell() -> None:
+    ball = trimesh.creation.icosphere(1, 2.0)
+    mesh = surface_mesh(trimesh.creation.box((10, 8, 12)), ball, MeshSize.of(4.0))
+    assert assemble(mesh).regions[NUCLEUS].volume_um3 == pytest.approx(ball.volume, rel=1e-9)
+    edge = [np.linalg.norm(np.diff(mesh.corners[mesh.region == r], axis=1), axis=2).mean() for r in (0, 1)]
+    assert edge[1] < 0.8 * edge[0]
+
+
 def test_unknowns_are_foreseen_and_too_many_are_refused() -> None:
     for size in (5.0, 8.0):
         dof = 3 * len(cell(size=size).nodes_um)

@@ -147,7 +147,8 @@ def surface_mesh(
         refuse_above_limit(
             lambda factor: PER_CUBE * volume / (edge * factor) ** 3 + PER_SQUARE * area / (edge * factor) ** 2, edge
         )
-        outer, inner = _cut(outer, edge), inner and _cut(inner, size.nucleus)
+        outer = _cut(outer, edge)
+        inner = None if inner is None else _cut(inner, size.nucleus)
     with _gmsh() as gmsh:
         loops, first = [], 1
         for tag, surface in enumerate([outer] if inner is None else [outer, inner], start=1):

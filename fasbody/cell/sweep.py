@@ -45,9 +45,7 @@ class Sweep:
 
     def document(self) -> list[dict[str, Any]]:
         """One entry a point, ready for JSON."""
-        return [
-            a.document() | m.document() for a, m in zip(self.analyses, self.matches, strict=True)
-        ]
+        return [a.document() | m.document() for a, m in zip(self.analyses, self.matches, strict=True)]
 
     def __str__(self) -> str:
         return "\n".join(str(a) for a in self.analyses)
