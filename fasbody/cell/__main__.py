@@ -213,12 +213,13 @@ def shake(
     _positive(modes)
     import numpy as np
 
-    from fasbody.cell.analysis import assemblies
+    from fasbody.cell.assembly import assemble
+    from fasbody.cell.mesh import dome_mesh
     from fasbody.cell.modal import CellModel
     from fasbody.cell.response import base_response
 
     with console.status("meshing and solving"):
-        model = CellModel(assemblies(dome, _size(size))[0], chosen.materials, chosen.metres_per_um)
+        model = CellModel(assemble(dome_mesh(dome, _size(size))), chosen.materials, chosen.metres_per_um)
         cell = ReducedCell.of(model, modes)
         damped = damped_modes(cell, (solid, other))
         inside = damped.frequencies_hz[damped.frequencies_hz < cell.reach_hz]  # so that no narrow peak is missed
