@@ -12,9 +12,9 @@ from fasbody.cell.modal import CellModel, Modes, solve
 PRESET = preset("as-reproduced")
 
 
-def labels(length: float, width: float) -> list[str]:
-    model = CellModel(cell(length, width, size=5.0), PRESET.materials, PRESET.metres_per_um)
-    return [d.label for d in describe(model, solve(model, 5))]
+def labels(length: float, width: float, count: int = 5) -> list[str]:
+    model = CellModel(cell(length, width, size=6.0), PRESET.materials, PRESET.metres_per_um)
+    return [d.label for d in describe(model, solve(model, count))]
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,9 @@ def test_nucleus_share_is_its_part_of_the_energy() -> None:
 
 def test_first_five_modes_are_those_of_the_thesis() -> None:
     expected = ["z sway", "x sway", "twist about y", "x compression", "z sway, 2 nodes along x"]
-    assert labels(100.0, 40.0) == expected
+    found = labels(100.0, 40.0, 7)
+    assert found[:5] == expected
+    assert found[6] == "twist about y, 3 nodes along x"  # its main component lies along x, unlike that of mode 3
 
 
 def test_narrowest_cell_compresses_in_mode_five() -> None:

@@ -9,7 +9,7 @@ from cell_cases import CACHE, block, cell
 
 from fasbody.cell.assembly import assemble
 from fasbody.cell.dome import Dome, Nucleus
-from fasbody.cell.mesh import MeshSize, dome_mesh, surface_mesh
+from fasbody.cell.mesh import MeshSize, dome_mesh, surface_mesh, unknowns
 from fasbody.cell.tetmesh import EDGES, NUCLEUS, TetMesh
 from fasbody.exceptions import MeshError, SettingError
 
@@ -81,6 +81,34 @@ def test_closed_surfaces_are_filled() -> None:
     assembly = assemble(surface_mesh(box, ball))
     assert assembly.volume_um3 == pytest.approx(960.0, rel=1e-9)
     assert assembly.regions[NUCLEUS].volume_um3 == pytest.approx(ball.volume, rel=1e-9)
+
+
+@pytest.mark.parametrize("size", [4.0, 2.0])
+def test_surfaces_are_filled_at_the_size_asked_for(size: float) -> None:
+    """Mean edge of the straight tetrahedra; the triangles of the box are 8 to 14 um long to begin with."""
+    mesh = surface_mesh(trimesh.creation.box((10, 8, 12)), size=MeshSize.of(size))
+    x = mesh.corners
+    edges = np.concatenate([np.linalg.norm(x[:, i] - x[:, j], axis=1) for i, j in EDGES])
+    assert edges.mean() == pytest.approx(size, rel=0.4)
+    assert assemble(mesh).volume_um3 == pytest.approx(960.0, rel=1e-9)
+
+
+def test_a_nucleus_surface_is_filled_finer_than_its_cell() -> None:
+    ball = trimesh.creation.icosphere(1, 2.0)
+    mesh = surface_mesh(trimesh.creation.box((10, 8, 12)), ball, MeshSize.of(4.0))
+    assert assemble(mesh).regions[NUCLEUS].volume_um3 == pytest.approx(ball.volume, rel=1e-9)
+    edge = [np.linalg.norm(np.diff(mesh.corners[mesh.region == r], axis=1), axis=2).mean() for r in (0, 1)]
+    assert edge[1] < 0.8 * edge[0]
+
+
+def test_unknowns_are_foreseen_and_too_many_are_refused() -> None:
+    for size in (5.0, 8.0):
+        dof = 3 * len(cell(size=size).nodes_um)
+        assert unknowns(Dome(), MeshSize.of(size)) == pytest.approx(dof, rel=0.15)
+    with pytest.raises(SettingError, match=r"0\.05 um needs about .*e\+0.* unknowns.*: take [\d.]+ um or more"):
+        dome_mesh(Dome(), MeshSize.of(0.05), cache=CACHE)
+    with pytest.raises(SettingError, match=r"take [\d.]+ um or more"):
+        surface_mesh(trimesh.creation.box((10, 8, 12)), size=MeshSize.of(0.05))
 
 
 def test_open_or_misplaced_surfaces_are_refused() -> None:

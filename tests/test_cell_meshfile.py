@@ -12,8 +12,9 @@ from cell_cases import block, cell
 from fasbody.cell.analysis import Analysis, analyse
 from fasbody.cell.assembly import assemble
 from fasbody.cell.materials import preset
+from fasbody.cell.mesh import MeshSize
 from fasbody.cell.meshfile import read_mesh, write_browser, write_vtu
-from fasbody.exceptions import InputFileError
+from fasbody.exceptions import InputFileError, SettingError
 
 SI = preset("si")
 
@@ -69,7 +70,20 @@ def test_closed_stl_is_filled_and_open_stl_is_refused(tmp_path: Path) -> None:
         read_mesh(tmp_path / "open.stl")
 
 
-def test_files_that_are_no_cells(tmp_path: Path) -> None:
+def test_a_coarse_stl_is_cut_to_the_size_and_says_so(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    trimesh.creation.box((10, 8, 12)).export(tmp_path / "coarse.stl")
+    counts = [len(read_mesh(tmp_path / "coarse.stl", size=MeshSize.of(size)).tets) for size in (5.0, 2.5)]
+    assert counts[1] > 4 * counts[0]
+    assert "coarse.stl: its triangles (mean edge" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("unit", [0.0, -2.0, 1e-30, float("nan"), float("inf")])
+def test_units_that_cannot_be_meant(tmp_path: Path, unit: float) -> None:
+    with pytest.raises(SettingError, match="--um-per-unit lies between"):
+        read_mesh(tmp_path / "absent.vtu", um_per_unit=unit)
+
+
+def test_files_that_are_no_cells(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(InputFileError, match="no such file"):
         read_mesh(tmp_path / "absent.vtu")
     (tmp_path / "cell.obj").write_text("")
@@ -79,6 +93,11 @@ def test_files_that_are_no_cells(tmp_path: Path) -> None:
         (tmp_path / name).write_text("no mesh")
         with pytest.raises(InputFileError, match=name):
             read_mesh(tmp_path / name)
+    for name, kind in (("broken.vtu", "VTU"), ("broken.msh", "MSH")):
+        with pytest.raises(InputFileError, match=f"is not a {kind} file"):
+            read_mesh(tmp_path / name)
+    captured = capfd.readouterr()
+    assert captured.out + captured.err == ""
     meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])]).write(tmp_path / "flat.vtu")
     with pytest.raises(InputFileError, match="holds triangle; tetrahedra of one kind"):
         read_mesh(tmp_path / "flat.vtu")

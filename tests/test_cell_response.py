@@ -47,4 +47,11 @@ def test_resonance_lies_at_the_first_mode(model: CellModel) -> None:
     light = StandardLinearSolid(0.02, 1 / (2 * np.pi * first))
     response = base_response(ReducedCell.of(model, 20), (light, light), np.linspace(0.5, 1.5, 401) * first)
     assert response.resonance_hz[[0, 2]] == pytest.approx(first, rel=0.02)
-    assert "resonance of the top" in str(response)
+    assert "per base displacement" in str(response)
+
+
+def test_the_end_of_the_range_is_no_resonance(model: CellModel) -> None:
+    first = solve(model, 1).frequencies_hz[0]
+    rising = base_response(ReducedCell.of(model, 8), (SOLID, SOLID), np.linspace(0.1, 0.6, 30) * first)
+    assert np.isnan(rising.resonance_hz).all()
+    assert f"x none below {0.6 * first:.4g} Hz" in str(rising)

@@ -10,12 +10,12 @@ from fasbody.cell.mesh import MeshSize
 from fasbody.cell.sweep import YEAST_PA, PowerLaw, Sweep, power_laws, summarise, sweep_moduli, sweep_shapes
 from fasbody.exceptions import SettingError
 
-SIZE = MeshSize.of(6.0)
+SIZE = MeshSize.of(7.0)
 
 
 @pytest.fixture(scope="module")
 def shapes() -> Sweep:
-    return sweep_shapes(preset("as-reproduced"), size=SIZE, count=5, cache=CACHE)
+    return sweep_shapes(preset("as-reproduced"), size=SIZE, count=3, cache=CACHE)
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from cell_cases import cell
 from fasbody.cell.assembly import Assembly
 from fasbody.cell.materials import Preset, preset
 from fasbody.cell.modal import CellModel, Modes, solve
-from fasbody.cell.tracking import mac, track
+from fasbody.cell.tracking import LOST, Match, mac, track, track_along
 
 PRESET = preset("as-reproduced")
 
@@ -37,9 +37,31 @@ def test_a_permutation_is_found() -> None:
 
 
 def test_compression_moves_to_mode_five_in_the_narrowest_cell() -> None:
-    match = track(solved(cell(size=5.0)), solved(cell(135.0, 30.0, size=5.0)))
+    match = track(solved(cell()), solved(cell(135.0, 30.0)))
     assert match.partner.tolist() == [0, 1, 2, 4, 3]
     assert match.mac.min() > 0.7
+
+
+def test_modes_that_are_no_longer_there_are_lost() -> None:
+    """Kept among the last three of five, the first two modes have no partner rather than a poor one."""
+    model, modes = solved(cell(size=8.0))
+    fewer = replace(modes, vectors=modes.vectors[:, 2:], frequencies_hz=modes.frequencies_hz[2:])
+    match = track((model, modes), (model, fewer))
+    assert match.partner.tolist() == [LOST, LOST, 0, 1, 2]
+    assert match.document()["partner_of_first"] == [None, None, 1, 2, 3]
+    assert str(match).startswith("1->lost, 2->lost, 3->1 (1.00)")
+
+
+def test_a_chain_follows_its_neighbours() -> None:
+    model, modes = solved(cell(size=8.0))
+    turned, orders = [(model, modes)], ([1, 0, 2, 3, 4], [2, 0, 1, 4, 3])
+    for order in orders:
+        turned.append((model, replace(modes, vectors=turned[-1][1].vectors[:, order])))
+    assert [m.partner.tolist() for m in track_along(turned)] == [[0, 1, 2, 3, 4], [1, 0, 2, 3, 4], [2, 1, 0, 4, 3]]
+    step = Match(np.array([1, LOST]), np.array([0.9, np.nan])).then(Match(np.array([0, 1]), np.array([0.6, 0.8])))
+    assert step.partner.tolist() == [1, LOST]
+    assert step.mac[0] == 0.8
+    assert np.isnan(step.mac[1])
 
 
 def test_order_changes_with_stiffness_are_followed() -> None:

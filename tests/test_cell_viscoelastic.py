@@ -9,7 +9,7 @@ from fasbody.cell.assembly import assemble
 from fasbody.cell.materials import preset
 from fasbody.cell.membrane import Membrane
 from fasbody.cell.modal import CellModel, solve
-from fasbody.cell.viscoelastic import ReducedCell, StandardLinearSolid, damped_modes
+from fasbody.cell.viscoelastic import DampedModes, ReducedCell, StandardLinearSolid, damped_modes
 from fasbody.exceptions import SettingError
 
 
@@ -54,6 +54,28 @@ def test_two_solids_agree_with_the_unreduced_problem(model: CellModel) -> None:
     s = s[s.imag > 1e-6 * np.abs(s)]
     s = s[np.argsort(s.imag)][:3]
     assert damped.s == pytest.approx(s, rel=2e-3)
+    assert len(damped_modes(ReducedCell.of(model, 4), solids, 10).s) == 4
+
+
+@pytest.mark.parametrize("modes", [1, 4])
+def test_no_mode_is_invented_above_the_reach_of_the_basis(model: CellModel, modes: int) -> None:
+    solid = StandardLinearSolid(0.5, 1e-7)
+    damped = damped_modes(ReducedCell.of(model, modes), (solid, solid), 10)
+    assert damped.elastic_hz == pytest.approx(solve(model, modes).frequencies_hz, rel=1e-6)
+    assert damped.residuals.max() < 1e-6
+    assert str(damped).count("residual") == modes
+
+
+def test_modes_that_do_not_converge_are_refused(model: CellModel) -> None:
+    """A nucleus that is a hundred times as stiff when fast bends the modes beyond what two of them can follow."""
+    hard = StandardLinearSolid(1e4, 1.0)
+    with pytest.raises(SettingError, match="take more modes"):
+        damped_modes(ReducedCell.of(model, 1), (StandardLinearSolid(0.0, 1.0), hard), 10)
+
+
+def test_no_damping_prints_as_zero() -> None:
+    damped = DampedModes(np.array([1e-9 + 5j]), np.zeros(1), np.ones(1))
+    assert "damping 0.000%" in str(damped)
 
 
 def test_no_relaxation_is_elastic_and_very_fast_is_stiff(model: CellModel) -> None:

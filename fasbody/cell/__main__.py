@@ -1,5 +1,7 @@
 """Command line of the cell: ``python -m fasbody.cell [sweep | verify | shake] --help``."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
     from fasbody.cell.analysis import Analysis
     from fasbody.cell.mesh import MeshSize
 
-app = typer.Typer(pretty_exceptions_enable=False, add_completion=False, rich_markup_mode="rich")
+app = typer.Typer(pretty_exceptions_enable=False, add_completion=False, rich_markup_mode=None)
 
 PresetOption = Annotated[str, typer.Option("--preset", help="as-printed, as-reproduced or si.")]
 ShapeOption = Annotated[str, typer.Option("--shape", help="Base axes, long x short [um].")]
@@ -24,6 +26,11 @@ ModesOption = Annotated[int, typer.Option("--modes", help="Number of modes.")]
 ModulusOption = Annotated[float | None, typer.Option("--modulus", help="Young's modulus of the cytoplasm [Pa].")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
 OutOption = Annotated[Path | None, typer.Option("--out", help="Folder for results and figures.")]
+
+#: Parameters that only a dome, only a mesh of the user's own, or only a closed surface has.
+OF_DOME = {"shape_text", "height", "profile", "nucleus_centre", "no_nucleus"}
+OF_MESH = {"um_per_unit", "nucleus_tag", "nucleus_surface"}
+OF_STL = {"size", "nucleus_surface"}
 
 
 @app.callback(invoke_without_command=True)
@@ -65,8 +72,16 @@ def analyse_cell(
 
       python -m fasbody.cell sweep --out results/cell
     """
+    given = _given(context)
     if context.invoked_subcommand is not None:
+        _refuse(given, set(given), f"stands before {context.invoked_subcommand!r} and would be lost: write it after")
         return
+    if mesh is None:
+        _refuse(given, OF_MESH, "needs --mesh")
+    else:
+        _refuse(given, OF_DOME, "shapes the dome, not the cell of --mesh: leave it out")
+        if mesh.suffix.lower() != ".stl":
+            _refuse(given, OF_STL, f"serves an .stl surface; {mesh} brings its own tetrahedra: leave it out")
     chosen = _materials(_preset(preset_name, modulus), nucleus_modulus, poisson, density)
     _positive(modes)
     from fasbody.cell.analysis import analyse, assemblies
@@ -75,13 +90,18 @@ def analyse_cell(
 
     options: dict[str, Any] = {"count": modes, "way": solver}
     options["membrane"] = Membrane() if membrane else None
-    options["cytoskeleton"] = Tensegrity(bundle=filaments) if filaments else None
+    with _named("--filaments"):
+        options["cytoskeleton"] = Tensegrity(bundle=filaments) if filaments else None
     if mesh is not None:
         from fasbody.cell.assembly import assemble
         from fasbody.cell.meshfile import read_mesh
 
-        own = read_mesh(mesh, um_per_unit=um_per_unit, nucleus_tag=nucleus_tag, nucleus=nucleus_surface)
+        own = read_mesh(
+            mesh, um_per_unit=um_per_unit, nucleus_tag=nucleus_tag, nucleus=nucleus_surface, size=_size(size)
+        )
         analysis = analyse(assemble(own), None, chosen, **options)
+        console.print("warning: a mesh of your own has no error estimate; how far it has converged is unknown until "
+                      "you solve a finer one", soft_wrap=True)  # fmt: skip
     else:
         nucleus = None if no_nucleus else Nucleus(centre=nucleus_centre)
         dome = Dome(*shape(shape_text), chosen.height_um if height is None else height, profile, nucleus)
@@ -184,22 +204,27 @@ def shake(
     """
     from fasbody.cell.viscoelastic import ReducedCell, StandardLinearSolid, damped_modes
 
-    solid = StandardLinearSolid(g, tau)
-    other = StandardLinearSolid(g if nucleus_g is None else nucleus_g, tau if nucleus_tau is None else nucleus_tau)
+    with _named("--g, --tau"):
+        solid = StandardLinearSolid(g, tau)
+    with _named("--nucleus-g, --nucleus-tau"):
+        other = StandardLinearSolid(g if nucleus_g is None else nucleus_g, tau if nucleus_tau is None else nucleus_tau)
     chosen = _preset(preset_name, modulus)
     dome = Dome(*shape(shape_text), chosen.height_um)
     _positive(modes)
     import numpy as np
 
-    from fasbody.cell.analysis import assemblies
+    from fasbody.cell.assembly import assemble
+    from fasbody.cell.mesh import dome_mesh
     from fasbody.cell.modal import CellModel
     from fasbody.cell.response import base_response
 
     with console.status("meshing and solving"):
-        model = CellModel(assemblies(dome, _size(size))[0], chosen.materials, chosen.metres_per_um)
+        model = CellModel(assemble(dome_mesh(dome, _size(size))), chosen.materials, chosen.metres_per_um)
         cell = ReducedCell.of(model, modes)
         damped = damped_modes(cell, (solid, other))
-        response = base_response(cell, (solid, other), np.geomspace(5, cell.reach_hz, 500))
+        inside = damped.frequencies_hz[damped.frequencies_hz < cell.reach_hz]  # so that no narrow peak is missed
+        grid = np.union1d(np.geomspace(5, cell.reach_hz, 500), inside)
+        response = base_response(cell, (solid, other), grid)
     document = {"preset": chosen.name, "dof": model.assembly.dof, "damped_modes": damped.document()}
     document["response"] = response.document()
     if out is not None:
@@ -212,24 +237,56 @@ def shake(
 
 
 def _preset(name: str, modulus: float | None) -> Preset:
-    return preset(name) if modulus is None else preset(name).with_modulus(modulus)
+    chosen = preset(name)
+    with _named("--modulus, cytoplasm"):
+        return chosen if modulus is None else chosen.with_modulus(modulus)
 
 
 def _materials(chosen: Preset, nucleus_E: float | None, nu: float | None, rho: float | None) -> Preset:
-    both: dict[str, float] = {key: value for key, value in (("nu", nu), ("rho", rho)) if value is not None}
-    own = both if nucleus_E is None else both | {"E": nucleus_E}
-    return replace(chosen, cytoplasm=replace(chosen.cytoplasm, **both), nucleus=replace(chosen.nucleus, **own))
+    for name, both in (("--poisson", {"nu": nu}), ("--density", {"rho": rho})):
+        values: dict[str, float] = {key: value for key, value in both.items() if value is not None}
+        with _named(name):
+            cytoplasm, nucleus = (replace(material, **values) for material in chosen.materials)
+        chosen = replace(chosen, cytoplasm=cytoplasm, nucleus=nucleus)
+    if nucleus_E is None:
+        return chosen
+    with _named("--nucleus-modulus"):
+        return replace(chosen, nucleus=replace(chosen.nucleus, E=nucleus_E))
 
 
 def _positive(modes: int) -> None:
     if modes < 1:
-        raise SettingError(f"the number of modes must be 1 or more, not {modes}.")
+        raise SettingError(f"--modes: the number of modes must be 1 or more, not {modes}.")
+
+
+@contextmanager
+def _named(option: str) -> Iterator[None]:
+    """Put the option before the sentence on its value."""
+    try:
+        yield
+    except SettingError as error:
+        raise SettingError(f"{option}: {error}") from error
+
+
+def _given(context: typer.Context) -> dict[str, str]:
+    """Options on the command line, by parameter name, as a user writes them."""
+    return {
+        option.name: option.opts[0]
+        for option in context.command.params
+        if option.name and getattr(context.get_parameter_source(option.name), "name", "") == "COMMANDLINE"
+    }
+
+
+def _refuse(given: dict[str, str], names: set[str], why: str) -> None:
+    for name in sorted(names & set(given)):
+        raise SettingError(f"{given[name]} {why}.")
 
 
 def _size(size: float) -> "MeshSize":
     from fasbody.cell.mesh import MeshSize
 
-    return MeshSize.of(size)
+    with _named("--size"):
+        return MeshSize.of(size)
 
 
 def _write(out: Path, analysis: "Analysis") -> None:

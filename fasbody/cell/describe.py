@@ -18,6 +18,7 @@ AXES = "xyz"
 X, Y, Z = range(3)
 EVEN = 0.5  # mirror correlation above which a component counts as even, and below minus which as odd
 NUCLEUS_MODE = 0.5  # share of the kinetic energy above which the mode belongs to the nucleus
+SEEN = 0.1  # share of the kinetic energy above which the nodes of a second component count
 SLICES = 24
 
 
@@ -66,6 +67,8 @@ def describe(model: CellModel, modes: Modes) -> tuple[ModeDescription, ...]:
         v = u[:, main]
         even = {axis: float(weight @ (v * v[mirror[axis]]) / (weight @ v**2)) for axis in (X, Z)}
         nodes = {axis: _sign_changes(xyz, v, weight, axis, other, even[other]) for axis, other in ((X, Z), (Z, X))}
+        if main == X and even[Z] < -EVEN < EVEN < even[X] and by_axis[c, Z] > SEEN:
+            nodes[X] = _sign_changes(xyz, u[:, Z], weight, X, Z, 1.0)  # a twist's nodes are those of its sway along z
         label = "nucleus mode" if kinetic[c] > NUCLEUS_MODE else _label(main, even, nodes)
         share = (float(by_axis[c, 0]), float(by_axis[c, 1]), float(by_axis[c, 2]))
         found.append(
@@ -87,7 +90,7 @@ def _label(main: int, even: dict[int, float], nodes: dict[int, int]) -> str:
     elif odd[main]:
         base, least = f"{AXES[main]} compression", {main: 1, across: 0}
     elif odd[across]:
-        base, least = "twist about y", {main: 0, across: 1}
+        base, least = "twist about y", {X: 1, Z: int(across == Z)}
     else:
         base, least = f"{AXES[main]} sway", {main: 0, across: 0}
     more = [

@@ -126,4 +126,8 @@ def shape(text: str) -> tuple[float, float]:
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*[xX×]\s*(\d+(?:\.\d+)?)\s*", text)
     if not match:
         raise SettingError(f"the shape {text!r} is not two lengths in um; write it as 100x40.")
-    return float(match[1]), float(match[2])
+    length, width = float(match[1]), float(match[2])
+    if length < width:
+        long_first = f"{width:g}x{length:g}"
+        raise SettingError(f"the shape {text!r} has its short axis first: write the long one first, {long_first}.")
+    return length, width

@@ -4,13 +4,14 @@ import hashlib
 import io
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from fasbody.cell.dome import Dome
 from fasbody.cell.tetmesh import CYTOPLASM, EDGES, NUCLEUS, TetMesh
@@ -25,6 +26,10 @@ TO_VTK = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
 TET10 = 11  # gmsh's element type
 #: Elements whose smallest det J is below this share of their mean are straightened, halfway at most so many times.
 SQUASHED, UNBENDING = 0.2, 8
+#: Unknowns above which a mesh is refused before it is made: its solution would not fit into some 4 GB.
+LIMIT = 500_000
+#: Unknowns of quadratic elements of size h in a volume h^3 and on a surface h^2, counted on gmsh's domes.
+PER_CUBE, PER_SQUARE = 10.0, 38.0
 FORMAT = 2  # counts up when meshes of old caches must not be used any more
 
 
@@ -71,6 +76,7 @@ def dome_mesh(dome: Dome, size: MeshSize | None = None, *, cache: Path | None = 
     stored = _read(file)
     if stored is not None:
         return stored
+    refuse_above_limit(lambda factor: unknowns(dome, size.coarser(factor)), size.size)
     mesh = _mesh_patiently(dome, size)
     memory = io.BytesIO()
     np.savez_compressed(memory, points_um=mesh.points_um, tets=mesh.tets, region=mesh.region)
@@ -78,15 +84,57 @@ def dome_mesh(dome: Dome, size: MeshSize | None = None, *, cache: Path | None = 
     return mesh
 
 
+def unknowns(dome: Dome, size: MeshSize) -> float:
+    """About how many unknowns a mesh will have, by the integral of 1 / h^3 over fixed random points and the surface."""
+    low, high = np.array([-1, 0, -1]) * dome.semi_axes, dome.semi_axes
+    points = np.random.default_rng(0).uniform(low, high, (40_000, 3))
+    points = points[dome.level(points) < 1]
+    turn = np.linspace(0, 2 * np.pi, 720)
+    rim = np.stack([np.cos(turn), 0 * turn, np.sin(turn)], axis=1) * dome.semi_axes
+    distances = [(cKDTree(rim).query(points)[0], size.rim)]
+    if dome.nucleus is not None:
+        away = points - np.array([0, dome.nucleus.centre, 0])
+        level = np.linalg.norm(away / dome.nucleus.semi_axes, axis=1)
+        distances.append((np.abs(1 - 1 / level) * np.linalg.norm(away, axis=1), size.nucleus))
+    h = np.min([near + (size.size - near) * np.minimum(d / size.transition, 1) for d, near in distances], axis=0)
+    surface = 2 * np.pi * dome.length * dome.width / 4
+    return float(PER_CUBE * dome.volume_um3 * np.mean(1 / h**3) + PER_SQUARE * surface / size.size**2)
+
+
+def refuse_above_limit(count: Callable[[float], float], size: float) -> None:
+    """Refuse a mesh of more than `LIMIT` unknowns; `count` gives them at the sizes times a factor.
+
+    Raises:
+        SettingError: with the number and an element size that would do.
+    """
+    wanted = count(1.0)
+    if wanted <= LIMIT:
+        return
+    factor = float(np.cbrt(wanted / LIMIT))  # enough if all of it were volume
+    while count(factor) > LIMIT:
+        factor *= 1.05
+    valid = np.ceil(size * factor * 100) / 100
+    raise SettingError(
+        f"an element size of {size:g} um needs about {wanted:.2g} unknowns, more than the {LIMIT} that fit into "
+        f"some 4 GB of memory: take {valid:g} um or more."
+    )
+
+
 def cache_folder() -> Path:
     """Where finished meshes are kept."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fasbody" / "cell"
 
 
-def surface_mesh(outer: "trimesh.Trimesh", inner: "trimesh.Trimesh | None" = None) -> TetMesh:
-    """Fill a closed surface [um] with tetrahedra that keep its triangles; `inner` encloses the nucleus.
+def surface_mesh(
+    outer: "trimesh.Trimesh", inner: "trimesh.Trimesh | None" = None, size: MeshSize | None = None
+) -> TetMesh:
+    """Fill a closed surface [um] with tetrahedra on its triangles; `inner` encloses the nucleus.
+
+    With a `size`, coarser triangles are first cut in four until they match it, flat as they are, and the tetrahedra
+    inside have that size, or that of finer triangles near them. Without, everything is as fine as the triangles.
 
     Raises:
+        SettingError: the size asks for more than `LIMIT` unknowns.
         MeshError: a surface is open, the inner one is not inside, or gmsh cannot fill it.
     """
     for name, surface in (("cell", outer), ("nucleus", inner)):
@@ -94,6 +142,13 @@ def surface_mesh(outer: "trimesh.Trimesh", inner: "trimesh.Trimesh | None" = Non
             raise MeshError(f"the {name}'s surface is not closed: {_open_edges(surface)} edges have no second face.")
     if inner is not None and not ((inner.bounds[0] > outer.bounds[0]) & (inner.bounds[1] < outer.bounds[1])).all():
         raise MeshError("the nucleus' surface is not inside the cell's surface.")
+    if size is not None:
+        volume, area, edge = float(outer.volume), float(outer.area), size.size
+        refuse_above_limit(
+            lambda factor: PER_CUBE * volume / (edge * factor) ** 3 + PER_SQUARE * area / (edge * factor) ** 2, edge
+        )
+        outer = _cut(outer, edge)
+        inner = None if inner is None else _cut(inner, size.nucleus)
     with _gmsh() as gmsh:
         loops, first = [], 1
         for tag, surface in enumerate([outer] if inner is None else [outer, inner], start=1):
@@ -106,9 +161,22 @@ def surface_mesh(outer: "trimesh.Trimesh", inner: "trimesh.Trimesh | None" = Non
         cell = gmsh.model.geo.addVolume(loops)
         nucleus = [gmsh.model.geo.addVolume(loops[1:])] if inner is not None else []
         gmsh.model.geo.synchronize()
+        if size is not None:
+            field = gmsh.model.mesh.field.add("Constant")
+            gmsh.model.mesh.field.setNumbers(field, "VolumesList", nucleus)
+            gmsh.model.mesh.field.setNumber(field, "VIn", size.nucleus)
+            gmsh.model.mesh.field.setNumber(field, "VOut", size.size)
+            gmsh.model.mesh.field.setAsBackgroundMesh(field)
         gmsh.model.mesh.generate(3)
         mesh = _collect(gmsh, [cell], nucleus)
     return mesh.check()
+
+
+def _cut(surface: "trimesh.Trimesh", size: float) -> "trimesh.Trimesh":
+    """Every triangle cut in four, again and again, until the mean edge is nearest to `size` by its logarithm."""
+    while surface.edges_unique_length.mean() > np.sqrt(2) * size:
+        surface = surface.subdivide()
+    return surface
 
 
 def _unbend(mesh: TetMesh) -> TetMesh:

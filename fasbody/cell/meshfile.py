@@ -2,27 +2,31 @@
 
 import io
 import tempfile
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fasbody.cell.mesh import surface_mesh
+from fasbody.cell.mesh import MeshSize, surface_mesh
 from fasbody.cell.tetmesh import NUCLEUS, TetMesh
-from fasbody.console import to_json, write_whole
-from fasbody.exceptions import FasError, InputFileError, MeshError, MissingPackageError
+from fasbody.console import console, to_json, write_whole
+from fasbody.exceptions import FasError, InputFileError, MeshError, MissingPackageError, SettingError
 
 if TYPE_CHECKING:
     from fasbody.cell.analysis import Analysis
 
+#: Micrometres that a length unit of a file may be: from a tenth of a nanometre to ten metres.
+UNITS = (1e-4, 1e7)
 SUFFIXES = (".vtu", ".msh", ".stl")
 #: Names under which programs store region numbers.
 TAGS = ("region", "gmsh:physical", "medit:ref", "gmsh:geometrical")
 
 
 def read_mesh(
-    file: Path, *, um_per_unit: float = 1.0, nucleus_tag: int = NUCLEUS, nucleus: Path | None = None
-) -> TetMesh:
+    file: Path, *, um_per_unit: float = 1.0, nucleus_tag: int = NUCLEUS, nucleus: Path | None = None,
+    size: MeshSize | None = None,
+) -> TetMesh:  # fmt: skip
     """A cell from a file, y pointing up, standing on its lowest plane.
 
     Args:
@@ -30,10 +34,17 @@ def read_mesh(
         um_per_unit: micrometres in one length unit of the file.
         nucleus_tag: region number of the nucleus in the file's cell data `region`, `gmsh:physical` or `medit:ref`.
         nucleus: closed STL surface of the nucleus, for an STL cell.
+        size: element sizes for an STL cell; None is as fine as its triangles.
 
     Raises:
+        SettingError: the unit cannot be meant, or the size asks for too many unknowns.
         InputFileError: the file cannot be read or is not a sound mesh.
     """
+    if not UNITS[0] <= um_per_unit <= UNITS[1]:
+        raise SettingError(
+            f"one length unit of {file} cannot be {um_per_unit:g} um: --um-per-unit lies between {UNITS[0]:g} and "
+            f"{UNITS[1]:g}, 0.001 for nm, 1 for um, 1000 for mm, 1e6 for m."
+        )
     if not file.is_file():
         raise InputFileError(file, "there is no such file", "name a .vtu, .msh or .stl file")
     if file.suffix.lower() not in SUFFIXES:
@@ -41,7 +52,12 @@ def read_mesh(
     try:
         if file.suffix.lower() == ".stl":
             surfaces = [_stl(path, um_per_unit) for path in (file, nucleus) if path is not None]
-            return surface_mesh(*surfaces)
+            for path, surface in zip((file, nucleus), surfaces, strict=False):
+                edge = float(surface.edges_unique_length.mean())
+                if size is not None and edge > np.sqrt(2) * size.size:
+                    console.print(f"note: {path}: its triangles (mean edge {edge:.3g} um) are coarser than the element "
+                                  f"size of {size.size:g} um; they are cut, but stay flat", soft_wrap=True)  # fmt: skip
+            return surface_mesh(surfaces[0], surfaces[1] if nucleus else None, size)
         return _volume(file, um_per_unit, nucleus_tag).check()
     except MeshError as error:
         raise InputFileError(file, str(error).rstrip(".")) from error
@@ -101,11 +117,12 @@ def write_browser(file: Path, analysis: "Analysis") -> Path:
 def _volume(file: Path, um_per_unit: float, nucleus_tag: int) -> TetMesh:
     meshio = _meshio()
     try:
-        content = meshio.read(file)
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):  # meshio prints errors of its own
+            content = meshio.read(file)
     except FasError:
         raise
     except (Exception, SystemExit) as error:  # meshio raises whatever its parsers raise, and exits on some formats
-        raise InputFileError(file, f"cannot be read ({error or type(error).__name__})") from error
+        raise InputFileError(file, f"is not a {file.suffix[1:].upper()} file that meshio can read") from error
     blocks = [i for i, block in enumerate(content.cells) if block.type in ("tetra", "tetra10")]
     kinds = {content.cells[i].type for i in blocks}
     if len(kinds) != 1:

@@ -33,8 +33,16 @@ class BaseResponse:
 
     @property
     def resonance_hz(self) -> NDArray[np.float64]:
-        """Frequency (3,) at which the top moves most against the base for the same base displacement [Hz]."""
-        return self.frequencies_hz[np.abs(self.top - 1).argmax(axis=1)]
+        """Highest peak (3,) inside the range of the top's motion against the base per base displacement [Hz].
+
+        NaN where the motion only rises towards an end of the range: an end is no resonance.
+        """
+        return np.array([self._peak(motion) for motion in np.abs(self.top - 1)])
+
+    def _peak(self, motion: NDArray[np.float64]) -> float:
+        inside = motion[1:-1]
+        peaks = 1 + np.flatnonzero((inside > motion[:-2]) & (inside >= motion[2:]))
+        return float(self.frequencies_hz[peaks[motion[peaks].argmax()]]) if len(peaks) else float("nan")
 
     def at(self, frequency_hz: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Transmissibility of the top (3,) and its way against the base (3,) [m at 1 m/s^2], nearest frequency."""
@@ -52,10 +60,12 @@ class BaseResponse:
         }
 
     def __str__(self) -> str:
-        peaks = ", ".join(f"{axis} {f:.4g} Hz" for axis, f in zip("xyz", self.resonance_hz, strict=True))
+        none = f"none below {self.frequencies_hz[-1]:.4g} Hz"
+        pairs = zip("xyz", self.resonance_hz, strict=True)
+        peaks = ", ".join(f"{axis} {none if np.isnan(f) else f'{f:.4g} Hz'}" for axis, f in pairs)
         T, way = self.at(20.0)
         return (
-            f"resonance of the top: {peaks}\n"
+            f"resonance (most motion of the top against the base, per base displacement): {peaks}\n"
             f"at 20 Hz the top moves {T[0]:.9g} times the base along x, and {way[0]:.3g} m against it at 1 m/s^2"
         )
 

@@ -13,7 +13,7 @@ from fasbody.cell.analysis import Analysis, analyse, assemblies
 from fasbody.cell.dome import SHAPES, Dome
 from fasbody.cell.materials import MODULI_PA, Preset
 from fasbody.cell.mesh import MeshSize
-from fasbody.cell.tracking import Match, track
+from fasbody.cell.tracking import Match, track_along
 from fasbody.exceptions import SettingError
 
 #: Modulus of the yeast cells that section 5.5 extrapolates to [Pa].
@@ -24,7 +24,7 @@ Advance = Callable[[], object]
 
 @dataclass(frozen=True)
 class Sweep:
-    """Analyses in the order of the sweep, each mode traced back to the first of them.
+    """Analyses in the order of the sweep, each mode traced back to the first of them, step by step.
 
     Args:
         analyses: one for each shape or modulus.
@@ -45,10 +45,7 @@ class Sweep:
 
     def document(self) -> list[dict[str, Any]]:
         """One entry a point, ready for JSON."""
-        return [
-            a.document() | {"partner_of_first": m.partner + 1, "mac": m.mac}
-            for a, m in zip(self.analyses, self.matches, strict=True)
-        ]
+        return [a.document() | m.document() for a, m in zip(self.analyses, self.matches, strict=True)]
 
     def __str__(self) -> str:
         return "\n".join(str(a) for a in self.analyses)
@@ -159,7 +156,4 @@ def power_laws(moduli_pa: NDArray[np.float64], first_hz: NDArray[np.float64]) ->
 
 
 def _sweep(analyses: list[Analysis]) -> Sweep:
-    first = analyses[0]
-    return Sweep(
-        tuple(analyses), tuple(track((first.model, first.modes), (other.model, other.modes)) for other in analyses)
-    )
+    return Sweep(tuple(analyses), track_along([(a.model, a.modes) for a in analyses]))

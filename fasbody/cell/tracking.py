@@ -1,6 +1,9 @@
 """Which mode of one cell is which mode of another: the modal assurance criterion (MAC) across meshes and materials."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,14 +12,17 @@ from scipy.spatial import cKDTree
 
 from fasbody.cell.modal import CellModel, Modes
 
+#: Modal assurance below which two shapes are not the same mode, and the number that stands for no partner.
+SAME, LOST = 0.5, -1
+
 
 @dataclass(frozen=True)
 class Match:
     """Partners of the modes of a first cell among those of a second.
 
     Args:
-        partner: number (c,) in the second set of each mode of the first.
-        mac: modal assurance (c,) with the partner, 1 for the same shape.
+        partner: number (c,) in the second set of each mode of the first, `LOST` without a partner.
+        mac: modal assurance (c,) with the partner, 1 for the same shape; NaN without a partner.
     """
 
     partner: NDArray[np.int64]
@@ -24,7 +30,17 @@ class Match:
 
     def __str__(self) -> str:
         pairs = enumerate(zip(self.partner, self.mac, strict=True), start=1)
-        return ", ".join(f"{i}->{p + 1} ({m:.2f})" for i, (p, m) in pairs)
+        return ", ".join(f"{i}->lost" if p == LOST else f"{i}->{p + 1} ({m:.2f})" for i, (p, m) in pairs)
+
+    def then(self, step: "Match") -> "Match":
+        """Partners in a third cell, through the second; `mac` is that of the weakest link. Lost modes stay lost."""
+        partner = np.where(self.partner == LOST, LOST, step.partner[self.partner])
+        weakest = np.minimum(self.mac, step.mac[self.partner])
+        return Match(partner, np.where(partner == LOST, np.nan, weakest))
+
+    def document(self) -> dict[str, Any]:
+        """Ready for JSON: mode numbers from 1, null for the lost."""
+        return {"partner_of_first": [None if p == LOST else int(p) + 1 for p in self.partner], "mac": self.mac}
 
 
 def mac(first: tuple[CellModel, Modes], second: tuple[CellModel, Modes]) -> NDArray[np.float64]:
@@ -49,10 +65,21 @@ def mac(first: tuple[CellModel, Modes], second: tuple[CellModel, Modes]) -> NDAr
 
 
 def track(first: tuple[CellModel, Modes], second: tuple[CellModel, Modes]) -> Match:
-    """Pair the modes so that the sum of MAC is greatest."""
+    """Pair the modes so that the sum of MAC is greatest; pairs below `SAME` are no pairs."""
     table = mac(first, second)
     rows, columns = linear_sum_assignment(-table)
-    return Match(columns[np.argsort(rows)], table[rows, columns][np.argsort(rows)])
+    partner, alike = np.full(len(table), LOST), np.full(len(table), np.nan)
+    partner[rows], alike[rows] = columns, table[rows, columns]
+    lost = ~(alike >= SAME)
+    return Match(np.where(lost, LOST, partner), np.where(lost, np.nan, alike))
+
+
+def track_along(cells: Sequence[tuple[CellModel, Modes]]) -> tuple[Match, ...]:
+    """Follow the first cell's modes from neighbour to neighbour: shapes drift, so distant cells are not compared."""
+    matches = [track(cells[0], cells[0])]
+    for before, after in pairwise(cells):
+        matches.append(matches[-1].then(track(before, after)))
+    return tuple(matches)
 
 
 def _relative(nodes: NDArray[np.float64]) -> NDArray[np.float64]:
