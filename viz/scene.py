@@ -254,10 +254,10 @@ def add_plain(visualizer: meshcat.Visualizer, name: str, model: mujoco.MjModel) 
         node.set_transform(frame)
 
 
-_DISH = "#22303d"
+#: Matt, so that the dish is even behind the translucent cell.
+_DISH_LOOK = _material("MeshLambertMaterial", color=_hex("#20282f"), reflectivity=0, side=2)
 _CELL_LOOKS: dict[str, dict[str, Any]] = {
-    "wall": {"color": 0xFFFFFF, "vertexColors": True, "transparent": True, "opacity": 0.5, "shininess": 40},
-    "base": {"color": _hex(_DISH), "side": 2, "specular": 0, "reflectivity": 0},
+    "wall": {"color": 0xFFFFFF, "vertexColors": True, "transparent": True, "opacity": 0.55, "shininess": 40},
     "nucleus": {"color": _hex("#e0245e"), "shininess": 60},
 }
 
@@ -273,11 +273,11 @@ def add_cell(hub: Hub, visualizer: meshcat.Visualizer, parts: dict[str, tuple[Ar
     for name, (vertices, faces, modes) in parts.items():
         attributes = {f"mode{i}": mode for i, mode in enumerate(modes, start=1)}
         surface = Surface(vertices, faces, np.zeros_like(vertices), color=np.ones_like(vertices), **attributes)
-        look = {"side": 0, "specular": _hex("#3a3a40"), "reflectivity": 0.15} | _CELL_LOOKS[name]
-        root[name].set_object(surface, _material("MeshPhongMaterial", **look))
+        look = {"side": 0, "specular": _hex("#3a3a40"), "reflectivity": 0.15} | _CELL_LOOKS.get(name, {})
+        root[name].set_object(surface, _material("MeshPhongMaterial", **look) if name in _CELL_LOOKS else _DISH_LOOK)
         hub.property(f"/meshcat/cell/{name}/<object>", "frustumCulled", False)
-    dish = _material("MeshPhongMaterial", color=_hex(_DISH), specular=0, reflectivity=0, side=0)
-    root["dish"].set_object(geometry.Cylinder(0.05, 1.6), dish)
+    root["dish"].set_object(geometry.Cylinder(0.05, 1.6), _DISH_LOOK)
+    hub.property("/meshcat/cell/dish/<object>", "castShadow", False)
     move = np.eye(4)
     move[1, 3] = -0.03
     root["dish"].set_transform(move)

@@ -7,7 +7,7 @@ const CAMERAS = {
 const NUCLEUS = "#e0245e";
 const stage = new Stage(byId("pane"), CAMERAS);
 stage.addGround(-0.055);
-const state = { mode: 1, amplitude: 1, slow: 1, opacity: 0.5, lines: true };
+const state = { mode: 1, amplitude: 1, slow: 1, opacity: 0.55, lines: true };
 const stats = { frames: 0, motions: 0 };
 let cell = null, parts = [], playing = true, time = 0, last = 0, fresh = false;
 const chosen = () => cell.modes[state.mode - 1], length = () => 1 / chosen().hz, phase = () => ((time / length()) % 1 + 1) % 1;
