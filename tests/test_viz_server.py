@@ -77,7 +77,7 @@ def test_strangers_are_refused(show: Show) -> None:
         assert "script-src 'self';" in policy
         for name in ("meshcat.js", "stage.js", "plots.js", "foot.js", "style.css"):
             assert (await status(server.url + name)).code == 200
-        for name in ("../foot.py", "foot.py", "%2e%2e/foot.py", "page.html"):
+        for name in ("../foot.py", "foot.py", "%2e%2e/foot.py", "foot.html", "cell.html"):
             assert (await status(server.url + name)).code == 404
         assert (await status(server.url, Host="evil.example")).code == 403
         for origin in ("http://evil.example", f"http://127.0.0.1:{server.port + 1}", "null"):

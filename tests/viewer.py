@@ -24,9 +24,9 @@ PATIENCE = 120.0
 
 
 @contextmanager
-def viewer(*options: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """`python -m viz.foot --no-browser` with more options; yields its address and process, ends it by Ctrl-C."""
-    command = [sys.executable, "-m", "viz.foot", "--no-browser", "--json", *options]
+def viewer(*options: str, module: str = "viz.foot") -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """`python -m MODULE --no-browser` with more options; yields its address and process, ends it by Ctrl-C."""
+    command = [sys.executable, "-m", module, "--no-browser", "--json", *options]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     process = subprocess.Popen(
         command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

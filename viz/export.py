@@ -2,22 +2,21 @@
 
 import base64
 import io
-import json
 import re
 import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from json import dumps
 from pathlib import Path
 from typing import Any
 
-from fasbody.console import progress_bar, write_whole
+from fasbody.console import console, print_json, progress_bar, write_whole
 from fasbody.exceptions import SettingError
 from viz import scene
-from viz.show import Show
+from viz.shown import PAGE, SCRIPT, Shown, file_of
 
-PAGE = Path(__file__).parent / "page"
 #: Nothing of an exported page may reach for any address.
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
@@ -34,45 +33,48 @@ CHROMIUM = (
 )  # fmt: skip
 
 
-def export_to(show: Show, file: Path) -> Path:
-    """Write what `show` shows, as the file's ending says.
+def export_to(show: Shown, file: Path, *, json: bool = False) -> None:
+    """Write what `show` shows, as the file's ending says, and say so; with `json` as a document on stdout.
 
     Raises:
         SettingError: another ending, or a tool that is not installed.
     """
-    writers: dict[str, Callable[[Show], str | bytes]] = {".html": html, ".png": png, ".gif": gif, ".mp4": mp4}
+    writers: dict[str, Callable[[Shown], str | bytes]] = {".html": html, ".png": png, ".gif": gif, ".mp4": mp4}
     if file.suffix not in writers:
         raise SettingError(f"--export {file}: the ending must be one of {', '.join(writers)}.")
-    return write_whole(file, writers[file.suffix](show))
+    size = write_whole(file, writers[file.suffix](show)).stat().st_size
+    console.print(f"written: {file} ({size / 1e6:.2f} MB)")
+    if json:
+        print_json({"file": str(file), "bytes": size})
 
 
-def html(show: Show) -> str:
+def html(show: Shown) -> str:
     """One page with scene, motion and code inside; works from file://, offline."""
-    data = {"model": show.description(), "motion": show.answer(show.settings), "scene": scene.embedded(show.hub)}
+    data = show.exported() | {"scene": scene.embedded(show.hub)}
 
     def safe(text: str) -> str:
         return text.replace("</script", "<\\/script").replace("<!--", "<\\!--")
 
     def script(match: re.Match[str]) -> str:
         name = match[1]
-        code = (scene.SCRIPT if name == "meshcat.js" else PAGE / name).read_text()
-        before = f"<script>window.EXPORTED = {safe(json.dumps(data))};</script>\n" if name == "stage.js" else ""
+        code = file_of(name).read_text()
+        before = f"<script>window.EXPORTED = {safe(dumps(data))};</script>\n" if name == "stage.js" else ""
         return f"{before}<script>{safe(code)}</script>"
 
-    page = (PAGE / "page.html").read_text()
-    page = re.sub(r'<script src="([^"]+)"></script>', script, page)
+    page = file_of(show.page).read_text()
+    page = SCRIPT.sub(script, page)
     style = f"<style>{(PAGE / 'style.css').read_text()}</style>"
     page = page.replace('<link rel="stylesheet" href="style.css">', style)
     return page.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)
 
 
-def png(show: Show) -> bytes:
+def png(show: Shown) -> bytes:
     """The canvas a third into the motion."""
     with _browser(show) as page:
         return _shot(page, 1 / 3)
 
 
-def gif(show: Show) -> bytes:
+def gif(show: Shown) -> bytes:
     """One period as an animated GIF."""
     from PIL import Image
 
@@ -84,7 +86,7 @@ def gif(show: Show) -> bytes:
     return out.getvalue()
 
 
-def mp4(show: Show) -> bytes:
+def mp4(show: Shown) -> bytes:
     """Four periods as H.264, by ffmpeg."""
     tool = shutil.which("ffmpeg")
     if tool is None:
@@ -93,7 +95,7 @@ def mp4(show: Show) -> bytes:
         frames = _film(show)
         for i in range(4 * FILM):
             (Path(folder) / f"{i:04}.png").write_bytes(frames[i % FILM])
-        target = Path(folder) / "foot.mp4"
+        target = Path(folder) / "film.mp4"
         command = [tool, "-loglevel", "error", "-framerate", str(FILM_RATE), "-i", f"{folder}/%04d.png",
                    "-pix_fmt", "yuv420p", "-movflags", "+faststart", str(target)]  # fmt: skip
         done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
@@ -102,7 +104,7 @@ def mp4(show: Show) -> bytes:
         return target.read_bytes()
 
 
-def _film(show: Show) -> list[bytes]:
+def _film(show: Shown) -> list[bytes]:
     with _browser(show) as page, progress_bar() as progress:
         return [_shot(page, k / FILM) for k in progress.track(range(FILM), description="drawing")]
 
@@ -119,7 +121,7 @@ def chromium() -> str | None:
 
 
 @contextmanager
-def _browser(show: Show) -> Iterator[Any]:
+def _browser(show: Shown) -> Iterator[Any]:
     """A headless browser with the exported page, everything but the canvas out of sight."""
     path = chromium()
     if path is None:
@@ -129,7 +131,7 @@ def _browser(show: Show) -> Iterator[Any]:
     except ImportError:
         raise SettingError("pictures and films need playwright: pip install playwright, or export a .html.") from None
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        file = Path(folder) / "foot.html"
+        file = Path(folder) / "page.html"
         file.write_text(html(show))
         browser = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM))
         try:

@@ -2,16 +2,13 @@
 
 import asyncio
 import json as json_module
-import signal
-import sys
-import webbrowser
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from fasbody.console import command_line, console, print_json
+from fasbody.console import command_line, console
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.parameters import Parameter
 
@@ -49,15 +46,14 @@ def main(
     if export is not None:
         from viz.export import export_to
 
-        written = export_to(show, export)
-        console.print(f"written: {written} ({written.stat().st_size / 1e6:.2f} MB)")
-        if json:
-            print_json({"file": str(written), "bytes": written.stat().st_size})
+        export_to(show, export, json=json)
         return
     file = Path(model.partition("@")[0])
     if watch and not file.is_file():
         raise SettingError(f"--watch needs a model in a file of your own, not {model!r}; copy a shipped one first.")
-    asyncio.run(_serve(show, port, browser, file if watch else None, json))
+    from viz.server import serve
+
+    asyncio.run(serve(show, "the foot", port=port, browser=browser, watch=file if watch else None, json=json))
 
 
 def _show(
@@ -95,21 +91,6 @@ def parameters_of(result: Path, parameters: Mapping[str, Parameter]) -> dict[str
     if not values:
         raise InputFileError(result, "holds no parameter of this model", "give the --model that was fitted")
     return values
-
-
-async def _serve(show: Any, port: int, browser: bool, watch: Path | None, json: bool) -> None:
-    from viz.server import Server
-
-    server = Server(show, port)
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, server.stop)
-    console.print(f"the foot is at {server.url} (Ctrl-C ends it)")
-    if json:
-        print_json({"url": server.url})
-        sys.stdout.flush()  # whoever started this waits for the address
-    opened = browser and await loop.run_in_executor(None, webbrowser.open, server.url)
-    await server.run(watch, stay=not opened)
 
 
 if __name__ == "__main__":

@@ -116,11 +116,11 @@ def _hex(code: str) -> int:
     return int(r) << 16 | int(g) << 8 | int(b)
 
 
-def stage(hub: Hub) -> meshcat.Visualizer:
-    """Background, ground and light; returns meshcat's visualizer on the hub. The models' y is meshcat's z."""
+def stage(hub: Hub, root: str = "foot") -> meshcat.Visualizer:
+    """Background and light; returns meshcat's visualizer on the hub. Under `root`, y is meshcat's z: up."""
     visualizer = meshcat.Visualizer(window=hub)
     turned = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
-    visualizer["foot"].set_transform(turned)
+    visualizer[root].set_transform(turned)
     for name in ("Grid", "Axes"):
         hub.property(f"/{name}", "visible", False)
     hub.property("/Background", "top_color", [0.010, 0.014, 0.024])
@@ -252,6 +252,35 @@ def add_plain(visualizer: meshcat.Visualizer, name: str, model: mujoco.MjModel) 
         paint = int(r) << 16 | int(g) << 8 | int(b)
         node.set_object(shape, _material("MeshPhongMaterial", color=paint, shininess=30))
         node.set_transform(frame)
+
+
+#: Matt, so that the dish is even behind the translucent cell.
+_DISH_LOOK = _material("MeshLambertMaterial", color=_hex("#20282f"), reflectivity=0, side=2)
+_CELL_LOOKS: dict[str, dict[str, Any]] = {
+    "wall": {"color": 0xFFFFFF, "vertexColors": True, "transparent": True, "opacity": 0.55, "shininess": 40},
+    "nucleus": {"color": _hex("#e0245e"), "shininess": 60},
+}
+
+
+def add_cell(hub: Hub, visualizer: meshcat.Visualizer, parts: dict[str, tuple[Array, Array, Array]]) -> None:
+    """Put a cell into the scene on its dish, each part with its mode shapes as attributes `mode1`, `mode2`, ...
+
+    Args:
+        hub: takes the messages. visualizer: on the hub. parts: vertices (p, 3), triangles and modes (c, p, 3) by name;
+            the page computes normals and colours, which change with mode and time.
+    """
+    root = visualizer["cell"]
+    for name, (vertices, faces, modes) in parts.items():
+        attributes = {f"mode{i}": mode for i, mode in enumerate(modes, start=1)}
+        surface = Surface(vertices, faces, np.zeros_like(vertices), color=np.ones_like(vertices), **attributes)
+        look = {"side": 0, "specular": _hex("#3a3a40"), "reflectivity": 0.15} | _CELL_LOOKS.get(name, {})
+        root[name].set_object(surface, _material("MeshPhongMaterial", **look) if name in _CELL_LOOKS else _DISH_LOOK)
+        hub.property(f"/meshcat/cell/{name}/<object>", "frustumCulled", False)
+    root["dish"].set_object(geometry.Cylinder(0.05, 1.6), _DISH_LOOK)
+    hub.property("/meshcat/cell/dish/<object>", "castShadow", False)
+    move = np.eye(4)
+    move[1, 3] = -0.03
+    root["dish"].set_transform(move)
 
 
 def embedded(hub: Hub) -> str:

@@ -3,7 +3,10 @@
 import asyncio
 import contextlib
 import json
+import signal
+import sys
 import time
+import webbrowser
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -14,14 +17,12 @@ import tornado.netutil
 import tornado.web
 import tornado.websocket
 
-from fasbody.console import console
+from fasbody.console import console, print_json
 from fasbody.exceptions import FasError, SettingError
-from viz import scene
 from viz.motion import Settings
-from viz.show import Show
+from viz.shown import Shown, file_of, scripts
 
 ADDRESS = "127.0.0.1"
-PAGE = Path(__file__).parent / "page"
 #: No script but ours and no address but this server; meshcat's control panel writes styles into the page.
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
@@ -48,13 +49,13 @@ def settings_from(message: dict[str, Any]) -> Settings:
 
 
 class Server:
-    """Serves one `Show` until it is told to stop.
+    """Serves one page until it is told to stop.
 
     Args:
         show: what is shown. port: 0 takes a free one.
     """
 
-    def __init__(self, show: Show, port: int = 0) -> None:
+    def __init__(self, show: Shown, port: int = 0) -> None:
         self.show = show
         self.pages: set[Stream] = set()
         self._pool = ThreadPoolExecutor(1, "simulation")
@@ -67,10 +68,9 @@ class Server:
         self.url = f"http://{ADDRESS}:{self.port}/"
         self.hosts = {f"{ADDRESS}:{self.port}", f"localhost:{self.port}"}
         self._ended = asyncio.Event()
-        files = {"foot.js": PAGE / "foot.js", "stage.js": PAGE / "stage.js", "plots.js": PAGE / "plots.js",
-                 "style.css": PAGE / "style.css", "meshcat.js": scene.SCRIPT}  # fmt: skip
-        routes: list[Any] = [("/", Page, {"server": self, "file": PAGE / "page.html"})]
-        routes += [(f"/{name}", Page, {"server": self, "file": file}) for name, file in files.items()]
+        files = [*scripts(show.page), "style.css"]
+        routes: list[Any] = [("/", Page, {"server": self, "file": file_of(show.page)})]
+        routes += [(f"/{name}", Page, {"server": self, "file": file_of(name)}) for name in files]
         routes += [("/stream", Stream, {"server": self})]
         self._application = tornado.web.Application(
             routes, websocket_ping_interval=PATIENCE / 2, websocket_ping_timeout=PATIENCE / 2,
@@ -143,6 +143,20 @@ class Server:
             alone = 0.0 if self.pages else alone + 0.2
         console.print("the last page was closed")
         self.stop()
+
+
+async def serve(show: Shown, what: str, *, port: int, browser: bool, watch: Path | None, json: bool) -> None:
+    """A command's server: say where it is, open the browser, and run until Ctrl-C or until the last page has left."""
+    server = Server(show, port)
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, server.stop)
+    console.print(f"{what} is at {server.url} (Ctrl-C ends it)")
+    if json:
+        print_json({"url": server.url})
+        sys.stdout.flush()  # whoever started this waits for the address
+    opened = browser and await loop.run_in_executor(None, webbrowser.open, server.url)
+    await server.run(watch, stay=not opened)
 
 
 class Guarded(tornado.web.RequestHandler):

@@ -89,6 +89,8 @@ class Show:
         excitation: of the base. settings: at the start. look: `slow` and `amplify`, times.
     """
 
+    page = "foot.html"
+
     def __init__(
         self, models: list[str], excitation: Excitation | None = None, settings: Settings | None = None,
         look: Mapping[str, float] | None = None,
@@ -119,6 +121,10 @@ class Show:
             bind = {s: segment_frames(found[0])[body] for s, body in found[1].items()}
             parts = [part for part in self._parts if name != MEASURED or part.segment == "tibia"]
             scene.add_foot(self.hub, self._visualizer, name, parts, bind, ghost=name != MODEL)
+
+    def exported(self) -> dict[str, Any]:
+        """The documents of an exported page."""
+        return {"model": self.description(), "motion": self.answer(self.settings)}
 
     def reload(self) -> None:
         """Load the first model again after its file has changed; a broken one leaves the last good one in place."""

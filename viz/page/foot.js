@@ -1,47 +1,13 @@
 // The page: controls from the model's declarations, one request in flight, playing, plots, keys.
 "use strict";
-const byId = id => document.getElementById(id);
 const BASE = "#8fa3b8", ANKLE = "#ffb454", OTHER = "#6cb6ff", SEEN = "#7ee0a1";
-const stage = new Stage(byId("pane"));
+const stage = new Stage(byId("pane"), VIEWS);
+stage.addGround(TABLE - 0.5);
 const state = { frequency: 20, peak_to_peak: 17.9, added_mass: 0, values: {}, slow: 20, amplify: 10 };
 const stats = { frames: 0, motions: 0, posed: [], drawn: [], seconds: [] };
 let model = null, motion = null, playing = true, time = 0, last = 0, asked = 0, request = 0, fresh = false;
 
 // ---- controls -------------------------------------------------------------------------------------------------------
-function slider(parent, key, label, unit, low, high, value, changed, { log = false, step = 0, hint = "" } = {}) {
-  const row = document.createElement("label");
-  row.innerHTML = "<span></span><output></output><input type=range>";
-  const [name, shown, input] = row.children;
-  name.textContent = label;
-  row.title = hint;
-  input.id = key;
-  Object.assign(input, log ? { min: 0, max: 1000, step: 1 } : { min: low, max: high, step: step || (high - low) / 500 });
-  const toInput = v => (log ? 1000 * Math.log(v / low) / Math.log(high / low) : v);
-  const fromInput = v => (log ? low * (high / low) ** (v / 1000) : v);
-  const write = v => { shown.textContent = `${+v.toPrecision(4)} ${unit}`; };
-  row.set = v => { input.value = toInput(v); write(v); };
-  input.oninput = () => { const v = fromInput(+input.value); write(v); changed(v, row); };
-  row.set(value);
-  parent.append(row);
-  return row;
-}
-
-function button(parent, label, action, title = "") {
-  const b = document.createElement("button");
-  b.textContent = label;
-  b.title = title;
-  b.onclick = () => action(b);
-  parent.append(b);
-  return b;
-}
-
-function rowIn(parent) {
-  const row = document.createElement("div");
-  row.className = "row";
-  parent.append(row);
-  return row;
-}
-
 const rows = {};
 function buildControls() {
   for (const id of ["excitation", "showing", "parameters"]) for (const old of byId(id).querySelectorAll("label, .row, p")) old.remove();
@@ -68,7 +34,7 @@ function buildControls() {
   const looks = rowIn(picture);
   button(looks, "Skin", b => { stage.showSkin(!stage.skinShown); b.setAttribute("aria-pressed", stage.skinShown); }, "K").setAttribute("aria-pressed", stage.skinShown);
   if (Object.keys(model.feet).length > 1) button(looks, "Side by side", b => { stage.apart = !stage.apart; b.textContent = stage.apart ? "Overlaid" : "Side by side"; });
-  button(looks, "Save PNG", savePicture);
+  button(looks, "Save PNG", () => stage.save("foot.png"));
   const list = byId("parameters");
   for (const p of model.parameters) {
     const value = p.name in s.values ? s.values[p.name] : p.value;
@@ -92,7 +58,7 @@ function stepOn(n) { play(false); time += n * length() / lead().frames; }
 const lead = () => Object.values(motion.feet)[0], length = () => (motion ? lead().duration : 1);
 
 // ---- the server -----------------------------------------------------------------------------------------------------
-let socket = null, busy = false, wanted = false, wait = 300;
+let busy = false, wanted = false;
 function ask() {
   if (!socket || socket.readyState !== 1) return;
   if (busy) { wanted = true; return; }
@@ -131,40 +97,15 @@ function receive(document_) {
   }
 }
 
-function say(text) {
-  byId("error").textContent = text || "";
-  byId("error").hidden = !text;
-}
-
-function connect() {
-  socket = new WebSocket(`ws://${location.host}/stream`);
-  socket.binaryType = "arraybuffer";
-  socket.onopen = () => { wait = 300; busy = true; motion = null; stage.feet = {}; };  // nothing is posed before the scene is whole
-  socket.onclose = () => { byId("state").textContent = "connection lost, trying again"; setTimeout(connect, wait); wait = Math.min(2 * wait, 5000); };
-  socket.onmessage = message => {
-    if (message.data instanceof ArrayBuffer) { stage.viewer.handle_command_message(message); stage.viewer.set_dirty(); }
-    else receive(JSON.parse(message.data));
-  };
-}
-
-// ---- a page of its own, without a server ----------------------------------------------------------------------------
-async function unpack(text) {
-  const packed = Uint8Array.from(atob(text), c => c.charCodeAt(0));
-  const whole = await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
-  const view = new DataView(whole);
-  for (let at = 0; at < whole.byteLength;) {
-    const size = view.getUint32(at, true);
-    stage.viewer.handle_command_bytearray(new Uint8Array(whole.slice(at + 4, at + 4 + size)));
-    at += 4 + size;
-  }
-}
+// Nothing is posed before the scene is whole.
+function forget() { busy = true; motion = null; stage.feet = {}; }
 
 async function start() {
   if (QUALITY === "low" || QUALITY === "none") stage.setQuality(0);
   const own = window.EXPORTED;
-  if (!own) { connect(); return; }
+  if (!own) { connect(stage, forget, receive); return; }
   document.body.classList.add("exported");
-  await unpack(own.scene);
+  await unpack(stage, own.scene);
   receive(own.model);
   for (const input of document.querySelectorAll("#excitation input, #parameters input")) input.disabled = true;
   receive(own.motion);
@@ -208,14 +149,6 @@ function report() {
   byId("state").textContent = `${model.feet.a.title} · ${ratio} · ${shown}`;
 }
 
-function savePicture() {
-  stage.render();
-  const link = document.createElement("a");
-  link.href = stage.renderer.domElement.toDataURL("image/png");
-  link.download = "foot.png";
-  link.click();
-}
-
 // Show one share (0 to 1) of the motion and draw it now: for pictures and films.
 function showAt(share) {
   play(false);
@@ -225,7 +158,6 @@ function showAt(share) {
   stage.render();
 }
 
-const slowFrames = [];
 function tick(now) {
   requestAnimationFrame(tick);
   const passed = Math.min(0.1, (now - last) / 1000);
@@ -249,18 +181,8 @@ function tick(now) {
       fresh = false;
     }
     stats.frames += 1;
-    adapt(performance.now() - started, passed * 1000);
+    stage.adapt(performance.now() - started, passed * 1000);
   }
-}
-
-// Automatic quality: if the first frames are slow, shadows go first, then pixels.
-function adapt(spent, passed) {
-  if (stage.quality === 0 || QUALITY === "fixed") return;
-  slowFrames.push(Math.max(spent, passed));
-  if (slowFrames.length < 12) return;
-  const middle = slowFrames.slice(4).sort((a, b) => a - b)[4];
-  slowFrames.length = 0;
-  if (middle > 70) stage.setQuality(stage.quality - 1);
 }
 
 addEventListener("keydown", event => {

@@ -9,12 +9,15 @@ const VIEWS = {
 // ?quality=fixed keeps the best, low starts with the least, none draws nothing (to measure the rest); otherwise the
 // machine's speed decides.
 const QUALITY = new URLSearchParams(location.search).get("quality");
-// Colour ramps, from slack or unloaded to tense or compressed (sRGB).
-const RAMPS = { tension: ["#dfe6ee", "#f0a24f", "#b3162f"], pressure: ["#f6e3a1", "#f0b23c", "#d9481c"] };
+// Colour ramps (sRGB): slack to tense, unloaded to compressed, still to most moved.
+const RAMPS = { tension: ["#dfe6ee", "#f0a24f", "#b3162f"], pressure: ["#f6e3a1", "#f0b23c", "#d9481c"],
+  displacement: ["#3a4fa3", "#2d9fa8", "#8fd36a", "#ffd84d"] };
 
 class Stage {
-  constructor(pane) {
+  // Args: the element to draw in; named cameras, [eye, target] each, the first one is taken.
+  constructor(pane, views) {
     this.pane = pane;
+    this.views = views;
     this.renderer = new THREE.WebGLRenderer({ antialias: QUALITY !== "low", preserveDrawingBuffer: true });
     const r = this.renderer;
     r.shadowMap.enabled = true;
@@ -30,27 +33,27 @@ class Stage {
     this.viewer.set_object(["Cameras", "default", "rotated"], camera);
     this.viewer.set_camera(camera);
     this.camera = camera;
-    this.view("medial");
-    this.addGround();
+    this.view(Object.keys(views)[0]);
     this.feet = {};
     this.model = null;
     this.posture = 0;
     this.apart = false;
     this.skinShown = true;
     this.quality = 2;
+    this.slowFrames = [];
   }
 
   view(name) {
-    const [eye, target] = VIEWS[name];
+    const [eye, target] = this.views[name];
     this.camera.position.set(...eye);
     this.viewer.controls.target.set(...target);
     this.viewer.controls.update();
     this.viewer.set_dirty();
   }
 
-  addGround() {
+  addGround(height) {
     const grid = new THREE.GridHelper(18, 36, 0x3a4c5f, 0x24313e);
-    grid.position.set(0.3, 0, TABLE - 0.5);
+    grid.position.set(0.3, 0, height);
     grid.rotation.x = Math.PI / 2;  // meshcat's scene has z up
     grid.material.transparent = true;
     grid.material.opacity = 0.55;
@@ -214,6 +217,24 @@ class Stage {
     this.viewer.scene.traverse(o => { if (o.material) o.material.needsUpdate = true; });
     this.renderer.setPixelRatio(level > 0 ? Math.min(2, devicePixelRatio) : 0.7);
     this.viewer.set_3d_pane_size();
+  }
+
+  // Automatic quality: if the first frames are slow, shadows go first, then pixels.
+  adapt(spent, passed) {
+    if (this.quality === 0 || QUALITY === "fixed") return;
+    this.slowFrames.push(Math.max(spent, passed));
+    if (this.slowFrames.length < 12) return;
+    const middle = this.slowFrames.slice(4).sort((a, b) => a - b)[4];
+    this.slowFrames.length = 0;
+    if (middle > 70) this.setQuality(this.quality - 1);
+  }
+
+  save(name) {
+    this.render();
+    const link = document.createElement("a");
+    link.href = this.renderer.domElement.toDataURL("image/png");
+    link.download = name;
+    link.click();
   }
 }
 

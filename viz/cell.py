@@ -1,0 +1,81 @@
+"""The mode shapes of the cell in a browser: `python -m viz.cell`."""
+
+import asyncio
+import tempfile
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fasbody.console import command_line, console, progress_bar
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+#: Shown without an argument, if it is there.
+USUAL = Path("results/cell/cell.npz")
+#: Element size of the result that is computed when there is none [um].
+QUICK = 5.0
+
+
+@app.command(
+    epilog="Examples: python -m viz.cell · python -m viz.cell results/cell --mode 3 · "
+    "python -m viz.cell results/cell --export cell.html"
+)
+def main(
+    result: Annotated[Path | None, typer.Argument(help="Folder of python -m fasbody.cell --out, or cell.npz.")] = None,
+    mode: Annotated[int, typer.Option(help="Mode that is shown first.")] = 1,
+    export: Annotated[Path | None, typer.Option(help="Write .html, .png, .gif or .mp4 and end.")] = None,
+    port: Annotated[int, typer.Option(help="0 takes a free one.")] = 0,
+    browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
+    json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout: address or file.")] = False,
+) -> None:
+    """Watch the mode shapes of a cell in slow motion; the page follows when the result is written again.
+
+    Without a result it shows results/cell, or a quick one that it computes.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        if result is None:
+            result = USUAL if USUAL.is_file() else quick(Path(folder))
+        _show(result, mode, export, port, browser, json)
+
+
+def _show(result: Path, mode: int, export: Path | None, port: int, browser: bool, json: bool) -> None:
+    from viz.modes import ModeShow
+
+    show = ModeShow(result, mode)
+    console.print(f"showing {show.shapes.file}: {show.shapes.title()}")
+    if export is not None:
+        from viz.export import export_to
+
+        export_to(show, export, json=json)
+        return
+    from viz.server import serve
+
+    asyncio.run(serve(show, "the cell", port=port, browser=browser, watch=show.shapes.file, json=json))
+
+
+def quick(folder: Path) -> Path:
+    """Compute the cell of `python -m fasbody.cell` on a coarser mesh, without error estimate, into a folder."""
+    console.print(f"no result was named and there is no {USUAL}: computing a quick one, elements of {QUICK:g} um")
+    from fasbody.cell.analysis import analyse
+    from fasbody.cell.assembly import assemble
+    from fasbody.cell.dome import Dome
+    from fasbody.cell.materials import preset
+    from fasbody.cell.mesh import MeshSize, dome_mesh
+    from fasbody.cell.meshfile import write_browser
+
+    chosen = preset("as-reproduced")
+    dome = Dome(height=chosen.height_um)
+    with progress_bar() as progress:
+        task = progress.add_task("meshing", total=3)
+        mesh = dome_mesh(dome, MeshSize.of(QUICK))
+        progress.update(task, advance=1, description="assembling")
+        fine = assemble(mesh)
+        progress.update(task, advance=1, description="solving")
+        analysis = analyse(fine, None, chosen, dome=dome)
+        progress.advance(task)
+    return write_browser(folder / "cell.npz", analysis)
+
+
+if __name__ == "__main__":
+    command_line(app)

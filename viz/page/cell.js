@@ -1,0 +1,181 @@
+// The cell's page: mode chooser, the surfaces moved along the chosen mode, colours, keys.
+"use strict";
+const CAMERAS = {
+  corner: [[2.3, 1.75, 3.9], [0, 0.08, 0]], side: [[0, 0.75, 4.6], [0, 0.12, 0]],
+  end: [[4.2, 0.85, 0], [0, 0.12, 0]], above: [[0, 4.7, 0.02], [0, 0, 0]],
+};
+const NUCLEUS = "#e0245e";
+const stage = new Stage(byId("pane"), CAMERAS);
+stage.addGround(-0.055);
+const state = { mode: 1, amplitude: 1, slow: 1, opacity: 0.55, lines: true };
+const stats = { frames: 0, motions: 0 };
+let cell = null, parts = [], playing = true, time = 0, last = 0, fresh = false;
+const chosen = () => cell.modes[state.mode - 1], length = () => 1 / chosen().hz, phase = () => ((time / length()) % 1 + 1) % 1;
+
+// ---- controls -------------------------------------------------------------------------------------------------------
+function buildControls() {
+  for (const id of ["modes", "showing"]) for (const old of byId(id).querySelectorAll("label, button, .row")) old.remove();
+  cell.modes.forEach((mode, i) => {
+    const b = button(byId("modes"), "", () => choose(i + 1), i < 9 ? `key ${i + 1}` : "");
+    b.className = "choice";
+    for (const [tag, text] of [["b", i + 1], ["i", hertz(mode.hz)], ["span", mode.label]]) b.append(Object.assign(document.createElement(tag), { textContent: text }));
+  });
+  const first = cell.modes[0].hz, picture = byId("showing");
+  slider(picture, "amplitude", "Largest displacement", "µm", 0, cell.height_um, state.amplitude, v => { state.amplitude = v; fresh = true; },
+    { hint: "A mode shape has no size of its own; this one is for the picture." });
+  slider(picture, "slow", "Slow motion", "× slower", 0.2 * first, 20 * first, state.slow, v => { state.slow = v; fresh = true; }, { log: true });
+  slider(picture, "opacity", "Cell's opacity", "", 0.1, 1, state.opacity, v => { state.opacity = v; fresh = true; }, { step: 0.01 });
+  const looks = rowIn(picture);
+  button(looks, "Mesh", b => showLines(!state.lines, b), "M").setAttribute("aria-pressed", state.lines);
+  button(looks, "Save PNG", () => stage.save(`cell-mode-${state.mode}.png`));
+}
+
+function hertz(hz) { return hz >= 1000 ? `${(hz / 1000).toPrecision(4)} kHz` : `${hz.toPrecision(4)} Hz`; }
+
+function choose(number) {
+  if (number < 1 || number > cell.modes.length) return;
+  const at = phase();
+  state.mode = number;
+  time = at * length();  // the same place in the period
+  byId("modes").querySelectorAll("button").forEach((b, i) => b.setAttribute("aria-pressed", i + 1 === number));
+  paint();
+  fresh = true;
+}
+
+function showLines(shown, b = byId("showing").querySelector("button")) {
+  state.lines = shown;
+  b.setAttribute("aria-pressed", shown);
+  fresh = true;
+}
+
+for (const name of Object.keys(CAMERAS)) button(byId("cameras"), name, () => stage.view(name), `camera: ${name}`);
+byId("play").onclick = () => play(!playing);
+byId("step").onclick = () => stepOn(1);
+byId("seek").oninput = e => { play(false); time = +e.target.value * length(); fresh = true; };
+function play(on) { playing = on; byId("play").textContent = on ? "Pause" : "Play"; }
+function stepOn(n) { play(false); time += n * length() / 48; fresh = true; }
+
+// ---- the result -----------------------------------------------------------------------------------------------------
+function receive(document_) {
+  if (document_.type !== "model") { say(document_.text); return; }
+  const first = cell === null;
+  cell = document_;
+  if (first) Object.assign(state, { mode: cell.mode, amplitude: 0.5 * cell.height_um, slow: 2 * cell.modes[0].hz });
+  state.mode = Math.min(state.mode, cell.modes.length);
+  parts = cell.parts.map(dress);
+  legend();
+  buildControls();
+  choose(state.mode);
+  pose();
+  say(cell.error);
+  stats.motions += 1;
+}
+
+function dress(name) {
+  const mesh = stage.viewer.scene_tree.find(["meshcat", "cell", name]).object.children[0], at = mesh.geometry.attributes;
+  const part = { name, mesh, still: at.position.array.slice(), lines: null };
+  at.position.setUsage(THREE.DynamicDrawUsage);
+  if (name === "wall") {
+    part.lines = new THREE.Mesh(mesh.geometry, new THREE.MeshBasicMaterial({ color: 0xffffff, wireframe: true, transparent: true, opacity: 0.12, depthWrite: false }));
+    part.lines.frustumCulled = false;
+    mesh.add(part.lines);
+  }
+  mesh.castShadow = false;
+  mesh.receiveShadow = false;
+  return part;
+}
+
+// Colour the wall by the size of the displacement, which is the mode's and does not change in time.
+function paint() {
+  for (const { name, mesh } of parts) {
+    if (name !== "wall") continue;
+    const colour = mesh.geometry.attributes.color, u = mesh.geometry.attributes[`mode${state.mode}`].array;
+    for (let i = 0; i < u.length; i += 3) shade("displacement", Math.hypot(u[i], u[i + 1], u[i + 2])).toArray(colour.array, i);
+    colour.needsUpdate = true;
+  }
+}
+
+function pose() {
+  const gain = state.amplitude * cell.scale * Math.sin(2 * Math.PI * phase());
+  for (const { name, mesh, still, lines } of parts) {
+    const at = mesh.geometry.attributes, to = at.position, u = at[`mode${state.mode}`].array;
+    for (let i = 0; i < still.length; i++) to.array[i] = still[i] + gain * u[i];
+    to.needsUpdate = true;
+    mesh.geometry.computeVertexNormals();
+    if (name === "wall") Object.assign(mesh.material, { opacity: state.opacity });
+    if (lines) lines.visible = state.lines;
+  }
+  stage.viewer.set_dirty();
+}
+
+function legend() {
+  const box = byId("legend"), item = document.createElement("div"), bar = document.createElement("i");
+  bar.style.background = `linear-gradient(90deg, ${RAMPS.displacement.join(", ")})`;
+  item.append("displacement of the surface", bar);
+  for (const text of ["0", "largest"]) item.append(Object.assign(document.createElement("span"), { textContent: text }));
+  box.replaceChildren(item);
+  if (!cell.parts.includes("nucleus")) return;
+  const inner = document.createElement("div"), patch = document.createElement("i");
+  patch.style.background = NUCLEUS;
+  inner.append("nucleus", patch);
+  box.append(inner);
+}
+
+function report() {
+  const mode = chosen(), error = mode.error === null ? "" : ` ± ${(100 * mode.error).toFixed(2)} %`;
+  const share = mode.nucleus_share === null ? "" : ` · nucleus ${(100 * mode.nucleus_share).toFixed(1)} % of the kinetic energy`;
+  byId("state").textContent = `${cell.title} · mode ${state.mode} of ${cell.modes.length}: ${mode.label}, ${hertz(mode.hz)}${error}${share} · ` +
+    `${state.slow.toPrecision(3)}× slower`;
+  byId("seek").value = phase();
+  byId("clock").textContent = `${(1e3 * phase() * length()).toPrecision(3)} of ${(1e3 * length()).toPrecision(3)} ms`;
+}
+
+// Show one share (0 to 1) of the period and draw it now: for pictures and films.
+function showAt(share) {
+  play(false);
+  time = share * length();
+  pose();
+  report();
+  stage.render();
+}
+
+// ---- drawing --------------------------------------------------------------------------------------------------------
+function tick(now) {
+  requestAnimationFrame(tick);
+  const passed = Math.min(0.1, (now - last) / 1000);
+  last = now;
+  if (!cell || !parts.length) return;
+  const started = performance.now();
+  if (playing) time += passed / state.slow;
+  if (playing || fresh) { pose(); report(); }
+  fresh = false;
+  if (stage.viewer.needs_render) stage.render();
+  stats.frames += 1;
+  stage.adapt(performance.now() - started, passed * 1000);
+}
+
+addEventListener("keydown", event => {
+  if (event.target.matches("input, select, textarea") && event.key !== " ") return;
+  if (event.ctrlKey || event.metaKey || event.altKey || !cell) return;
+  const change = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
+  if (event.key === " ") { if (event.target.matches("button")) return; play(!playing); }
+  else if (event.key === ".") stepOn(1);
+  else if (event.key === ",") stepOn(-1);
+  else if (event.key === "m") showLines(!state.lines);
+  else if (+event.key >= 1 && +event.key <= 9) choose(+event.key);
+  else if (change) choose(state.mode + change);
+  else return;
+  event.preventDefault();
+});
+
+async function start() {
+  if (QUALITY === "low" || QUALITY === "none") stage.setQuality(0);
+  const own = window.EXPORTED;
+  if (!own) { connect(stage, () => { parts = []; }, receive); return; }
+  document.body.classList.add("exported");
+  await unpack(stage, own.scene);
+  receive(own.model);
+}
+Object.assign(window, { stage, stats, state, showAt, play, choose });
+requestAnimationFrame(tick);
+start();

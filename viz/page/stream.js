@@ -1,0 +1,27 @@
+// Where a page's scene comes from: the server's socket, or the page itself when it was exported.
+"use strict";
+let socket = null, wait = 300;
+
+// Connect, and again whenever the connection is lost; the scene goes to the viewer, documents to `received`.
+function connect(stage, opened, received) {
+  socket = new WebSocket(`ws://${location.host}/stream`);
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => { wait = 300; opened(); };
+  socket.onclose = () => { byId("state").textContent = "connection lost, trying again"; setTimeout(() => connect(stage, opened, received), wait); wait = Math.min(2 * wait, 5000); };
+  socket.onmessage = message => {
+    if (message.data instanceof ArrayBuffer) { stage.viewer.handle_command_message(message); stage.viewer.set_dirty(); }
+    else received(JSON.parse(message.data));
+  };
+}
+
+// The scene of an exported page: messages behind their lengths, as base64 of gzip.
+async function unpack(stage, text) {
+  const packed = Uint8Array.from(atob(text), c => c.charCodeAt(0));
+  const whole = await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
+  const view = new DataView(whole);
+  for (let at = 0; at < whole.byteLength;) {
+    const size = view.getUint32(at, true);
+    stage.viewer.handle_command_bytearray(new Uint8Array(whole.slice(at + 4, at + 4 + size)));
+    at += 4 + size;
+  }
+}

@@ -1,0 +1,44 @@
+"""What server and export need of anything that is shown, and where the page's files are."""
+
+import re
+from pathlib import Path
+from typing import Any, Protocol
+
+from viz import scene
+from viz.motion import Settings
+
+PAGE = Path(__file__).parent / "page"
+#: A page names its scripts; server and export take them from there.
+SCRIPT = re.compile(r'<script src="([^"]+)"></script>')
+
+
+class Shown(Protocol):
+    """The foot (`viz.show.Show`) or the cell (`viz.modes.ModeShow`)."""
+
+    #: Name of the page in the folder `page`.
+    page: str
+    hub: scene.Hub
+    #: Why the file could not be loaded again; empty if it could.
+    error: str
+
+    def description(self) -> dict[str, Any]:
+        """What a page needs to know before anything else."""
+
+    def answer(self, settings: Settings) -> dict[str, Any]:
+        """The answer to a page's settings."""
+
+    def exported(self) -> dict[str, Any]:
+        """The documents that an exported page carries, by name."""
+
+    def reload(self) -> None:
+        """Read the file again after it has changed; a broken one leaves the last good one in place."""
+
+
+def file_of(name: str) -> Path:
+    """The file behind a name in a page."""
+    return scene.SCRIPT if name == "meshcat.js" else PAGE / name
+
+
+def scripts(page: str) -> list[str]:
+    """Names of a page's scripts, in order."""
+    return SCRIPT.findall((PAGE / page).read_text())
