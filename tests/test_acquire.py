@@ -104,7 +104,9 @@ def test_interrupted_sweep_keeps_what_it_has(tmp_path: Path, bench: Bench) -> No
     study = tmp_path / "study"
     words = ["--port", bench.board_port, "--generator", bench.generator_port, "--frequency", "30", "--seconds", "60"]
     words += ["--out", str(study), "--body-mass", "72.57"]
-    run = subprocess.Popen(command(*words), env=ENVIRONMENT, stderr=subprocess.PIPE, text=True)
+    # a shell's background job ignores Ctrl-C, and its children inherit that
+    words = ["env", "--default-signal=INT", *command(*words)]
+    run = subprocess.Popen(words, env=ENVIRONMENT, stderr=subprocess.PIPE, text=True)
     file = study / "captures" / "30hz_0kg.fascap"
     deadline = time.monotonic() + 60
     while not (file.is_file() and file.stat().st_size > 6000):

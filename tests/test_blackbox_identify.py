@@ -200,7 +200,7 @@ def test_results_folder_is_tried_before_the_work(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr("identification.blackbox.__main__.identify", lambda *_: pytest.fail("estimated first"))
     recording = write(tmp_path / "a.csv", series(foot.prbs(200)))
     result = CliRunner().invoke(app, [str(recording), "--out", str(tmp_path / "file")])
-    assert isinstance(result.exception, FasError) and "cannot be written" in str(result.exception)
+    assert isinstance(result.exception, FasError) and "is a file; name a folder" in str(result.exception)
 
 
 def test_intervals_are_withheld_where_residuals_are_not_white() -> None:
