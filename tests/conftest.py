@@ -9,12 +9,17 @@ from pathlib import Path
 import numpy as np
 import oracle
 import pytest
+from hypothesis import settings
 
 import mjcf
 from fasbody.model import Foot, load
 from fasbody.recording import Condition, Recording
 
 ROOT = Path(__file__).parent.parent
+
+# No example is timed: a busy machine is not a failure.
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")
 
 
 @pytest.fixture(scope="session")

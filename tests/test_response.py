@@ -17,7 +17,7 @@ def signal(frequency: float, amplitudes: list[complex], t: np.ndarray = T) -> np
 
 
 @given(frequency=st.floats(8, 60), phases=st.lists(st.floats(0, 6.28), min_size=3, max_size=3))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_sums_of_sines_are_recovered_exactly(frequency: float, phases: list[float]) -> None:
     """For any frequency, so for any fraction of a period in the recording."""
     U = np.array([8.95, 0.3, 0.05]) * np.exp(1j * np.array(phases))

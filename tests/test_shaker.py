@@ -96,7 +96,7 @@ def test_random_stays_in_its_band_and_has_its_rms() -> None:
 
 
 @given(frequency=st.floats(1, 100), size=st.floats(0.1, 50), phase=st.floats(0, 6.28))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_harmonics_are_complex_amplitudes(frequency: float, size: float, phase: float) -> None:
     t = np.linspace(0, 0.2, 50)
     motion = shaker.harmonics(frequency, [size * np.exp(1j * phase)], 0.2)
