@@ -18,10 +18,12 @@ from typer.testing import CliRunner  # noqa: E402
 from viewer import viewer  # noqa: E402
 
 from fasbody.exceptions import FasError, SettingError  # noqa: E402
+from identification.fit import BUNDLED  # noqa: E402
 from viz import foot as command  # noqa: E402
 from viz.server import Server, settings_from  # noqa: E402
 from viz.show import Show  # noqa: E402
 
+RECORDED = str(BUNDLED / "recordings" / "20hz_0kg.csv")
 Client = Callable[[Server], Coroutine[Any, Any, None]]
 
 
@@ -161,6 +163,7 @@ def test_process_listens_on_the_loopback_only_and_ends_on_ctrl_c() -> None:
         (["--recording", "nowhere.csv"], "nowhere.csv"),
         (["--result", "nowhere.json"], "nowhere.json"),
         (["--export", "foot.avi"], "ending must be one of"),
+        (["--recording", RECORDED, "--seconds", "1e-9"], "20hz_0kg.csv: has 1 of its"),
     ],
 )
 def test_bad_options_are_one_sentence(options: list[str], sentence: str) -> None:
@@ -181,10 +184,9 @@ def test_result_of_a_fit_moves_the_sliders(tmp_path: Path) -> None:
 
 
 def test_recording_drives_the_table_and_is_shown_beside(tmp_path: Path) -> None:
-    from identification.fit import BUNDLED
     from viz.show import MEASURED, MODEL, Excitation
 
-    show = Show(["two_dof"], Excitation.recorded(BUNDLED / "recordings" / "20hz_0kg.csv", 0.5))
+    show = Show(["two_dof"], Excitation.recorded(Path(RECORDED), 0.5))
     answer = show.answer(show.settings)
     measured, model = answer["feet"][MEASURED], answer["feet"][MODEL]
     assert measured["base"] == model["base"]
