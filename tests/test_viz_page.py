@@ -149,6 +149,11 @@ def test_edited_model_reloads_and_a_broken_one_is_told(opened: Any, tmp_path: Pa
         assert f"line {line}" in text
         assert "last good model" in text
         assert page("motion.feet.a.ratio") == before
+        page.page.locator("#frequency").fill("30")  # still told when the last good model moves on
+        page.until("Math.abs(motion.feet.a.duration - 1 / 30) < 1e-9 && !busy")
+        assert page("document.getElementById('error').textContent") == text
+        page.page.locator("#frequency").fill("25")
+        page.until("Math.abs(motion.feet.a.duration - 1 / 25) < 1e-9 && !busy")
 
         file.write_text(good.replace('stiffness="1.0e5"', 'stiffness="2.0e5"'))
         page.until("document.getElementById('error').hidden && motion")

@@ -131,8 +131,8 @@ class Server:
                 self.broadcast(self.show.description())
             except FasError as error:
                 console.print(f"[yellow]not loaded:[/] {error}", markup=True)
-                self.show.error = str(error)
-                self.broadcast({"type": "error", "text": f"{error} The last good model is shown."})
+                self.show.error = f"{error} The last good model is shown."
+                self.broadcast({"type": "broken", "text": self.show.error})
 
     async def _until_alone(self) -> None:
         while not self.pages:

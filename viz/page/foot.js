@@ -5,7 +5,7 @@ const BASE = "#8fa3b8", ANKLE = "#ffb454", OTHER = "#6cb6ff", SEEN = "#7ee0a1";
 const stage = new Stage(byId("pane"));
 const state = { frequency: 20, peak_to_peak: 17.9, added_mass: 0, values: {}, slow: 20, amplify: 10 };
 const stats = { frames: 0, motions: 0, posed: [], drawn: [], seconds: [] };
-let model = null, motion = null, playing = true, time = 0, last = 0, asked = 0, request = 0, fresh = false;
+let model = null, motion = null, playing = true, time = 0, last = 0, asked = 0, request = 0, fresh = false, broken = "";
 
 // ---- controls -------------------------------------------------------------------------------------------------------
 function slider(parent, key, label, unit, low, high, value, changed, { log = false, step = 0, hint = "" } = {}) {
@@ -113,9 +113,13 @@ function receive(document_) {
     const known = new Set(model.parameters.map(p => p.name));
     for (const name of Object.keys(state.values)) if (!known.has(name)) delete state.values[name];
     buildControls();
-    say(model.error);
+    broken = model.error;
+    say(broken);
     busy = false;
     ask();
+  } else if (document_.type === "broken") {  // the model's file: told until it is mended
+    broken = document_.text;
+    say(broken);
   } else {
     busy = false;
     if (document_.type === "motion") {
@@ -123,10 +127,10 @@ function receive(document_) {
       fresh = true;
       stats.motions += 1;
       stats.seconds.push(document_.seconds);
-      say("");
+      say(broken);
       stage.pose(motion, frame(), stage.gain(motion, state.amplify));
       stats.posed.push(performance.now() - asked);
-    } else say(document_.text);
+    } else say([broken, document_.text].filter(Boolean).join("\n"));
     if (wanted) { wanted = false; ask(); }
   }
 }
