@@ -14,6 +14,7 @@ psutil = pytest.importorskip("psutil", reason="pip install 'fasbody[dev]'")
 
 import tornado.httpclient  # noqa: E402
 import tornado.websocket  # noqa: E402
+import umsgpack  # noqa: E402
 from typer.testing import CliRunner  # noqa: E402
 from viewer import viewer  # noqa: E402
 
@@ -209,6 +210,25 @@ def test_foot_with_names_of_its_own_is_drawn_by_its_geoms(tmp_path: Path) -> Non
     for path in (b"/meshcat/foot/a/base/geom0", b"/meshcat/foot/a/pes/geom1", b"/meshcat/foot/a/shank/geom2"):
         assert path in scene
     assert b"/meshcat/foot/a/tibia" not in scene
+
+
+def test_another_kind_of_model_is_drawn_anew(tmp_path: Path) -> None:
+    import mjcf
+
+    file = tmp_path / "mine.xml"
+    file.write_text(mjcf.path("foot_arch").read_text())
+    show, fresh = Show([str(file)]), Show(["two_dof"])
+    file.write_text(mjcf.path("two_dof").read_text())
+    show.reload()
+    path = "/meshcat/foot/a/tibia"
+
+    def vertices(shown: Show) -> bytes:
+        found = [umsgpack.unpackb(message) for message in shown.hub.messages()]
+        drawn = next(m for m in found if m["path"] == path and m["type"] == "set_object")
+        return bytes(drawn["object"]["geometries"][0]["data"]["attributes"]["position"]["array"].data)
+
+    assert vertices(show) == vertices(fresh)
+    assert vertices(show) != vertices(Show(["foot_arch"]))
 
 
 def test_broken_model_keeps_the_last_good_one(tmp_path: Path) -> None:

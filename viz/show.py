@@ -137,10 +137,11 @@ class Show:
             self.error = str(error)
             raise
         self.error = ""
-        drawn_alike = segment_bodies(fresh.model) is not None and segment_bodies(self.feet[MODEL].model) is not None
+        now, before = segment_bodies(fresh.model), segment_bodies(self.feet[MODEL].model)
         self.feet[MODEL] = fresh
-        if not drawn_alike:
-            self._place(MODEL)
+        if now is None or before is None or now[0] != before[0]:  # each kind has meshes in frames of its own
+            for name in {MODEL, MEASURED} & set(self.drawn):
+                self._place(name)
 
     def description(self) -> dict[str, Any]:
         """What a page needs before any motion: the feet, their bodies at rest, the parameters and their bounds."""
