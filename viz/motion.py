@@ -26,8 +26,10 @@ Array = np.ndarray
 #: Frames of one shown period; a transient has at most `RATE` frames a second.
 FRAMES = 64
 RATE = 240.0
-#: The motion counts as periodic when a period changes it by less than this share of its size.
+#: The motion counts as periodic when a period changes its joints by less than this share of their travel.
 PERIODIC = 1e-3
+#: Travel of the joints [m or rad] below which the motion counts as rest.
+FLOOR = 1e-7
 #: A settled orbit is tried for at most so many periods, and the step halved at most so often.
 PERIODS, HALVINGS = 60, 8
 #: Most steps of a halved run; more would take too long and too much memory for a slider.
@@ -83,7 +85,7 @@ class Motion:
         loops: what -> (2, n) extension [m] and force [N], both positive in extension.
         transmissibility: complex malleolus over base of the linear model at `CURVE`.
         ratio: |T| of the shown motion at its frequency, None for a transient. phase: its phase [deg].
-        gap: change of the motion over its last period, as a share of its size.
+        gap: change of the joints over the last period, as a share of their travel.
         periodic: whether it repeats.
     """
 
@@ -220,8 +222,8 @@ def _settled(foot: Foot, settings: Settings, count: int) -> Motion:
     q = q + changed.model.qpos0
     for _ in range(PERIODS):
         out = batch.run(controls, changed.step, q, v, a)
-        size = np.ptp(out.qpos[0], axis=0).max() or 1.0
-        gap = float(np.abs(out.qpos[0, -1] - out.qpos[0, 0])[1:].max() / size)
+        joints = np.delete(out.qpos[0], foot.base, axis=1)  # the base travels further than they do at low frequencies
+        gap = float(np.abs(joints[-1] - joints[0]).max() / max(np.ptp(joints, axis=0).max(), FLOOR))
         if gap < PERIODIC:
             break
         q, v, a = out.qpos[0, -1].copy(), out.qvel[0, -1].copy(), out.act[0, -1].copy()
