@@ -138,6 +138,16 @@ def test_settings_from_the_page() -> None:
     assert (read.frequency, read.values) == (12, {"k_F": 1e5})
     with pytest.raises(SettingError):
         settings_from({})
+    good = {"frequency": 12, "peak_to_peak": 3, "added_mass": 1}
+    for wrong in ({"frequency": "inf"}, {"values": {"k_F": float("nan")}}, {"added_mass": float("-inf")}):
+        with pytest.raises(SettingError, match="no number"):
+            settings_from(good | wrong)
+
+
+def test_help_keeps_its_units() -> None:
+    text = CliRunner().invoke(command.app, ["--help"]).output
+    assert "[m/s^2]" in text
+    assert "[kg]" in text
 
 
 def test_process_listens_on_the_loopback_only_and_ends_on_ctrl_c() -> None:
@@ -160,6 +170,8 @@ def test_process_listens_on_the_loopback_only_and_ends_on_ctrl_c() -> None:
         (["--watch"], "file of your own"),
         (["--frequency", "0"], "must be between"),
         (["--slow", "0"], "--slow"),
+        (["--port", "99999"], "between 0 (a free one) and 65535"),
+        (["--port", "-3"], "between 0 (a free one) and 65535"),
         (["--sweep", "--recording", "x.csv"], "exclude each other"),
         (["--recording", "nowhere.csv"], "nowhere.csv"),
         (["--result", "nowhere.json"], "nowhere.json"),
