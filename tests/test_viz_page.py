@@ -93,6 +93,13 @@ def test_foot_in_the_browser(opened: Any) -> None:
         before, camera = page("frame()"), page("stage.camera.position.toArray()")
         page.page.keyboard.press(".")
         assert page("frame()") == pytest.approx((before + 1) % 64, abs=1e-6)
+        for shown in ("false", "true"):
+            page.page.keyboard.press("k")
+            assert page.page.get_by_role("button", name="Skin").get_attribute("aria-pressed") == shown
+        page("ride(true); showAt(0.3)")
+        table = page("stage.feet.a.segments.find(s => s.name === 'base').shift.y")
+        assert table == pytest.approx(0, abs=1e-12)
+        page("ride(false)")
         page.page.keyboard.press("4")
         assert page("stage.camera.position.toArray()") != camera
 

@@ -66,7 +66,10 @@ function buildControls() {
   posture.querySelector("select").onchange = e => { stage.posture = +e.target.value; };
   picture.append(posture);
   const looks = rowIn(picture);
-  button(looks, "Skin", b => { stage.showSkin(!stage.skinShown); b.setAttribute("aria-pressed", stage.skinShown); }, "K").setAttribute("aria-pressed", stage.skinShown);
+  rows.skin = button(looks, "Skin", () => showSkin(!stage.skinShown), "K");
+  showSkin(stage.skinShown);
+  rows.ride = button(looks, "Ride with the table", () => ride(!stage.riding), "The table is drawn at rest: its motion is taken from everything");
+  ride(stage.riding);
   if (Object.keys(model.feet).length > 1) button(looks, "Side by side", b => { stage.apart = !stage.apart; b.textContent = stage.apart ? "Overlaid" : "Side by side"; });
   button(looks, "Save PNG", savePicture);
   const list = byId("parameters");
@@ -88,6 +91,8 @@ byId("play").onclick = () => play(!playing);
 byId("step").onclick = () => stepOn(1);
 byId("seek").oninput = e => { play(false); time = +e.target.value * length(); };
 function play(on) { playing = on; byId("play").textContent = on ? "Pause" : "Play"; }
+function showSkin(shown) { stage.showSkin(shown); rows.skin.setAttribute("aria-pressed", shown); }
+function ride(on) { stage.riding = on; fresh = true; rows.ride.setAttribute("aria-pressed", on); }
 function stepOn(n) { play(false); time += n * length() / lead().frames; }
 const lead = () => Object.values(motion.feet)[0], length = () => (motion ? lead().duration : 1);
 
@@ -274,7 +279,7 @@ addEventListener("keydown", event => {
   if (event.key === " ") { if (event.target.matches("button")) return; play(!playing); }
   else if (event.key === ".") stepOn(1);
   else if (event.key === ",") stepOn(-1);
-  else if (event.key === "k") stage.showSkin(!stage.skinShown);
+  else if (event.key === "k") showSkin(!stage.skinShown);
   else if (+event.key >= 1 && +event.key <= views.length) stage.view(views[+event.key - 1]);
   else if (change && model.periodic && rows.frequency && !window.EXPORTED) {
     state.frequency = Math.min(60, Math.max(1, state.frequency + change));
