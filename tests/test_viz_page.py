@@ -93,6 +93,13 @@ def test_foot_in_the_browser(opened: Any) -> None:
         before, camera = page("frame()"), page("stage.camera.position.toArray()")
         page.page.keyboard.press(".")
         assert page("frame()") == pytest.approx((before + 1) % 64, abs=1e-6)
+        for shown in ("false", "true"):
+            page.page.keyboard.press("k")
+            assert page.page.get_by_role("button", name="Skin").get_attribute("aria-pressed") == shown
+        page("ride(true); showAt(0.3)")
+        table = page("stage.feet.a.segments.find(s => s.name === 'base').shift.y")
+        assert table == pytest.approx(0, abs=1e-12)
+        page("ride(false)")
         page.page.keyboard.press("4")
         assert page("stage.camera.position.toArray()") != camera
 
@@ -149,6 +156,11 @@ def test_edited_model_reloads_and_a_broken_one_is_told(opened: Any, tmp_path: Pa
         assert f"line {line}" in text
         assert "last good model" in text
         assert page("motion.feet.a.ratio") == before
+        page.page.locator("#frequency").fill("30")  # still told when the last good model moves on
+        page.until("Math.abs(motion.feet.a.duration - 1 / 30) < 1e-9 && !busy")
+        assert page("document.getElementById('error').textContent") == text
+        page.page.locator("#frequency").fill("25")
+        page.until("Math.abs(motion.feet.a.duration - 1 / 25) < 1e-9 && !busy")
 
         file.write_text(good.replace('stiffness="1.0e5"', 'stiffness="2.0e5"'))
         page.until("document.getElementById('error').hidden && motion")

@@ -14,14 +14,17 @@ psutil = pytest.importorskip("psutil", reason="pip install 'fasbody[dev]'")
 
 import tornado.httpclient  # noqa: E402
 import tornado.websocket  # noqa: E402
+import umsgpack  # noqa: E402
 from typer.testing import CliRunner  # noqa: E402
 from viewer import viewer  # noqa: E402
 
 from fasbody.exceptions import FasError, SettingError  # noqa: E402
+from identification.fit import BUNDLED  # noqa: E402
 from viz import foot as command  # noqa: E402
 from viz.server import Server, settings_from  # noqa: E402
 from viz.show import Show  # noqa: E402
 
+RECORDED = str(BUNDLED / "recordings" / "20hz_0kg.csv")
 Client = Callable[[Server], Coroutine[Any, Any, None]]
 
 
@@ -135,6 +138,16 @@ def test_settings_from_the_page() -> None:
     assert (read.frequency, read.values) == (12, {"k_F": 1e5})
     with pytest.raises(SettingError):
         settings_from({})
+    good = {"frequency": 12, "peak_to_peak": 3, "added_mass": 1}
+    for wrong in ({"frequency": "inf"}, {"values": {"k_F": float("nan")}}, {"added_mass": float("-inf")}):
+        with pytest.raises(SettingError, match="no number"):
+            settings_from(good | wrong)
+
+
+def test_help_keeps_its_units() -> None:
+    text = CliRunner().invoke(command.app, ["--help"]).output
+    assert "[m/s^2]" in text
+    assert "[kg]" in text
 
 
 def test_process_listens_on_the_loopback_only_and_ends_on_ctrl_c() -> None:
@@ -157,10 +170,13 @@ def test_process_listens_on_the_loopback_only_and_ends_on_ctrl_c() -> None:
         (["--watch"], "file of your own"),
         (["--frequency", "0"], "must be between"),
         (["--slow", "0"], "--slow"),
+        (["--port", "99999"], "between 0 (a free one) and 65535"),
+        (["--port", "-3"], "between 0 (a free one) and 65535"),
         (["--sweep", "--recording", "x.csv"], "exclude each other"),
         (["--recording", "nowhere.csv"], "nowhere.csv"),
         (["--result", "nowhere.json"], "nowhere.json"),
         (["--export", "foot.avi"], "ending must be one of"),
+        (["--recording", RECORDED, "--seconds", "1e-9"], "20hz_0kg.csv: has 1 of its"),
     ],
 )
 def test_bad_options_are_one_sentence(options: list[str], sentence: str) -> None:
@@ -181,10 +197,9 @@ def test_result_of_a_fit_moves_the_sliders(tmp_path: Path) -> None:
 
 
 def test_recording_drives_the_table_and_is_shown_beside(tmp_path: Path) -> None:
-    from identification.fit import BUNDLED
     from viz.show import MEASURED, MODEL, Excitation
 
-    show = Show(["two_dof"], Excitation.recorded(BUNDLED / "recordings" / "20hz_0kg.csv", 0.5))
+    show = Show(["two_dof"], Excitation.recorded(Path(RECORDED), 0.5))
     answer = show.answer(show.settings)
     measured, model = answer["feet"][MEASURED], answer["feet"][MODEL]
     assert measured["base"] == model["base"]
@@ -207,6 +222,25 @@ def test_foot_with_names_of_its_own_is_drawn_by_its_geoms(tmp_path: Path) -> Non
     for path in (b"/meshcat/foot/a/base/geom0", b"/meshcat/foot/a/pes/geom1", b"/meshcat/foot/a/shank/geom2"):
         assert path in scene
     assert b"/meshcat/foot/a/tibia" not in scene
+
+
+def test_another_kind_of_model_is_drawn_anew(tmp_path: Path) -> None:
+    import mjcf
+
+    file = tmp_path / "mine.xml"
+    file.write_text(mjcf.path("foot_arch").read_text())
+    show, fresh = Show([str(file)]), Show(["two_dof"])
+    file.write_text(mjcf.path("two_dof").read_text())
+    show.reload()
+    path = "/meshcat/foot/a/tibia"
+
+    def vertices(shown: Show) -> bytes:
+        found = [umsgpack.unpackb(message) for message in shown.hub.messages()]
+        drawn = next(m for m in found if m["path"] == path and m["type"] == "set_object")
+        return bytes(drawn["object"]["geometries"][0]["data"]["attributes"]["position"]["array"].data)
+
+    assert vertices(show) == vertices(fresh)
+    assert vertices(show) != vertices(Show(["foot_arch"]))
 
 
 def test_broken_model_keeps_the_last_good_one(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from fasbody.console import command_line, console
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.parameters import Parameter
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
 @app.command(
@@ -41,6 +41,8 @@ def main(
     for name, value in (("--slow", slow), ("--amplify", amplify), ("--seconds", seconds)):
         if not 0 < value < 1e4:
             raise SettingError(f"{name} is {value:g}, but must be between 0 and 10000.")
+    if not 0 <= port <= 65535:
+        raise SettingError(f"--port is {port}, but must be between 0 (a free one) and 65535.")
     look = {"slow": slow, "amplify": amplify}
     show = _show(model, compare, frequency, peak_to_peak, added_mass, sweep, recording, seconds, result, look)
     if export is not None:

@@ -5,7 +5,7 @@ its frequency response the transmissibility and the start of the periodic motion
 the motion repeats itself.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import mujoco
@@ -26,10 +26,14 @@ Array = np.ndarray
 #: Frames of one shown period; a transient has at most `RATE` frames a second.
 FRAMES = 64
 RATE = 240.0
-#: The motion counts as periodic when a period changes it by less than this share of its size.
+#: The motion counts as periodic when a period changes its joints by less than this share of their travel.
 PERIODIC = 1e-3
+#: Travel of the joints [m or rad] below which the motion counts as rest.
+FLOOR = 1e-7
 #: A settled orbit is tried for at most so many periods, and the step halved at most so often.
-PERIODS, HALVINGS = 60, 4
+PERIODS, HALVINGS = 60, 8
+#: Most steps of a halved run; more would take too long and too much memory for a slider.
+STEPS = 2**17
 #: The transmissibility curve [Hz].
 CURVE = np.linspace(1.0, 60.0, 119)
 #: Parameters that an added mass on the knee raises.
@@ -81,7 +85,7 @@ class Motion:
         loops: what -> (2, n) extension [m] and force [N], both positive in extension.
         transmissibility: complex malleolus over base of the linear model at `CURVE`.
         ratio: |T| of the shown motion at its frequency, None for a transient. phase: its phase [deg].
-        gap: change of the motion over its last period, as a share of its size.
+        gap: change of the joints over the last period, as a share of their travel.
         periodic: whether it repeats.
     """
 
@@ -171,13 +175,38 @@ def periodic_motion(foot: Foot, settings: Settings) -> Motion:
     """
     changed = settings.apply(foot)
     count = FRAMES * int(np.ceil(1 / (settings.frequency * changed.step * FRAMES)))
+    return _stable(foot, changed, count, lambda steps: _settled(changed, settings, steps))
+
+
+class _Unsettled(SimulationError):
+    """Stable, but not periodic within `PERIODS`."""
+
+
+def _stable(foot: Foot, changed: Foot, count: int, run: Callable[[int], Motion]) -> Motion:
+    """What `run` makes with `count` steps, or with the fewest halvings of the step that keep it stable."""
     for halving in range(HALVINGS + 1):
         try:
-            return _settled(changed, settings, count * 2**halving)
-        except (SimulationError, np.linalg.LinAlgError):
-            if halving == HALVINGS:
+            return run(count * 2**halving)
+        except _Unsettled:
+            if halving >= HALVINGS // 2 or count * 2 ** (halving + 1) > STEPS:
                 raise
-    raise AssertionError("unreachable")
+        except (SimulationError, np.linalg.LinAlgError):
+            if count * 2 ** (halving + 1) > STEPS:
+                break
+    raise SimulationError(
+        f"{foot.name}: too stiff or too damped for the smallest time step that a slider waits for; "
+        f"{_advice(foot, changed)}."
+    )
+
+
+def _advice(foot: Foot, changed: Foot) -> str:
+    """Which parameter to lower: the one that was raised most over the model's own."""
+    nominal, values = foot.values(), changed.values()
+    raised = {name: values[name] / nominal[name] for name in nominal if nominal[name] > 0}
+    name = max(raised, key=lambda n: raised[n], default="")
+    if not name or raised[name] <= 1:
+        return "lower a stiffness or a damping, or raise the frequency"
+    return f"lower {name}, {values[name]:.4g} {foot.parameters[name].unit}, {raised[name]:.3g} times the model's own"
 
 
 def _settled(foot: Foot, settings: Settings, count: int) -> Motion:
@@ -193,16 +222,14 @@ def _settled(foot: Foot, settings: Settings, count: int) -> Motion:
     q = q + changed.model.qpos0
     for _ in range(PERIODS):
         out = batch.run(controls, changed.step, q, v, a)
-        size = np.ptp(out.qpos[0], axis=0).max() or 1.0
-        gap = float(np.abs(out.qpos[0, -1] - out.qpos[0, 0])[1:].max() / size)
+        joints = np.delete(out.qpos[0], foot.base, axis=1)  # the base travels further than they do at low frequencies
+        gap = float(np.abs(joints[-1] - joints[0]).max() / max(np.ptp(joints, axis=0).max(), FLOOR))
         if gap < PERIODIC:
             break
         q, v, a = out.qpos[0, -1].copy(), out.qvel[0, -1].copy(), out.act[0, -1].copy()
         q[foot.base], v[foot.base] = out.qpos[0, 0, foot.base], out.qvel[0, 0, foot.base]  # the base must not drift
     else:
-        raise SimulationError(
-            f"{foot.name}: the motion at {f:g} Hz does not settle within {PERIODS} periods; add damping."
-        )
+        raise _Unsettled(f"{foot.name}: the motion at {f:g} Hz does not settle within {PERIODS} periods; add damping.")
     w = np.exp(-2j * np.pi * np.arange(count) / count)
     ratio = complex(out.malleolus[0] @ w / (out.base[0] @ w)) if amplitude else 0j
     pick = np.arange(0, count, count // FRAMES)
@@ -214,6 +241,12 @@ def transient_motion(foot: Foot, settings: Settings, base: BaseMotion) -> Motion
     """The motion from rest under any base motion: a sweep, a recording."""
     changed = settings.apply(foot)
     count = round(base.duration / changed.step)
+    return _stable(foot, changed, count, lambda steps: _from_rest(changed, base, steps))
+
+
+def _from_rest(foot: Foot, base: BaseMotion, count: int) -> Motion:
+    """The transient with `count` steps."""
+    changed = foot.with_values({}, step=base.duration / count)
     controls = base.controls(changed.step, count)[None]
     out = Batch(changed, 1, threads=1).run(controls, changed.step)
     stride = max(1, round(1 / (RATE * changed.step)))

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+import math
 import signal
 import sys
 import time
@@ -38,13 +39,16 @@ def settings_from(message: dict[str, Any]) -> Settings:
     """The page's settings, checked.
 
     Raises:
-        SettingError: something is missing or no number.
+        SettingError: something is missing, or no finite number.
     """
     try:
         values = {str(name): float(value) for name, value in dict(message.get("values", {})).items()}
         numbers = {name: float(message[name]) for name in ("frequency", "peak_to_peak", "added_mass")}
     except (KeyError, TypeError, ValueError) as error:
         raise SettingError(f"the page's settings cannot be read ({error}); reload it.") from None
+    for name, value in (numbers | values).items():
+        if not math.isfinite(value):
+            raise SettingError(f"{name} from the page is {value}, but that is no number; reload it.")
     return Settings(**numbers, values=values)
 
 
@@ -131,8 +135,8 @@ class Server:
                 self.broadcast(self.show.description())
             except FasError as error:
                 console.print(f"[yellow]not loaded:[/] {error}", markup=True)
-                self.show.error = str(error)
-                self.broadcast({"type": "error", "text": f"{error} The last good model is shown."})
+                self.show.error = f"{error} The last good model is shown."
+                self.broadcast({"type": "broken", "text": self.show.error})
 
     async def _until_alone(self) -> None:
         while not self.pages:

@@ -11,7 +11,7 @@ import numpy as np
 
 import mjcf
 from fasbody.arch import Arch
-from fasbody.exceptions import FasError, SettingError
+from fasbody.exceptions import FasError, InputFileError, SettingError
 from fasbody.model import Foot, check, load
 from fasbody.recording import Recording
 from fasbody.shaker import BaseMotion, samples, sweep
@@ -24,6 +24,8 @@ from viz.rest import Frame, frames, segment_bodies, segment_frames
 MODEL, OTHER, MEASURED = "a", "b", "measured"
 #: Length of the swept sine [s] and its ends [Hz].
 SWEEP_S, SWEEP_HZ = 4.0, (5.0, 50.0)
+#: Fewest samples of a recording that make a motion: the cubic spline through them.
+LEAST_SAMPLES = 4
 
 
 def load_foot(name: str) -> Foot:
@@ -70,9 +72,16 @@ class Excitation:
 
     @classmethod
     def recorded(cls, file: Path, seconds: float) -> "Excitation":
-        """The first `seconds` of a recording; its mean is taken out."""
+        """The first `seconds` of a recording; its mean is taken out.
+
+        Raises:
+            InputFileError: too few samples within `seconds`.
+        """
         whole = Recording.read(file)
         keep = whole.time_s - whole.time_s[0] <= seconds
+        if keep.sum() < LEAST_SAMPLES:
+            problem = f"has {keep.sum()} of its {len(keep)} samples within --seconds {seconds:g}"
+            raise InputFileError(file, problem, f"at least {LEAST_SAMPLES} are needed")
         cut = replace(whole, **{
             name: getattr(whole, name)[keep] - (0 if name == "time_s" else getattr(whole, name).mean())
             for name in ("time_s", "base_m_s2", "malleolus_m_s2")
@@ -134,10 +143,11 @@ class Show:
             self.error = str(error)
             raise
         self.error = ""
-        drawn_alike = segment_bodies(fresh.model) is not None and segment_bodies(self.feet[MODEL].model) is not None
+        now, before = segment_bodies(fresh.model), segment_bodies(self.feet[MODEL].model)
         self.feet[MODEL] = fresh
-        if not drawn_alike:
-            self._place(MODEL)
+        if now is None or before is None or now[0] != before[0]:  # each kind has meshes in frames of its own
+            for name in {MODEL, MEASURED} & set(self.drawn):
+                self._place(name)
 
     def description(self) -> dict[str, Any]:
         """What a page needs before any motion: the feet, their bodies at rest, the parameters and their bounds."""

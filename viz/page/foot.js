@@ -5,7 +5,7 @@ const stage = new Stage(byId("pane"), VIEWS);
 stage.addGround(TABLE - 0.5);
 const state = { frequency: 20, peak_to_peak: 17.9, added_mass: 0, values: {}, slow: 20, amplify: 10 };
 const stats = { frames: 0, motions: 0, posed: [], drawn: [], seconds: [] };
-let model = null, motion = null, playing = true, time = 0, last = 0, asked = 0, request = 0, fresh = false;
+let model = null, motion = null, playing = true, time = 0, last = 0, asked = 0, request = 0, fresh = false, broken = "";
 
 // ---- controls -------------------------------------------------------------------------------------------------------
 const rows = {};
@@ -32,7 +32,10 @@ function buildControls() {
   posture.querySelector("select").onchange = e => { stage.posture = +e.target.value; };
   picture.append(posture);
   const looks = rowIn(picture);
-  button(looks, "Skin", b => { stage.showSkin(!stage.skinShown); b.setAttribute("aria-pressed", stage.skinShown); }, "K").setAttribute("aria-pressed", stage.skinShown);
+  rows.skin = button(looks, "Skin", () => showSkin(!stage.skinShown), "K");
+  showSkin(stage.skinShown);
+  rows.ride = button(looks, "Ride with the table", () => ride(!stage.riding), "The table is drawn at rest: its motion is taken from everything");
+  ride(stage.riding);
   if (Object.keys(model.feet).length > 1) button(looks, "Side by side", b => { stage.apart = !stage.apart; b.textContent = stage.apart ? "Overlaid" : "Side by side"; });
   button(looks, "Save PNG", () => stage.save("foot.png"));
   const list = byId("parameters");
@@ -54,6 +57,8 @@ byId("play").onclick = () => play(!playing);
 byId("step").onclick = () => stepOn(1);
 byId("seek").oninput = e => { play(false); time = +e.target.value * length(); };
 function play(on) { playing = on; byId("play").textContent = on ? "Pause" : "Play"; }
+function showSkin(shown) { stage.showSkin(shown); rows.skin.setAttribute("aria-pressed", shown); }
+function ride(on) { stage.riding = on; fresh = true; rows.ride.setAttribute("aria-pressed", on); }
 function stepOn(n) { play(false); time += n * length() / lead().frames; }
 const lead = () => Object.values(motion.feet)[0], length = () => (motion ? lead().duration : 1);
 
@@ -79,9 +84,13 @@ function receive(document_) {
     const known = new Set(model.parameters.map(p => p.name));
     for (const name of Object.keys(state.values)) if (!known.has(name)) delete state.values[name];
     buildControls();
-    say(model.error);
+    broken = model.error;
+    say(broken);
     busy = false;
     ask();
+  } else if (document_.type === "broken") {  // the model's file: told until it is mended
+    broken = document_.text;
+    say(broken);
   } else {
     busy = false;
     if (document_.type === "motion") {
@@ -89,10 +98,10 @@ function receive(document_) {
       fresh = true;
       stats.motions += 1;
       stats.seconds.push(document_.seconds);
-      say("");
+      say(broken);
       stage.pose(motion, frame(), stage.gain(motion, state.amplify));
       stats.posed.push(performance.now() - asked);
-    } else say(document_.text);
+    } else say([broken, document_.text].filter(Boolean).join("\n"));
     if (wanted) { wanted = false; ask(); }
   }
 }
@@ -192,7 +201,7 @@ addEventListener("keydown", event => {
   if (event.key === " ") { if (event.target.matches("button")) return; play(!playing); }
   else if (event.key === ".") stepOn(1);
   else if (event.key === ",") stepOn(-1);
-  else if (event.key === "k") stage.showSkin(!stage.skinShown);
+  else if (event.key === "k") showSkin(!stage.skinShown);
   else if (+event.key >= 1 && +event.key <= views.length) stage.view(views[+event.key - 1]);
   else if (change && model.periodic && rows.frequency && !window.EXPORTED) {
     state.frequency = Math.min(60, Math.max(1, state.frequency + change));

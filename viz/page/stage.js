@@ -39,6 +39,7 @@ class Stage {
     this.posture = 0;
     this.apart = false;
     this.skinShown = true;
+    this.riding = false;
     this.quality = 2;
     this.slowFrames = [];
   }
@@ -100,11 +101,22 @@ class Stage {
     this.viewer.set_dirty();
   }
 
+  // The body whose motion is taken from a foot's, -1 for none.
+  table(name) {
+    const base = this.riding && this.feet[name] && this.feet[name].segments.find(s => s.name === "base");
+    return base ? base.body : -1;
+  }
+
   // How much larger the motion may be drawn so that the table stays on the picture.
   gain(motion, wanted) {
     let largest = 1e-9;
-    for (const foot of Object.values(motion.feet)) for (let i = 0; i < foot.bodies.length; i += 6)
-      largest = Math.max(largest, Math.abs(foot.bodies[i]), Math.abs(foot.bodies[i + 1]));
+    for (const [name, foot] of Object.entries(motion.feet)) {
+      const width = foot.bodies.length / foot.frames, base = 6 * this.table(name);
+      for (let i = 0; i < foot.bodies.length; i += 6) for (const j of [0, 1]) {
+        const carried = base < 0 ? 0 : foot.bodies[i - i % width + base + j];
+        largest = Math.max(largest, Math.abs(foot.bodies[i + j] - carried));
+      }
+    }
     return Math.min(wanted, LARGEST / (SCALE * largest));
   }
 
@@ -116,8 +128,10 @@ class Stage {
       const foot = this.feet[name], shown = motion.feet[name];
       if (!shown) return;
       const aside = this.apart && order ? -1.75 * order : 0;
+      const table = this.table(name), carried = table < 0 ? [0, 0, 0] : blend(shown, at, table);
       for (const s of foot.segments) {
         const d = blend(shown, at, s.body);
+        for (const j of [0, 1, 2]) d[j] -= carried[j];
         s.shift = new THREE.Vector3(d[0], d[1], d[2]).multiplyScalar(gain * SCALE);
         const angle = gain * Math.hypot(d[3], d[4], d[5]) || 0, axis = new THREE.Vector3(d[3], d[4], d[5]).normalize();
         s.q = new THREE.Quaternion().setFromAxisAngle(axis, angle).multiply(s.turned);
