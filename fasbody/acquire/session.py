@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fasbody.acquire import folder
-from fasbody.acquire.board import Board
+from fasbody.acquire.board import STALLED_S, Board
 from fasbody.acquire.capture import SUFFIX, Capture
 from fasbody.acquire.folder import Converted, convert
 from fasbody.acquire.generator import Generator
@@ -145,11 +145,12 @@ def _record(plan: Plan, board: Board, generator: Generator | None, capture: Capt
     """Until the planned samples are there.
 
     Raises:
-        AcquisitionError: over range, a full disk, or the board is gone.
+        AcquisitionError: over range, a full disk, the board is gone, or too slow.
     """
     timeline = board.start(capture)
     wanted = round(plan.seconds * timeline.hello.rate_hz)
     unplugs = board.unplugs
+    latest = time.monotonic() + 1.01 * plan.seconds + STALLED_S + board.reader.patience
     while timeline.length < wanted:
         board.pump()
         over = {role: count for role, count in timeline.over_range.items() if count >= _OVER_RANGE}
@@ -161,6 +162,10 @@ def _record(plan: Plan, board: Board, generator: Generator | None, capture: Capt
         if generator is not None and generator.is_on and board.unplugs > unplugs:
             generator.off()  # nobody watches the base any more
             board.watch = None
+        if time.monotonic() > latest:
+            raise AcquisitionError(
+                f"{board.reader.port_name}: {timeline.length} of {wanted} samples came in time; check the board's rate."
+            )
         if capture.trouble:
             raise AcquisitionError(f"{capture.trouble}.")
 
