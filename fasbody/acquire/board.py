@@ -32,7 +32,7 @@ class Watch:
     def check(self, base: np.ndarray) -> None:
         """Raise AcquisitionError if it does not; base (n,) [m/s^2]."""
         highest = float(np.abs(base - self.offset).max())
-        if highest > self.peak:
+        if not highest <= self.peak:
             raise AcquisitionError(
                 f"the base reached {highest:.3g} m/s^2, beyond the safety limit of {self.peak:.3g}; output off."
             )
@@ -86,7 +86,7 @@ class Board:
         """Take what has arrived.
 
         Raises:
-            AcquisitionError: no sample has come for too long, the base is beyond its limit, or the port is gone for good.
+            AcquisitionError: no sample has come for too long, the base is beyond its limit, or the port is gone.
         """
         messages: list[Message] = []
         arrivals = self.reader.take(wait)
