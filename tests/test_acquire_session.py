@@ -17,9 +17,10 @@ from fasbody.acquire.capture import Capture
 from fasbody.acquire.display import bar, render, sparkline
 from fasbody.acquire.folder import convert
 from fasbody.acquire.frames import encode_data, encode_hello
+from fasbody.acquire.generator import Generator
 from fasbody.acquire.session import Plan
 from fasbody.acquire.shaken import BODY_MASS_KG
-from fasbody.exceptions import AcquisitionError
+from fasbody.exceptions import AcquisitionError, InputFileError
 from fasbody.recording import Condition, Study
 
 BAUD = 921600
@@ -160,6 +161,23 @@ def test_shaking_blindly_is_an_error(feeder: Feeder) -> None:
     with pytest.raises(AcquisitionError, match="beyond the safety limit of 5"):
         board.collect(0.2)
     board.close()
+
+
+@pytest.mark.parametrize("place", ["", "captures", "recordings"])
+def test_folder_that_cannot_be_written_is_refused_before_anything_moves(
+    tmp_path: Path, feeder: Feeder, monkeypatch: pytest.MonkeyPatch, place: str
+) -> None:
+    moved: list[object] = []
+    monkeypatch.setattr(session, "reach", lambda *args: moved.append(args))
+    study = tmp_path / "study"
+    if place:
+        study.mkdir()
+    (study / place).write_text("a file where the folder should be")
+    board = Board(feeder.port, BAUD)
+    with pytest.raises(InputFileError, match="cannot be written"):
+        session.run(Plan(study, (20.0,), CONDITION), board, Generator.__new__(Generator))
+    board.close()
+    assert not moved
 
 
 @pytest.mark.parametrize("instead", ["noise", "hello", "text"])

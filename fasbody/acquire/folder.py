@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import tempfile
 import tomllib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -175,6 +176,21 @@ def free_stem(study: Path, stem: str) -> str:
         number += 1
         name = f"{stem}_{number}"
     return name
+
+
+def check_writable(study: Path) -> None:
+    """Make the folders of a study, and write to each.
+
+    Raises:
+        InputFileError: one cannot be written.
+    """
+    for place in (study / CAPTURES, study / RECORDINGS):
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=place) as trial:
+                trial.write(b"\0" * 4096)
+        except OSError as error:
+            raise InputFileError(place, f"cannot be written ({error.strerror})", "name a writable folder") from None
 
 
 def check_origin(study: Path, origin: str) -> None:

@@ -1,6 +1,7 @@
 """The protocol of section 2.2.2: for each frequency, bring the shaker to its level, record, judge, and write."""
 
 import contextlib
+import math
 import platform
 import time
 from dataclasses import asdict, dataclass, field, replace
@@ -55,7 +56,7 @@ class Plan:
         """
         if not 0.1 <= self.seconds <= 3600:
             raise SettingError(f"a recording of {self.seconds:g} s cannot be meant (valid: 0.1 to 3600).")
-        if not self.peak_to_peak > 0:
+        if not 0 < self.peak_to_peak < math.inf:
             raise SettingError(f"the base acceleration is {self.peak_to_peak:g} m/s^2; it must be positive.")
         if not 0 <= self.condition.added_mass_kg <= 100:
             raise SettingError(f"the added mass is {self.condition.added_mass_kg:g} kg (valid: 0 to 100).")
@@ -83,9 +84,10 @@ def run(plan: Plan, board: Board, generator: Generator | None = None) -> list[Co
         One entry a recording, failed attempts included.
 
     Raises:
-        AcquisitionError, SettingError: the session cannot go on; what was recorded is in the study already.
+        AcquisitionError, SettingError, InputFileError: the session cannot go on; what was recorded is in the study.
     """
     plan.check(generator is not None)
+    folder.check_writable(plan.study)
     made: list[Converted] = []
     volts_per: float = 0.0
     for frequency in plan.frequencies_hz:
