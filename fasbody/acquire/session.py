@@ -72,6 +72,7 @@ class Plan:
             if generator:
                 self.safety.check(frequency, self.peak_to_peak)
         folder.check_origin(self.study, self.origin)
+        folder.check_mass(self.study, self.condition)
 
 
 def run(plan: Plan, board: Board, generator: Generator | None = None) -> list[Converted]:
@@ -138,7 +139,11 @@ def _trial(
         raise
     _finish(board, capture)
     if generator is not None:
-        generator.ramp_down()
+        try:
+            generator.ramp_down()
+        except BaseException:
+            _keep(plan, capture, "")
+            raise
         board.watch = None
     return convert(capture.files, plan.study, plan.limits)
 
