@@ -18,6 +18,7 @@ from fasbody.acquire.display import bar, render, sparkline
 from fasbody.acquire.folder import convert
 from fasbody.acquire.frames import encode_data, encode_hello
 from fasbody.acquire.generator import Generator
+from fasbody.acquire.level import Level
 from fasbody.acquire.session import Plan
 from fasbody.acquire.shaken import BODY_MASS_KG
 from fasbody.exceptions import AcquisitionError, InputFileError
@@ -178,6 +179,25 @@ def test_folder_that_cannot_be_written_is_refused_before_anything_moves(
         session.run(Plan(study, (20.0,), CONDITION), board, Generator.__new__(Generator))
     board.close()
     assert not moved
+
+
+def test_failing_ramp_still_gives_the_recording(
+    tmp_path: Path, feeder: Feeder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    generator = Generator.__new__(Generator)
+    generator.identity, generator.is_on, told = "fake", True, []
+
+    def ramp_down() -> None:
+        raise AcquisitionError("no answer to VOLT")
+
+    monkeypatch.setattr(generator, "ramp_down", ramp_down)
+    monkeypatch.setattr(generator, "off", lambda: told.append("off"))
+    monkeypatch.setattr(session, "reach", lambda *args: Level(17.9, 1.0, 3))
+    board = Board(feeder.port, BAUD)
+    with pytest.raises(AcquisitionError, match="no answer to VOLT"):
+        session.run(Plan(tmp_path / "study", (20.0,), CONDITION, seconds=0.4), board, generator)
+    board.close()
+    assert told == ["off"] and (tmp_path / "study" / "recordings" / "20hz_0kg.csv").is_file()
 
 
 @pytest.mark.parametrize("instead", ["noise", "hello", "text"])

@@ -142,6 +142,8 @@ def _trial(
         try:
             generator.ramp_down()
         except BaseException:
+            with contextlib.suppress(AcquisitionError):  # at once, before the conversion
+                generator.off()
             _keep(plan, capture, "")
             raise
         board.watch = None
