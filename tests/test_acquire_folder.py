@@ -115,3 +115,16 @@ def test_excitation_set_by_hand_is_judged(tmp_path: Path, nominal: float, match:
     made = convert([capture_of(tmp_path, "hand", sine_frames(100), condition=condition)], tmp_path)
     assert (made.problems == ()) if match is None else (match in made.problems[0])
     assert (tmp_path / "recordings.csv").read_text().count("hand.csv") == (match is None)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"seconds": "abc"}, {"condition": None}, {"condition": {"frequency_hz": "20"}}, {"condition": {"subject": 3}}],
+)
+def test_senseless_plan_is_one_sentence(tmp_path: Path, wrong: dict[str, object]) -> None:
+    capture = Capture(tmp_path / "captures" / "odd.fascap")
+    capture.add("M", 0.0, wrong)
+    capture.add("B", 0.0, encode_hello(hello()) + sine_frames(60))
+    capture.close()
+    with pytest.raises(InputFileError, match=r"odd\.fascap: its plan has"):
+        convert([capture.file], tmp_path)

@@ -112,6 +112,7 @@ def convert(
     """
     limits = limits or Limits()
     about, timeline, events = replay(files)
+    _check_plan(files[0], about)
     hello = timeline.hello
     index, values = timeline.samples()
     wanted = round(float(about.get("seconds", np.inf)) * hello.rate_hz) if about.get("seconds") else None
@@ -182,6 +183,22 @@ def _refused(recording: Recording, name: str) -> list[str]:
 def _differ(known: float | None, given: float | None) -> bool:
     """Whether two body masses [kg] are not the same, one of them as the table prints it."""
     return known is not None and given is not None and not math.isclose(known, given, rel_tol=1e-5)
+
+
+def _check_plan(file: Path, about: dict[str, Any]) -> None:
+    """Refuse a plan of senseless content, which acquisition never writes."""
+    condition = about.get("condition", {})
+    if not isinstance(condition, dict):
+        raise InputFileError(file, f"its plan has the condition {condition!r}", "a table of the recording's condition")
+    numbers = {"seconds": about.get("seconds")}
+    numbers |= {name: condition.get(name) for name in ("frequency_hz", "body_mass_kg", "added_mass_kg")}
+    for name, value in numbers.items():
+        sound = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < math.inf
+        if value is not None and not sound:
+            raise InputFileError(file, f"its plan has {name} {value!r}", "a number is needed")
+    for name in ("subject", "posture"):
+        if not isinstance(condition.get(name, ""), str):
+            raise InputFileError(file, f"its plan has {name} {condition[name]!r}", "a text is needed")
 
 
 def _condition(about: dict[str, Any]) -> Condition:
