@@ -60,6 +60,7 @@ class Feeder:
         self.damaged: set[int] = set()  # numbers of the frames that went out damaged
         self.paused = False
         self.garbage = False
+        self.instead = b""  # sent in place of every frame
         self.amplitude = 0  # counts added to every sample
         self._damage, self._rng = damage, np.random.default_rng(5)
         self._end = threading.Event()
@@ -91,6 +92,6 @@ class Feeder:
             if dirty != clean:
                 self.damaged.add(frame)
             if not self.paused:
-                self.line.send(self._rng.bytes(80) if self.garbage else out + dirty)
+                self.line.send(self._rng.bytes(80) if self.garbage else self.instead or out + dirty)
             frame += 1
             self.sent = frame * n

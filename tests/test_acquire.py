@@ -51,6 +51,8 @@ def test_commands_refuse_in_one_sentence(tmp_path: Path) -> None:
         (["--out", "x"], "--simulate"),
         (["--out", "x", "--port", "p", "--sweep", "10:20:5"], "needs a function generator"),
         (["--out", "x", "--port", "p"], "body mass"),
+        (["--out", "x", "--simulate", "--subject", "3", "--body-mass", "70"], "leave out --subject, --body-mass"),
+        (["--out", "x", "--simulate", "--port", "p"], "leave out --port"),
         (["--out", "x", "--simulate"], "needs a frequency"),
         (["--out", "x", "--simulate", "--sweep", "10-20"], "START:STOP:STEP"),
         (["--out", "x", "--simulate", "--sweep", "20:10:5"], "holds no frequencies"),

@@ -1,6 +1,7 @@
 """From captured bytes to a study: gaps stay gaps, and identification refuses them."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,13 +21,16 @@ from fasbody.recording import Condition, Recording, Study
 CONDITION = Condition("16", "midstance", 0.0, BODY_MASS_KG)
 
 
-def capture_of(study: Path, stem: str, wire: bytes, seconds: float | None = None, rate: float = 1000.0) -> Path:
+def capture_of(
+    study: Path, stem: str, wire: bytes, seconds: float | None = None, rate: float = 1000.0,
+    condition: Condition = CONDITION,
+) -> Path:  # fmt: skip
     """A capture file of a stream of frames, arriving evenly."""
     duration = 16 / rate * wire.count(b"\0") / 2
     reader = FrameReader()
     reader.feed(encode_hello(hello(rate)))
     capture = Capture(study / "captures" / f"{stem}.fascap")
-    about = {"seconds": seconds, "preamble": reader.preamble.hex(), "condition": vars(CONDITION), "origin": "measured"}
+    about = {"seconds": seconds, "preamble": reader.preamble.hex(), "condition": vars(condition), "origin": "measured"}
     capture.add("M", 0.0, about)
     for start in range(0, len(wire), 500):
         capture.add("B", duration * start / len(wire), wire[start : start + 500])
@@ -83,3 +87,44 @@ def test_measured_and_synthetic_are_not_mixed_and_names_do_not_collide(tmp_path:
         Plan(tmp_path, (20.0,), CONDITION, origin="synthetic").check(True)
     assert folder.free_stem(tmp_path, "20hz_0kg") == "20hz_0kg_2"
     assert folder.body_mass(tmp_path, "16") == 72.57 and folder.body_mass(tmp_path, "17") is None
+
+
+def test_capture_without_its_plan_is_not_listed(tmp_path: Path) -> None:
+    file = capture_of(tmp_path, "torn", encode_hello(hello()) + sine_frames(100))
+    raw = bytearray(file.read_bytes())
+    raw[40] ^= 1
+    file.write_bytes(raw)
+    made = convert([file], tmp_path)
+    assert any("what was to be recorded is damaged" in text for text in made.problems)
+    assert any("bytes of the capture are unreadable" in text for text in made.remarks)
+    assert not (tmp_path / "recordings.csv").exists() and not (tmp_path / "study.toml").exists()
+
+
+def test_contradicting_body_mass_is_refused(tmp_path: Path) -> None:
+    convert([capture_of(tmp_path, "one", sine_frames(60))], tmp_path)
+    other = replace(CONDITION, body_mass_kg=80.0)
+    with pytest.raises(InputFileError, match=r"subjects\.csv: subject '16' has 72\.57 kg, and 80 kg are given"):
+        Plan(tmp_path, (20.0,), other).check(False)
+    made = convert([capture_of(tmp_path, "two", sine_frames(60), condition=other)], tmp_path)
+    assert made.problems == ("its body mass is 80 kg and subjects.csv says 72.57 kg",)
+
+
+@pytest.mark.parametrize(("nominal", "match"), [(20.0, None), (35.0, "vibrates at 20 Hz")])
+def test_excitation_set_by_hand_is_judged(tmp_path: Path, nominal: float, match: str | None) -> None:
+    condition = replace(CONDITION, frequency_hz=nominal)
+    made = convert([capture_of(tmp_path, "hand", sine_frames(100), condition=condition)], tmp_path)
+    assert (made.problems == ()) if match is None else (match in made.problems[0])
+    assert (tmp_path / "recordings.csv").read_text().count("hand.csv") == (match is None)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"seconds": "abc"}, {"condition": None}, {"condition": {"frequency_hz": "20"}}, {"condition": {"subject": 3}}],
+)
+def test_senseless_plan_is_one_sentence(tmp_path: Path, wrong: dict[str, object]) -> None:
+    capture = Capture(tmp_path / "captures" / "odd.fascap")
+    capture.add("M", 0.0, wrong)
+    capture.add("B", 0.0, encode_hello(hello()) + sine_frames(60))
+    capture.close()
+    with pytest.raises(InputFileError, match=r"odd\.fascap: its plan has"):
+        convert([capture.file], tmp_path)

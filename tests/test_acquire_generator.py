@@ -14,7 +14,7 @@ import pytest
 from feeder import Feeder, output_of
 
 from fasbody.acquire.bench import Bench
-from fasbody.acquire.board import Board
+from fasbody.acquire.board import Board, Watch
 from fasbody.acquire.generator import Generator
 from fasbody.acquire.level import Safety, peak_to_peak, reach
 from fasbody.acquire.probe import probe
@@ -95,6 +95,32 @@ def test_safety_is_judged_before_anything_moves(tmp_path: Path) -> None:
     for wrong in ({"seconds": 0.01}, {"frequencies_hz": (1.0,)}, {"frequencies_hz": (5.0,), "seconds": 0.5}):
         with pytest.raises(SettingError):
             replace(Plan(tmp_path, (20.0,), CONDITION), **wrong).check(False)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("wrong", [float("nan"), -3.0, 0.0, float("inf")])
+@pytest.mark.parametrize("name", ["volts", "peak_m_s2", "displacement_m"])
+def test_limit_that_is_no_positive_number_is_refused(tmp_path: Path, name: str, wrong: float) -> None:
+    plan = Plan(tmp_path, (20.0,), CONDITION, safety=replace(Safety(), **{name: wrong}))
+    with pytest.raises(SettingError, match=f"{name} is .* positive"):
+        plan.check(True)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -6.0])
+def test_watch_trips_at_what_is_no_number(value: float) -> None:
+    with pytest.raises(AcquisitionError, match="safety limit of 5"):
+        Watch(5.0, 0.0).check(np.array([0.0, value]))
+
+
+@pytest.mark.parametrize(("guess", "match"), [(0.97, r"moves by 0\.2[67]\d* mm"), (1.9, "limit of 3.86")])
+def test_displacement_is_limited_while_the_base_moves(bench: Bench, guess: float, match: str) -> None:
+    """6 m/s^2 at 25 Hz are 0.243 mm and allowed; a shaker that answers more strongly than before is stopped."""
+    board = Board(bench.board_port, BAUD)
+    board.wait_for_hello()
+    with Generator(bench.generator_port, 115200, guard=False) as generator:
+        with pytest.raises(AcquisitionError, match=match):
+            reach(generator, board, 25.0, 6.0, Safety(displacement_m=0.00025), guess_volts=guess)
+        generator.off()
+    board.close()
 
 
 def test_peak_to_peak_is_that_of_the_motion_without_noise() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from feeder import COUNTS, Feeder, counts_of, number_of
+from feeder import COUNTS, Feeder, counts_of, hello, number_of
 
 from fasbody.acquire import folder, session
 from fasbody.acquire.bench import Bench
@@ -16,9 +16,12 @@ from fasbody.acquire.board import Board, Watch
 from fasbody.acquire.capture import Capture
 from fasbody.acquire.display import bar, render, sparkline
 from fasbody.acquire.folder import convert
+from fasbody.acquire.frames import encode_data, encode_hello
+from fasbody.acquire.generator import Generator
+from fasbody.acquire.level import Level
 from fasbody.acquire.session import Plan
 from fasbody.acquire.shaken import BODY_MASS_KG
-from fasbody.exceptions import AcquisitionError
+from fasbody.exceptions import AcquisitionError, InputFileError
 from fasbody.recording import Condition, Study
 
 BAUD = 921600
@@ -158,6 +161,78 @@ def test_shaking_blindly_is_an_error(feeder: Feeder) -> None:
     board.watch = Watch(peak=5.0, offset=0.0)
     with pytest.raises(AcquisitionError, match="beyond the safety limit of 5"):
         board.collect(0.2)
+    board.close()
+
+
+@pytest.mark.parametrize("place", ["", "captures", "recordings"])
+def test_folder_that_cannot_be_written_is_refused_before_anything_moves(
+    tmp_path: Path, feeder: Feeder, monkeypatch: pytest.MonkeyPatch, place: str
+) -> None:
+    moved: list[object] = []
+    monkeypatch.setattr(session, "reach", lambda *args: moved.append(args))
+    study = tmp_path / "study"
+    if place:
+        study.mkdir()
+    (study / place).write_text("a file where the folder should be")
+    board = Board(feeder.port, BAUD)
+    with pytest.raises(InputFileError, match="cannot be written"):
+        session.run(Plan(study, (20.0,), CONDITION), board, Generator.__new__(Generator))
+    board.close()
+    assert not moved
+
+
+def test_failing_ramp_still_gives_the_recording(
+    tmp_path: Path, feeder: Feeder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    generator = Generator.__new__(Generator)
+    generator.identity, generator.is_on, told = "fake", True, []
+
+    def ramp_down() -> None:
+        raise AcquisitionError("no answer to VOLT")
+
+    monkeypatch.setattr(generator, "ramp_down", ramp_down)
+    monkeypatch.setattr(generator, "off", lambda: told.append("off"))
+    monkeypatch.setattr(session, "reach", lambda *args: Level(17.9, 1.0, 3))
+    board = Board(feeder.port, BAUD)
+    with pytest.raises(AcquisitionError, match="no answer to VOLT"):
+        session.run(Plan(tmp_path / "study", (20.0,), CONDITION, seconds=0.4), board, generator)
+    board.close()
+    assert told == ["off"] and (tmp_path / "study" / "recordings" / "20hz_0kg.csv").is_file()
+
+
+@pytest.mark.parametrize("instead", ["noise", "hello", "text"])
+def test_bytes_without_samples_are_as_blind_as_silence(feeder: Feeder, instead: str) -> None:
+    """While the shaker is on after one second, otherwise as a stall."""
+    board = Board(feeder.port, BAUD)
+    board.wait_for_hello()
+    board.collect(0.2)
+    board.watch = Watch(peak=100.0, offset=0.0)
+    noise = np.random.default_rng(1).bytes(80)
+    feeder.instead = {"noise": noise, "hello": encode_hello(feeder.hello), "text": b"sensor error -5\n"}[instead]
+    with pytest.raises(AcquisitionError, match="no samples for 1 s while the shaker was on"):
+        _pump_for(board, 3.0)
+    board.watch = None
+    with pytest.raises(AcquisitionError, match=r"sent \d+ bytes and no sample for 3 s"):
+        _pump_for(board, 6.0)
+    board.close()
+
+
+def _pump_for(board: Board, seconds: float) -> None:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        board.pump()
+
+
+def test_board_that_trickles_samples_ends_at_the_deadline(tmp_path: Path, feeder: Feeder) -> None:
+    """Samples come, so the board is not stalled, but none of them belongs to the recording."""
+    board = Board(feeder.port, BAUD, patience=0.2)
+    board.wait_for_hello()
+    other = replace(feeder.hello, channels=hello(channels=3).channels)  # samples that fit nothing recorded
+    board.listener = lambda b: setattr(
+        feeder, "instead", encode_hello(other) + encode_data(0, 0, np.zeros((16, 3), int), 16) if b.timeline else b""
+    )
+    with pytest.raises(AcquisitionError, match=r"of 500 samples came in time"):
+        session.run(Plan(tmp_path / "study", (None,), CONDITION, seconds=0.5), board)
     board.close()
 
 

@@ -1,5 +1,7 @@
 """The grid of samples: gaps to the sample, restarts, clocks, and the judgement."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from feeder import COUNTS, counts_of, hello
@@ -48,6 +50,34 @@ def test_samples_skipped_inside_the_board_show_in_its_time_stamps() -> None:
     timeline.add([block(0), block(1), block(2, time_us=32_000 + 5_000), block(3, time_us=48_000 + 5_000)], 0.1)
     (gap,) = timeline.quality().gaps
     assert (gap.lost_samples, gap.cause) == (5, "skipped")
+
+
+@pytest.mark.parametrize("n", [16, 64, 100, 240])
+@pytest.mark.parametrize("ppm", [-4000.0, 0.0, 4000.0])
+@pytest.mark.parametrize("at", [4, 20, 150])
+def test_one_skipped_sample_shows_whatever_the_frame_size_and_the_clock(n: int, ppm: float, at: int) -> None:
+    """The board's clock is off and rounds, stamps jitter by a twentieth of a sample: one left out is one gap."""
+    jitter = np.random.default_rng(n).uniform(-50, 50, 300)
+    for skipped in (0, 1):
+        timeline = Timeline(replace(hello(), frame_samples=n))
+        for frame in range(300):
+            number = frame * n + (skipped if frame >= at else 0)
+            stamp = round(number * 1e3 * (1 + ppm * 1e-6) + jitter[frame] + 50)
+            timeline.add([Block(frame, stamp, np.zeros((n, 2)), np.zeros(2, int))], 0.001 * number)
+        gaps = timeline.quality().gaps
+        assert [(gap.lost_samples, gap.cause) for gap in gaps] == [(1, "skipped")] * skipped
+        assert timeline.length == 300 * n + skipped
+
+
+def test_device_time_going_back_is_a_restart_and_running_over_is_not() -> None:
+    timeline = Timeline(hello())
+    timeline.add([block(f, time_us=f * 16_000 + 5_000_000) for f in range(20)], 0.32)
+    timeline.add([block(20, time_us=1000)], 0.336 + 0.5)
+    (gap,) = timeline.quality().gaps
+    assert gap.cause == "restart" and gap.lost_samples == 500
+    over = Timeline(hello())
+    over.add([block(f, time_us=2**32 - 100_000 + f * 16_000) for f in range(20)], 0.32)
+    assert over.quality().gaps == ()
 
 
 @pytest.mark.parametrize("boot", [1, 2])

@@ -16,9 +16,9 @@ from fasbody.exceptions import AcquisitionError
 
 #: How much of the signals is kept for the live view and the amplitude loop [s].
 WINDOW_S = 2.0
-#: Silence of a board that means a stall [s].
+#: So long without a sample means a stall [s]; noise, hellos and error texts are no samples.
 STALLED_S = 3.0
-#: Silence that ends the excitation [s]: nobody watches the base any more.
+#: So long without a sample ends the excitation [s]: nobody watches the base any more.
 BLIND_S = 1.0
 
 
@@ -32,7 +32,7 @@ class Watch:
     def check(self, base: np.ndarray) -> None:
         """Raise AcquisitionError if it does not; base (n,) [m/s^2]."""
         highest = float(np.abs(base - self.offset).max())
-        if highest > self.peak:
+        if not highest <= self.peak:
             raise AcquisitionError(
                 f"the base reached {highest:.3g} m/s^2, beyond the safety limit of {self.peak:.3g}; output off."
             )
@@ -58,7 +58,8 @@ class Board:
         self.listener: Callable[[Board], None] | None = None
         self._recent: deque[np.ndarray] = deque()
         self._kept = 0
-        self._last = time.monotonic()
+        self._last = time.monotonic()  # of the last sample, or of the first hello
+        self._bytes = 0  # that had come by then
 
     def wait_for_hello(self, seconds: float = STALLED_S) -> Hello:
         """The board's description.
@@ -85,17 +86,19 @@ class Board:
         """Take what has arrived.
 
         Raises:
-            AcquisitionError: the board has been silent for too long, or the port is gone for good.
+            AcquisitionError: no sample has come for too long, the base is beyond its limit, or the port is gone.
         """
         messages: list[Message] = []
         arrivals = self.reader.take(wait)
         for arrival in arrivals:
-            self._last = arrival.host
             if arrival.event:
                 self.unplugs += arrival.event == "unplugged"
                 self.decoder.fresh()
                 continue
+            greeted = self.decoder.hello is not None
             found = self.decoder.feed(arrival.data)
+            if any(isinstance(message, Block) for message in found) or (self.decoder.hello and not greeted):
+                self._last, self._bytes = arrival.host, self.decoder.bytes
             if self.timeline is not None:
                 self.timeline.add(found, arrival.host)
             messages += found
@@ -110,21 +113,27 @@ class Board:
             raise AcquisitionError(
                 f"{self.reader.port_name}: no samples for {BLIND_S:g} s while the shaker was on; output off."
             )
-        if self.reader.failure is None and not arrivals and time.monotonic() - self._last > self._patience:
+        stalled = self.decoder.hello is not None and time.monotonic() - self._last > self.patience
+        if self.reader.failure is None and stalled:
+            came = self.decoder.bytes - self._bytes
+            how = f"sent {came} bytes and no sample" if came else "is silent"
             raise AcquisitionError(
-                f"{self.reader.port_name}: the board is silent for {STALLED_S:g} s; check its supply and firmware."
+                f"{self.reader.port_name}: the board {how} for {self.patience:g} s; check its supply and firmware."
             )
         return messages
 
     @property
-    def _patience(self) -> float:
+    def patience(self) -> float:
+        """How long to wait for a sample [s]: longer once the board has been unplugged."""
         return STALLED_S if self.unplugs == 0 else STALLED_S + self.reader.patience
 
     @property
     def base(self) -> int:
         """Column of the base channel."""
-        assert self.decoder.hello is not None
-        return self.decoder.hello.roles.index("base")
+        hello = self.decoder.hello
+        if hello is None or "base" not in hello.roles:
+            raise AcquisitionError(f"{self.reader.port_name}: the board no longer has a base channel.")
+        return hello.roles.index("base")
 
     def recent(self) -> np.ndarray:
         """The last WINDOW_S of samples (n, channels) [m/s^2], gaps left out."""

@@ -23,6 +23,8 @@ from fasbody.exceptions import AcquisitionError, InputFileError
 MAGIC = b"FASCAP1\n"
 _MARK = b"\xfaR"
 _HEAD = struct.Struct("<cdI")
+#: Bytes of a record around its content.
+AROUND = len(_MARK) + _HEAD.size + 4
 #: A record is never longer than this [bytes].
 LONGEST_RECORD = 1 << 20
 SUFFIX = ".fascap"

@@ -36,7 +36,7 @@ def record(
     sweep: Annotated[str | None, typer.Option(help="START:STOP:STEP in Hz, one recording each")] = None,
     seconds: Annotated[float, typer.Option(help="length of each recording in s")] = 10.0,
     out: Annotated[Path | None, typer.Option(help="study folder; recordings are added to one that exists")] = None,
-    subject: Annotated[str, typer.Option(help="name or number of the subject")] = "1",
+    subject: Annotated[str | None, typer.Option(help="name or number of the subject (1 if not given)")] = None,
     body_mass: Annotated[float | None, typer.Option(help="body mass in kg; once for each subject")] = None,
     added_mass: Annotated[float, typer.Option(help="mass on the knee in kg")] = 0.0,
     posture: Annotated[str, typer.Option(help="posture of the foot")] = "midstance",
@@ -79,9 +79,14 @@ def record(
     if sweep and not (generator or simulate):
         raise SettingError("--sweep needs a function generator: give --generator PORT, or --frequency one by one.")
     if simulate:
+        ignored = {"--port": port, "--generator": generator, "--subject": subject, "--body-mass": body_mass}
+        given = [name for name, value in ignored.items() if value is not None]
+        if given:
+            raise SettingError(f"--simulate brings its own board, generator and subject: leave out {', '.join(given)}.")
         from fasbody.acquire import shaken
 
         subject, body_mass = str(shaken.SUBJECT), shaken.BODY_MASS_KG
+    subject = subject or "1"
     mass = body_mass if body_mass is not None else folder.body_mass(out, subject)
     if mass is None or not 20 <= mass <= 300:
         raise SettingError(f"the body mass of subject {subject!r} is needed once: --body-mass, 20 to 300 kg.")

@@ -3,6 +3,8 @@
 import csv
 import io
 import json
+import math
+import tempfile
 import tomllib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -16,8 +18,9 @@ from fasbody.acquire.decoder import Decoder
 from fasbody.acquire.messages import Hello
 from fasbody.acquire.quality import Limits, Quality
 from fasbody.acquire.timeline import Timeline
+from fasbody.checks import checked
 from fasbody.console import to_json, write_whole
-from fasbody.exceptions import AcquisitionError, InputFileError
+from fasbody.exceptions import AcquisitionError, InputFileError, RecordingError
 from fasbody.recording import Condition, Recording
 
 CAPTURES, RECORDINGS = "captures", "recordings"
@@ -63,7 +66,12 @@ def replay(files: Sequence[Path]) -> tuple[dict[str, Any], Timeline, list[dict[s
     events: list[dict[str, Any]] = []
     decoder, timeline = Decoder(), None
     for file in files:
-        for record in capture.read(file):
+        records = list(capture.read(file))
+        whole = sum(len(record.content) + capture.AROUND for record in records)
+        lost = file.stat().st_size - len(capture.MAGIC) - whole
+        if lost:
+            events.append({"event": "unreadable", "file": file.name, "bytes": lost})
+        for record in records:
             if record.kind == "M" and not about:
                 about = record.json()
                 try:
@@ -104,6 +112,7 @@ def convert(
     """
     limits = limits or Limits()
     about, timeline, events = replay(files)
+    _check_plan(files[0], about)
     hello = timeline.hello
     index, values = timeline.samples()
     wanted = round(float(about.get("seconds", np.inf)) * hello.rate_hz) if about.get("seconds") else None
@@ -121,6 +130,16 @@ def convert(
     length_s = recording.time_s[-1]
     if condition.frequency_hz and length_s * condition.frequency_hz < limits.periods:
         problems.append(f"{length_s:.3g} s hold fewer than {limits.periods:g} periods of {condition.frequency_hz:g} Hz")
+    if not about:
+        problems.append("the record of what was to be recorded is damaged: condition, origin and length are unknown")
+    known = body_mass(study, condition.subject)
+    if _differ(known, condition.body_mass_kg):
+        problems.append(f"its body mass is {condition.body_mass_kg:g} kg and subjects.csv says {known:g} kg")
+    if not problems:
+        problems += _refused(recording, f"{files[0].name.removesuffix(capture.SUFFIX)}.csv")
+    unread = sum(event["bytes"] for event in events if event.get("event") == "unreadable")
+    if unread:
+        remarks.append(f"{unread} bytes of the capture are unreadable")
     if stopped:
         remarks.append(f"ended early: {stopped}")
     elif wanted and index[-1] < wanted - 1 - hello.frame_samples:
@@ -139,7 +158,8 @@ def convert(
         "warnings": [f"{file.name}: {text}." for text in remarks],
     }  # fmt: skip
     write_whole(file.with_suffix(".json"), to_json(details) + "\n")
-    _list(study, f"{RECORDINGS}/{file.name}", condition, about, usable=not problems)
+    if about:
+        _list(study, f"{RECORDINGS}/{file.name}", condition, about, usable=not problems)
     return made
 
 
@@ -147,6 +167,38 @@ def _longest(index: np.ndarray) -> np.ndarray:
     """Mask of the longest run of consecutive indices."""
     runs = np.concatenate([[0], np.cumsum(np.diff(index) != 1)])
     return runs == np.argmax(np.bincount(runs))
+
+
+def _refused(recording: Recording, name: str) -> list[str]:
+    """What identification would say against a recording at a known frequency."""
+    if recording.condition.frequency_hz is None:
+        return []  # broadband, or a bench at rest: nothing is promised that could be missing
+    try:
+        checked(replace(recording, file=name))
+    except RecordingError as error:
+        return [str(error).removeprefix(f"{name}: ").removesuffix(".")]
+    return []
+
+
+def _differ(known: float | None, given: float | None) -> bool:
+    """Whether two body masses [kg] are not the same, one of them as the table prints it."""
+    return known is not None and given is not None and not math.isclose(known, given, rel_tol=1e-5)
+
+
+def _check_plan(file: Path, about: dict[str, Any]) -> None:
+    """Refuse a plan of senseless content, which acquisition never writes."""
+    condition = about.get("condition", {})
+    if not isinstance(condition, dict):
+        raise InputFileError(file, f"its plan has the condition {condition!r}", "a table of the recording's condition")
+    numbers = {"seconds": about.get("seconds")}
+    numbers |= {name: condition.get(name) for name in ("frequency_hz", "body_mass_kg", "added_mass_kg")}
+    for name, value in numbers.items():
+        sound = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < math.inf
+        if value is not None and not sound:
+            raise InputFileError(file, f"its plan has {name} {value!r}", "a number is needed")
+    for name in ("subject", "posture"):
+        if not isinstance(condition.get(name, ""), str):
+            raise InputFileError(file, f"its plan has {name} {condition[name]!r}", "a text is needed")
 
 
 def _condition(about: dict[str, Any]) -> Condition:
@@ -175,6 +227,21 @@ def free_stem(study: Path, stem: str) -> str:
         number += 1
         name = f"{stem}_{number}"
     return name
+
+
+def check_writable(study: Path) -> None:
+    """Make the folders of a study, and write to each.
+
+    Raises:
+        InputFileError: one cannot be written.
+    """
+    for place in (study / CAPTURES, study / RECORDINGS):
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=place) as trial:
+                trial.write(b"\0" * 4096)
+        except OSError as error:
+            raise InputFileError(place, f"cannot be written ({error.strerror})", "name a writable folder") from None
 
 
 def check_origin(study: Path, origin: str) -> None:
@@ -243,6 +310,18 @@ def body_mass(study: Path, subject: str) -> float | None:
                 except ValueError:
                     raise InputFileError(file, f"mass_kg is {row['mass_kg']!r}, not a number") from None
     return None
+
+
+def check_mass(study: Path, condition: Condition) -> None:
+    """Refuse a body mass that contradicts the study's.
+
+    Raises:
+        InputFileError: subjects.csv says another one.
+    """
+    known = body_mass(study, condition.subject)
+    if _differ(known, condition.body_mass_kg):
+        problem = f"subject {condition.subject!r} has {known:g} kg, and {condition.body_mass_kg:g} kg are given"
+        raise InputFileError(study / "subjects.csv", problem, "give the same, or correct the table")
 
 
 def _text(value: float | None) -> str:

@@ -1,6 +1,6 @@
 """The amplitude loop: bring the base to the wanted peak-to-peak acceleration, slowly, and never beyond the limits."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -29,18 +29,26 @@ class Safety:
         """Refuse an excitation before anything moves.
 
         Raises:
-            SettingError: it would exceed a limit.
+            SettingError: it would exceed a limit, or a limit is none.
         """
+        for name, limit in asdict(self).items():
+            if not 0 < limit < np.inf:
+                raise SettingError(f"the safety limit {name} is {limit:g}; it must be a positive number.")
         travel = peak_to_peak / (2 * np.pi * frequency_hz) ** 2
-        if travel > self.displacement_m:
+        if not travel <= self.displacement_m:
             raise SettingError(
                 f"{peak_to_peak:g} m/s^2 peak to peak at {frequency_hz:g} Hz move the base by {1e3 * travel:.3g} mm, "
                 f"more than {1e3 * self.displacement_m:g} mm; choose a higher frequency or a lower acceleration."
             )
-        if 0.5 * peak_to_peak > self.peak_m_s2:
+        if not 0.5 * peak_to_peak <= self.peak_m_s2:
             raise SettingError(
                 f"{peak_to_peak:g} m/s^2 peak to peak exceed the limit of +-{self.peak_m_s2:g} m/s^2; choose less."
             )
+
+    def peak(self, frequency_hz: float) -> float:
+        """Highest acceleration [m/s^2] that both limits allow at a frequency, the displacement one with a margin."""
+        moving = 0.5 * self.displacement_m * (2 * np.pi * frequency_hz) ** 2
+        return float(min(self.peak_m_s2, MARGIN * moving))
 
 
 @dataclass(frozen=True)
@@ -54,6 +62,8 @@ class Level:
 
 #: How close is close enough (share), how many steps at most, harmonics of the shaker that count for peak to peak.
 TOLERANCE, _STEPS, _HARMONICS = 0.02, 30, 3
+#: A sample may exceed the acceleration of the largest displacement by this factor: noise and harmonics move little.
+MARGIN = 1.25
 _SETTLE_S, _SETTLE_PERIODS = 0.2, 4.0
 _MEASURE_S, _MEASURE_PERIODS = 0.2, 5.0
 #: The base must answer to a tenth of the largest voltage with more than this [m/s^2].
@@ -92,7 +102,7 @@ def reach(
     hello = board.decoder.hello
     assert hello is not None
     rest = board.collect(0.25)[:, board.base]
-    board.watch = Watch(safety.peak_m_s2, float(rest.mean()))
+    board.watch = Watch(safety.peak(frequency_hz), float(rest.mean()))
     volts = min(max(safety.start_volts, 0.5 * guess_volts), safety.volts)
     generator.sine(frequency_hz, volts)
     generator.on()
@@ -100,6 +110,12 @@ def reach(
         board.collect(max(_SETTLE_S, _SETTLE_PERIODS / frequency_hz))
         values = board.collect(max(_MEASURE_S, _MEASURE_PERIODS / frequency_hz))[:, board.base]
         found = peak_to_peak(values, hello.rate_hz, frequency_hz)
+        travel = found / (2 * np.pi * frequency_hz) ** 2
+        if not travel <= (1 + TOLERANCE) * safety.displacement_m:
+            raise AcquisitionError(
+                f"the base moves by {1e3 * travel:.3g} mm at {frequency_hz:g} Hz, more than "
+                f"{1e3 * safety.displacement_m:g} mm; output off."
+            )
         if abs(found / wanted - 1) <= TOLERANCE:
             return Level(found, volts, step)
         if found < _ANSWER and volts >= 0.1 * safety.volts:

@@ -1,6 +1,7 @@
 """The protocol of section 2.2.2: for each frequency, bring the shaker to its level, record, judge, and write."""
 
 import contextlib
+import math
 import platform
 import time
 from dataclasses import asdict, dataclass, field, replace
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from fasbody.acquire import folder
-from fasbody.acquire.board import Board
+from fasbody.acquire.board import STALLED_S, Board
 from fasbody.acquire.capture import SUFFIX, Capture
 from fasbody.acquire.folder import Converted, convert
 from fasbody.acquire.generator import Generator
@@ -55,7 +56,7 @@ class Plan:
         """
         if not 0.1 <= self.seconds <= 3600:
             raise SettingError(f"a recording of {self.seconds:g} s cannot be meant (valid: 0.1 to 3600).")
-        if not self.peak_to_peak > 0:
+        if not 0 < self.peak_to_peak < math.inf:
             raise SettingError(f"the base acceleration is {self.peak_to_peak:g} m/s^2; it must be positive.")
         if not 0 <= self.condition.added_mass_kg <= 100:
             raise SettingError(f"the added mass is {self.condition.added_mass_kg:g} kg (valid: 0 to 100).")
@@ -71,6 +72,7 @@ class Plan:
             if generator:
                 self.safety.check(frequency, self.peak_to_peak)
         folder.check_origin(self.study, self.origin)
+        folder.check_mass(self.study, self.condition)
 
 
 def run(plan: Plan, board: Board, generator: Generator | None = None) -> list[Converted]:
@@ -83,9 +85,10 @@ def run(plan: Plan, board: Board, generator: Generator | None = None) -> list[Co
         One entry a recording, failed attempts included.
 
     Raises:
-        AcquisitionError, SettingError: the session cannot go on; what was recorded is in the study already.
+        AcquisitionError, SettingError, InputFileError: the session cannot go on; what was recorded is in the study.
     """
     plan.check(generator is not None)
+    folder.check_writable(plan.study)
     made: list[Converted] = []
     volts_per: float = 0.0
     for frequency in plan.frequencies_hz:
@@ -136,7 +139,13 @@ def _trial(
         raise
     _finish(board, capture)
     if generator is not None:
-        generator.ramp_down()
+        try:
+            generator.ramp_down()
+        except BaseException:
+            with contextlib.suppress(AcquisitionError):  # at once, before the conversion
+                generator.off()
+            _keep(plan, capture, "")
+            raise
         board.watch = None
     return convert(capture.files, plan.study, plan.limits)
 
@@ -145,11 +154,12 @@ def _record(plan: Plan, board: Board, generator: Generator | None, capture: Capt
     """Until the planned samples are there.
 
     Raises:
-        AcquisitionError: over range, a full disk, or the board is gone.
+        AcquisitionError: over range, a full disk, the board is gone, or too slow.
     """
     timeline = board.start(capture)
     wanted = round(plan.seconds * timeline.hello.rate_hz)
     unplugs = board.unplugs
+    latest = time.monotonic() + 1.01 * plan.seconds + STALLED_S + board.reader.patience
     while timeline.length < wanted:
         board.pump()
         over = {role: count for role, count in timeline.over_range.items() if count >= _OVER_RANGE}
@@ -161,6 +171,10 @@ def _record(plan: Plan, board: Board, generator: Generator | None, capture: Capt
         if generator is not None and generator.is_on and board.unplugs > unplugs:
             generator.off()  # nobody watches the base any more
             board.watch = None
+        if time.monotonic() > latest:
+            raise AcquisitionError(
+                f"{board.reader.port_name}: {timeline.length} of {wanted} samples came in time; check the board's rate."
+            )
         if capture.trouble:
             raise AcquisitionError(f"{capture.trouble}.")
 

@@ -1,5 +1,6 @@
 """Blocks put on the grid of samples: what is missing, and how the clocks run."""
 
+from collections import deque
 from collections.abc import Iterable
 
 import numpy as np
@@ -10,6 +11,10 @@ from fasbody.acquire.quality import Gap, Quality
 _TURN = 2**32
 #: Sections of a recording for the comparison of clocks.
 _SECTIONS = 10
+#: Steps of the device's clock that give its own rate, how many are enough for it, and over how many it must hold.
+_TRACKED, _ENOUGH, _HELD = 31, 8, 8
+#: So many samples between the device's clock and the grid are a gap: a skipped sample is one, jitter less than half.
+_SLIP = 0.75
 
 
 class Timeline:
@@ -30,6 +35,8 @@ class Timeline:
         self._device_us = 0
         self._host = 0.0
         self._ticks = self._tick_samples = 0  # device time and samples between consecutive frames, for the rate
+        self._steps: deque[float] = deque(maxlen=_TRACKED)  # device time a sample [us]
+        self._recent: deque[int] = deque(maxlen=_HELD)  # latest steps not yet accounted for by a gap [us]
         self._frames = self._lost = self._damaged = 0
         self._over = np.zeros(len(hello.channels), int)
         self._changed = self._restarted = False
@@ -85,18 +92,24 @@ class Timeline:
         if self._frames:
             missed = (block.sequence - self._sequence - 1) % _TURN
             passed = (block.time_us - self._time_us) % _TURN
-            if self._restarted or missed >= _TURN // 2:
+            # Back by more than a frame, unless so many frames are missing that the clock may have turned over.
+            back = (-passed) % _TURN
+            backward = n / rate * 1e6 < back < _TURN // 2 and missed * n / rate * 1e6 < _TURN // 4
+            if self._restarted or missed >= _TURN // 2 or backward:
                 lost = max(1, round((host - self._host) * rate) - n)
                 self._gaps.append((self._next, lost, "restart"))
                 self._next += lost
                 self._clock.clear()  # another clock from here on
+                self._recent.clear()
             else:
+                passed = passed if passed < _TURN // 2 or missed else passed - _TURN
                 self._device_us += passed
                 lost = missed * n
                 if lost:
                     self._gaps.append((self._next, lost, "lost frames"))
                     self._lost += missed
                     self._next += lost
+                    self._recent.clear()
                 elif self.hello.bits:
                     self._lapse(passed, n)
         self._restarted = False
@@ -110,7 +123,14 @@ class Timeline:
     def _lapse(self, passed_us: int, n: int) -> None:
         """A step of the device's clock between frames that follow each other by number."""
         late = passed_us * 1e-6 * self.hello.rate_hz - n
-        if abs(late) > 0.5 + 0.01 * n:
+        slipped = abs(late) > 0.5 + 0.01 * n  # all that can be said before the clock's own rate is known
+        self._steps.append(passed_us / n)
+        self._recent.append(passed_us)
+        if len(self._steps) >= _ENOUGH:
+            late = sum(self._recent) / float(np.median(self._steps)) - n * len(self._recent)
+            slipped = abs(late) >= _SLIP
+        if slipped:
+            self._recent.clear()
             lost = max(1, min(round(late), 1_000_000_000))
             self._gaps.append((self._next, lost, "skipped"))
             self._next += lost
