@@ -13,7 +13,8 @@ _TURN = 2**32
 _SECTIONS = 10
 #: Steps of the device's clock that give its own rate, how many are enough for it, and over how many it must hold.
 _TRACKED, _ENOUGH, _HELD = 31, 8, 8
-#: So many samples between the device's clock and the grid are a gap: a skipped sample is one, jitter less than half.
+#: So many samples between the device's clock and the grid are a gap: a skipped sample is one; stamps that jitter by
+#: more than a tenth of a sample can raise false ones.
 _SLIP = 0.75
 
 
