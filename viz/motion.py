@@ -229,9 +229,7 @@ def _settled(foot: Foot, settings: Settings, count: int) -> Motion:
         q, v, a = out.qpos[0, -1].copy(), out.qvel[0, -1].copy(), out.act[0, -1].copy()
         q[foot.base], v[foot.base] = out.qpos[0, 0, foot.base], out.qvel[0, 0, foot.base]  # the base must not drift
     else:
-        raise _Unsettled(
-            f"{foot.name}: the motion at {f:g} Hz does not settle within {PERIODS} periods; add damping."
-        )
+        raise _Unsettled(f"{foot.name}: the motion at {f:g} Hz does not settle within {PERIODS} periods; add damping.")
     w = np.exp(-2j * np.pi * np.arange(count) / count)
     ratio = complex(out.malleolus[0] @ w / (out.base[0] @ w)) if amplitude else 0j
     pick = np.arange(0, count, count // FRAMES)
