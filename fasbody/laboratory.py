@@ -144,7 +144,7 @@ def main(
         float | None, typer.Option(help="length of each recording in s (default 4, for studies 10)")
     ] = None,
     file_format: Annotated[str, typer.Option("--format", help="csv, mat, h5, uff or tdms (studies)")] = "csv",
-    seed: Annotated[int | None, typer.Option(help="seed of subjects, phases and noise")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="seed of subjects, phases and noise")] = None,
     jobs: Annotated[int, typer.Option(help="processes; 0 for all cores")] = 0,
 ) -> None:
     """Make a synthetic study with known truth.
@@ -159,7 +159,12 @@ def main(
         if posture or excitation != "sine":
             raise SettingError("postures and excitations other than sines need --subjects.")
         made = make_study(
-            study, subject, frequencies, added_mass or [0.0], seconds or 4.0, 16 if seed is None else seed
+            study,
+            subject,
+            frequencies,
+            added_mass or [0.0],
+            4.0 if seconds is None else seconds,
+            16 if seed is None else seed,
         )
     else:
         conditions = tuple((p, m) for p in posture or ["midstance"] for m in added_mass or ADDED_MASSES_KG)
@@ -167,7 +172,9 @@ def main(
             subjects=subjects, conditions=conditions if posture or added_mass else (), frequencies_hz=frequencies,
             excitation=excitation, peak_to_peak=peak_to_peak, file_format=file_format.removeprefix("."),
         )  # fmt: skip
-        plan = replace(plan, seconds=seconds or plan.seconds, seed=plan.seed if seed is None else seed)
+        plan = replace(
+            plan, seconds=plan.seconds if seconds is None else seconds, seed=plan.seed if seed is None else seed
+        )
         made = make(study, plan, jobs)
     count = len((made / "recordings.csv").read_text().splitlines()) - 1
     console.print(f"{count} synthetic recordings in {made}; the truth is in {made / 'truth.json'}")

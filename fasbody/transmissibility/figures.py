@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from functools import wraps
 from io import BytesIO
+from textwrap import wrap
 from typing import Any
 
 import matplotlib
@@ -215,5 +216,7 @@ def single_mass(
 
 
 def _origin(figure: Figure, table: Table, text: str) -> Figure:
-    figure.supxlabel(f"{table.origin} data; {text}", fontsize=7, color="#444444")
+    # a line of this size holds about 15 characters an inch; what is cut off would be the origin
+    lines = wrap(f"{table.origin} data; {text}", int(15 * figure.get_figwidth()))
+    figure.supxlabel("\n".join(lines), fontsize=7, color="#444444")
     return figure
