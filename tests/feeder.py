@@ -76,23 +76,8 @@ class Feeder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._end.set()
-        deadline = time.monotonic() + 5
-        while self._thread.is_alive() and time.monotonic() < deadline:
-            self._drain()  # a full line that nobody reads holds the thread in its write
-            self._thread.join(0.02)
+        self._thread.join(5)
         self.line.unplug()
-
-    def _drain(self) -> None:
-        try:
-            reader = os.open(self.port, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
-        except OSError:  # unplugged
-            return
-        try:
-            os.read(reader, 65536)
-        except OSError:  # nothing there
-            pass
-        finally:
-            os.close(reader)
 
     def _run(self) -> None:
         start, n, frame = time.monotonic(), FRAME_SAMPLES, 0

@@ -75,9 +75,6 @@ def test_one_percent_damaged_bytes_are_all_found(tmp_path: Path) -> None:
     assert quality.problems(Plan(tmp_path, (), CONDITION).limits)
 
 
-@pytest.mark.xfail(
-    strict=False, reason="the test's line sometimes stays silent after the plug; issue of acquisition is open"
-)
 def test_unplugged_and_back(tmp_path: Path, feeder: Feeder) -> None:
     board = Board(feeder.port, BAUD)
     board.wait_for_hello()

@@ -45,12 +45,13 @@ class Line:
 
     def plug(self) -> None:
         """Make the port appear."""
-        self.master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        os.set_blocking(self.master, False)
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        os.set_blocking(master, False)
         spare = self.link.with_name(f".{self.link.name}")
-        spare.symlink_to(os.ttyname(self._slave))
+        spare.symlink_to(os.ttyname(slave))
         spare.replace(self.link)
+        self.master, self._slave = master, slave  # last: another thread may use it at once, and must not block in it
 
     def unplug(self) -> None:
         """Make it vanish."""
