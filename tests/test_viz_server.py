@@ -3,6 +3,7 @@
 import asyncio
 import json
 import signal
+import sys
 from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
@@ -83,9 +84,18 @@ def test_strangers_are_refused(show: Show) -> None:
         for name in ("../foot.py", "foot.py", "%2e%2e/foot.py", "foot.html", "cell.html"):
             assert (await status(server.url + name)).code == 404
         assert (await status(server.url, Host="evil.example")).code == 403
-        for origin in ("http://evil.example", f"http://127.0.0.1:{server.port + 1}", "null"):
+        here = server.url.rstrip("/")
+        for origin in (
+            "http://evil.example", f"http://127.0.0.1:{server.port + 1}", "null", "", f"{here}/", f"{here}.evil.example",
+            *(here.replace("http:", other) for other in ("https:", "ws:", "wss:", "file:", "HTTP:")),
+            here.replace("127.0.0.1", "localhost"), here.replace("//", "//me@"),
+        ):  # fmt: skip
             with pytest.raises(tornado.httpclient.HTTPClientError, match="403"):
                 await upgrade(server, Origin=origin)
+            assert (await status(server.url, Origin=origin)).code == 403
+        local = here.replace("127.0.0.1", "localhost")
+        for origin, host in ((here, here), (local, local)):
+            (await upgrade(server, Origin=origin, Host=host.removeprefix("http://"))).close()
         with pytest.raises(tornado.httpclient.HTTPClientError, match="403"):
             await upgrade(server, Origin="http://evil.example", Host="evil.example")
 
@@ -158,6 +168,81 @@ def test_process_listens_on_the_loopback_only_and_ends_on_ctrl_c() -> None:
         assert str(listening[0].port) in url
         process.send_signal(signal.SIGINT)
         assert process.wait(30) == 0
+
+
+async def ask(url: str, requests: int) -> tornado.websocket.WebSocketClientConnection:
+    """A page that asks for motions and reads none."""
+    request = tornado.httpclient.HTTPRequest(url.replace("http", "ws") + "stream", headers={"Origin": url.rstrip("/")})
+    socket = await tornado.websocket.websocket_connect(request)
+    await documents(socket, "model")
+    for number in range(requests):
+        asked = {"type": "simulate", "frequency": 5, "peak_to_peak": 17.9, "added_mass": 0, "request": number}
+        await socket.write_message(json.dumps(asked))
+    return socket
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ends_in_the_middle_of_simulations(number: signal.Signals) -> None:
+    """With a page open, its requests queued: the connection is closed and the command ends by itself."""
+
+    async def client(url: str, process: Any) -> None:
+        socket = await ask(url, 300)
+        process.send_signal(number)
+        while await asyncio.wait_for(socket.read_message(), 60) is not None:
+            pass
+        assert socket.close_code == 1001
+        socket.close()
+
+    with viewer("--model", "foot_arch") as (url, process):
+        asyncio.run(client(url, process))
+        assert process.wait(60) == 0
+
+
+def test_closed_browser_ends_the_command_that_opened_it() -> None:
+    """A reload, gone for less than the time of grace, does not."""
+
+    async def client(url: str) -> None:
+        first = await ask(url, 1)
+        first.close()
+        second = await ask(url, 1)
+        assert (await documents(second, "motion"))["request"] == 0
+        second.close()
+
+    with viewer("--model", "two_dof", opener="true %s") as (url, process):
+        asyncio.run(client(url))
+        assert process.wait(60) == 0
+
+
+def test_without_a_browser_of_its_own_it_stays(show: Show, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("viz.server.GRACE", 0.3)
+
+    async def client(server: Server) -> None:
+        for _ in range(2):
+            (await ask(server.url, 1)).close()
+            while server.pages:
+                await asyncio.sleep(0.02)
+            await asyncio.sleep(1)
+
+    serve(show, client)
+
+
+def test_browser_that_never_comes_back_holds_nothing_up() -> None:
+    """One in a terminal does so; the page is served meanwhile, and Ctrl-C ends the command."""
+
+    async def client(url: str) -> None:
+        socket = await ask(url, 1)
+        assert (await documents(socket, "motion"))["request"] == 0
+        socket.close()
+
+    with viewer("--model", "two_dof", opener=f"{sys.executable} -c 'import time; time.sleep(600)' %s") as (url, process):
+        asyncio.run(client(url))
+        children = psutil.Process(process.pid).children()
+        try:
+            process.send_signal(signal.SIGINT)
+            assert process.wait(60) == 0
+        finally:
+            for child in children:
+                child.kill()
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,9 @@
-"""The page's server: one process, the loopback only, no caller from another site, simulations off the event loop."""
+"""The page's server: the loopback only, no caller from another site, simulations off the event loop.
+
+It runs in the command's own process. meshcat's server had to have one of its own because its calls wait without end;
+here nothing does, and each wait has its limit: a simulation its computing time (`viz.motion.PATIENCE`), a silent page
+its pings, a browser that does not come back from being started `OPENING`, the last connections `PARTING`.
+"""
 
 import asyncio
 import contextlib
@@ -6,9 +11,10 @@ import json
 import math
 import signal
 import sys
+import threading
 import time
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -33,6 +39,8 @@ POLICY = (
 LARGEST, PATIENCE = 65536, 30.0
 #: Seconds between the last page leaving and the end of the command, so that a reload is not the end.
 GRACE = 8.0
+#: Seconds for a browser to be started, and for connections to be closed at the end.
+OPENING, PARTING = 15.0, 2.0
 
 
 def settings_from(message: dict[str, Any]) -> Settings:
@@ -81,13 +89,11 @@ class Server:
             websocket_max_message_size=LARGEST, log_function=lambda handler: None,
         )  # fmt: skip
 
-    async def run(self, watch: Path | None = None, stay: bool = True) -> None:
-        """Serve until `stop`, or with `stay` false until the last page has left."""
+    async def run(self, watch: Path | None = None, beside: Coroutine[Any, Any, None] | None = None) -> None:
+        """Serve until `stop`; `beside` runs along."""
         http = tornado.httpserver.HTTPServer(self._application, idle_connection_timeout=PATIENCE)
         http.add_sockets(self._sockets)
-        tasks = [asyncio.create_task(self._watch(watch))] if watch else []
-        if not stay:
-            tasks.append(asyncio.create_task(self._until_alone()))
+        tasks = [asyncio.create_task(work) for work in (self._watch(watch) if watch else None, beside) if work]
         try:
             await self._ended.wait()
         finally:
@@ -97,7 +103,7 @@ class Server:
             for page in list(self.pages):
                 page.close(1001, "the viewer has ended")
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(http.close_all_connections(), 2)
+                await asyncio.wait_for(http.close_all_connections(), PARTING)
             self._pool.shutdown(wait=False, cancel_futures=True)
 
     def stop(self) -> None:
@@ -138,7 +144,8 @@ class Server:
                 self.show.error = f"{error} The last good model is shown."
                 self.broadcast({"type": "broken", "text": self.show.error})
 
-    async def _until_alone(self) -> None:
+    async def until_alone(self) -> None:
+        """Stop once there were pages and the last one has left for good."""
         while not self.pages:
             await asyncio.sleep(0.2)
         alone = 0.0
@@ -150,7 +157,10 @@ class Server:
 
 
 async def serve(show: Shown, what: str, *, port: int, browser: bool, watch: Path | None, json: bool) -> None:
-    """A command's server: say where it is, open the browser, and run until Ctrl-C or until the last page has left."""
+    """A command's server: say where it is, open the browser, and run until Ctrl-C.
+
+    Where a browser was opened the last page that is closed ends it too; started by hand it stays for the next page.
+    """
     server = Server(show, port)
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -159,8 +169,29 @@ async def serve(show: Shown, what: str, *, port: int, browser: bool, watch: Path
     if json:
         print_json({"url": server.url})
         sys.stdout.flush()  # whoever started this waits for the address
-    opened = browser and await loop.run_in_executor(None, webbrowser.open, server.url)
-    await server.run(watch, stay=not opened)
+
+    async def look() -> None:
+        if await _opened(server.url):
+            await server.until_alone()
+
+    await server.run(watch, look() if browser else None)
+
+
+async def _opened(url: str) -> bool:
+    """Whether a browser was started; one in a terminal comes back only when it is left, which nothing waits for."""
+    loop = asyncio.get_running_loop()
+    done: asyncio.Future[bool] = loop.create_future()
+
+    def start() -> None:
+        found = webbrowser.open(url)
+        with contextlib.suppress(RuntimeError, asyncio.InvalidStateError):  # the server has ended meanwhile
+            loop.call_soon_threadsafe(lambda: done.done() or done.set_result(found))
+
+    threading.Thread(target=start, name="browser", daemon=True).start()
+    try:
+        return await asyncio.wait_for(done, OPENING)
+    except TimeoutError:
+        return False
 
 
 class Guarded(tornado.web.RequestHandler):
@@ -169,12 +200,18 @@ class Guarded(tornado.web.RequestHandler):
     server: Server
 
     def prepare(self) -> None:
-        """Refuse a foreign name that resolves to this machine (DNS rebinding).
+        """Refuse a foreign name that resolves to this machine (DNS rebinding), and every page but our own.
 
-        Tornado takes a websocket whose Origin equals its Host without asking `check_origin`, so this guards both.
+        An Origin must be scheme, name and port of this very request. Tornado asks `check_origin` only where name or
+        port differ, so that https would pass.
         """
-        if self.request.host not in self.server.hosts:
+        origin = self.request.headers.get("Origin")
+        if self.request.host not in self.server.hosts or not (origin is None or self.own(origin)):
             raise tornado.web.HTTPError(403)
+
+    def own(self, origin: str) -> bool:
+        """Whether an origin is this very server under the name that was asked for."""
+        return origin == f"http://{self.request.host}"
 
 
 class Page(Guarded):
@@ -209,7 +246,7 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
 
     def check_origin(self, origin: str) -> bool:
         """Only our own page may connect."""
-        return origin in {f"http://{host}" for host in self.server.hosts}
+        return self.own(origin)
 
     def open(self, *_: str, **__: str) -> None:
         """Send the whole scene, then what the model is."""
