@@ -86,7 +86,7 @@ def test_strangers_are_refused(show: Show) -> None:
         assert (await status(server.url, Host="evil.example")).code == 403
         here = server.url.rstrip("/")
         for origin in (
-            "http://evil.example", f"http://127.0.0.1:{server.port + 1}", "null", "", f"{here}/", f"{here}.evil.example",
+            "http://evil.example", f"http://127.0.0.1:{server.port + 1}", "null", "", f"{here}/", f"{here}.evil.org",
             *(here.replace("http:", other) for other in ("https:", "ws:", "wss:", "file:", "HTTP:")),
             here.replace("127.0.0.1", "localhost"), here.replace("//", "//me@"),
         ):  # fmt: skip
@@ -234,7 +234,8 @@ def test_browser_that_never_comes_back_holds_nothing_up() -> None:
         assert (await documents(socket, "motion"))["request"] == 0
         socket.close()
 
-    with viewer("--model", "two_dof", opener=f"{sys.executable} -c 'import time; time.sleep(600)' %s") as (url, process):
+    sleeper = f"{sys.executable} -c 'import time; time.sleep(600)' %s"
+    with viewer("--model", "two_dof", opener=sleeper) as (url, process):
         asyncio.run(client(url))
         children = psutil.Process(process.pid).children()
         try:
@@ -282,7 +283,8 @@ def test_result_of_a_fit_moves_the_sliders(tmp_path: Path) -> None:
 
 
 def test_recording_drives_the_table_and_is_shown_beside(tmp_path: Path) -> None:
-    from viz.show import MEASURED, MODEL, Excitation
+    from viz.excitation import Excitation
+    from viz.show import MEASURED, MODEL
 
     show = Show(["two_dof"], Excitation.recorded(Path(RECORDED), 0.5))
     answer = show.answer(show.settings)

@@ -24,9 +24,7 @@ PATIENCE = 120.0
 
 
 @contextmanager
-def viewer(
-    *options: str, module: str = "viz.foot", opener: str = ""
-) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+def viewer(*options: str, module: str = "viz.foot", opener: str = "") -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """`python -m MODULE` with more options; yields its address and process, ends it by Ctrl-C.
 
     Args:

@@ -16,8 +16,8 @@ from typing import Any
 
 from fasbody.console import console, print_json, progress_bar, write_whole
 from fasbody.exceptions import SettingError
-from viz import scene
-from viz.shown import PAGE, SCRIPT, Shown, file_of
+from viz.hub import embedded
+from viz.shown import PAGE, SCRIPT, Shown, file_of, markup
 
 #: Nothing of an exported page may reach for any address.
 POLICY = (
@@ -46,7 +46,7 @@ class Film:
 #: A GIF holds few colours and every pixel of every frame, so it is small; both last two seconds.
 GIF, MP4 = Film(24, 12, 0.6), Film(48, 24, 1.0)
 #: Colours of a GIF, and how often a film of H.264, which is played once, repeats the period.
-COLOURS, REPEATS = 96, 4
+COLOURS, REPEATS = 128, 4
 
 
 def export_to(show: Shown, file: Path, *, json: bool = False) -> None:
@@ -66,7 +66,7 @@ def export_to(show: Shown, file: Path, *, json: bool = False) -> None:
 
 def html(show: Shown) -> str:
     """One page with scene, motion and code inside; works from file://, offline."""
-    data = show.exported() | {"scene": scene.embedded(show.hub)}
+    data = show.exported() | {"scene": embedded(show.hub)}
 
     def safe(text: str) -> str:
         return text.replace("</script", "<\\/script").replace("<!--", "<\\!--")
@@ -77,8 +77,7 @@ def html(show: Shown) -> str:
         before = f"<script>window.EXPORTED = {safe(dumps(data))};</script>\n" if name == "stage.js" else ""
         return f"{before}<script>{safe(code)}</script>"
 
-    page = file_of(show.page).read_text()
-    page = SCRIPT.sub(script, page)
+    page = SCRIPT.sub(script, markup(show.page))
     style = f"<style>{(PAGE / 'style.css').read_text()}</style>"
     page = page.replace('<link rel="stylesheet" href="style.css">', style)
     return page.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)
@@ -95,7 +94,11 @@ def gif(show: Shown) -> bytes:
     from PIL import Image
 
     images = [Image.open(io.BytesIO(frame)).convert("RGB") for frame in _frames(show, GIF)]
-    palette = images[len(images) // 3].quantize(COLOURS, dither=Image.Dither.NONE)
+    width, height = images[0].size
+    strip = Image.new("RGB", (width, 4 * height))  # colours change with time: the palette is of four moments
+    for i in range(4):
+        strip.paste(images[i * len(images) // 4], (0, i * height))
+    palette = strip.quantize(COLOURS, dither=Image.Dither.NONE)
     first, *others = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     out = io.BytesIO()
     first.save(out, "GIF", save_all=True, append_images=others, duration=round(1000 / GIF.rate), loop=0)

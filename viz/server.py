@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 import webbrowser
-from collections.abc import Callable, Coroutine
+from collections.abc import Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -22,19 +22,14 @@ from typing import Any
 import tornado.httpserver
 import tornado.netutil
 import tornado.web
-import tornado.websocket
 
 from fasbody.console import console, print_json
 from fasbody.exceptions import FasError, SettingError
+from viz.handlers import Page, Stream
 from viz.motion import Settings
-from viz.shown import Shown, file_of, scripts
+from viz.shown import Shown, scripts
 
 ADDRESS = "127.0.0.1"
-#: No script but ours and no address but this server; meshcat's control panel writes styles into the page.
-POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
-    "connect-src 'self' ws://{host}; font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-)
 #: Largest message a page may send [bytes], and seconds after which a silent or slow browser is let go.
 LARGEST, PATIENCE = 65536, 30.0
 #: Seconds between the last page leaving and the end of the command, so that a reload is not the end.
@@ -80,10 +75,9 @@ class Server:
         self.url = f"http://{ADDRESS}:{self.port}/"
         self.hosts = {f"{ADDRESS}:{self.port}", f"localhost:{self.port}"}
         self._ended = asyncio.Event()
+        routes: list[Any] = [("/", Page, {"server": self, "name": show.page}), ("/stream", Stream, {"server": self})]
         files = [*scripts(show.page), "style.css"]
-        routes: list[Any] = [("/", Page, {"server": self, "file": file_of(show.page)})]
-        routes += [(f"/{name}", Page, {"server": self, "file": file_of(name)}) for name in files]
-        routes += [("/stream", Stream, {"server": self})]
+        routes += [(f"/{name}", Page, {"server": self, "name": name}) for name in files]
         self._application = tornado.web.Application(
             routes, websocket_ping_interval=PATIENCE / 2, websocket_ping_timeout=PATIENCE / 2,
             websocket_max_message_size=LARGEST, log_function=lambda handler: None,
@@ -182,110 +176,17 @@ async def _opened(url: str) -> bool:
     loop = asyncio.get_running_loop()
     done: asyncio.Future[bool] = loop.create_future()
 
+    def tell(found: bool) -> None:
+        if not done.done():
+            done.set_result(found)
+
     def start() -> None:
         found = webbrowser.open(url)
-        with contextlib.suppress(RuntimeError, asyncio.InvalidStateError):  # the server has ended meanwhile
-            loop.call_soon_threadsafe(lambda: done.done() or done.set_result(found))
+        with contextlib.suppress(RuntimeError):  # the server has ended meanwhile
+            loop.call_soon_threadsafe(tell, found)
 
     threading.Thread(target=start, name="browser", daemon=True).start()
     try:
         return await asyncio.wait_for(done, OPENING)
     except TimeoutError:
         return False
-
-
-class Guarded(tornado.web.RequestHandler):
-    """Whatever the server answers, it answers only under its own names."""
-
-    server: Server
-
-    def prepare(self) -> None:
-        """Refuse a foreign name that resolves to this machine (DNS rebinding), and every page but our own.
-
-        An Origin must be scheme, name and port of this very request. Tornado asks `check_origin` only where name or
-        port differ, so that https would pass.
-        """
-        origin = self.request.headers.get("Origin")
-        if self.request.host not in self.server.hosts or not (origin is None or self.own(origin)):
-            raise tornado.web.HTTPError(403)
-
-    def own(self, origin: str) -> bool:
-        """Whether an origin is this very server under the name that was asked for."""
-        return origin == f"http://{self.request.host}"
-
-
-class Page(Guarded):
-    """One of the page's files."""
-
-    def initialize(self, server: Server, file: Path) -> None:
-        """Called by tornado."""
-        self.server, self.file = server, file
-
-    def set_default_headers(self) -> None:
-        """No caching, no framing, no guessing of types."""
-        self.set_header("Cache-Control", "no-store")
-        self.set_header("Content-Security-Policy", POLICY.format(host=self.request.host))
-        self.set_header("X-Content-Type-Options", "nosniff")
-        self.set_header("Referrer-Policy", "no-referrer")
-        self.set_header("Server", "fasbody")
-
-    def get(self) -> None:
-        """The file."""
-        kinds = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
-        self.set_header("Content-Type", f"{kinds[self.file.suffix]}; charset=utf-8")
-        self.write(self.file.read_bytes())
-
-
-class Stream(Guarded, tornado.websocket.WebSocketHandler):
-    """One page: it gets the scene, the model, and a motion for every request."""
-
-    def initialize(self, server: Server) -> None:
-        """Called by tornado."""
-        self.server = server
-        self._forget: Callable[[], None] = lambda: None
-
-    def check_origin(self, origin: str) -> bool:
-        """Only our own page may connect."""
-        return self.own(origin)
-
-    def open(self, *_: str, **__: str) -> None:
-        """Send the whole scene, then what the model is."""
-        self.set_nodelay(True)
-        self.server.pages.add(self)
-
-        hub = self.server.show.hub
-        for message in hub.messages():
-            self.send(message)
-        self.send(json.dumps(self.server.show.description()))
-        loop = asyncio.get_running_loop()
-
-        def later(message: bytes) -> None:  # a reload happens in the simulation's thread
-            loop.call_soon_threadsafe(self.send, message)
-
-        hub.listeners.add(later)
-        self._forget = lambda: hub.listeners.discard(later)
-
-    def on_close(self) -> None:
-        """Forget the page."""
-        self.server.pages.discard(self)
-        self._forget()
-
-    async def on_message(self, message: str | bytes) -> None:
-        """A request for a motion."""
-        try:
-            request = json.loads(message)
-            kind = request["type"]
-        except (ValueError, TypeError, KeyError):
-            self.close(1003, "not understood")
-            return
-        if kind == "simulate":
-            self.send(await self.server.answer(request))
-
-    def send(self, message: str | bytes) -> None:
-        """Write, and forget a page that has gone."""
-        try:
-            written = self.write_message(message, binary=isinstance(message, bytes))
-        except tornado.websocket.WebSocketClosedError:
-            self.on_close()
-            return
-        written.add_done_callback(lambda done: done.cancelled() or done.exception())  # a page that left is no error
