@@ -3,13 +3,14 @@
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import mjcf
 from fasbody.arch import Arch
 from fasbody.model import load
 from viz import assets, bones
 from viz.field import ellipsoid, mesh, round_cone, union
-from viz.rest import SEGMENT_BODIES, segment_bodies
+from viz.rest import SEGMENT_BODIES, carried, segment_bodies
 from viz.show import load_foot
 
 trimesh = pytest.importorskip("trimesh", reason="needs the extra: pip install 'fasbody[view]'")
@@ -128,3 +129,25 @@ def test_flat_foot_is_a_model_of_its_own() -> None:
     found = segment_bodies(flat.model)
     assert found is not None
     assert found[0] == "foot_arch"
+
+
+def test_toes_of_a_flat_foot_stay_on_the_table(parts: dict[str, assets.Part]) -> None:
+    """Turned with their metatarsals they would rise; moved with the heads they keep their height."""
+    on = carried(load_foot("foot_arch@25").model)
+    assert on is not None
+    toes = np.vstack([part.vertices for part in parts.values() if part.segment == "toes"])
+
+    def lowest(segment: str) -> float:
+        to, made = on[segment].rest, on[segment].bind
+        turn = Rotation.from_quat(to.quaternion, scalar_first=True)
+        back = Rotation.from_quat(made.quaternion, scalar_first=True).inv()
+        moved = to.position + (turn * back).apply(toes - made.position)
+        return float(moved[moved[:, 0] > moved[:, 0].max() - 0.03, 1].min())
+
+    level = float(toes[toes[:, 0] > toes[:, 0].max() - 0.03, 1].min())
+    assert lowest("toes") == pytest.approx(level, abs=0.001)
+    assert lowest("metatarsals") > level + 0.005
+    # and with the model as it is shipped both are the same
+    on = carried(load("foot_arch").model)
+    assert on is not None
+    assert lowest("toes") == pytest.approx(lowest("metatarsals"), abs=1e-9) == pytest.approx(level, abs=1e-9)

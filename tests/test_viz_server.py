@@ -71,6 +71,14 @@ async def documents(socket: tornado.websocket.WebSocketClientConnection, kind: s
             return dict(json.loads(message))
 
 
+async def leave(socket: tornado.websocket.WebSocketClientConnection) -> None:
+    """Close a page and wait until the server has let go of it."""
+    socket.close()
+    while await asyncio.wait_for(socket.read_message(), 60) is not None:
+        pass
+    await asyncio.sleep(0.2)
+
+
 def test_strangers_are_refused(show: Show) -> None:
     async def client(server: Server) -> None:
         page = await status(server.url)
@@ -95,7 +103,7 @@ def test_strangers_are_refused(show: Show) -> None:
             assert (await status(server.url, Origin=origin)).code == 403
         local = here.replace("127.0.0.1", "localhost")
         for origin, host in ((here, here), (local, local)):
-            (await upgrade(server, Origin=origin, Host=host.removeprefix("http://"))).close()
+            await leave(await upgrade(server, Origin=origin, Host=host.removeprefix("http://")))
         with pytest.raises(tornado.httpclient.HTTPClientError, match="403"):
             await upgrade(server, Origin="http://evil.example", Host="evil.example")
 
@@ -191,22 +199,21 @@ def test_ends_in_the_middle_of_simulations(number: signal.Signals) -> None:
         while await asyncio.wait_for(socket.read_message(), 60) is not None:
             pass
         assert socket.close_code == 1001
-        socket.close()
+        assert await asyncio.get_running_loop().run_in_executor(None, process.wait, 60) == 0
+        await asyncio.sleep(0.2)  # the connection is seen to end
 
     with viewer("--model", "foot_arch") as (url, process):
         asyncio.run(client(url, process))
-        assert process.wait(60) == 0
 
 
 def test_closed_browser_ends_the_command_that_opened_it() -> None:
     """A reload, gone for less than the time of grace, does not."""
 
     async def client(url: str) -> None:
-        first = await ask(url, 1)
-        first.close()
+        await leave(await ask(url, 1))
         second = await ask(url, 1)
         assert (await documents(second, "motion"))["request"] == 0
-        second.close()
+        await leave(second)
 
     with viewer("--model", "two_dof", opener="true %s") as (url, process):
         asyncio.run(client(url))
@@ -218,9 +225,8 @@ def test_without_a_browser_of_its_own_it_stays(show: Show, monkeypatch: pytest.M
 
     async def client(server: Server) -> None:
         for _ in range(2):
-            (await ask(server.url, 1)).close()
-            while server.pages:
-                await asyncio.sleep(0.02)
+            await leave(await ask(server.url, 1))
+            assert not server.pages
             await asyncio.sleep(1)
 
     serve(show, client)
@@ -232,7 +238,7 @@ def test_browser_that_never_comes_back_holds_nothing_up() -> None:
     async def client(url: str) -> None:
         socket = await ask(url, 1)
         assert (await documents(socket, "motion"))["request"] == 0
-        socket.close()
+        await leave(socket)
 
     sleeper = f"{sys.executable} -c 'import time; time.sleep(600)' %s"
     with viewer("--model", "two_dof", opener=sleeper) as (url, process):
