@@ -118,6 +118,7 @@ class Feet extends Stage {
             if (!foot.ghost) table.scale.z = 1 + wide / WIDTH;
           }
         } else {
+          if (foot.ghost) solid(s.node.children[0], this.apart);
           s.node.position.copy(s.p);
           s.node.quaternion.copy(s.q);
         }
@@ -208,6 +209,11 @@ class Feet extends Stage {
       for (const part of foot.soft) if (parts.includes(part.name) && part.mesh) part.mesh.material.color.copy(colour);
     }
   }
+}
+
+// A ghost lets the foot be seen that it lies over; beside it there is no need for that.
+function solid(mesh, on) {
+  if (mesh && mesh.material) Object.assign(mesh.material, { opacity: on ? 0.9 : 0.38, depthWrite: on });
 }
 
 function vector(pose) { return new THREE.Vector3(pose[0], pose[1], pose[2]); }
