@@ -200,6 +200,7 @@ def test_ends_in_the_middle_of_simulations(number: signal.Signals) -> None:
             pass
         assert socket.close_code == 1001
         assert await asyncio.get_running_loop().run_in_executor(None, process.wait, 60) == 0
+        socket.close()
         await asyncio.sleep(0.2)  # the connection is seen to end
 
     with viewer("--model", "foot_arch") as (url, process):
