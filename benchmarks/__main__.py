@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from benchmarks import accuracy, arch, callbacks, coverage, fitting, viewer
+from benchmarks import accuracy, acquire, arch, callbacks, coverage, fitting, viewer
 from benchmarks.rows import HEADER, Row, table
 from fasbody.console import command_line, console, print_json, write_whole
 
@@ -71,6 +71,7 @@ def main(
         "fitting": lambda: fitting.measure(scipy_limit=scipy_limit),
         "coverage": lambda: coverage.measure(seeds, jobs),
         "viewer": viewer.measure,
+        "acquisition": acquire.measure,
     }
     rows = []
     for number, (name, measure) in enumerate(topics.items(), 1):

@@ -10,9 +10,9 @@ from feeder import hello
 
 from fasbody.acquire import folder
 from fasbody.acquire.capture import Capture
-from fasbody.acquire.folder import convert
+from fasbody.acquire.conversion import convert
 from fasbody.acquire.frames import FrameReader, encode_data, encode_hello
-from fasbody.acquire.session import Plan
+from fasbody.acquire.plan import Plan
 from fasbody.acquire.shaken import BODY_MASS_KG
 from fasbody.checks import checked
 from fasbody.exceptions import InputFileError, RecordingError

@@ -47,7 +47,7 @@ def test_any_bytes_are_survived_in_bounded_memory(pieces: list[bytes], known: bo
         reader.feed(HEADER)
     for piece in pieces:
         reader.feed(piece)
-        assert len(reader._rest) <= LONGEST_LINE
+        assert reader.kept <= LONGEST_LINE
 
 
 @given(st.text("0123456789.,-+eE*ABCDEFinfa_# \t", max_size=80))
