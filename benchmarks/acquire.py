@@ -43,9 +43,11 @@ HELLO = Hello("noisy", 4000.0, tuple(Channel(r, 39.2, 1024.0) for r in ("base", 
 def transfer(seconds: float) -> list[Row]:
     """Three channels at 4 kHz from the virtual bench, recorded as a session records them."""
     with tempfile.TemporaryDirectory() as name, Bench(rate_hz=4000.0, channels=3) as bench:
+        bench.shake(20.0, 1.2)
         board = Board(bench.board_port, BAUD)
         board.wait_for_hello()
-        plan = Plan(Path(name), (None,), Condition("16", body_mass_kg=BODY_MASS_KG), seconds=seconds)
+        condition = Condition("16", body_mass_kg=BODY_MASS_KG)
+        plan = Plan(Path(name), (None,), condition, seconds=seconds, retries=0)
         before = os.times()
         (made,) = Session(plan, board).run()
         used = os.times()

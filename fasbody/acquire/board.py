@@ -97,6 +97,7 @@ class Board:
             AcquisitionError: the base is beyond its limit, or the port is gone.
         """
         messages: list[Message] = []
+        looked = self.reader.looked  # before taking what that look found
         arrivals = self.reader.take(wait)
         for arrival in arrivals:
             if arrival.event:
@@ -121,7 +122,8 @@ class Board:
             raise Stalled(
                 f"{self.reader.port_name}: no samples for {BLIND_S:g} s while the shaker was on; output off."
             )
-        stalled = self.decoder.hello is not None and time.monotonic() - self._last > self.patience
+        # By the reader's last look, not by now: a computer too busy to look is no silent board.
+        stalled = self.decoder.hello is not None and looked - self._last > self.patience
         if self.reader.failure is None and stalled:
             came = self.decoder.bytes - self._bytes
             how = f"sent {counted(came, 'byte')} and no sample" if came else "is silent"

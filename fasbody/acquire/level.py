@@ -70,7 +70,7 @@ class Level:
 #: How close is close enough (share), how many steps at most, harmonics of the shaker that count for peak to peak.
 TOLERANCE, _STEPS, _HARMONICS = 0.02, 30, 3
 #: Second harmonic that a sound shaker stays below (share), and how many standard deviations noise reaches: 5.5 once in
-#: 3e7 samples, eight hours at 1 kHz.
+#: 2.6e7 samples, seven hours at 1 kHz.
 _DISTORTION, _NOISE_PEAK = 0.10, 5.5
 #: A base that moves by more before the output is on [m/s^2 rms] has another source, or a bad sensor.
 _REST = 0.5

@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import os
+import termios
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,6 +44,8 @@ def ports() -> list[PortInfo]:
 def _why(name: str, error: Exception) -> str:
     """Why a port cannot be opened, in the user's words."""
     number = getattr(error, "errno", None)
+    if isinstance(error.__context__, termios.error):  # pyserial puts it into words only
+        number = error.__context__.args[0]
     path = Path(name)
     if path.is_dir() or path.is_file() or number in (errno.ENOTTY, errno.EINVAL, errno.ENODEV):
         kind = "a folder" if path.is_dir() else "a file" if path.is_file() else "some other device"

@@ -52,8 +52,8 @@ def probe(name: str, rates: tuple[int, ...] = BAUD_RATES) -> Found:
 
 
 def is_identity(answer: str) -> bool:
-    """Whether this answers *IDN?: maker, model, serial number and version, between commas."""
-    return answer.count(",") >= 2 and answer.isprintable()
+    """Whether this answers *IDN?: maker, model, serial number and version, between commas; no line of numbers."""
+    return answer.count(",") >= 3 and answer.isprintable() and answer[0].isalpha()
 
 
 def swapped(board: str, board_baud: int, generator: str, generator_baud: int) -> str:
