@@ -132,7 +132,10 @@ def test_interrupted_sweep_keeps_what_it_has(tmp_path: Path, bench: Bench) -> No
 
 
 def test_from_the_shaker_to_the_parameters(tmp_path: Path) -> None:
-    """A sweep on the virtual bench, then the fit: every parameter within four standard errors of the bench's own."""
+    """A sweep on the virtual bench, then the fit: every parameter within four standard errors of the bench's own.
+
+    That is the interval which holds all eight at once in 99.9 % of all runs; eight 95 % intervals do in two of three.
+    """
     study, out = tmp_path / "study", tmp_path / "out"
     words = ["--simulate", "--sweep", "15:45:15", "--seconds", "1.5", "--out", str(study), "--json"]
     done = subprocess.run(command(*words), env=ENVIRONMENT, capture_output=True, text=True)

@@ -29,6 +29,7 @@ class Line:
         spare = self.link.with_name(f".{self.link.name}")
         spare.symlink_to(os.ttyname(slave))
         spare.replace(self.link)
+        self._waiting = b""
         self.master, self._slave = master, slave  # last: another thread may use it at once, and must not block in it
 
     def unplug(self) -> None:
@@ -41,13 +42,14 @@ class Line:
 
     def send(self, data: bytes) -> None:
         """What the host does not begin to fetch within LATE_S is lost, as on a real line."""
+        if self.master < 0:
+            return
         now = time.monotonic()
         self._waiting = self._waiting + data if now - self._taken < LATE_S else data
-        if self.master >= 0:
-            with contextlib.suppress(OSError):
-                done = os.write(self.master, self._waiting)
-                self._waiting = self._waiting[done:]
-                self._taken = now if done else self._taken
+        with contextlib.suppress(OSError):
+            done = os.write(self.master, self._waiting)
+            self._waiting = self._waiting[done:]
+            self._taken = now
 
     def receive(self) -> bytes:
         """What the host sent."""
