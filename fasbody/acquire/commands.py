@@ -153,10 +153,9 @@ def recover(
     else:
         results.print(str(made), soft_wrap=True, markup=False)
     if made.problems:
-        raise AcquisitionError(
-            f"{made.file} is written and not listed in recordings.csv: {'; '.join(made.problems)}; "
-            "--longest keeps and lists the longest stretch without a gap."
-        )
+        hint = "" if longest else "; --longest keeps and lists the longest stretch without a gap"
+        why = "; ".join(made.problems)
+        raise AcquisitionError(f"{made.file} is written and not listed in recordings.csv: {why}{hint}.")
 
 
 def _look(port: str | None, probing: bool, json_: bool) -> None:

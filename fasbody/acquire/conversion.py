@@ -134,7 +134,7 @@ def convert(
         problems += _refused(recording, f"{files[0].name.removesuffix(capture.SUFFIX)}.csv")
     unread = sum(event["bytes"] for event in events if event.get("event") == "unreadable")
     if unread:
-        remarks.append(f"{counted(unread, 'byte')} of the capture are unreadable")
+        remarks.append(f"{counted(unread, 'unreadable byte')} in the capture")
     if wanted and index[-1] < wanted - 1 - hello.frame_samples:
         (remarks if longest else problems).append(f"{length_s:.3g} s are there of {about['seconds']:g} s")
         remarks += [f"ended early: {stopped.rstrip('.')}"] if stopped else []
