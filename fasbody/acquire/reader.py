@@ -80,7 +80,7 @@ class Reader(threading.Thread):
     def close(self) -> None:
         """Stop reading and close the port."""
         self._stop_now.set()
-        self.join(2.0)
+        self.join(10.0)  # a read takes 20 ms, on a busy machine longer
 
     def run(self) -> None:
         """Read until closed."""
