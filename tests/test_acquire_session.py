@@ -22,6 +22,7 @@ from fasbody.acquire.generator import Generator
 from fasbody.acquire.level import Level
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.quality import Quality
+from fasbody.acquire.reader import Arrival
 from fasbody.acquire.session import Session
 from fasbody.acquire.shaken import BODY_MASS_KG
 from fasbody.exceptions import AcquisitionError, InputFileError
@@ -348,3 +349,26 @@ def test_display_shows_the_levels(feeder: Feeder) -> None:
     t = np.arange(2000) / 1000
     line = sparkline(np.sin(2 * np.pi * 31 * t), 1000)
     assert np.argmax(["  ▁▂▃▄▅▆▇█".index(c) for c in line]) == 15  # 31 Hz of 120 in 60 places
+
+
+def test_collect_keeps_nothing_that_was_taken_before(feeder: Feeder) -> None:
+    """Samples that wait in the queue of a busy computer show the base before the latest change of amplitude."""
+    board = Board(feeder.port, BAUD)
+    board.wait_for_hello()
+    board.collect(0.2)
+    real, held = board.reader.take, []
+
+    def late(wait: float) -> list[Arrival]:
+        """Everything comes half a second late."""
+        held.extend(real(wait))
+        now = time.monotonic()
+        ready = [arrival for arrival in held if arrival.host < now - 0.5]
+        del held[: len(ready)]
+        return [replace(arrival, host=arrival.host + 0.5) for arrival in ready]
+
+    board.reader.take = late  # type: ignore[method-assign]
+    board.collect(0.1)
+    before = feeder.sent
+    first = number_of(board.collect(0.1)[0])
+    board.close()
+    assert first >= before - 100  # a tenth of a second: a frame, the way, and this test's own clocks

@@ -35,8 +35,6 @@ _STARTS_WITHIN_S = 60.0
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-
-
 @app.command()
 def board(
     link: Path,

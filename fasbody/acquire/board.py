@@ -10,6 +10,7 @@ import numpy as np
 
 from fasbody.acquire.capture import Capture
 from fasbody.acquire.decoder import Decoder
+from fasbody.acquire.lateness import Lateness
 from fasbody.acquire.messages import Block, Hello, Message
 from fasbody.acquire.quality import counted
 from fasbody.acquire.reader import Reader
@@ -64,6 +65,8 @@ class Board:
         self.listener: Callable[[Board], None] | None = None
         self._recent: deque[np.ndarray] = deque()
         self._kept = 0
+        self._lateness = Lateness()
+        self._since = 0.0  # samples taken before this time of the host's clock are not kept
         self._last = time.monotonic()  # of the last sample, or of the first hello
         self._bytes = 0  # that had come by then
 
@@ -103,6 +106,7 @@ class Board:
             if arrival.event:
                 self.unplugs += arrival.event == "unplugged"
                 self.decoder.fresh()
+                self._lateness.forget()
                 continue
             greeted = self.decoder.hello is not None
             found = self.decoder.feed(arrival.data)
@@ -111,17 +115,17 @@ class Board:
             if self.timeline is not None:
                 self.timeline.add(found, arrival.host)
             messages += found
+            for block in (message for message in found if isinstance(message, Block)):
+                late = self._lateness.of(block.time_us, arrival.host)
+                if arrival.host - late >= self._since:
+                    self._keep(block.samples)
         for message in messages:
-            if isinstance(message, Block):
-                self._keep(message.samples)
-                if self.watch is not None:
-                    self.watch.check(message.samples[:, self.base])
+            if isinstance(message, Block) and self.watch is not None:
+                self.watch.check(message.samples[:, self.base])
         if self.listener is not None:
             self.listener(self)
         if self.watch is not None and time.monotonic() - self._last > BLIND_S:
-            raise Stalled(
-                f"{self.reader.port_name}: no samples for {BLIND_S:g} s while the shaker was on; output off."
-            )
+            raise Stalled(f"{self.reader.port_name}: no samples for {BLIND_S:g} s while the shaker was on; output off.")
         # By the reader's last look, not by now: a computer too busy to look is no silent board.
         stalled = self.decoder.hello is not None and looked - self._last > self.patience
         if self.reader.failure is None and stalled:
@@ -174,10 +178,10 @@ class Board:
         self._kept = 0
 
     def collect(self, seconds: float) -> np.ndarray:
-        """Wait for so many seconds of new samples; (n, channels) [m/s^2]. For less than WINDOW_S."""
+        """Wait for so many seconds of samples that were taken from now on; (n, channels) [m/s^2]. Below WINDOW_S."""
         hello = self.decoder.hello
         assert hello is not None
-        self.pump(0.0)  # what came while nobody asked is not new
+        self._since = time.monotonic()  # what comes late on a busy computer was taken before
         self.forget()
         count = round(seconds * hello.rate_hz)
         deadline = time.monotonic() + 2 * seconds + STALLED_S

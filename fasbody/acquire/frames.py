@@ -149,4 +149,3 @@ def _read_data(payload: bytes, hello: Hello) -> Block | None:
     if flags & OVER_RANGE:
         over = np.maximum(over, 1)
     return Block(sequence, time_us, samples, over)
-
