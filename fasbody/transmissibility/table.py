@@ -13,9 +13,10 @@ import pandas as pd
 from fasbody import statistics
 from fasbody.exceptions import FasError, RecordingError
 from fasbody.parallel import run
-from fasbody.recording import Recording, StudyFolder, Trial
+from fasbody.recording import Recording, StudyFolder
 from fasbody.statistics import Resonance
 from fasbody.transmissibility.estimate import PAIRS, Row, rows, unwrapped
+from fasbody.trials import Trial
 
 Condition = tuple[str, float]  # posture, added mass [kg]
 
