@@ -43,8 +43,8 @@ def main() -> None:
     best: list[tuple[int, int]] = []
     for seed in range(count):
         made = findings(study(seed))
-        held.update({f.says: int(f.holds) for f in made})
-        best.append((sum(f.holds for f in made), seed))
+        held.update({f.says: int(f.holds is True) for f in made})
+        best.append((sum(f.holds is True for f in made), seed))
     print(f"share of {count} virtual studies of 20 subjects in which each statement comes out")
     for says, n in held.items():
         print(f"{100 * n / count:5.0f} %  {says}")

@@ -105,7 +105,9 @@ class Recording:
         columns = self.channels
         if file.suffix.lower() != ".csv":
             return formats.write(file, columns, matlab)
-        digits = 3 + math.ceil(math.log10(max(1.0, self.rate_hz)))  # a sample's time to a thousandth of the interval
+        duration = abs(self.time_s[-1] - self.time_s[0])
+        rate = self.time_s.size / duration if duration > 0 else 1e6  # what no analysis would use can be written, too
+        digits = 3 + math.ceil(math.log10(max(1.0, rate)))  # a sample's time to a thousandth of the interval
         frame = pd.DataFrame({k: np.round(v, digits if k == "time_s" else 6) for k, v in columns.items()})
         write_whole(file, frame.to_csv(index=False))
         return None

@@ -155,7 +155,10 @@ class Plan:
             )
         for f in self.frequencies_hz:
             if not 0.5 <= f <= self.instrument.rate_hz / 10 or self.seconds * f < 3:
-                raise SettingError(f"{f:g} Hz needs 0.5 to 100 Hz and at least 3 periods in {self.seconds:g} s.")
+                raise SettingError(
+                    f"a frequency of {f:g} makes no recording (valid: 0.5 to {self.instrument.rate_hz / 10:g} Hz, "
+                    f"at least 3 periods in {self.seconds:g} s)."
+                )
         return replace(self, conditions=tuple(conditions))
 
 
@@ -238,6 +241,7 @@ def _motion(plan: Plan, seed: int) -> shaker.BaseMotion:
     return shaker.random(low, high, whole, rms, seed)
 
 
+#: The sensors' data sheet says how well their gain and delay are known, not what they are: that is left to be found.
 _STUDY = '''[study]
 name = "virtual study"
 origin = "synthetic"
@@ -252,7 +256,11 @@ unit = "m/s^2"
 
 [channels.malleolus]
 unit = "m/s^2"
+gain_std = {plan.instrument.gain_scatter:g}
+delay_std_s = {plan.instrument.delay_s:g}
 
 [channels.tuberosity]
 unit = "m/s^2"
+gain_std = {plan.instrument.gain_scatter:g}
+delay_std_s = {plan.instrument.delay_s:g}
 '''

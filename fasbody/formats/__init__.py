@@ -77,13 +77,16 @@ def write(file: Path, channels: Channels, matlab: str = "5") -> None:
     import importlib
 
     from fasbody.console import write_whole
-    from fasbody.formats.series import need
+    from fasbody.formats.series import FormatError, need
 
     ending = file.suffix.lower()
     if ending not in ENDINGS:
         raise InputFileError(file, f"no format has the ending {ending!r}", f"valid: .csv, {', '.join(ENDINGS)}")
-    module = importlib.import_module(
-        f"fasbody.formats.{'mat73' if ending == '.mat' and matlab == '7.3' else ENDINGS[ending]}"
-    )
+    name = "mat73" if ending == ".mat" and matlab == "7.3" else ENDINGS[ending]
+    module = importlib.import_module(f"fasbody.formats.{name}")
     need(module.LIBRARY)
-    write_whole(file, module.encode(channels))
+    try:
+        content = module.encode(channels)
+    except FormatError as error:
+        raise InputFileError(file, str(error)) from None
+    write_whole(file, content)

@@ -69,6 +69,19 @@ def with_rate(series: list[Series]) -> list[Series]:
     return [replace(s, rate_hz=s.rate_hz or rate) for s in series if s.values.size > 1 or s.what]
 
 
+def step_of(time_s: np.ndarray) -> float:
+    """The sampling interval [s], for formats that store nothing else of the time.
+
+    Raises:
+        FormatError: the time is not uniform.
+    """
+    steps = np.diff(time_s)
+    step = float((time_s[-1] - time_s[0]) / steps.size) if steps.size else 0.0
+    if not (step > 0 and np.abs(steps - step).max() <= 0.5 * step):
+        raise FormatError("stores a sampling rate only, and this recording's time is not uniform; write .csv or .h5")
+    return step
+
+
 def need(library: str) -> None:
     """Say which extra to install if a format's library is missing."""
     if importlib.util.find_spec(library) is None:
