@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from benchmarks import accuracy, arch, callbacks, coverage, fitting, viewer
+from benchmarks import accuracy, arch, callbacks, coverage, fitting, peak_to_peak, study_end_to_end, viewer
 from benchmarks.rows import HEADER, Row, table
 from fasbody.console import command_line, console, print_json, write_whole
 
@@ -56,7 +56,7 @@ def main(
     out: Annotated[Path, typer.Option(help="file to write", show_default="benchmarks/RESULTS.md")] = RESULTS,
     json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout instead of a table")] = False,
 ) -> None:
-    """Measure everything: accuracy, callbacks, arch, fits, coverage. Takes some minutes, most of them scipy's.
+    """Measure everything: accuracy, callbacks, arch, fits, coverage, viewer, studies. Takes many minutes.
 
     Examples:
       python -m benchmarks
@@ -71,6 +71,8 @@ def main(
         "fitting": lambda: fitting.measure(scipy_limit=scipy_limit),
         "coverage": lambda: coverage.measure(seeds, jobs),
         "viewer": viewer.measure,
+        "transmissibility": peak_to_peak.measure,
+        "studies": study_end_to_end.measure,
     }
     rows = []
     for number, (name, measure) in enumerate(topics.items(), 1):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fasbody.resonance import MARGIN, Resonance, by_thesis, shown
+from fasbody.resonance import MARGIN, Resonance, _p_values, by_thesis, shown
+from fasbody.statistics import paired
 
 F = np.arange(10.0, 55, 5)
 PEAK = np.array([1.0, 1.1, 1.2, 1.3, 1.4, 1.399, 1.3, 1.2, 1.1])
@@ -46,6 +47,14 @@ def test_false_peaks_are_as_rare_as_stated() -> None:
     kinds = [shown(F, 1.2 + rng.normal(0, 0.05, (12, 9))).kind for _ in range(200)]
     assert kinds.count("peak") <= 16  # 5 % and two standard deviations
     assert kinds.count("none") == 0
+
+
+def test_many_p_values_at_once_are_those_of_single_tests() -> None:
+    x = panel(PEAK, 0.03)
+    x[:, 3] = x[:, 2]
+    i, j = np.triu_indices(9, 1)
+    single = [paired(x[:, a], x[:, b]).p for a, b in zip(i, j, strict=True)]
+    np.testing.assert_allclose(_p_values(x[:, i] - x[:, j]), single, rtol=1e-9)
 
 
 def test_the_margin_decides_and_is_two_one_sided_tests() -> None:
