@@ -38,9 +38,9 @@ def markdown(rows: list[Row], where: str, when: str, loads: tuple[float, float])
     lines = [
         "# Benchmarks", "",
         "Printed by `make bench`; each topic runs alone as `python -m benchmarks.accuracy` (`callbacks`, `arch`,",
-        "`fitting`, `coverage`; with tables of their own `black_box` and `cell`). The ratio says how many times better",
-        "than required, or how many times faster. Times are CPU times unless they say otherwise, so other programs",
-        "disturb them little, though not by nothing.", "",
+        "`fitting`, `coverage`, `peak_to_peak`, `study_end_to_end`; with tables of their own `black_box` and `cell`).",
+        "The ratio says how many times better than required, or how many times faster. Times are CPU times unless they",
+        "say otherwise, so other programs disturb them little, though not by nothing.", "",
         f"{when}. {where}. Load average before and after: {loads[0]:.1f}, {loads[1]:.1f}.", "",
         "| " + " | ".join(HEADER) + " |", "|---|---|---|---:|---|",
         *("| " + " | ".join(row.cells) + " |" for row in rows), "",
