@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from benchmarks.rows import Row, at_most, report
@@ -82,7 +83,7 @@ def table(seeds: int) -> Table:
         "phase, sine fit [deg]",
         "cross-spectrum [deg]",
     ):
-        printed.add_column(name, justify="right")
+        printed.add_column(escape(name), justify="right")
     for second in (0.0, SECOND):
         for f in FREQUENCIES_HZ:
             e = errors(f, NOISE, second, seeds)

@@ -1,7 +1,8 @@
 """Time and memory of a virtual study from generation to figures: `python -m benchmarks.study_end_to_end`.
 
 5 and 20 subjects, three loads, nine frequencies, 10 s at 1 kHz: 135 and 540 recordings. Memory is that of the largest
-process; it must not grow with the number of recordings. Each command runs in a process of its own on all cores.
+process; it must not grow with the number of recordings. Each command runs in a process of its own on all cores. The
+processes that read binary files outlive their makers by a moment and are not counted; fuzz_readers.py measures them.
 """
 
 import os

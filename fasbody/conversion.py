@@ -113,7 +113,9 @@ def convert(
         remarks = (f"It cannot be used as it is. {error}",)
     for text in remarks:
         console.print(f"[yellow]warning:[/] {escape(text)}", soft_wrap=True)
-    console.print(f"{recording.time_s.size} samples of {len(recording.channels) - 1} channels in {target}")
+    console.print(
+        f"{recording.time_s.size} samples of {len(recording.channels) - 1} channels in {target}", markup=False
+    )
 
 
 def _layout(study: Path | None) -> Layout | None:
@@ -121,11 +123,11 @@ def _layout(study: Path | None) -> Layout | None:
 
 
 def _show(rows: list[dict[str, Any]]) -> None:
-    table = Table("file", "samples", "rate [Hz]", "excitation [Hz]", "rms [m/s²]", "verdict")
+    table = Table("file", "samples", r"rate \[Hz]", r"excitation \[Hz]", r"rms \[m/s²]", "verdict")
     for row in rows:
         found = row.get("frequency_hz")
         table.add_row(
-            row["file"],
+            escape(row["file"]),
             str(row.get("samples", "")),
             f"{row['rate_hz']:.6g}" if "rate_hz" in row else "",
             "" if row["problem"] else "broadband" if found is None else f"{found:.5g}",

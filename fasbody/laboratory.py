@@ -180,7 +180,8 @@ def main(
         )
         made = make(study, plan, jobs)
     count = len((made / "recordings.csv").read_text().splitlines()) - 1
-    console.print(f"{count} synthetic recordings in {made}; the truth is in {made / 'truth.json'}")
+    told = f"{count} synthetic recordings in {made}; the truth is in {made / 'truth.json'}"
+    console.print(told, markup=False, soft_wrap=True)
 
 
 if __name__ == "__main__":

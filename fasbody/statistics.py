@@ -144,7 +144,7 @@ def mixed_model(levels: np.ndarray) -> Variance:
     return Variance("mixed model", F, p, F / (F + n - 1), 1.0, n)
 
 
-def holm(p: Sequence[float]) -> np.ndarray:
+def holm(p: Sequence[float] | np.ndarray) -> np.ndarray:
     """Holm's adjusted p values, (n,)."""
     given = np.asarray(p, float)
     order = np.argsort(given)

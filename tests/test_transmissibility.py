@@ -166,6 +166,12 @@ def titles(figure: Figure) -> str:
     return " ".join(axis.get_title() for axis in figure.axes)
 
 
+def test_arrows_stay_below_the_titles(table: Table) -> None:
+    figure = figures.means(table, list(LOADS))
+    tops = [a.get_position()[1] for axis in figure.axes for a in axis.texts]
+    assert tops and max(tops) < figure.axes[0].get_ylim()[1]
+
+
 def test_bands_need_subjects(tmp_path: Path) -> None:
     """Two subjects have no 80 % band: their lines are drawn, and the caption says so."""
     plan = Plan(subjects=2, conditions=(("midstance", 0.0),), excitation="random", seconds=5.0, file_format="h5")
@@ -229,6 +235,8 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(study: Path,
 
 
 def test_one_recording_of_a_study_is_corrected_as_its_study_says(study: Path) -> None:
+    printed = command(str(study / "recordings" / "s01_midstance_2.3kg_30hz.h5"), "--out", str(study / "one")).stdout
+    assert "load [kg]" in printed and "(phase [deg])" in printed.replace("\n", " ")  # brackets are no markup
     done = command(str(study / "recordings" / "s01_midstance_2.3kg_30hz.h5"), "--json")
     document = json.loads(done.stdout)
     assert {row["added_mass_kg"] for row in document} == {2.3}

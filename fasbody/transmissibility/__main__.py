@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 from rich.table import Table as Printed
 
 from fasbody.console import command_line, console, make_folder, print_json, results, write_whole
@@ -53,7 +54,7 @@ def main(
     console.print(f"Standard deviations hold {table.covers}.", markup=False, soft_wrap=True)
     if folder is not None:
         write(table, folder, figure_format)
-        console.print(f"tables and figures in [bold]{folder}[/]", soft_wrap=True)
+        console.print(f"tables and figures in [bold]{escape(str(folder))}[/]", soft_wrap=True)
     for problem in table.problems:
         console.print(f"not used: {problem}", markup=False, soft_wrap=True)
     if table.problems:
@@ -65,8 +66,8 @@ def show(table: Table) -> None:
     """Mean curves, resonance ranges and the findings, for people."""
     results.print(str(table))
     printed = Printed(
-        "pair", "posture", "load [kg]", "n", "resonance (section 2.3.1)", "shown beyond chance",
-        "mean transmissibility (phase [deg]) by frequency [Hz]",
+        "pair", "posture", r"load \[kg]", "n", "resonance (section 2.3.1)", "shown beyond chance",
+        r"mean transmissibility (phase \[deg]) by frequency \[Hz]",
     )  # fmt: skip
     for c in table.each():
         every = max(1, round(c.frequency_hz.size / 9))
@@ -76,7 +77,7 @@ def show(table: Table) -> None:
         ]
         printed.add_row(
             c.pair,
-            c.posture,
+            escape(c.posture),
             f"{c.added_mass_kg:g}",
             str(len(c.subjects)),
             str(c.resonance),

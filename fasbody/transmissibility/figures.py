@@ -96,7 +96,9 @@ def _widened(low: float, high: float) -> tuple[float, float]:
 
 
 def _said(c: Curves) -> str:
-    return "no peak or plateau" if c.resonance.kind == "none" else str(c.resonance)  # "not tested (n = 2)" is neither
+    if not c.resonance.tested:
+        return f"resonance {c.resonance}"
+    return "no peak or plateau" if c.resonance.kind == "none" else str(c.resonance)
 
 
 @_styled
@@ -104,6 +106,7 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
     """Figures 2.5 and 2.8: means with 95 % intervals for every pair, an arrow at each resonance."""
     pairs = table.pairs
     figure, axes = _new(2, len(pairs), 2.5 * len(pairs) + 0.6, 4.8, sharex=True, sharey="row")
+    highest = 0.0
     for column, pair in enumerate(pairs):
         top, bottom = axes[0, column], axes[1, column]
         for i, condition in enumerate(conditions):
@@ -124,10 +127,13 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
                 level = float(np.interp(middle, c.frequency_hz, c.mean + np.nan_to_num(half)))
                 style = {"arrowstyle": "-|>", "color": colour, "lw": 1.2}
                 top.annotate("", (middle, level + 0.02), (middle, level + 0.14), arrowprops=style)
+                highest = max(highest, level + 0.17)
         top.axhline(1, lw=0.8, ls="--", color="#444444")
         top.set_title(_PAIRS[pair])
         top.margins(y=0.12)
+        highest = max(highest, top.get_ylim()[1])
         bottom.set_xlabel("frequency [Hz]")
+    axes[0, 0].set_ylim(top=highest)  # the axes share it; an arrow must not run into a title
     axes[0, 0].set_ylabel("mean transmissibility")
     axes[1, 0].set_ylabel("mean phase lag [deg]")
     axes[0, -1].legend(loc="upper right", fontsize=8)

@@ -135,7 +135,8 @@ def _tuberosity(table: Table) -> list[Finding]:
         for curves, limit in zip(tb, limits, strict=True):
             says = f"TB with {curves.added_mass_kg:g} kg below 1 {'at' if limit == 50 else 'above'} {limit} Hz"
             first = 50 if limit == 50 else limit + 1  # the text says "at 50 Hz", and "above" for the others
-            made.append(_judge("2.3.1", says, _unity(curves), lambda f, v, at=first: f < at or v == "below", note))
+            said = note if curves.added_mass_kg else note.removesuffix(f"; {_CONFLICT}")  # it concerns the loads
+            made.append(_judge("2.3.1", says, _unity(curves), lambda f, v, at=first: f < at or v == "below", said))
     for c, limit in zip(LOADS, (25, 40, 40), strict=True):
         tm = _curves(table, "TM", [c])[0]
         r = tm.resonance
