@@ -13,7 +13,8 @@ import pandas as pd
 from fasbody.instrument import Instrument
 from fasbody.transmissibility.findings import findings
 from fasbody.transmissibility.table import Table
-from fasbody.virtual_study import FREQUENCIES_HZ, STUDY_INSTRUMENT, Plan, mounted
+from fasbody.virtual_recording import mounted
+from fasbody.virtual_study import FREQUENCIES_HZ, STUDY_INSTRUMENT, Plan
 from fasbody.virtual_subject import Tuberosity, panel
 
 

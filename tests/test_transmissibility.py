@@ -210,7 +210,7 @@ def test_the_virtual_studys_truth_lies_within_what_it_states(study: Path, table:
 
 def command(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "fasbody.transmissibility", *arguments], capture_output=True, text=True, timeout=120
+        [sys.executable, "-m", "fasbody.transmissibility", *arguments], capture_output=True, text=True, timeout=600
     )
 
 
