@@ -55,6 +55,7 @@ def fit(
     source: str = "",
     truth: Mapping[str, float] | None = None,
     advance: Callable[[str, int, int], None] = lambda what, done, total: None,
+    interruptible: bool = True,
 ) -> FitResult:
     """Estimate a foot's parameters from recordings, pooled.
 
@@ -62,6 +63,7 @@ def fit(
         recordings: as read; they are checked here. foot: the model. settings: how.
         source: what to call the data. truth: known parameters of synthetic data, reported beside the estimate.
         advance: called with what is done, how many of how many, for a progress bar.
+        interruptible: Ctrl-C ends the exploration only, and the result rests on the starts done.
 
     Raises:
         RecordingError: a recording cannot serve. SettingError: an option cannot be meant.
@@ -93,6 +95,8 @@ def fit(
     problem = route.explorer()
     counter = iter(range(1, len(starts) + 1))
     descents, interrupted = explore(problem, starts, lambda: advance("exploring starts", next(counter), len(starts)))
+    if interrupted and not interruptible:
+        raise KeyboardInterrupt
     if interrupted:
         warnings.append(f"Interrupted after {len(descents)} of {len(starts)} starts; the result rests on those.")
     if descents[0].unstable:
