@@ -205,12 +205,12 @@ def _certify(route: Route, name: str, descent: Descent) -> _Certified:
     final = route.certifier(problem)
     descent = descend(final, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
     starts = [route.initial_states(final, descent, number) for number in range(len(route.recordings))]
-    run = replay(route.foot, route.recordings, route.space.values(descent.theta), starts, route.twin)
+    run = replay(route.foot, route.recordings, route.space.values(descent.theta), starts, route.twin, route.threads)
     return _Certified(name, final, descent, descent.cost + final.log_determinant, run)
 
 
 def _branch(route: Route, certified: _Certified) -> Branch:
-    """Estimates with standard errors from the MuJoCo Jacobian."""
+    """Estimates with standard errors from the Jacobian at MuJoCo's optimum."""
     problem, space, descent, run = certified.problem, route.space, certified.descent, certified.run
     dof = max(0, problem.size - descent.z.size)
     std_q, covariance = standard_errors(problem, descent, dof, route.chi_square)
