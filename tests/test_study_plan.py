@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 import pytest
-from study_cases import small
+from study_runs import small
 
 from fasbody.exceptions import SettingError
 from fasbody.model import Foot

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from study_cases import ENVIRONMENT, arguments, documents, fitted, small
+from study_runs import ENVIRONMENT, arguments, documents, fitted, small
 
 from fasbody.model import load
 from fasbody.recording import StudyFolder
