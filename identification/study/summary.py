@@ -142,7 +142,8 @@ def counts(documents: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
         fits = [r["fit_percent"] for r in done]
         rows.append({
             "mode": mode, "fits": len(mine), "done": len(done), "failed": len(mine) - len(done),
-            "recordings": sum(len(r["recordings"]) for r in done), "fit_percent": float(np.mean(fits)) if fits else None,
+            "recordings": sum(len(r["recordings"]) for r in done),
+            "fit_percent": float(np.mean(fits)) if fits else None,
             "decided": verdicts.count("decided"), "undecided": verdicts.count("undecided"),
             "seconds": sum(d.get("seconds") or 0.0 for d in mine),
         })  # fmt: skip
