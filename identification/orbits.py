@@ -15,7 +15,7 @@ import numpy as np
 from fasbody.exceptions import SimulationError
 from fasbody.model import Foot
 from fasbody.shaker import BaseMotion, harmonics
-from fasbody.two_dof import NAMES, STATES, periodic
+from fasbody.two_dof import NAMES, periodic
 from identification.columns import Columns
 
 #: Longest time step of an orbit [s], and fewest steps a period: RK4 then errs by less than 1e-4 of the peak.
@@ -110,11 +110,6 @@ class Twin:
             raise SimulationError(f"no periodic motion at {e.frequency_hz:g} Hz for {theta}.")
         self._last[number] = _Last(x, dx, theta)
         return Y, DY[:, [NAMES.index(name) for name in names]]
-
-    def start(self, number: int) -> np.ndarray:
-        """States (4,) of the last orbit at time zero."""
-        last = self._last[number]
-        return np.zeros(STATES) if last is None else last.x
 
 
 class Rollouts:

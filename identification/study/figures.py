@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 
 from identification.branches import DECISIVE_ODDS
 from identification.figures import STYLE, label_of, panels
-from identification.study.curves import FEWEST, mean_curve
+from identification.study.means import FEWEST, mean_curve
 from identification.study.summary import nominal, quartiles
 
 #: Colour-blind safe, and different in grey: the loads.

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from fasbody.exceptions import SimulationError
 from fasbody.model import Foot
 from fasbody.recording import Recording
-from fasbody.two_dof import NAMES, TwoDof, path
-from identification.orbits import LONGEST_STEP, Excitation, Twin, twin_applies
+from fasbody.two_dof import TwoDof, path, periodic
+from identification.orbits import LONGEST_STEP, Excitation, twin_applies
 from identification.periodic import Line
 from identification.space import DELAY
 from identification.study.cycle import Cycle, Loop, short
@@ -25,6 +26,8 @@ from identification.study.parts import CLOSED, mujoco_cycle
 
 #: Periods and samples of a stored trace at most.
 _PERIODS, _SAMPLES = 3, 300
+#: Newton steps to a closed orbit.
+_PASSES = 30
 
 
 def cycle(foot: Foot, excitation: Excitation, values: Mapping[str, float], twin: bool) -> Cycle:
@@ -38,10 +41,11 @@ def cycle(foot: Foot, excitation: Excitation, values: Mapping[str, float], twin:
 
 def _twin_cycle(e: Excitation, values: Mapping[str, float]) -> Cycle:
     foot = TwoDof.from_values({**values, **e.masses})
-    engine = Twin([e])
-    malleolus, _ = engine.orbit(0, values, NAMES, CLOSED)
-    u = e.motion.half_steps(e.step, e.steps)
-    x = path(engine.start(0), foot.theta, foot.m_S, foot.m_F, u, e.step).T
+    model = (foot.theta, foot.m_S, foot.m_F, e.motion.half_steps(e.step, e.steps), e.step)
+    malleolus, _, start, _, gap = periodic(np.zeros(4), *model, CLOSED, _PASSES)
+    if not gap < CLOSED:
+        raise SimulationError(f"no periodic motion at {e.frequency_hz:g} Hz for {foot}.")
+    x = path(start, *model).T
     F_T, F_F = foot.forces(x)  # Eq. (4.42)
     ankle, fat_pad = _loop(x[0], x[2], F_T, e), _loop(x[1], x[3], F_F, e)
     base = base_velocity(e)

@@ -92,7 +92,7 @@ def pictures(
         text = f"Spline-fitted means over frequency, {mode}, {posture} (in the manner of Figures 4.18 to 4.25)."
         out[name] = (partial(figures.curves, rows, origin), text)
     for (mode, posture, load), rows in over.groupby(["mode", "posture", "added_mass_kg"], sort=False):
-        if mode == "per-recording":
+        if mode == "per-recording" and rows["subject"].nunique() >= summary.FEWEST:
             text = f"Estimates of all subjects with {load:g} kg added, {mode}, {posture} (as Figures D.1 to D.3)."
             out[f"boxes_{mode}_{posture}_{load:g}kg"] = (partial(figures.boxes, rows, origin), text)
     for place, mode in enumerate(m for m in _TRUSTED if m in set(energy["mode"])):
@@ -129,6 +129,11 @@ def example(
     return subject, cycles, {r["file"]: r["fit_percent"] for d in own for r in d["result"]["recordings"]}
 
 
+def _trusted(energy: pd.DataFrame) -> pd.DataFrame:
+    """Rows of the mode whose loops mean most."""
+    return energy[energy["mode"] == next((m for m in _TRUSTED if m in set(energy["mode"])), "")]
+
+
 def _page(
     documents: Sequence[Mapping[str, Any]],
     table: pd.DataFrame,
@@ -145,7 +150,8 @@ def _page(
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     modes = list(dict.fromkeys(d["mode"] for d in documents))
-    failed = [f"{', '.join(d['files'][:3])} ({d['mode']}): {d['error']}" for d in documents if d["status"] == "failed"]
+    failed = [f"Failed ({d['mode']}): {d['error']}" for d in documents if d["status"] == "failed"]
+    failed += [f"Left out ({d['mode']}): {text}" for d in documents for text in d.get("left_out", ())]
     contents = [("done", "What was done"), ("verdicts", "Verdicts"), ("mirror", "Mirror"), ("truth", "Truth")]
     contents += [("parameters", "Parameters"), ("outliers", "Outliers"), ("traces", "Traces"), ("loops", "Energy")]
     contents += [("starts", "Starts"), *((f"section{i}", s.title) for i, s in enumerate(sections, 1))]
@@ -158,7 +164,7 @@ def _page(
         modes_text=" ".join(f"Mode {m}: {_MODES[m]}." for m in modes if m in _MODES),
         counts=tables.counts(documents), failures=failed[:_LISTED], more_failures=max(0, len(failed) - _LISTED),
         verdicts=tables.verdicts(table), branches=tables.branches(documents), outliers=tables.outliers(table),
-        recovery=tables.recovery(found) if len(found) else None, energies=tables.energies(energy),
+        recovery=tables.recovery(found) if len(found) else None, energies=tables.energies(_trusted(energy)),
         balance=tables.balance(energy),
         named=lambda start: [name for name in inline if name.startswith(start)],
     )  # fmt: skip

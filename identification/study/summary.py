@@ -20,7 +20,7 @@ COLUMNS = (
 #: What the subjects of one box have in common.
 GROUP = ["mode", "posture", "added_mass_kg", "frequency_hz", "parameter"]
 #: Fewest values that make a box, and how many interquartile ranges its whiskers reach.
-_FEWEST, _WHISKER = 4, 1.5
+FEWEST, _WHISKER = 4, 1.5
 
 
 def read_fits(folder: Path) -> list[dict[str, Any]]:
@@ -85,7 +85,7 @@ def quartiles(values: np.ndarray) -> tuple[float, float]:
 def outliers(values: np.ndarray) -> np.ndarray:
     """Which values (n,) lie more than 1.5 interquartile ranges beyond the quartiles; none of fewer than four."""
     known = np.isfinite(values)
-    if known.sum() < _FEWEST:
+    if known.sum() < FEWEST:
         return np.zeros(values.shape, bool)
     low, high = quartiles(values[known])
     reach = _WHISKER * (high - low)

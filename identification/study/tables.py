@@ -107,10 +107,10 @@ def outliers(table: pd.DataFrame) -> Grid:
 
 def recovery(found: pd.DataFrame) -> Grid:
     """`truth.recovery` for people."""
-    header = ["mode", "parameter", "estimates", "at a bound", "right, chosen branch", "right, nearer branch",
+    header = ["mode", "parameter", "estimates", "at a bound", "right", "right, nearer branch",
               "said identified, and right", "median error", "median standard error"]  # fmt: skip
     rows = [
-        [r["mode"], r["parameter"], str(r["estimates"]), str(r["no_error"]), _of(r, "chosen"), _of(r, "either"),
+        [r["mode"] if r["parameter"] == "all" else "", r["parameter"], str(r["estimates"]), str(r["no_error"]), _of(r, "chosen"), _of(r, "either"),
          _of(r, "identified_chosen"), _percent(r["error"]), _percent(r["std_error"])]
         for r in found.to_dict("records")
     ]  # fmt: skip
