@@ -7,16 +7,13 @@ from typing import Protocol
 import numpy as np
 from scipy.optimize import least_squares
 
-from identification.space import SearchSpace
+from identification.space import Space
 
 
 class Problem(Protocol):
     """What a descent needs: periodic.PeriodicProblem and time_domain.TimeProblem."""
 
-    @property
-    def space(self) -> SearchSpace:
-        """What is searched."""
-
+    space: Space
     evaluations: int
 
     @property
@@ -69,20 +66,20 @@ class Descent:
 
 
 def descend(
-    problem: Problem, q0: np.ndarray, label: str, *, z0: np.ndarray | None = None, tight: bool = False, rough: bool = False
+    problem: Problem, q0: np.ndarray, label: str, *, z0: np.ndarray | None = None, tight: bool = False
 ) -> Descent:
     """Minimise the cost, Eqs. (4.35) to (4.41), from one start.
 
     Args:
         problem: residual and Jacobian. q0: start (p,). label: its name. z0: full search variable to start from instead.
-        tight: converge well below the standard errors, for a result to report. rough: only come near, to go on elsewhere.
+        tight: converge well below the standard errors, for a result to report.
     """
     p = problem.space.lower.size
     low, high = problem.bounds
     z = problem.start(q0) if z0 is None else z0
     inside = np.clip(z, low + 1e-9 * (high - low), high - 1e-9 * (high - low))  # the method starts inside its bounds
     before = problem.evaluations
-    tolerance = 1e-10 if tight else 1e-4 if rough else 1e-8  # of the cost: 1e-10 is far below a standard error
+    tolerance = 1e-10 if tight else 1e-8  # of the cost: 1e-10 of chi-square is far below a standard error
     found = least_squares(
         problem.residual, inside, problem.jacobian, bounds=(low, high), method="trf", x_scale="jac",
         ftol=tolerance, xtol=tolerance, gtol=tolerance, max_nfev=200,

@@ -16,8 +16,9 @@ from fasbody.exceptions import SimulationError
 from identification.orbits import Engine
 from identification.periodic import Line, PeriodicProblem, inverse_of_gram, split
 from identification.routes import PeriodicRoute
-from identification.search import UNSTABLE, Descent, descend
+from identification.search import UNSTABLE, Descent
 from identification.study.curves import CurveSpace
+from identification.study.levenberg import descend_fast
 
 #: Scatter to begin with, and the least and the most that is believed; the least counts as none.
 FIRST, LEAST, MOST = 0.1, 1e-3, 0.5
@@ -153,11 +154,11 @@ class TrendRoute(PeriodicRoute):
                 SimulationError
             ):  # too far from the answer to have orbits with sharper input: as weighted so far
                 problem.reweigh(z, lambda excitations: self._engine(excitations, self.twin))
-            descent = descend(problem, z, "settled", z0=z)
+            descent = descend_fast(problem, z, "settled")
             z = descent.z
             if problem.learn(z) < _SETTLED:
                 break
             if number and descent.cost > _HOPELESS * problem.size:
                 return problem, descent
         self.tau = problem.tau
-        return problem, descend(problem, z, "settled", z0=z, tight=True)
+        return problem, descend_fast(problem, z, "settled", 1e-10)

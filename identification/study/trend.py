@@ -18,9 +18,10 @@ from identification.orbits import twin_applies
 from identification.replay import Replay, replay
 from identification.result import Estimate, RecordingFit, identifiability
 from identification.routes import choose_domain
-from identification.search import Descent, descend
+from identification.search import Descent
 from identification.space import Space, space_of
 from identification.study.curves import CurveSpace, Order
+from identification.study.levenberg import descend_fast
 from identification.study.orders import choose
 from identification.study.scatter import TrendProblem, TrendRoute
 
@@ -31,6 +32,10 @@ _TEMPERS = (0.1, 0.03, 0.01)
 #: Order from which the search starts: power laws of frequency, and of the load if there are several.
 _FIRST_ORDER = Order(2, 1, 1)
 _ROUNDS = 3
+#: Tolerance of the search far from the answer.
+_ROUGH = 1e-4
+#: Evaluations in MuJoCo at most: the twin is already there, and differs by rounding.
+_CERTIFYING = 8
 #: Rough ends a branch that are followed to the noise.
 _CANDIDATES = 2
 _Z95 = 1.959963984540054
@@ -167,6 +172,39 @@ class TrendResult:
             f"{self.best.name}, {self.order}; fit {self.best.fit_percent:.1f} %; recordings scatter about the curves by "
             f"{scatter}. {self.reason}"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """The curves of a branch fitted anew to other recordings: what `at` needs of a TrendBranch."""
+
+    space: CurveSpace
+    z: np.ndarray
+    covariance: np.ndarray
+    tau: np.ndarray
+
+
+def refit(branch: TrendBranch, recordings: Sequence[Recording], foot: Foot, threads: int = 0) -> Refit:
+    """Fit a branch's curves to other recordings of the same foot, from where it ended, on the fastest engine.
+
+    Args:
+        branch: whose order, curves and bounds are kept. recordings: checked ones. foot: the model.
+
+    Raises:
+        SimulationError: no stable motion there.
+    """
+    old = branch.space
+    frame = _Frame(foot, list(recordings), old.feet, old.curves, old.scatter, twin_applies(foot), threads)
+    tau = np.array([max(branch.scatter[n], 1e-3) for n in old.curves]) if old.scatter else None
+    route = frame.route(old.order, tau=tau)
+    space = route.explorer().curves
+    B = old.design(space.frequencies_hz, space.loads_kg)
+    state = _settled(route, space.project(list(B @ branch.beta)))
+    if state is None:
+        raise SimulationError(f"{foot.name}: the curves have no stable motion for {len(recordings)} recordings.")
+    z, problem = state.descent.z, state.problem
+    covariance = problem.covariance(z, ~space.at_bound(z))[: space.size, : space.size]
+    return Refit(space, z, covariance, problem.tau if space.scatter else np.zeros(len(space.places)))
 
 
 @dataclass
@@ -348,7 +386,8 @@ def _explore(
     for number, (label, z0) in enumerate(wanted):
         problem = rough.explorer()
         problem.temper(_TEMPERS[0], model)
-        d = descend(problem, z0, label, rough=True)
+        problem.start(z0)
+        d = descend_fast(problem, z0, label, _ROUGH)
         name = frame.side(space, d.z) if mirror else "best"
         ends.append((d.cost, name, d))
         rows.append({"start": label, "cost": d.cost, "evaluations": d.evaluations, "converged": d.converged,
@@ -381,7 +420,7 @@ def _down(frame: _Frame, route: TrendRoute, z: np.ndarray, anchor: np.ndarray) -
     problem.start(z)
     for share in _TEMPERS:
         problem.temper(share, anchor)
-        z = descend(problem, z, "tempered", z0=z, rough=True).z
+        z = descend_fast(problem, z, "tempered", _ROUGH).z
     return _settled(route, z)
 
 
@@ -427,7 +466,7 @@ def _certify(frame: _Frame, name: str, state: _State, certify: bool) -> tuple[Tr
     final = problem
     if certify:
         final = route.certifier(problem)
-        descent = descend(final, descent.z, descent.label, z0=descent.z, tight=True)
+        descent = descend_fast(final, descent.z, descent.label, 1e-7, _CERTIFYING)
     space, z = state.space, descent.z
     if certify:
         states = [route.initial_states(final, descent, i) for i in range(len(frame.data))]
