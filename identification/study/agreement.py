@@ -200,6 +200,6 @@ def _sentence(differences: Sequence[Difference], behaviour: Sequence[Steadiness]
     if best.dof and best.chi_square > 2 * best.dof:
         return (
             f"{text} The recordings are steady within {100 * STEADY:.0f} % and more, but the model misfits them "
-            f"(chi-square {best.chi_square / best.dof:.3g} per degree of freedom), and the two weigh that misfit differently."
+            f"(chi-square {best.chi_square / best.dof:.3g} per degree of freedom), which both weigh differently."
         )
     return f"{text} The recordings are steady and the model fits: look for an offset, a drifting mean or a wrong clock."

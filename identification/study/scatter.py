@@ -1,7 +1,7 @@
 """How far the recordings of one subject lie off its smooth curves: placement, muscle tone.
 
-Recording i has the foot B_i beta + u_i with u_i ~ N(0, diag(tau^2)), independent from recording to recording. The offsets
-are estimated with the coefficients, u_i / tau being residuals beside the harmonics: a hierarchical model whose
+Recording i has the foot B_i beta + u_i with u_i ~ N(0, diag(tau^2)), independent from recording to recording. The
+offsets are estimated with the coefficients, u_i / tau being residuals beside the harmonics: a hierarchical model whose
 likelihood, the offsets integrated out, follows from Laplace's approximation.
 """
 
@@ -100,7 +100,7 @@ class TrendProblem(PeriodicProblem):
         return found
 
     def deviance(self, z: np.ndarray) -> float:
-        """-2 log likelihood, the offsets integrated out: cost + sum of log det S_i + log det(I + T G_i' S_i^-1 G_i T)."""
+        """-2 log likelihood, offsets integrated out: cost + sum of log det S_i + log det(I + T G_i' S_i^-1 G_i T)."""
         r = self.residual(z)
         if (r == UNSTABLE).all():
             return float("inf")
