@@ -8,7 +8,7 @@ probability of every assignment is
 
 with the deviances D of the fits and d = sum over curves of (difference of logarithms)^2 / variance. Smoothness cannot
 tell all-of-one-branch from all-of-the-other, as the mirror image of a smooth curve is smooth; likelihood, prior or a
-second sensor must. Marginal odds are exact (a forward-backward pass over frequencies, all loads of a frequency as one state).
+second sensor must. Marginal odds are exact: a forward-backward pass over frequencies, all loads of one as a state.
 """
 
 from collections.abc import Mapping, Sequence
