@@ -30,30 +30,32 @@ def test_a_steady_recording_has_no_reasons() -> None:
 
 def test_drift_is_measured() -> None:
     found = steadiness(shaped(lambda t: 1 + 0.05 * t / 10))
-    first, last = 1.5 * 10 / 12, 11.5 * 10 / 12  # middles of the second and the last of twelve parts
-    assert found.drift == pytest.approx(0.05 * (last - first) / 10 / (1 + 0.05 * 6.5 / 12), rel=0.03)
-    assert any(text.startswith("drift: its amplitude changes by 4.") for text in found.reasons)
+    assert found.drift == pytest.approx(0.05 / 1.025, rel=0.03)
+    assert any(
+        text.startswith("drift: its amplitude changes by 4.") or text.startswith("drift: its amplitude changes by 5.")
+        for text in found.reasons
+    )
 
 
 def test_beating_is_measured() -> None:
     found = steadiness(shaped(lambda t: 1 + 0.04 * np.sin(2 * np.pi * 0.4 * t)))
-    assert found.beat_hz == pytest.approx(0.4, abs=0.12)
-    assert found.beating == pytest.approx(0.04, rel=0.25)
+    assert found.beat_hz == pytest.approx(0.4, abs=0.03)
+    assert found.beating == pytest.approx(0.04, rel=0.05)
     assert any(text.startswith("beating") for text in found.reasons)
 
 
 def test_a_transient_is_measured() -> None:
     found = steadiness(shaped(lambda t: 1 + 0.3 * np.exp(-t / 0.2)))
-    first = 10 / 12
+    first = 1.0
     assert found.onset == pytest.approx(0.3 * 0.2 / first * (1 - np.exp(-first / 0.2)), rel=0.1)
     assert found.reasons[0].startswith("a transient")
 
 
 @pytest.fixture(scope="module")
 def both(foot: Foot) -> tuple[list[Recording], tuple[FitResult, FitResult], Agreement]:
-    data = study(lambda f, m: power_laws(20.0, m), (12.5, 20.0, 40.0), (0.0,), seed=4, seconds=1.6)
-    held = foot.with_values({n: power_laws(20.0, 0.0)[n] for n in ("c_12", "c_13", "c_22", "c_23")})
-    settings = Settings(free=("k_T", "k_F", "c_11", "c_21"), starts=1, threads=1, delay=False)
+    data = study(lambda f, m: power_laws(20.0, m), (12.5, 20.0, 40.0), (0.0,), seed=4, seconds=1.2)
+    held = foot.with_values({n: power_laws(20.0, 0.0)[n] for n in ("c_11", "c_12", "c_13", "c_22", "c_23")})
+    settings = Settings(free=("k_T", "k_F", "c_21"), starts=1, threads=1, delay=False)
     results = tuple(fit(data, held, replace(settings, domain=d)) for d in ("periodic", "time"))
     return data, results, agreement(data, held, settings, results=results)  # type: ignore[arg-type]
 
@@ -66,7 +68,7 @@ def test_both_routes_agree_on_a_steady_study(both) -> None:  # type: ignore[no-u
         a, b = steady.best.parameters[d.key], timed.best.parameters[d.key]
         assert d.z == pytest.approx((a.value - b.value) / np.hypot(a.std_error, b.std_error))
         assert abs(a.value - b.value) < 0.05 * a.value
-    assert found.sentence.startswith("Steady state and time domain agree: 4 parameters")
+    assert found.sentence.startswith("Steady state and time domain agree: 3 parameters")
     assert found.document()["agrees"] is True
 
 
@@ -85,7 +87,7 @@ def test_a_disagreement_is_explained_by_the_data(both, foot: Foot) -> None:  # t
     apart = (steady, biased(timed, 20.0))
     unexplained = agreement(data, foot, results=apart)
     assert not unexplained.agrees
-    assert "disagree in 1 of 4" in unexplained.sentence
+    assert "disagree in 1 of 3" in unexplained.sentence
     assert "The recordings are steady" in unexplained.sentence
     t = data[1].time_s - data[1].time_s[0]
     drifting = [data[0], replace(data[1], malleolus_m_s2=data[1].malleolus_m_s2 * (1 + 0.04 * t / t[-1])), data[2]]

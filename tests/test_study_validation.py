@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from study_cases import NONLINEAR, power_laws, record, study
 
+from fasbody.checks import checked
 from fasbody.exceptions import SettingError
 from fasbody.model import Foot
 from identification.estimate import Settings
@@ -69,7 +70,7 @@ def test_estimates_that_are_power_laws_predict_what_is_left_out(foot: Foot) -> N
     w = np.log(15 / 10) / np.log(20 / 10)
     a, b = power_laws(10.0, 0.0), power_laws(20.0, 0.0)
     values = {n: a[n] ** (1 - w) * b[n] ** w if a[n] > 0 else a[n] for n in a}
-    line = Line.of(data[1])
+    line = Line.of(checked(data[1]))
     by_hand = compare(line, predicted(line, foot, {**foot.values(), **values}, True))
     assert found.rows[1].chi_square == pytest.approx(by_hand.chi_square, rel=1e-6)
 
@@ -77,7 +78,7 @@ def test_estimates_that_are_power_laws_predict_what_is_left_out(foot: Foot) -> N
 def test_pooled_constants_predict_constants_and_not_a_trend(foot: Foot) -> None:
     settings = Settings(starts=1, threads=1)
     good = leave_one_frequency_out(study(constant, F, (0.0,)), foot, "pooled", settings)
-    bad = leave_one_frequency_out(study(power_laws, F, (0.0,)), foot, "pooled", settings)
+    bad = leave_one_frequency_out(study(power_laws, F[:3], (0.0,)), foot, "pooled", settings)
     assert good.chi_square_per_number < 4
     assert bad.chi_square_per_number > 100
     assert bad.percent > 5 * good.percent
@@ -85,12 +86,12 @@ def test_pooled_constants_predict_constants_and_not_a_trend(foot: Foot) -> None:
 
 
 def test_trend_predicts_a_trend(foot: Foot) -> None:
-    data = study(power_laws, F, (0.0, 4.5))
+    data = study(power_laws, F[:4], (0.0,))
     whole = fit_trend(
-        data, foot, Settings(starts=1, threads=1), order=Order(2, 1, 1), scatter=False, certify=False
+        data, foot, Settings(starts=1, threads=1), order=Order(2, 0, 1), scatter=False, certify=False
     )  # fmt: skip
     found = leave_one_frequency_out(data, foot, "trend", Settings(threads=1), branch=whole.best)
-    assert len(found.rows) == 10
+    assert len(found.rows) == 4
     assert not found.failed
     assert found.chi_square_per_number < 4
     assert found.percent < 1
@@ -98,7 +99,7 @@ def test_trend_predicts_a_trend(foot: Foot) -> None:
 
 def test_criteria_know_linear_damping_from_nonlinear(foot: Foot) -> None:
     settings = Settings(starts=1, threads=1)
-    bent = compare_damping(study(constant, F, (0.0,)), foot, "pooled", settings)
+    bent = compare_damping(study(constant, F[:4], (0.0,)), foot, "pooled", settings)
     assert bent.preferred("aic") == bent.preferred("bic") == bent.preferred("held_out_percent") == "nonlinear"
     assert bent.linear.held_out_chi_square > 10 * bent.nonlinear.held_out_chi_square  # type: ignore[operator]
     straight = compare_damping(study(linear, F, (0.0,), noise=3.0), foot, "pooled", settings, held_out=False)

@@ -28,7 +28,7 @@ _FIRST, _GROWTH, _STEPS = 0.5, 1.3, 40
 #: Steps to the limit at most, and the error of the rise there that is none.
 _REFINED, _CLOSE = 15, 0.01
 #: Share of its width by which an interval may miss the Wald interval and still agree with it.
-DEPARTURE = 0.2
+DEPARTURE = 0.1
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Profile:
         key: parameter with unit. value: its estimate. values: where it was held, in order, the estimate among them.
         rises: deviance there above the least, over the reduced chi-square where the model misfits. lower, upper: 95 %
         limits. open_below, open_above: the deviance does not rise enough before the bound. wald: the Wald interval.
-        departs: the limits miss the Wald interval's by more than 20 % of its width. verdict: identified / weak / not
+        departs: the limits miss the Wald interval's by more than 10 % of its width. verdict: identified / weak / not
         identifiable, by the profile. better: a lower deviance was met, so the estimate was not the best.
     """
 
