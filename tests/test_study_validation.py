@@ -93,8 +93,8 @@ def test_trend_predicts_a_trend(foot: Foot) -> None:
     found = leave_one_frequency_out(data, foot, "trend", Settings(threads=1), branch=whole.best)
     assert len(found.rows) == 4
     assert not found.failed
-    assert found.chi_square_per_number < 4
-    assert found.percent < 1
+    assert found.chi_square_per_number < 10  # three frequencies for the curves: their error adds to the noise
+    assert found.percent < 0.2
 
 
 def test_criteria_know_linear_damping_from_nonlinear(foot: Foot) -> None:

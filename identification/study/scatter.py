@@ -16,7 +16,7 @@ from fasbody.exceptions import SimulationError
 from identification.orbits import Engine
 from identification.periodic import Line, PeriodicProblem, inverse_of_gram, split
 from identification.routes import PeriodicRoute
-from identification.search import UNSTABLE, Descent
+from identification.search import UNSTABLE, Descent, descend
 from identification.study.curves import CurveSpace
 from identification.study.levenberg import descend_fast
 
@@ -161,4 +161,5 @@ class TrendRoute(PeriodicRoute):
             if number and descent.cost > _HOPELESS * problem.size:
                 return problem, descent
         self.tau = problem.tau
-        return problem, descend_fast(problem, z, "settled", 1e-10)
+        # the surer method, for the end of a long valley
+        return problem, descend(problem, z, "settled", z0=z, tight=True)
