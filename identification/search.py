@@ -21,10 +21,6 @@ class Problem(Protocol):
         """What is searched."""
 
     @property
-    def space(self) -> SearchSpace:
-        """What is searched."""
-
-    @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of the full search variable."""
 
