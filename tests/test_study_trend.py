@@ -139,6 +139,7 @@ def test_known_curves_are_recovered_in_mujoco(known: TrendResult) -> None:
 def test_loads_and_nonlinear_damping_decide_the_branch(known: TrendResult) -> None:
     assert [b.name for b in known.branches] == ["stiff ankle", "stiff pad"]
     assert known.verdict == "decided"
+    assert any("2 coefficients over 2 loads go through any change" in text for text in known.warnings)
     assert known.branches[1].deviance - known.branches[0].deviance > 20
 
 

@@ -162,10 +162,10 @@ def _advice(best: TrendBranch, frame: Frame) -> list[str]:
             "One load: the mirror image of all curves is again smooth, so that only nonlinear damping tells the "
             "branches apart; record a second load."
         )
-    elif best.space.order.load >= 2:
+    elif best.space.order.load >= frame.loads - 1:
         texts.append(
-            "Powers of the load up to 2 can follow the mirror image, whose factor a = m_S / (m_S + m_F) is smooth in "
-            "the load: the loads hardly tell the branches apart."
+            f"Curves with {best.space.order.load + 1} coefficients over {frame.loads} loads go through any change with "
+            "load, the mirror image's too: the loads do not tell the branches apart, only nonlinear damping does."
         )
     if best.crosses:
         texts.append("k_T crosses its mirror image a k_F: near there the two branches cannot be told apart.")
