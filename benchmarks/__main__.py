@@ -11,7 +11,9 @@ from typing import Annotated
 
 import typer
 
-from benchmarks import accuracy, acquire, arch, callbacks, coverage, fitting, peak_to_peak, study_end_to_end, viewer
+from benchmarks import (
+    accuracy, acquire, arch, callbacks, coverage, fitting, peak_to_peak, study, study_end_to_end, viewer,
+)  # fmt: skip
 from benchmarks.rows import HEADER, Row, table
 from fasbody.console import command_line, console, print_json, write_whole
 
@@ -70,6 +72,7 @@ def main(
         "arch": arch.measure,
         "fitting": lambda: fitting.measure(scipy_limit=scipy_limit),
         "coverage": lambda: coverage.measure(seeds, jobs),
+        "study": lambda: study.measure(scipy_limit=scipy_limit),
         "viewer": viewer.measure,
         "acquisition": acquire.measure,
         "transmissibility": peak_to_peak.measure,
