@@ -21,9 +21,10 @@ from identification.columns import Columns
 #: Longest time step of an orbit [s], and fewest steps a period: RK4 then errs by less than 1e-4 of the peak.
 LONGEST_STEP = 5e-4
 FEWEST_STEPS = 48
-_PASSES = 12
+#: Most passes of Newton's method.
+PASSES = 12
 #: Relative gap after one period beyond which there is no orbit.
-_LOST = 1e-2
+LOST = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +102,7 @@ class _Memory:
 
     def _keep(self, number: int, x: np.ndarray, dx: np.ndarray, theta: np.ndarray, gap: float) -> None:
         """Remember an orbit, or say that there is none."""
-        if not gap < _LOST:
+        if not gap < LOST:
             self._last[number] = None
             at = f"{self.excitations[number].frequency_hz:g} Hz"
             raise SimulationError(f"{self._what}: no periodic motion at {at} for {theta}.")
@@ -115,7 +116,7 @@ class Twin(_Memory):
 
     def __init__(self, excitations: Sequence[Excitation]) -> None:
         super().__init__(excitations, STATES, "the two-mass model")
-        self._inputs = [e.motion.half_steps(e.step, e.steps) for e in self.excitations]
+        self.inputs = [e.motion.half_steps(e.step, e.steps) for e in self.excitations]
 
     def orbit(
         self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
@@ -124,7 +125,7 @@ class Twin(_Memory):
         e = self.excitations[number]
         masses = {**values, **e.masses}
         theta = np.array([values[name] for name in NAMES])
-        arguments = (theta, masses["m_S"], masses["m_F"], self._inputs[number], e.step, tolerance, _PASSES)
+        arguments = (theta, masses["m_S"], masses["m_F"], self.inputs[number], e.step, tolerance, PASSES)
         try:
             Y, DY, x, dx, gap = periodic(self._guess(number, theta), *arguments)
             if not gap < tolerance:  # a bad guess: once more from rest
@@ -157,7 +158,7 @@ class Rollouts(_Memory):
         e = self.excitations[number]
         theta = np.array([values[name] for name in self.columns.names])
         x = self._guess(number, theta)
-        for _ in range(_PASSES):
+        for _ in range(PASSES):
             d = self.columns.run(self._controls[number], e.step, {**values, **e.masses}, x)
             monodromy = np.eye(x.size) - d.x_by_state
             step = np.linalg.solve(monodromy, d.x - x)
@@ -206,3 +207,9 @@ def twin_applies(foot: Foot) -> bool:
         if np.abs(have - want).max() > 1e-6 * np.abs(want).max():
             return False
     return True
+
+
+def twin_order(foot: Foot) -> np.ndarray:
+    """(4,) where z1, z2, z1', z2' of the twin stand among the model's coordinates without the base; its own inverse."""
+    ankle, pad = (int(foot.model.joint(name).qposadr[0]) for name in ("talocrural", "fat_pad"))
+    return np.array([0, 1, 2, 3] if ankle < pad else [1, 0, 3, 2])
