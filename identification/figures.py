@@ -30,6 +30,21 @@ def panels(rows: int, columns: int, width: float, height: float, **options: obje
         return figure, figure.subplots(rows, columns, squeeze=False, **options)  # type: ignore[call-overload]
 
 
+def _by_recording(result: FitResult, height: float, x: str, y: str, **options: object) -> tuple[Figure, np.ndarray]:
+    """One panel a recording, three in a row, labelled at the left and the lower edge; spare ones are blank."""
+    count = len(result.recordings)
+    columns = min(3, count)
+    rows = -(-count // columns)
+    figure, axes = panels(rows, columns, 3.6 * columns, height * rows, **options)
+    for axis in axes.flat[count:]:
+        axis.set_axis_off()
+    for axis in axes[-1]:
+        axis.set_xlabel(x)
+    for row in axes:
+        row[0].set_ylabel(y)
+    return figure, axes
+
+
 def _title(recording: RecordingFit) -> str:
     at = "broadband" if recording.frequency_hz is None else f"{recording.frequency_hz:.4g} Hz"
     return f"{at}, {recording.added_mass_kg:g} kg added"
@@ -37,10 +52,7 @@ def _title(recording: RecordingFit) -> str:
 
 def traces(result: FitResult) -> Figure:
     """Measured and modelled malleolus acceleration, three periods of each recording (or its first second)."""
-    count = len(result.recordings)
-    columns = min(3, count)
-    rows = -(-count // columns)
-    figure, axes = panels(rows, columns, 3.6 * columns, 2.3 * rows)
+    figure, axes = _by_recording(result, 2.3, "time [ms]", "malleolus [m/s²]")
     for axis, recording in zip(axes.flat, result.recordings, strict=False):
         start, length = _window(recording)
         shown = (recording.time_s >= start) & (recording.time_s < start + length)
@@ -48,12 +60,6 @@ def traces(result: FitResult) -> Figure:
         axis.plot(t, recording.measured[shown], ".", ms=2.5, color=_MEASURED, label="data")
         axis.plot(t, recording.model[shown], lw=1.1, color=_MODEL, label="model")
         axis.set_title(f"{_title(recording)}: fit {recording.fit_percent:.1f} %", fontsize=9)
-    for axis in axes.flat[count:]:
-        axis.set_axis_off()
-    for axis in axes[-1]:
-        axis.set_xlabel("time [ms]")
-    for row in axes:
-        row[0].set_ylabel("malleolus [m/s²]")
     axes[0, 0].legend(loc="upper right", fontsize=7)
     return figure
 
@@ -66,10 +72,7 @@ def _window(recording: RecordingFit) -> tuple[float, float]:
 
 def residuals(result: FitResult) -> Figure:
     """Amplitude spectrum of what the model leaves, beside that of the recording."""
-    count = len(result.recordings)
-    columns = min(3, count)
-    rows = -(-count // columns)
-    figure, axes = panels(rows, columns, 3.6 * columns, 2.0 * rows, sharex=True, sharey=True)
+    figure, axes = _by_recording(result, 2.0, "frequency [Hz]", "amplitude [m/s²]", sharex=True, sharey=True)
     for axis, recording in zip(axes.flat, result.recordings, strict=False):
         window = np.hanning(recording.time_s.size)
         f = np.fft.rfftfreq(recording.time_s.size, (recording.time_s[1] - recording.time_s[0]))
@@ -82,12 +85,6 @@ def residuals(result: FitResult) -> Figure:
         axis.set_title(_title(recording), fontsize=9)
         axis.set_xlim(0, 160)
         axis.set_ylim(bottom=1e-5)
-    for axis in axes.flat[count:]:
-        axis.set_axis_off()
-    for axis in axes[-1]:
-        axis.set_xlabel("frequency [Hz]")
-    for row in axes:
-        row[0].set_ylabel("amplitude [m/s²]")
     axes[0, 0].legend(loc="upper right", fontsize=7)
     return figure
 

@@ -6,7 +6,7 @@ factor of their QR decomposition, which has the same cost, gradient and Gauss-Ne
 stands for.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from fasbody.exceptions import SimulationError
 from fasbody.model import Foot
 from fasbody.recording import Recording
-from fasbody.shaker import samples
+from fasbody.shaker import BaseMotion, samples
 from fasbody.two_dof import NAMES, trajectory
 from identification.columns import Columns
 from identification.orbits import twin_order
@@ -48,6 +48,16 @@ def grid(recording: Recording, foot: Foot) -> tuple[float, int, int]:
     return interval / stride, recording.time_s.size * stride, stride
 
 
+def _driven(
+    recordings: Sequence[Recording], foot: Foot
+) -> Iterator[tuple[BaseMotion, float, int, int, dict[str, float]]]:
+    """Base motion, time step, number of steps, steps a sample and masses of each recording."""
+    for recording in recordings:
+        h, n, stride = grid(recording, foot)
+        motion = samples(recording.time_s - recording.time_s[0], recording.base_m_s2)
+        yield motion, h, n, stride, recording.condition.masses
+
+
 class TimeTwin:
     """The compiled two-mass model over whole recordings; its states come in the order of the model's coordinates.
 
@@ -60,11 +70,7 @@ class TimeTwin:
     def __init__(self, foot: Foot, recordings: Sequence[Recording]) -> None:
         self.state_scale = np.array([1e-3, 1e-3, 0.1, 0.1])
         self.order = twin_order(foot)
-        self._runs = []
-        for recording in recordings:
-            h, n, stride = grid(recording, foot)
-            motion = samples(recording.time_s - recording.time_s[0], recording.base_m_s2)
-            self._runs.append((motion.half_steps(h, n), h, stride, recording.condition.masses))
+        self._runs = [(u.half_steps(h, n), h, stride, masses) for u, h, n, stride, masses in _driven(recordings, foot)]
 
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
@@ -90,11 +96,7 @@ class TimeRollouts:
     def __init__(self, foot: Foot, recordings: Sequence[Recording], names: Sequence[str], threads: int = 0) -> None:
         self.columns = Columns(foot, names, threads)
         self.state_scale = self.columns.scale
-        self._runs = []
-        for recording in recordings:
-            h, n, stride = grid(recording, foot)
-            motion = samples(recording.time_s - recording.time_s[0], recording.base_m_s2)
-            self._runs.append((motion.controls(h, n), h, stride, recording.condition.masses))
+        self._runs = [(u.controls(h, n), h, stride, masses) for u, h, n, stride, masses in _driven(recordings, foot)]
 
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray

@@ -21,6 +21,9 @@ class Analytic:
     size = 3
     log_determinant = 0.0
 
+    def compiled(self) -> None:
+        return None
+
     def __init__(self, space: Space, residual, jacobian) -> None:  # type: ignore[no-untyped-def]
         self.space, self.residual, self.jacobian = space, residual, jacobian
 
