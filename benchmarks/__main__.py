@@ -12,7 +12,16 @@ from typing import Annotated
 import typer
 
 from benchmarks import (
-    accuracy, acquire, arch, callbacks, coverage, fitting, peak_to_peak, study, study_end_to_end, viewer,
+    accuracy,
+    acquire,
+    arch,
+    callbacks,
+    coverage,
+    fitting,
+    peak_to_peak,
+    study,
+    study_end_to_end,
+    viewer,
 )  # fmt: skip
 from benchmarks.rows import HEADER, Row, table
 from fasbody.console import command_line, console, print_json, write_whole
