@@ -26,6 +26,9 @@ from identification.space import MASSES, Space, space_of
 _POOR_FIT, _BASE_ERROR = 85.0, 1e-4
 #: Rounds of reweighing: the weights depend on the model, and settle at once.
 _REWEIGH = 2
+#: So many ends of a branch are tried in MuJoCo before it is given up.
+_CANDIDATES = 3
+_UNSTABLE_ENDS = "The best end of the {name} branch is a motion that does not last in MuJoCo; {what}."
 
 
 @dataclass(frozen=True)
@@ -107,11 +110,16 @@ def fit(
     if descents[0].unstable:
         raise SimulationError(f"{foot.name}: every start was unstable; check the bounds and the model's parameters.")
 
-    chosen = _one_a_branch(scout, descents, space, a) if mirror else {"best": descents[0]}
+    chosen = _a_branch_each(scout, descents, space, a) if mirror else {"best": descents}
     certified = []
-    for number, (name, descent) in enumerate(chosen.items()):
+    for number, (name, candidates) in enumerate(chosen.items()):
         advance("certifying in MuJoCo", number, len(chosen))
-        certified.append(_certify(route, name, descent))
+        found, skipped = _certify_first(route, name, candidates)
+        certified += [found] if found else []
+        if skipped:
+            warnings.append(_UNSTABLE_ENDS.format(name=name, what="it is left out" if found is None else "passed over"))
+    if not certified:
+        raise SimulationError(f"{foot.name}: the best parameter sets are all unstable over the recordings.")
     certified.sort(key=lambda c: c.deviance)
     built = [_branch(route, c, space) for c in certified]
     best = certified[0].run
@@ -160,20 +168,18 @@ def _starts(space: Space, foot: Foot, settings: Settings, a: float | None) -> li
     return starts[: max(settings.starts, 1)]
 
 
-def _one_a_branch(route: Route, descents: Sequence[Descent], space: Space, a: float) -> dict[str, Descent]:
-    """The best descent of each branch; a branch without one is entered from the mirror image of the other."""
-    found: dict[str, Descent] = {}
+def _a_branch_each(route: Route, descents: Sequence[Descent], space: Space, a: float) -> dict[str, list[Descent]]:
+    """The descents of each branch, best first; the mirror image of the other's best is entered, too."""
+    found: dict[str, list[Descent]] = {}
     for descent in descents:
-        found.setdefault(side(space.values(descent.theta), a), descent)
+        found.setdefault(side(space.values(descent.theta), a), []).append(descent)
     problem = route.explorer()
     for name, other in ((STIFF_ANKLE, STIFF_PAD), (STIFF_PAD, STIFF_ANKLE)):
         if other in found:
-            image = mirrored(space.values(found[other].theta), a)
+            image = mirrored(space.values(found[other][0].theta), a)
             entered = descend(problem, space.to_q(space.theta(image)), f"mirror of {other}")
-            if side(space.values(entered.theta), a) == name and entered.cost < found.get(name, entered).cost * (
-                1 + 1e-9
-            ):
-                found[name] = entered
+            if side(space.values(entered.theta), a) == name:
+                found[name] = sorted([*found.get(name, []), entered], key=lambda d: d.cost)
     return found
 
 
@@ -215,6 +221,25 @@ def _certify(route: Route, name: str, descent: Descent) -> _Certified:
     starts = [route.initial_states(final, descent, number) for number in range(len(route.recordings))]
     run = replay(route.foot, route.recordings, route.space.values(descent.theta), starts, route.twin, route.threads)
     return _Certified(name, final, descent, descent.cost + final.log_determinant, run)
+
+
+def _certify_first(route: Route, name: str, candidates: Sequence[Descent]) -> tuple[_Certified | None, int]:
+    """The best descent of a branch that MuJoCo can follow over whole recordings, and how many it could not.
+
+    A parameter set may have a periodic motion that no foot would stay on. Descents that end at the same place are
+    tried once.
+    """
+    skipped: list[Descent] = []
+    for descent in candidates:
+        if descent.unstable or any(abs(descent.cost - other.cost) <= 1e-6 * other.cost for other in skipped):
+            continue
+        try:
+            return _certify(route, name, descent), len(skipped)
+        except SimulationError:
+            skipped.append(descent)
+        if len(skipped) == _CANDIDATES:
+            break
+    return None, len(skipped)
 
 
 def _branch(route: Route, certified: _Certified, space: Space) -> Branch:
