@@ -32,7 +32,7 @@ from fasbody.recording import Condition, Recording
 from fasbody.subjects import SUBJECTS
 from fasbody.two_dof import TwoDof
 from identification.branches import judge, mirrored, ratio, side
-from identification.estimate import settle, standard_errors
+from identification.certification import settle, standard_errors
 from identification.periodic import PeriodicProblem
 from identification.routes import PeriodicRoute
 from identification.search import Descent, descend

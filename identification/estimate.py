@@ -3,32 +3,25 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
 
 from fasbody.checks import checked
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.model import Foot
-from fasbody.parameters import Parameter
 from fasbody.recording import UNSTATED, Recording
+from identification.advice import advice
 from identification.branches import STIFF_ANKLE, STIFF_PAD, Verdict, has_mirror, judge, mirrored, ratio, side
+from identification.certification import branch_of, certify_first
 from identification.excitation import excitation_rank
 from identification.orbits import twin_applies
-from identification.replay import Replay, replay
-from identification.result import Branch, Estimate, FitResult, RecordingFit, identifiability
+from identification.result import FitResult, RecordingFit
 from identification.routes import PeriodicRoute, Route, TimeRoute, choose_domain, steady
 from identification.search import Descent, descend, explore
 from identification.space import MASSES, Space, space_of
 
-#: Fit below which something is wrong [%], and error of the base above which the shaker is.
-_POOR_FIT, _BASE_ERROR = 85.0, 1e-4
-#: Rounds of reweighing: the weights depend on the model, and settle at once.
-_REWEIGH = 2
-#: So many ends of a branch are tried in MuJoCo before it is given up.
-_CANDIDATES = 3
-_UNSTABLE_ENDS = "The best end of the {name} branch is a motion that does not last in MuJoCo; {what}."
+_LEFT_OUT = "The {name} branch is left out: the motions at its best ends do not last in MuJoCo."
+_PASSED_OVER = "The best end of the {name} branch was passed over: its motion does not last in MuJoCo."
 
 
 @dataclass(frozen=True)
@@ -114,20 +107,22 @@ def fit(
     certified = []
     for number, (name, candidates) in enumerate(chosen.items()):
         advance("certifying in MuJoCo", number, len(chosen))
-        found, skipped = _certify_first(route, name, candidates)
-        certified += [found] if found else []
+        found, skipped = certify_first(route, name, candidates)
+        if found:
+            certified.append(found)
         if skipped:
-            warnings.append(_UNSTABLE_ENDS.format(name=name, what="it is left out" if found is None else "passed over"))
+            warnings.append((_PASSED_OVER if found else _LEFT_OUT).format(name=name))
     if not certified:
         raise SimulationError(f"{foot.name}: the best parameter sets are all unstable over the recordings.")
     certified.sort(key=lambda c: c.deviance)
-    built = [_branch(route, c, space) for c in certified]
+    built = [branch_of(route, c, space) for c in certified]
     best = certified[0].run
     verdict = judge([b.name for b in built], [b.deviance for b in built], built[0].chi_square, built[0].dof)
-    if not mirror:
-        verdict = Verdict("not compared", 0.0, why_not)
+    left_out = [name for name in chosen if name not in {c.name for c in certified}]
+    if not mirror or left_out:
+        verdict = Verdict("not compared", 0.0, why_not or _LEFT_OUT.format(name=left_out[0]))
     rank = excitation_rank(data)
-    warnings += _advice(built[0], space, rank, data, best, verdict)
+    warnings += advice(built[0], space, rank, data, best, verdict)
     return FitResult(
         source=source or data[0].file,
         origin=next((o for o in ("synthetic", UNSTATED) if any(r.origin == o for r in data)), "measured"),
@@ -181,144 +176,6 @@ def _a_branch_each(route: Route, descents: Sequence[Descent], space: Space, a: f
             if side(space.values(entered.theta), a) == name:
                 found[name] = sorted([*found.get(name, []), entered], key=lambda d: d.cost)
     return found
-
-
-@dataclass(frozen=True, eq=False)
-class _Certified:
-    """A branch converged on the MuJoCo rollout."""
-
-    name: str
-    problem: Any
-    descent: Descent
-    deviance: float
-    run: Replay
-
-
-def settle(route: Route, descent: Descent) -> tuple[Any, Descent]:
-    """Bring the weights up to date at a descent's end and go on from there: the problem so weighted, and the end."""
-    problem = route.explorer()
-    q = route.space.to_q(descent.theta)
-    z = descent.z if descent.z.size == problem.bounds[0].size else problem.start(q)  # explored in the other domain
-    for _ in range(_REWEIGH if route.chi_square else 1):  # without chi-square the weights stay
-        route.reweigh(problem, descent)
-        descent = descend(problem, route.space.to_q(descent.theta), descent.label, z0=z, tight=True)
-        z = descent.z
-    return problem, descent
-
-
-def standard_errors(problem: Any, descent: Descent, dof: int, chi_square: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Standard errors (p,) and covariance (p, p) of q; a misfit beyond the noise widens the former, NaN at a bound."""
-    covariance = problem.covariance(descent.z, ~problem.space.at_bound(descent.theta))
-    excess = max(1.0, descent.cost / dof) if chi_square and dof else 1.0
-    return np.sqrt(np.diag(covariance) * excess), covariance
-
-
-def _certify(route: Route, name: str, descent: Descent) -> _Certified:
-    """Settle the weights, converge on the MuJoCo rollout, and run the recordings."""
-    problem, descent = settle(route, descent)
-    final = route.certifier(problem)
-    descent = descend(final, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
-    starts = [route.initial_states(final, descent, number) for number in range(len(route.recordings))]
-    run = replay(route.foot, route.recordings, route.space.values(descent.theta), starts, route.twin, route.threads)
-    return _Certified(name, final, descent, descent.cost + final.log_determinant, run)
-
-
-def _certify_first(route: Route, name: str, candidates: Sequence[Descent]) -> tuple[_Certified | None, int]:
-    """The best descent of a branch that MuJoCo can follow over whole recordings, and how many it could not.
-
-    A parameter set may have a periodic motion that no foot would stay on. Descents that end at the same place are
-    tried once.
-    """
-    skipped: list[Descent] = []
-    for descent in candidates:
-        if descent.unstable or any(abs(descent.cost - other.cost) <= 1e-6 * other.cost for other in skipped):
-            continue
-        try:
-            return _certify(route, name, descent), len(skipped)
-        except SimulationError:
-            skipped.append(descent)
-        if len(skipped) == _CANDIDATES:
-            break
-    return None, len(skipped)
-
-
-def _branch(route: Route, certified: _Certified, space: Space) -> Branch:
-    """Estimates with standard errors from the Jacobian at MuJoCo's optimum."""
-    problem, descent, run = certified.problem, certified.descent, certified.run
-    dof = max(0, problem.size - descent.z.size)
-    std_q, covariance = standard_errors(problem, descent, dof, route.chi_square)
-    at_bound = space.at_bound(descent.theta)
-    theta = space.snapped(descent.theta)
-    low, high = space.interval(theta, std_q)
-    std = std_q * space.slope(theta)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
-    return Branch(
-        name=certified.name,
-        cost=descent.cost,
-        deviance=certified.deviance,
-        fit_percent=float(np.mean(run.fits)),
-        parameters={
-            item.key: Estimate(
-                float(v), float(s), float(lo), float(hi), bool(b), identifiability(v, s, _size(item), bool(b))
-            )
-            for item, v, s, lo, hi, b in zip(space.free, theta, std, low, high, at_bound, strict=True)
-        },
-        correlation=np.nan_to_num(correlation).tolist(),
-        chi_square=descent.cost,
-        dof=dof,
-        p_value=float(chi2.sf(descent.cost, dof)) if route.chi_square and dof else None,
-    )
-
-
-def _size(item: Parameter) -> float:
-    """A value that matters of a parameter that may be zero: a tenth of the way to its bound."""
-    return 0.0 if item.logarithmic else 0.1 * max(abs(item.lower), abs(item.upper))
-
-
-def _advice(
-    best: Branch, space: Space, rank: int, data: Sequence[Recording], run: Replay, verdict: Verdict
-) -> list[str]:
-    """Warnings that a careful colleague would give."""
-    texts = []
-    poor = [(fit, r.file) for fit, r in zip(run.fits, data, strict=True) if fit < _POOR_FIT]
-    if poor:
-        fit, file = min(poor)
-        texts.append(
-            f"The model follows {file} only to {fit:.0f} %: check that its channels are aligned and in the right unit, "
-            "that it is this foot, and that the bounds hold the answer."
-        )
-    if run.base_error > _BASE_ERROR:
-        texts.append(f"The model's base misses the prescribed acceleration by {run.base_error:.1e} of its peak.")
-    if best.dof == 0:
-        texts.append(
-            f"The recordings hold no more numbers than the {len(space.free)} free parameters: they are fitted exactly "
-            "whatever the truth, so goodness of fit says nothing. Pool several frequencies or free fewer (--free)."
-        )
-    if rank < len(space.free):
-        texts.append(
-            f"The excitation has rank {rank}, fewer than the {len(space.free)} free parameters: only distortion by the "
-            "nonlinear dampers tells more. Pool several frequencies."
-        )
-    bound = [key for key, e in best.parameters.items() if e.at_bound]
-    zero = [key for key in bound if best.parameters[key].value == 0.0]
-    if zero:
-        texts.append(f"At zero: {', '.join(zero)}. The recordings show no such bend of the damper's law.")
-    if set(bound) - set(zero):
-        rest = ", ".join(key for key in bound if key not in zero)
-        texts.append(f"At its bound: {rest}. The value says where the bound is, not where the foot is.")
-    weak = [key for key, e in best.parameters.items() if e.identifiability == "not identifiable" and not e.at_bound]
-    if weak:
-        texts.append(f"Not identifiable from these recordings: {', '.join(weak)} (standard error too large).")
-    if best.p_value is not None and best.p_value < 1e-3:
-        texts.append(
-            f"The model does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
-            f"{best.dof} degrees of freedom); the standard errors are widened accordingly."
-        )
-    loads = {recording.condition.added_mass_kg for recording in data}
-    if len(loads) == 1 and str(verdict) == "undecided":
-        texts.append("All recordings carry one load; a second load separates the mirror solutions.")
-    return texts
 
 
 def _start_row(descent: Descent, space: Space, a: float | None) -> dict[str, object]:

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from fasbody.exceptions import SettingError, unknown
-from identification.estimate import standard_errors
+from identification.certification import standard_errors
 from identification.result import identifiability
 from identification.search import Descent, Problem
 from identification.space import Space

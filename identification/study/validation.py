@@ -15,7 +15,8 @@ from fasbody.checks import checked
 from fasbody.exceptions import SettingError, SimulationError, unknown
 from fasbody.model import Foot
 from fasbody.recording import Recording
-from identification.estimate import Settings, settle
+from identification.certification import settle
+from identification.estimate import Settings
 from identification.orbits import twin_applies
 from identification.periodic import Line
 from identification.routes import PeriodicRoute

@@ -1,0 +1,62 @@
+"""What a careful colleague would say about a fit."""
+
+from collections.abc import Sequence
+
+from fasbody.recording import Recording
+from identification.branches import Verdict
+from identification.replay import Replay
+from identification.result import Branch
+from identification.space import Space
+
+#: Fit below which something is wrong [%], and error of the base above which the shaker is.
+_POOR_FIT, _BASE_ERROR = 85.0, 1e-4
+
+
+def advice(
+    best: Branch, space: Space, rank: int, data: Sequence[Recording], run: Replay, verdict: Verdict
+) -> list[str]:
+    """Sentences on a fit's best branch.
+
+    Args:
+        best: the branch. space: what was free. rank: of the excitation. data: the recordings. run: the branch's motion.
+        verdict: on the branches.
+    """
+    texts = []
+    poor = [(fit, r.file) for fit, r in zip(run.fits, data, strict=True) if fit < _POOR_FIT]
+    if poor:
+        fit, file = min(poor)
+        texts.append(
+            f"The model follows {file} only to {fit:.0f} %: check that its channels are aligned and in the right unit, "
+            "that it is this foot, and that the bounds hold the answer."
+        )
+    if run.base_error > _BASE_ERROR:
+        texts.append(f"The model's base misses the prescribed acceleration by {run.base_error:.1e} of its peak.")
+    if best.dof == 0:
+        texts.append(
+            f"The recordings hold no more numbers than the {len(space.free)} free parameters: they are fitted exactly "
+            "whatever the truth, so goodness of fit says nothing. Pool several frequencies or free fewer (--free)."
+        )
+    if rank < len(space.free):
+        texts.append(
+            f"The excitation has rank {rank}, fewer than the {len(space.free)} free parameters: only distortion by the "
+            "nonlinear dampers tells more. Pool several frequencies."
+        )
+    bound = [key for key, e in best.parameters.items() if e.at_bound]
+    zero = [key for key in bound if best.parameters[key].value == 0.0]
+    if zero:
+        texts.append(f"At zero: {', '.join(zero)}. The recordings show no such bend of the damper's law.")
+    if set(bound) - set(zero):
+        rest = ", ".join(key for key in bound if key not in zero)
+        texts.append(f"At its bound: {rest}. The value says where the bound is, not where the foot is.")
+    weak = [key for key, e in best.parameters.items() if e.identifiability == "not identifiable" and not e.at_bound]
+    if weak:
+        texts.append(f"Not identifiable from these recordings: {', '.join(weak)} (standard error too large).")
+    if best.p_value is not None and best.p_value < 1e-3:
+        texts.append(
+            f"The model does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
+            f"{best.dof} degrees of freedom); the standard errors are widened accordingly."
+        )
+    loads = {recording.condition.added_mass_kg for recording in data}
+    if len(loads) == 1 and str(verdict) == "undecided":
+        texts.append("All recordings carry one load; a second load separates the mirror solutions.")
+    return texts
