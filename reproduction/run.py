@@ -1,0 +1,101 @@
+"""Running rows in processes, keeping each result in a file, and finding it again as long as the code is the same."""
+
+import hashlib
+import json
+import platform
+from collections.abc import Iterator, Sequence
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import mjcf
+import reproduction
+from fasbody.console import to_json, write_whole
+from fasbody.parallel import run
+from reproduction.book import ROWS
+from reproduction.row import Outcome, Row, Verdict
+
+ROOT = Path(reproduction.__file__).parent.parent
+#: What a result depends on besides the rows of its own file.
+PACKAGES = ("fasbody", "identification", "mjcf")
+LIBRARIES = ("mujoco", "numba", "numpy", "scipy", "pandas")
+_SUFFIXES = {".py", ".xml", ".csv", ".toml", ".json"}
+
+
+@cache
+def code_key() -> str:
+    """Hash of the packages' sources and data, of `row.py`, and of the versions of Python and the libraries."""
+    digest = hashlib.sha256(f"{platform.python_version()} {versions()}".encode())
+    for package in PACKAGES:
+        for file in sorted((Path(mjcf.__file__).parent.parent / package).rglob("*")):
+            if file.suffix in _SUFFIXES:
+                digest.update(file.relative_to(ROOT).as_posix().encode() + file.read_bytes())
+    digest.update((ROOT / "reproduction" / "row.py").read_bytes())
+    return digest.hexdigest()
+
+
+def versions() -> str:
+    """Libraries whose version may move a number."""
+    return ", ".join(f"{name} {version(name)}" for name in LIBRARIES)
+
+
+def key(row: Row) -> str:
+    """What a kept result of `row` must carry to count: hash of `code_key`, the row's file and its texts."""
+    source = Path(ROOT / (row.run.__module__.replace(".", "/") + ".py")).read_bytes()
+    return hashlib.sha256(f"{code_key()} {row.id} {row.what} {row.command}".encode() + source).hexdigest()
+
+
+def execute(row: Row) -> dict[str, Any]:
+    """Run one row; what it raises makes it failed, in a sentence."""
+    about = {"id": row.id, "what": row.what, "command": row.command}
+    try:
+        return about | row.run().document() | {"error": None}
+    except Exception as error:  # a row that raises is a result, too
+        return (
+            about
+            | Outcome(note="").document()
+            | {"verdict": str(Verdict.FAILED), "error": f"{type(error).__name__}: {error}"}
+        )
+
+
+def kept(row: Row, folder: Path) -> dict[str, Any] | None:
+    """The result of an earlier run by the same code, if there is one; failures are run again."""
+    try:
+        document = json.loads((folder / row.file).read_text())
+    except (OSError, ValueError):
+        return None
+    same = isinstance(document, dict) and document.get("key") == key(row)
+    return document if same and document.get("verdict") != str(Verdict.FAILED) else None
+
+
+def run_rows(rows: Sequence[Row], folder: Path, fresh: bool = False, processes: int = 2) -> Iterator[dict[str, Any]]:
+    """Results as they come, those kept from earlier runs first; each is written to `folder` the moment it is there.
+
+    Args:
+        rows: which. folder: where results are kept. fresh: run all again. processes: how many; 1 stays in this one.
+
+    Raises:
+        InputFileError: the folder cannot be written. FasError: a process was ended by the system.
+    """
+    groups: dict[str, list[str]] = {}
+    for row in rows:
+        document = None if fresh else kept(row, folder)
+        if document is not None:
+            yield document
+        else:
+            groups.setdefault(row.group, []).append(row.id)
+    tasks = [(ids, folder) for ids in sorted(groups.values(), key=len, reverse=True)]
+    if tasks:
+        for _, documents in run(_run_group, tasks, "rows", processes):
+            yield from documents
+
+
+def _run_group(task: tuple[list[str], Path]) -> list[dict[str, Any]]:
+    ids, folder = task
+    documents = []
+    for row in (row for row in ROWS if row.id in ids):
+        document = execute(row) | {"key": key(row)}
+        write_whole(folder / row.file, to_json(document) + "\n")
+        documents.append(document)
+    return documents
