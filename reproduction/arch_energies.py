@@ -71,14 +71,14 @@ def printed_stiffness(arch: Arch) -> Array:
     return ((np.array(sides[0]) - np.array(sides[1])) / (2 * h)).T
 
 
-def printed_damping(arch: Arch) -> Array:
-    """Dashpots on the rates stated in docs/errata.md, at rest, in the printed convention of C, shape (6, 6)."""
-    q, unit, h = rest(arch), np.eye(6), 1e-6
+def printed_damping(arch: Arch, q: Array | None = None) -> Array:
+    """Dashpots on the rates stated in docs/errata.md, in the printed convention of C, shape (6, 6); q None: at rest."""
+    q, unit, h = rest(arch) if q is None else q, np.eye(6), 1e-6
     slope = np.array([
         (np.array(_printed_elongations(arch, q + h * u)) - np.array(_printed_elongations(arch, q - h * u))) / (2 * h)
         for u in unit
     ]).T  # fmt: skip
-    product = slope[0] - np.r_[0, 0, arch.L_2 * np.cos(arch.theta_20), 0, 0, 0]  # delta_11 without its last term
+    product = slope[0] - np.r_[0, 0, arch.L_2 * np.cos(q[2]), 0, 0, 0]  # delta_11 without its last term
     dashpots = (
         (arch.c_1, unit[X] + product), (arch.c_2, slope[2]), (arch.c_3, unit[3]), (arch.c_4, unit[4]),
         (arch.c_F, unit[0]), (arch.c_T, unit[1]),
@@ -94,7 +94,7 @@ def differing(ours: Array, right: Array) -> set[tuple[int, int]]:
     return {(int(i) + 1, int(j) + 1) for i, j in np.argwhere(np.abs(ours - right) > 1e-5 * scale)}
 
 
-def energy_drift(arch: Arch, duration: float = 0.05, steps: int = 5000) -> float:
+def energy_drift(arch: Arch, duration: float = 0.05, steps: int = 10_000) -> float:
     """Largest change of T + U of the released arch, over its size, by the classical Runge-Kutta scheme."""
     state, h = initial_state(arch).copy(), duration / steps
     state[:5] += np.array([1e-4, 2e-4, 1e-3, -1e-3, 1e-3])

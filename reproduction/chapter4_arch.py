@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from inspect import signature
 
 import numpy as np
 
@@ -95,7 +96,7 @@ def positions() -> Outcome:
 def closure() -> Outcome:
     q, _ = pose()
     gap = ARCH.L_1 * np.cos(closing_angle(ARCH, q)) - np.cos(q[2:5]) @ [ARCH.L_2, ARCH.L_3, ARCH.L_4]
-    arguments = set(["theta_1", "theta_2", "theta_3", "theta_4"])
+    arguments = set(signature(closing_angle).parameters)
     return Outcome(
         printed=[
             near("height of the heel over the heads", float(gap), 0, 1e-15, "m"),

@@ -51,10 +51,8 @@ def linear_damping() -> Outcome:
 @ROWS("Eq. 4.12, stiffness", "stiffness matrix and constants of the linear equations")
 def linear_stiffness() -> Outcome:
     stray = printed.linear(only(ARCH, "c_T"))[1]  # the bracket of K_33 that has lost its k_11
-    wrong = {
-        name: differing(printed.linear(only(ARCH, name))[1] - stray, printed_stiffness(only(ARCH, name)))
-        for name in SPRINGS
-    }
+    alone = {name: only(ARCH, name) for name in SPRINGS}
+    wrong = {name: differing(printed.linear(arch)[1] - stray, printed_stiffness(arch)) for name, arch in alone.items()}
     rng = np.random.default_rng(0)
     draws = [Arch.draw(rng) for _ in range(200)]
     indefinite = sum(np.linalg.eigvalsh(-printed.linear(arch)[1])[0] < 0 for arch in draws)

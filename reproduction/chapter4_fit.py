@@ -1,0 +1,5 @@
+"""placeholder"""
+
+from reproduction.row import Rows
+
+ROWS = Rows()
