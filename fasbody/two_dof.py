@@ -165,6 +165,17 @@ def trajectory(x0, p, m_S, m_F, u, h, stride, columns):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def path(x0, p, m_S, m_F, u, h):  # type: ignore[no-untyped-def]
+    """States (n, 4) at the start of each of n steps; arguments as `trajectory`."""
+    n = (u.size - 1) // 2
+    out, x = np.empty((n, STATES)), x0.copy()
+    for k in range(n):
+        out[k] = x
+        _, _, x, _ = trajectory(x, p, m_S, m_F, u[2 * k : 2 * k + 3], h, 1, 0)
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def periodic(x0, p, m_S, m_F, u, h, tolerance, passes):  # type: ignore[no-untyped-def]
     """Periodic orbit by shooting: Newton on the initial states over one period, then exact derivatives along the orbit.
 
