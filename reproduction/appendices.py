@@ -136,13 +136,12 @@ def dashpot() -> Outcome:
 @ROWS("Fig. C.1", "relative sensitivities of thirty random arches, case by case", SENSITIVITY + " --figures results")
 def case_by_case() -> Outcome:
     literal = draws(None)
-    by_arm = draws(0.015)
     return Outcome(
         printed=[
             exactly("cases", len(literal.values), 30),
-            at_least("cases in which the four lead, Table 4.2 read literally", literal.holds("malleolus").sum(), 26),
-            at_least("the same at 15 mm", by_arm.holds("malleolus").sum(), 26),
+            at_least(
+                "of them with k_T, c_T, k_F, c_F leading, constants in N m/rad", literal.holds("malleolus").sum(), 26
+            ),
         ],
-        instead=[at_most("the same at 15 mm", by_arm.holds("malleolus").sum(), 6)],
-        note="See Fig. 4.3.",
+        note="See Fig. 4.3 on the unit.",
     )

@@ -83,7 +83,7 @@ def printed_damping(arch: Arch, q: Array | None = None) -> Array:
         (arch.c_1, unit[X] + product), (arch.c_2, slope[2]), (arch.c_3, unit[3]), (arch.c_4, unit[4]),
         (arch.c_F, unit[0]), (arch.c_T, unit[1]),
     )  # fmt: skip
-    return -sum(c * np.outer(direction, direction) for c, direction in dashpots)
+    return -np.sum([c * np.outer(direction, direction) for c, direction in dashpots], axis=0)
 
 
 def differing(ours: Array, right: Array) -> set[tuple[int, int]]:

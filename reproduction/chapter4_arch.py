@@ -45,7 +45,7 @@ def the_model() -> Outcome:
     masses = np.array([model.body(name).mass[0] for name in BODIES])
     return Outcome(
         printed=[
-            exactly("bodies with mass in mjcf/foot_arch.xml", np.sum(masses > 1e-6), 5),
+            exactly("bodies with mass in mjcf/foot_arch.xml", int(np.sum(masses > 1e-6)), 5),
             near("their mass less that of Table 4.1", masses.sum() - 2.36 - 0.215, 0, 1e-6, "kg"),
             exactly("coordinates of the equations", len(rest(ARCH)), 6),
         ]

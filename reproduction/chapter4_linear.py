@@ -88,8 +88,8 @@ def malleolus() -> Outcome:
         z = np.exp(-1j * omega * t[last])
         ratio = abs(np.sum(exact[last] * z) / np.sum(amplitude * np.sin(omega * t[last]) * z))
         gap.append(abs(ratio / abs(linear.transmissibility(arch, np.array([20.0]))[0]) - 1))
-    height = lambda run: run.q[:, 0] + run.q[:, 1] + arms(arch, run.q).E_2  # noqa: E731
-    spline = np.gradient(np.gradient(height(run), t), t) + 8.95 * np.sin(omega * t)
+    height = run.q[:, 0] + run.q[:, 1] + arms(arch, run.q).E_2
+    spline = np.gradient(np.gradient(height, t), t) + 8.95 * np.sin(omega * t)
     return Outcome(
         printed=[
             at_most(

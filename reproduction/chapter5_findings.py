@@ -94,6 +94,6 @@ def damping_is_negligible() -> Outcome:
     shift = 100 * abs(damped / at_real_size().frequencies_hz[0] - 1)
     return Outcome(
         printed=[at_most("shift of f1 by a standard linear solid, half as stiff again when fast", shift, 2, "%")],
-        instead=[within("that shift", shift, 5, 20, "%")],
-        note="With an assumed relaxation time of 20 us; no measured one exists at this frequency.",
+        synthetic=True,
+        note="The relaxation time, 20 us, is an assumption; nobody has measured one at this frequency.",
     )

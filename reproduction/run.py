@@ -3,6 +3,7 @@
 import hashlib
 import json
 import platform
+import re
 from collections.abc import Iterator, Sequence
 from functools import cache
 from importlib.metadata import version
@@ -25,13 +26,12 @@ _SUFFIXES = {".py", ".xml", ".csv", ".toml", ".json"}
 
 @cache
 def code_key() -> str:
-    """Hash of the packages' sources and data, of `row.py`, and of the versions of Python and the libraries."""
+    """Hash of the packages' sources and data, and of the versions of Python and the libraries."""
     digest = hashlib.sha256(f"{platform.python_version()} {versions()}".encode())
     for package in PACKAGES:
         for file in sorted((Path(mjcf.__file__).parent.parent / package).rglob("*")):
             if file.suffix in _SUFFIXES:
                 digest.update(file.relative_to(ROOT).as_posix().encode() + file.read_bytes())
-    digest.update((ROOT / "reproduction" / "row.py").read_bytes())
     return digest.hexdigest()
 
 
@@ -41,9 +41,23 @@ def versions() -> str:
 
 
 def key(row: Row) -> str:
-    """What a kept result of `row` must carry to count: hash of `code_key`, the row's file and its texts."""
-    source = Path(ROOT / (row.run.__module__.replace(".", "/") + ".py")).read_bytes()
-    return hashlib.sha256(f"{code_key()} {row.id} {row.what} {row.command}".encode() + source).hexdigest()
+    """What a kept result of `row` must carry to count: hash of the code, the row's texts, its file and its imports."""
+    digest = hashlib.sha256(f"{code_key()} {row.id} {row.what} {row.command}".encode())
+    for file in sorted(_sources(getattr(row.run, "func", row.run).__module__)):  # a partial's own module is functools
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+@cache
+def _sources(module: str) -> frozenset[Path]:
+    """The file of a module of this package and those of its modules that it imports, and so on."""
+    found, waiting = set(), {module}
+    while waiting:
+        file = ROOT / (waiting.pop().replace(".", "/") + ".py")
+        if file not in found:
+            found.add(file)
+            waiting |= set(re.findall(r"^from (reproduction\.\w+) import", file.read_text(), re.MULTILINE))
+    return frozenset(found)
 
 
 def execute(row: Row) -> dict[str, Any]:

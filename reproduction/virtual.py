@@ -23,7 +23,7 @@ SECONDS = 2.0
 #: Virtual studies made with other seeds, as transfer functions, to say how lucky the default seed is.
 OTHER_STUDIES = 20
 #: The command that makes and analyses the same study.
-STUDY_COMMAND = "python -m fasbody.laboratory S --subjects 20 --seconds 2; python -m fasbody.transmissibility S"
+STUDY_COMMAND = "python -m fasbody.laboratory S --subjects 20 --seconds 2 && python -m fasbody.transmissibility S"
 
 
 @cache
