@@ -68,6 +68,8 @@ def main(
     else:
         show(chosen, ordered)
         results.print(", ".join(f"{count} {verdict}" for verdict, count in tally.items()))
+        seconds = sum(document["cpu_seconds"] for document in ordered.values())
+        results.print(f"{len(ordered)} rows; they took {seconds:.0f} s of processor time when they ran.")
     if only is None:
         console.print(f"written: {write_whole(page, markdown(ordered))}", soft_wrap=True)
     if str(Verdict.FAILED) in tally:

@@ -1,5 +1,7 @@
 """Chapter 4, section 4.3: the linear equations of the arch and its output."""
 
+from functools import partial
+
 import numpy as np
 
 import mjcf
@@ -81,8 +83,12 @@ def malleolus() -> Outcome:
     arch, omega = Arch.nominal(), 2 * np.pi * 20
     t = np.linspace(0, 0.5, 4001)
     gap = []
+
+    def table(amplitude: float, at: float) -> float:
+        return amplitude * float(np.sin(omega * at))
+
     for amplitude in (1e-3, 8.95):
-        run = solve(arch, lambda s, a=amplitude: a * np.sin(omega * s), t, tolerance=1e-9)
+        run = solve(arch, partial(table, amplitude), t, tolerance=1e-9)
         exact = malleolus_acceleration(arch, run.states, amplitude * np.sin(omega * t))
         last = t > 0.4
         z = np.exp(-1j * omega * t[last])

@@ -170,7 +170,7 @@ def arch_does_not_matter() -> Outcome:
             at_most(f"{four}, N/m at 15 mm", by_arm, 6),
             at_least("largest sensitivity of an arch spring over that of k_T, nominal arch", inside, 0.5),
         ],
-        note="Only constants as stiff as 1e4 N m/rad and more, read literally, make the arch rigid (docs/sensitivity.md).",
+        note="Only constants of 1e4 N m/rad and more make the arch rigid (docs/sensitivity.md).",
     )
 
 

@@ -4,6 +4,7 @@ import hashlib
 import json
 import platform
 import re
+import time
 from collections.abc import Iterator, Sequence
 from functools import cache
 from importlib.metadata import version
@@ -63,14 +64,12 @@ def _sources(module: str) -> frozenset[Path]:
 def execute(row: Row) -> dict[str, Any]:
     """Run one row; what it raises makes it failed, in a sentence."""
     about = {"id": row.id, "what": row.what, "command": row.command}
+    began = time.process_time()
     try:
-        return about | row.run().document() | {"error": None}
+        outcome = row.run().document() | {"error": None}
     except Exception as error:  # a row that raises is a result, too
-        return (
-            about
-            | Outcome(note="").document()
-            | {"verdict": str(Verdict.FAILED), "error": f"{type(error).__name__}: {error}"}
-        )
+        outcome = Outcome().document() | {"error": f"{type(error).__name__}: {error}"}
+    return about | outcome | {"cpu_seconds": time.process_time() - began}
 
 
 def kept(row: Row, folder: Path) -> dict[str, Any] | None:
