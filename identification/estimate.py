@@ -55,6 +55,7 @@ def fit(
     source: str = "",
     truth: Mapping[str, float] | None = None,
     advance: Callable[[str, int, int], None] = lambda what, done, total: None,
+    interruptible: bool = True,
 ) -> FitResult:
     """Estimate a foot's parameters from recordings, pooled.
 
@@ -62,6 +63,7 @@ def fit(
         recordings: as read; they are checked here. foot: the model. settings: how.
         source: what to call the data. truth: known parameters of synthetic data, reported beside the estimate.
         advance: called with what is done, how many of how many, for a progress bar.
+        interruptible: Ctrl-C ends the exploration only, and the result rests on the starts done.
 
     Raises:
         RecordingError: a recording cannot serve. SettingError: an option cannot be meant.
@@ -93,6 +95,8 @@ def fit(
     problem = route.explorer()
     counter = iter(range(1, len(starts) + 1))
     descents, interrupted = explore(problem, starts, lambda: advance("exploring starts", next(counter), len(starts)))
+    if interrupted and not interruptible:
+        raise KeyboardInterrupt
     if interrupted:
         warnings.append(f"Interrupted after {len(descents)} of {len(starts)} starts; the result rests on those.")
     if descents[0].unstable:
@@ -201,12 +205,12 @@ def _certify(route: Route, name: str, descent: Descent) -> _Certified:
     final = route.certifier(problem)
     descent = descend(final, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
     starts = [route.initial_states(final, descent, number) for number in range(len(route.recordings))]
-    run = replay(route.foot, route.recordings, route.space.values(descent.theta), starts, route.twin)
+    run = replay(route.foot, route.recordings, route.space.values(descent.theta), starts, route.twin, route.threads)
     return _Certified(name, final, descent, descent.cost + final.log_determinant, run)
 
 
 def _branch(route: Route, certified: _Certified) -> Branch:
-    """Estimates with standard errors from the MuJoCo Jacobian."""
+    """Estimates with standard errors from the Jacobian at MuJoCo's optimum."""
     problem, space, descent, run = certified.problem, route.space, certified.descent, certified.run
     dof = max(0, problem.size - descent.z.size)
     std_q, covariance = standard_errors(problem, descent, dof, route.chi_square)

@@ -21,9 +21,10 @@ from identification.columns import Columns
 #: Longest time step of an orbit [s], and fewest steps a period: RK4 then errs by less than 1e-4 of the peak.
 LONGEST_STEP = 5e-4
 FEWEST_STEPS = 48
-_PASSES = 12
+#: Most passes of Newton's method.
+PASSES = 12
 #: Relative gap after one period beyond which there is no orbit.
-_LOST = 1e-2
+LOST = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +87,17 @@ class Twin:
 
     def __init__(self, excitations: Sequence[Excitation]) -> None:
         self.excitations = list(excitations)
-        self._inputs = [e.motion.half_steps(e.step, e.steps) for e in self.excitations]
+        self.inputs = [e.motion.half_steps(e.step, e.steps) for e in self.excitations]
         self._last: list[_Last | None] = [None] * len(self.excitations)
 
     def forget(self) -> None:
         """Start the next orbits from rest."""
         self._last = [None] * len(self.excitations)
+
+    def start(self, number: int) -> np.ndarray:
+        """States (4,) of the last orbit at time zero."""
+        last = self._last[number]
+        return np.zeros(4) if last is None else last.x
 
     def orbit(
         self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
@@ -101,11 +107,11 @@ class Twin:
         masses = {**values, **e.masses}
         theta = np.array([values[name] for name in NAMES])
         x0 = np.zeros(4) if last is None else last.predict(theta)
-        arguments = (theta, masses["m_S"], masses["m_F"], self._inputs[number], e.step, tolerance, _PASSES)
+        arguments = (theta, masses["m_S"], masses["m_F"], self.inputs[number], e.step, tolerance, PASSES)
         Y, DY, x, dx, gap = periodic(x0, *arguments)
         if not gap < tolerance:  # a bad guess: once more from rest
             Y, DY, x, dx, gap = periodic(np.zeros(4), *arguments)
-        if not gap < _LOST:
+        if not gap < LOST:
             self._last[number] = None
             raise SimulationError(f"no periodic motion at {e.frequency_hz:g} Hz for {theta}.")
         self._last[number] = _Last(x, dx, theta)
@@ -139,7 +145,7 @@ class Rollouts:
         e, last = self.excitations[number], self._last[number]
         theta = np.array([values[name] for name in self.columns.names])
         x = np.zeros(self.columns.states) if last is None else last.predict(theta)
-        for _ in range(_PASSES):
+        for _ in range(PASSES):
             d = self.columns.run(self._controls[number], e.step, {**values, **e.masses}, x)
             monodromy = np.eye(x.size) - d.x_by_state
             step = np.linalg.solve(monodromy, d.x - x)
@@ -147,7 +153,7 @@ class Rollouts:
             gap = np.abs(step).max() / max(1e-12, np.abs(x).max())
             if gap < tolerance:
                 break
-        if not gap < _LOST:
+        if not gap < LOST:
             self._last[number] = None
             raise SimulationError(f"{self.columns.foot.name}: no periodic motion at {e.frequency_hz:g} Hz.")
         dx = np.linalg.solve(monodromy, d.x_by_parameter)
@@ -196,3 +202,9 @@ def twin_applies(foot: Foot) -> bool:
         if np.abs(have - want).max() > 1e-6 * np.abs(want).max():
             return False
     return True
+
+
+def twin_order(foot: Foot) -> np.ndarray:
+    """(4,) where z1, z2, z1', z2' of the twin stand among the model's coordinates without the base; its own inverse."""
+    ankle, pad = (int(foot.model.joint(name).qposadr[0]) for name in ("talocrural", "fat_pad"))
+    return np.array([0, 1, 2, 3] if ankle < pad else [1, 0, 3, 2])

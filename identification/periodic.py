@@ -14,7 +14,8 @@ import numpy as np
 from fasbody.exceptions import RecordingError, SimulationError
 from fasbody.recording import Recording
 from fasbody.response import Harmonics, fit_harmonics, harmonic_count
-from identification.orbits import Engine, Excitation
+from identification.compiled import Compiled
+from identification.orbits import Engine, Excitation, Twin
 from identification.search import UNSTABLE
 from identification.space import DELAY, Space
 
@@ -118,6 +119,12 @@ class PeriodicProblem:
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """Its derivatives (n, p)."""
         return self._evaluate(q)[1]
+
+    def compiled(self) -> Compiled | None:
+        """The whole descent as compiled code, where the engine is the twin."""
+        if not isinstance(self.engine, Twin):
+            return None
+        return Compiled(self.engine, self.space, [line.malleolus.amplitudes for line in self.lines], self._whiten)
 
     def predict(self, q: np.ndarray) -> list[np.ndarray]:
         """Model harmonics (H,) of each recording, delayed like the measurement."""

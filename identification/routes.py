@@ -9,11 +9,12 @@ import numpy as np
 from fasbody.exceptions import SettingError
 from fasbody.model import Foot
 from fasbody.recording import Recording
+from identification.hybrid import CertifiedOrbits, CertifiedRuns
 from identification.orbits import LONGEST_STEP, Engine, Excitation, Rollouts, Twin
 from identification.periodic import Line, PeriodicProblem
 from identification.search import Descent
 from identification.space import Space
-from identification.time_domain import TimeProblem, TimeRollouts, TimeTwin
+from identification.time_domain import TimeEngine, TimeProblem, TimeRollouts, TimeTwin
 
 #: Scatter of the fundamental between parts of a recording beyond which it is not steady.
 STEADY = 0.05
@@ -54,7 +55,7 @@ class Route(Protocol):
     """What the fit needs of a domain: problems on either engine, weights, and initial states for a replay.
 
     Attributes:
-        foot, recordings, space: what is fitted. twin: the compiled twin stands for this model.
+        foot, recordings, space: what is fitted. twin: the compiled twin stands for this model. threads: 0 for all.
         chi_square: whether the cost is chi-square distributed where the model is true.
     """
 
@@ -62,6 +63,7 @@ class Route(Protocol):
     recordings: list[Recording]
     space: Space
     twin: bool
+    threads: int
     chi_square: bool
 
     def explorer(self) -> Any:
@@ -106,7 +108,8 @@ class PeriodicRoute:
         if not self.twin:
             explored.tolerance = 1e-7
             return explored
-        engine = self._engine([line.excitation for line in self.lines], twin=False)
+        longest = min(LONGEST_STEP, self.foot.step)
+        engine = CertifiedOrbits(self.foot, [replace(line.excitation, longest_step=longest) for line in self.lines])
         problem = PeriodicProblem(self.lines, engine, self.space, tolerance=1e-7)
         problem.weigh_as(explored)
         return problem
@@ -118,7 +121,7 @@ class PeriodicRoute:
     def initial_states(self, problem: PeriodicProblem, descent: Descent, number: int) -> np.ndarray:
         """See `Route`."""
         problem.residual(descent.z)
-        assert isinstance(problem.engine, Rollouts)
+        assert isinstance(problem.engine, Rollouts | CertifiedOrbits)
         return problem.engine.start(number)
 
 
@@ -135,15 +138,16 @@ class TimeRoute:
 
     def explorer(self) -> TimeProblem:
         """See `Route`."""
-        engine = TimeTwin(self.foot, self.recordings) if self.twin else self._rollouts()
+        engine: TimeEngine = TimeTwin(self.foot, self.recordings)
+        if not self.twin:
+            engine = TimeRollouts(self.foot, self.recordings, self.space.names, self.threads)
         return TimeProblem(self.recordings, engine, self.space)
-
-    def _rollouts(self) -> TimeRollouts:
-        return TimeRollouts(self.foot, self.recordings, self.space.names, self.threads)
 
     def certifier(self, explored: TimeProblem) -> TimeProblem:
         """See `Route`."""
-        return TimeProblem(self.recordings, self._rollouts(), self.space) if self.twin else explored
+        if not self.twin:
+            return explored
+        return TimeProblem(self.recordings, CertifiedRuns(self.foot, self.recordings), self.space)
 
     def reweigh(self, problem: TimeProblem, descent: Descent) -> None:
         """The weights come from the noise floor alone."""

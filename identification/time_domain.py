@@ -18,6 +18,7 @@ from fasbody.recording import Recording
 from fasbody.shaker import samples
 from fasbody.two_dof import NAMES, trajectory
 from identification.columns import Columns
+from identification.orbits import twin_order
 from identification.periodic import inverse_of_gram
 from identification.search import UNSTABLE
 from identification.space import DELAY, Space
@@ -58,9 +59,7 @@ class TimeTwin:
 
     def __init__(self, foot: Foot, recordings: Sequence[Recording]) -> None:
         self.state_scale = np.array([1e-3, 1e-3, 0.1, 0.1])
-        ankle, pad = (int(foot.model.joint(name).qposadr[0]) for name in ("talocrural", "fat_pad"))
-        #: position of z1, z2, z1', z2' among the model's coordinates without the base
-        self.order = np.array([0, 1, 2, 3] if ankle < pad else [1, 0, 3, 2])
+        self.order = twin_order(foot)
         self._runs = []
         for recording in recordings:
             h, n, stride = grid(recording, foot)
@@ -74,7 +73,7 @@ class TimeTwin:
         u, h, stride, masses = self._runs[number]
         full = {**values, **masses}
         theta = np.array([full[name] for name in NAMES])
-        columns = 12 if names else 4
+        columns = 12 if names else 0
         Y, DY, *_ = trajectory(x0[self.order], theta, full["m_S"], full["m_F"], u, h, stride, columns)
         return Y, DY[:, [*self.order, *(4 + NAMES.index(name) for name in names)]]
 
@@ -116,7 +115,7 @@ class TimeProblem:
     def __init__(self, recordings: Sequence[Recording], engine: TimeEngine, space: Space) -> None:
         self.recordings, self.engine, self.space = list(recordings), engine, space
         self.sigma = np.array([noise_floor(recording) for recording in recordings])
-        self.evaluations = 0
+        self.evaluations, self.tolerance = 0, 0.0
         self._cache: tuple[bytes, np.ndarray, np.ndarray] | None = None
 
     @property
@@ -143,6 +142,9 @@ class TimeProblem:
     def start(self, q: np.ndarray) -> np.ndarray:
         """Full search variable of a start: rest in every recording."""
         return np.concatenate([q, np.zeros(self._states * len(self.recordings))])
+
+    def compiled(self) -> None:
+        """One evaluation is long enough to be called from Python."""
 
     def residual(self, z: np.ndarray) -> np.ndarray:
         """Compressed residual at the full search variable z."""

@@ -20,6 +20,8 @@ DOORS = {
     "serial": {"fasbody/acquire/port.py"},
     "meshcat": {"viz/scene.py"},
     "gmsh": {"fasbody/cell/mesh.py"},
+    "dask": {"identification/study/cluster.py"},
+    "distributed": {"identification/study/cluster.py"},
     "matplotlib": {"figures.py"},
 }
 

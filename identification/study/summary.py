@@ -119,7 +119,8 @@ def cycle_table(documents: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
         for c in d.get("cycles") or []
     ]  # fmt: skip
     columns = ["mode", "subject", "posture", "key", "file", "added_mass_kg", "frequency_hz", "branch", "chosen"]
-    return pd.DataFrame(rows, columns=[*columns, "ankle_j", "fat_pad_j", "shaker_work_j", "imbalance"])
+    table = pd.DataFrame(rows, columns=[*columns, "ankle_j", "fat_pad_j", "shaker_work_j", "imbalance"])
+    return table.astype({"chosen": bool})
 
 
 def nominal(frequency_hz: float) -> float:

@@ -110,8 +110,11 @@ def recovery(found: pd.DataFrame) -> Grid:
     header = ["mode", "parameter", "estimates", "at a bound", "right", "right, nearer branch",
               "said identified, and right", "median error", "median standard error"]  # fmt: skip
     rows = [
-        [r["mode"] if r["parameter"] == "all" else "", r["parameter"], str(r["estimates"]), str(r["no_error"]), _of(r, "chosen"), _of(r, "either"),
-         _of(r, "identified_chosen"), _percent(r["error"]), _percent(r["std_error"])]
+        [
+            r["mode"] if r["parameter"] == "all" else "", r["parameter"], str(r["estimates"]), str(r["no_error"]),
+            _of(r, "chosen"), _of(r, "either"), _of(r, "identified_chosen"), _percent(r["error"]),
+            _percent(r["std_error"]),
+        ]
         for r in found.to_dict("records")
     ]  # fmt: skip
     return Grid(header, rows)

@@ -110,7 +110,7 @@ def recovery(table: pd.DataFrame) -> pd.DataFrame:
         return pd.DataFrame()
     known["right"] = (known["value"] - known["truth"]).abs() <= WITHIN * known["std_error"]
     known["has_error"] = np.isfinite(known["std_error"])
-    known["nearer"] = known.groupby(UNIT, dropna=False, group_keys=False)[known.columns.tolist()].apply(_nearer)
+    known["nearer"] = _nearer(known)
     rows = []
     for mode, of_mode in known.groupby("mode", sort=False):
         for parameter in ["all", *dict.fromkeys(of_mode["parameter"])]:
@@ -119,12 +119,13 @@ def recovery(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _nearer(fit: pd.DataFrame) -> pd.Series:
-    """Whether each row belongs to the branch nearer to the truth, by the logarithms of what is positive."""
-    positive = fit[(fit["truth"] > 0) & (fit["value"] > 0)]
-    distance = np.log(positive["value"] / positive["truth"]).abs().groupby(positive["branch"]).mean()
-    best = distance.idxmin() if len(distance) else fit["branch"].iloc[0]
-    return fit["branch"] == best
+def _nearer(known: pd.DataFrame) -> pd.Series:
+    """Whether each row is of its fit's branch nearer to the truth, by the logarithms of what is positive."""
+    unit = known.groupby(UNIT, dropna=False).ngroup()
+    positive = (known["truth"] > 0) & (known["value"] > 0)
+    distance = np.log((known["value"] / known["truth"]).where(positive)).abs()
+    each = distance.groupby([unit, known["branch"]]).transform("mean").fillna(np.inf)
+    return each <= each.groupby(unit).transform("min")
 
 
 def _counts(group: pd.DataFrame) -> dict[str, float]:

@@ -1,0 +1,134 @@
+"""`python -m identification.study`: fit a whole study, resumably, here or on a Dask cluster."""
+
+import contextlib
+import os
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from fasbody.console import command_line, console, print_json, progress_bar, results
+from fasbody.model import load
+from fasbody.recording import StudyFolder
+from identification.estimate import Settings
+from identification.study import cluster
+from identification.study.cluster import Crew
+from identification.study.job import Document
+from identification.study.plan import MODES, Filters, Job, Model, Plan
+from identification.study.store import Store
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    study: Annotated[Path, typer.Argument(help="study folder")],
+    out: Annotated[Path | None, typer.Option(help="folder for results (default results/NAME_study)")] = None,
+    mode: Annotated[str, typer.Option(help=f"{', '.join(MODES)}: what one fit takes together")] = MODES[0],
+    scheduler: Annotated[str | None, typer.Option(help="address of a Dask scheduler, tcp://HOST:PORT")] = None,
+    workers: Annotated[int, typer.Option(min=0, help="local processes; 0 for one a core, 1 for this one")] = 0,
+    starts: Annotated[int, typer.Option(help="starts of each fit")] = 8,
+    seed: Annotated[int, typer.Option(min=0, help="seed of the random starts")] = 0,
+    model: Annotated[str, typer.Option(help="shipped model or MJCF file")] = "two_dof",
+    domain: Annotated[str, typer.Option(help="auto, periodic (steady state) or time")] = "auto",
+    subject: Annotated[list[str] | None, typer.Option(help="only this subject; repeat for several")] = None,
+    posture: Annotated[list[str] | None, typer.Option(help="only this posture; repeat")] = None,
+    added_mass: Annotated[list[float] | None, typer.Option(help="only this added mass in kg; repeat")] = None,
+    frequency: Annotated[list[float] | None, typer.Option(help="only this frequency in Hz; repeat")] = None,
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+) -> None:
+    """Fit every recording of a study, computing only what is missing.
+
+    It may be stopped at any moment and started again with the same command. Examples:
+      python -m identification.study my_study
+
+      python -m identification.study my_study --mode pooled --subject 3 --subject 7
+
+      python -m identification.study my_study --scheduler tcp://127.0.0.1:8786
+    """
+    folder = StudyFolder.open(study)
+    filters = Filters(tuple(subject or ()), tuple(posture or ()), tuple(added_mass or ()), tuple(frequency or ()))
+    settings = Settings(starts=starts, seed=seed, domain=domain, threads=1)
+    plan = Plan(folder, filters.choose(folder.trials), settings, Model.of(load(model)))
+    jobs = plan.jobs(mode)
+    out = out or Path("results") / f"{study.resolve().name}_study"
+    store = Store.open(out)
+    began = time.perf_counter()
+    try:
+        computed = complete(plan, jobs, store, scheduler, workers)
+    except KeyboardInterrupt:
+        kept = len(store.documents(job.key for job in jobs))
+        console.print(
+            f"stopped with {kept} of {len(jobs)} fits in {store.folder}; the same command goes on from there.",
+            soft_wrap=True,
+        )
+        raise typer.Exit(130) from None
+    documents = store.documents(job.key for job in jobs)
+    report(documents, mode, computed, time.perf_counter() - began, out, json_)
+
+
+def complete(plan: Plan, jobs: Sequence[Job], store: Store, scheduler: str | None, workers: int) -> int:
+    """Do what is missing or failed before; returns how many fits that were."""
+    missing = []
+    for job in jobs:
+        found, problem = store.read(job.key)
+        if problem:
+            console.print(problem, markup=False, soft_wrap=True)
+        if found is None or found["status"] == "failed":
+            missing.append(job)
+    if not missing:
+        return 0
+    began = time.perf_counter()
+    with crew(len(missing), scheduler, workers) as do, progress_bar() as progress:
+        bar = progress.add_task("fitting", total=len(jobs), completed=len(jobs) - len(missing))
+        for done, document in enumerate(do(plan.work(job) for job in missing), 1):
+            store.write(document)
+            rate = done / (time.perf_counter() - began)
+            progress.update(bar, advance=1, description=f"fitting, {rate:.2g} fits/s")
+    return len(missing)
+
+
+@contextlib.contextmanager
+def crew(count: int, scheduler: str | None, workers: int) -> Iterator[Crew]:
+    """Who does so many jobs: a cluster where one is named, else local processes, or this one where that is enough."""
+    cores = workers or min(len(os.sched_getaffinity(0)), count)
+    if scheduler is not None:
+        with cluster.remote(scheduler) as do:
+            yield do
+    elif cores == 1 or (not workers and (count < cluster.FEW or not cluster.installed())):
+        yield cluster.here
+    else:
+        with cluster.local(cores) as do:
+            yield do
+
+
+def report(documents: Sequence[Document], mode: str, computed: int, seconds: float, out: Path, as_json: bool) -> None:
+    """What came out, for people or as JSON."""
+    failed = [document for document in documents if document["status"] == "failed"]
+    done = [document for document in documents if document["status"] == "done"]
+    summary = {
+        "out": str(out), "mode": mode, "fits": len(documents), "computed": computed, "done": len(done),
+        "failed": [{"files": d["files"], "error": d["error"]} for d in failed], "seconds": seconds,
+    }  # fmt: skip
+    if as_json:
+        print_json(summary)
+    else:
+        table = Table(title=f"{mode}: {len(documents)} fits, {computed} of them computed now", title_justify="left")
+        for name in ("done", "failed", "decided between the branches", "mean fit [%]"):
+            table.add_column(name, justify="right")
+        decided = sum(d["result"]["verdict"] == "decided" for d in done)
+        fits = [d["result"]["fit_percent"] for d in done]
+        table.add_row(str(len(done)), str(len(failed)), str(decided), f"{sum(fits) / len(fits):.2f}" if fits else "–")
+        results.print(table)
+    for document in failed:
+        console.print(f"failed: {document['error']}", markup=False, soft_wrap=True)
+    for document in done:
+        for sentence in document.get("left_out", ()):
+            console.print(f"left out: {sentence}", markup=False, soft_wrap=True)
+
+
+if __name__ == "__main__":
+    command_line(app)
