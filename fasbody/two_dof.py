@@ -185,7 +185,7 @@ def periodic(x0, p, m_S, m_F, u, h, tolerance, passes):  # type: ignore[no-untyp
 
     Returns:
         Y (n,) output over one period, dY/dp (n, 8), initial states (4,), their derivatives (4, 8), the last gap
-        (infinite if the motion grew without bound).
+        (infinite if the motion grew without bound, or no one orbit closes).
     """
     eye = np.eye(STATES)
     x = x0.copy()
@@ -194,6 +194,8 @@ def periodic(x0, p, m_S, m_F, u, h, tolerance, passes):  # type: ignore[no-untyp
         if not (np.isfinite(xT).all() and np.isfinite(S).all()):
             return Y, DY[:, STATES:].copy(), x, S[:, STATES:].copy(), np.inf
         by_state, by_p = np.ascontiguousarray(S[:, :STATES]), np.ascontiguousarray(S[:, STATES:])
+        if np.linalg.det(eye - by_state) == 0.0:  # nothing left of the states after a period, or far too much
+            return Y, DY[:, STATES:].copy(), x, by_p, np.inf
         step = np.linalg.solve(eye - by_state, xT - x)
         x += step
         gap = np.abs(step).max() / max(1e-12, np.abs(x).max())

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import made_fits
 import numpy as np
 import pytest
-import study_cases
 from scipy.integrate import solve_ivp
 
 import mjcf
@@ -136,7 +136,7 @@ def test_a_model_without_a_fat_pad_says_so(tmp_path: Path) -> None:
 def test_cycles_of_a_fit(trial: Callable[..., Recording], foot: Foot) -> None:
     truth = foot.values() | {"k_T": 1.3e5, "c_22": -120.0}
     recordings = [trial(truth, f) for f in (15.0, 30.0)]
-    fitted = study_cases.document("pooled", recordings, ["15hz.csv", "30hz.csv"], starts=2)
+    fitted = made_fits.document("pooled", recordings, ["15hz.csv", "30hz.csv"], starts=2)
     result, entries = fitted["result"], fitted["cycles"]
     assert len(entries) == 2 * len(result["branches"])
     for entry in entries:

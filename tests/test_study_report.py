@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from study_cases import failed, plain
+from made_fits import failed, plain
 
 from identification.study import figures, report, summary, tables
 from identification.study.truth import LIMITS, Truth

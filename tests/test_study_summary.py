@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from made_fits import failed, plain
 from scipy import stats
-from study_cases import failed, plain
 
 from fasbody.exceptions import InputFileError
 from identification.study import summary

@@ -8,7 +8,7 @@ import numpy as np
 import oracle
 import pandas as pd
 import pytest
-from study_cases import plain
+from made_fits import plain
 
 from fasbody.exceptions import InputFileError
 from fasbody.recording import Study

@@ -10,18 +10,15 @@ import numpy as np
 from fasbody.checks import checked
 from fasbody.console import to_json
 from fasbody.model import load
-from fasbody.recording import Recording, StudyFolder
+from fasbody.recording import Recording
 from identification.estimate import Settings, fit
 from identification.study.loops import cycles
-
-#: The virtual study's ankle under load is stiffer than the model's bound of 1e6 N/m.
-BOUNDS = {"k_T": (1e4, 1e7)}
 
 
 def document(mode: str, recordings: Sequence[Recording], files: Sequence[str], starts: int = 4) -> dict[str, Any]:
     """One fit as `OUT/fits` holds it."""
     foot = load("two_dof")
-    result = fit(recordings, foot, Settings(starts=starts, threads=1, bounds=BOUNDS)).document()
+    result = fit(recordings, foot, Settings(starts=starts, threads=1)).document()
     first = recordings[0].condition
     single = mode == "per-recording"
     made = {
@@ -31,20 +28,6 @@ def document(mode: str, recordings: Sequence[Recording], files: Sequence[str], s
         "result": result, "cycles": cycles(result, foot, [checked(r) for r in recordings]),
     }  # fmt: skip
     return json.loads(to_json(made))
-
-
-def documents(folder: Path, pooled: bool = True, starts: int = 4) -> list[dict[str, Any]]:
-    """Every recording alone, and pooled over frequencies if wanted."""
-    study = StudyFolder.open(folder)
-    read = [(trial.file, study.read(trial)) for trial in study.trials]
-    fits = [document("per-recording", [r], [file], starts) for file, r in read]
-    if pooled:
-        groups: dict[tuple[str, str, float], list[tuple[str, Recording]]] = {}
-        for file, r in read:
-            c = r.condition
-            groups.setdefault((c.subject, c.posture, c.added_mass_kg), []).append((file, r))
-        fits += [document("pooled", [r for _, r in g], [file for file, _ in g], starts) for g in groups.values()]
-    return fits
 
 
 def plain(
