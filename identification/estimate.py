@@ -108,7 +108,7 @@ def fit(
         advance("certifying in MuJoCo", number, len(chosen))
         certified.append(_certify(route, name, descent))
     certified.sort(key=lambda c: c.deviance)
-    built = [_branch(route, c) for c in certified]
+    built = [_branch(route, c, space) for c in certified]
     best = certified[0].run
     verdict = judge([b.name for b in built], [b.deviance for b in built], built[0].chi_square, built[0].dof)
     if not mirror:
@@ -209,9 +209,9 @@ def _certify(route: Route, name: str, descent: Descent) -> _Certified:
     return _Certified(name, final, descent, descent.cost + final.log_determinant, run)
 
 
-def _branch(route: Route, certified: _Certified) -> Branch:
+def _branch(route: Route, certified: _Certified, space: Space) -> Branch:
     """Estimates with standard errors from the Jacobian at MuJoCo's optimum."""
-    problem, space, descent, run = certified.problem, route.space, certified.descent, certified.run
+    problem, descent, run = certified.problem, certified.descent, certified.run
     dof = max(0, problem.size - descent.z.size)
     std_q, covariance = standard_errors(problem, descent, dof, route.chi_square)
     at_bound = space.at_bound(descent.theta)

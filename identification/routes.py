@@ -13,7 +13,7 @@ from identification.hybrid import CertifiedOrbits, CertifiedRuns
 from identification.orbits import LONGEST_STEP, Engine, Excitation, Rollouts, Twin
 from identification.periodic import Line, PeriodicProblem
 from identification.search import Descent
-from identification.space import Space
+from identification.space import SearchSpace, Space
 from identification.time_domain import TimeEngine, TimeProblem, TimeRollouts, TimeTwin
 
 #: Scatter of the fundamental between parts of a recording beyond which it is not steady.
@@ -55,16 +55,19 @@ class Route(Protocol):
     """What the fit needs of a domain: problems on either engine, weights, and initial states for a replay.
 
     Attributes:
-        foot, recordings, space: what is fitted. twin: the compiled twin stands for this model. threads: 0 for all.
+        foot, recordings: what is fitted. twin: the compiled twin stands for this model. threads: 0 for all.
         chi_square: whether the cost is chi-square distributed where the model is true.
     """
 
     foot: Foot
     recordings: list[Recording]
-    space: Space
     twin: bool
     threads: int
     chi_square: bool
+
+    @property
+    def space(self) -> SearchSpace:
+        """What is searched."""
 
     def explorer(self) -> Any:
         """A fresh problem on the fastest engine that fits the model."""
@@ -85,7 +88,7 @@ class PeriodicRoute:
 
     foot: Foot
     recordings: list[Recording]
-    space: Space
+    space: SearchSpace
     twin: bool
     threads: int = 0
     chi_square = True

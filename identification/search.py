@@ -7,15 +7,18 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.optimize import least_squares
 
-from identification.space import Space
+from identification.space import SearchSpace
 
 
 class Problem(Protocol):
     """What a descent needs: periodic.PeriodicProblem and time_domain.TimeProblem."""
 
-    space: Space
     evaluations: int
     tolerance: float
+
+    @property
+    def space(self) -> SearchSpace:
+        """What is searched."""
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:

@@ -14,11 +14,12 @@ from fasbody.console import command_line, console, print_json, progress_bar, res
 from fasbody.model import load
 from fasbody.recording import StudyFolder
 from identification.estimate import Settings
-from identification.study import cluster
+from identification.study import cluster, report
 from identification.study.cluster import Crew
 from identification.study.job import Document
 from identification.study.plan import MODES, Filters, Job, Model, Plan
 from identification.study.store import Store
+from identification.study.truth import Truth
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -66,8 +67,11 @@ def main(
             soft_wrap=True,
         )
         raise typer.Exit(130) from None
-    documents = store.documents(job.key for job in jobs)
-    report(documents, mode, computed, time.perf_counter() - began, out, json_)
+    seconds = time.perf_counter() - began
+    documents = [d for each in MODES for d in store.documents(job.key for job in plan.jobs(each))]
+    files = report.write(out, documents, folder.name, folder.origin, Truth.read(study))
+    show([d for d in documents if d["mode"] == mode], mode, computed, seconds, json_, out)
+    console.print(f"report: [bold]{files[0]}[/], with summary.csv and figures beside it", soft_wrap=True)
 
 
 def complete(plan: Plan, jobs: Sequence[Job], store: Store, scheduler: str | None, workers: int) -> int:
@@ -105,7 +109,7 @@ def crew(count: int, scheduler: str | None, workers: int) -> Iterator[Crew]:
             yield do
 
 
-def report(documents: Sequence[Document], mode: str, computed: int, seconds: float, out: Path, as_json: bool) -> None:
+def show(documents: Sequence[Document], mode: str, computed: int, seconds: float, as_json: bool, out: Path) -> None:
     """What came out, for people or as JSON."""
     failed = [document for document in documents if document["status"] == "failed"]
     done = [document for document in documents if document["status"] == "done"]

@@ -2,14 +2,16 @@
 
 import time
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from fasbody.checks import checked
 from fasbody.exceptions import FasError, RecordingError
-from fasbody.model import Foot
 from fasbody.recording import Recording
 from identification.estimate import fit
+from identification.study.loops import cycles
 from identification.study.plan import Job, Work
+from identification.study.trend import fit_trend
 
 Document = dict[str, Any]
 
@@ -46,10 +48,11 @@ def _fitted(work: Work, left_out: list[str]) -> Document:
     recordings = list(work.recordings)
     if len(recordings) > 1:
         recordings = _usable(recordings, left_out)
-    result = fit(recordings, foot, work.settings, source=str(work.job), interruptible=False)
-    found = result.document()
-    found["warnings"] += [f"Left out: {sentence}" for sentence in left_out]
-    return {"result": found, "cycles": _cycles(found, foot, recordings)}
+    fitter = fit_trend if work.job.mode == "trend" else partial(fit, interruptible=False)
+    result = fitter(recordings, foot, work.settings, source=str(work.job)).document()
+    result["warnings"] += [f"Left out: {sentence}" for sentence in left_out]
+    periodic = result.get("domain", "periodic") == "periodic"
+    return {"result": result, "cycles": cycles(result, foot, [checked(r) for r in recordings]) if periodic else []}
 
 
 def _usable(recordings: Sequence[Recording], left_out: list[str]) -> list[Recording]:
@@ -64,7 +67,3 @@ def _usable(recordings: Sequence[Recording], left_out: list[str]) -> list[Record
     if not usable:
         raise RecordingError(" ".join(left_out))
     return usable
-
-
-def _cycles(found: Document, foot: Foot, recordings: Sequence[Recording]) -> list[Document]:
-    return []

@@ -16,6 +16,7 @@ from fasbody.exceptions import ModelError
 from fasbody.model import Foot
 from fasbody.parameters import names
 from fasbody.simulate import Batch
+from identification.columns import Coordinates
 from identification.orbits import Excitation, Rollouts
 from identification.study.cycle import Cycle, Loop
 
@@ -66,7 +67,7 @@ def _run(foot: Foot, e: Excitation, values: Mapping[str, float]) -> Cycle:
     controls = e.motion.controls(e.step, e.steps)
     declared = {k: v for k, v in {**values, **e.masses}.items() if k in foot.parameters}
     tuned = foot.with_values(declared, e.step)
-    run = Batch(tuned, 1).run(controls[None], e.step, *engine.columns.unpack(engine.start(0)[None]))
+    run = Batch(tuned, 1).run(controls[None], e.step, *Coordinates(foot).unpack(engine.start(0)[None]))
     states = [run.qpos[0, :-1], run.qvel[0, :-1], run.act[0, :-1]]
     tied = (tuned.model.eq_solref < 0).all(axis=1)
     tuned.model.eq_solref[tied] = -0.25 / e.step**2, -1 / e.step  # as every rollout has it (simulate.py)

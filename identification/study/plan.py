@@ -22,7 +22,7 @@ from identification.routes import DOMAINS
 MODES = ("per-recording", "pooled", "trend")
 #: Our sources that cannot change a fit, and those of this package that can.
 _SILENT = ("console.py", "figures.py", "fit.py", "laboratory.py", "report.py", "virtual_study.py", "virtual_subject.py")
-_COMPUTING = ("job.py", "loops.py", "trend.py")
+_COMPUTING = ("curves.py", "cycle.py", "job.py", "levenberg.py", "loops.py", "orders.py", "scatter.py", "trend.py")
 
 
 @dataclass(frozen=True)
