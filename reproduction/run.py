@@ -91,24 +91,24 @@ def run_rows(rows: Sequence[Row], folder: Path, fresh: bool = False, processes: 
     Raises:
         InputFileError: the folder cannot be written. FasError: a process was ended by the system.
     """
-    groups: dict[str, list[str]] = {}
+    groups: dict[str, dict[str, str]] = {}
     for row in rows:
         document = None if fresh else kept(row, folder)
         if document is not None:
             yield document
         else:
-            groups.setdefault(row.group, []).append(row.id)
-    tasks = [(ids, folder) for ids in sorted(groups.values(), key=len, reverse=True)]
+            groups.setdefault(row.group, {})[row.id] = key(row)
+    tasks = [(keys, folder) for keys in sorted(groups.values(), key=len, reverse=True)]
     if tasks:
         for _, documents in run(_run_group, tasks, "rows", processes):
             yield from documents
 
 
-def _run_group(task: tuple[list[str], Path]) -> list[dict[str, Any]]:
-    ids, folder = task
+def _run_group(task: tuple[dict[str, str], Path]) -> list[dict[str, Any]]:
+    keys, folder = task  # of the code as it was when the run began, whatever is edited meanwhile
     documents = []
-    for row in (row for row in ROWS if row.id in ids):
-        document = execute(row) | {"key": key(row)}
+    for row in (row for row in ROWS if row.id in keys):
+        document = execute(row) | {"key": keys[row.id]}
         write_whole(folder / row.file, to_json(document) + "\n")
         documents.append(document)
     return documents
