@@ -22,7 +22,12 @@ from reproduction.virtual import SECONDS
 #: As many subjects as section 4.6 has; starts of each fit.
 SUBJECTS, STARTS = 18, 4
 #: The command that fits a study this way.
-STUDY_COMMAND = "python -m identification.study S"
+STUDY_COMMAND = (
+    "python -m fasbody.laboratory S --subjects 18 --seconds 2 && "
+    "python -m identification.study S --posture midstance --starts 4"
+)
+    "python -m fasbody.laboratory S --subjects 18 --seconds 2 && python -m identification.study S --starts 4"
+)
 GROUP = "fits of a virtual study"
 
 

@@ -56,7 +56,7 @@ def numbers(document: Mapping[str, Any]) -> str:
     """What came out and what was asked for, check by check."""
     if document.get("error"):
         return f"failed: {document['error']}"
-    labels = {"printed": "", "right": "corrected: ", "instead": "instead: ", "coherent": "with the rest of the text: "}
+    labels = {"printed": "", "right": "corrected: ", "instead": "instead: ", "coherent": "and at once: "}
     parts = [f"{label}{check['text']}" for group, label in labels.items() for check in document[group]]
     needed, there = document["recordings"]
     if needed:

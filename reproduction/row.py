@@ -50,7 +50,9 @@ class Check:
             return f"at most {self.high:.4g}"
         if self.high == math.inf:
             return f"at least {self.low:.4g}"
-        return f"{self.low:.4g} to {self.high:.4g}"
+        middle, half = (self.low + self.high) / 2, (self.high - self.low) / 2
+        narrow = half < 1e-3 * abs(middle) or middle == 0
+        return f"{middle:.6g} ± {half:.2g}" if narrow else f"{self.low:.4g} to {self.high:.4g}"
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
