@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from benchmarks import accuracy, arch, callbacks, coverage, fitting, viewer
+from benchmarks import accuracy, arch, callbacks, coverage, fitting, study, viewer
 from benchmarks.rows import HEADER, Row, table
 from fasbody.console import command_line, console, print_json, write_whole
 
@@ -38,9 +38,9 @@ def markdown(rows: list[Row], where: str, when: str, loads: tuple[float, float])
     lines = [
         "# Benchmarks", "",
         "Printed by `make bench`; each topic runs alone as `python -m benchmarks.accuracy` (`callbacks`, `arch`,",
-        "`fitting`, `coverage`; with tables of their own `black_box` and `cell`). The ratio says how many times better",
-        "than required, or how many times faster. Times are CPU times unless they say otherwise, so other programs",
-        "disturb them little, though not by nothing.", "",
+        "`fitting`, `coverage`, `study`; with tables of their own `black_box` and `cell`). The ratio says how many",
+        "times better than required, or how many times faster. Times are CPU times unless they say otherwise, so",
+        "other programs disturb them little, though not by nothing.", "",
         f"{when}. {where}. Load average before and after: {loads[0]:.1f}, {loads[1]:.1f}.", "",
         "| " + " | ".join(HEADER) + " |", "|---|---|---|---:|---|",
         *("| " + " | ".join(row.cells) + " |" for row in rows), "",
@@ -56,7 +56,7 @@ def main(
     out: Annotated[Path, typer.Option(help="file to write", show_default="benchmarks/RESULTS.md")] = RESULTS,
     json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout instead of a table")] = False,
 ) -> None:
-    """Measure everything: accuracy, callbacks, arch, fits, coverage. Takes some minutes, most of them scipy's.
+    """Measure everything: accuracy, callbacks, arch, fits, coverage, a study. Takes some minutes, most of them scipy's.
 
     Examples:
       python -m benchmarks
@@ -70,6 +70,7 @@ def main(
         "arch": arch.measure,
         "fitting": lambda: fitting.measure(scipy_limit=scipy_limit),
         "coverage": lambda: coverage.measure(seeds, jobs),
+        "study": lambda: study.measure(scipy_limit=scipy_limit),
         "viewer": viewer.measure,
     }
     rows = []

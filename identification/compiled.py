@@ -4,12 +4,18 @@ A descent from a wild start takes some eighty evaluations of the twin, 0.05 ms e
 cost ten times that.
 """
 
+import functools
+import hashlib
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numba import njit
 
+from fasbody import two_dof
 from fasbody.two_dof import NAMES, STATES, periodic
+from identification import trust_region
 from identification.orbits import LOST, PASSES, Twin
 from identification.space import DELAY, Space
 from identification.trust_region import reflected, restrained, scaling
@@ -50,7 +56,7 @@ class Compiled:
         counts = np.array([m.size for m in self.measured])
         column = np.array([NAMES.index(i.name) if i.name != DELAY.name else -1 for i in space.free])
         low, high = space.bounds
-        return _descend(
+        return _stamped(_sources())(
             q0, low, high, np.array([i.logarithmic for i in space.free]), space.scale, column,
             np.array([values[name] for name in NAMES]), float(values.get(DELAY.name, 0.0)),
             np.array([[m["m_S"], m["m_F"], e.frequency_hz, e.step] for m, e in zip(masses, excitations, strict=True)]),
@@ -59,7 +65,7 @@ class Compiled:
         )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _residual(  # type: ignore[no-untyped-def]
     q, logarithmic, scale, column, fixed, delay, about, steps, inputs, counts, measured, whiten, gap,
     last_x, last_dx, last_p, r, J,
@@ -109,7 +115,7 @@ def _residual(  # type: ignore[no-untyped-def]
     return bool(np.isfinite(r).all() and np.isfinite(J).all())
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _descend(  # type: ignore[no-untyped-def]
     q0, low, high, logarithmic, scale, column, fixed, delay, about, steps, inputs, counts, measured, whiten,
     tolerance, gap, most,
@@ -183,3 +189,27 @@ def _descend(  # type: ignore[no-untyped-def]
             x, cost = new, cost_new
             f[:], J[:] = f_new, J_new
     return x, 2.0 * cost, evaluations, False
+
+
+@functools.cache
+def _sources() -> int:
+    """Digest of the files whose functions a descent calls."""
+    digest = hashlib.sha256()
+    for module in (two_dof, trust_region):
+        digest.update(Path(str(module.__file__)).read_bytes())
+    return int.from_bytes(digest.digest()[:4], "big") | 1
+
+
+@functools.cache
+def _stamped(stamp: int) -> Any:
+    """`_descend`, kept on disk by numba until a file changes that it calls: of those numba's cache knows nothing.
+
+    A number in a closure belongs to the cache's key.
+    """
+
+    @njit(cache=True, nogil=True, error_model="numpy")
+    def descend(*arguments):  # type: ignore[no-untyped-def]
+        assert stamp != 0
+        return _descend(*arguments)
+
+    return descend

@@ -18,7 +18,7 @@ from identification.excitation import excitation_rank
 from identification.orbits import twin_applies
 from identification.replay import Replay, replay
 from identification.result import Branch, Estimate, FitResult, RecordingFit, identifiability
-from identification.routes import PeriodicRoute, Route, TimeRoute, choose_domain
+from identification.routes import PeriodicRoute, Route, TimeRoute, choose_domain, steady
 from identification.search import Descent, descend, explore
 from identification.space import MASSES, Space, space_of
 
@@ -36,6 +36,8 @@ class Settings:
         free: parameters to estimate, None for all the model declares but the masses. bounds: name -> (lower, upper).
         starts: how many starts, the model's values and their mirror image included. seed: of the random ones.
         domain: "auto", "periodic" or "time". delay: estimate the delay between the channels. threads: 0 for all cores.
+
+    In the time domain, steady recordings are explored on their harmonics, and fitted to every sample from there.
     """
 
     free: tuple[str, ...] | None = None
@@ -92,7 +94,10 @@ def fit(
     mirror = not why_not
     a = ratio(masses, foot.values()) if mirror else 1.0
     starts = _starts(space, foot, settings, a if mirror else None)
-    problem = route.explorer()
+    scout = route
+    if domain == "time" and steady(data):  # the same foot is found a hundred times sooner on the harmonics
+        scout = PeriodicRoute(foot, data, space, twin, settings.threads)
+    problem = scout.explorer()
     counter = iter(range(1, len(starts) + 1))
     descents, interrupted = explore(problem, starts, lambda: advance("exploring starts", next(counter), len(starts)))
     if interrupted and not interruptible:
@@ -102,7 +107,7 @@ def fit(
     if descents[0].unstable:
         raise SimulationError(f"{foot.name}: every start was unstable; check the bounds and the model's parameters.")
 
-    chosen = _one_a_branch(route, descents, space, a) if mirror else {"best": descents[0]}
+    chosen = _one_a_branch(scout, descents, space, a) if mirror else {"best": descents[0]}
     certified = []
     for number, (name, descent) in enumerate(chosen.items()):
         advance("certifying in MuJoCo", number, len(chosen))
@@ -186,9 +191,12 @@ class _Certified:
 def settle(route: Route, descent: Descent) -> tuple[Any, Descent]:
     """Bring the weights up to date at a descent's end and go on from there: the problem so weighted, and the end."""
     problem = route.explorer()
-    for _ in range(_REWEIGH):
+    q = route.space.to_q(descent.theta)
+    z = descent.z if descent.z.size == problem.bounds[0].size else problem.start(q)  # explored in the other domain
+    for _ in range(_REWEIGH if route.chi_square else 1):  # without chi-square the weights stay
         route.reweigh(problem, descent)
-        descent = descend(problem, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
+        descent = descend(problem, route.space.to_q(descent.theta), descent.label, z0=z, tight=True)
+        z = descent.z
     return problem, descent
 
 

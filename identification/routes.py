@@ -38,17 +38,25 @@ def choose_domain(recordings: Sequence[Recording], wanted: str) -> tuple[str, li
                 f"{aperiodic[0]} is not periodic, so it cannot be fitted on harmonics; use --domain time."
             )
         return "time", []
-    lines = [Line.of(recording) for recording in recordings]
-    unsteady = [(line, max(line.base.scatter, line.malleolus.scatter)) for line in lines]
-    worst, scatter = max(unsteady, key=lambda item: item[1])
+    scatter, file = _worst(recordings)
     if scatter > STEADY:
-        text = (
-            f"{worst.recording.file} is not steady: its amplitude scatters by {100 * scatter:.0f} % (drift or beating)"
-        )
+        text = f"{file} is not steady: its amplitude scatters by {100 * scatter:.0f} % (drift or beating)"
         if wanted == "periodic":
             return "periodic", [f"{text}; the weights follow the scatter."]
         return "time", [f"{text}, so all recordings are fitted in the time domain."]
     return "periodic", []
+
+
+def _worst(recordings: Sequence[Recording]) -> tuple[float, str]:
+    """Largest scatter of a fundamental, and in which recording."""
+    lines = [Line.of(recording) for recording in recordings]
+    return max((max(line.base.scatter, line.malleolus.scatter), line.recording.file) for line in lines)
+
+
+def steady(recordings: Sequence[Recording]) -> bool:
+    """Whether all recordings are in a steady state, so that their harmonics say all that they hold."""
+    periodic = all(recording.condition.frequency_hz is not None for recording in recordings)
+    return periodic and _worst(recordings)[0] <= STEADY
 
 
 class Route(Protocol):

@@ -52,6 +52,8 @@ class Problem(Protocol):
 UNSTABLE = 1e6
 #: Evaluations after which a descent is given up.
 _MOST = 200
+#: So many samples have a cost as large, of which 1e-7 is a thousandth of what a standard error changes.
+_LONG = 5000
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +89,7 @@ def descend(
     low, high = problem.bounds
     z = problem.start(q0) if z0 is None else z0
     inside = np.clip(z, low + 1e-9 * (high - low), high - 1e-9 * (high - low))  # the method starts inside its bounds
-    tolerance = 1e-10 if tight else 1e-8  # of the cost: 1e-10 of chi-square is far below a standard error
+    tolerance = 1e-7 if problem.size > _LONG else 1e-10 if tight else 1e-8  # of the cost: far below a standard error
     quick = problem.compiled()
     if quick is not None:
         z, cost, evaluations, converged = quick.descend(inside, tolerance, problem.tolerance, _MOST)

@@ -22,7 +22,8 @@ def small(folder: Path, subjects: int = 1, frequencies: tuple[float, ...] = (20.
 
 def arguments(study: Path, out: Path, *more: str) -> list[str]:
     """Command line of a quick study in one process."""
-    return [sys.executable, "-m", "identification.study", str(study), "--out", str(out), "--starts", "2", *more]
+    return [sys.executable, "-m", "identification.study", str(study), "--out", str(out), "--starts", "2",
+            "--no-report", *more]  # fmt: skip
 
 
 def fitted(study: Path, out: Path, *more: str, expect: int = 0) -> dict[str, Any]:
@@ -31,6 +32,11 @@ def fitted(study: Path, out: Path, *more: str, expect: int = 0) -> dict[str, Any
     done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, check=False)
     assert done.returncode == expect, done.stderr
     return {"said": done.stderr} | (json.loads(done.stdout) if expect == 0 else {})
+
+
+def done(printed: dict[str, Any], mode: str = "per-recording") -> int:
+    """How many fits of a mode are there, by the command's document."""
+    return next(int(row["done"]) for row in printed["modes"] if row["mode"] == mode)
 
 
 def documents(out: Path) -> dict[str, dict[str, Any]]:

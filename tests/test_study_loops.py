@@ -165,10 +165,24 @@ def test_points_of_a_trend_are_taken_at_the_recording(foot: Foot) -> None:
         return {"frequency_hz": f, "added_mass_kg": mass, "parameters": {"k_T_n_per_m": {"value": k_T}}}
 
     branch = {"points": [point(10, 0, 1.0), point(20, 0, 2.0), point(10, 2.3, 3.0), point(20, 2.3, 4.0)]}
-    assert loops.values_of(branch, foot, 10.02, 2.3)["k_T"] == 3.0
-    assert loops.values_of(branch, foot, 19.99, 0.0) == {**foot.values(), "k_T": 2.0}
+    assert loops.values_of(branch, foot, 10.02, 2.3) == {"k_T": 3.0}
+    assert loops.values_of(branch, foot, 19.99, 0.0) == {"k_T": 2.0}
     held = {"parameters": {"delay_s": {"value": 1e-4}}}
-    assert loops.values_of(held, foot, 20.0, 0.0) == {**foot.values(), "delay": 1e-4}
+    assert loops.values_of(held, foot, 20.0, 0.0) == {"delay": 1e-4}
+
+
+def test_a_recording_of_a_trend_has_its_own_foot(trial: Callable[..., Recording], foot: Foot) -> None:
+    recording = checked(trial(foot.values(), 20.0))
+    points = [{"frequency_hz": 20.0, "added_mass_kg": 0.0, "parameters": {"c_21_n_s_per_m": {"value": 500.0}}}]
+    curves = [{"name": "stiff ankle", "points": points}, {"name": "stiff pad", "points": points}]
+    own = {"file": recording.file, "foot": foot.values() | {"c_21": 1000.0}}
+    best, other = loops.cycles({"branches": curves, "recordings": [own]}, foot, [recording])
+    line = Line.of(recording)
+    e = Excitation(line.base.frequency_hz, line.base.amplitudes, recording.condition.masses)
+    for entry, c in ((best, 1000.0), (other, 500.0)):
+        want = loops.cycle(foot, e, foot.values() | {"c_21": c}, True).fat_pad.dissipated_j
+        assert entry["fat_pad"]["dissipated_j"] == pytest.approx(want, rel=1e-9)
+    assert best["fat_pad"]["dissipated_j"] != pytest.approx(other["fat_pad"]["dissipated_j"], rel=0.01)
 
 
 def test_broadband_recordings_have_no_cycle(trial: Callable[..., Recording], foot: Foot) -> None:

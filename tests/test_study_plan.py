@@ -47,7 +47,13 @@ def test_keys_follow_content_and_settings_only(study: Path, foot: Foot, tmp_path
         os.utime(file, (1, 1))
     assert planned(study, foot) == first
     assert planned(study, foot, threads=3) == first
-    for changed in ({"starts": 3}, {"seed": 1}, {"domain": "time"}, {"free": ("k_T",)}, {"bounds": {"k_T": (1e4, 1e6)}}):
+    for changed in (
+        {"starts": 3},
+        {"seed": 1},
+        {"domain": "time"},
+        {"free": ("k_T",)},
+        {"bounds": {"k_T": (1e4, 1e6)}},
+    ):
         assert not set(planned(study, foot, **changed)) & set(first), changed
     assert not set(planned(study, foot.with_values({"k_T": 2e5}))) & set(first)
 

@@ -125,6 +125,10 @@ def test_band_is_students_interval_of_the_subjects() -> None:
     assert c.lower == pytest.approx(shape(c.frequency_hz) + low)
     assert c.upper == pytest.approx(shape(c.frequency_hz) + high)
     two = mean_curve(rows[rows["subject"].isin(["0", "1"])])
-    assert np.isnan(two.mean).all()
-    assert len(two.subjects) == 2
+    assert np.isnan(two.lower).all()  # two subjects have a mean, but no interval worth showing
+    assert two.mean == pytest.approx(shape(two.frequency_hz) + offsets[:2].mean())
+    gap = mean_curve(rows[~((rows["subject"] == "0") & (rows["frequency_hz"] == 10))])
+    without = shape(10.0) + offsets[1:].mean()
+    assert abs(gap.mean[0] - without) < abs(gap.mean[0] - shape(10.0) - offsets.mean())  # a gap moves its own end only
+    assert gap.mean[-1] == pytest.approx(c.mean[-1], abs=0.1)
     assert mean_curve(rows[rows["outlier"]]).mean.size == 0

@@ -19,6 +19,7 @@ from identification.study.cluster import Crew
 from identification.study.job import Document
 from identification.study.plan import MODES, Filters, Job, Model, Plan
 from identification.study.store import Store
+from identification.study.summary import counts
 from identification.study.truth import Truth
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -39,6 +40,7 @@ def main(
     posture: Annotated[list[str] | None, typer.Option(help="only this posture; repeat")] = None,
     added_mass: Annotated[list[float] | None, typer.Option(help="only this added mass in kg; repeat")] = None,
     frequency: Annotated[list[float] | None, typer.Option(help="only this frequency in Hz; repeat")] = None,
+    page: Annotated[bool, typer.Option("--report/--no-report", help="write summary, figures and report.html")] = True,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Fit every recording of a study, computing only what is missing.
@@ -69,9 +71,11 @@ def main(
         raise typer.Exit(130) from None
     seconds = time.perf_counter() - began
     documents = [d for each in MODES for d in store.documents(job.key for job in plan.jobs(each))]
-    files = report.write(out, documents, folder.name, folder.origin, Truth.read(study))
-    show([d for d in documents if d["mode"] == mode], mode, computed, seconds, json_, out)
-    console.print(f"report: [bold]{files[0]}[/], with summary.csv and figures beside it", soft_wrap=True)
+    if page:
+        report.write(out, documents, folder.name, folder.origin, Truth.read(study))
+    show(documents, computed, seconds, json_, out)
+    if page:
+        console.print(f"report: [bold]{out / 'report.html'}[/], with summary.csv and figures beside it", soft_wrap=True)
 
 
 def complete(plan: Plan, jobs: Sequence[Job], store: Store, scheduler: str | None, workers: int) -> int:
@@ -109,28 +113,24 @@ def crew(count: int, scheduler: str | None, workers: int) -> Iterator[Crew]:
             yield do
 
 
-def show(documents: Sequence[Document], mode: str, computed: int, seconds: float, as_json: bool, out: Path) -> None:
-    """What came out, for people or as JSON."""
+def show(documents: Sequence[Document], computed: int, seconds: float, as_json: bool, out: Path) -> None:
+    """What is in the folder now, for people or as JSON: counts by mode, and what failed."""
     failed = [document for document in documents if document["status"] == "failed"]
-    done = [document for document in documents if document["status"] == "done"]
-    summary = {
-        "out": str(out), "mode": mode, "fits": len(documents), "computed": computed, "done": len(done),
-        "failed": [{"files": d["files"], "error": d["error"]} for d in failed], "seconds": seconds,
-    }  # fmt: skip
+    counted = counts(documents).to_dict("records")
     if as_json:
-        print_json(summary)
+        failures = [{"mode": d["mode"], "files": d["files"], "error": d["error"]} for d in failed]
+        print_json({"out": out, "computed": computed, "seconds": seconds, "modes": counted, "failed": failures})
     else:
-        table = Table(title=f"{mode}: {len(documents)} fits, {computed} of them computed now", title_justify="left")
-        for name in ("done", "failed", "decided between the branches", "mean fit [%]"):
-            table.add_column(name, justify="right")
-        decided = sum(d["result"]["verdict"] == "decided" for d in done)
-        fits = [d["result"]["fit_percent"] for d in done]
-        table.add_row(str(len(done)), str(len(failed)), str(decided), f"{sum(fits) / len(fits):.2f}" if fits else "–")
+        table = Table(title=f"{computed} fits computed in {seconds:.0f} s", title_justify="left")
+        for name in counted[0]:
+            table.add_column(name.replace("_", " "), justify="left" if name == "mode" else "right")
+        for row in counted:
+            table.add_row(*(f"{v:.4g}" if isinstance(v, float) else str(v) for v in row.values()))
         results.print(table)
     for document in failed:
         console.print(f"failed: {document['error']}", markup=False, soft_wrap=True)
-    for document in done:
-        for sentence in document.get("left_out", ()):
+    for document in documents:
+        for sentence in document["left_out"] if document["status"] == "done" else ():
             console.print(f"left out: {sentence}", markup=False, soft_wrap=True)
 
 

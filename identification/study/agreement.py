@@ -18,7 +18,8 @@ from identification.routes import STEADY
 BEYOND = 3.0
 #: Amplitude changes below this share are noise, whatever their significance.
 _NOTABLE = 0.005
-_PARTS = 12
+#: Parts of a recording whose amplitudes are followed, and share of them (one in so many) that is the onset.
+_PARTS, _ONSET = 40, 10
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Steadiness:
     """How the base's and the malleolus' fundamental behave through one recording.
 
     Attributes:
-        file: which. onset: relative difference of the first twelfth from the rest: a transient. drift: relative change
+        file: which. onset: relative difference of the first tenth from the rest: a transient. drift: relative change
         of the amplitude from end to end, along a straight line. beating: relative amplitude of the strongest slow
         modulation, and beat_hz its frequency. noise: the relative amplitude that noise alone gives each of them.
     """
@@ -129,18 +130,16 @@ def _followed(t: np.ndarray, signal: np.ndarray, frequency_hz: float) -> tuple[f
         c, *_ = np.linalg.lstsq(P, signal[part], rcond=None)
         middle[i], amplitude[i] = (i + 0.5) * length, np.hypot(c[1], c[2])
         noise[i] = np.std(signal[part] - P @ c) * np.sqrt(2 / w.size)
-    mean = amplitude[1:].mean()
-    line = np.polyfit(middle[1:], amplitude[1:], 1)  # the first part is the onset's
-    rest = amplitude[1:] - np.polyval(line, middle[1:])
-    spectrum = 2 * np.abs(np.fft.rfft(rest)) / rest.size
-    strongest = int(np.argmax(spectrum[1:])) + 1
-    return (
-        abs(amplitude[0] - np.polyval(line, middle[0])) / mean,
-        line[0] * (middle[-1] - middle[1]) / mean,
-        spectrum[strongest] / mean,
-        strongest / (rest.size * length),
-        float(np.median(noise)) / mean,
-    )
+    first = max(1, parts // _ONSET)
+    x, rest = middle[first:], amplitude[first:]
+    mean, line = rest.mean(), np.polyfit(x, rest, 1)
+    swing = rest - np.polyval(line, x)
+    error = float(np.median(noise))
+    padded = np.abs(np.fft.rfft(swing, 16 * swing.size))
+    beat = (np.argmax(padded[1:]) + 1) / (16 * swing.size * length)
+    beating = np.sqrt(2 * max(0.0, float(np.var(swing)) - error**2)) / np.sinc(beat * length)  # a part averages
+    onset = abs(np.mean(amplitude[:first] - np.polyval(line, middle[:first])))
+    return onset / mean, line[0] * t[-1] / mean, beating / mean, beat, error / mean
 
 
 def agreement(
@@ -200,6 +199,6 @@ def _sentence(differences: Sequence[Difference], behaviour: Sequence[Steadiness]
     if best.dof and best.chi_square > 2 * best.dof:
         return (
             f"{text} The recordings are steady within {100 * STEADY:.0f} % and more, but the model misfits them "
-            f"(chi-square {best.chi_square / best.dof:.3g} per degree of freedom), and the two weigh that misfit differently."
+            f"(chi-square {best.chi_square / best.dof:.3g} per degree of freedom), which both weigh differently."
         )
     return f"{text} The recordings are steady and the model fits: look for an offset, a drifting mean or a wrong clock."

@@ -1,8 +1,8 @@
 """Constants as smooth functions of frequency and load: log k = B(f, M) beta, with as few coefficients as data allow.
 
-The logarithm of each curve is a natural cubic spline in log f, given by its values at knots spread evenly in log f, plus
-powers of the load M / M_max, each times a spline of its own. All other parameters are constants of the subject. The
-coefficients are in the units of `Space`, so that the bounds of a knot are those of the parameter.
+The logarithm of each curve is a natural cubic spline in log f, given by its values at knots spread evenly in log f,
+plus powers of the load M / M_max, each times a spline of its own. All other parameters are constants of the subject.
+The coefficients are in the units of `Space`, so that the bounds of a knot are those of the parameter.
 
 No recording lies on smooth curves exactly: the foot stands a little differently each time. With `scatter`, recording i
 has offsets u_i of its own in the logarithm of each curve, which follow beta in the search variable.
@@ -86,7 +86,7 @@ class CurveSpace:
         o = self.order
         if not 1 <= o.knots <= frequencies or not 0 <= o.load < loads or not 1 <= o.mixed <= o.knots:
             raise SettingError(
-                f"a trend of {o} cannot be: {frequencies} frequencies and {loads} loads allow 1 to {frequencies} knots, "
+                f"a trend of {o} cannot be: {frequencies} frequencies, {loads} loads allow 1 to {frequencies} knots, "
                 f"powers of the load up to {loads - 1}, and no more knots for the load than for the frequency."
             )
         B = self.design(self.frequencies_hz, self.loads_kg)

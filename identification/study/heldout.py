@@ -42,7 +42,7 @@ def predicted(line: Line, foot: Foot, values: Mapping[str, float], twin: bool) -
 
 
 def compare(line: Line, Y: np.ndarray, edge: bool = False) -> HeldOut:
-    """Predicted harmonics (H,) against those measured; noise of the base counts through the measured transmissibility."""
+    """Predicted harmonics (H,) against those measured; the base's noise through the measured transmissibility."""
     measured = line.malleolus.amplitudes
     gain = abs(measured[0] / line.base.amplitudes[0])
     std = np.hypot(line.malleolus.std, gain * line.base.std)

@@ -81,7 +81,8 @@ def cycles(
     """The cycles of a fit as plain data: one entry a recording and branch, loops and traces of the best branch only.
 
     Args:
-        result: `FitResult.document()`, or the same with parameters a point in each branch ("points").
+        result: `FitResult.document()`, or that of a trend, with parameters a point in each branch ("points"), and the
+            foot of each recording on the best branch, which lies off the curves a little ("foot").
         foot: the model. recordings: those of the fit, checked, or their harmonics. twin: whether the compiled twin is
             this model, where that is known already.
 
@@ -92,6 +93,7 @@ def cycles(
     """
     twin = twin_applies(foot) if twin is None else twin
     step = min(LONGEST_STEP, foot.step)
+    feet = {r["file"]: r.get("foot") for r in result.get("recordings", ())}
     entries = []
     for given in recordings:
         if isinstance(given, Recording) and given.condition.frequency_hz is None:
@@ -100,8 +102,9 @@ def cycles(
         condition = line.recording.condition
         e = Excitation(line.base.frequency_hz, line.base.amplitudes, condition.masses, step)
         for number, branch in enumerate(result["branches"]):
-            values = values_of(branch, foot, line.base.frequency_hz, condition.added_mass_kg)
-            found = cycle(foot, e, values, twin)
+            own = feet.get(line.recording.file) if number == 0 else None
+            values = own or values_of(branch, foot, line.base.frequency_hz, condition.added_mass_kg)
+            found = cycle(foot, e, {**foot.values(), **values}, twin)
             entry: dict[str, Any] = {
                 "file": line.recording.file, "frequency_hz": line.base.frequency_hz,
                 "added_mass_kg": condition.added_mass_kg, "branch": branch["name"], "chosen": number == 0,
@@ -115,7 +118,7 @@ def cycles(
 
 
 def values_of(branch: Mapping[str, Any], foot: Foot, frequency_hz: float, added_mass_kg: float) -> dict[str, float]:
-    """Parameter values by name at a recording's condition: the branch's, and the model's for what was held."""
+    """The branch's parameter values by name at a recording's condition."""
     estimates = branch.get("parameters")
     if estimates is None:
         distance = [
@@ -123,7 +126,7 @@ def values_of(branch: Mapping[str, Any], foot: Foot, frequency_hz: float, added_
         ]
         estimates = branch["points"][int(np.argmin(distance))]["parameters"]
     name_of = {item.key: name for name, item in {**foot.parameters, DELAY.name: DELAY}.items()}
-    return {**foot.values(), **{name_of[key]: each["value"] for key, each in estimates.items()}}
+    return {name_of[key]: each["value"] for key, each in estimates.items()}
 
 
 def _trace(line: Line, found: Cycle, delay: float) -> dict[str, list[float]]:

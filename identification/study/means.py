@@ -1,4 +1,4 @@
-"""Parameters over frequency: a spline through each subject's estimates, their mean, and its confidence band."""
+"""Parameters over frequency: a spline through the means of the subjects, with its confidence band."""
 
 from dataclasses import dataclass
 
@@ -13,16 +13,15 @@ _FINE, _ENOUGH, FEWEST = 121, 7, 3
 
 @dataclass(frozen=True, eq=False)
 class MeanCurve:
-    """Splines of one parameter under one condition.
+    """Mean over subjects of one parameter under one condition.
 
     Attributes:
-        frequency_hz: (n,). subjects: (s, n), NaN outside a subject's own frequencies.
-        mean, lower, upper: (n,) mean over subjects and its 95 % limits (Student's t between subjects); NaN where fewer
-            than three subjects are.
+        frequency_hz: (n,). mean: (n,) spline through the means of each frequency.
+        lower, upper: (n,) the same spline through the 95 % limits of those means (Student's t between subjects); NaN
+            where fewer than three subjects are.
     """
 
     frequency_hz: np.ndarray
-    subjects: np.ndarray
     mean: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
@@ -31,8 +30,8 @@ class MeanCurve:
 def spline(f: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Least-squares cubic spline through (m,) estimates, one knot inside where seven or more allow it; (n,) at `at`.
 
-    It is linear in the values, so the mean of splines is the spline of the means. Fewer than four points get the
-    polynomial through them; outside its frequencies a spline is NaN.
+    It is linear in the values, so the spline of the means is the mean of the subjects' splines where none has a gap.
+    Fewer than four points get the polynomial through them; outside its frequencies a spline is NaN.
     """
     order = np.argsort(f)
     x, y = f[order], values[order]
@@ -54,19 +53,12 @@ def mean_curve(rows: pd.DataFrame) -> MeanCurve:
         rows: with subject, frequency_hz, value and outlier.
     """
     kept = rows[~rows["outlier"] & rows["value"].notna() & rows["frequency_hz"].notna()]
-    if kept.empty:
-        nothing = np.empty(0)
-        return MeanCurve(nothing, np.empty((0, 0)), nothing, nothing, nothing)
-    at = np.linspace(kept["frequency_hz"].min(), kept["frequency_hz"].max(), _FINE)
-    curves = np.stack([
-        spline(own["frequency_hz"].to_numpy(), own["value"].to_numpy(), at)
-        for _, each in kept.groupby("subject", sort=False)
-        for own in [each.groupby("frequency_hz", as_index=False)["value"].mean()]
-    ])  # fmt: skip
-    n = np.isfinite(curves).sum(axis=0)
+    values = kept.groupby("frequency_hz")["value"]
+    f, mean, n = values.mean().index.to_numpy(), values.mean().to_numpy(), values.count().to_numpy()
+    if f.size == 0:
+        return MeanCurve(f, mean, mean, mean)
+    at = np.linspace(f[0], f[-1], _FINE)
     enough = n >= FEWEST
-    mean, half = np.full(at.shape, np.nan), np.full(at.shape, np.nan)
-    mean[enough] = np.nanmean(curves[:, enough], axis=0)
-    scatter = np.nanstd(curves[:, enough], axis=0, ddof=1)
-    half[enough] = student.ppf(0.975, n[enough] - 1) * scatter / np.sqrt(n[enough])
-    return MeanCurve(at, curves, mean, mean - half, mean + half)
+    half = student.ppf(0.975, n[enough] - 1) * values.sem().to_numpy()[enough]
+    limits = (spline(f[enough], mean[enough] + side * half, at) for side in (-1, 1))
+    return MeanCurve(at, spline(f, mean, at), *limits)

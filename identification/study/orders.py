@@ -73,8 +73,9 @@ def linear_deviance(
         tau: scatter to begin with, None for no scatter. It is learnt by MacKay's rule, as in `TrendProblem.learn`.
     """
     places = space.places
-    start = np.zeros(0) if tau is None else tau
+    new = start = np.zeros(0) if tau is None else tau
     for _ in range(_PASSES):
+        start = new
         A, b = 1e-9 * np.eye(space.size), np.zeros(space.size)
         whitened = []
         total = 0.0
@@ -97,7 +98,6 @@ def linear_deviance(
             squares += (V.T @ e) ** 2
             effective += np.sum(V**2, axis=0) - np.einsum("kn,nm,km->k", left, C, left)
         new = np.clip(start * np.sqrt(squares / np.maximum(effective, 1e-3 * len(local))), LEAST, MOST)
-        change, start = np.abs(np.log(new / start)).max(), new
-        if change < 0.02:
+        if np.abs(np.log(new / start)).max() < 0.02:
             break
     return total, start

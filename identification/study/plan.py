@@ -22,7 +22,10 @@ from identification.routes import DOMAINS
 MODES = ("per-recording", "pooled", "trend")
 #: Our sources that cannot change a fit, and those of this package that can.
 _SILENT = ("console.py", "figures.py", "fit.py", "laboratory.py", "report.py", "virtual_study.py", "virtual_subject.py")
-_COMPUTING = ("curves.py", "cycle.py", "job.py", "levenberg.py", "loops.py", "orders.py", "scatter.py", "trend.py")
+_COMPUTING = (
+    "curves.py", "cycle.py", "job.py", "levenberg.py", "loops.py", "orders.py", "parts.py", "scatter.py", "trend.py",
+    "trend_result.py", "trend_search.py",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

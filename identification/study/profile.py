@@ -25,8 +25,10 @@ RISE = float(chi2.ppf(0.95, 1))
 _Z95 = 1.959963984540054
 #: First step in Wald standard errors, its growth, and steps a side at most.
 _FIRST, _GROWTH, _STEPS = 0.5, 1.3, 40
+#: Steps to the limit at most, and the error of the rise there that is none.
+_REFINED, _CLOSE = 15, 0.01
 #: Share of its width by which an interval may miss the Wald interval and still agree with it.
-DEPARTURE = 0.2
+DEPARTURE = 0.1
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class Profile:
         key: parameter with unit. value: its estimate. values: where it was held, in order, the estimate among them.
         rises: deviance there above the least, over the reduced chi-square where the model misfits. lower, upper: 95 %
         limits. open_below, open_above: the deviance does not rise enough before the bound. wald: the Wald interval.
-        departs: the limits miss the Wald interval's by more than 20 % of its width. verdict: identified / weak / not
+        departs: the limits miss the Wald interval's by more than 10 % of its width. verdict: identified / weak / not
         identifiable, by the profile. better: a lower deviance was met, so the estimate was not the best.
     """
 
@@ -152,13 +154,13 @@ def _walk(problem: Problem, descent: Descent, j: int, step: float, bound: float,
     else:
         return _Side(points, q, True)
     outer, outer_rise = q, rise
-    for _ in range(4):  # the root of the rise is nearly straight in the square root
+    for _ in range(_REFINED):  # the square root of the rise is nearly straight; where it is not, the bracket shrinks
         a, b = np.sqrt(max(inner_rise, 0.0)), np.sqrt(outer_rise)
-        q = inner + (outer - inner) * (np.sqrt(RISE) - a) / (b - a)
+        q = inner + (outer - inner) * float(np.clip((np.sqrt(RISE) - a) / (b - a), 0.2, 0.8))
         z = _refit(problem, inner_z, j, q)
         rise = (_cost(problem, z) - descent.cost) / excess
         points.append((q, rise))
-        if abs(rise - RISE) < 0.01:
+        if abs(rise - RISE) < _CLOSE:
             break
         if rise < RISE:
             inner, inner_rise, inner_z = q, rise, z

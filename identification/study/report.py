@@ -111,7 +111,8 @@ def pictures(
             rows = energy[(energy["mode"] == mode) & (energy["posture"] == posture)]
             text = f"Energy dissipated in one cycle, and where: {mode}, {posture}."
             out[f"energies_{mode}"] = (partial(figures.energies, rows, origin), text)
-    out["waterfall"] = (partial(figures.waterfall, documents), "Where every start of every fit ended.")
+    if any(d["status"] == "done" and d["result"].get("starts") for d in documents):
+        out["waterfall"] = (partial(figures.waterfall, documents), "Where every start of every fit ended.")
     return out
 
 
@@ -154,7 +155,10 @@ def _page(
     failed += [f"Left out ({d['mode']}): {text}" for d in documents for text in d.get("left_out", ())]
     contents = [("done", "What was done"), ("verdicts", "Verdicts"), ("mirror", "Mirror"), ("truth", "Truth")]
     contents += [("parameters", "Parameters"), ("outliers", "Outliers"), ("traces", "Traces"), ("loops", "Energy")]
-    contents += [("starts", "Starts"), *((f"section{i}", s.title) for i, s in enumerate(sections, 1))]
+    contents += [
+        *([("starts", "Starts")] if "waterfall" in inline else []),
+        *((f"section{i}", s.title) for i, s in enumerate(sections, 1)),
+    ]
     return environment.get_template("study.html").render(
         title=title, origin=origin, sections=sections, pictures=inline, limits=LIMITS, day=date.today().isoformat(),
         subjects=len({d["subject"] for d in documents}),

@@ -1,7 +1,7 @@
 """How far the recordings of one subject lie off its smooth curves: placement, muscle tone.
 
-Recording i has the foot B_i beta + u_i with u_i ~ N(0, diag(tau^2)), independent from recording to recording. The offsets
-are estimated with the coefficients, u_i / tau being residuals beside the harmonics: a hierarchical model whose
+Recording i has the foot B_i beta + u_i with u_i ~ N(0, diag(tau^2)), independent from recording to recording. The
+offsets are estimated with the coefficients, u_i / tau being residuals beside the harmonics: a hierarchical model whose
 likelihood, the offsets integrated out, follows from Laplace's approximation.
 """
 
@@ -16,7 +16,7 @@ from fasbody.exceptions import SimulationError
 from identification.orbits import Engine
 from identification.periodic import Line, PeriodicProblem, inverse_of_gram, split
 from identification.routes import PeriodicRoute
-from identification.search import UNSTABLE, Descent
+from identification.search import UNSTABLE, Descent, descend
 from identification.study.curves import CurveSpace
 from identification.study.levenberg import descend_fast
 
@@ -100,7 +100,7 @@ class TrendProblem(PeriodicProblem):
         return found
 
     def deviance(self, z: np.ndarray) -> float:
-        """-2 log likelihood, the offsets integrated out: cost + sum of log det S_i + log det(I + T G_i' S_i^-1 G_i T)."""
+        """-2 log likelihood, offsets integrated out: cost + sum of log det S_i + log det(I + T G_i' S_i^-1 G_i T)."""
         r = self.residual(z)
         if (r == UNSTABLE).all():
             return float("inf")
@@ -161,4 +161,5 @@ class TrendRoute(PeriodicRoute):
             if number and descent.cost > _HOPELESS * problem.size:
                 return problem, descent
         self.tau = problem.tau
-        return problem, descend_fast(problem, z, "settled", 1e-10)
+        # the surer method, for the end of a long valley
+        return problem, descend(problem, z, "settled", z0=z, tight=True)

@@ -63,7 +63,8 @@ def _rows(document: Mapping[str, Any], truth: Truth | None) -> Iterable[dict[str
     single = {name: document[name] for name in ("frequency_hz", "added_mass_kg")}
     for number, branch in enumerate(document["result"]["branches"]):
         for point in branch.get("points") or [{**single, "parameters": branch["parameters"]}]:
-            at = {"added_mass_kg": point["added_mass_kg"], "frequency_hz": point["frequency_hz"]}
+            f = point["frequency_hz"]
+            at = {"added_mass_kg": point["added_mass_kg"], "frequency_hz": None if f is None else nominal(f)}
             mode, subject, posture = (str(document[name]) for name in ("mode", "subject", "posture"))
             known = truth.of(mode, subject, posture, **at, files=document["files"]) if truth else {}
             for key, e in point["parameters"].items():

@@ -1,14 +1,14 @@
 """Which mirror branch a subject's fits belong to, all together: likelihood, continuity, a prior, a sensor on the foot.
 
-Each fit alone may not decide between its two branches. Together they can: the constants of one foot change smoothly with
-frequency and load, so that a choice which jumps between branches from one fit to the next is unlikely. The probability
-of every assignment is
+Each fit alone may not decide between its two branches. Together they can: the constants of one foot change smoothly
+with frequency and load, so that a choice which jumps between branches from one fit to the next is unlikely. The
+probability of every assignment is
 
-    log P = - sum_i D_i(b_i) / 2 - sum_(i,j neighbours) d_ij(b_i, b_j) / 2 + log prior + log likelihood of the foot bones
+    log P = - sum_i D_i(b_i) / 2 - sum_(neighbours i, j) d_ij(b_i, b_j) / 2 + log prior + log P(foot bones)
 
-with the deviances D of the fits and d = sum over curves of (difference of logarithms)^2 / variance. Smoothness cannot tell
-all-of-one-branch from all-of-the-other, as the mirror image of a smooth curve is smooth; likelihood, prior or a second
-sensor must. Marginal odds are exact (a forward-backward pass over frequencies, all loads of a frequency as one state).
+with the deviances D of the fits and d = sum over curves of (difference of logarithms)^2 / variance. Smoothness cannot
+tell all-of-one-branch from all-of-the-other, as the mirror image of a smooth curve is smooth; likelihood, prior or a
+second sensor must. Marginal odds are exact: a forward-backward pass over frequencies, all loads of one as a state.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,7 +34,7 @@ _STATES = 4096
 
 @dataclass(frozen=True)
 class BranchFit:
-    """One branch of one fit: named values, relative standard errors of them (missing: unknown), and -2 log likelihood."""
+    """One branch of one fit: named values, their relative standard errors (missing: unknown), -2 log likelihood."""
 
     name: str
     values: Mapping[str, float]

@@ -1,228 +1,34 @@
 """The trend: all recordings of one subject and posture as smooth functions of frequency and load, estimated jointly."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
 
 from fasbody.checks import checked
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.model import Foot
 from fasbody.recording import Recording
-from identification.branches import STIFF_ANKLE, STIFF_PAD, Verdict, has_mirror, judge, mirrored
+from identification.branches import Verdict, has_mirror, judge
 from identification.estimate import Settings
 from identification.orbits import twin_applies
 from identification.replay import Replay, replay
-from identification.result import Estimate, RecordingFit, identifiability
+from identification.result import RecordingFit
 from identification.routes import choose_domain
-from identification.search import Descent
-from identification.space import Space, space_of
+from identification.space import space_of
 from identification.study.curves import CurveSpace, Order
 from identification.study.levenberg import descend_fast
 from identification.study.orders import choose
-from identification.study.scatter import TrendProblem, TrendRoute
+from identification.study.trend_result import TrendBranch, TrendResult
+from identification.study.trend_search import Frame, State, both_ways, explore_trend, grown, settled
 
 #: Parameters that are functions of frequency and load; the others are constants of the subject.
 CURVES = ("k_T", "k_F", "c_11", "c_21")
-#: Errors assumed in turn while the search comes nearer, as shares of the fundamental.
-_TEMPERS = (0.1, 0.03, 0.01)
-#: Order from which the search starts: power laws of frequency, and of the load if there are several.
-_FIRST_ORDER = Order(2, 1, 1)
 _ROUNDS = 3
-#: Tolerance of the search far from the answer.
-_ROUGH = 1e-4
 #: Evaluations in MuJoCo at most: the twin is already there, and differs by rounding.
 _CERTIFYING = 8
-#: Rough ends a branch that are followed to the noise.
-_CANDIDATES = 2
-_Z95 = 1.959963984540054
-
-
-@dataclass(frozen=True, eq=False)
-class TrendBranch:
-    """One of the two mirror solutions of a trend.
-
-    Attributes:
-        name: "stiff ankle", "stiff pad" or "best". deviance: -2 log likelihood up to a constant, offsets integrated out.
-        aic, bic: information criteria. chi_square, dof: misfit, offsets included. fit_percent: mean over recordings.
-        z: coefficients and offsets. covariance: of the coefficients. scatter: of each curve between recordings.
-        space: what they are coefficients of. crosses: k_T passes its mirror image k_F a somewhere.
-    """
-
-    name: str
-    deviance: float
-    aic: float
-    bic: float
-    chi_square: float
-    dof: int
-    fit_percent: float
-    z: np.ndarray
-    covariance: np.ndarray
-    scatter: Mapping[str, float]
-    space: CurveSpace
-    crosses: bool
-
-    @property
-    def beta(self) -> np.ndarray:
-        """Coefficients (n,)."""
-        return self.z[: self.space.size]
-
-    def at(self, frequency_hz: float, added_mass_kg: float) -> dict[str, Estimate]:
-        """Parameters of a foot on the curves, key with unit -> estimate, with standard errors given the order."""
-        feet = self.space.feet
-        B = self.space.design(np.array([frequency_hz]), np.array([added_mass_kg]))[0]
-        q = B @ self.beta
-        std_q = np.sqrt(np.maximum(0.0, np.einsum("pn,nm,pm->p", B, np.nan_to_num(self.covariance), B)))
-        known = ~np.isnan(np.diag(self.covariance))
-        theta = feet.to_theta(q)
-        low, high = feet.to_theta(q - _Z95 * std_q), feet.to_theta(q + _Z95 * std_q)
-        found = {}
-        for i, item in enumerate(feet.free):
-            held = not known[np.abs(B[i]) > 1e-9].any()
-            std = float("nan") if held else float(std_q[i] * feet.slope(theta)[i])
-            size = 0.0 if item.logarithmic else 0.1 * max(abs(item.lower), abs(item.upper))
-            word = identifiability(theta[i], std, size, held)
-            found[item.key] = Estimate(float(theta[i]), std, float(low[i]), float(high[i]), held, word)
-        return found
-
-    def document(self) -> dict[str, Any]:
-        """The branch as plain data: its coefficients, and the parameters at each frequency and load recorded."""
-        space = self.space
-        std = np.sqrt(np.diag(self.covariance))
-        where = sorted({(round(float(m), 6), round(float(f), 2)) for f, m in zip(space.frequencies_hz, space.loads_kg,
-                                                                                 strict=True)})  # fmt: skip
-        return {
-            "name": self.name, "deviance": self.deviance, "aic": self.aic, "bic": self.bic,
-            "chi_square": self.chi_square, "dof": self.dof, "fit_percent": self.fit_percent, "crosses": self.crosses,
-            "scatter": dict(self.scatter),
-            "coefficients": {
-                label: {"value": float(v), "std_error": float(s)}
-                for label, v, s in zip(space.labels, self.beta, std, strict=True)
-            },
-            "points": [
-                {"frequency_hz": f, "added_mass_kg": m, "parameters": {k: asdict(e) for k, e in self.at(f, m).items()}}
-                for m, f in where
-            ],
-        }  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class TrendResult:
-    """What a trend found; `document()` is its JSON."""
-
-    source: str
-    origin: str
-    model: str
-    order: Order
-    orders: tuple[Mapping[str, Any], ...]
-    branches: tuple[TrendBranch, ...]
-    recordings: tuple[RecordingFit, ...]
-    verdict: str
-    reason: str
-    log_likelihood_ratio: float
-    twin_mujoco_difference: float | None
-    base_acceleration_error: float
-    starts: tuple[Mapping[str, Any], ...]
-    warnings: tuple[str, ...]
-    seconds: float
-
-    @property
-    def best(self) -> TrendBranch:
-        """The likelier branch."""
-        return self.branches[0]
-
-    @property
-    def p_value(self) -> float | None:
-        """Chance of a misfit as large; the scatter has been learnt from the same data, so it is rarely small."""
-        return float(chi2.sf(self.best.chi_square, self.best.dof)) if self.best.dof else None
-
-    def feet(self, branch: TrendBranch | None = None) -> list[dict[str, float]]:
-        """Parameters of every recording's own foot, its offsets from the curves included."""
-        chosen = branch or self.best
-        return chosen.space.feet_of(chosen.z)
-
-    def document(self) -> dict[str, Any]:
-        """The result as plain data."""
-        best = self.best
-        return {
-            "source": self.source, "origin": self.origin, "model": self.model, "domain": "periodic",
-            "fit_percent": best.fit_percent, "chi_square": best.chi_square, "dof": best.dof, "p_value": self.p_value,
-            "aic": best.aic, "bic": best.bic,
-            "order": asdict(self.order), "orders": [dict(o) for o in self.orders],
-            "verdict": self.verdict, "verdict_reason": self.reason,
-            "log_likelihood_ratio": self.log_likelihood_ratio,
-            "recordings": [
-                {"file": r.file, "frequency_hz": r.frequency_hz, "added_mass_kg": r.added_mass_kg,
-                 "fit_percent": r.fit_percent, "foot": foot}
-                for r, foot in zip(self.recordings, self.feet(), strict=True)
-            ],
-            "branches": [branch.document() for branch in self.branches],
-            "twin_mujoco_difference": self.twin_mujoco_difference,
-            "base_acceleration_error": self.base_acceleration_error,
-            "starts": [dict(start) for start in self.starts],
-            "warnings": list(self.warnings), "seconds": self.seconds,
-        }  # fmt: skip
-
-    def __str__(self) -> str:
-        scatter = ", ".join(f"{name} {100 * tau:.1f} %" for name, tau in self.best.scatter.items())
-        return (
-            f"{self.best.name}, {self.order}; fit {self.best.fit_percent:.1f} %; recordings scatter about the curves by "
-            f"{scatter}. {self.reason}"
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class Refit:
-    """The curves of a branch fitted anew to other recordings: what `at` needs of a TrendBranch."""
-
-    space: CurveSpace
-    z: np.ndarray
-    covariance: np.ndarray
-    tau: np.ndarray
-
-
-def refit(branch: TrendBranch, recordings: Sequence[Recording], foot: Foot, threads: int = 0) -> Refit:
-    """Fit a branch's curves to other recordings of the same foot, from where it ended, on the fastest engine.
-
-    Args:
-        branch: whose order, curves and bounds are kept. recordings: checked ones. foot: the model.
-
-    Raises:
-        SimulationError: no stable motion there.
-    """
-    old = branch.space
-    frame = _Frame(foot, list(recordings), old.feet, old.curves, old.scatter, twin_applies(foot), threads)
-    tau = np.array([max(branch.scatter[n], 1e-3) for n in old.curves]) if old.scatter else None
-    route = frame.route(old.order, tau=tau)
-    space = route.explorer().curves
-    B = old.design(space.frequencies_hz, space.loads_kg)
-    state = _settled(route, space.project(list(B @ branch.beta)))
-    if state is None:
-        raise SimulationError(f"{foot.name}: the curves have no stable motion for {len(recordings)} recordings.")
-    z, problem = state.descent.z, state.problem
-    covariance = problem.covariance(z, ~space.at_bound(z))[: space.size, : space.size]
-    return Refit(space, z, covariance, problem.tau if space.scatter else np.zeros(len(space.places)))
-
-
-@dataclass
-class _State:
-    """A branch while it is sought."""
-
-    route: TrendRoute
-    problem: TrendProblem
-    descent: Descent
-
-    @property
-    def deviance(self) -> float:
-        """-2 log likelihood up to a constant."""
-        return self.problem.deviance(self.descent.z)
-
-    @property
-    def space(self) -> CurveSpace:
-        return self.problem.curves
 
 
 def fit_trend(
@@ -243,7 +49,7 @@ def fit_trend(
     Args:
         recordings: steady ones, at two frequencies or more. foot: the model. settings: as for a fit; the domain is
             always the steady state. order: how many coefficients; None lets the criterion choose.
-        curves: parameters that are functions; the other free ones are constants. scatter: recordings lie off the curves.
+        curves: parameters that are functions; the other free ones are constants. scatter: recordings lie off them.
         criterion: "bic" or "aic". certify: converge on the MuJoCo rollout.
         source: what to call the data. advance: called with what is done, how many of how many.
 
@@ -258,11 +64,11 @@ def fit_trend(
     warnings += choose_domain(data, "periodic")[1]
     feet = space_of(foot, settings.free, settings.bounds, settings.delay is not False)
     twin = twin_applies(foot)
-    frame = _Frame(foot, data, feet, tuple(n for n in curves if n in feet.names), scatter, twin, settings.threads)
+    frame = Frame(foot, data, feet, tuple(n for n in curves if n in feet.names), scatter, twin, settings.threads)
     if frame.frequencies < 2:
         raise SettingError("a trend needs recordings at two or more frequencies; use per-recording fits.")
     why_not = has_mirror(feet.names, foot.parameters)
-    states, starts = _explore(frame, settings, not why_not, advance)
+    states, starts = explore_trend(frame, settings, not why_not, advance)
     tried: list[dict[str, Any]] = []
     if order is None:
         for _ in range(_ROUNDS):
@@ -270,11 +76,11 @@ def fit_trend(
             wanted, tried = choose(best.problem, best.descent.z, criterion)
             if wanted == best.space.order:
                 break
-            states = _grown(frame, states, wanted, advance)
+            states = grown(frame, states, wanted, advance)
     else:
-        states = _grown(frame, states, order, advance)
+        states = grown(frame, states, order, advance)
     if not why_not:
-        states = _both_ways(frame, states)
+        states = both_ways(frame, states)
     certified = []
     for number, (name, state) in enumerate(sorted(states.items(), key=lambda item: item[1].deviance)):
         advance("certifying in MuJoCo", number, len(states))
@@ -313,154 +119,7 @@ def fit_trend(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Frame:
-    """What all steps need."""
-
-    foot: Foot
-    data: list[Recording]
-    feet: Space
-    curves: tuple[str, ...]
-    scatter: bool
-    twin: bool
-    threads: int
-
-    @property
-    def _f(self) -> np.ndarray:
-        return np.array([r.condition.frequency_hz for r in self.data])
-
-    @property
-    def _loads(self) -> np.ndarray:
-        return np.array([r.condition.added_mass_kg for r in self.data])
-
-    @property
-    def frequencies(self) -> int:
-        return len(set(self._f.round(2)))
-
-    @property
-    def loads(self) -> int:
-        return len(set(self._loads))
-
-    def ratios(self) -> np.ndarray:
-        """a = m_S / (m_S + m_F) of each recording."""
-        masses = [{**self.foot.values(), **r.condition.masses} for r in self.data]
-        return np.array([m["m_S"] / (m["m_S"] + m["m_F"]) for m in masses])
-
-    def route(self, order: Order, scatter: bool | None = None, tau: np.ndarray | None = None) -> TrendRoute:
-        on = self.scatter if scatter is None else scatter
-        space = CurveSpace(self.feet, self.curves, order, self._f, self._loads, on)
-        return TrendRoute(self.foot, self.data, space, self.twin, self.threads, tau)
-
-    def first_order(self) -> Order:
-        return replace(_FIRST_ORDER, load=min(_FIRST_ORDER.load, self.loads - 1))
-
-    def side(self, space: CurveSpace, z: np.ndarray) -> str:
-        """Branch by the mean of log k_T / (a k_F) over the recordings' places on the curves."""
-        return STIFF_ANKLE if self.margins(space, z).mean() > 0 else STIFF_PAD
-
-    def margins(self, space: CurveSpace, z: np.ndarray) -> np.ndarray:
-        """Log k_T / (a k_F) at each recording."""
-        feet = [space.values(space.foot(B[:, : space.size], z[: space.size])[0]) for B in space.weights]
-        return np.log([v["k_T"] / (a * v["k_F"]) for v, a in zip(feet, self.ratios(), strict=True)])
-
-    def image(self, space: CurveSpace, z: np.ndarray) -> np.ndarray:
-        """Mirror image, point by point, as near as the curves can come to it."""
-        feet = space.feet_of(z)
-        images = [mirrored(v, a) for v, a in zip(feet, self.ratios(), strict=True)]
-        return space.project([self.feet.to_q(self.feet.theta(v)) for v in images])
-
-
-def _explore(
-    frame: _Frame, settings: Settings, mirror: bool, advance: Callable[[str, int, int], None]
-) -> tuple[dict[str, _State], list[dict[str, Any]]]:
-    """Rough descents without offsets from all starts; the best of each branch is brought down to the noise."""
-    rough = frame.route(frame.first_order(), scatter=False)
-    space = rough.explorer().curves
-    model = space.project([frame.feet.to_q(frame.feet.theta(frame.foot.values()))] * len(frame.data))
-    starts = [("model", model)] + ([("mirror of the model", frame.image(space, model))] if mirror else [])
-    rng = np.random.default_rng(settings.seed)
-    for i in range(settings.starts):
-        starts.append((f"random {i + 1}", space.project([frame.feet.random(rng)] * len(frame.data))))
-    ends, rows = [], []
-    wanted = starts[: max(settings.starts, 2 if mirror else 1)]
-    for number, (label, z0) in enumerate(wanted):
-        problem = rough.explorer()
-        problem.temper(_TEMPERS[0], model)
-        problem.start(z0)
-        d = descend_fast(problem, z0, label, _ROUGH)
-        name = frame.side(space, d.z) if mirror else "best"
-        ends.append((d.cost, name, d))
-        rows.append({"start": label, "cost": d.cost, "evaluations": d.evaluations, "converged": d.converged,
-                     "branch": name})  # fmt: skip
-        advance("exploring starts", number + 1, len(wanted))
-    ends.sort(key=lambda e: e[0])
-    states: dict[str, _State] = {}
-    for name in (STIFF_ANKLE, STIFF_PAD) if mirror else ("best",):
-        for d in [d for _, n, d in ends if n == name][:_CANDIDATES]:
-            _keep(states, frame, _down(frame, frame.route(frame.first_order()), d.z, model), mirror)
-    if not states:
-        raise SimulationError(f"{frame.foot.name}: no start of the trend led to a stable motion; check the bounds.")
-    return (_both_ways(frame, states) if mirror else states), sorted(rows, key=lambda row: float(row["cost"]))
-
-
-def _keep(states: dict[str, _State], frame: _Frame, state: _State | None, mirror: bool = True) -> None:
-    """Put a state among those of each branch, if it is the best of its own."""
-    if state is None:
-        return
-    name = frame.side(state.space, state.descent.z) if mirror else "best"
-    if name not in states or state.deviance < states[name].deviance:
-        states[name] = state
-
-
-def _down(frame: _Frame, route: TrendRoute, z: np.ndarray, anchor: np.ndarray) -> _State | None:
-    """From coefficients of a rough descent to the noise, with offsets."""
-    problem = route.explorer()
-    n = problem.curves.weights.shape[2]
-    z, anchor = np.append(z, np.zeros(n - z.size)), np.append(anchor, np.zeros(n - anchor.size))
-    problem.start(z)
-    for share in _TEMPERS:
-        problem.temper(share, anchor)
-        z = descend_fast(problem, z, "tempered", _ROUGH).z
-    return _settled(route, z)
-
-
-def _settled(route: TrendRoute, z: np.ndarray) -> _State | None:
-    try:
-        problem, descent = route.settle(z)
-    except SimulationError:
-        return None
-    state = _State(route, problem, descent)
-    return state if np.isfinite(state.deviance) else None
-
-
-def _grown(
-    frame: _Frame, states: Mapping[str, _State], order: Order, advance: Callable[[str, int, int], None]
-) -> dict[str, _State]:
-    """The same branches with other curves: each recording's foot stays, and the curves go through what they can."""
-    found = {}
-    for number, (name, state) in enumerate(states.items()):
-        advance(f"curves with {order}", number, len(states))
-        route = frame.route(order, tau=state.problem.tau)
-        space, old = route.explorer().curves, state.space
-        on_curve = [B[:, : old.size] @ state.descent.z[: old.size] for B in old.weights]
-        z = space.project(on_curve)
-        z[space.size :] = state.descent.z[old.size :]
-        grown = _settled(route, z)
-        if grown is not None:
-            found[name] = grown
-    return found or dict(states)
-
-
-def _both_ways(frame: _Frame, states: dict[str, _State]) -> dict[str, _State]:
-    """Enter each branch from the mirror image of the other too, and keep the better end."""
-    found = dict(states)
-    for state in states.values():
-        image = frame.image(state.space, state.descent.z)[: state.space.size]
-        _keep(found, frame, _down(frame, frame.route(state.space.order), image, image))
-    return found
-
-
-def _certify(frame: _Frame, name: str, state: _State, certify: bool) -> tuple[TrendBranch, Replay]:
+def _certify(frame: Frame, name: str, state: State, certify: bool) -> tuple[TrendBranch, Replay]:
     """Converge on the MuJoCo rollout, run the recordings, and gather what is reported."""
     route, problem, descent = state.route, state.problem, state.descent
     final = problem
@@ -496,17 +155,17 @@ def _certify(frame: _Frame, name: str, state: _State, certify: bool) -> tuple[Tr
     ), run
 
 
-def _advice(best: TrendBranch, frame: _Frame) -> list[str]:
+def _advice(best: TrendBranch, frame: Frame) -> list[str]:
     texts = []
     if frame.loads == 1:
         texts.append(
-            "One load: the mirror image of all curves is again smooth, so that only nonlinear damping tells the branches "
-            "apart; record a second load."
+            "One load: the mirror image of all curves is again smooth, so that only nonlinear damping tells the "
+            "branches apart; record a second load."
         )
-    elif best.space.order.load >= 2:
+    elif best.space.order.load >= frame.loads - 1:
         texts.append(
-            "Powers of the load up to 2 can follow the mirror image, whose factor a = m_S / (m_S + m_F) is smooth in the "
-            "load: the loads hardly tell the branches apart."
+            f"Curves with {best.space.order.load + 1} coefficients over {frame.loads} loads go through any change with "
+            "load, the mirror image's too: the loads do not tell the branches apart, only nonlinear damping does."
         )
     if best.crosses:
         texts.append("k_T crosses its mirror image a k_F: near there the two branches cannot be told apart.")
@@ -514,3 +173,36 @@ def _advice(best: TrendBranch, frame: _Frame) -> list[str]:
     if weak:
         texts.append(f"The recordings lie off the curves by {', '.join(weak)}: the curves describe them poorly.")
     return texts
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """The curves of a branch fitted anew to other recordings: what `at` needs of a TrendBranch."""
+
+    space: CurveSpace
+    z: np.ndarray
+    covariance: np.ndarray
+    tau: np.ndarray
+
+
+def refit(branch: TrendBranch, recordings: Sequence[Recording], foot: Foot, threads: int = 0) -> Refit:
+    """Fit a branch's curves to other recordings of the same foot, from where it ended, on the fastest engine.
+
+    Args:
+        branch: whose order, curves and bounds are kept. recordings: checked ones. foot: the model.
+
+    Raises:
+        SimulationError: no stable motion there.
+    """
+    old = branch.space
+    frame = Frame(foot, list(recordings), old.feet, old.curves, old.scatter, twin_applies(foot), threads)
+    tau = np.array([max(branch.scatter[n], 1e-3) for n in old.curves]) if old.scatter else None
+    route = frame.route(old.order, tau=tau)
+    space = route.explorer().curves
+    B = old.design(space.frequencies_hz, space.loads_kg)
+    state = settled(route, space.project(list(B @ branch.beta)))
+    if state is None:
+        raise SimulationError(f"{foot.name}: the curves have no stable motion for {len(recordings)} recordings.")
+    z, problem = state.descent.z, state.problem
+    covariance = problem.covariance(z, ~space.at_bound(z))[: space.size, : space.size]
+    return Refit(space, z, covariance, problem.tau if space.scatter else np.zeros(len(space.places)))

@@ -170,8 +170,8 @@ def leave_one_frequency_out(
         except SimulationError:
             failed += [data[i].file for i in out]
             continue
-        for i, values in zip(out, feet, strict=True):
-            predict(int(i), values, f[used])
+        for place, values in zip(out, feet, strict=True):
+            predict(int(place), values, f[used])
     return Validation(mode, tuple(rows), tuple(failed))
 
 
@@ -199,7 +199,7 @@ class DampingComparison:
     nonlinear: Criteria
 
     def preferred(self, criterion: str) -> str:
-        """Which of "linear" and "nonlinear" has the lower "aic", "bic" or "held_out_percent"."""
+        """The law with the lower "aic", "bic" or "held_out_percent"."""
         a, b = getattr(self.linear, criterion), getattr(self.nonlinear, criterion)
         return self.linear.law if a <= b else self.nonlinear.law
 
