@@ -26,8 +26,6 @@ STUDY_COMMAND = (
     "python -m fasbody.laboratory S --subjects 18 --seconds 2 && "
     "python -m identification.study S --posture midstance --starts 4"
 )
-    "python -m fasbody.laboratory S --subjects 18 --seconds 2 && python -m identification.study S --starts 4"
-)
 GROUP = "fits of a virtual study"
 
 
