@@ -4,7 +4,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 PIP := $(RUN) -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: fit view test lint bench clean
+.PHONY: fit view test lint bench reproduce clean
 
 fit: $(VENV)/core.stamp  ## identify the bundled synthetic foot; add ARGS="..." for options
 	$(RUN) -m identification.fit $(ARGS)
@@ -21,6 +21,9 @@ lint: $(VENV)/dev.stamp
 
 bench: $(VENV)/dev.stamp  ## every speed and accuracy ratio the documentation states; ARGS="--seeds 200" for the study
 	$(RUN) -m benchmarks $(ARGS)
+
+reproduce: $(VENV)/dev.stamp  ## every equation, table, figure and statement of the thesis -> docs/reproduction.md; goes on where it stopped
+	$(RUN) -m reproduction $(ARGS)
 
 $(VENV)/python.stamp:
 	$(PYTHON) -m venv $(VENV)

@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from fasbody.arch import PARAMETERS
+from fasbody.direct_differential import OUTPUTS
 from fasbody.kinematics import Array
-from fasbody.sensitivity import CLAIMED, OUTPUTS, Study
+from fasbody.sensitivity import CLAIMED, Study
 
 if TYPE_CHECKING:
     from fasbody.reduction import Reduction

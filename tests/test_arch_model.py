@@ -10,12 +10,12 @@ from symbolic_arch import evaluate, poses
 
 from fasbody import arch_model, lagrange
 from fasbody.arch import Arch
+from fasbody.arch_statics import under_weight
 from fasbody.exceptions import ModelError
 from fasbody.kinematics import rest
 from fasbody.model import check
 from fasbody.shaker import harmonics
 from fasbody.simulate import simulate
-from fasbody.static_load import under_weight
 
 
 def engine(model: mujoco.MjModel, arch: Arch, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,9 +13,10 @@ from typer.testing import CliRunner
 from fasbody import crosscheck as module
 from fasbody import lagrange
 from fasbody.arch import Arch
-from fasbody.crosscheck import ENGINES, app, build_pinocchio, crosscheck, random_poses
+from fasbody.crosscheck import ENGINES, app, crosscheck, random_poses
 from fasbody.exceptions import FasError, ModelError
 from fasbody.model import check
+from fasbody.tree_engines import build_pinocchio
 
 
 @pytest.fixture

@@ -11,15 +11,8 @@ from typer.testing import CliRunner
 from fasbody import linear
 from fasbody.arch import PARAMETERS, Arch
 from fasbody.arch_ode import solve
-from fasbody.sensitivity import (
-    OUTPUTS,
-    Study,
-    app,
-    linear_sensitivity,
-    sensitivity_along,
-    study,
-    trajectory_sensitivity,
-)
+from fasbody.direct_differential import OUTPUTS, linear_sensitivity, sensitivity_along, trajectory_sensitivity
+from fasbody.sensitivity import Study, app, study
 
 NOMINAL = Arch.nominal()
 

@@ -14,14 +14,13 @@ from fasbody import lagrange, linear
 from fasbody.arch import Arch
 from fasbody.arch_model import tree_position
 from fasbody.arch_ode import solve
+from fasbody.arch_statics import equilibrium, loaded
 from fasbody.exceptions import SimulationError
 from fasbody.static_load import (
     ARANGIO_SAG,
     MEASURED_HZ,
     app,
-    equilibrium,
     load_study,
-    loaded,
     sag_study,
 )
 

@@ -41,7 +41,7 @@ def test_every_file_of_the_packages_is_in_the_wheel(wheel: Path) -> None:
     here = {str(f.relative_to(ROOT)) for f in files if f.is_file() and "__pycache__" not in f.parts}
     assert len(here) > 50
     assert here - inside == set()
-    assert not any(name.startswith(("tests/", "benchmarks/", "docs/")) for name in inside)
+    assert not any(name.startswith(("tests/", "benchmarks/", "docs/", "reproduction/")) for name in inside)
 
 
 def test_command_runs_from_another_folder(installed: Path, tmp_path: Path) -> None:

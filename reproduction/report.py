@@ -1,0 +1,70 @@
+"""docs/reproduction.md from the results: counts, then one table a chapter. Same code, same machine: same text."""
+
+import os
+import platform
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader
+
+from reproduction.book import CHAPTERS, OUTSIDE
+from reproduction.row import Row, Verdict
+from reproduction.run import versions
+
+Results = Mapping[str, Mapping[str, Any]]
+
+
+def machine() -> str:
+    """Processor, cores, system and versions in one line."""
+    cpu = Path("/proc/cpuinfo")
+    lines = cpu.read_text().splitlines() if cpu.is_file() else []
+    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return (
+        f"{models[0] if models else platform.machine()}, {os.cpu_count()} cores; {platform.system()}, "
+        f"Python {platform.python_version()}, {versions()}"
+    )
+
+
+def counts(rows: Sequence[Row], results: Results) -> dict[str, int]:
+    """Verdict -> number of rows, in the order of `Verdict`; those that did not occur are left out."""
+    found = Counter(str(results[row.id]["verdict"]) for row in rows if row.id in results)
+    return {str(verdict): found[str(verdict)] for verdict in Verdict if found[str(verdict)]}
+
+
+def markdown(results: Results) -> str:
+    """The page.
+
+    Args:
+        results: row id -> its document, of every row.
+    """
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent), trim_blocks=True, lstrip_blocks=True, autoescape=False
+    )
+    environment.filters["cell"] = cell
+    thesis = [row for rows in CHAPTERS.values() for row in rows]
+    return environment.get_template("report.md.j2").render(
+        chapters=CHAPTERS, outside=OUTSIDE, results=results, machine=machine(), total=len(thesis),
+        counts=counts(thesis, results), outside_counts=counts(OUTSIDE, results),
+        by_chapter={title: counts(rows, results) for title, rows in CHAPTERS.items()},
+        verdicts=[str(verdict) for verdict in Verdict], numbers=numbers,
+    )  # fmt: skip
+
+
+def numbers(document: Mapping[str, Any]) -> str:
+    """What came out and what was asked for, check by check."""
+    if document.get("error"):
+        return f"failed: {document['error']}"
+    labels = {"printed": "", "right": "corrected: ", "instead": "instead: ", "coherent": "and at once: "}
+    parts = [f"{label}{check['text']}" for group, label in labels.items() for check in document[group]]
+    needed, there = document["recordings"]
+    if needed:
+        parts.append(f"measured recordings: {there} of {needed} needed")
+    text = "; ".join(parts)
+    return f"{text}. {document['note']}" if document["note"] else text
+
+
+def cell(text: str) -> str:
+    """Text that cannot end a table's cell or become markup."""
+    return text.replace("|", "\\|").replace("\n", " ").replace("*", "\\*").replace("<", "&lt;").replace("_", "\\_")

@@ -1,0 +1,204 @@
+"""One row: what the thesis has there, the function that runs it, the numbers that came out and the verdict they give.
+
+No verdict is written down anywhere: `Outcome.verdict` follows from comparing numbers with the limits of each check.
+"""
+
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from typing import Any
+
+
+class Verdict(StrEnum):
+    """What a run can say about a place in the thesis."""
+
+    REPRODUCED = "reproduced"
+    CORRECTED = "corrected (erratum)"
+    SYNTHETIC = "shown on synthetic data"
+    UNMEASURED = "cannot be reproduced without the recordings"
+    CONTRADICTED = "contradicted"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class Check:
+    """A number that came out and where it should lie; both limits belong to the range.
+
+    Attributes:
+        what: the number, in words. value: it. low, high: limits. unit: of all three.
+    """
+
+    what: str
+    value: float
+    low: float = -math.inf
+    high: float = math.inf
+    unit: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the number lies where it should; a number that is not finite never does."""
+        return math.isfinite(self.value) and self.low <= self.value <= self.high
+
+    @property
+    def criterion(self) -> str:
+        """The limits in words."""
+        if self.low == self.high:
+            return f"{self.low:.4g}"
+        if self.low == -math.inf:
+            return f"at most {self.high:.4g}"
+        if self.high == math.inf:
+            return f"at least {self.low:.4g}"
+        middle, half = (self.low + self.high) / 2, (self.high - self.low) / 2
+        narrow = half < 1e-3 * abs(middle) or middle == 0
+        return f"{middle:.6g} ± {half:.2g}" if narrow else f"{self.low:.4g} to {self.high:.4g}"
+
+    def __str__(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.what}: {self.value:.4g}{unit} ({'' if self.holds else 'NOT '}{self.criterion})"
+
+
+def near(what: str, value: float, wanted: float, tolerance: float, unit: str = "") -> Check:
+    """`value` within `tolerance` (in the same unit) of `wanted`."""
+    return Check(what, float(value), wanted - tolerance, wanted + tolerance, unit)
+
+
+def within(what: str, value: float, low: float, high: float, unit: str = "") -> Check:
+    """`value` from `low` to `high`."""
+    return Check(what, float(value), low, high, unit)
+
+
+def at_most(what: str, value: float, limit: float, unit: str = "") -> Check:
+    """`value` not above `limit`."""
+    return Check(what, float(value), high=limit, unit=unit)
+
+
+def at_least(what: str, value: float, limit: float, unit: str = "") -> Check:
+    """`value` not below `limit`."""
+    return Check(what, float(value), low=limit, unit=unit)
+
+
+def exactly(what: str, value: float, wanted: float, unit: str = "") -> Check:
+    """A count that must be `wanted`."""
+    return Check(what, float(value), wanted, wanted, unit)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The numbers of one row.
+
+    Attributes:
+        printed: what must hold if the thesis is right here.
+        right: what must hold if it is wrong and the correction that stands in docs/errata.md is right; empty if none.
+        instead: numbers that came out where the thesis is wrong and no correction mends it; they must hold, too.
+        coherent: what must hold for the statement to be compatible with the thesis' own other statements.
+        synthetic: the data were made by a model, so agreement shows the method and is no evidence.
+        recordings: measured recordings that the printed numbers need and those there are; (0, 0) if none.
+        note: what a reader should know, a sentence at most.
+    """
+
+    printed: Sequence[Check] = ()
+    right: Sequence[Check] = ()
+    instead: Sequence[Check] = ()
+    coherent: Sequence[Check] = ()
+    synthetic: bool = False
+    recordings: tuple[int, int] = (0, 0)
+    note: str = ""
+
+    @property
+    def checks(self) -> list[Check]:
+        """All of them."""
+        return [*self.printed, *self.right, *self.instead, *self.coherent]
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the numbers say."""
+        sound = all(check.holds for check in (*self.right, *self.instead))
+        if not self.checks or not sound or not all(math.isfinite(check.value) for check in self.checks):
+            return Verdict.FAILED
+        if not all(check.holds for check in self.coherent):
+            return Verdict.CONTRADICTED
+        needed, there = self.recordings
+        if there < needed:
+            return Verdict.UNMEASURED
+        if all(check.holds for check in self.printed):
+            return Verdict.SYNTHETIC if self.synthetic else Verdict.REPRODUCED
+        if self.right:
+            return Verdict.CORRECTED
+        return Verdict.UNMEASURED if self.synthetic else Verdict.CONTRADICTED
+
+    def document(self) -> dict[str, Any]:
+        """As plain data, with the verdict."""
+        plain = asdict(self)
+        for group in ("printed", "right", "instead", "coherent"):
+            plain[group] = [_finite(check) for check in getattr(self, group)]
+        return plain | {"recordings": list(self.recordings), "verdict": str(self.verdict)}
+
+
+def _finite(check: Check) -> dict[str, Any]:
+    """A check for JSON, which knows no infinity: a limit that is not there is null."""
+    limits = {key: value if math.isfinite(value) else None for key, value in asdict(check).items() if key in _NUMBERS}
+    return asdict(check) | limits | {"holds": check.holds, "text": str(check)}
+
+
+_NUMBERS = ("value", "low", "high")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One place in the thesis.
+
+    Attributes:
+        id: such as "Eq. 4.11-4.12", "Table 4.2", "Fig. 4.15-4.17" or "Finding 2.3-1"; several joined by ", ".
+        what: what stands there, in own words.
+        run: the function that computes it.
+        command: what a reader can type; by default this row alone.
+        group: rows of one group share what is slow to make and run in one process, one after the other.
+    """
+
+    id: str
+    what: str
+    run: Callable[[], Outcome]
+    command: str
+    group: str
+
+    @property
+    def numbers(self) -> list[str]:
+        """Every single item that the id covers: "Eq. 4.11-4.12" gives Eq. 4.11 and Eq. 4.12."""
+        return [item for part in self.id.split(", ") for item in _expand(part)]
+
+    @property
+    def file(self) -> str:
+        """Name of the file that keeps the result."""
+        return re.sub(r"[^a-z0-9]+", "-", self.id.lower()).strip("-") + ".json"
+
+
+def _expand(part: str) -> Iterator[str]:
+    span = re.fullmatch(r"(Eq\.|Table|Fig\.) (\w+)\.(\d+)-(\w+)\.(\d+)", part)
+    if span is None:
+        yield part
+        return
+    kind, chapter, first, other, last = span.groups()
+    if chapter != other or int(first) >= int(last):
+        raise ValueError(f"{part!r} is no range within one chapter.")
+    yield from (f"{kind} {chapter}.{n}" for n in range(int(first), int(last) + 1))
+
+
+class Rows(list[Row]):
+    """The rows of one file; used as a decorator: `@rows("Eq. 2.5", "what stands there")`."""
+
+    def __call__(
+        self, id: str, what: str, command: str = "", group: str = ""
+    ) -> Callable[[Callable[[], Outcome]], Callable[[], Outcome]]:
+        """Register the function below as the row `id`."""
+
+        def register(run: Callable[[], Outcome]) -> Callable[[], Outcome]:
+            self.add(id, what, run, command, group)
+            return run
+
+        return register
+
+    def add(self, id: str, what: str, run: Callable[[], Outcome], command: str = "", group: str = "") -> None:
+        """Register `run` as the row `id`, for rows made in a loop."""
+        self.append(Row(id, what, run, command or f'python -m reproduction --only "{id}"', group or id))

@@ -1,0 +1,164 @@
+"""The rows of the thesis: complete, uniquely named, really run, and judged by their numbers alone."""
+
+import json
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from fasbody.exceptions import SettingError
+from reproduction import run as running
+from reproduction.__main__ import select
+from reproduction.book import CHAPTERS, OUTSIDE, ROWS
+from reproduction.report import markdown
+from reproduction.row import Check, Outcome, Row, Verdict, at_most, exactly, near
+from reproduction.run import ROOT, execute, kept, key, run_rows
+
+#: Number of the last table and figure of each chapter and appendix of the thesis.
+TABLES = {"2": 1, "3": 2, "4": 2, "5": 2, "A": 9}
+FIGURES = {"2": 10, "3": 6, "4": 25, "5": 11, "A": 5, "C": 1, "D": 3}
+#: Rows that cost a moment, one of each kind of verdict that needs no study.
+CHEAP = {
+    "Eq. 2.5": Verdict.CORRECTED, "Eq. 2.4, Fig. 2.9": Verdict.REPRODUCED, "Table 2.1": Verdict.CORRECTED,
+    "Eq. 3.19": Verdict.CORRECTED, "Eq. 3.17-3.18": Verdict.REPRODUCED, "Appendix B, A": Verdict.CORRECTED,
+    "Eq. 4.24-4.25": Verdict.REPRODUCED, "Finding 4.5, 1": Verdict.CONTRADICTED, "Table A.1": Verdict.UNMEASURED,
+    "Eq. 4.12, damping": Verdict.CORRECTED, "Validation 3": Verdict.REPRODUCED,
+}  # fmt: skip
+
+
+def by_id(name: str) -> Row:
+    return next(row for row in ROWS if row.id == name)
+
+
+def test_ids_and_files_are_unique() -> None:
+    assert len({row.id for row in ROWS}) == len(ROWS) > 100
+    assert len({row.file for row in ROWS}) == len(ROWS)
+
+
+def test_every_equation_table_and_figure_has_a_row() -> None:
+    there = {item for row in ROWS for item in row.numbers}
+    index = re.findall(r"^\| (\d\.\d+) \|", (ROOT / "docs" / "equations.md").read_text(), re.MULTILINE)
+    wanted = {f"Eq. {number}" for number in index}
+    wanted |= {f"Table {chapter}.{n}" for chapter, last in TABLES.items() for n in range(1, last + 1)}
+    wanted |= {f"Fig. {chapter}.{n}" for chapter, last in FIGURES.items() for n in range(1, last + 1)}
+    # some equations are judged part by part: "Eq. 4.12, mass"
+    assert {item for item in wanted if item not in there} == set()
+
+
+def test_a_range_in_an_id_is_each_of_its_numbers() -> None:
+    row = Row("Eq. 3.15-3.16, Fig. 3.1", "", Outcome, "", "")
+    assert row.numbers == ["Eq. 3.15", "Eq. 3.16", "Fig. 3.1"]
+    with pytest.raises(ValueError, match="no range"):
+        _ = Row("Eq. 3.2-4.1", "", Outcome, "", "").numbers
+
+
+@pytest.mark.parametrize("name", CHEAP)
+def test_cheap_rows_run_and_flip_when_a_number_moves(name: str) -> None:
+    outcome = by_id(name).run()
+    assert outcome.verdict == CHEAP[name]
+    for group in ("right", "instead"):
+        if checks := getattr(outcome, group):
+            assert replace(outcome, **{group: [_missed(checks[0]), *checks[1:]]}).verdict == Verdict.FAILED
+    if outcome.verdict == Verdict.REPRODUCED:
+        moved = replace(outcome, printed=[_missed(outcome.printed[0]), *outcome.printed[1:]])
+        assert moved.verdict == Verdict.CONTRADICTED
+    else:
+        met = [replace(check, low=-math.inf, high=math.inf) for check in outcome.printed]
+        assert replace(outcome, printed=met, recordings=(0, 0)).verdict == Verdict.REPRODUCED
+
+
+def _missed(check: Check) -> Check:
+    """The same check with a number outside of its limits."""
+    high = math.isfinite(check.high)
+    beyond = check.high + 1 + abs(check.high) if high else check.low - 1 - abs(check.low)
+    return replace(check, value=beyond)
+
+
+def test_verdicts_follow_from_numbers() -> None:
+    good, bad = near("a", 1.0, 1.0, 0.1), near("a", 2.0, 1.0, 0.1)
+    assert Outcome([good]).verdict == Verdict.REPRODUCED
+    assert Outcome([good], synthetic=True).verdict == Verdict.SYNTHETIC
+    assert Outcome([bad], synthetic=True).verdict == Verdict.UNMEASURED
+    assert Outcome([bad]).verdict == Verdict.CONTRADICTED
+    assert Outcome([bad], right=[good]).verdict == Verdict.CORRECTED
+    assert Outcome([bad], right=[bad]).verdict == Verdict.FAILED
+    assert Outcome([bad], instead=[good]).verdict == Verdict.CONTRADICTED
+    assert Outcome([good], coherent=[bad]).verdict == Verdict.CONTRADICTED
+    assert Outcome([good], recordings=(27, 0)).verdict == Verdict.UNMEASURED
+    assert Outcome([good], recordings=(27, 27)).verdict == Verdict.REPRODUCED
+    assert Outcome([at_most("a", math.nan, 1.0)]).verdict == Verdict.FAILED
+    assert Outcome([]).verdict == Verdict.FAILED
+
+
+def test_a_row_that_raises_has_failed() -> None:
+    def broken() -> Outcome:
+        raise ZeroDivisionError("by design")
+
+    document = execute(Row("X 1", "a broken row", broken, "", "X 1"))
+    assert document["verdict"] == str(Verdict.FAILED)
+    assert document["error"] == "ZeroDivisionError: by design"
+
+
+def test_results_are_kept_until_the_code_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    row = by_id("Eq. 2.5")
+    (first,) = run_rows([row], tmp_path, processes=1)
+    file = tmp_path / row.file
+    file.write_text(file.read_text().replace(row.what, "taken from the file"))
+    assert next(run_rows([row], tmp_path, processes=1))["what"] == "taken from the file"
+    again = next(run_rows([row], tmp_path, fresh=True, processes=1))
+    assert again | {"cpu_seconds": 0} == first | {"cpu_seconds": 0}
+    running.code_key.cache_clear()
+    monkeypatch.setattr(running, "LIBRARIES", ("numpy",))
+    assert kept(row, tmp_path) is None
+    assert key(row) != first["key"]
+    running.code_key.cache_clear()
+
+
+def test_a_damaged_or_failed_result_is_not_kept(tmp_path: Path) -> None:
+    row = by_id("Eq. 2.5")
+    file = tmp_path / row.file
+    for content in ("{", "[]", json.dumps({"key": key(row), "verdict": str(Verdict.FAILED)})):
+        file.write_text(content)
+        assert kept(row, tmp_path) is None
+
+
+def test_selecting_by_id_item_and_title() -> None:
+    assert [row.id for row in select(["Eq. 2.5"])] == ["Eq. 2.5"]
+    assert [row.id for row in select(["Eq. 4.3"])] == ["Eq. 4.1-4.5"]
+    assert select(["validation"]) == OUTSIDE
+    assert select(["chapter 5"]) == CHAPTERS["Chapter 5: the cell"]
+    assert select(None) == ROWS
+    with pytest.raises(SettingError, match=r"no row is called 'Eq\. 9\.9'"):
+        select(["Eq. 9.9"])
+
+
+def test_the_command_prints_json_and_counts(command, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    done = command(
+        "reproduction", "--only", "Eq. 2.5", "--only", "Table A.2", "--jobs", "1", "--json", "--kept", str(tmp_path)
+    )
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["counts"] == {str(Verdict.CORRECTED): 1, str(Verdict.UNMEASURED): 1}
+    assert {row["id"] for row in document["rows"]} == {"Eq. 2.5", "Table A.2"}
+    assert command("reproduction", "--only", "nothing").returncode == 2
+
+
+def test_the_page_has_a_line_a_row_and_its_verdict() -> None:
+    outcome = Outcome([exactly("a|b", 1, 1)], note="note")
+    results = {row.id: {"id": row.id, **outcome.document(), "error": None} for row in ROWS}
+    lines = markdown(results).splitlines()
+    for row in ROWS:
+        (line,) = (line for line in lines if line.startswith(f"| {row.id} |"))
+        assert "| reproduced |" in line
+    thesis = sum(len(rows) for rows in CHAPTERS.values())
+    assert f"- **{thesis}** reproduced" in lines
+
+
+def test_the_committed_page_is_of_these_rows() -> None:
+    """docs/reproduction.md was written by the rows as they are: same ids, same texts, nothing failed."""
+    page = (ROOT / "docs" / "reproduction.md").read_text()
+    ids = re.findall(r"^\| ((?:Eq\.|Fig\.|Table|Finding|Appendix|Validation)[^|]*?) \|", page, re.MULTILINE)
+    assert ids == [row.id for row in ROWS]
+    assert f"| {Verdict.FAILED} |" not in page
