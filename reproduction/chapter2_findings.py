@@ -1,5 +1,6 @@
 """What sections 2.3 to 2.5 state, each on the virtual study or, where it is about mechanics, on the model itself."""
 
+import math
 from functools import partial
 
 import numpy as np
@@ -24,7 +25,8 @@ STUDY = "virtual study"
 def stated(says: str) -> Outcome:
     """One finding on the virtual study; the share of other seeds says how much of it is luck."""
     finding = next(f for f in study_findings() if f.says == says)
-    holds = exactly("statement holds (1) or not (0) by its tests at p < 0.05", int(finding.holds), 1)
+    came_out = math.nan if finding.holds is None else float(finding.holds)  # None: not tested
+    holds = exactly("statement holds (1) or not (0) by its tests at p < 0.05", came_out, 1)
     share = f"Holds in {share_elsewhere()[says]:.0%} of {OTHER_STUDIES} studies with other seeds."
     coherent = lists_of_tuberosity(says) if "TB with" in says and "below 1" in says else ()
     return Outcome([holds], coherent=coherent, synthetic=True, note=f"{finding.came_out}. {share}")

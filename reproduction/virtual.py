@@ -45,7 +45,7 @@ def share_elsewhere() -> dict[str, float]:
     """Share of other virtual studies in which each statement comes out."""
     held: Counter[str] = Counter()
     for seed in range(100, 100 + OTHER_STUDIES):
-        held.update({finding.says: int(finding.holds) for finding in findings(study(seed))})
+        held.update({finding.says: int(finding.holds is True) for finding in findings(study(seed))})
     return {says: count / OTHER_STUDIES for says, count in held.items()}
 
 
