@@ -1,6 +1,5 @@
 """A board made of a thread: known samples in real time over a pseudo-terminal, with faults on demand."""
 
-import os
 import threading
 import time
 from pathlib import Path
