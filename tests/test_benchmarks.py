@@ -1,13 +1,16 @@
 """The benchmarks' own arithmetic on tiny sizes; what they measure is not asserted here."""
 
 import importlib
-from dataclasses import replace
+import json
+import subprocess
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
-from benchmarks import accuracy, callbacks, coverage, fitting, plain_scipy, rows
-from benchmarks.__main__ import machine, markdown
+from benchmarks import __main__ as bench
+from benchmarks import accuracy, black_box, callbacks, coverage, fitting, plain_scipy, rows
+from benchmarks.__main__ import TOPICS, machine, markdown
 from fasbody.model import can_be_constrained, load
 from fasbody.shaker import sine
 from fasbody.simulate import simulate
@@ -17,7 +20,7 @@ from identification.space import space_of
 from identification.time_domain import TimeProblem
 
 
-@pytest.mark.parametrize("name", ["accuracy", "acquire", "callbacks", "fitting", "coverage", "__main__"])
+@pytest.mark.parametrize("name", sorted({*TOPICS, "__main__"}))
 def test_each_topic_has_a_command(name: str) -> None:
     module = importlib.import_module(f"benchmarks.{name}")
     assert module.app.registered_commands
@@ -69,8 +72,33 @@ def test_step_costs_are_times_of_all_three() -> None:
 
 
 def test_busy_cores_give_no_verdict_on_threads() -> None:
-    row = callbacks.unjudged(rows.at_least("gain", 1.0, 1.7), 9.0)
-    assert row.holds is None and "load 9.0" in row.what and row.measured == "1"
+    idle = rows.at_least("gain", 1.0, 1.7)
+    assert rows.judged_if_idle(idle, 0.0) is idle
+    row = rows.judged_if_idle(idle, 1000.0)
+    assert row.holds is None and "load 1000.0" in row.what and row.measured == "1"
+
+
+def test_black_box_topics_give_rows() -> None:
+    """Tiny sizes: every topic runs, and what it says of the grid agrees with one least-squares solution each."""
+    made = list(black_box.grid(2))
+    assert made[1].holds is True and made[0].ratio is not None
+    timed = black_box.timed("oe", black_box.record(black_box.foot.prbs(black_box.SAMPLES), 0))
+    assert 0 < timed[1] < timed[0] < 1.0
+
+
+def test_topic_is_run_by_its_own_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One topic in a process of its own gives its rows back."""
+    row = rows.at_most("claim", 1.0, 2.0, "ms")
+    printed = json.dumps({"title": "t", "rows": [asdict(row)]})
+    seen = {}
+
+    def fake(command: list[str], **options: object) -> subprocess.CompletedProcess[str]:
+        seen["command"] = command
+        return subprocess.CompletedProcess(command, 0, printed)
+
+    monkeypatch.setattr(subprocess, "run", fake)
+    assert bench.measure("accuracy") == [row]
+    assert seen["command"][1:] == ["-m", "benchmarks.accuracy", "--json"]
 
 
 @pytest.fixture(scope="module")
