@@ -12,7 +12,7 @@ from scipy.optimize import curve_fit
 from fasbody.cell.analysis import Analysis, analyse, assemblies
 from fasbody.cell.dome import SHAPES, Dome
 from fasbody.cell.materials import MODULI_PA, Preset
-from fasbody.cell.mesh import MeshSize
+from fasbody.cell.meshsize import MeshSize
 from fasbody.cell.tracking import Match, track_along
 from fasbody.exceptions import SettingError
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from . import excitation
 from .data import Series
-from .polynomial import Response
+from .response import Response
 from .selection import Candidate, judge
 
 LARGEST_TERMS = 14

@@ -15,7 +15,8 @@ from . import pem
 from .data import Series
 from .filters import largest_root, pulse_response, shifted
 from .least_squares import Linearisation, minimise, project_states, spread
-from .polynomial import Orders, PolynomialModel, Response
+from .polynomial import Orders, PolynomialModel
+from .response import Response
 
 
 @dataclass(frozen=True, eq=False)

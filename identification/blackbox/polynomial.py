@@ -13,6 +13,7 @@ from fasbody.exceptions import SettingError, unknown
 
 from .data import Series
 from .filters import free_run
+from .response import Response
 
 #: Orders of each structure in the sequence of Table 3.2.
 STRUCTURES = {
@@ -69,38 +70,6 @@ class Orders:
     def first_row(self) -> int:
         """First sample whose regressors are all measured."""
         return max(self.na, self.nk + self.nb - 1)
-
-
-@dataclass(frozen=True, eq=False)
-class Response:
-    """A frequency response with its uncertainty.
-
-    Attributes:
-        frequency_hz: shape (M,).
-        value: complex, shape (M,).
-        spread: square root S of the covariance S S' of (real, imaginary), shape (M, 2, m).
-    """
-
-    frequency_hz: np.ndarray
-    value: np.ndarray
-    spread: np.ndarray
-
-    def _along(self, direction: np.ndarray) -> np.ndarray:
-        parts = np.stack([direction.real, direction.imag], axis=-1)
-        return np.linalg.norm(np.einsum("mi,mij->mj", parts, self.spread), axis=1)
-
-    @property
-    def gain_std(self) -> np.ndarray:
-        """Standard deviation of the gain, shape (M,)."""
-        with np.errstate(invalid="ignore"):
-            return self._along(self.value / np.maximum(np.abs(self.value), 1e-300))
-
-    @property
-    def phase_std_deg(self) -> np.ndarray:
-        """Standard deviation of the phase in degrees, shape (M,)."""
-        with np.errstate(invalid="ignore"):
-            size = np.maximum(np.abs(self.value), 1e-300)
-            return np.rad2deg(self._along(1j * self.value / size) / size)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,8 @@ from scipy import signal
 
 from .data import Series
 from .least_squares import project_states
-from .polynomial import PolynomialModel, Response
+from .polynomial import PolynomialModel
+from .response import Response
 
 
 @dataclass(frozen=True, eq=False)
