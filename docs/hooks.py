@@ -116,7 +116,8 @@ def _section(command: Command) -> str:
     first, _, rest = re.sub(r"\[(/|/?bold)\]", "", found.help or command.does).strip().partition("\n")
     rows = [_row(parameter) for parameter in found.params if not getattr(parameter, "hidden", False)]
     table = "\n".join(["| | | default |", "|---|---|---|", *(row for row in rows if "`--help`" not in row)])
-    return f"## {command.call}\n\n{first}\n\n" + (f"```text\n{rest.strip(chr(10))}\n```\n\n" if rest else "") + table + "\n"
+    more = ["```text\n" + rest.strip("\n") + "\n```"] if rest else []
+    return "\n\n".join([f"## {command.call}", first, *more, table]) + "\n"
 
 
 def _row(parameter: Any) -> str:

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-DOCUMENTS = sorted(
-    [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "mjcf").glob("*.md"), *(ROOT / "benchmarks").glob("*.md")]
-)
+DOCUMENTS = sorted(file for folder in (".", "docs", "mjcf", "benchmarks") for file in (ROOT / folder).glob("*.md"))
 #: What a line of a shell block begins with.
 SHELL = re.compile(r"^(\w+=\S* )*(make|python|pip|source|git|(\.venv/bin|/\S+)/\w+)\b")
 FENCE = re.compile(r"^(?P<indent> *)```(?P<language>\w*)\s*$")
@@ -98,5 +96,5 @@ def anchors(file: Path) -> set[str]:
 
 def mentioned_files(file: Path) -> Iterator[str]:
     """Paths of the project in `code spans`."""
-    for span in re.findall(r"`((?:examples|tests|docs|benchmarks|mjcf|fasbody|identification|viz)/[\w./-]+\.\w+)`", file.read_text()):
-        yield span
+    folders = "examples|tests|docs|benchmarks|mjcf|fasbody|identification|viz"
+    yield from re.findall(rf"`((?:{folders})/[\w./-]+\.\w+)`", file.read_text(encoding="utf-8"))

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from docs import DOCUMENTS, ROOT, anchors, links, mentioned_files
 
 #: Attributes and functions by which a page loads something; a plain <a href> only leads there.
