@@ -39,6 +39,7 @@ def errors(f: float, noise: float, second: float, trials: int = 40) -> np.ndarra
 
 
 def main() -> None:
+    """Print bias and scatter of each estimate."""
     print("mean error ± standard deviation; |T| in %, phase in degrees")
     print("  f [Hz] noise second |  sine fit |T|    peak to peak    per period |  sine fit phase   cross-spectrum")
     for second in (0.0, 0.2):

@@ -22,6 +22,7 @@ def measured(*command: str) -> tuple[float, float]:
 
 
 def main() -> None:
+    """Print time and memory of both sizes."""
     file_format = sys.argv[1] if len(sys.argv) > 1 else "csv"
     print(f"{'recordings':>10} {'command':32} {'s':>6} {'largest process so far, MB':>27}")
     for subjects in (5, 20):

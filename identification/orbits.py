@@ -96,7 +96,7 @@ class Twin:
     def orbit(
         self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """See `Engine`."""
+        """See `Engine`: arrays (n,), (n, p)."""
         e, last = self.excitations[number], self._last[number]
         masses = {**values, **e.masses}
         theta = np.array([values[name] for name in NAMES])
@@ -135,7 +135,7 @@ class Rollouts:
     def orbit(
         self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """See `Engine`; `names` are those given at construction."""
+        """See `Engine`: arrays (n,), (n, p); `names` are those given at construction."""
         e, last = self.excitations[number], self._last[number]
         theta = np.array([values[name] for name in self.columns.names])
         x = np.zeros(self.columns.states) if last is None else last.predict(theta)

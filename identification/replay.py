@@ -35,7 +35,7 @@ class Replay:
 def replay(
     foot: Foot, recordings: Sequence[Recording], values: Mapping[str, float], starts: Sequence[np.ndarray], twin: bool
 ) -> Replay:
-    """Run every recording from its initial states, driven by the spline through its base channel.
+    """Run every recording from its initial states [m, m/s], driven by the spline through its base channel.
 
     Args:
         foot: the model. recordings: checked. values: parameters by name, with the delay. starts: initial states of each

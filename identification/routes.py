@@ -74,7 +74,7 @@ class Route(Protocol):
         """Bring the weights up to date at a descent's end."""
 
     def initial_states(self, problem: Any, descent: Descent, number: int) -> np.ndarray:
-        """Initial states of one recording at a certified descent's end."""
+        """Initial states of one recording [m, m/s] at a certified descent's end."""
 
 
 @dataclass
@@ -97,12 +97,12 @@ class PeriodicRoute:
         return Twin(excitations) if twin else Rollouts(self.foot, excitations, self.space.names, self.threads)
 
     def explorer(self) -> PeriodicProblem:
-        """See `Route`."""
+        """See `Route` [m, m/s]."""
         engine = self._engine([line.excitation for line in self.lines], self.twin)
         return PeriodicProblem(self.lines, engine, self.space)
 
     def certifier(self, explored: PeriodicProblem) -> PeriodicProblem:
-        """See `Route`."""
+        """See `Route` [m, m/s]."""
         if not self.twin:
             explored.tolerance = 1e-7
             return explored
@@ -112,11 +112,11 @@ class PeriodicRoute:
         return problem
 
     def reweigh(self, problem: PeriodicProblem, descent: Descent) -> None:
-        """See `Route`."""
+        """See `Route` [m, m/s]."""
         problem.reweigh(descent.z, lambda excitations: self._engine(excitations, self.twin))
 
     def initial_states(self, problem: PeriodicProblem, descent: Descent, number: int) -> np.ndarray:
-        """See `Route`."""
+        """See `Route` [m, m/s]."""
         problem.residual(descent.z)
         assert isinstance(problem.engine, Rollouts)
         return problem.engine.start(number)
@@ -134,7 +134,7 @@ class TimeRoute:
     chi_square = False
 
     def explorer(self) -> TimeProblem:
-        """See `Route`."""
+        """See `Route` [m, m/s]."""
         engine = TimeTwin(self.foot, self.recordings) if self.twin else self._rollouts()
         return TimeProblem(self.recordings, engine, self.space)
 
@@ -142,12 +142,12 @@ class TimeRoute:
         return TimeRollouts(self.foot, self.recordings, self.space.names, self.threads)
 
     def certifier(self, explored: TimeProblem) -> TimeProblem:
-        """See `Route`."""
+        """See `Route` [m, m/s]."""
         return TimeProblem(self.recordings, self._rollouts(), self.space) if self.twin else explored
 
     def reweigh(self, problem: TimeProblem, descent: Descent) -> None:
         """The weights come from the noise floor alone."""
 
     def initial_states(self, problem: TimeProblem, descent: Descent, number: int) -> np.ndarray:
-        """See `Route`."""
+        """See `Route` [m, m/s]."""
         return problem.states(descent.z, number)

@@ -123,7 +123,7 @@ def analyse(
 def richardson(
     coarse_hz: NDArray[np.float64], fine_hz: NDArray[np.float64], coarse_dof: int, fine_dof: int, order: float = ORDER
 ) -> NDArray[np.float64]:
-    """Relative error of the fine frequencies, |f_c - f_f| / ((h_c / h_f)^order - 1) / f_f.
+    """Relative error (n,) of the fine frequencies [Hz], |f_c - f_f| / ((h_c / h_f)^order - 1) / f_f.
 
     Frequencies are compared in rising order, so that modes which change places need no partner.
     """

@@ -171,7 +171,7 @@ class Convergence:
     def fit(
         cls, sizes_um: NDArray[np.float64], dof: NDArray[np.int64], frequencies_hz: NDArray[np.float64]
     ) -> "Convergence":
-        """Observe order and limit on three meshes or more, by least squares in relative frequency."""
+        """Observe order and limit [Hz] on three meshes or more, by least squares in relative frequency."""
         relative = frequencies_hz / frequencies_hz[-1]
 
         def fitted(p: float) -> tuple[NDArray[np.float64], float]:

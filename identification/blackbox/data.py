@@ -101,7 +101,7 @@ def _constant(signal: np.ndarray) -> bool:
 
 
 def find_fault(u: np.ndarray, y: np.ndarray, sample_time: float) -> str:
-    """What makes these arrays no recording at all, as a clause, or an empty string."""
+    """What makes these arrays (N,) no recording at all, as a clause, or an empty string."""
     if u.ndim != 1 or u.shape != y.shape:
         return f"input and output must be two columns of equal length, not of shapes {u.shape} and {y.shape}"
     if not (np.isfinite(sample_time) and sample_time > 0):
@@ -116,7 +116,7 @@ def find_fault(u: np.ndarray, y: np.ndarray, sample_time: float) -> str:
 
 
 def find_problem(u: np.ndarray, y: np.ndarray) -> str:
-    """What makes a sound whole recording useless for identification, as a clause, or an empty string."""
+    """What makes a sound whole recording (N,) useless for identification, as a clause, or an empty string."""
     if _constant(u):
         what = "zero throughout: an output without input" if not u.any() else "constant"
         return f"the input is {what}, so no response to it can be seen; record while the base is shaken"

@@ -221,7 +221,7 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
 
 
 def shown_frequencies(seen: Excitation, count: int = 60) -> np.ndarray:
-    """Frequencies at which a response may be shown: the excited ones."""
+    """Frequencies [Hz] at which a response may be shown: the excited ones."""
     if seen.single_sine:
         return seen.frequency_hz * np.array(seen.harmonics)
     if len(seen.band_hz) <= count:

@@ -63,7 +63,7 @@ class Rational:
         return Response(frequency, G, np.stack([gradient.real, gradient.imag], axis=1) @ self.spread)
 
     def poles(self) -> np.ndarray:
-        """Poles in rad/s."""
+        """Poles [rad/s], shape (n,)."""
         return np.roots(self.den[::-1]) * 2 * np.pi * self.scale_hz
 
     def to_transfer_function(self) -> Any:
