@@ -100,7 +100,7 @@ class TimeRollouts:
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Output (n,) [m/s^2], derivatives (n, states + p); see `TimeEngine`; `names` are those given at construction."""
+        """Output (n,) [m/s^2], derivatives (n, states + p); see `TimeEngine`; `names` as at construction."""
         controls, h, stride, masses = self._runs[number]
         d = self.columns.run(controls, h, {**values, **masses}, x0)
         return d.y[::stride], np.hstack([d.y_by_state, d.y_by_parameter])[::stride]
