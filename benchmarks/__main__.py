@@ -2,53 +2,24 @@
 
 import json
 import os
-import platform
 import subprocess
 import sys
 from dataclasses import asdict
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from benchmarks.rows import HEADER, Row, table
+from benchmarks.results import Topic, machine, markdown, read
+from benchmarks.rows import Row, table
 from fasbody.console import command_line, console, print_json, write_whole
 
 RESULTS = Path(__file__).with_name("RESULTS.md")
-_LIBRARIES = ("mujoco", "numba", "numpy", "scipy")
 #: Topics in the order of the table; each is a module with a command, run in a process of its own on one thread.
 TOPICS = ("accuracy", "callbacks", "arch", "fitting", "coverage", "black_box", "cell", "viewer", "acquire")
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-
-
-def machine() -> str:
-    """Processor, cores and versions in one sentence."""
-    cpu = Path("/proc/cpuinfo")
-    lines = cpu.read_text().splitlines() if cpu.is_file() else []
-    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    libraries = ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
-    return (
-        f"{models[0] if models else platform.machine()}, {os.cpu_count()} cores; "
-        f"{platform.system()}, Python {platform.python_version()}, {libraries}"
-    )
-
-
-def markdown(rows: list[Row], where: str, when: str, loads: tuple[float, float]) -> str:
-    """RESULTS.md."""
-    others = ", ".join(f"`{topic}`" for topic in TOPICS[1:])
-    lines = [
-        "# Benchmarks", "",
-        "Printed by `make bench`; each topic runs alone as `python -m benchmarks.accuracy` (" + others + ").",
-        "The ratio says how many times better than required, or how many times faster. Times are CPU times unless they",
-        "say otherwise, so other programs disturb them little, though not by nothing.", "",
-        f"{when}. {where}. Load average before and after: {loads[0]:.1f}, {loads[1]:.1f}.", "",
-        "| " + " | ".join(HEADER) + " |", "|---|---|---|---:|---|",
-        *("| " + " | ".join(row.cells) + " |" for row in rows), "",
-    ]  # fmt: skip
-    return "\n".join(lines)
 
 
 def measure(topic: str, *options: str) -> list[Row]:
@@ -75,10 +46,12 @@ def main(
 ) -> None:
     """Measure everything that the documentation states, into one table. Takes about half an hour.
 
+    Rows of topics that are not measured now stay, unless they come from another machine or other versions.
+
     Examples:
       python -m benchmarks
 
-      python -m benchmarks accuracy callbacks --out /tmp/rows.md
+      python -m benchmarks accuracy callbacks
 
       python -m benchmarks --seeds 200
     """
@@ -90,17 +63,21 @@ def main(
         "fitting": ["--scipy-limit", f"{scipy_limit}"], "coverage": ["--seeds", f"{seeds}", "--jobs", f"{jobs}"],
         "black_box": ["--peers" if with_peers else "--no-peers"],
     }  # fmt: skip
-    before = os.getloadavg()[0]
+    where, when = machine(), datetime.now(UTC).strftime("%Y-%m-%d")
+    known = read(out.read_text(), where) if out.is_file() else {}
     rows = []
     for number, name in enumerate(topics, 1):
         console.print(f"{name} ({number} of {len(topics)})")
-        rows += measure(name, *options.get(name, []))
-    where, when = machine(), datetime.now(UTC).strftime("%Y-%m-%d")
+        load = os.getloadavg()[0]
+        found = measure(name, *options.get(name, []))
+        if found:
+            known[name] = Topic(name, when, load, [row.cells for row in found])
+            write_whole(out, markdown({name: known[name] for name in TOPICS if name in known}, where))
+        rows += found
     if json_:
         print_json({"machine": where, "date": when, "rows": [asdict(row) for row in rows]})
     else:
         console.print(table(where, rows))
-    write_whole(out, markdown(rows, where, when, (before, os.getloadavg()[0])))
     console.print(f"written to {out}", soft_wrap=True)
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as bench
-from benchmarks import accuracy, black_box, callbacks, coverage, fitting, plain_scipy, rows
-from benchmarks.__main__ import TOPICS, machine, markdown
+from benchmarks import accuracy, black_box, callbacks, coverage, fitting, plain_scipy, results, rows
+from benchmarks.__main__ import TOPICS
 from fasbody.model import can_be_constrained, load
 from fasbody.shaker import sine
 from fasbody.simulate import simulate
@@ -49,9 +49,20 @@ def test_interleaved_takes_turns_after_one_warm_up() -> None:
 
 
 def test_results_name_machine_and_every_row() -> None:
-    text = markdown([rows.at_most("first claim", 1.0, 2.0, "ms")], machine(), "2026-01-01", (0.5, 1.0))
-    assert "| first claim | 1 ms | at most 2 ms | 2 | yes |" in text
-    assert "mujoco 4.0" in text and "2026-01-01" in text
+    claim = rows.at_most("first claim", 1.0, 2.0, "ms").cells
+    text = results.markdown({"accuracy": results.Topic("accuracy", "2026-01-01", 0.5, [claim])}, results.machine())
+    assert "| accuracy | first claim | 1 ms | at most 2 ms | 2 | yes |" in text
+    assert "mujoco 4.0" in text and "accuracy 2026-01-01 (load 0.5)" in text
+
+
+def test_results_are_read_back_on_the_same_machine_only() -> None:
+    topics = {
+        "cell": results.Topic("cell", "2026-01-01", 0.5, [["a", "1 s", "", "", ""], ["b", "2 s", "c", "3", "yes"]]),
+        "arch": results.Topic("arch", "2026-01-02", 7.0, [["d", "4 s", "e", "", ""]]),
+    }
+    text = results.markdown(topics, "here")
+    assert results.read(text, "here") == topics
+    assert results.read(text, "elsewhere") == {}
 
 
 def test_observed_order_of_a_fourth_order_error() -> None:
