@@ -64,11 +64,15 @@ def measure(large: bool = False) -> list[Row]:
     plain, rows = apart(PLAIN, SIZE), []
     for way, size in jobs:
         found = apart(way, size)
-        what = f"ten modes of the cell, {found['unknowns']:.0f} unknowns, {way} (f10 {found['f10_hz']:.1f} Hz)"
-        beside = f"{PLAIN} (f10 {plain['f10_hz']:.1f} Hz): {_cost(plain)}" if size == SIZE else ""
+        what = f"ten modes of the cell, {found['unknowns']:.0f} unknowns, {way}, {_ends(found)}"
+        beside = f"{PLAIN}, {_ends(plain)}: {_cost(plain)}" if size == SIZE else ""
         rows.append(Row(what, _cost(found), beside, plain["solution_s"] / found["solution_s"] if beside else None))
     rows.append(Row(f"the same, assembly of {plain['unknowns']:.0f} unknowns", f"{plain['assembly_s']:.1f} s", ""))
     return rows
+
+
+def _ends(found: dict[str, float]) -> str:
+    return f"f1 {found['f1_hz']:.3f} and f10 {found['f10_hz']:.3f} Hz"
 
 
 def _cost(found: dict[str, float]) -> str:

@@ -14,8 +14,8 @@ _LIBRARIES = ("mujoco", "numba", "numpy", "scipy")
 _TOPIC = re.compile(r"(\w+) (\d{4}-\d\d-\d\d) \(load ([\d.]+)\)")
 _TEXT = """# Benchmarks
 
-Printed by `make bench`; each topic runs alone, too: `python -m benchmarks.accuracy`; `python -m benchmarks accuracy` puts
-its rows here. The ratio says how many times better than required, or how many times faster. Times are CPU times
+Printed by `make bench`; each topic runs alone, too: `python -m benchmarks.accuracy`; `python -m benchmarks accuracy`
+puts its rows here. The ratio says how many times better than required, or how many times faster. Times are CPU times
 unless they say otherwise, so other programs disturb them little, though not by nothing.
 
 """
