@@ -20,15 +20,17 @@ import numpy as np
 import typer
 
 from benchmarks.rows import Row, at_most, report
-from fasbody.acquire import folder, session
-from fasbody.acquire.bench import Bench, Line, corrupt
+from fasbody.acquire.bench import Bench
 from fasbody.acquire.board import Board
 from fasbody.acquire.capture import Capture, read
+from fasbody.acquire.conversion import convert, replay
 from fasbody.acquire.frames import LONGEST_WIRE, FrameReader, encode_data, encode_hello, wrap
+from fasbody.acquire.line import Line, corrupt
 from fasbody.acquire.lines import LONGEST_LINE, LineReader, encode_header, encode_line
 from fasbody.acquire.messages import Block, Channel, Hello
+from fasbody.acquire.plan import Plan
 from fasbody.acquire.port import Port
-from fasbody.acquire.session import Plan
+from fasbody.acquire.session import Session
 from fasbody.acquire.shaken import BODY_MASS_KG, TRUTH
 from fasbody.acquire.timeline import Timeline
 from fasbody.console import command_line, console
@@ -41,11 +43,13 @@ HELLO = Hello("noisy", 4000.0, tuple(Channel(r, 39.2, 1024.0) for r in ("base", 
 def transfer(seconds: float) -> list[Row]:
     """Three channels at 4 kHz from the virtual bench, recorded as a session records them."""
     with tempfile.TemporaryDirectory() as name, Bench(rate_hz=4000.0, channels=3) as bench:
+        bench.shake(20.0, 1.2)
         board = Board(bench.board_port, BAUD)
         board.wait_for_hello()
-        plan = Plan(Path(name), (None,), Condition("16", body_mass_kg=BODY_MASS_KG), seconds=seconds)
+        condition = Condition("16", body_mass_kg=BODY_MASS_KG)
+        plan = Plan(Path(name), (None,), condition, seconds=seconds, retries=0)
         before = os.times()
-        (made,) = session.run(plan, board)
+        (made,) = Session(plan, board).run()
         used = os.times()
         board.close()
     share = (used.user + used.system - before.user - before.system) / seconds
@@ -135,7 +139,7 @@ def plug(times: int) -> list[Row]:
         board.stop()
         board.close()
         capture.close()
-        quality = folder.replay([capture.file])[1].quality()
+        quality = replay([capture.file])[1].quality()
     text = f"{len(quality.gaps)} gaps for {board.unplugs} pulls"
     return [Row("unplugged and replugged", text, "one each", holds=len(quality.gaps) == board.unplugs == times)]
 
@@ -144,6 +148,7 @@ def killed(times: int) -> list[Row]:
     """Sessions killed by SIGKILL; how long before the kill the last recovered byte arrived."""
     worst, usable = 0.0, 0
     with tempfile.TemporaryDirectory() as name, Bench() as bench:
+        bench.shake(20.0, 1.2)
         for number in range(times):
             study = Path(name) / str(number)
             words = ["--port", bench.board_port, "--out", str(study), "--body-mass", "72.57", "--seconds", "60"]
@@ -156,7 +161,7 @@ def killed(times: int) -> list[Row]:
             victim.wait()
             worst = max(worst, at - max(record.host for record in read(file)))
             with contextlib.suppress(Exception):
-                usable += not folder.convert([file], study).problems
+                usable += not convert([file], study, longest=True).problems
     return [
         at_most(f"kill -9 of {times} sessions: longest missing end", 1e3 * worst, 100, "ms"),
         Row("recordings recovered from them, usable", f"{usable} of {times}", "all", holds=usable == times),
@@ -193,7 +198,7 @@ def fuzz(strings: int) -> list[Row]:
         except Exception as error:  # counted: this is what the run looks for
             failures += 1
             console.print(repr(error), repr(data))
-        longest = max(longest, len(frames._rest), len(lines._rest))
+        longest = max(longest, frames.kept, lines.kept)
         if frames.hello is None:
             frames.feed(good[0])
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
@@ -227,6 +232,11 @@ def chain(seconds: float) -> list[Row]:
     text = f"{inside} of {len(TRUTH) - len(bound)} in 95 %; farthest {worst}, {far:.1f} standard errors"
     text += f"; at a bound: {', '.join(bound)}" if bound else ""
     return [Row(f"sweep 10:50:5 of {seconds:g} s, then identification.fit", text, "all within 4", holds=far < 4)]
+
+
+def measure() -> list[Row]:
+    """All of it, for `python -m benchmarks`."""
+    return [*transfer(60.0), *noisy_line(1_000_000), *plug(3), *killed(5), *fuzz(100_000), *chain(4.0)]
 
 
 TOPICS = ("transfer", "noisy", "plug", "killed", "fuzz", "chain")

@@ -13,7 +13,8 @@ import pandas as pd
 from fasbody.instrument import Instrument
 from fasbody.transmissibility.findings import findings
 from fasbody.transmissibility.table import Table
-from fasbody.virtual_study import FREQUENCIES_HZ, STUDY_INSTRUMENT, Plan, mounted
+from fasbody.virtual_recording import mounted
+from fasbody.virtual_study import FREQUENCIES_HZ, STUDY_INSTRUMENT, Plan
 from fasbody.virtual_subject import Tuberosity, panel
 
 
@@ -41,14 +42,24 @@ def main() -> None:
     """Print how often each finding holds."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
     held: Counter[str] = Counter()
+    rules: dict[str, tuple[Counter[str], Counter[str]]] = {}
     best: list[tuple[int, int]] = []
     for seed in range(count):
-        made = findings(study(seed))
-        held.update({f.says: int(f.holds) for f in made})
-        best.append((sum(f.holds for f in made), seed))
+        table = study(seed)
+        made = findings(table)
+        for c in table.each():
+            by_thesis, by_equivalence = rules.setdefault(c.title, (Counter(), Counter()))
+            by_thesis[str(c.resonance.kind)] += 1
+            by_equivalence[str(c.shown.kind)] += 1
+        held.update({f.says: int(f.holds is True) for f in made})
+        best.append((sum(f.holds is True for f in made), seed))
     print(f"share of {count} virtual studies of 20 subjects in which each statement comes out")
     for says, n in held.items():
         print(f"{100 * n / count:5.0f} %  {says}")
+    print("what the rule of section 2.3.1 finds, and what is shown beyond chance (fasbody/resonance.py), % of studies")
+    for title, counts in rules.items():
+        cells = (", ".join(f"{kind} {100 * n / count:.0f}" for kind, n in c.most_common()) for c in counts)
+        print(f"{title:26} {next(cells):36} | {next(cells)}")
     print("most statements at once:", ", ".join(f"{n} with seed {seed}" for n, seed in sorted(best, reverse=True)[:5]))
 
 

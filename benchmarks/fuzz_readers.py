@@ -20,7 +20,7 @@ import numpy as np
 from fasbody import formats
 from fasbody.exceptions import FasError
 
-ENDINGS = ("csv", "mat", "h5", "uff", "tdms", "v73.mat")
+ENDINGS = ("csv", "excel.csv", "logger.csv", "mat", "h5", "uff", "tdms", "v73.mat")
 _EXTREMES = (
     b"\x00" * 8,
     b"\xff" * 8,
@@ -34,30 +34,23 @@ _EXTREMES = (
 
 
 def sound(samples: int = 200) -> dict[str, bytes]:
-    """A small recording in every format, by ending."""
+    """A small recording in every format and dialect, by ending."""
     t = np.arange(samples) / 1000
     base = 8.95 * np.sin(2 * np.pi * 20 * t)
     channels = {"time_s": t, "base_m_s2": base, "malleolus_m_s2": 1.3 * base, "tuberosity_m_s2": 1.2 * base}
     made = {}
     with tempfile.TemporaryDirectory() as folder:
-        for ending in ("mat", "h5", "uff", "tdms"):
-            formats.write(Path(folder) / f"sound.{ending}", channels)
-            made[ending] = (Path(folder) / f"sound.{ending}").read_bytes()
-        made["v73.mat"] = _version_73(channels, Path(folder) / "sound.mat")
-    rows = [",".join(channels), *(",".join(f"{v:.6g}" for v in row) for row in zip(*channels.values(), strict=True))]
-    return made | {"csv": ("\n".join(rows) + "\n").encode()}
-
-
-def _version_73(channels: dict[str, np.ndarray], file: Path) -> bytes:
-    import h5py
-
-    with h5py.File(file, "w", userblock_size=512) as out:
-        for name, values in channels.items():
-            out.create_dataset(name, data=values[None, :]).attrs["MATLAB_class"] = np.bytes_("double")
-    whole = bytearray(file.read_bytes())
-    whole[:116] = b"MATLAB 7.3 MAT-file".ljust(116)
-    whole[124:128] = b"\x00\x02IM"
-    return bytes(whole)
+        for ending in ("mat", "h5", "uff", "tdms", "v73.mat"):
+            file = Path(folder) / f"sound.{ending}"
+            formats.write(file, channels, matlab="7.3" if ending == "v73.mat" else "5")
+            made[ending] = file.read_bytes()
+    rows = ["\t".join(f"{v:.6g}" for v in row) for row in zip(*channels.values(), strict=True)]
+    plain = "\n".join(["\t".join(channels), *rows, ""])
+    units = "time\tbase\tmalleolus\ttuberosity\ns\tm/s²\tm/s²\tm/s²\n" + "\n".join([*rows, ""])
+    excel = "Gerät 4711; von Hand\n\n" + units.replace(".", ",").replace("\t", ";").replace("\n", "\r\n")
+    logger = "# Gerät 4711\n" + units.replace("\t", "|") + "# Ende\n"
+    made |= {"csv": plain.replace("\t", ",").encode(), "excel.csv": excel.encode("utf-16")}
+    return made | {"logger.csv": logger.encode("latin-1")}
 
 
 def mutated(content: bytes, others: list[bytes], rng: random.Random) -> bytes:

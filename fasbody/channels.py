@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import InputFileError, unknown
+from fasbody.text import shown
 
 Channels = dict[str, np.ndarray]
 
@@ -23,8 +24,9 @@ ACCELERATIONS = UNITS | {
     "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "gn": _G, "mm/s^2": 1e-3, "cm/s^2": 1e-2,
 }  # fmt: skip
 VOLTAGES = {"v": 1.0, "mv": 1e-3}
+KNOWN_UNITS = frozenset(ACCELERATIONS | VOLTAGES | TIME_UNITS)
 _SENSITIVITY = re.compile(r"\s*([-+.\deE]+)\s*(m?V)\s*/\s*(g|m/s\^?2)\s*", re.IGNORECASE)
-_KEYS = ("unit", "sign", "sensitivity", "delay_s", "column")
+_KEYS = ("unit", "sign", "sensitivity", "delay_s", "column", "gain_std", "delay_std_s")
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,7 @@ class Channel:
     Attributes:
         column: its name in the files, default the channel's own name. unit: of the numbers, if the files do not say.
         sign: +1 or -1. sensitivity: recorded unit per m/s^2, or in V per m/s^2 if `volts`. delay_s: how late it is.
+        gain_std: relative standard uncertainty of the sensitivity, mounting included. delay_std_s: that of the delay.
     """
 
     column: str = ""
@@ -42,6 +45,8 @@ class Channel:
     sensitivity: float = 1.0
     volts: bool = False
     delay_s: float = 0.0
+    gain_std: float = 0.0
+    delay_std_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -75,12 +80,25 @@ class Layout:
             raise InputFileError(file, f"sampling_rate_hz = {rate_hz!r}", "valid: a positive number")
         return cls(channels, None if rate_hz is None else float(rate_hz))
 
-    def find(self, file: Path, names: Sequence[str], units: Sequence[str], line: int | None = None) -> dict[str, Any]:
+    def known(self, names: Sequence[str]) -> int:
+        """How many of a file's columns are channels by their names."""
+        told = {c.column.strip().lower() for c in self.channels.values() if c.column}
+        return sum(name.strip().lower() in told or _split(name)[0] in ("time", *NAMES) for name in names)
+
+    def find(
+        self,
+        file: Path,
+        names: Sequence[str],
+        units: Sequence[str],
+        line: int | None = None,
+        passed: Sequence[str] = (),
+    ) -> dict[str, Any]:
         """Which of the file's columns is which channel.
 
         Args:
             file: for messages. names, units: of the file's columns; a unit may also stand behind a name
                 (``base_g``, ``base [g]``). line: of the header, for messages.
+            passed: what else the file holds and why it is no channel, for messages.
 
         Returns:
             ``time_s``, ``base_m_s2`` ... -> (index, factor to SI).
@@ -89,6 +107,8 @@ class Layout:
             InputFileError: a unit is unknown, missing or contradicts study.toml; a channel is missing or there twice.
         """
         wanted: dict[str, tuple[int, float]] = {}
+        listed = f"found: {shown(', '.join(names)) or 'nothing'}"
+        listed += f"; passed over: {shown(', '.join(passed))}" if passed else ""
         for channel in ("time", *NAMES):
             told = self.channels.get(channel, Channel())
             for index, (name, unit) in enumerate(zip(names, units, strict=True)):
@@ -107,14 +127,12 @@ class Layout:
                     else:
                         wanted[key] = (index, self._factor(file, channel, found, line))
             if told.column and not any(key.startswith(f"{channel}_") for key in wanted):
-                listed = ", ".join(names)[:120]
-                raise InputFileError(file, f"has no column {told.column!r} for {channel} (found: {listed})")
+                raise InputFileError(file, f"has no column {told.column!r} for {channel} ({listed})")
         clock = ("time_s",) if line and self.rate_hz is None else ()  # only text has no rate of its own
         for name in (*clock, "base_m_s2", "malleolus_m_s2"):
             if name not in wanted:
-                found = ", ".join(names)[:120]
                 hint = "or give sampling_rate_hz in study.toml" if name in clock else _HELP
-                raise InputFileError(file, f"has no column {name!r} (found: {found})", hint, line=line)
+                raise InputFileError(file, f"has no column {name!r} ({listed})", hint, line=line)
         return wanted
 
     def _factor(self, file: Path, channel: str, unit: str, line: int | None) -> float:
@@ -172,7 +190,7 @@ def _split(name: str) -> tuple[str, str]:
 
 def _known(file: Path, channel: str, unit: str, valid: Mapping[str, float], line: int | None) -> float:
     if unit.lower() not in valid:
-        raise InputFileError(file, unknown(f"unit of the column {channel!r}:", unit, valid), line=line)
+        raise InputFileError(file, unknown(f"unit of the column {channel!r}:", shown(unit), valid), line=line)
     return valid[unit.lower()]
 
 
@@ -180,6 +198,8 @@ def _channel(file: Path, name: str, table: Mapping[str, Any]) -> Channel:
     for key, value in table.items():
         text = key in ("column", "unit") or (key == "sensitivity" and isinstance(value, str))
         right = isinstance(value, str) if text else isinstance(value, int | float) and np.isfinite(value)
+        if right and key in ("gain_std", "delay_std_s") and not 0 <= value <= 1:
+            raise InputFileError(file, f"channels.{name}.{key} = {value!r}", "valid: a standard deviation, 0 to 1")
         if key not in _KEYS or not right:
             raise InputFileError(
                 file, f"channels.{name}.{key} = {value!r}", f"valid: {', '.join(_KEYS)}, with finite numbers"
@@ -193,7 +213,7 @@ def _channel(file: Path, name: str, table: Mapping[str, Any]) -> Channel:
         _known(file, name, unit, TIME_UNITS if name == "time" else ACCELERATIONS | VOLTAGES, None)
     return Channel(
         str(table.get("column", "")), unit, float(table.get("sign", 1.0)), sensitivity, volts,
-        float(table.get("delay_s", 0.0)),
+        float(table.get("delay_s", 0.0)), float(table.get("gain_std", 0.0)), float(table.get("delay_std_s", 0.0)),
     )  # fmt: skip
 
 

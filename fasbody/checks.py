@@ -18,6 +18,10 @@ PERIODIC_SHARE = 0.97
 _ONSET = 0.02
 #: Runs of this many samples at the extreme value mean clipping in broadband recordings.
 _CLIPPED_RUN = 4
+#: Nothing that is strapped to a foot accelerates like that [m/s^2]; shocks of a hammer do not reach a tenth of it.
+_IMPOSSIBLE = 1e6
+#: The largest range of the accelerometers that are strapped to people, 50 g [m/s^2].
+_UNLIKELY = 500.0
 
 
 def checked(recording: Recording) -> Recording:
@@ -34,9 +38,14 @@ def checked(recording: Recording) -> Recording:
         channels["tuberosity_m_s2"] = recording.tuberosity_m_s2
     for name, values in channels.items():
         _channel(recording, name, values)
+        peak = float(np.abs(values).max())
+        if peak > _UNLIKELY:
+            warnings.append(
+                f"{recording.file}: {name} reaches {peak:.3g} m/s^2, more than a foot on a shaker does; check its unit."
+            )
         if abs(values.mean()) > 0.5:
             kind = "gravity" if abs(abs(values.mean()) - 9.81) < 1 else "an offset"
-            warnings.append(f"{recording.file}: {name} has {kind} of {values.mean():.2f} m/s^2, which is taken out.")
+            warnings.append(f"{recording.file}: {name} has {kind} of {values.mean():.3g} m/s^2, which is taken out.")
         channels[name] = values - values.mean()
     recording = replace(recording, **channels)
     frequency = _excitation(recording)
@@ -58,16 +67,19 @@ def _time(recording: Recording) -> None:
         raise _fail(recording, f"has {t.size} samples, too short; record at least three periods (the thesis: 10 s)")
     if not np.isfinite(t).all():
         raise _fail(recording, f"time is not a number at sample {int(np.argmin(np.isfinite(t)))}")
+    steps = np.diff(t)
+    if t[-1] <= t[0] and (steps <= 0).all():
+        runs = "stands still" if t[-1] == t[0] else "runs backwards"
+        raise _fail(recording, f"time {runs} ({t[0]:g} s first, {t[-1]:g} s last); sort the rows by time")
+    if steps.min() <= 0:
+        place = int(np.argmin(steps)) + 1
+        raise _fail(recording, f"time does not increase at sample {place} ({t[place - 1]:g} s, then {t[place]:g} s)")
     if recording.rate_hz < SLOWEST_HZ:
         raise _fail(
             recording,
             f"is sampled at {recording.rate_hz:.3g} Hz over {t[-1] - t[0]:.4g} s; needed are {SLOWEST_HZ:g} Hz "
             "(if the time is in ms, name the column time_ms)",
         )
-    steps = np.diff(t)
-    if steps.min() <= 0:
-        place = int(np.argmin(steps)) + 1
-        raise _fail(recording, f"time does not increase at sample {place} ({t[place - 1]:g} s, then {t[place]:g} s)")
     typical = float(np.median(steps))
     # Printed time stamps are rounded: allow one unit of a coarse last digit, but no missing sample.
     if np.abs(steps - typical).max() > 0.5 * typical:
@@ -87,6 +99,13 @@ def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
         place = int(np.argmin(np.isfinite(values)))
         raise _fail(
             recording, f"{name} is {values[place]} at {recording.time_s[place]:g} s; every sample must be finite"
+        )
+    peak = float(np.abs(values).max())
+    if peak > _IMPOSSIBLE:
+        raise _fail(
+            recording,
+            f"{name} reaches {peak:.3g} m/s^2 at {recording.time_s[np.abs(values).argmax()]:g} s, which no body does "
+            f"(at most {_IMPOSSIBLE:.0e} is read); check its unit and sensitivity",
         )
     spread = values.std()
     if spread < 1e-3 or np.unique(values).size < 8:

@@ -5,13 +5,14 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from fasbody.channels import Layout
 from fasbody.checks import checked
 from fasbody.console import console, print_json, progress_bar, results
 from fasbody.description import describe
-from fasbody.exceptions import FasError, InputFileError, RecordingError
+from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
 from fasbody.recording import Recording, StudyFolder
 from fasbody.response import find_frequency, sine_share
 
@@ -91,16 +92,30 @@ def convert(
     source: Annotated[Path, typer.Argument(help="the recording to read")],
     target: Annotated[Path, typer.Argument(help="file to write: .csv, .mat, .h5, .uff or .tdms")],
     study: _Study = None,
+    matlab: Annotated[str, typer.Option(help="version of a .mat file: 5, or 7.3 (which is HDF5)")] = "5",
 ) -> None:
     """Write a recording in another format, in m/s^2, signs, sensitivities and delays applied.
 
     Example: python -m fasbody.recording convert measured.tdms measured.csv --study study.toml
+             python -m fasbody.recording convert measured.csv measured.mat --matlab 7.3
+
+    A recording that no analysis would use is converted all the same, and it is said what is wrong with it.
     """
     if target.exists():
         raise InputFileError(target, "exists", "name a new file")
+    if matlab not in ("5", "7.3"):
+        raise SettingError(f"--matlab {matlab} is not written (valid: 5, 7.3).")
     recording = Recording.read(source, layout=_layout(study))
-    recording.write(target)
-    console.print(f"{recording.time_s.size} samples of {len(recording.channels) - 1} channels in {target}")
+    recording.write(target, matlab)
+    try:
+        remarks = checked(recording).warnings
+    except RecordingError as error:
+        remarks = (f"It cannot be used as it is. {error}",)
+    for text in remarks:
+        console.print(f"[yellow]warning:[/] {escape(text)}", soft_wrap=True)
+    console.print(
+        f"{recording.time_s.size} samples of {len(recording.channels) - 1} channels in {target}", markup=False
+    )
 
 
 def _layout(study: Path | None) -> Layout | None:
@@ -108,11 +123,11 @@ def _layout(study: Path | None) -> Layout | None:
 
 
 def _show(rows: list[dict[str, Any]]) -> None:
-    table = Table("file", "samples", "rate [Hz]", "excitation [Hz]", "rms [m/s²]", "verdict")
+    table = Table("file", "samples", r"rate \[Hz]", r"excitation \[Hz]", r"rms \[m/s²]", "verdict")
     for row in rows:
         found = row.get("frequency_hz")
         table.add_row(
-            row["file"],
+            escape(row["file"]),
             str(row.get("samples", "")),
             f"{row['rate_hz']:.6g}" if "rate_hz" in row else "",
             "" if row["problem"] else "broadband" if found is None else f"{found:.5g}",
@@ -122,4 +137,4 @@ def _show(rows: list[dict[str, Any]]) -> None:
     results.print(table)
     for row in rows:
         for text in row.get("warnings", []):
-            console.print(text, soft_wrap=True)
+            console.print(text, markup=False, soft_wrap=True)

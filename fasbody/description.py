@@ -17,7 +17,7 @@ def describe(file: Path) -> tuple[dict[str, str], Layout]:
     if not file.is_file():
         raise InputFileError(file, "no such file", "a study folder needs study.toml, subjects.csv and recordings.csv")
     try:
-        document = tomllib.loads(file.read_text())
+        document = tomllib.loads(file.read_text("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputFileError(file, f"is not TOML ({error})") from None
     given, channels = _table(file, document, "study"), _table(file, document, "channels")

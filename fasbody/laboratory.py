@@ -78,9 +78,11 @@ def make_study(
         raise SettingError(f"there is no subject {subject}; Table 2.1 has 1 to {len(SUBJECTS)}.")
     for f in frequencies_hz:
         if not 0.5 <= f <= instrument.rate_hz / 10:
-            raise SettingError(f"{f:g} Hz cannot be recorded at {instrument.rate_hz:g} Hz (valid: 0.5 to 100 Hz).")
-        if seconds * f < 3:
-            raise SettingError(f"{seconds:g} s hold fewer than 3 periods of {f:g} Hz; record longer.")
+            raise SettingError(
+                f"a frequency of {f:g} cannot be recorded at {instrument.rate_hz:g} Hz (valid: 0.5 to 100 Hz)."
+            )
+        if not 3 <= seconds * f <= 3600 * f:
+            raise SettingError(f"a length of {seconds:g} is no recording of {f:g} Hz (valid: {3 / f:.3g} to 3600 s).")
     body = SUBJECTS[subject].mass_kg
     rng = np.random.default_rng(seed)
     rows = ["file,subject,posture,added_mass_kg,frequency_hz"]
@@ -100,7 +102,7 @@ def make_study(
     known = {name: value for name, value in asdict(instrument).items() if name not in STRAPPED}
     truth = {"origin": "synthetic", "seed": seed, "parameters": TRUTH, "instrument": known}
     write_whole(folder / "truth.json", to_json(truth) + "\n")
-    write_whole(folder / "study.toml", _STUDY.format(subject=subject, body=body, seed=seed, rate=instrument.rate_hz))
+    write_whole(folder / "study.toml", _STUDY.format(subject=subject, body=body, seed=seed, instrument=instrument))
     return folder
 
 
@@ -110,13 +112,14 @@ origin = "synthetic"
 description = """
 Made by python -m fasbody.laboratory (seed {seed}) from a two-mass foot with the body mass of subject {subject},
 {body:g} kg. Nobody was measured: truth.json holds the parameters."""
-sampling_rate_hz = {rate:g}
+sampling_rate_hz = {instrument.rate_hz:g}
 
 [channels.base]
 unit = "m/s^2"
 
 [channels.malleolus]
 unit = "m/s^2"
+delay_std_s = {instrument.delay_s:g}
 '''
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -177,7 +180,8 @@ def main(
         )
         made = make(study, plan, jobs)
     count = len((made / "recordings.csv").read_text().splitlines()) - 1
-    console.print(f"{count} synthetic recordings in {made}; the truth is in {made / 'truth.json'}")
+    told = f"{count} synthetic recordings in {made}; the truth is in {made / 'truth.json'}"
+    console.print(told, markup=False, soft_wrap=True)
 
 
 if __name__ == "__main__":

@@ -1,24 +1,25 @@
 """Reading tables and CSV recordings, with the line and column of whatever is wrong."""
 
-import csv
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from fasbody.channels import Channels, Layout
+from fasbody.channels import KNOWN_UNITS, Channels, Layout
 from fasbody.exceptions import InputFileError
-
-#: Larger files are refused before they are read [bytes].
-_LARGEST = 500_000_000
+from fasbody.text import COMMENT, header, lines, number, offset, read_text, rows, shown, split
 
 
 def read_csv(file: Path, layout: Layout | None = None) -> Channels:
     """Read one recording.
 
     The header names the columns with their units, ``time_s,base_m_s2,malleolus_m_s2[,tuberosity_m_s2]``; other columns
-    are ignored. Units may also be ms or us, g, mm_s2 or cm_s2. Comma, semicolon, tab or blank separate the columns.
+    are ignored. Units may also be ms or us, g, mm_s2 or cm_s2, or stand in a row of their own below the names. Comma,
+    semicolon, tab, bar or blank separate the columns; decimal commas, comments, and lines above the header are
+    understood.
 
     Args:
         file: the file. layout: what study.toml says of its columns.
@@ -29,106 +30,116 @@ def read_csv(file: Path, layout: Layout | None = None) -> Channels:
     Raises:
         InputFileError: with file, line and column.
     """
-    text = _text(file)
-    first = text.split("\n", 1)[0].strip()
-    if not first:
-        raise InputFileError(file, "is empty", "the first line must be time_s,base_m_s2,malleolus_m_s2")
-    separator = _separator(first)
-    names = [
-        name.strip().strip('"').lower() for name in (first.split(separator) if separator != " " else first.split())
-    ]
+    text = read_text(file)
     layout = layout or Layout()
-    wanted = layout.find(file, names, [""] * len(names), line=1)
-    columns = _numbers(file, text, separator, len(names), {name: index for name, (index, _) in wanted.items()})
+    line, separator, names = header(text, layout.known)
+    if not any(names):
+        raise InputFileError(file, "is empty", "the first line must be time_s,base_m_s2,malleolus_m_s2")
+    units = _units(text, line, separator, names)
+    first = line + (units is not None)
+    wanted = layout.find(file, names, units or [""] * len(names), line=line)
+    places = {name: index for name, (index, _) in wanted.items()}
+    columns = _numbers(file, text, separator, names, places, first)
     channels = {name: columns[name] * factor for name, (_, factor) in wanted.items()}
     if layout.rate_hz and "time_s" not in channels:
         channels["time_s"] = np.arange(channels["base_m_s2"].size) / layout.rate_hz
     return channels
 
 
-def read_table(file: Path, needed: Sequence[str]) -> pd.DataFrame:
-    """Read a small CSV table as text, and check that it has the needed columns."""
-    text = _text(file)
-    try:
-        from io import StringIO
+def _units(text: str, line: int, separator: str, names: Sequence[str]) -> list[str] | None:
+    """Units in a row below the header: no number in it, and at least one unit that is known."""
+    cells = [re.sub(r"^[\[(]\s*|\s*[\])]$", "", cell) for cell in _row(text, line, separator)]
+    cells = (cells + [""] * len(names))[: len(names)]
+    if not any(cell.lower() in KNOWN_UNITS for cell in cells) or any(_numeric(cell) for cell in cells):
+        return None
+    return cells
 
-        table = pd.read_csv(StringIO(text), dtype=str, skipinitialspace=True)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        raise InputFileError(file, f"is not a table ({str(error).strip()})") from None
+
+def _row(text: str, after: int, separator: str) -> list[str]:
+    """The cells of the first row after so many lines."""
+    found = (line for line in lines(text, offset(text, after)) if line.strip() and not COMMENT.match(line))
+    return split(next(found, ""), separator)
+
+
+def _numeric(cell: str) -> bool:
+    try:
+        number(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _numbers(
+    file: Path, text: str, separator: str, names: Sequence[str], wanted: Mapping[str, int], first: int
+) -> Channels:
+    """The wanted columns as floats: fast for a sound file, and line by line to find what is wrong with another."""
+    sample = _row(text, first, separator)
+    decimal = "," if any("," in sample[i] for i in wanted.values() if i < len(sample)) else "."
+    if separator == "," and len(sample) == 2 * len(names) and not any("." in cell for cell in sample):
+        raise InputFileError(file, "has decimal commas between separating ones", "separate the columns by ;")
+    body = text[offset(text, first) :]
+    if COMMENT.match(body) or re.search(rf"\n{COMMENT.pattern}", body):
+        body = "\n".join(line for line in body.split("\n") if not COMMENT.match(line))
+    try:
+        frame = pd.read_csv(
+            BytesIO(body.encode()), sep=r"\s+" if separator == " " else separator, decimal=decimal, header=None,
+            names=list(range(max(len(names), len(sample)))), usecols=sorted(wanted.values()), index_col=False,
+            skipinitialspace=True,
+        )  # fmt: skip
+        numeric = all(frame[index].dtype.kind in "iuf" for index in wanted.values())
+        values = {name: frame[index].to_numpy(float) for name, index in wanted.items()} if numeric else {}
+        if values and all(np.isfinite(v).all() for v in values.values()):
+            return values
+    except (ValueError, TypeError, pd.errors.ParserError):
+        pass
+    kept: list[list[float]] = []
+    for line, cells in rows(file, text, separator, first):
+        kept.append([_cell(file, name, cells, index, line) for name, index in wanted.items()])
+    table = np.array(kept, float).reshape(-1, len(wanted))
+    return dict(zip(wanted, table.T, strict=True))
+
+
+def _cell(file: Path, name: str, cells: Sequence[str], index: int, line: int) -> float:
+    cell = cells[index] if index < len(cells) else ""
+    try:
+        value = number(cell)
+    except ValueError:
+        raise InputFileError(file, f"{name} is {shown(cell)!r}, not a number", line=line) from None
+    if not np.isfinite(value):
+        raise InputFileError(file, f"{name} is {shown(cell)!r}", "every sample must be finite", line=line)
+    return value
+
+
+def read_table(file: Path, needed: Sequence[str]) -> pd.DataFrame:
+    """Read a small table as text, indexed by line number; an empty cell is NaN.
+
+    Raises:
+        InputFileError: it is no table, or lacks a needed column.
+    """
+    text = read_text(file)
+    line, separator, names = header(text, lambda cells: len(set(cells) & set(needed)))
+    if not any(names):
+        raise InputFileError(file, "is empty", f"its header must name {', '.join(needed)}")
     for name in needed:
-        if name not in table:
-            raise InputFileError(file, f"has no column {name!r} (found: {', '.join(map(str, table))})", line=1)
-    return table
+        if name not in names:
+            raise InputFileError(file, f"has no column {name!r} (found: {shown(', '.join(names))})", line=line)
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputFileError(file, f"has two columns {shown(twice)!r}", "keep one of them", line=line)
+    found = {}
+    for place, cells in rows(file, text, separator, line):
+        if any(cells[len(names) :]):
+            raise InputFileError(file, f"has {len(cells)} cells, and the header {len(names)}", line=place)
+        found[place] = [cell or None for cell in (cells + [""] * len(names))[: len(names)]]
+    return pd.DataFrame.from_dict(found, orient="index", columns=names, dtype=object)
 
 
 def column(file: Path, table: pd.DataFrame, name: str, optional: bool = False) -> np.ndarray:
     """One column of a table as numbers (n,); an empty cell is NaN if `optional`."""
-    values = pd.to_numeric(table[name], errors="coerce").to_numpy(float)
-    wrong = ~np.isfinite(values) & ~(table[name].isna().to_numpy() if optional else False)
-    if wrong.any():
-        row = int(np.flatnonzero(wrong)[0])
-        raise InputFileError(file, f"{name} is {table[name].iloc[row]!r}, not a number", line=row + 2)
-    return values
-
-
-def _text(file: Path) -> str:
-    if not file.is_file():
-        raise InputFileError(file, "no such file" if not file.is_dir() else "is a folder, not a file")
-    if file.stat().st_size > _LARGEST:
-        raise InputFileError(file, f"is larger than {_LARGEST // 1_000_000} MB", "split it into recordings")
-    try:
-        text = file.read_text(encoding="utf-8-sig")
-        if "\0" in text:
-            raise InputFileError(file, "is not a text file", "a CSV file with a header line is needed")
-        return text
-    except UnicodeDecodeError:
-        raise InputFileError(file, "is not a text file", "a CSV file with a header line is needed") from None
-    except OSError as error:
-        raise InputFileError(file, f"cannot be read ({error.strerror})") from None
-
-
-def _separator(line: str) -> str:
-    for candidate in (",", ";", "\t"):
-        if candidate in line:
-            return candidate
-    return " "
-
-
-def _numbers(file: Path, text: str, separator: str, width: int, wanted: dict[str, int]) -> Channels:
-    """The wanted columns as floats: fast for a sound file, and line by line to find what is wrong with another."""
-    from io import StringIO
-
-    try:
-        options = {"sep": r"\s+"} if separator == " " else {"sep": separator}
-        frame = pd.read_csv(
-            StringIO(text),
-            header=0,
-            names=list(range(width)),
-            usecols=sorted(wanted.values()),
-            index_col=False,
-            **options,
-        )
-        values = {name: frame[index].to_numpy(float) for name, index in wanted.items()}
-        if all(np.isfinite(v).all() for v in values.values()):
-            return values
-    except (ValueError, TypeError, pd.errors.ParserError):
-        pass
-    rows = text.splitlines()
-    reader = (r.split() for r in rows) if separator == " " else csv.reader(rows, delimiter=separator)
-    kept: list[list[float]] = []
-    for line, row in enumerate(reader, 1):
-        if line == 1 or not row:
-            continue
-        numbers = []
-        for name, index in wanted.items():
-            cell = row[index].strip() if index < len(row) else ""
-            try:
-                number = float(cell)
-            except ValueError:
-                raise InputFileError(file, f"{name} is {cell!r}, not a number", line=line) from None
-            if not np.isfinite(number):
-                raise InputFileError(file, f"{name} is {cell!r}", "every sample must be finite", line=line)
-            numbers.append(number)
-        kept.append(numbers)
-    table = np.array(kept).reshape(-1, len(wanted))
-    return dict(zip(wanted, table.T, strict=True))
+    values = []
+    for line, cell in table[name].items():
+        if optional and not cell:
+            values.append(float("nan"))
+        else:
+            values.append(_cell(file, name, [cell or ""], 0, int(str(line))))
+    return np.array(values)

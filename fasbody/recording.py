@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -10,11 +10,10 @@ import numpy as np
 import pandas as pd
 
 from fasbody import formats
-from fasbody.channels import Channels, Layout
+from fasbody.channels import Channel, Channels, Layout
 from fasbody.condition import Condition, plausible
 from fasbody.description import describe
-from fasbody.exceptions import InputFileError
-from fasbody.readers import column, read_table
+from fasbody.trials import Trial, is_listed, listed
 
 #: The three columns that a recording needs, and one that it may have.
 HEADER = ("time_s", "base_m_s2", "malleolus_m_s2", "tuberosity_m_s2")
@@ -34,6 +33,7 @@ class Recording:
         file: where it came from, for messages.
         origin: "measured", "synthetic" or "of unstated origin" (a bare file).
         warnings: what the checks found that does not forbid its use.
+        calibration: what study.toml says of the channels, by name; uncertainties are taken from there.
     """
 
     time_s: np.ndarray
@@ -44,6 +44,7 @@ class Recording:
     file: str = "recording"
     origin: str = UNSTATED
     warnings: tuple[str, ...] = ()
+    calibration: Mapping[str, Channel] = field(default_factory=dict)
 
     @property
     def rate_hz(self) -> float:
@@ -85,6 +86,7 @@ class Recording:
             file=label or Path(file).name,
             origin=origin,
             warnings=_remarks(Path(file).with_suffix(".json")),
+            calibration=layout.channels if layout else {},
         )
 
     @property
@@ -92,27 +94,23 @@ class Recording:
         """Time and accelerations by their names in `HEADER`."""
         return {name: getattr(self, name) for name in HEADER if getattr(self, name) is not None}
 
-    def write(self, file: Path) -> None:
-        """Write in the format of the file's ending; as CSV numbers are as short as they are exact to 1e-6."""
+    def write(self, file: Path, matlab: str = "5") -> None:
+        """Write in the format of the file's ending; as CSV numbers are as short as they are exact to 1e-6.
+
+        Args:
+            file: to write. matlab: version of a .mat file, "5" or "7.3".
+        """
         from fasbody.console import write_whole
 
         columns = self.channels
         if file.suffix.lower() != ".csv":
-            return formats.write(file, columns)
-        digits = 3 + math.ceil(math.log10(max(1.0, self.rate_hz)))  # a sample's time to a thousandth of the interval
+            return formats.write(file, columns, matlab)
+        duration = abs(self.time_s[-1] - self.time_s[0])
+        rate = self.time_s.size / duration if duration > 0 else 1e6  # what no analysis would use can be written, too
+        digits = 3 + math.ceil(math.log10(max(1.0, rate)))  # a sample's time to a thousandth of the interval
         frame = pd.DataFrame({k: np.round(v, digits if k == "time_s" else 6) for k, v in columns.items()})
         write_whole(file, frame.to_csv(index=False))
         return None
-
-
-@dataclass(frozen=True)
-class Trial:
-    """One row of recordings.csv: where the recording is, what the row and messages call it, and how it was made."""
-
-    path: Path
-    file: str
-    label: str
-    condition: Condition
 
 
 @dataclass(frozen=True)
@@ -142,39 +140,9 @@ class StudyFolder:
             InputFileError: a file is missing or has a wrong place in it.
             RecordingError: a mass is not a plausible number.
         """
-        root = Path(folder)
-        about, layout = describe(root / "study.toml")
-        subjects = read_table(root / "subjects.csv", ("subject", "mass_kg"))
-        masses = dict(
-            zip(subjects["subject"].astype(str), column(root / "subjects.csv", subjects, "mass_kg"), strict=True)
-        )
-        file = root / "recordings.csv"
-        table = read_table(file, ("file", "subject", "added_mass_kg"))
-        added = column(file, table, "added_mass_kg")
-        known = "frequency_hz" in table
-        frequency = column(file, table, "frequency_hz", optional=True) if known else np.full(len(table), np.nan)
-        trials = []
-        for i, row in enumerate(table.to_dict("records")):
-            subject = str(row["subject"])
-            if subject not in masses:
-                raise InputFileError(file, f"subject {subject!r} is not in subjects.csv", line=i + 2)
-            path = root / str(row["file"])
-            if not path.resolve().is_relative_to(root.resolve()):
-                raise InputFileError(file, f"{row['file']!r} lies outside the study's folder", line=i + 2)
-            if only is not None and path.resolve() != only.resolve():
-                continue
-            condition = Condition(
-                subject=subject,
-                posture=str(row.get("posture", "midstance")),
-                body_mass_kg=plausible(float(masses[subject]), "body", f"{root / 'subjects.csv'}: subject {subject}"),
-                added_mass_kg=plausible(float(added[i]), "added", f"{file}, line {i + 2}"),
-                frequency_hz=float(frequency[i]) if np.isfinite(frequency[i]) else None,
-            )
-            trials.append(Trial(path, str(row["file"]), f"{root.name}/{row['file']}", condition))
-        if not trials:
-            missing = "lists no recording" if only is None else f"does not list {only.name}"
-            raise InputFileError(file, missing, "one row a recording is needed")
-        return cls(about["name"], about["origin"], about["description"], tuple(trials), layout)
+        about, layout = describe(Path(folder) / "study.toml")
+        trials = listed(Path(folder), only)
+        return cls(about["name"], about["origin"], about["description"], trials, layout)
 
     def read(self, trial: Trial) -> Recording:
         """The recording of one trial, corrected as study.toml says."""
@@ -202,16 +170,7 @@ class Study:
 
     @classmethod
     def read(cls, folder: Path | str, only: Path | None = None) -> "Study":
-        """Read a study folder and every recording it lists.
-
-        Args:
-            folder: the study.
-            only: read just this one of its recordings.
-
-        Raises:
-            InputFileError: a file is missing or has a wrong place in it.
-            RecordingError: a mass is not a plausible number.
-        """
+        """Open a study folder as `StudyFolder.open` does, and read every recording it lists."""
         study = StudyFolder.open(folder, only)
         return cls(study.name, study.origin, study.description, tuple(study.read(trial) for trial in study.trials))
 
@@ -234,11 +193,8 @@ def read_file(file: Path) -> Recording:
         InputFileError: it, or the study around it, cannot be read.
     """
     for folder in file.resolve().parents[:2]:
-        table = folder / "recordings.csv"
-        if (folder / "study.toml").is_file() and table.is_file():
-            listed = {(folder / str(name)).resolve() for name in read_table(table, ("file",))["file"]}
-            if file.resolve() in listed:
-                return Study.read(folder, only=file).recordings[0]
+        if is_listed(file, folder):
+            return Study.read(folder, only=file).recordings[0]
     return Recording.read(file)
 
 

@@ -144,68 +144,14 @@ def mixed_model(levels: np.ndarray) -> Variance:
     return Variance("mixed model", F, p, F / (F + n - 1), 1.0, n)
 
 
-def holm(p: Sequence[float]) -> np.ndarray:
+def holm(p: Sequence[float] | np.ndarray) -> np.ndarray:
     """Holm's adjusted p values, (n,)."""
-    _need("statsmodels")
-    from statsmodels.stats.multitest import multipletests
-
-    return np.asarray(multipletests(list(p), method="holm")[1])
-
-
-@dataclass(frozen=True)
-class Resonance:
-    """What the rule of section 2.3.1 finds.
-
-    Attributes:
-        kind: "peak", "plateau" or "none". low, high: its range [Hz]; top: its highest mean [Hz] (NaN if none).
-    """
-
-    kind: str
-    low: float = np.nan
-    high: float = np.nan
-    top: float = np.nan
-
-    def __str__(self) -> str:
-        return self.kind if self.kind == "none" else f"{self.kind} {self.low:g}-{self.high:g} Hz"
-
-
-def resonance(frequency_hz: np.ndarray, T: np.ndarray) -> Resonance:
-    """Resonance range of one condition by paired t tests between frequencies.
-
-    Peak: the highest mean is significantly greater than some frequency on both of its sides; the range holds the
-    neighbours that it is not significantly greater than. Plateau: no such peak, but a frequency that differs
-    significantly neither from the next lower nor from the next higher one, while the curve falls significantly beyond;
-    the range holds the neighbours that do not differ.
-
-    Args:
-        frequency_hz: (f,) ascending. T: (subjects, f) transmissibility.
-    """
-    f, x = np.asarray(frequency_hz, float), complete(T)
-    mean = x.mean(axis=0)
-    top = int(np.argmax(mean))
-
-    def reach(middle: int, step: int, stops: tuple[str, ...]) -> int:
-        """Farthest neighbour in one direction that the middle still equals; -1 if the curve ends before it differs."""
-        at = middle
-        while 0 <= at + step < f.size:
-            if paired(x[:, middle], x[:, at + step]).verdict in stops:
-                return at
-            at += step
-        return -1
-
-    if 0 < top < f.size - 1:
-        low, high = reach(top, -1, ("above",)), reach(top, 1, ("above",))
-        if low >= 0 and high >= 0:
-            return Resonance("peak", f[low], f[high], f[top])
-    flat = []
-    for middle in range(1, f.size - 1):
-        low, high = reach(middle, -1, ("above", "below")), reach(middle, 1, ("above",))
-        if 0 <= low < middle < high and paired(x[:, middle], x[:, high]).verdict == "equal":
-            flat.append((float(np.ptp(mean[low : high + 1])) / (high - low), low, high, middle))
-    if flat:
-        _, low, high, middle = min(flat)
-        return Resonance("plateau", f[low], f[high], f[low + int(np.argmax(mean[low : high + 1]))])
-    return Resonance("none")
+    given = np.asarray(p, float)
+    order = np.argsort(given)
+    stepped = np.maximum.accumulate((given.size - np.arange(given.size)) * given[order])
+    adjusted = np.empty_like(given)
+    adjusted[order] = np.minimum(stepped, 1.0)
+    return adjusted
 
 
 def complete(levels: np.ndarray) -> np.ndarray:

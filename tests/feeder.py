@@ -7,8 +7,9 @@ from types import TracebackType
 
 import numpy as np
 
-from fasbody.acquire.bench import FRAME_SAMPLES, Bench, Line, corrupt
+from fasbody.acquire.bench import FRAME_SAMPLES, Bench
 from fasbody.acquire.frames import encode_data, encode_hello
+from fasbody.acquire.line import Line, corrupt
 from fasbody.acquire.messages import Channel, Hello
 from fasbody.acquire.port import Port
 from fasbody.exceptions import AcquisitionError

@@ -12,9 +12,8 @@ from pathlib import Path
 import pytest
 from feeder import Feeder, number_of, output_of
 
-from fasbody.acquire import folder
 from fasbody.acquire.bench import Bench
-from fasbody.acquire.folder import convert
+from fasbody.acquire.conversion import convert, replay
 from fasbody.acquire.shaken import TRUTH
 from fasbody.checks import checked
 from fasbody.exceptions import FasError
@@ -73,7 +72,7 @@ def test_full_disk_mid_run_loses_nothing(tmp_path: Path, feeder: Feeder) -> None
     )  # fmt: skip
     assert done.returncode == 2 and "cannot be written" in done.stderr and "recover" in done.stderr
     (rest,) = tmp_path.glob("*_rest_*.fascap")
-    made = convert([study / "captures" / "broadband_0kg.fascap", rest], study)
+    made = convert([study / "captures" / "broadband_0kg.fascap", rest], study, longest=True)
     assert made.problems == () and made.recording.time_s.size > 1000
     assert rest.stat().st_size > 12
 
@@ -88,16 +87,22 @@ def test_killed_mid_run_then_recovered(tmp_path: Path, feeder: Feeder) -> None:
     while not (file.is_file() and file.stat().st_size > 12_000):
         assert time.monotonic() < deadline and victim.poll() is None
         time.sleep(0.02)
-    sent = feeder.sent
+    feeder.paused = True  # and wait until what was sent has been read, however busy the machine is
+    sent, size = feeder.sent, 0
+    while size < (size := file.stat().st_size):
+        time.sleep(0.5)
     victim.send_signal(signal.SIGKILL)
     victim.wait()
-    done = subprocess.run(command("recover", str(file), "--json"), env=ENVIRONMENT, capture_output=True, text=True)
+    short = subprocess.run(command("recover", str(file)), env=ENVIRONMENT, capture_output=True, text=True)
+    assert short.returncode == 2 and "of 60 s; --longest keeps and lists" in short.stderr
+    words = ["recover", str(file), "--longest", "--json"]
+    done = subprocess.run(command(*words), env=ENVIRONMENT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
     assert document["usable"] and document["quality"]["gaps"] == []
-    _, values = folder.replay([file])[1].samples()
+    _, values = replay([file])[1].samples()
     last = number_of(values[-1])
-    assert last >= sent - 500  # loose, for busy machines; benchmarks/acquire.py measures it
+    assert last >= sent - 17  # a frame may have been on its way; benchmarks/acquire.py kills in full flow
     (kept,) = Study.read(study).recordings
     assert kept.time_s.size == document["samples"]
 
@@ -118,12 +123,19 @@ def test_interrupted_sweep_keeps_what_it_has(tmp_path: Path, bench: Bench) -> No
     _, told = run.communicate(timeout=30)
     assert run.returncode == 130 and "interrupted" in told
     assert output_of(bench) == "0"
+    assert "30hz_0kg.fascap --longest" in told and "go on with --frequency 30" in told
+    with pytest.raises(FasError, match="lists no recording"):
+        Study.read(study)
+    convert([file], study, longest=True)
     (kept,) = Study.read(study).recordings
     assert checked(kept).condition.frequency_hz == pytest.approx(30, abs=0.05)
 
 
 def test_from_the_shaker_to_the_parameters(tmp_path: Path) -> None:
-    """A sweep on the virtual bench, then the fit: every parameter within four standard errors of the bench's own."""
+    """A sweep on the virtual bench, then the fit: every parameter within four standard errors of the bench's own.
+
+    That is the interval which holds all eight at once in 99.9 % of all runs; eight 95 % intervals do in two of three.
+    """
     study, out = tmp_path / "study", tmp_path / "out"
     words = ["--simulate", "--sweep", "15:45:15", "--seconds", "1.5", "--out", str(study), "--json"]
     done = subprocess.run(command(*words), env=ENVIRONMENT, capture_output=True, text=True)

@@ -10,9 +10,9 @@ from feeder import hello
 
 from fasbody.acquire import folder
 from fasbody.acquire.capture import Capture
-from fasbody.acquire.folder import convert
+from fasbody.acquire.conversion import convert
 from fasbody.acquire.frames import FrameReader, encode_data, encode_hello
-from fasbody.acquire.session import Plan
+from fasbody.acquire.plan import Plan
 from fasbody.acquire.shaken import BODY_MASS_KG
 from fasbody.checks import checked
 from fasbody.exceptions import InputFileError, RecordingError
@@ -96,7 +96,7 @@ def test_capture_without_its_plan_is_not_listed(tmp_path: Path) -> None:
     file.write_bytes(raw)
     made = convert([file], tmp_path)
     assert any("what was to be recorded is damaged" in text for text in made.problems)
-    assert any("bytes of the capture are unreadable" in text for text in made.remarks)
+    assert any("unreadable bytes in the capture" in text for text in made.remarks)
     assert not (tmp_path / "recordings.csv").exists() and not (tmp_path / "study.toml").exists()
 
 

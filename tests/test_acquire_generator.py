@@ -17,8 +17,8 @@ from fasbody.acquire.bench import Bench
 from fasbody.acquire.board import Board, Watch
 from fasbody.acquire.generator import Generator
 from fasbody.acquire.level import Safety, peak_to_peak, reach
+from fasbody.acquire.plan import Plan
 from fasbody.acquire.probe import probe
-from fasbody.acquire.session import Plan
 from fasbody.acquire.shaken import BODY_MASS_KG, GAIN, Shaker
 from fasbody.exceptions import AcquisitionError, SettingError
 from fasbody.recording import Condition
@@ -33,6 +33,13 @@ CONDITION = Condition("16", "midstance", 0.0, BODY_MASS_KG)
 def bench() -> Iterator[Bench]:
     with Bench(seed=4) as made:
         yield made
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a machine with many other processes a second without a sample is no fault of the board."""
+    monkeypatch.setattr("fasbody.acquire.board.BLIND_S", 20.0)
+    monkeypatch.setattr("fasbody.acquire.board.STALLED_S", 20.0)
 
 
 @pytest.fixture
@@ -111,7 +118,7 @@ def test_watch_trips_at_what_is_no_number(value: float) -> None:
         Watch(5.0, 0.0).check(np.array([0.0, value]))
 
 
-@pytest.mark.parametrize(("guess", "match"), [(0.97, r"moves by 0\.2[67]\d* mm"), (1.9, "limit of 3.86")])
+@pytest.mark.parametrize(("guess", "match"), [(0.97, r"moves by 0\.2[67]\d* mm"), (1.9, r"limit of 3\.6")])
 def test_displacement_is_limited_while_the_base_moves(bench: Bench, guess: float, match: str) -> None:
     """6 m/s^2 at 25 Hz are 0.243 mm and allowed; a shaker that answers more strongly than before is stopped."""
     board = Board(bench.board_port, BAUD)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from fasbody.acquire.decoder import Decoder
 from fasbody.acquire.lines import LONGEST_LINE, LineReader, encode_header, encode_line
 from fasbody.acquire.messages import Block, Damage, Hello
+from fasbody.acquire.timeline import Timeline
 
 DOCS = Path(__file__).parent.parent / "docs" / "acquisition.md"
 HEADER = encode_header("uno", 1000.0, ("base", "malleolus"), 39.2)
@@ -23,7 +24,7 @@ def test_documented_example() -> None:
     about, block = LineReader().feed(text.encode())
     assert isinstance(about, Hello) and isinstance(block, Block)
     assert (about.board, about.rate_hz, about.roles) == ("uno", 1000.0, ("base", "malleolus"))
-    assert (block.sequence, block.time_us) == (1, 1000)
+    assert block.time_us == 1000
     np.testing.assert_array_equal(block.samples, [[0.12, -0.38]])
 
 
@@ -46,7 +47,7 @@ def test_any_bytes_are_survived_in_bounded_memory(pieces: list[bytes], known: bo
         reader.feed(HEADER)
     for piece in pieces:
         reader.feed(piece)
-        assert len(reader._rest) <= LONGEST_LINE
+        assert reader.kept <= LONGEST_LINE
 
 
 @given(st.text("0123456789.,-+eE*ABCDEFinfa_# \t", max_size=80))
@@ -70,14 +71,16 @@ def test_changed_digit_is_damage_with_a_check_only() -> None:
     assert isinstance(plain.feed(bad.split(b"*")[0] + b"\n")[0], Block)
 
 
-def test_clock_of_32_bits_runs_over_and_double_stamps_are_refused() -> None:
+def test_clock_of_32_bits_runs_over_and_a_missing_line_is_a_gap() -> None:
     reader = LineReader()
-    reader.feed(HEADER)
-    stamps = [2**32 - 2296, 2**32 - 1296, 2**32 - 296, 704, 1704]
-    got = reader.feed(b"".join(encode_line(t, np.zeros(2)) for t in stamps))
-    numbers = [m.sequence for m in got if isinstance(m, Block)]
-    assert np.all(np.diff(numbers) == 1) and len(numbers) == 5
-    assert isinstance(reader.feed(encode_line(1705, np.zeros(2)))[0], Damage)
+    (about,) = reader.feed(HEADER)
+    assert isinstance(about, Hello)
+    timeline = Timeline(about)
+    stamps = [(2**32 - 10_296 + 1000 * i) % 2**32 for i in range(40) if i not in (20, 30, 31)]
+    timeline.add(reader.feed(b"".join(encode_line(t, np.zeros(2)) for t in stamps)), 0.0)
+    assert stamps[0] > stamps[-1]
+    assert [(gap.after_s, gap.lost_samples) for gap in timeline.quality().gaps] == [(0.019, 1), (0.029, 2)]
+    np.testing.assert_array_equal(timeline.samples()[0], [i for i in range(40) if i not in (20, 30, 31)])
 
 
 def test_units_of_the_header_are_those_of_recordings() -> None:
@@ -85,7 +88,7 @@ def test_units_of_the_header_are_those_of_recordings() -> None:
     got = reader.feed(b"# fas rate_hz=500\ntime_ms,base_g,malleolus_mm_s2\n4,1,2500\n")
     assert isinstance(got[1], Block)
     np.testing.assert_allclose(got[1].samples, [[9.80665, 2.5]])
-    assert got[1].sequence == 2
+    assert got[1].time_us == 4000
 
 
 @pytest.mark.parametrize("head", [b"# fas board=x\n", b"# fas rate_hz=-1\n", b"# fas rate_hz=nan\n", b"# other\n"])

@@ -5,21 +5,25 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from feeder import COUNTS, Feeder, counts_of, hello, number_of
 
-from fasbody.acquire import folder, session
+from fasbody.acquire import session
 from fasbody.acquire.bench import Bench
-from fasbody.acquire.board import Board, Watch
+from fasbody.acquire.board import Board, Stalled, Watch
 from fasbody.acquire.capture import Capture
+from fasbody.acquire.conversion import convert, replay
 from fasbody.acquire.display import bar, render, sparkline
-from fasbody.acquire.folder import convert
 from fasbody.acquire.frames import encode_data, encode_hello
 from fasbody.acquire.generator import Generator
 from fasbody.acquire.level import Level
-from fasbody.acquire.session import Plan
+from fasbody.acquire.plan import Plan
+from fasbody.acquire.quality import Quality
+from fasbody.acquire.reader import Arrival
+from fasbody.acquire.session import Session
 from fasbody.acquire.shaken import BODY_MASS_KG
 from fasbody.exceptions import AcquisitionError, InputFileError
 from fasbody.recording import Condition, Study
@@ -39,10 +43,10 @@ def test_three_channels_at_4_khz_arrive_whole_and_as_sent(tmp_path: Path) -> Non
         board = Board(feeder.port, BAUD)
         board.wait_for_hello()
         plan = Plan(tmp_path / "study", (None,), CONDITION, seconds=2.0)
-        (made,) = session.run(plan, board)
+        (made,) = Session(plan, board).run()
         board.close()
     assert made.problems == () and made.quality.lost_frames == made.quality.damaged == 0
-    _, timeline, _ = folder.replay([tmp_path / "study" / "captures" / "broadband_0kg.fascap"])
+    _, timeline, _ = replay([tmp_path / "study" / "captures" / "broadband_0kg.fascap"])
     index, values = timeline.samples()
     first = number_of(values[0])
     np.testing.assert_array_equal(values * COUNTS, counts_of(first + index, 3))
@@ -63,7 +67,7 @@ def test_one_percent_damaged_bytes_are_all_found(tmp_path: Path) -> None:
         board.stop()
         board.close()
         capture.close()
-    _, timeline, _ = folder.replay([capture.file])
+    _, timeline, _ = replay([capture.file])
     quality = timeline.quality()
     index, values = timeline.samples()
     first = number_of(values[0])
@@ -97,7 +101,7 @@ def test_unplugged_and_back(tmp_path: Path, feeder: Feeder) -> None:
     assert gap.lost_samples >= 300 and gap.cause == "lost frames"  # the board itself went on
     details = json.loads(made.file.with_suffix(".json").read_text())
     assert [event["event"] for event in details["events"]] == ["unplugged", "replugged"]
-    index, values = folder.replay([capture.file])[1].samples()
+    index, values = replay([capture.file])[1].samples()
     first = number_of(values[0])
     np.testing.assert_array_equal(values * COUNTS, counts_of(first + index, 2))
 
@@ -113,16 +117,18 @@ def test_recording_that_lost_samples_is_repeated(tmp_path: Path, feeder: Feeder)
             feeder.line.plug()
 
     board.listener = pull
-    made = session.run(Plan(tmp_path / "study", (None,), CONDITION, seconds=0.6), board)
+    run = Session(Plan(tmp_path / "study", (None,), CONDITION, seconds=0.6), board)
+    made = run.run()
     board.close()
-    assert [bool(one.problems) for one in made] == [True, False] and session.unusable(made) == []
-    assert session.unusable(made[:1]) == ["broadband_0kg.csv"]
+    assert [bool(one.problems) for one in made] == [True, False] and run.unusable() == []
+    run.made = made[:1]
+    assert run.unusable() == ["broadband_0kg.csv"]
     (listed,) = Study.read(tmp_path / "study").recordings
     assert listed.file.endswith("recordings/broadband_0kg_2.csv") and listed.time_s.size == 600
 
 
 def test_not_plugged_in_again_silence_garbage_and_a_missing_channel(tmp_path: Path, feeder: Feeder) -> None:
-    with pytest.raises(AcquisitionError, match="cannot be opened"):
+    with pytest.raises(AcquisitionError, match="there is no such port"):
         Board(str(tmp_path / "nothing"), BAUD)
     feeder.garbage = True
     board = Board(feeder.port, 9600)
@@ -176,7 +182,7 @@ def test_folder_that_cannot_be_written_is_refused_before_anything_moves(
     (study / place).write_text("a file where the folder should be")
     board = Board(feeder.port, BAUD)
     with pytest.raises(InputFileError, match="cannot be written"):
-        session.run(Plan(study, (20.0,), CONDITION), board, Generator.__new__(Generator))
+        Session(Plan(study, (20.0,), CONDITION), board, Generator.__new__(Generator)).run()
     board.close()
     assert not moved
 
@@ -195,7 +201,7 @@ def test_failing_ramp_still_gives_the_recording(
     monkeypatch.setattr(session, "reach", lambda *args: Level(17.9, 1.0, 3))
     board = Board(feeder.port, BAUD)
     with pytest.raises(AcquisitionError, match="no answer to VOLT"):
-        session.run(Plan(tmp_path / "study", (20.0,), CONDITION, seconds=0.4), board, generator)
+        Session(Plan(tmp_path / "study", (20.0,), CONDITION, seconds=0.4), board, generator).run()
     board.close()
     assert told == ["off"] and (tmp_path / "study" / "recordings" / "20hz_0kg.csv").is_file()
 
@@ -232,26 +238,78 @@ def test_board_that_trickles_samples_ends_at_the_deadline(tmp_path: Path, feeder
         feeder, "instead", encode_hello(other) + encode_data(0, 0, np.zeros((16, 3), int), 16) if b.timeline else b""
     )
     with pytest.raises(AcquisitionError, match=r"of 500 samples came in time"):
-        session.run(Plan(tmp_path / "study", (None,), CONDITION, seconds=0.5), board)
+        Session(Plan(tmp_path / "study", (None,), CONDITION, seconds=0.5, retries=0), board).run()
     board.close()
 
 
-def test_stalled_board_keeps_what_came(tmp_path: Path, feeder: Feeder) -> None:
-    board = Board(feeder.port, BAUD)
+def test_board_that_stays_silent_keeps_what_came_and_lists_nothing(
+    tmp_path: Path, feeder: Feeder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board = Board(feeder.port, BAUD, patience=0.5)
     plan = Plan(tmp_path / "study", (None,), CONDITION, seconds=60.0)
-    board.listener = lambda b: setattr(feeder, "paused", b.timeline is not None and b.timeline.length > 800)
-    with pytest.raises(AcquisitionError, match="silent"):
-        session.run(plan, board)
+    board.listener = lambda b: setattr(feeder, "paused", feeder.paused or bool(b.timeline and b.timeline.length > 800))
+    run = Session(plan, board)
+    with pytest.raises(Stalled, match=r"no sample came for another 0\.5 s"):
+        run.run()
     board.close()
+    (one,) = run.made
+    assert one.recording.time_s.size > 800 and any("of 60 s" in text for text in one.problems)
+    assert any("silent" in text for text in one.remarks)
+    told = " ".join(capsys.readouterr().err.split())
+    assert "recover" in told and "--longest" in told and "anew" in told and ".." not in told.replace("...", "")
+    with pytest.raises(InputFileError, match="lists no recording"):
+        Study.read(tmp_path / "study")
+    convert([tmp_path / "study" / "captures" / "broadband_0kg.fascap"], tmp_path / "study", longest=True)
     (kept,) = Study.read(tmp_path / "study").recordings
-    assert kept.time_s.size > 800 and any("silent" in text for text in kept.warnings)
+    assert kept.time_s.size == one.recording.time_s.size
+
+
+def test_recording_whose_board_stalled_is_repeated(tmp_path: Path, feeder: Feeder) -> None:
+    board = Board(feeder.port, BAUD, patience=20.0)
+    stalled: list[int] = []
+
+    def stall(b: Board) -> None:
+        if b.timeline is not None and b.timeline.length > 200 and not stalled:
+            stalled.append(1)
+            feeder.paused = True
+        elif b.timeline is None and stalled:
+            feeder.paused = False  # it comes back once the recording is given up
+
+    board.listener = stall
+    run = Session(Plan(tmp_path / "study", (None,), CONDITION, seconds=0.6), board)
+    made = run.run()
+    board.close()
+    assert [bool(one.problems) for one in made] == [True, False] and run.unusable() == []
+    (listed,) = Study.read(tmp_path / "study").recordings
+    assert listed.file.endswith("broadband_0kg_2.csv") and listed.time_s.size == 600
+
+
+def test_stalls_are_repeated_so_often_and_the_sweep_says_how_to_go_on(
+    tmp_path: Path, feeder: Feeder, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = Session(Plan(tmp_path / "study", (20.0, 25.0, 30.0), CONDITION, retries=3), Board(feeder.port, BAUD))
+    tried: list[float | None] = []
+
+    def attempt(frequency: float | None) -> object:
+        tried.append(frequency)
+        if frequency == 25.0:
+            raise Stalled("the board is silent.")
+        return SimpleNamespace(quality=Quality())
+
+    monkeypatch.setattr(run, "_attempt", attempt)
+    with pytest.raises(Stalled):
+        run.run()
+    run.board.close()
+    assert tried == [20.0] + 4 * [25.0]
+    told = " ".join(capsys.readouterr().err.split())
+    assert "not recorded: 25, 30 Hz; go on with --sweep 25:30:5 and the same --out" in told
 
 
 def test_over_range_ends_early(tmp_path: Path, feeder: Feeder) -> None:
     board = Board(feeder.port, BAUD)
     board.listener = lambda b: setattr(feeder, "amplitude", 32_000 if b.timeline and b.timeline.length > 300 else 0)
     with pytest.raises(AcquisitionError, match="went over range"):
-        session.run(Plan(tmp_path / "study", (None,), CONDITION, seconds=60.0), board)
+        Session(Plan(tmp_path / "study", (None,), CONDITION, seconds=60.0), board).run()
     board.close()
     details = json.loads((tmp_path / "study" / "recordings" / "broadband_0kg.json").read_text())
     assert details["usable"] is False and details["quality"]["over_range"]["base"] >= 3
@@ -259,11 +317,22 @@ def test_over_range_ends_early(tmp_path: Path, feeder: Feeder) -> None:
 
 def test_text_board_of_the_bench(tmp_path: Path) -> None:
     with Bench(rate_hz=500.0, bits=0, channels=3) as text:
+        text.shake(20.0, 0.6)
         board = Board(text.board_port, 115200)
-        (made,) = session.run(Plan(tmp_path, (None,), CONDITION, seconds=0.8), board)
+        (made,) = Session(Plan(tmp_path, (None,), CONDITION, seconds=0.8), board).run()
         board.close()
     assert made.problems == () and made.recording.time_s.size == 400
-    assert made.recording.tuberosity_m_s2 is not None and made.recording.tuberosity_m_s2.std() < 0.1
+    assert made.recording.tuberosity_m_s2 is not None and made.recording.tuberosity_m_s2.std() > 1
+
+
+def test_bench_at_rest_gives_no_recording(tmp_path: Path) -> None:
+    with Bench() as bench:
+        board = Board(bench.board_port, BAUD)
+        (made,) = Session(Plan(tmp_path, (None,), CONDITION, seconds=1.0), board).run()
+        board.close()
+    assert made.problems[0].startswith("the base is at rest (0.0")
+    with pytest.raises(InputFileError, match="lists no recording"):
+        Study.read(tmp_path)
 
 
 def test_display_shows_the_levels(feeder: Feeder) -> None:
@@ -280,3 +349,26 @@ def test_display_shows_the_levels(feeder: Feeder) -> None:
     t = np.arange(2000) / 1000
     line = sparkline(np.sin(2 * np.pi * 31 * t), 1000)
     assert np.argmax(["  ▁▂▃▄▅▆▇█".index(c) for c in line]) == 15  # 31 Hz of 120 in 60 places
+
+
+def test_collect_keeps_nothing_that_was_taken_before(feeder: Feeder) -> None:
+    """Samples that wait in the queue of a busy computer show the base before the latest change of amplitude."""
+    board = Board(feeder.port, BAUD)
+    board.wait_for_hello()
+    board.collect(0.2)
+    real, held = board.reader.take, []
+
+    def late(wait: float) -> list[Arrival]:
+        """Everything comes half a second late."""
+        held.extend(real(wait))
+        now = time.monotonic()
+        ready = [arrival for arrival in held if arrival.host < now - 0.5]
+        del held[: len(ready)]
+        return [replace(arrival, host=arrival.host + 0.5) for arrival in ready]
+
+    board.reader.take = late  # type: ignore[method-assign]
+    board.collect(0.1)
+    before = feeder.sent
+    first = number_of(board.collect(0.1)[0])
+    board.close()
+    assert first >= before - 100  # a tenth of a second: a frame, the way, and this test's own clocks

@@ -66,7 +66,85 @@ def test_one_skipped_sample_shows_whatever_the_frame_size_and_the_clock(n: int, 
             timeline.add([Block(frame, stamp, np.zeros((n, 2)), np.zeros(2, int))], 0.001 * number)
         gaps = timeline.quality().gaps
         assert [(gap.lost_samples, gap.cause) for gap in gaps] == [(1, "skipped")] * skipped
-        assert timeline.length == 300 * n + skipped
+        assert timeline.samples()[0][-1] + 1 == 300 * n + skipped
+
+
+def jittered(
+    blocks: int, n: int, jitter: np.ndarray, skips: dict[int, int], rate: float = 1000.0, ppm: float = 300.0
+) -> Timeline:
+    """A stream whose stamps jitter (blocks,) [samples] and that skips so many samples before some blocks."""
+    timeline = Timeline(replace(hello(rate), frame_samples=n, bits=16 if n > 1 else 0))
+    number = 0
+    for i in range(blocks):
+        number += skips.get(i, 0)
+        stamp = round((number * (1 + ppm * 1e-6) + jitter[i] + 10) / rate * 1e6)
+        timeline.add([Block(i, stamp % 2**32, np.zeros((n, 2)), np.zeros(2, int))], number / rate)
+        number += n
+    return timeline
+
+
+@pytest.mark.parametrize("kind", ["uniform", "late", "milliseconds"])
+@pytest.mark.parametrize(("blocks", "n", "rate"), [(94, 16, 1000.0), (625, 16, 1000.0), (3000, 1, 500.0)])
+def test_stamps_that_jitter_by_two_samples_make_no_gap(kind: str, blocks: int, n: int, rate: float) -> None:
+    """Taken in software: anywhere within two samples, now and then late, or in steps of four samples."""
+    rng = np.random.default_rng(blocks)
+    exact = np.arange(blocks) * n
+    jitter = {
+        "uniform": rng.uniform(-2, 2, blocks),
+        "late": (rng.random(blocks) < 0.05) * rng.uniform(0, 4, blocks),
+        "milliseconds": 4 * np.floor(exact / 4) - exact,
+    }[kind]
+    timeline = jittered(blocks, n, jitter, {}, rate)
+    quality = timeline.quality()
+    assert quality.gaps == () and quality.problems(Limits()) == []
+    np.testing.assert_array_equal(timeline.samples()[0], np.arange(blocks * n))
+    assert abs(quality.rate_ppm + 300) < max(20.0, 4 * quality.rate_std_ppm)
+    if kind == "uniform":
+        assert quality.jitter == pytest.approx(2 / np.sqrt(3), rel=0.2)
+        assert any("jitter" in text for text in quality.remarks(Limits()))
+
+
+@pytest.mark.parametrize(
+    ("blocks", "n", "wide", "skips"),
+    [
+        (3750, 16, 2.0, {1900: 1}), (3750, 16, 2.0, {1000: 4, 2800: 7}), (625, 16, 2.0, {320: 4}),
+        (5000, 1, 2.0, {2500: 1}), (5000, 1, 2.0, {1200: 30, 3900: 3}), (3000, 1, 0.5, {800: 1, 2000: 1}),
+        (3000, 1, 0.05, {5: 1, 9: 2, 10: 1, 700: 1, 702: 6, 2990: 1}),
+    ],
+)  # fmt: skip
+def test_what_was_really_skipped_shows_through_the_jitter(
+    blocks: int, n: int, wide: float, skips: dict[int, int]
+) -> None:
+    for seed in range(4):
+        jitter = np.random.default_rng(seed).uniform(-wide, wide, blocks)
+        timeline = jittered(blocks, n, jitter, skips)
+        gaps = timeline.quality().gaps
+        # the more it jitters, the less sure are length and place
+        found = sum(gap.lost_samples for gap in gaps)
+        assert abs(found - sum(skips.values())) <= (0 if wide < 1 else len(skips))
+        assert timeline.samples()[0][-1] + 1 == blocks * n + found
+        places = [round(gap.after_s * 1000) + 1 for gap in gaps]
+        wanted = [at * n + sum(s for k, s in skips.items() if k < at) for at in skips]
+        near = 0 if wide < 0.1 else 60 * wide * n
+        assert len(places) == len(wanted) and np.abs(np.subtract(places, wanted)).max() <= near
+
+
+def test_damaged_text_lines_are_gaps_of_their_own_however_the_stamps_jitter() -> None:
+    """Half of a line is no sample; a damaged heading is none either, which good stamps show."""
+    for wide, expected in ((0.02, [1, 1]), (2.0, [1, 1, 1])):
+        timeline = Timeline(replace(hello(), bits=0, frame_samples=1))
+        rng = np.random.default_rng(1)
+        for i in range(600):
+            if i in (100, 300):
+                timeline.add([Damage("line not understood", 20)], 0.0)
+                continue
+            if i == 400:
+                timeline.add([Damage("header not understood", 20)], 0.0)
+            stamp = round(1000 * (i + 5 + rng.uniform(-wide, wide)))
+            timeline.add([Block(i, stamp, np.zeros((1, 2)), np.zeros(2, int))], 0.0)
+        quality = timeline.quality()
+        assert [gap.lost_samples for gap in quality.gaps] == expected and quality.damaged == 3
+        assert {gap.cause for gap in quality.gaps} == {"damaged lines"}
 
 
 def test_device_time_going_back_is_a_restart_and_running_over_is_not() -> None:
@@ -96,7 +174,7 @@ def test_changed_description_and_damage() -> None:
     quality = timeline.quality()
     assert quality.changed and quality.damaged == 1
     assert any("description" in text for text in quality.problems(Limits()))
-    assert quality.remarks(Limits()) == ["1 damaged pieces on the line"]
+    assert quality.remarks(Limits()) == ["1 damaged piece on the line"]
 
 
 @pytest.mark.parametrize("ppm", [-2000.0, 0.0, 800.0])

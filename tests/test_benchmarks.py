@@ -4,12 +4,24 @@ import importlib
 import json
 import subprocess
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks import __main__ as bench
-from benchmarks import accuracy, black_box, callbacks, coverage, fitting, plain_scipy, results, rows
+from benchmarks import (
+    accuracy,
+    black_box,
+    callbacks,
+    coverage,
+    fitting,
+    peak_to_peak,
+    plain_scipy,
+    results,
+    rows,
+    study_end_to_end,
+)  # fmt: skip
 from benchmarks.__main__ import TOPICS
 from fasbody.model import can_be_constrained, load
 from fasbody.shaker import sine
@@ -80,6 +92,25 @@ def test_errors_shrink_with_the_step() -> None:
 def test_step_costs_are_times_of_all_three() -> None:
     times = callbacks.step_costs(repeats=1, steps=5)
     assert times.shape == (1, 3) and (times > 0).all()
+
+
+def test_sine_fit_rows_hold_mean_and_scatter_of_what_was_fitted() -> None:
+    made = peak_to_peak.measure(seeds=4)
+    e = peak_to_peak.errors(10.0, 0.02, 0.2, 4)
+    assert [row.holds for row in made[:4]] == [True] * 4
+    assert float(made[1].measured.split()[0]) >= round(e[:, 0].std(ddof=1), 4) - 1e-4
+    assert made[-1].measured.startswith("+3.") and "4 recordings" in made[0].what
+
+
+def test_memory_and_time_of_a_command_are_its_own(tmp_path: Path) -> None:
+    (tmp_path / "hungry.py").write_text("x = bytearray(200_000_000)\nx[::4096] = bytes(len(x[::4096]))\n")
+    (tmp_path / "modest.py").write_text("")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path)
+        large, small = (study_end_to_end.measured(name)[2] for name in ("hungry", "modest"))
+        with pytest.raises(RuntimeError, match="nowhere ended with 1"):
+            study_end_to_end.measured("nowhere")
+    assert large > 190 and small < 100  # though the larger one ran first
 
 
 def test_busy_cores_give_no_verdict_on_threads() -> None:

@@ -46,7 +46,7 @@ def test_offsets_are_taken_out_and_told() -> None:
     assert abs(found.malleolus_m_s2.mean()) < 1e-12
     assert len(found.warnings) == 2
     assert "x.csv: base_m_s2 has gravity of 9.8" in found.warnings[0]
-    assert "malleolus_m_s2 has an offset of -3.0" in found.warnings[1]
+    assert "malleolus_m_s2 has an offset of -3 m" in found.warnings[1]
 
 
 def test_rounded_time_stamps_pass() -> None:
@@ -87,6 +87,10 @@ BAD = {
         change(TIME, lambda t: t + 0.01 * (t > 0.5)),
         "time is not uniform: 0.011 s after 0.5 s, elsewhere 0.001 s; samples are missing",
     ),
+    "reversed": (change(TIME, lambda t: t[::-1]), r"time runs backwards \(1\.999 s first, 0 s last\); sort the rows"),
+    "still": (change(TIME, lambda t: 0 * t + 3), r"time stands still \(3 s first, 3 s last\)"),
+    "1e300": (change(BASE, lambda x: 1e300 * x), r"base_m_s2 reaches 9\.\d*e\+300 m/s\^2 at .* s, which no body does"),
+    "one spike": (put(MALLEOLUS, 77, -2e6), r"malleolus_m_s2 reaches 2e\+06 m/s\^2 at 0\.077 s, .*check its unit"),
     "nan": (put(MALLEOLUS, 321, np.nan), "malleolus_m_s2 is nan at 0.321 s; every sample must be finite"),
     "infinite": (put(BASE, 3, np.inf), "base_m_s2 is inf at 0.003 s"),
     "lengths": (change(BASE, lambda x: x[:-1]), "base_m_s2 has 1999 samples and time has 2000"),
@@ -143,6 +147,14 @@ def test_an_odd_amplitude_is_only_a_warning() -> None:
     found = checked(replace(r, base_m_s2=r.base_m_s2 / 50, malleolus_m_s2=r.malleolus_m_s2 / 50))
     assert "the base amplitude is 0.179 m/s^2 at 20 Hz" in found.warnings[0]
     assert "check its unit" in found.warnings[0]
+
+
+def test_more_than_fifty_g_is_a_warning_with_a_short_number() -> None:
+    r = good()
+    found = checked(replace(r, base_m_s2=1e4 * r.base_m_s2 + 123456.0, malleolus_m_s2=1e4 * r.malleolus_m_s2))
+    text = " ".join(found.warnings)
+    assert "base_m_s2 reaches 2.14e+05 m/s^2, more than a foot on a shaker does; check its unit" in text
+    assert "an offset of 1.23e+05 m/s^2" in text
 
 
 def test_quantised_sines_are_not_called_clipped() -> None:

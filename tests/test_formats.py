@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import re
 import sys
 import zlib
 from pathlib import Path
@@ -42,6 +43,48 @@ def test_version_7_3_and_scalar_rate(tmp_path: Path) -> None:
     back = Recording.read(tmp_path / "s.mat")
     assert back.rate_hz == pytest.approx(500)
     assert back.base_m_s2 == pytest.approx(BASE)
+
+
+def test_version_7_3_is_written_as_matlab_does(tmp_path: Path) -> None:
+    """The header of 128 bytes, the class of every variable, vectors as (1, n) because MATLAB counts axes backwards."""
+    Recording(**CHANNELS).write(tmp_path / "r.mat", matlab="7.3")
+    whole = (tmp_path / "r.mat").read_bytes()
+    assert whole[:19] == b"MATLAB 7.3 MAT-file" and whole[116:128] == b" " * 8 + b"\x00\x02IM"
+    assert whole[512:520] == b"\x89HDF\r\n\x1a\n"
+    with h5py.File(tmp_path / "r.mat") as file:
+        assert set(file) == set(HEADER) and file.userblock_size == 512
+        for name in HEADER:
+            assert file[name].attrs["MATLAB_class"] == b"double" and file[name].shape == (1, 300)
+            np.testing.assert_array_equal(file[name][0], CHANNELS[name])
+    back = Recording.read(tmp_path / "r.mat")
+    np.testing.assert_array_equal(back.tuberosity_m_s2, CHANNELS["tuberosity_m_s2"])
+
+
+def test_what_is_no_real_column_is_named(tmp_path: Path) -> None:
+    savemat(tmp_path / "c.mat", {"time_s": T, "base_m_s2": BASE, "malleolus_m_s2": BASE + 1j, "note": "left foot"})
+    says = r"no column 'malleolus_m_s2' \(found: .*; passed over: .*'malleolus_m_s2' is complex"
+    with pytest.raises(InputFileError, match=says):
+        Recording.read(tmp_path / "c.mat")
+    savemat(tmp_path / "s.mat", {"data": {"base_m_s2": BASE}, "parts": np.array([BASE, "x"], object)})
+    says = r"no numeric channel \('data' is a structure \(save its fields: .*'parts' is a cell array\)"
+    with pytest.raises(InputFileError, match=says):
+        Recording.read(tmp_path / "s.mat")
+    with h5py.File(tmp_path / "c.h5", "w") as out:
+        out["base_m_s2"], out["malleolus_m_s2"], out["fs"] = BASE, BASE + 1j, 1000.0
+    with pytest.raises(InputFileError, match=r"'malleolus_m_s2' is complex"):
+        Recording.read(tmp_path / "c.h5")
+
+
+@pytest.mark.parametrize("ending", ["mat", "h5", "uff", "tdms"])
+def test_no_word_of_a_library_gets_into_a_message(tmp_path: Path, ending: str) -> None:
+    file = tmp_path / f"r.{ending}"
+    whole = sound()[ending]
+    for size in range(20, len(whole), len(whole) // 25):
+        file.write_bytes(whole[:size])
+        try:
+            Recording.read(file)
+        except InputFileError as error:
+            assert not re.search(r"Error|Exception|Traceback", str(error)), error
 
 
 def test_layout_maps_columns_volts_sign_and_delay(tmp_path: Path) -> None:

@@ -88,8 +88,13 @@ def test_study_with_two_loads(tmp_path: Path) -> None:
     ("options", "sentence"),
     [
         ({"subject": 21}, "there is no subject 21; Table 2.1 has 1 to 20"),
-        ({"frequencies_hz": (200.0,)}, "200 Hz cannot be recorded at 1000 Hz"),
-        ({"frequencies_hz": (10.0,), "seconds": 0.2}, "0.2 s hold fewer than 3 periods of 10 Hz"),
+        ({"frequencies_hz": (200.0,)}, "a frequency of 200 cannot be recorded at 1000 Hz"),
+        (
+            {"frequencies_hz": (10.0,), "seconds": 0.2},
+            r"a length of 0.2 is no recording of 10 Hz \(valid: 0.3 to 3600 s\)",
+        ),
+        ({"frequencies_hz": (float("nan"),)}, "a frequency of nan cannot be recorded"),
+        ({"seconds": float("nan")}, "a length of nan is no recording"),
     ],
 )
 def test_impossible_studies_get_a_sentence(tmp_path: Path, options: dict, sentence: str) -> None:

@@ -22,7 +22,7 @@ def table(separator: str = ",", header: str = "time_s,base_m_s2,malleolus_m_s2",
     return "\n".join(lines) + "\n"
 
 
-@pytest.mark.parametrize("separator", [",", ";", "\t", " "])
+@pytest.mark.parametrize("separator", [",", ";", "\t", " ", "|"])
 @pytest.mark.parametrize("ending", ["\n", "\r\n"])
 def test_dialects(tmp_path: Path, separator: str, ending: str) -> None:
     channels = read_csv(write(tmp_path, table(separator).replace("\n", ending)))
@@ -63,7 +63,13 @@ def test_order_extra_columns_byte_order_mark_and_empty_lines(tmp_path: Path) -> 
         (table() + "0.003,1\n", r"line 5: malleolus_m_s2 is '', not a number"),
         (table() + "0.003,1,nan\n", r"line 5: malleolus_m_s2 is 'nan'; every sample must be finite"),
         (table() + "0.003,inf,1\n", r"line 5: base_m_s2 is 'inf'; every sample must be finite"),
-        ("time_s;base_m_s2;malleolus_m_s2\n0,000;1,5;2\n", r"line 2: time_s is '0,000', not a number"),
+        ("time_s;base_m_s2;malleolus_m_s2\n0,000;1,5;2.234,5\n", r"line 2: malleolus_m_s2 is '2.234,5', not a number"),
+        ("time_s,base_g,malleolus_g\n0,000,1,5,2,5\n", r"has decimal commas between separating ones; .* by ;"),
+        (table() + '0.003,"1,2\n' + "0,1,2\n" * 999, r"line 5: opens a quotation mark that nothing closes"),
+        (table() + "0.003," + "x" * 9999 + ",2\n", r"line 5: base_m_s2 is 'x{117}\.\.\.', not a number"),
+        ("time,base,malleolus\ns,ell,g\n0,1,2\n", r"line 1: unknown unit of the column 'base': 'ell'"),
+        ("time_s,base_g,a\u200bx\n0,1,2\n", r"no column 'malleolus_m_s2' \(found: time_s, base_g, a\?x\)"),
+        (table() + "0.003,1_0,1\n", r"line 5: base_m_s2 is '1_0', not a number"),
         (b"\xff\xfe\x00\x01\x80", r"is not a text file; a CSV file with a header line is needed"),
         ("time_s,base_g,malleolus_g,base_m_s2\n0,1,2,3\n", r"line 1: has two columns for base; keep one of them"),
         ("time_s,time_ms,base_g,malleolus_g\n0,1,2,3\n", r"line 1: has two columns for time; keep one of them"),
@@ -74,6 +80,60 @@ def test_what_is_wrong_and_where(tmp_path: Path, text: str | bytes, sentence: st
     with pytest.raises(InputFileError, match=sentence) as caught:
         read_csv(write(tmp_path, text))
     assert "r.csv" in str(caught.value)
+
+
+UNITS_BELOW = "time;base;malleolus\ns;[m/s²];(m/s²)\n0,000;1,5;-2,25\n0,001;2,5;-3,25\n0,002;-1e-3;4\n"
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"])
+def test_encodings_decimal_comma_and_a_row_of_units(tmp_path: Path, encoding: str) -> None:
+    channels = read_csv(write(tmp_path, UNITS_BELOW.encode(encoding)))
+    np.testing.assert_array_equal(np.column_stack(list(channels.values())), ROWS)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Logger 4711; serial 8\nstarted: 12:30, by me\n\n" + table(";"),
+        "# fasbody\n# time of day 12:30\n" + table("|").replace("\n0.001", "\n# the plug was pulled\n0.001"),
+        "% " + table(" ").replace("\n", "\n\n") + "# end of file\n",
+        '"Base: AI0","Malleolus: AI1"\n' + table().replace("0.001,2.5,-3.25", '"0.001", "2.5","-3.25"'),
+        table("\t").replace(".", ",").replace("\t", " \t "),
+        table(header='"time_s","base_m_s2","malleolus_m_s2"').replace("0.001,2.5,-3.25", '"0,001","2,5","-3,25"'),
+        "time_s;base_m_s2;malleolus_m_s2;\n0;1,5;-2,25;\n0,001;2,5;-3,25;\n0,002;-0,001;4;\n",
+    ],
+)
+def test_preambles_comments_and_commas(tmp_path: Path, text: str) -> None:
+    channels = read_csv(write(tmp_path, text))
+    np.testing.assert_array_equal(np.column_stack(list(channels.values())), ROWS)
+
+
+def test_the_line_of_an_error_counts_preamble_and_units(tmp_path: Path) -> None:
+    with pytest.raises(InputFileError, match=r"line 7: base_m_s2 is 'oops', not a number"):
+        read_csv(write(tmp_path, "Logger\n\n" + UNITS_BELOW.replace("-1e-3", "oops")))
+
+
+def test_tables_in_the_same_dialects(tmp_path: Path) -> None:
+    text = "# who took part\nsubject;mass_kg;name\n\n1;70,5;Ann\nµ;64;Zoë\n"
+    for encoding in ("utf-16", "latin-1"):
+        file = write(tmp_path, text.encode(encoding))
+        read = read_table(file, ("subject", "mass_kg"))
+        assert list(read.index) == [4, 5] and list(read["subject"]) == ["1", "µ"]
+        np.testing.assert_array_equal(column(file, read, "mass_kg"), [70.5, 64])
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("subject,mass_kg\n1,70\n2,60,50\n", r"line 3: has 3 cells, and the header 2"),
+        ("subject,mass_kg,mass_kg\n1,70,70\n", r"line 1: has two columns 'mass_kg'; keep one"),
+        ('subject,mass_kg\n1,70\n"2,60\n3,60\n', r"line 3: opens a quotation mark that nothing closes\.$"),
+        ("", r"is empty; its header must name subject, mass_kg"),
+    ],
+)
+def test_broken_tables(tmp_path: Path, text: str, sentence: str) -> None:
+    with pytest.raises(InputFileError, match=sentence):
+        read_table(write(tmp_path, text), ("subject", "mass_kg"))
 
 
 def test_missing_file_and_folder(tmp_path: Path) -> None:
@@ -90,7 +150,7 @@ def test_tables(tmp_path: Path) -> None:
         column(file, read, "mass_kg")
     with pytest.raises(InputFileError, match=r"has no column 'height_m' \(found: subject, mass_kg\)"):
         read_table(file, ("height_m",))
-    good = read.drop(index=1)
+    good = read.drop(index=3)
     np.testing.assert_array_equal(column(file, good, "mass_kg", optional=True), [70, np.nan])
     with pytest.raises(InputFileError, match="not a number"):
         column(file, good, "mass_kg")

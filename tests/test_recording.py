@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fasbody.exceptions import InputFileError, RecordingError
-from fasbody.recording import Condition, Recording, Study, read_file, with_masses
+from fasbody.recording import Condition, Recording, Study, StudyFolder, read_file, with_masses
 
 T = np.arange(300) / 1000
 
@@ -96,6 +96,14 @@ def test_channel_corrections(folder: Path) -> None:
         ("recordings.csv", "file,subject\na,7\n", "recordings.csv, line 1: has no column 'added_mass_kg'"),
         ("recordings.csv", "file,subject,added_mass_kg\n", "lists no recording; one row a recording is needed"),
         ("recordings.csv", "file,subject,added_mass_kg\nx.csv,8,0\n", "line 2: subject '8' is not in subjects.csv"),
+        (
+            "recordings.csv",
+            "file,subject,added_mass_kg\nx.csv,7,0\ny.csv,7,0\n./x.csv,7,2.3\n",
+            r"recordings\.csv, line 4: './x\.csv' is listed in line 2 already; keep one row",
+        ),
+        ("recordings.csv", "file,subject,added_mass_kg\n,7,0\n", "recordings.csv, line 2: names no file"),
+        ("subjects.csv", "subject,mass_kg\n7,70\n8,60\n7,71\n", "line 4: subject '7' is listed in line 2 already"),
+        ("study.toml", "[channels.base]\ngain_std = -0.1\n", "base.gain_std = -0.1; valid: a standard deviation, 0"),
         ("recordings.csv", "file,subject,added_mass_kg\n../x.csv,7,0\n", "'../x.csv' lies outside the study's folder"),
         ("recordings.csv", "file,subject,added_mass_kg\nx.csv,7,0\n", r"x\.csv: no such file"),
         ("recordings/a.csv", "time_s,base_m_s2,malleolus_m_s2\n0,1,z\n", r"a\.csv, line 2: malleolus_m_s2 is 'z'"),
@@ -108,6 +116,17 @@ def test_broken_studies_get_one_sentence(folder: Path, file: str, text: str | No
         place.write_text(text)
     with pytest.raises(InputFileError, match=sentence):
         Study.read(folder)
+
+
+def test_an_empty_posture_is_midstance_and_line_numbers_count_comments(folder: Path) -> None:
+    text = "# who, what\n\nfile;subject;posture;added_mass_kg\n# first\nrecordings/a.csv;7;;2,3\n"
+    (folder / "recordings.csv").write_text(text)
+    assert [(t.condition.posture, t.condition.added_mass_kg) for t in StudyFolder.open(folder).trials] == [
+        ("midstance", 2.3)
+    ]
+    (folder / "recordings.csv").write_text(text.replace("2,3", "much"))
+    with pytest.raises(InputFileError, match="line 5: added_mass_kg is 'much', not a number"):
+        StudyFolder.open(folder)
 
 
 @pytest.mark.parametrize(

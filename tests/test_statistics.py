@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy import stats
+from statsmodels.stats.multitest import multipletests
 
 from fasbody import statistics
 from fasbody.exceptions import RecordingError
@@ -69,30 +70,14 @@ def test_holm_by_hand() -> None:
     assert statistics.holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
 
 
-F = np.arange(10.0, 55, 5)
+def test_holm_equals_statsmodels() -> None:
+    p = RNG.uniform(0, 0.2, 36)
+    np.testing.assert_allclose(statistics.holm(p), multipletests(p, method="holm")[1], rtol=1e-12)
 
 
-def panel(mean: np.ndarray, spread: float, subjects: int = 20) -> np.ndarray:
-    rng = np.random.default_rng(8)
-    noise = rng.normal(0, spread, (subjects, mean.size))
-    return mean + noise - noise.mean(axis=0) + rng.normal(0, 0.2, (subjects, 1))
-
-
-def test_resonance_rule_finds_peak_plateau_and_none() -> None:
-    peak = np.array([1.0, 1.1, 1.2, 1.3, 1.4, 1.4, 1.3, 1.2, 1.1])
-    peak[5] -= 0.001
-    found = statistics.resonance(F, panel(peak, 0.03))
-    assert (found.kind, found.low, found.high, found.top) == ("peak", 30, 35, 30)
-    flat = np.array([1.5, 1.3, 1.3, 1.3, 1.2, 1.1, 1.0, 0.9, 0.8])
-    found = statistics.resonance(F, panel(flat, 0.03))
-    assert (found.kind, found.low, found.high) == ("plateau", 15, 25)
-    assert statistics.resonance(F, panel(np.linspace(1.5, 0.7, 9), 0.03)).kind == "none"
-    assert str(found) == "plateau 15-25 Hz"
-
-
-def test_subjects_with_gaps_are_left_out_and_two_are_too_few() -> None:
-    x = panel(np.linspace(1.5, 0.7, 9), 0.03, 4)
-    x[0, 3] = np.nan
+def test_two_subjects_are_too_few() -> None:
+    x = LEVELS.copy()
+    x[3:, 1] = np.nan
     assert len(statistics.complete(x)) == 3
     with pytest.raises(RecordingError, match="three subjects"):
-        statistics.complete(x[:3])
+        statistics.complete(x[1:])

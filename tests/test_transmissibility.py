@@ -3,18 +3,23 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray
+from matplotlib.figure import Figure
 
+from fasbody.channels import Channel
 from fasbody.exceptions import RecordingError
 from fasbody.recording import Condition, Recording, StudyFolder
+from fasbody.transmissibility import figures
 from fasbody.transmissibility.comparisons import against_unity, between, resonances
 from fasbody.transmissibility.estimate import Row, rows, unwrapped
-from fasbody.transmissibility.findings import LOADS, findings
+from fasbody.transmissibility.findings import LOADS, findings, summary
 from fasbody.transmissibility.table import Table
 from fasbody.virtual_study import Plan, make
 
@@ -112,6 +117,7 @@ def test_comparisons(table: Table) -> None:
     assert (unity["p_holm"] >= unity["p"]).all() and (loads["p_holm"] >= loads["p"]).all()
     assert len(loads) == 27 and set(loads["test"]) == {"repeated-measures ANOVA"}
     assert set(found["kind"]) <= {"peak", "plateau", "none"}
+    assert set(found["shown_kind"]) <= {"peak", "plateau", "none", "undecided"}
 
 
 def test_gaps_lead_to_the_mixed_model(table: Table) -> None:
@@ -135,9 +141,76 @@ def test_findings_judge_what_the_curves_say(table: Table) -> None:
     assert "10<" in again["MB with 4.5 kg above 1 at all frequencies"].came_out
 
 
+def test_what_could_not_be_tested_is_no_success(table: Table) -> None:
+    """Two subjects are left under 4.5 kg, and 25 Hz was not recorded under 2.3 kg."""
+    f = table.frame
+    few = (f["added_mass_kg"] == 4.5) & ~f["subject"].isin(["1", "2"])
+    gap = (f["added_mass_kg"] == 2.3) & (f["frequency_hz"] == 25)
+    left = Table(f[~few & ~gap], "synthetic")
+    assert str(left.curves("TM", "midstance", 4.5).resonance) == "not tested (n = 2)"
+    made = {m.says: m for m in findings(left)}
+    assert len(made) == len(findings(table)) == 35
+    for says in (
+        "TM with 4.5 kg without a peak", "TM with 2.3 kg without a peak", "MB with 4.5 kg above 1 at all frequencies",
+        "MB phase with 2.3 kg steepest within 5 Hz of the resonance", "TB alike with 2.3 and 4.5 kg at 15-35 Hz",
+    ):  # fmt: skip
+        assert made[says].holds is None and made[says].verdict == "not tested", says
+    assert made["MB below 20 Hz falls with load"].holds is not None
+    tested = [m for m in made.values() if m.holds is not None]
+    assert f" of {len(tested)} statements hold, {35 - len(tested)} could not be tested." in summary(list(made.values()))
+    assert "not tested (n = 2)" in set(resonances(left)["kind"])
+    assert "not tested (n = 2)" in titles(figures.subjects(left, "TM", list(LOADS)))
+
+
+def titles(figure: Figure) -> str:
+    return " ".join(axis.get_title() for axis in figure.axes)
+
+
+def test_arrows_stay_below_the_titles(table: Table) -> None:
+    figure = figures.means(table, list(LOADS))
+    tops = [a.get_position()[1] for axis in figure.axes for a in axis.texts]
+    assert tops and max(tops) < figure.axes[0].get_ylim()[1]
+
+
+def test_bands_need_subjects(tmp_path: Path) -> None:
+    """Two subjects have no 80 % band: their lines are drawn, and the caption says so."""
+    plan = Plan(subjects=2, conditions=(("midstance", 0.0),), excitation="random", seconds=5.0, file_format="h5")
+    table = Table.of(StudyFolder.open(make(tmp_path / "s", plan, processes=1)), processes=1)
+    figure = figures.spectrum(table, table.conditions)
+    assert not figure.axes[0].collections and len(figure.axes[0].lines) == 2 + 1 + 1  # subjects, mean, unity
+    assert "thin: subjects" in figure.get_supxlabel()
+
+
+def test_gain_and_delay_that_study_toml_leaves_open_are_in_the_standard_deviations() -> None:
+    r = recording(25.0)
+    noise = by_pair(rows(r))
+    told = {"malleolus": Channel(gain_std=0.02, delay_std_s=3e-4), "base": Channel(delay_std_s=4e-4)}
+    total = by_pair(rows(replace(r, calibration=told)))
+    for pair, gain, delay in (("MB", 0.02, 5e-4), ("TB", 0.0, 4e-4), ("TM", 0.02, 3e-4)):
+        a, b = noise[pair], total[pair]
+        assert b.transmissibility_std**2 == pytest.approx(a.transmissibility_std**2 + (gain * a.transmissibility) ** 2)
+        assert b.phase_std_deg**2 == pytest.approx(a.phase_std_deg**2 + (360 * 25 * delay) ** 2)
+        assert (a.transmissibility, a.phase_deg) == (b.transmissibility, b.phase_deg)
+    assert Table.of_recordings([r]).covers.startswith("noise only")
+    assert "(malleolus, base)" in Table.of_recordings([replace(r, calibration=told)]).covers
+
+
+def test_the_virtual_studys_truth_lies_within_what_it_states(study: Path, table: Table) -> None:
+    """Its instrument has a hidden delay and gains that scatter; study.toml says how well they are known."""
+    known = pd.read_csv(study / "truth.csv").set_index(["file", "pair"])
+    frame = table.frame.set_index(["file", "pair"]).loc[known.index]
+    off = frame["phase_deg"] - known["phase_deg"]
+    late = frame[off.index.get_level_values("pair") != "TM"]
+    assert (off[late.index] / (-360 * late["frequency_hz"] * 2e-4)).median() == pytest.approx(1, abs=0.1)
+    z = np.concatenate([off / frame["phase_std_deg"], (frame["transmissibility"] - known["transmissibility"])
+                        / frame["transmissibility_std"]])  # fmt: skip
+    assert 0.5 < np.sqrt(np.mean(z**2)) < 1.2
+    assert "gains and delays" in table.covers
+
+
 def command(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "fasbody.transmissibility", *arguments], capture_output=True, text=True, timeout=120
+        [sys.executable, "-m", "fasbody.transmissibility", *arguments], capture_output=True, text=True, timeout=600
     )
 
 
@@ -152,6 +225,22 @@ def test_command_writes_tables_and_figures_and_prints_one_json_list(study: Path,
     assert figures == sorted(
         [f"{s}_{p}.png" for s in ("loads", "postures") for p in ("MB", "TB", "TM", "mean")] + ["single_mass.png"]
     )
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(study: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("a file")
+    done = command(str(study), "--out", str(tmp_path / "out"), "--jobs", "1")
+    assert done.returncode == 2 and "is a file; name a folder" in done.stderr.replace("\n", " ")
+    assert done.stdout == ""
+
+
+def test_one_recording_of_a_study_is_corrected_as_its_study_says(study: Path) -> None:
+    printed = command(str(study / "recordings" / "s01_midstance_2.3kg_30hz.h5"), "--out", str(study / "one")).stdout
+    assert "[kg]" in printed and "[deg]" in printed  # brackets are no markup
+    done = command(str(study / "recordings" / "s01_midstance_2.3kg_30hz.h5"), "--json")
+    document = json.loads(done.stdout)
+    assert {row["added_mass_kg"] for row in document} == {2.3}
+    assert "gains and delays that study.toml states (malleolus, tuberosity)" in done.stderr
 
 
 def test_one_recording_and_no_tuberosity(tmp_path: Path) -> None:
@@ -197,3 +286,12 @@ def test_check_and_convert(tmp_path: Path) -> None:
     assert told.returncode == 2 and "is dead" in told.stderr and "Traceback" not in told.stderr
     again = run("convert", str(tmp_path / "a.csv"), str(tmp_path / "b.tdms"))
     assert again.returncode == 2 and "exists" in again.stderr
+    told = run("convert", str(tmp_path / "c.csv"), str(tmp_path / "c.mat"), "--matlab", "7.3")
+    assert told.returncode == 0 and "warning: It cannot be used as it is. c.csv: base_m_s2 is dead" in told.stderr
+    assert (tmp_path / "c.mat").read_bytes().startswith(b"MATLAB 7.3")
+    backwards = "".join(f"{1 - i / 1000},{i % 9},{i % 7}\n" for i in range(99))
+    (tmp_path / "d.csv").write_text("time_s,base_m_s2,malleolus_m_s2\n" + backwards)
+    told = run("convert", str(tmp_path / "d.csv"), str(tmp_path / "d.tdms"))
+    assert told.returncode == 2 and "this recording's time is not uniform; write .csv or .h5" in told.stderr
+    told = run("convert", str(tmp_path / "d.csv"), str(tmp_path / "d.h5"))
+    assert told.returncode == 0 and "time runs backwards" in told.stderr

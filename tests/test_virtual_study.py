@@ -15,7 +15,8 @@ from fasbody.instrument import Instrument
 from fasbody.recording import StudyFolder
 from fasbody.response import fit_harmonics
 from fasbody.transmissibility.estimate import rows
-from fasbody.virtual_study import Plan, make, moving, steady
+from fasbody.virtual_recording import moving, steady
+from fasbody.virtual_study import Plan, make
 from fasbody.virtual_subject import BETWEEN, Tuberosity, constants, mean_subject, panel
 
 CLEAN = Instrument(noise_base=0.0, noise_malleolus=0.0, bits=40, delay_s=0.0)

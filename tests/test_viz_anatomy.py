@@ -3,24 +3,25 @@
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import mjcf
 from fasbody.arch import Arch
 from fasbody.model import load
-from viz import anatomy, bones
+from viz import assets, bones
 from viz.field import ellipsoid, mesh, round_cone, union
-from viz.rest import SEGMENT_BODIES, segment_bodies
+from viz.rest import SEGMENT_BODIES, carried, segment_bodies
 from viz.show import load_foot
 
 trimesh = pytest.importorskip("trimesh", reason="needs the extra: pip install 'fasbody[view]'")
 
 
 @pytest.fixture(scope="module")
-def parts() -> dict[str, anatomy.Part]:
-    return {part.name: part for part in anatomy.read()}
+def parts() -> dict[str, assets.Part]:
+    return {part.name: part for part in assets.read()}
 
 
-def solid(part: anatomy.Part):  # type: ignore[no-untyped-def]
+def solid(part: assets.Part):  # type: ignore[no-untyped-def]
     return trimesh.Trimesh(part.vertices, part.faces, process=False)
 
 
@@ -39,7 +40,7 @@ def test_union_is_smooth_and_larger_than_its_parts() -> None:
     assert max(volumes[1:]) < volumes[0] < 1.1 * sum(volumes[1:])
 
 
-def test_every_stored_part_is_closed_and_in_one_piece(parts: dict[str, anatomy.Part]) -> None:
+def test_every_stored_part_is_closed_and_in_one_piece(parts: dict[str, assets.Part]) -> None:
     assert len(parts) == 34
     for part in parts.values():
         body = solid(part)
@@ -50,14 +51,14 @@ def test_every_stored_part_is_closed_and_in_one_piece(parts: dict[str, anatomy.P
         assert np.allclose(part.weights.sum(1), 1)
 
 
-def test_stored_parts_are_what_the_shapes_give(parts: dict[str, anatomy.Part]) -> None:
+def test_stored_parts_are_what_the_shapes_give(parts: dict[str, assets.Part]) -> None:
     """The assets are not older than the script."""
     for name, shape in (("talus", bones.talus()), ("navicular", bones.navicular())):
         p = 1e3 * parts[name].vertices[:, [0, 2, 1]] * (1, -1, 1)
         assert np.abs(shape.distance(p)).max() < 0.12, name
 
 
-def test_anatomy_is_where_it_belongs(parts: dict[str, anatomy.Part]) -> None:
+def test_anatomy_is_where_it_belongs(parts: dict[str, assets.Part]) -> None:
     centre = {name: solid(part).center_mass for name, part in parts.items()}
     x, y, z = 0, 1, 2
     assert centre["calcaneus"][x] < centre["talus"][x] < centre["navicular"][x] < centre["medial_cuneiform"][x]
@@ -76,7 +77,7 @@ def test_anatomy_is_where_it_belongs(parts: dict[str, anatomy.Part]) -> None:
         assert parts[pad].vertices[:, y].min() == pytest.approx(1e-3 * bones.TABLE, abs=0.0012)
 
 
-def test_skin_holds_every_bone(parts: dict[str, anatomy.Part]) -> None:
+def test_skin_holds_every_bone(parts: dict[str, assets.Part]) -> None:
     from viz import tissue
 
     skin = tissue.skin()
@@ -128,3 +129,25 @@ def test_flat_foot_is_a_model_of_its_own() -> None:
     found = segment_bodies(flat.model)
     assert found is not None
     assert found[0] == "foot_arch"
+
+
+def test_toes_of_a_flat_foot_stay_on_the_table(parts: dict[str, assets.Part]) -> None:
+    """Turned with their metatarsals they would rise; moved with the heads they keep their height."""
+    on = carried(load_foot("foot_arch@25").model)
+    assert on is not None
+    toes = np.vstack([part.vertices for part in parts.values() if part.segment == "toes"])
+
+    def lowest(segment: str) -> float:
+        to, made = on[segment].rest, on[segment].bind
+        turn = Rotation.from_quat(to.quaternion, scalar_first=True)
+        back = Rotation.from_quat(made.quaternion, scalar_first=True).inv()
+        moved = to.position + (turn * back).apply(toes - made.position)
+        return float(moved[moved[:, 0] > moved[:, 0].max() - 0.03, 1].min())
+
+    level = float(toes[toes[:, 0] > toes[:, 0].max() - 0.03, 1].min())
+    assert lowest("toes") == pytest.approx(level, abs=0.001)
+    assert lowest("metatarsals") > level + 0.005
+    # and with the model as it is shipped both are the same
+    on = carried(load("foot_arch").model)
+    assert on is not None
+    assert lowest("toes") == pytest.approx(lowest("metatarsals"), abs=1e-9) == pytest.approx(level, abs=1e-9)

@@ -9,7 +9,8 @@ from fasbody.linear import transmissibility
 from fasbody.model import load
 from fasbody.shaker import PEAK_TO_PEAK, harmonics, sweep
 from fasbody.two_dof import TwoDof, periodic
-from viz.motion import CURVE, Motion, Settings, discretise, displacement, periodic_motion, transient_motion
+from viz.discrete import discretise
+from viz.motion import CURVE, Motion, Settings, displacement, periodic_motion, transient_motion
 
 
 def twin_orbit(frequency: float, added_mass: float, count: int) -> np.ndarray:
@@ -136,3 +137,12 @@ def test_too_stiff_names_the_parameter(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("viz.motion.STEPS", 1024)
     with pytest.raises(SimulationError, match=r"lower k_3, 3e\+06 .* times the model's own\.$"):
         periodic_motion(load("foot_arch"), Settings(20.0, values={"k_3": 3e6}))
+
+
+def test_computing_has_its_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No period is begun after it."""
+    monkeypatch.setattr("viz.motion.PATIENCE", -1.0)
+    with pytest.raises(SimulationError, match="has not settled in -1 s"):
+        periodic_motion(load("two_dof"), Settings(20.0))
+    monkeypatch.setattr("viz.motion.PATIENCE", 20.0)
+    assert periodic_motion(load("two_dof"), Settings(20.0)).periodic

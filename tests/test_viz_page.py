@@ -83,6 +83,29 @@ def test_foot_in_the_browser(opened: Any) -> None:
         changed = periodic_motion(load("foot_arch"), Settings(33.0, added_mass=4.5, values={"k_F": soft})).ratio
         page.until(f"Math.abs(motion.feet.a.ratio - {changed}) < 1e-6")
 
+        # sliders return exactly: a double click, the thumb brought back by keys, the row's own button
+        for act in ("dblclick", "keys", "back"):
+            page.page.locator("#parameter_k_F").fill("300")
+            page.until("'k_F' in state.values")
+            if act == "dblclick":
+                page("byId('parameter_k_F').dispatchEvent(new MouseEvent('dblclick', { bubbles: true }))")
+            elif act == "back":
+                page.page.locator("label:has(#parameter_k_F) .back").click()
+            else:
+                nominal = page(
+                    "rows.k_F.set(model.parameters.find(p => p.name === 'k_F').nominal), byId('parameter_k_F').value"
+                )
+                page.page.locator("#parameter_k_F").fill(str(int(nominal) - 1))
+                page.page.locator("#parameter_k_F").press("ArrowRight")
+            assert page("state.values") == {}, act
+            assert not page("rows.k_F.classList.contains('moved')"), act
+        page.until(f"!busy && !wanted && Math.abs(motion.feet.a.ratio - {heavy}) < 1e-9")
+        page.page.locator("#frequency").fill("47.5")
+        page.page.locator("label:has(#frequency) .back").click()
+        page.until("!busy && !wanted && state.frequency === 20 && motion.feet.a.duration === 1 / 20")
+        page.page.locator("#frequency").fill("33")
+        page.until("!busy && !wanted && motion.feet.a.duration === 1 / 33")
+
         # keys: frequency, pause, one frame on, camera
         page("document.activeElement.blur()")
         page.page.keyboard.press("ArrowUp")
@@ -105,7 +128,11 @@ def test_foot_in_the_browser(opened: Any) -> None:
 
         # postures turn the foot and leave the numbers alone
         ratio = page("motion.feet.a.ratio")
+        note = page.page.locator("label:has(#posture) small")
+        assert not note.is_visible()
         page.page.locator("#posture").select_option("10")
+        assert "picture only" in note.inner_text()
+        page.until("byId('state').textContent.includes('posture drawn, not simulated')")
         page("showAt(0.1)")
         turn, flat = (page(f"2 * Math.acos(stage.feet.a.segments[0].{q}.w)") for q in ("q", "flat"))
         angle = turn - flat

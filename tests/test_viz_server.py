@@ -3,8 +3,8 @@
 import asyncio
 import json
 import signal
+import sys
 from collections.abc import Callable, Coroutine
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,7 +14,6 @@ psutil = pytest.importorskip("psutil", reason="pip install 'fasbody[dev]'")
 
 import tornado.httpclient  # noqa: E402
 import tornado.websocket  # noqa: E402
-import umsgpack  # noqa: E402
 from typer.testing import CliRunner  # noqa: E402
 from viewer import viewer  # noqa: E402
 
@@ -70,6 +69,14 @@ async def documents(socket: tornado.websocket.WebSocketClientConnection, kind: s
             return dict(json.loads(message))
 
 
+async def leave(socket: tornado.websocket.WebSocketClientConnection) -> None:
+    """Close a page and wait until the server has let go of it."""
+    socket.close()
+    while await asyncio.wait_for(socket.read_message(), 60) is not None:
+        pass
+    await asyncio.sleep(0.2)
+
+
 def test_strangers_are_refused(show: Show) -> None:
     async def client(server: Server) -> None:
         page = await status(server.url)
@@ -83,9 +90,18 @@ def test_strangers_are_refused(show: Show) -> None:
         for name in ("../foot.py", "foot.py", "%2e%2e/foot.py", "foot.html", "cell.html"):
             assert (await status(server.url + name)).code == 404
         assert (await status(server.url, Host="evil.example")).code == 403
-        for origin in ("http://evil.example", f"http://127.0.0.1:{server.port + 1}", "null"):
+        here = server.url.rstrip("/")
+        for origin in (
+            "http://evil.example", f"http://127.0.0.1:{server.port + 1}", "null", "", f"{here}/", f"{here}.evil.org",
+            *(here.replace("http:", other) for other in ("https:", "ws:", "wss:", "file:", "HTTP:")),
+            here.replace("127.0.0.1", "localhost"), here.replace("//", "//me@"),
+        ):  # fmt: skip
             with pytest.raises(tornado.httpclient.HTTPClientError, match="403"):
                 await upgrade(server, Origin=origin)
+            assert (await status(server.url, Origin=origin)).code == 403
+        local = here.replace("127.0.0.1", "localhost")
+        for origin, host in ((here, here), (local, local)):
+            await leave(await upgrade(server, Origin=origin, Host=host.removeprefix("http://")))
         with pytest.raises(tornado.httpclient.HTTPClientError, match="403"):
             await upgrade(server, Origin="http://evil.example", Host="evil.example")
 
@@ -160,6 +176,81 @@ def test_process_listens_on_the_loopback_only_and_ends_on_ctrl_c() -> None:
         assert process.wait(30) == 0
 
 
+async def ask(url: str, requests: int) -> tornado.websocket.WebSocketClientConnection:
+    """A page that asks for motions and reads none."""
+    request = tornado.httpclient.HTTPRequest(url.replace("http", "ws") + "stream", headers={"Origin": url.rstrip("/")})
+    socket = await tornado.websocket.websocket_connect(request)
+    await documents(socket, "model")
+    for number in range(requests):
+        asked = {"type": "simulate", "frequency": 5, "peak_to_peak": 17.9, "added_mass": 0, "request": number}
+        await socket.write_message(json.dumps(asked))
+    return socket
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ends_in_the_middle_of_simulations(number: signal.Signals) -> None:
+    """With a page open, its requests queued: the connection is closed and the command ends by itself."""
+
+    async def client(url: str, process: Any) -> None:
+        socket = await ask(url, 300)
+        process.send_signal(number)
+        while await asyncio.wait_for(socket.read_message(), 60) is not None:
+            pass
+        assert socket.close_code == 1001
+        assert await asyncio.get_running_loop().run_in_executor(None, process.wait, 60) == 0
+        socket.close()
+        await asyncio.sleep(0.2)  # the connection is seen to end
+
+    with viewer("--model", "foot_arch") as (url, process):
+        asyncio.run(client(url, process))
+
+
+def test_closed_browser_ends_the_command_that_opened_it() -> None:
+    """A reload, gone for less than the time of grace, does not."""
+
+    async def client(url: str) -> None:
+        await leave(await ask(url, 1))
+        second = await ask(url, 1)
+        assert (await documents(second, "motion"))["request"] == 0
+        await leave(second)
+
+    with viewer("--model", "two_dof", opener="true %s") as (url, process):
+        asyncio.run(client(url))
+        assert process.wait(60) == 0
+
+
+def test_without_a_browser_of_its_own_it_stays(show: Show, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("viz.server.GRACE", 0.3)
+
+    async def client(server: Server) -> None:
+        for _ in range(2):
+            await leave(await ask(server.url, 1))
+            assert not server.pages
+            await asyncio.sleep(1)
+
+    serve(show, client)
+
+
+def test_browser_that_never_comes_back_holds_nothing_up() -> None:
+    """One in a terminal does so; the page is served meanwhile, and Ctrl-C ends the command."""
+
+    async def client(url: str) -> None:
+        socket = await ask(url, 1)
+        assert (await documents(socket, "motion"))["request"] == 0
+        await leave(socket)
+
+    sleeper = f"{sys.executable} -c 'import time; time.sleep(600)' %s"
+    with viewer("--model", "two_dof", opener=sleeper) as (url, process):
+        asyncio.run(client(url))
+        children = psutil.Process(process.pid).children()
+        try:
+            process.send_signal(signal.SIGINT)
+            assert process.wait(60) == 0
+        finally:
+            for child in children:
+                child.kill()
+
+
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
@@ -183,78 +274,3 @@ def test_bad_options_are_one_sentence(options: list[str], sentence: str) -> None
     run = CliRunner().invoke(command.app, options)
     assert isinstance(run.exception, FasError)
     assert sentence in str(run.exception)
-
-
-def test_result_of_a_fit_moves_the_sliders(tmp_path: Path) -> None:
-    entries = {"k_T_n_per_m": {"value": 2e5}, "c_12_per_m": {"value": 5.0}, "delay_s": {"value": 1e-4}}
-    file = tmp_path / "result.json"
-    file.write_text(json.dumps({"parameters": entries}))
-    model = Show(["two_dof"]).feet["a"]
-    assert command.parameters_of(file, model.parameters) == {"k_T": 2e5, "c_12": 5.0}
-    file.write_text("{}")
-    with pytest.raises(FasError, match="is not a result"):
-        command.parameters_of(file, model.parameters)
-
-
-def test_recording_drives_the_table_and_is_shown_beside(tmp_path: Path) -> None:
-    from viz.show import MEASURED, MODEL, Excitation
-
-    show = Show(["two_dof"], Excitation.recorded(Path(RECORDED), 0.5))
-    answer = show.answer(show.settings)
-    measured, model = answer["feet"][MEASURED], answer["feet"][MODEL]
-    assert measured["base"] == model["base"]
-    # the truth of the bundled foot differs from the nominal model, but both are feet at 20 Hz
-    assert 0.5 < max(measured["malleolus"]) / max(model["malleolus"]) < 2
-    assert max(measured["bodies"]) < 0.01
-
-
-def test_foot_with_names_of_its_own_is_drawn_by_its_geoms(tmp_path: Path) -> None:
-    import mjcf
-
-    text = mjcf.path("two_dof").read_text()
-    file = tmp_path / "own.xml"
-    file.write_text(text.replace('body name="foot"', 'body name="pes"').replace("body foot mass", "body pes mass"))
-    show = Show([str(file)])
-    rest = show.description()["feet"]["a"]
-    assert not rest["dressed"]
-    assert [segment["name"] for segment in rest["segments"]] == ["base", "pes", "shank"]
-    scene = b"".join(show.hub.messages())
-    for path in (b"/meshcat/foot/a/base/geom0", b"/meshcat/foot/a/pes/geom1", b"/meshcat/foot/a/shank/geom2"):
-        assert path in scene
-    assert b"/meshcat/foot/a/tibia" not in scene
-
-
-def test_another_kind_of_model_is_drawn_anew(tmp_path: Path) -> None:
-    import mjcf
-
-    file = tmp_path / "mine.xml"
-    file.write_text(mjcf.path("foot_arch").read_text())
-    show, fresh = Show([str(file)]), Show(["two_dof"])
-    file.write_text(mjcf.path("two_dof").read_text())
-    show.reload()
-    path = "/meshcat/foot/a/tibia"
-
-    def vertices(shown: Show) -> bytes:
-        found = [umsgpack.unpackb(message) for message in shown.hub.messages()]
-        drawn = next(m for m in found if m["path"] == path and m["type"] == "set_object")
-        return bytes(drawn["object"]["geometries"][0]["data"]["attributes"]["position"]["array"].data)
-
-    assert vertices(show) == vertices(fresh)
-    assert vertices(show) != vertices(Show(["foot_arch"]))
-
-
-def test_broken_model_keeps_the_last_good_one(tmp_path: Path) -> None:
-    import mjcf
-
-    file = tmp_path / "mine.xml"
-    good = mjcf.path("two_dof").read_text()
-    file.write_text(good)
-    show = Show([str(file)])
-    file.write_text(good.replace("</worldbody>", ""))
-    with pytest.raises(FasError, match="cannot compile"):
-        show.reload()
-    assert show.description()["error"]
-    assert show.answer(show.settings)["feet"]["a"]["ratio"] > 1
-    file.write_text(good)
-    show.reload()
-    assert not show.description()["error"]

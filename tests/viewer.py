@@ -24,10 +24,17 @@ PATIENCE = 120.0
 
 
 @contextmanager
-def viewer(*options: str, module: str = "viz.foot") -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """`python -m MODULE --no-browser` with more options; yields its address and process, ends it by Ctrl-C."""
-    command = [sys.executable, "-m", module, "--no-browser", "--json", *options]
+def viewer(*options: str, module: str = "viz.foot", opener: str = "") -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """`python -m MODULE` with more options; yields its address and process, ends it by Ctrl-C.
+
+    Args:
+        options: of the command. module: the command. opener: shell-like command that it takes for a browser, with %s
+            for the address; without one it opens none.
+    """
+    command = [sys.executable, "-m", module, *([] if opener else ["--no-browser"]), "--json", *options]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    if opener:
+        environment["BROWSER"] = opener
     process = subprocess.Popen(
         command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )

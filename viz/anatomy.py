@@ -1,13 +1,8 @@
 """The foot's meshes, made from the shapes and written as assets: `python -m viz.anatomy`.
 
-Two forms of the same meshes: `mjcf/assets/anatomy.npz` for the browser, with baked colours and the weights by which
-soft parts follow the segments, and skins (.skn) of MuJoCo, which bend with the bodies of an edited model too. In assets
-the frame is the models': metres, x towards the toes, y up, z to the right.
+Bones carry baked colours, soft parts the weights by which they follow the segments. `viz.assets` has the files.
 """
 
-import io
-import struct
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -16,57 +11,23 @@ import typer
 from rich.table import Table
 
 import mjcf
-from fasbody.console import command_line, console, print_json, progress_bar, write_whole
+from fasbody.console import command_line, console, print_json, progress_bar
 from fasbody.exceptions import FasError, SettingError
 from viz import bones, tissue
+from viz.assets import Part, colour, write
 from viz.field import Array, Mesh, Shape, mesh
-from viz.rest import SEGMENT_BODIES, Frame, segment_frames
 
 #: Edge length of each mesh [mm]; bones not named here have `FINE`.
 SPACING = {"tibia": 3.2, "fibula": 2.6, "heel_pad": 2.8, "forefoot_pad": 2.8, "aponeurosis": 2.4, "skin": 4.2}
 FINE, SMALL = 2.3, 1.5
-SOFT = ("heel_pad", "forefoot_pad", "aponeurosis", "skin")
 #: Colours (sRGB): bone by segment, cartilage, soft parts.
-BONE = ("#e8d8b4", "#e0c998", "#e9dcbd", "#e8d8b4", "#e6d6b2")
+BONE = ("#e8d8b4", "#e0c998", "#e9dcbd", "#e8d8b4", "#e8d8b4", "#e6d6b2")
 CARTILAGE = "#b9d0da"
 SOFT_COLOUR = {"heel_pad": "#f0c45c", "forefoot_pad": "#f0c45c", "aponeurosis": "#dfe4ea", "skin": "#d8a58a"}
-#: Groups of one MuJoCo skin each.
-TISSUES = {"bone": None, "pad": ("heel_pad", "forefoot_pad"), "aponeurosis": ("aponeurosis",), "skin": ("skin",)}
-#: Resolution of the stored positions [m].
-GRAIN = 1e-5
 
 
 class AnatomyError(FasError):
     """A mesh is not closed."""
-
-
-@dataclass(frozen=True)
-class Part:
-    """One mesh of the foot, in the frame of the models.
-
-    Attributes:
-        name: anatomical name. vertices: (n, 3) [m]. faces: (m, 3). normals: (n, 3). colours: (n, 3) sRGB, 0 to 1.
-        weights: (n, segments) share of each of `bones.SEGMENTS` in the motion of a vertex; each row sums to 1.
-    """
-
-    name: str
-    vertices: Array
-    faces: Array
-    normals: Array
-    colours: Array
-    weights: Array
-
-    @property
-    def segment(self) -> str | None:
-        """The one segment that carries it, None for a soft part."""
-        one = np.flatnonzero(self.weights[0] == 1)
-        rigid = one.size == 1 and bool(np.all(self.weights[:, one[0]] == 1))
-        return bones.SEGMENTS[int(one[0])] if rigid else None
-
-
-def colour(code: str) -> Array:
-    """SRGB (3,) in 0 to 1 of ``#rrggbb``."""
-    return np.array([int(code[i : i + 2], 16) for i in (1, 3, 5)]) / 255
 
 
 def build() -> list[Part]:
@@ -169,70 +130,6 @@ def _weights(name: str, p: Array, groups: list[list[Shape]]) -> Array:
         away = np.column_stack([np.clip(distance, 0, None), height + 5])
         share = np.exp(-(away - away.min(1, keepdims=True)) / 9)
     return share / share.sum(1, keepdims=True)
-
-
-def pack(parts: list[Part]) -> bytes:
-    """The browser's file: integers only, no pickle."""
-    arrays: dict[str, Array] = {"names": np.array([part.name for part in parts])}
-    for part in parts:
-        arrays[f"{part.name}.vertices"] = np.round(part.vertices / GRAIN).astype(np.int16)
-        arrays[f"{part.name}.normals"] = np.round(127 * part.normals).astype(np.int8)
-        arrays[f"{part.name}.faces"] = part.faces.astype(np.uint16)
-        arrays[f"{part.name}.colours"] = np.round(255 * part.colours).astype(np.uint8)
-        arrays[f"{part.name}.weights"] = np.round(255 * part.weights).astype(np.uint8)
-    file = io.BytesIO()
-    np.savez_compressed(file, allow_pickle=False, **arrays)
-    return file.getvalue()
-
-
-def read(file: Path | None = None) -> list[Part]:
-    """The parts as stored in the assets."""
-    with np.load(file or mjcf.asset("anatomy.npz"), allow_pickle=False) as data:
-        parts = []
-        for name in map(str, data["names"]):
-            normals, weights = (data[f"{name}.{key}"].astype(float) for key in ("normals", "weights"))
-            parts.append(
-                Part(
-                    name, GRAIN * data[f"{name}.vertices"], data[f"{name}.faces"].astype(np.int64),
-                    normals / np.linalg.norm(normals, axis=1, keepdims=True), data[f"{name}.colours"] / 255,
-                    weights / weights.sum(1, keepdims=True),
-                )
-            )  # fmt: skip
-    return parts
-
-
-def skin_file(parts: list[Part], bodies: dict[str, str], frames: dict[str, Frame]) -> bytes:
-    """MuJoCo's skin format: vertices and faces, then each body with its bind pose, vertices and weights.
-
-    Args:
-        parts: drawn as one skin. bodies: segment -> body of the model. frames: bind pose of each body.
-    """
-    vertices = np.vstack([part.vertices for part in parts]).astype("<f4")
-    offset = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    faces = np.vstack([part.faces + o for part, o in zip(parts, offset, strict=False)]).astype("<i4")
-    weights = np.vstack([part.weights for part in parts])
-    used = list(dict.fromkeys(bodies.values()))
-    owners = np.array([bodies[segment] for segment in bones.SEGMENTS])
-    by_body = {body: weights[:, owners == body].sum(1) for body in used}
-    body_rows = {body: np.flatnonzero(share > 0.004) for body, share in by_body.items()}
-    body_rows = {body: rows for body, rows in body_rows.items() if rows.size}
-    out = struct.pack("<4i", len(vertices), 0, len(faces), len(body_rows)) + vertices.tobytes() + faces.tobytes()
-    for body, rows in body_rows.items():
-        frame = frames[body]
-        out += body.encode().ljust(40, b"\0") + np.array([*frame.position, *frame.quaternion], "<f4").tobytes()
-        out += struct.pack("<i", rows.size) + rows.astype("<i4").tobytes() + by_body[body][rows].astype("<f4").tobytes()
-    return out
-
-
-def write(parts: list[Part], folder: Path) -> list[Path]:
-    """Write the browser's file and one skin a tissue and shipped model."""
-    written = [write_whole(folder / "anatomy.npz", pack(parts))]
-    for model, bodies in SEGMENT_BODIES.items():
-        frames = segment_frames(model)
-        for tissue_name, names in TISSUES.items():
-            chosen = [p for p in parts if (p.name not in SOFT if names is None else p.name in names)]
-            written.append(write_whole(folder / f"{model}_{tissue_name}.skn", skin_file(chosen, bodies, frames)))
-    return written
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

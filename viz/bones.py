@@ -12,8 +12,9 @@ from viz.field import Shape, below, cut, ellipsoid, round_cone, union
 TABLE = -20.0
 #: Where tibia and fibula are cut off.
 KNEE = 172.0
-#: Segments of the arch, in the order of the skinning weights; the table comes last.
-SEGMENTS = ("calcaneus_talus", "navicular", "cuneiforms", "metatarsals", "tibia", "base")
+#: Segments of the drawn foot, in the order of the skinning weights; the table comes last. The arch has no joint for
+#: toes, which move with its metatarsals but stay level where an edited arch turns those.
+SEGMENTS = ("calcaneus_talus", "navicular", "cuneiforms", "metatarsals", "toes", "tibia", "base")
 
 #: Bases and heads of the five metatarsals, great toe first, with the radius of base, shaft and head.
 METATARSALS = (
@@ -78,7 +79,7 @@ def cuneiforms() -> dict[str, Shape]:
 
 
 def metatarsals() -> dict[str, Shape]:
-    """Metatarsals, toes and sesamoids: what moves with the last segment of the arch."""
+    """Metatarsals and sesamoids: the last segment of the arch."""
     parts = {}
     for i, (base, head, wide, thin, knob) in enumerate(METATARSALS):
         a, b = np.asarray(base, float), np.asarray(head, float)
@@ -96,9 +97,13 @@ def metatarsals() -> dict[str, Shape]:
         if i == 4:  # the styloid process of the fifth
             pieces.append(round_cone((24, 34, 9), (12, 38, 6), 5.5, 3.5))
         parts[f"metatarsal_{i + 1}"] = union(*pieces, blend=5)
-        parts |= _toe(i)
     sesamoids = [ellipsoid((96, y, -7.5), (5.5, 4, 3.2)) for y in (-32.5, -21.5)]
     return parts | {f"sesamoid_{side}": shape for side, shape in zip(("medial", "lateral"), sesamoids, strict=True)}
+
+
+def toes() -> dict[str, Shape]:
+    """The phalanges."""
+    return {name: shape for i in range(len(METATARSALS)) for name, shape in _toe(i).items()}
 
 
 def toe_line(i: int) -> list[np.ndarray]:
@@ -153,16 +158,16 @@ def leg() -> dict[str, Shape]:
     return {"tibia": sawn(tibia), "fibula": sawn(fibula)}
 
 
-def sawn(shape: Shape) -> Shape:
-    """The shape cut off under the knee."""
+def sawn(shape: Shape, blend: float = 3.0) -> Shape:
+    """The shape cut off under the knee, its edge rounded by about `blend` [mm]."""
     keep = below(KNEE)
     high = np.minimum(shape.high, (np.inf, np.inf, KNEE))
     inverse = Shape(lambda p: -keep.distance(p), keep.low, keep.high)
-    return Shape(cut(shape, inverse, blend=3).distance, shape.low, high)
+    return Shape(cut(shape, inverse, blend=blend).distance, shape.low, high)
 
 
 def bones() -> dict[str, tuple[str, Shape]]:
     """Every bone by name: the segment that carries it, and its shape."""
     hind = {"calcaneus": calcaneus(), "talus": talus()}
-    groups = (hind, {"navicular": navicular()}, cuneiforms(), metatarsals(), leg())
+    groups = (hind, {"navicular": navicular()}, cuneiforms(), metatarsals(), toes(), leg())
     return {n: (segment, shape) for segment, group in zip(SEGMENTS, groups, strict=False) for n, shape in group.items()}

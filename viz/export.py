@@ -1,6 +1,7 @@
 """The viewer without a server: a page that works from a file, a picture, a film."""
 
 import base64
+import contextlib
 import io
 import re
 import shutil
@@ -8,22 +9,22 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from json import dumps
 from pathlib import Path
 from typing import Any
 
 from fasbody.console import console, print_json, progress_bar, write_whole
 from fasbody.exceptions import SettingError
-from viz import scene
-from viz.shown import PAGE, SCRIPT, Shown, file_of
+from viz.hub import embedded
+from viz.shown import PAGE, SCRIPT, Shown, file_of, markup
 
 #: Nothing of an exported page may reach for any address.
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
     "connect-src data: blob:"
 )
-#: Frames of a film, which shows one period (or the whole transient), and how fast they go by [1/s].
-FILM, FILM_RATE = 48, 24
+#: Size of a picture. Drawing without a graphics card costs time by the pixel.
 WIDTH, HEIGHT = 1120, 640
 #: What Chromium needs to draw without a screen and without reaching out.
 CHROMIUM = (
@@ -31,6 +32,21 @@ CHROMIUM = (
     "--ignore-gpu-blocklist", "--disable-background-networking", "--disable-sync", "--no-first-run",
     "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1",
 )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Film:
+    """One period (or the whole transient): its frames, how fast they go by [1/s], and its size over a picture's."""
+
+    frames: int
+    rate: int
+    size: float
+
+
+#: A GIF holds few colours and every pixel of every frame, so it is small; both last two seconds.
+GIF, MP4 = Film(24, 12, 0.6), Film(48, 24, 1.0)
+#: Colours of a GIF, and how often a film of H.264, which is played once, repeats the period.
+COLOURS, REPEATS = 128, 4
 
 
 def export_to(show: Shown, file: Path, *, json: bool = False) -> None:
@@ -50,7 +66,7 @@ def export_to(show: Shown, file: Path, *, json: bool = False) -> None:
 
 def html(show: Shown) -> str:
     """One page with scene, motion and code inside; works from file://, offline."""
-    data = show.exported() | {"scene": scene.embedded(show.hub)}
+    data = show.exported() | {"scene": embedded(show.hub)}
 
     def safe(text: str) -> str:
         return text.replace("</script", "<\\/script").replace("<!--", "<\\!--")
@@ -61,8 +77,7 @@ def html(show: Shown) -> str:
         before = f"<script>window.EXPORTED = {safe(dumps(data))};</script>\n" if name == "stage.js" else ""
         return f"{before}<script>{safe(code)}</script>"
 
-    page = file_of(show.page).read_text()
-    page = SCRIPT.sub(script, page)
+    page = SCRIPT.sub(script, markup(show.page))
     style = f"<style>{(PAGE / 'style.css').read_text()}</style>"
     page = page.replace('<link rel="stylesheet" href="style.css">', style)
     return page.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)
@@ -78,35 +93,57 @@ def gif(show: Shown) -> bytes:
     """One period as an animated GIF."""
     from PIL import Image
 
-    images = [Image.open(io.BytesIO(frame)).convert("RGB") for frame in _film(show)]
-    palette = images[0].quantize(128, dither=Image.Dither.NONE)
+    images = [Image.open(io.BytesIO(frame)).convert("RGB") for frame in _frames(show, GIF)]
+    width, height = images[0].size
+    strip = Image.new("RGB", (width, 4 * height))  # colours change with time: the palette is of four moments
+    for i in range(4):
+        strip.paste(images[i * len(images) // 4], (0, i * height))
+    palette = strip.quantize(COLOURS, dither=Image.Dither.NONE)
     first, *others = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     out = io.BytesIO()
-    first.save(out, "GIF", save_all=True, append_images=others, duration=round(1000 / FILM_RATE), loop=0)
+    first.save(out, "GIF", save_all=True, append_images=others, duration=round(1000 / GIF.rate), loop=0)
     return out.getvalue()
 
 
 def mp4(show: Shown) -> bytes:
-    """Four periods as H.264, by ffmpeg."""
-    tool = shutil.which("ffmpeg")
-    if tool is None:
-        raise SettingError("--export to .mp4 needs ffmpeg: apt-get install ffmpeg, or export a .gif.")
+    """Some periods as H.264, by ffmpeg."""
+    tool = ffmpeg()
     with tempfile.TemporaryDirectory() as folder:
-        frames = _film(show)
-        for i in range(4 * FILM):
-            (Path(folder) / f"{i:04}.png").write_bytes(frames[i % FILM])
+        for i, frame in enumerate(_frames(show, MP4)):
+            (Path(folder) / f"{i:04}.png").write_bytes(frame)
         target = Path(folder) / "film.mp4"
-        command = [tool, "-loglevel", "error", "-framerate", str(FILM_RATE), "-i", f"{folder}/%04d.png",
-                   "-pix_fmt", "yuv420p", "-movflags", "+faststart", str(target)]  # fmt: skip
-        done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+        command = [tool, "-loglevel", "error", "-stream_loop", str(REPEATS - 1), "-framerate", str(MP4.rate),
+                   "-i", f"{folder}/%04d.png", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart",
+                   str(target)]  # fmt: skip
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+        except subprocess.TimeoutExpired:
+            raise SettingError("ffmpeg has not written the film within five minutes; export a .gif.") from None
         if done.returncode:
             raise SettingError(f"ffmpeg could not write the film: {done.stderr.strip()[:200]}")
         return target.read_bytes()
 
 
-def _film(show: Shown) -> list[bytes]:
-    with _browser(show) as page, progress_bar() as progress:
-        return [_shot(page, k / FILM) for k in progress.track(range(FILM), description="drawing")]
+def ffmpeg() -> str:
+    """The system's ffmpeg, or that of imageio-ffmpeg.
+
+    Raises:
+        SettingError: there is neither.
+    """
+    found = shutil.which("ffmpeg")
+    if found is None:
+        with contextlib.suppress(ImportError, RuntimeError):  # not installed; a wheel without a program
+            from imageio_ffmpeg import get_ffmpeg_exe
+
+            found = str(get_ffmpeg_exe())
+    if found is None:
+        raise SettingError("--export to .mp4 needs ffmpeg: pip install 'fasbody[film]', or export a .gif.")
+    return found
+
+
+def _frames(show: Shown, film: Film) -> list[bytes]:
+    with _browser(show, film.size) as page, progress_bar() as progress:
+        return [_shot(page, k / film.frames) for k in progress.track(range(film.frames), description="drawing")]
 
 
 def _shot(page: Any, share: float) -> bytes:
@@ -121,8 +158,12 @@ def chromium() -> str | None:
 
 
 @contextmanager
-def _browser(show: Shown) -> Iterator[Any]:
-    """A headless browser with the exported page, everything but the canvas out of sight."""
+def _browser(show: Shown, size: float = 1.0) -> Iterator[Any]:
+    """A headless browser with the exported page, which shows the canvas alone and draws only when it is told to.
+
+    Args:
+        show: what is drawn. size: pixels of the canvas over those of the window.
+    """
     path = chromium()
     if path is None:
         raise SettingError("pictures and films need Chromium: apt-get install chromium, or export a .html.")
@@ -139,7 +180,8 @@ def _browser(show: Shown) -> Iterator[Any]:
             page.goto(f"{file.as_uri()}?quality=fixed", timeout=60_000)
             page.wait_for_function("window.stats && stats.motions > 0", timeout=60_000)
             page.add_style_tag(content="aside, footer { display: none } body { grid-template: 1fr / 1fr }")
-            page.evaluate("play(false); stage.viewer.set_3d_pane_size()")
+            page.evaluate("play(false); window.requestAnimationFrame = () => 0")
+            page.evaluate("size => { stage.renderer.setPixelRatio(size); stage.viewer.set_3d_pane_size() }", size)
             yield page
         finally:
             browser.close()

@@ -62,8 +62,9 @@ def _show(
     model: str, compare: str, frequency: float, peak_to_peak: float, added_mass: float, sweep: bool,
     recording: Path | None, seconds: float, result: Path | None, look: Mapping[str, float],
 ) -> Any:  # fmt: skip
+    from viz.excitation import Excitation
     from viz.motion import Settings
-    from viz.show import Excitation, Show, load_foot
+    from viz.show import Show, load_foot
 
     if sweep and recording:
         raise SettingError("--sweep and --recording exclude each other.")

@@ -10,6 +10,7 @@ import numpy as np
 
 from fasbody.exceptions import FasError, InputFileError, SettingError
 from viz import scene
+from viz.hub import Hub
 from viz.motion import Settings
 
 Array = np.ndarray
@@ -123,7 +124,7 @@ class ModeShow:
             raise SettingError(f"--mode is {mode}, but {self.shapes.file} holds the modes 1 to {count}.")
         self.mode = mode
         self.error = ""
-        self.hub = scene.Hub()
+        self.hub = Hub()
         self._visualizer = scene.stage(self.hub, "cell")
         self._place()
 

@@ -1,10 +1,10 @@
 """What the viewer shows of one foot: a periodic motion under a sine, or a transient under any base motion.
 
-Works for every MJCF that the commands accept. One batched step with perturbed states gives the discrete linear model,
-its frequency response the transmissibility and the start of the periodic motion; MuJoCo then runs whole periods until
-the motion repeats itself.
+Works for every MJCF that the commands accept. The linear model of one step (`viz.discrete`) gives the transmissibility
+and the start of the periodic motion; MuJoCo then runs whole periods until the motion repeats itself.
 """
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -12,13 +12,13 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fasbody.damper import algebraic_force
-from fasbody.engine import SHAKER_CONTROLS, callbacks
+from fasbody.engine import callbacks
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.model import Foot
-from fasbody.parameters import names
 from fasbody.shaker import PEAK_TO_PEAK, BaseMotion, harmonics
 from fasbody.simulate import Batch, Simulation
+from viz.discrete import discretise
+from viz.loops import loop_point, watched
 from viz.rest import frames as rest_frames
 
 Array = np.ndarray
@@ -34,12 +34,12 @@ FLOOR = 1e-7
 PERIODS, HALVINGS = 60, 8
 #: Most steps of a halved run; more would take too long and too much memory for a slider.
 STEPS = 2**17
+#: Computing time [s] after which no further period or smaller step is tried.
+PATIENCE = 20.0
 #: The transmissibility curve [Hz].
 CURVE = np.linspace(1.0, 60.0, 119)
 #: Parameters that an added mass on the knee raises.
 CARRIERS = ("m_S", "m_T")
-#: Joints and tendons whose force loop is worth a plot, by what they stand for.
-LOOPS = {"fat pad": ("fat_pad", "heel_pad"), "ankle": ("talocrural",), "fascia": ("plantar_aponeurosis",)}
 
 
 @dataclass(frozen=True)
@@ -107,64 +107,6 @@ class Motion:
         return f"{len(self.time)} frames over {self.duration:.4g} s{ratio}"
 
 
-@dataclass(frozen=True, eq=False)
-class Discrete:
-    """x_(k+1) = A x_k + B c_k of one step about rest: x = (q, q', act), c = (a_0, ..., a_3) of the base acceleration.
-
-    `malleolus` (states,) gives the vertical velocity of the malleolus.
-    """
-
-    step: float
-    A: Array
-    B: Array
-    malleolus: Array
-
-    def controls(self, frequency_hz: Array) -> Array:
-        """(n, 4) coefficients c of a base acceleration exp(i w t) at t = 0, as `BaseMotion.controls` makes them."""
-        w = 2j * np.pi * np.asarray(frequency_hz, float)
-        a, b = np.ones_like(w), np.exp(w * self.step)
-        rise, j, k = (b - a) / self.step, w * a, w * b
-        return np.stack([a, j, (3 * rise - 2 * j - k) / self.step, (j + k - 2 * rise) / self.step**2], -1)
-
-    def states(self, frequency_hz: Array) -> Array:
-        """(n, states) complex steady states at t = 0 under a base acceleration exp(i w t)."""
-        z = np.exp(2j * np.pi * np.asarray(frequency_hz, float) * self.step)
-        force = self.controls(frequency_hz) @ self.B.T
-        return np.linalg.solve(z[:, None, None] * np.eye(len(self.A)) - self.A, force[..., None])[..., 0]
-
-    def transmissibility(self, frequency_hz: Array) -> Array:
-        """(n,) complex malleolus over base acceleration."""
-        return 2j * np.pi * np.asarray(frequency_hz) * (self.states(frequency_hz) @ self.malleolus)
-
-
-def discretise(foot: Foot) -> Discrete:
-    """The linear model of one step, by central differences of one batched step.
-
-    Raises:
-        SettingError: the model has ball or free joints.
-    """
-    model = foot.model
-    if model.nq != model.nv:
-        raise SettingError(f"{foot.name}: the viewer needs joints that are slides or hinges, not balls or free ones.")
-    n, n_act = model.nv, model.na
-    # Large enough for MuJoCo's constraint solver, which stops at an absolute gain and would see nothing in small ones.
-    size = np.concatenate([np.full(n, 1e-4), np.full(n, 1e-2), np.full(n_act, 1.0), [1.0, 1e2, 1e4, 1e6]])
-    states, count = 2 * n + n_act, len(size)
-    push = np.concatenate([np.diag(size), -np.diag(size)])
-    controls = np.zeros((2 * count, 1, SHAKER_CONTROLS))
-    controls[:, 0, 1:] = push[:, states:]
-    start = np.concatenate([model.qpos0, np.zeros(n + n_act)]) + push[:, :states]
-    out = Batch(foot, 2 * count, threads=1).run(controls, foot.step, *np.split(start, [n, 2 * n], axis=1))
-    after = np.concatenate([out.qpos[:, -1], out.qvel[:, -1], out.act[:, -1]], axis=1)
-    slope = (after[:count] - after[count:]) / (2 * size[:, None])
-    data, jacobian = mujoco.MjData(model), np.zeros((3, n))
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mujoco.mj_jacSite(model, data, jacobian, None, model.site("malleolus").id)
-    row = np.concatenate([np.zeros(n), jacobian[1], np.zeros(n_act)])
-    return Discrete(foot.step, slope[:states].T, slope[states:].T, row)
-
-
 def periodic_motion(foot: Foot, settings: Settings) -> Motion:
     """The motion under a sine, as it repeats itself once everything has settled.
 
@@ -184,14 +126,16 @@ class _Unsettled(SimulationError):
 
 def _stable(foot: Foot, changed: Foot, count: int, run: Callable[[int], Motion]) -> Motion:
     """What `run` makes with `count` steps, or with the fewest halvings of the step that keep it stable."""
+    began = time.process_time()
     for halving in range(HALVINGS + 1):
         try:
             return run(count * 2**halving)
         except _Unsettled:
-            if halving >= HALVINGS // 2 or count * 2 ** (halving + 1) > STEPS:
+            late = time.process_time() - began > PATIENCE
+            if late or halving >= HALVINGS // 2 or count * 2 ** (halving + 1) > STEPS:
                 raise
         except (SimulationError, np.linalg.LinAlgError):
-            if count * 2 ** (halving + 1) > STEPS:
+            if count * 2 ** (halving + 1) > STEPS or time.process_time() - began > PATIENCE:
                 break
     raise SimulationError(
         f"{foot.name}: too stiff or too damped for the smallest time step that a slider waits for; "
@@ -220,7 +164,10 @@ def _settled(foot: Foot, settings: Settings, count: int) -> Motion:
     controls = harmonics(f, [-1j * amplitude], 1 / f).controls(changed.step, count)[None]
     q, v, a = np.split(start, [n, 2 * n])
     q = q + changed.model.qpos0
+    began = time.process_time()
     for _ in range(PERIODS):
+        if time.process_time() - began > PATIENCE:
+            raise _Unsettled(f"{foot.name}: the motion at {f:g} Hz has not settled in {PATIENCE:g} s; add damping.")
         out = batch.run(controls, changed.step, q, v, a)
         joints = np.delete(out.qpos[0], foot.base, axis=1)  # the base travels further than they do at low frequencies
         gap = float(np.abs(joints[-1] - joints[0]).max() / max(np.ptp(joints, axis=0).max(), FLOOR))
@@ -282,15 +229,15 @@ def _shown(
     bodies = list(rest)[1:]  # without the world
     index = [model.body(name).id for name in bodies]
     position, quaternion = np.empty((len(pick), len(bodies), 3)), np.empty((len(pick), len(bodies), 4))
-    watched = _watched(model)
-    loops = {label: np.empty((2, len(pick))) for label in watched}
+    found = watched(model)
+    loops = {label: np.empty((2, len(pick))) for label in found}
     with callbacks():
         for row, k in enumerate(pick):
             data.qpos[:], data.qvel[:], data.act[:] = out.qpos[0, k], out.qvel[0, k], out.act[0, k]
             mujoco.mj_forward(model, data)
             position[row], quaternion[row] = data.xpos[index], data.xquat[index]
-            for label, elements in watched.items():
-                rows = [_loop_point(model, data, kind, i) for kind, i in elements]
+            for label, elements in found.items():
+                rows = [loop_point(model, data, kind, i) for kind, i in elements]
                 loops[label][:, row] = np.mean([x for x, _ in rows]), np.sum([force for _, force in rows])
     still = np.tile([rest[name].quaternion for name in bodies], (len(pick), 1))
     turned = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)  # about the world's axes
@@ -301,31 +248,3 @@ def _shown(
         names=bodies, base=out.base[0, pick], malleolus=out.malleolus[0, pick], loops=loops, transmissibility=curve,
         ratio=ratio[0] if ratio else None, phase=ratio[1] if ratio else None, gap=gap, periodic=ratio is not None,
     )  # fmt: skip
-
-
-def _watched(model: mujoco.MjModel) -> dict[str, list[tuple[str, int]]]:
-    found: dict[str, list[tuple[str, int]]] = {}
-    for label, wanted in LOOPS.items():
-        for kind in ("joint", "tendon"):
-            there = names(model, kind)
-            found.setdefault(label, []).extend((kind, getattr(model, kind)(n).id) for n in wanted if n in there)
-    return {label: elements for label, elements in found.items() if elements}
-
-
-def _loop_point(model: mujoco.MjModel, data: mujoco.MjData, kind: str, i: int) -> tuple[float, float]:
-    """Extension and tensile force of a joint's or tendon's spring, native damper and law together."""
-    if kind == "joint":
-        q, v = model.jnt_qposadr[i], model.jnt_dofadr[i]
-        x, x_dot = data.qpos[q] - model.qpos_spring[q], data.qvel[v]
-        stiffness, native, user = model.jnt_stiffness, model.dof_damping.reshape(model.nv, -1)[v, 0], model.jnt_user
-    else:
-        x, x_dot = data.ten_length[i] - model.tendon_length0[i], data.ten_velocity[i]
-        stiffness, user = model.tendon_stiffness, model.tendon_user
-        native = model.tendon_damping.reshape(model.ntendon, -1)[i, 0]
-    force = stiffness.reshape(len(user), -1)[i, 0] * x + native * x_dot
-    if user.shape[1]:
-        force -= algebraic_force(user[i], x, x_dot, native)
-    if kind == "tendon":  # an actuator on the tendon pulls too, such as the branch of the aponeurosis
-        on = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (model.actuator_trnid[:, 0] == i)
-        force -= float(np.sum(data.actuator_force[on]))
-    return float(x), float(force)

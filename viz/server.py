@@ -1,4 +1,9 @@
-"""The page's server: one process, the loopback only, no caller from another site, simulations off the event loop."""
+"""The page's server: the loopback only, no caller from another site, simulations off the event loop.
+
+It runs in the command's own process. meshcat's server had to have one of its own because its calls wait without end;
+here nothing does, and each wait has its limit: a simulation its computing time (`viz.motion.PATIENCE`), a silent page
+its pings, a browser that does not come back from being started `OPENING`, the last connections `PARTING`.
+"""
 
 import asyncio
 import contextlib
@@ -6,9 +11,10 @@ import json
 import math
 import signal
 import sys
+import threading
 import time
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -16,23 +22,20 @@ from typing import Any
 import tornado.httpserver
 import tornado.netutil
 import tornado.web
-import tornado.websocket
 
 from fasbody.console import console, print_json
 from fasbody.exceptions import FasError, SettingError
+from viz.handlers import Page, Stream
 from viz.motion import Settings
-from viz.shown import Shown, file_of, scripts
+from viz.shown import Shown, scripts
 
 ADDRESS = "127.0.0.1"
-#: No script but ours and no address but this server; meshcat's control panel writes styles into the page.
-POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
-    "connect-src 'self' ws://{host}; font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-)
 #: Largest message a page may send [bytes], and seconds after which a silent or slow browser is let go.
 LARGEST, PATIENCE = 65536, 30.0
 #: Seconds between the last page leaving and the end of the command, so that a reload is not the end.
 GRACE = 8.0
+#: Seconds for a browser to be started, and for connections to be closed at the end.
+OPENING, PARTING = 15.0, 2.0
 
 
 def settings_from(message: dict[str, Any]) -> Settings:
@@ -72,22 +75,19 @@ class Server:
         self.url = f"http://{ADDRESS}:{self.port}/"
         self.hosts = {f"{ADDRESS}:{self.port}", f"localhost:{self.port}"}
         self._ended = asyncio.Event()
+        routes: list[Any] = [("/", Page, {"server": self, "name": show.page}), ("/stream", Stream, {"server": self})]
         files = [*scripts(show.page), "style.css"]
-        routes: list[Any] = [("/", Page, {"server": self, "file": file_of(show.page)})]
-        routes += [(f"/{name}", Page, {"server": self, "file": file_of(name)}) for name in files]
-        routes += [("/stream", Stream, {"server": self})]
+        routes += [(f"/{name}", Page, {"server": self, "name": name}) for name in files]
         self._application = tornado.web.Application(
             routes, websocket_ping_interval=PATIENCE / 2, websocket_ping_timeout=PATIENCE / 2,
             websocket_max_message_size=LARGEST, log_function=lambda handler: None,
         )  # fmt: skip
 
-    async def run(self, watch: Path | None = None, stay: bool = True) -> None:
-        """Serve until `stop`, or with `stay` false until the last page has left."""
+    async def run(self, watch: Path | None = None, beside: Coroutine[Any, Any, None] | None = None) -> None:
+        """Serve until `stop`; `beside` runs along."""
         http = tornado.httpserver.HTTPServer(self._application, idle_connection_timeout=PATIENCE)
         http.add_sockets(self._sockets)
-        tasks = [asyncio.create_task(self._watch(watch))] if watch else []
-        if not stay:
-            tasks.append(asyncio.create_task(self._until_alone()))
+        tasks = [asyncio.create_task(work) for work in (self._watch(watch) if watch else None, beside) if work]
         try:
             await self._ended.wait()
         finally:
@@ -97,7 +97,7 @@ class Server:
             for page in list(self.pages):
                 page.close(1001, "the viewer has ended")
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(http.close_all_connections(), 2)
+                await asyncio.wait_for(http.close_all_connections(), PARTING)
             self._pool.shutdown(wait=False, cancel_futures=True)
 
     def stop(self) -> None:
@@ -138,7 +138,8 @@ class Server:
                 self.show.error = f"{error} The last good model is shown."
                 self.broadcast({"type": "broken", "text": self.show.error})
 
-    async def _until_alone(self) -> None:
+    async def until_alone(self) -> None:
+        """Stop once there were pages and the last one has left for good."""
         while not self.pages:
             await asyncio.sleep(0.2)
         alone = 0.0
@@ -150,7 +151,10 @@ class Server:
 
 
 async def serve(show: Shown, what: str, *, port: int, browser: bool, watch: Path | None, json: bool) -> None:
-    """A command's server: say where it is, open the browser, and run until Ctrl-C or until the last page has left."""
+    """A command's server: say where it is, open the browser, and run until Ctrl-C.
+
+    Where a browser was opened the last page that is closed ends it too; started by hand it stays for the next page.
+    """
     server = Server(show, port)
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -159,96 +163,30 @@ async def serve(show: Shown, what: str, *, port: int, browser: bool, watch: Path
     if json:
         print_json({"url": server.url})
         sys.stdout.flush()  # whoever started this waits for the address
-    opened = browser and await loop.run_in_executor(None, webbrowser.open, server.url)
-    await server.run(watch, stay=not opened)
+
+    async def look() -> None:
+        if await _opened(server.url):
+            await server.until_alone()
+
+    await server.run(watch, look() if browser else None)
 
 
-class Guarded(tornado.web.RequestHandler):
-    """Whatever the server answers, it answers only under its own names."""
+async def _opened(url: str) -> bool:
+    """Whether a browser was started; one in a terminal comes back only when it is left, which nothing waits for."""
+    loop = asyncio.get_running_loop()
+    done: asyncio.Future[bool] = loop.create_future()
 
-    server: Server
+    def tell(found: bool) -> None:
+        if not done.done():
+            done.set_result(found)
 
-    def prepare(self) -> None:
-        """Refuse a foreign name that resolves to this machine (DNS rebinding).
+    def start() -> None:
+        found = webbrowser.open(url)
+        with contextlib.suppress(RuntimeError):  # the server has ended meanwhile
+            loop.call_soon_threadsafe(tell, found)
 
-        Tornado takes a websocket whose Origin equals its Host without asking `check_origin`, so this guards both.
-        """
-        if self.request.host not in self.server.hosts:
-            raise tornado.web.HTTPError(403)
-
-
-class Page(Guarded):
-    """One of the page's files."""
-
-    def initialize(self, server: Server, file: Path) -> None:
-        """Called by tornado."""
-        self.server, self.file = server, file
-
-    def set_default_headers(self) -> None:
-        """No caching, no framing, no guessing of types."""
-        self.set_header("Cache-Control", "no-store")
-        self.set_header("Content-Security-Policy", POLICY.format(host=self.request.host))
-        self.set_header("X-Content-Type-Options", "nosniff")
-        self.set_header("Referrer-Policy", "no-referrer")
-        self.set_header("Server", "fasbody")
-
-    def get(self) -> None:
-        """The file."""
-        kinds = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
-        self.set_header("Content-Type", f"{kinds[self.file.suffix]}; charset=utf-8")
-        self.write(self.file.read_bytes())
-
-
-class Stream(Guarded, tornado.websocket.WebSocketHandler):
-    """One page: it gets the scene, the model, and a motion for every request."""
-
-    def initialize(self, server: Server) -> None:
-        """Called by tornado."""
-        self.server = server
-        self._forget: Callable[[], None] = lambda: None
-
-    def check_origin(self, origin: str) -> bool:
-        """Only our own page may connect."""
-        return origin in {f"http://{host}" for host in self.server.hosts}
-
-    def open(self, *_: str, **__: str) -> None:
-        """Send the whole scene, then what the model is."""
-        self.set_nodelay(True)
-        self.server.pages.add(self)
-
-        hub = self.server.show.hub
-        for message in hub.messages():
-            self.send(message)
-        self.send(json.dumps(self.server.show.description()))
-        loop = asyncio.get_running_loop()
-
-        def later(message: bytes) -> None:  # a reload happens in the simulation's thread
-            loop.call_soon_threadsafe(self.send, message)
-
-        hub.listeners.add(later)
-        self._forget = lambda: hub.listeners.discard(later)
-
-    def on_close(self) -> None:
-        """Forget the page."""
-        self.server.pages.discard(self)
-        self._forget()
-
-    async def on_message(self, message: str | bytes) -> None:
-        """A request for a motion."""
-        try:
-            request = json.loads(message)
-            kind = request["type"]
-        except (ValueError, TypeError, KeyError):
-            self.close(1003, "not understood")
-            return
-        if kind == "simulate":
-            self.send(await self.server.answer(request))
-
-    def send(self, message: str | bytes) -> None:
-        """Write, and forget a page that has gone."""
-        try:
-            written = self.write_message(message, binary=isinstance(message, bytes))
-        except tornado.websocket.WebSocketClosedError:
-            self.on_close()
-            return
-        written.add_done_callback(lambda done: done.cancelled() or done.exception())  # a page that left is no error
+    threading.Thread(target=start, name="browser", daemon=True).start()
+    try:
+        return await asyncio.wait_for(done, OPENING)
+    except TimeoutError:
+        return False

@@ -1,9 +1,8 @@
 """What one viewer shows: the feet, their scene, and answers to the page's settings. Knows nothing of sockets."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import degrees
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -11,21 +10,17 @@ import numpy as np
 
 import mjcf
 from fasbody.arch import Arch
-from fasbody.exceptions import FasError, InputFileError, SettingError
+from fasbody.exceptions import FasError, SettingError
 from fasbody.model import Foot, check, load
-from fasbody.recording import Recording
-from fasbody.shaker import BaseMotion, samples, sweep
-from viz import anatomy, scene
+from viz import assets, scene
 from viz.bones import SEGMENTS
+from viz.excitation import Excitation
+from viz.hub import Hub
 from viz.motion import CARRIERS, CURVE, Motion, Settings, displacement, periodic_motion, transient_motion
-from viz.rest import Frame, frames, segment_bodies, segment_frames
+from viz.rest import Carried, Frame, carried, frames, segment_bodies
 
 #: Names of the feet in the scene: the model, the one it is compared with, and what was measured.
 MODEL, OTHER, MEASURED = "a", "b", "measured"
-#: Length of the swept sine [s] and its ends [Hz].
-SWEEP_S, SWEEP_HZ = 4.0, (5.0, 50.0)
-#: Fewest samples of a recording that make a motion: the cubic spline through them.
-LEAST_SAMPLES = 4
 
 
 def load_foot(name: str) -> Foot:
@@ -58,38 +53,6 @@ def load_foot(name: str) -> Foot:
     return check(spec.compile(), name)
 
 
-@dataclass(frozen=True, eq=False)
-class Excitation:
-    """What drives the base: a sine (base None), or a motion of its own, with what was measured beside it."""
-
-    base: BaseMotion | None = None
-    recording: Recording | None = None
-
-    @classmethod
-    def swept(cls) -> "Excitation":
-        """A swept sine."""
-        return cls(sweep(*SWEEP_HZ, SWEEP_S))
-
-    @classmethod
-    def recorded(cls, file: Path, seconds: float) -> "Excitation":
-        """The first `seconds` of a recording; its mean is taken out.
-
-        Raises:
-            InputFileError: too few samples within `seconds`.
-        """
-        whole = Recording.read(file)
-        keep = whole.time_s - whole.time_s[0] <= seconds
-        if keep.sum() < LEAST_SAMPLES:
-            problem = f"has {keep.sum()} of its {len(keep)} samples within --seconds {seconds:g}"
-            raise InputFileError(file, problem, f"at least {LEAST_SAMPLES} are needed")
-        cut = replace(whole, **{
-            name: getattr(whole, name)[keep] - (0 if name == "time_s" else getattr(whole, name).mean())
-            for name in ("time_s", "base_m_s2", "malleolus_m_s2")
-        })  # fmt: skip
-        time = cut.time_s - cut.time_s[0]
-        return cls(samples(time, cut.base_m_s2, cut.file), cut)
-
-
 class Show:
     """The feet of one viewer, their scene, and the answers to its pages.
 
@@ -109,9 +72,9 @@ class Show:
         self.settings = settings or Settings()
         self.look = dict(look or {"slow": 20.0, "amplify": 10.0})
         self.error = ""
-        self.hub = scene.Hub()
+        self.hub = Hub()
         self._visualizer = scene.stage(self.hub)
-        self._parts = anatomy.read()
+        self._parts = assets.read()
         self.feet = {name: load_foot(model) for name, model in zip((MODEL, OTHER), models, strict=False)}
         for name in self.feet:
             self._place(name)
@@ -123,11 +86,11 @@ class Show:
     def _place(self, name: str) -> None:
         model = self.feet.get(name, self.feet[MODEL]).model
         self.hub.put({"type": "delete", "path": f"/meshcat/foot/{name}"})
-        found = segment_bodies(model)
-        if found is None:
+        segments = carried(model)
+        if segments is None:
             scene.add_plain(self._visualizer, name, model)
         else:
-            bind = {s: segment_frames(found[0])[body] for s, body in found[1].items()}
+            bind = {segment: on.bind for segment, on in segments.items()}
             parts = [part for part in self._parts if name != MEASURED or part.segment == "tibia"]
             scene.add_foot(self.hub, self._visualizer, name, parts, bind, ghost=name != MODEL)
 
@@ -143,9 +106,9 @@ class Show:
             self.error = str(error)
             raise
         self.error = ""
-        now, before = segment_bodies(fresh.model), segment_bodies(self.feet[MODEL].model)
+        now, before = _frames_of_meshes(fresh), _frames_of_meshes(self.feet[MODEL])
         self.feet[MODEL] = fresh
-        if now is None or before is None or now[0] != before[0]:  # each kind has meshes in frames of its own
+        if now is None or now != before:
             for name in {MODEL, MEASURED} & set(self.drawn):
                 self._place(name)
 
@@ -182,24 +145,23 @@ class Show:
 
     def _rest(self, name: str) -> dict[str, Any]:
         foot = self.feet.get(name, self.feet[MODEL])
-        rest, found = frames(foot.model), segment_bodies(foot.model)
+        rest, found = frames(foot.model), carried(foot.model)
         bodies = list(rest)[1:]
         title = foot.name if name != MEASURED else f"measured: {self.excitation.recording}"
         answer: dict[str, Any] = {"title": title, "ghost": name != MODEL, "bodies": bodies}
         if found is None:
-            bind = {body: Frame(np.zeros(3), np.array([1.0, 0, 0, 0])) for body in bodies}
-            carried = {body: body for body in bodies}
+            own = Frame(np.zeros(3), np.array([1.0, 0, 0, 0]))
+            segments = {body: Carried(body, own, rest[body]) for body in bodies}
         else:
-            bind = {s: segment_frames(found[0])[body] for s, body in found[1].items()}
-            carried = {s: found[1][s] for s in SEGMENTS if name != MEASURED or s == "tibia"}
+            segments = {s: found[s] for s in SEGMENTS if name != MEASURED or s == "tibia"}
         answer["dressed"] = found is not None
         answer["segments"] = [
             {
-                "name": segment, "body": bodies.index(body),
-                "bind": [*bind[segment].position.tolist(), *bind[segment].quaternion.tolist()],
-                "rest": [*rest[body].position.tolist(), *rest[body].quaternion.tolist()],
+                "name": segment, "body": bodies.index(on.body),
+                "bind": [*on.bind.position.tolist(), *on.bind.quaternion.tolist()],
+                "rest": [*on.rest.position.tolist(), *on.rest.quaternion.tolist()],
             }
-            for segment, body in carried.items()
+            for segment, on in segments.items()
         ]  # fmt: skip
         soft = [part.name for part in self._parts if part.segment is None] if found and name != MEASURED else []
         answer["soft"] = [part for part in soft if not (name != MODEL and part == "skin")]
@@ -238,6 +200,14 @@ class Show:
         if found is not None:
             bodies[:, list(model.names).index(found[1]["tibia"]), 1] = lift
         return document | {"bodies": _flat(bodies, 7), "malleolus": _flat(measured, 4), "loops": {}}
+
+
+def _frames_of_meshes(foot: Foot) -> dict[str, list[float]] | None:
+    """Where a foot's meshes are made, by segment; None for a foot that is drawn by its geoms."""
+    segments = carried(foot.model)
+    if segments is None:
+        return None
+    return {segment: on.bind.position.round(9).tolist() for segment, on in segments.items()}
 
 
 def _known(foot: Foot, values: Mapping[str, float]) -> dict[str, float]:

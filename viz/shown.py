@@ -1,10 +1,13 @@
-"""What server and export need of anything that is shown, and where the page's files are."""
+"""What server and export need of anything that is shown, and the page's files: `page/*.html` extend `page.html`."""
 
 import re
 from pathlib import Path
 from typing import Any, Protocol
 
+import jinja2
+
 from viz import scene
+from viz.hub import Hub
 from viz.motion import Settings
 
 PAGE = Path(__file__).parent / "page"
@@ -17,7 +20,7 @@ class Shown(Protocol):
 
     #: Name of the page in the folder `page`.
     page: str
-    hub: scene.Hub
+    hub: Hub
     #: Why the file could not be loaded again; empty if it could.
     error: str
 
@@ -34,6 +37,14 @@ class Shown(Protocol):
         """Read the file again after it has changed; a broken one leaves the last good one in place."""
 
 
+def markup(page: str) -> str:
+    """A page's HTML, from its template."""
+    templates = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(PAGE), autoescape=True, undefined=jinja2.StrictUndefined
+    )
+    return templates.get_template(page).render()
+
+
 def file_of(name: str) -> Path:
     """The file behind a name in a page."""
     return scene.SCRIPT if name == "meshcat.js" else PAGE / name
@@ -41,4 +52,4 @@ def file_of(name: str) -> Path:
 
 def scripts(page: str) -> list[str]:
     """Names of a page's scripts, in order."""
-    return SCRIPT.findall((PAGE / page).read_text())
+    return SCRIPT.findall(markup(page))

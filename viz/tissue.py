@@ -82,4 +82,4 @@ def skin() -> Shape:
         toes += [round_cone(back, line[0], 1.45 * r, 1.25 * r)]
         toes += [round_cone(a, b, p, q) for a, b, p, q in zip(line, line[1:], widths, widths[1:], strict=False)]
     whole = union(union(*bodies, blend=22), union(*toes, blend=7), blend=14)
-    return sawn(standing(whole, blend=10))
+    return sawn(standing(whole, blend=10), blend=9)

@@ -6,7 +6,6 @@ generator process says over a local socket, the cable of this bench. `Bench` sta
 
 import contextlib
 import json
-import os
 import select
 import signal
 import socket
@@ -14,7 +13,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import tty
 from pathlib import Path
 from types import TracebackType
 from typing import Annotated, Any
@@ -23,6 +21,7 @@ import numpy as np
 import typer
 
 from fasbody.acquire.frames import encode_data, encode_hello
+from fasbody.acquire.line import Line, corrupt
 from fasbody.acquire.lines import encode_header, encode_line
 from fasbody.acquire.messages import Channel, Hello
 from fasbody.acquire.shaken import Shaken, Shaker
@@ -34,52 +33,6 @@ FRAME_SAMPLES = 16
 _STARTS_WITHIN_S = 60.0
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-
-
-class Line:
-    """The host's end of a serial line: a pseudo-terminal under a name that stays the same when it is replugged."""
-
-    def __init__(self, link: Path) -> None:
-        self.link = link
-        self.master = self._slave = -1
-
-    def plug(self) -> None:
-        """Make the port appear."""
-        master, slave = os.openpty()
-        tty.setraw(slave)
-        os.set_blocking(master, False)
-        spare = self.link.with_name(f".{self.link.name}")
-        spare.symlink_to(os.ttyname(slave))
-        spare.replace(self.link)
-        self.master, self._slave = master, slave  # last: another thread may use it at once, and must not block in it
-
-    def unplug(self) -> None:
-        """Make it vanish."""
-        self.link.unlink(missing_ok=True)
-        master, self.master = self.master, -1
-        os.close(self._slave)
-        os.close(master)
-
-    def send(self, data: bytes) -> None:
-        """What the host does not fetch in time is lost, as on a real line."""
-        if self.master >= 0:
-            with contextlib.suppress(OSError):
-                os.write(self.master, data)
-
-    def receive(self) -> bytes:
-        """What the host sent."""
-        try:
-            return os.read(self.master, 4096) if self.master >= 0 else b""
-        except OSError:
-            return b""
-
-
-def corrupt(data: bytes, share: float, rng: np.random.Generator) -> bytes:
-    """Replace a share of the bytes by other ones."""
-    raw = np.frombuffer(data, np.uint8).copy()
-    hit = rng.random(raw.size) < share
-    raw[hit] ^= rng.integers(1, 256, int(hit.sum()), dtype=np.uint8)
-    return raw.tobytes()
 
 
 @app.command()
@@ -134,8 +87,9 @@ def board(
             else:
                 out += encode_line(stamp, part[0])
         sent += chunk
-        if not stalled:
-            line.send(corrupt(out, damage, rng) if damage else out)
+        if stalled:
+            out = b""
+        line.send(corrupt(out, damage, rng) if damage else out)
 
 
 def _fault(order: dict[str, Any], line: Line, stalled: bool) -> bool:
@@ -213,6 +167,10 @@ class Bench:
     def fault(self, name: str) -> None:
         """Do to the board: unplug, plug, stall, resume."""
         self._tell({"fault": name})
+
+    def shake(self, frequency_hz: float, volts: float) -> None:
+        """Drive the shaker without the generator: amplitude [V peak to peak]."""
+        self._tell({"frequency_hz": frequency_hz, "volts": volts})
 
     def _tell(self, order: dict[str, Any]) -> None:
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as speaker:

@@ -1,5 +1,6 @@
 """A board in use: its messages as they come, the last seconds of its signals, and what is safe."""
 
+import contextlib
 import time
 from collections import deque
 from collections.abc import Callable
@@ -9,7 +10,9 @@ import numpy as np
 
 from fasbody.acquire.capture import Capture
 from fasbody.acquire.decoder import Decoder
+from fasbody.acquire.lateness import Lateness
 from fasbody.acquire.messages import Block, Hello, Message
+from fasbody.acquire.quality import counted
 from fasbody.acquire.reader import Reader
 from fasbody.acquire.timeline import Timeline
 from fasbody.exceptions import AcquisitionError
@@ -20,6 +23,10 @@ WINDOW_S = 2.0
 STALLED_S = 3.0
 #: So long without a sample ends the excitation [s]: nobody watches the base any more.
 BLIND_S = 1.0
+
+
+class Stalled(AcquisitionError):
+    """No samples come, though the port is there; a repeated recording may succeed."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +65,8 @@ class Board:
         self.listener: Callable[[Board], None] | None = None
         self._recent: deque[np.ndarray] = deque()
         self._kept = 0
+        self._lateness = Lateness()
+        self._since = 0.0  # samples taken before this time of the host's clock are not kept
         self._last = time.monotonic()  # of the last sample, or of the first hello
         self._bytes = 0  # that had come by then
 
@@ -74,7 +83,8 @@ class Board:
             if time.monotonic() > deadline and self.decoder.hello is None:
                 why = "nothing came; is this the board's port"
                 if self.decoder.bytes:
-                    why = f"{self.decoder.bytes} bytes came, but no hello; is {self.reader.baud} the board's baud rate"
+                    came = counted(self.decoder.bytes, "byte")
+                    why = f"{came} came, but no hello; is {self.reader.baud} the board's baud rate"
                 raise AcquisitionError(f"{self.reader.port_name}: {why}? (--probe tries them all)")
         hello = self.decoder.hello
         for role in ("base", "malleolus"):
@@ -86,14 +96,17 @@ class Board:
         """Take what has arrived.
 
         Raises:
-            AcquisitionError: no sample has come for too long, the base is beyond its limit, or the port is gone.
+            Stalled: no sample has come for too long.
+            AcquisitionError: the base is beyond its limit, or the port is gone.
         """
         messages: list[Message] = []
+        looked = self.reader.looked  # before taking what that look found
         arrivals = self.reader.take(wait)
         for arrival in arrivals:
             if arrival.event:
                 self.unplugs += arrival.event == "unplugged"
                 self.decoder.fresh()
+                self._lateness.forget()
                 continue
             greeted = self.decoder.hello is not None
             found = self.decoder.feed(arrival.data)
@@ -102,25 +115,45 @@ class Board:
             if self.timeline is not None:
                 self.timeline.add(found, arrival.host)
             messages += found
+            for block in (message for message in found if isinstance(message, Block)):
+                late = self._lateness.of(block.time_us, arrival.host)
+                if arrival.host - late >= self._since:
+                    self._keep(block.samples)
         for message in messages:
-            if isinstance(message, Block):
-                self._keep(message.samples)
-                if self.watch is not None:
-                    self.watch.check(message.samples[:, self.base])
+            if isinstance(message, Block) and self.watch is not None:
+                self.watch.check(message.samples[:, self.base])
         if self.listener is not None:
             self.listener(self)
         if self.watch is not None and time.monotonic() - self._last > BLIND_S:
-            raise AcquisitionError(
-                f"{self.reader.port_name}: no samples for {BLIND_S:g} s while the shaker was on; output off."
-            )
-        stalled = self.decoder.hello is not None and time.monotonic() - self._last > self.patience
+            raise Stalled(f"{self.reader.port_name}: no samples for {BLIND_S:g} s while the shaker was on; output off.")
+        # By the reader's last look, not by now: a computer too busy to look is no silent board.
+        stalled = self.decoder.hello is not None and looked - self._last > self.patience
         if self.reader.failure is None and stalled:
             came = self.decoder.bytes - self._bytes
-            how = f"sent {came} bytes and no sample" if came else "is silent"
-            raise AcquisitionError(
+            how = f"sent {counted(came, 'byte')} and no sample" if came else "is silent"
+            raise Stalled(
                 f"{self.reader.port_name}: the board {how} for {self.patience:g} s; check its supply and firmware."
             )
         return messages
+
+    def revive(self) -> None:
+        """After a stall: wait for the next sample as long as for a replug.
+
+        Raises:
+            Stalled: none came.
+        """
+        self.watch = None
+        before = self._last
+        deadline = time.monotonic() + self.reader.patience
+        self.reader.send(b"?\n")
+        while self._last == before:
+            with contextlib.suppress(Stalled):
+                self.pump(0.5)
+            if time.monotonic() > deadline:
+                raise Stalled(
+                    f"{self.reader.port_name}: no sample came for another {self.reader.patience:g} s; switch the board "
+                    "off and on, check its supply and firmware."
+                )
 
     @property
     def patience(self) -> float:
@@ -145,19 +178,18 @@ class Board:
         self._kept = 0
 
     def collect(self, seconds: float) -> np.ndarray:
-        """Wait for so many seconds of new samples; (n, channels) [m/s^2]. For less than WINDOW_S."""
+        """Wait for so many seconds of samples that were taken from now on; (n, channels) [m/s^2]. Below WINDOW_S."""
         hello = self.decoder.hello
         assert hello is not None
-        self.pump(0.0)  # what came while nobody asked is not new
+        self._since = time.monotonic()  # what comes late on a busy computer was taken before
         self.forget()
         count = round(seconds * hello.rate_hz)
         deadline = time.monotonic() + 2 * seconds + STALLED_S
         while self._kept < count:
             self.pump()
             if time.monotonic() > deadline:
-                raise AcquisitionError(
-                    f"{hello.board}: {self._kept} samples in {2 * seconds + STALLED_S:g} s at {hello.rate_hz:g} Hz."
-                )
+                got = counted(self._kept, "sample")
+                raise Stalled(f"{hello.board}: {got} in {2 * seconds + STALLED_S:g} s at {hello.rate_hz:g} Hz.")
         return self.recent()[:count]
 
     def start(self, capture: Capture) -> Timeline:

@@ -135,6 +135,16 @@ class Capture:
         self._write(data)
 
 
+def _valid(file: Path) -> str:
+    """Which capture files there are around a path that is none."""
+    around = [file, file / "captures", file.parent, file.parent / "captures", file.parent.parent / "captures"]
+    for folder in around:
+        if names := sorted(str(found) for found in folder.glob(f"*{SUFFIX}") if found != file):
+            more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+            return f"valid: {', '.join(names[:5])}{more}"
+    return f"acquisition writes them as STUDY/captures/NAME{SUFFIX}"
+
+
 def read(file: Path) -> Iterator[Record]:
     """The whole records of a capture file; torn and damaged ones are stepped over.
 
@@ -144,9 +154,9 @@ def read(file: Path) -> Iterator[Record]:
     try:
         data = file.read_bytes()
     except OSError as error:
-        raise InputFileError(file, f"cannot be read ({error.strerror})", "give a .fascap file") from None
+        raise InputFileError(file, f"cannot be read ({error.strerror})", _valid(file)) from None
     if not data.startswith(MAGIC):
-        raise InputFileError(file, "is not a capture file", "acquisition writes them as captures/NAME.fascap")
+        raise InputFileError(file, "is not a capture file", _valid(file))
     place = len(MAGIC)
     while True:
         place = data.find(_MARK, place)

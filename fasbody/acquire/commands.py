@@ -11,15 +11,18 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from fasbody.acquire import folder, session
+from fasbody.acquire import folder
 from fasbody.acquire.board import Board
+from fasbody.acquire.capture import read
+from fasbody.acquire.conversion import convert
 from fasbody.acquire.display import Display
-from fasbody.acquire.folder import convert
 from fasbody.acquire.generator import Generator
 from fasbody.acquire.level import Safety
-from fasbody.acquire.port import ports
-from fasbody.acquire.probe import probe
-from fasbody.acquire.session import Plan
+from fasbody.acquire.plan import Plan
+from fasbody.acquire.port import Unplugged, ports
+from fasbody.acquire.probe import probe, swapped
+from fasbody.acquire.quality import counted
+from fasbody.acquire.session import Session
 from fasbody.console import console, print_json, results, to_json, write_whole
 from fasbody.exceptions import AcquisitionError, SettingError
 from fasbody.recording import Condition
@@ -74,6 +77,8 @@ def record(
         return
     if out is None:
         raise SettingError("where to? Give --out STUDY, a folder that is made if needed.")
+    if port is not None and generator is not None and Path(port).resolve() == Path(generator).resolve():
+        raise SettingError(f"--port and --generator are both {port}; give the board's and the generator's.")
     if not simulate and port is None:
         raise SettingError("give --port (python -m fasbody.acquire --list shows them) or --simulate.")
     if sweep and not (generator or simulate):
@@ -106,33 +111,39 @@ def record(
         if simulate:
             port, generator = _virtual(stack, plan, added_mass)
         assert port is not None
-        board = Board(port, baud)
-        stack.callback(board.close)
-        source = stack.enter_context(Generator(generator, generator_baud)) if generator else None
+        board, source = _open(stack, port, baud, generator, generator_baud)
         stack.enter_context(Display(board))
-        made = session.run(plan, board, source)
+        session = Session(plan, board, source)
+        made = session.run()
     if json_:
         print_json({"study": str(out), "recordings": [one.document() for one in made]})
     else:
         good = sum(not one.problems for one in made)
-        results.print(f"{good} recordings in {out}; next: python -m identification.fit {out}", soft_wrap=True)
-    bad = session.unusable(made)
+        text = f"{counted(good, 'recording')} in {out}; next: python -m identification.fit {out}"
+        results.print(text, soft_wrap=True, markup=False)
+    bad = session.unusable()
     if bad:
-        names = ", ".join(bad)
-        raise AcquisitionError(f"{len(bad)} recordings are unusable and not listed in recordings.csv: {names}.")
+        are = "is" if len(bad) == 1 else "are"
+        raise AcquisitionError(
+            f"{counted(len(bad), 'recording')} {are} unusable and not listed in recordings.csv: {', '.join(bad)}."
+        )
 
 
 @app.command()
 def recover(
     captures: Annotated[list[Path], typer.Argument(help="capture file; two if a disk became full in between")],
     out: Annotated[Path | None, typer.Option(help="study folder (default: the one around captures/)")] = None,
-    longest: Annotated[bool, typer.Option("--longest", help="keep only the longest stretch without a gap")] = False,
+    longest: Annotated[
+        bool, typer.Option("--longest", help="keep only the longest stretch without a gap, however short")
+    ] = False,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Make the recording of a capture file, as after a crash.
 
     Example: python -m fasbody.acquire recover study/captures/20hz_0kg.fascap
     """
+    for file in captures:
+        next(read(file), None)  # refuses what is no capture file, before its place is judged
     around = captures[0].resolve().parent
     if out is None and around.name != folder.CAPTURES:
         raise SettingError(f"{captures[0]} is not in the captures of a study; give --out STUDY.")
@@ -142,10 +153,9 @@ def recover(
     else:
         results.print(str(made), soft_wrap=True, markup=False)
     if made.problems:
-        raise AcquisitionError(
-            f"{made.file} is written and not listed in recordings.csv: {'; '.join(made.problems)}; "
-            "--longest keeps the longest stretch without a gap."
-        )
+        hint = "" if longest else "; --longest keeps and lists the longest stretch without a gap"
+        why = "; ".join(made.problems)
+        raise AcquisitionError(f"{made.file} is written and not listed in recordings.csv: {why}{hint}.")
 
 
 def _look(port: str | None, probing: bool, json_: bool) -> None:
@@ -161,6 +171,26 @@ def _look(port: str | None, probing: bool, json_: bool) -> None:
             results.print(str(item), soft_wrap=True, markup=False)
     if not found:
         console.print("this computer has no serial port; is the board plugged in, and may you use it (group dialout)?")
+
+
+def _open(
+    stack: ExitStack, port: str, baud: int, generator: str | None, generator_baud: int
+) -> tuple[Board, Generator | None]:
+    """Board and generator, both known to be what they should be."""
+    try:
+        with ExitStack() as opened:
+            board = Board(port, baud)
+            opened.callback(board.close)
+            board.wait_for_hello()
+            source = opened.enter_context(Generator(generator, generator_baud)) if generator else None
+            stack.push(opened.pop_all())
+            return board, source
+    except Unplugged:
+        raise
+    except AcquisitionError:
+        if generator and (sentence := swapped(port, baud, generator, generator_baud)):
+            raise SettingError(sentence) from None
+        raise
 
 
 def _virtual(stack: ExitStack, plan: Plan, added_mass: float) -> tuple[str, str]:

@@ -1,4 +1,4 @@
-"""From capture files to a study folder: the one way for a session that ends well and for one that crashed."""
+"""The study folder that recordings are put into: its names, its tables, and what they already say."""
 
 import csv
 import io
@@ -7,223 +7,20 @@ import math
 import tempfile
 import tomllib
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from fasbody.acquire import capture
-from fasbody.acquire.decoder import Decoder
-from fasbody.acquire.messages import Hello
-from fasbody.acquire.quality import Limits, Quality
-from fasbody.acquire.timeline import Timeline
-from fasbody.checks import checked
-from fasbody.console import to_json, write_whole
-from fasbody.exceptions import AcquisitionError, InputFileError, RecordingError
-from fasbody.recording import Condition, Recording
+from fasbody.acquire.capture import SUFFIX
+from fasbody.console import write_whole
+from fasbody.exceptions import InputFileError
+from fasbody.recording import Condition
 
 CAPTURES, RECORDINGS = "captures", "recordings"
-
-
-@dataclass(frozen=True)
-class Converted:
-    """One recording made from captured bytes.
-
-    Attributes:
-        file: the CSV file. recording: its content. quality: what happened on the line.
-        problems: why it is not listed in recordings.csv; empty if it is. remarks: what else should be known.
-    """
-
-    file: Path
-    recording: Recording
-    quality: Quality
-    problems: tuple[str, ...]
-    remarks: tuple[str, ...]
-
-    def __str__(self) -> str:
-        state = "unusable: " + "; ".join(self.problems) if self.problems else "good"
-        notes = f" ({'; '.join(self.remarks)})" if self.remarks else ""
-        return f"{self.file.name}: {self.recording.time_s.size} samples, {self.quality}, {state}{notes}"
-
-    def document(self) -> dict[str, Any]:
-        """For JSON."""
-        return {
-            "file": f"{RECORDINGS}/{self.file.name}",
-            "samples": self.recording.time_s.size, "rate_hz": self.recording.rate_hz,
-            "usable": not self.problems, "problems": list(self.problems), "remarks": list(self.remarks),
-            "quality": self.quality.document(),
-        }  # fmt: skip
-
-
-def replay(files: Sequence[Path]) -> tuple[dict[str, Any], Timeline, list[dict[str, Any]]]:
-    """What a capture holds: its plan, its samples on a timeline, and its events.
-
-    Raises:
-        InputFileError: no capture file, or one without a plan and a hello.
-    """
-    about: dict[str, Any] = {}
-    events: list[dict[str, Any]] = []
-    decoder, timeline = Decoder(), None
-    for file in files:
-        records = list(capture.read(file))
-        whole = sum(len(record.content) + capture.AROUND for record in records)
-        lost = file.stat().st_size - len(capture.MAGIC) - whole
-        if lost:
-            events.append({"event": "unreadable", "file": file.name, "bytes": lost})
-        for record in records:
-            if record.kind == "M" and not about:
-                about = record.json()
-                try:
-                    decoder = Decoder(bytes.fromhex(str(about.get("preamble", ""))))
-                except ValueError:
-                    raise InputFileError(file, "its first record has no readable hello of the board") from None
-            elif record.kind == "E":
-                events.append({"host_s": record.host, **record.json()})
-                decoder.fresh()
-            elif record.kind == "B":
-                messages = decoder.feed(record.content)
-                if timeline is None and decoder.hello is not None:
-                    timeline = Timeline(decoder.hello)
-                if timeline is not None:
-                    timeline.add(messages, record.host)
-    if timeline is None and decoder.hello is not None:
-        timeline = Timeline(decoder.hello)
-    if timeline is None:
-        raise InputFileError(files[0], "holds no hello of a board", "nothing in it can be read as samples")
-    return about, timeline, events
-
-
-def convert(
-    files: Sequence[Path], study: Path, limits: Limits | None = None, longest: bool = False, stopped: str = ""
-) -> Converted:
-    """Write the recording of a capture into a study: CSV, JSON beside it, and a row in recordings.csv if it is usable.
-
-    Lost samples have no row in the CSV: its time column jumps there, the JSON lists the gaps, and identification
-    refuses the file. Nothing is interpolated.
-
-    Args:
-        files: the capture file, and the one that took over when a disk was full. study: folder, made if needed.
-        limits: what is acceptable. longest: keep only the longest stretch without a gap.
-        stopped: why the recording ended early, if it did.
-
-    Raises:
-        InputFileError: a file cannot be read or written. AcquisitionError: too few samples to make a file of.
-    """
-    limits = limits or Limits()
-    about, timeline, events = replay(files)
-    _check_plan(files[0], about)
-    hello = timeline.hello
-    index, values = timeline.samples()
-    wanted = round(float(about.get("seconds", np.inf)) * hello.rate_hz) if about.get("seconds") else None
-    kept = index < wanted if wanted else np.ones(index.size, bool)
-    quality = timeline.quality(wanted)
-    if longest and index.size:
-        kept &= _longest(index)
-        quality = replace(quality, gaps=())
-    index, values = index[kept], values[kept]
-    if index.size < 2:
-        raise AcquisitionError(f"{files[0]}: holds {index.size} samples, too few for a recording.")
-    condition = _condition(about)
-    recording = _recording(index - index[0], values, hello, condition, about)
-    problems, remarks = quality.problems(limits), quality.remarks(limits)
-    length_s = recording.time_s[-1]
-    if condition.frequency_hz and length_s * condition.frequency_hz < limits.periods:
-        problems.append(f"{length_s:.3g} s hold fewer than {limits.periods:g} periods of {condition.frequency_hz:g} Hz")
-    if not about:
-        problems.append("the record of what was to be recorded is damaged: condition, origin and length are unknown")
-    known = body_mass(study, condition.subject)
-    if _differ(known, condition.body_mass_kg):
-        problems.append(f"its body mass is {condition.body_mass_kg:g} kg and subjects.csv says {known:g} kg")
-    if not problems:
-        problems += _refused(recording, f"{files[0].name.removesuffix(capture.SUFFIX)}.csv")
-    unread = sum(event["bytes"] for event in events if event.get("event") == "unreadable")
-    if unread:
-        remarks.append(f"{unread} bytes of the capture are unreadable")
-    if stopped:
-        remarks.append(f"ended early: {stopped}")
-    elif wanted and index[-1] < wanted - 1 - hello.frame_samples:
-        remarks.append(f"{length_s:.3g} s of {about['seconds']:g} s")
-    if longest:
-        remarks.append("the longest stretch without a gap")
-    stem = files[0].name.removesuffix(capture.SUFFIX)
-    file = study / RECORDINGS / f"{stem}.csv"
-    recording.write(file)
-    made = Converted(file, recording, quality, tuple(problems), tuple(remarks))
-    details = {
-        **{key: value for key, value in about.items() if key != "preamble"},
-        "board": asdict(hello), "first_sample": int(index[0]), "events": events,
-        "captures": [str(f.relative_to(study)) if f.is_relative_to(study) else str(f) for f in files],
-        "limits": asdict(limits), **made.document(),
-        "warnings": [f"{file.name}: {text}." for text in remarks],
-    }  # fmt: skip
-    write_whole(file.with_suffix(".json"), to_json(details) + "\n")
-    if about:
-        _list(study, f"{RECORDINGS}/{file.name}", condition, about, usable=not problems)
-    return made
-
-
-def _longest(index: np.ndarray) -> np.ndarray:
-    """Mask of the longest run of consecutive indices."""
-    runs = np.concatenate([[0], np.cumsum(np.diff(index) != 1)])
-    return runs == np.argmax(np.bincount(runs))
-
-
-def _refused(recording: Recording, name: str) -> list[str]:
-    """What identification would say against a recording at a known frequency."""
-    if recording.condition.frequency_hz is None:
-        return []  # broadband, or a bench at rest: nothing is promised that could be missing
-    try:
-        checked(replace(recording, file=name))
-    except RecordingError as error:
-        return [str(error).removeprefix(f"{name}: ").removesuffix(".")]
-    return []
-
-
-def _differ(known: float | None, given: float | None) -> bool:
-    """Whether two body masses [kg] are not the same, one of them as the table prints it."""
-    return known is not None and given is not None and not math.isclose(known, given, rel_tol=1e-5)
-
-
-def _check_plan(file: Path, about: dict[str, Any]) -> None:
-    """Refuse a plan of senseless content, which acquisition never writes."""
-    condition = about.get("condition", {})
-    if not isinstance(condition, dict):
-        raise InputFileError(file, f"its plan has the condition {condition!r}", "a table of the recording's condition")
-    numbers = {"seconds": about.get("seconds")}
-    numbers |= {name: condition.get(name) for name in ("frequency_hz", "body_mass_kg", "added_mass_kg")}
-    for name, value in numbers.items():
-        sound = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < math.inf
-        if value is not None and not sound:
-            raise InputFileError(file, f"its plan has {name} {value!r}", "a number is needed")
-    for name in ("subject", "posture"):
-        if not isinstance(condition.get(name, ""), str):
-            raise InputFileError(file, f"its plan has {name} {condition[name]!r}", "a text is needed")
-
-
-def _condition(about: dict[str, Any]) -> Condition:
-    known = about.get("condition", {})
-    return Condition(**{key: known[key] for key in asdict(Condition()) if key in known})
-
-
-def _recording(
-    index: np.ndarray, values: np.ndarray, hello: Hello, condition: Condition, about: dict[str, Any]
-) -> Recording:
-    column = {role: values[:, i] for i, role in reversed(list(enumerate(hello.roles)))}
-    return Recording(
-        time_s=index / hello.rate_hz,
-        base_m_s2=column["base"],
-        malleolus_m_s2=column["malleolus"],
-        tuberosity_m_s2=column.get("tuberosity"),
-        condition=condition,
-        origin=str(about.get("origin", "measured")),
-    )
 
 
 def free_stem(study: Path, stem: str) -> str:
     """A name that neither captures nor recordings have yet: stem, stem_2, stem_3 ..."""
     number, name = 1, stem
-    while any((study / place).exists() for place in (f"{CAPTURES}/{name}{capture.SUFFIX}", f"{RECORDINGS}/{name}.csv")):
+    while any((study / place).exists() for place in (f"{CAPTURES}/{name}{SUFFIX}", f"{RECORDINGS}/{name}.csv")):
         number += 1
         name = f"{stem}_{number}"
     return name
@@ -261,10 +58,10 @@ def check_origin(study: Path, origin: str) -> None:
         raise InputFileError(file, f"is not {origin} data", f"name another folder for {origin} recordings")
 
 
-def _list(study: Path, name: str, condition: Condition, about: dict[str, Any], usable: bool) -> None:
-    """Bring study.toml, subjects.csv and recordings.csv up to date."""
+def enter(study: Path, name: str, condition: Condition, origin: str, usable: bool) -> None:
+    """Enter a recording into study.toml, subjects.csv and, if it is usable, recordings.csv."""
     if not (study / "study.toml").is_file():
-        title, origin = json.dumps(study.resolve().name), about.get("origin", "measured")
+        title = json.dumps(study.resolve().name)
         text = f'[study]\nname = {title}\norigin = "{origin}"\ndescription = "Recorded by python -m fasbody.acquire."\n'
         write_whole(study / "study.toml", text)
     subject = {"subject": condition.subject, "mass_kg": _text(condition.body_mass_kg)}
@@ -312,6 +109,11 @@ def body_mass(study: Path, subject: str) -> float | None:
     return None
 
 
+def differ(known: float | None, given: float | None) -> bool:
+    """Whether two body masses [kg] are not the same, one of them as the table prints it."""
+    return known is not None and given is not None and not math.isclose(known, given, rel_tol=1e-5)
+
+
 def check_mass(study: Path, condition: Condition) -> None:
     """Refuse a body mass that contradicts the study's.
 
@@ -319,7 +121,7 @@ def check_mass(study: Path, condition: Condition) -> None:
         InputFileError: subjects.csv says another one.
     """
     known = body_mass(study, condition.subject)
-    if _differ(known, condition.body_mass_kg):
+    if differ(known, condition.body_mass_kg):
         problem = f"subject {condition.subject!r} has {known:g} kg, and {condition.body_mass_kg:g} kg are given"
         raise InputFileError(study / "subjects.csv", problem, "give the same, or correct the table")
 

@@ -7,11 +7,11 @@ carries two with different polynomials, which together miss one in 2^31.
 import binascii
 import math
 import struct
-from collections.abc import Sequence
 
 import numpy as np
 
 from fasbody.acquire.messages import ROLES, Block, Channel, Damage, Hello, Message
+from fasbody.acquire.pieces import PieceReader
 from fasbody.exceptions import MissingPackageError
 
 try:
@@ -55,12 +55,16 @@ def crc_modbus(data: bytes) -> int:
     return crc
 
 
+def _checks(payload: bytes) -> bytes:
+    return struct.pack("<HH", crc_ccitt(payload), crc_modbus(payload))
+
+
 def wrap(payload: bytes) -> bytes:
     """A payload as it goes over the wire: with both CRCs, stuffed, between two zero bytes.
 
     The first zero keeps a frame readable whose predecessor lost its last one.
     """
-    return b"\0" + cobs.encode(payload + struct.pack("<HH", crc_ccitt(payload), crc_modbus(payload))) + b"\0"
+    return b"\0" + cobs.encode(payload + _checks(payload)) + b"\0"
 
 
 def encode_hello(hello: Hello) -> bytes:
@@ -81,67 +85,31 @@ def encode_data(sequence: int, time_us: int, counts: np.ndarray, bits: int, flag
     return wrap(head + wide[:, :3].tobytes())
 
 
-class FrameReader:
-    """Turns bytes, in pieces of any size, into messages; nothing it is fed makes it fail or grow.
+class FrameReader(PieceReader):
+    """Reads binary frames."""
 
-    Attributes:
-        hello: the board's description, once it came. preamble: the bytes that said it.
-    """
+    END, LONGEST = b"\0", LONGEST_WIRE
 
-    def __init__(self) -> None:
-        self.hello: Hello | None = None
-        self.preamble = b""
-        self.fresh()
-
-    def fresh(self) -> None:
-        """Forget an unfinished frame: the next bytes may begin in the middle of one."""
-        self._rest = b""
-        self._skip = False
-        self._first = True
-
-    def feed(self, data: bytes) -> list[Message]:
-        """Messages completed by these bytes."""
-        messages: list[Message] = []
-        parts = (self._rest + data).split(b"\0")
-        self._rest = parts.pop()
-        for part in parts:
-            skip, self._skip = self._skip, False
-            if not part or skip:
-                continue
-            message = self._frame(part)
-            if message is not None and not (self._first and isinstance(message, Damage)):
-                messages.append(message)  # the first piece may be the tail of a frame: that is no damage
-            self._first = False
-        if len(self._rest) > LONGEST_WIRE:
-            if not self._skip:
-                messages.append(Damage("no end of frame", len(self._rest)))
-            self._rest, self._skip, self._first = b"", True, False
-        return messages
-
-    def _frame(self, part: bytes) -> Message | None:
+    def read(self, piece: bytes) -> Message | None:
         """One frame; None for data before the first hello."""
-        if len(part) > LONGEST_WIRE:
-            return Damage("too long", len(part))
         try:
-            raw = cobs.decode(part)
+            raw = cobs.decode(piece)
         except cobs.DecodeError:
-            return Damage("COBS", len(part))
+            return Damage("COBS", len(piece))
         payload = raw[:-4]
-        if len(payload) < 2 or crc_ccitt(payload) != raw[-4] | raw[-3] << 8:
-            return Damage("CRC", len(part))
-        if crc_modbus(payload) != raw[-2] | raw[-1] << 8:
-            return Damage("CRC", len(part))
+        if len(payload) < 2 or raw[-4:] != _checks(payload):
+            return Damage("CRC", len(piece))
         if payload[0] == _HELLO:
             hello = _read_hello(payload)
             if hello is None:
-                return Damage("hello not understood", len(part))
-            self.hello, self.preamble = hello, part + b"\0"
+                return Damage("hello not understood", len(piece))
+            self.hello, self.preamble = hello, piece + b"\0"
             return hello
         if payload[0] != _DATA:
-            return Damage("unknown type", len(part))
+            return Damage("unknown type", len(piece))
         if self.hello is None:
             return None
-        return _read_data(payload, self.hello) or Damage("length", len(part))
+        return _read_data(payload, self.hello) or Damage("length", len(piece))
 
 
 def _read_hello(payload: bytes) -> Hello | None:
@@ -177,13 +145,7 @@ def _read_data(payload: bytes, hello: Hello) -> Block | None:
     counts = counts.reshape(hello.frame_samples, -1)
     samples = counts / np.array([c.counts_per_m_s2 for c in hello.channels])
     rail = 2 ** (hello.bits - 1)
-    beyond = (counts >= rail - 1) | (counts <= -rail) | (np.abs(samples) >= spans(hello.channels))
-    over = beyond.sum(axis=0)
+    over = (hello.beyond(samples) | (counts >= rail - 1) | (counts <= -rail)).sum(axis=0)
     if flags & OVER_RANGE:
         over = np.maximum(over, 1)
     return Block(sequence, time_us, samples, over)
-
-
-def spans(channels: Sequence[Channel]) -> np.ndarray:
-    """(channels,) ranges [m/s^2]."""
-    return np.array([c.range_m_s2 for c in channels])

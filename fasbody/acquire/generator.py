@@ -7,6 +7,7 @@ import time
 from types import TracebackType
 
 from fasbody.acquire.port import Port
+from fasbody.acquire.probe import is_identity
 from fasbody.console import console
 from fasbody.exceptions import AcquisitionError
 
@@ -35,10 +36,14 @@ class Generator:
         self.volts = 0.0
         self.frequency_hz = 0.0
         self.is_on = False
+        self.identity = ""
         self._guard: subprocess.Popen[bytes] | None = None
         try:
             self.port.write(b"\n*CLS\n")
-            self.identity = self.query("*IDN?")
+            identity = self.query("*IDN?")
+            if not is_identity(identity):
+                raise AcquisitionError(f"{name}: answers {identity[:40]!r} to *IDN?, as no SCPI generator does.")
+            self.identity = identity
             if guard:
                 self._guard = subprocess.Popen(
                     [sys.executable, "-m", "fasbody.acquire.guard", name, str(baud)],
@@ -143,7 +148,8 @@ class Generator:
     def close(self) -> None:
         """Output off, guard dismissed, port closed."""
         try:
-            self.off()
+            if self.identity:  # otherwise nothing was ever told to it
+                self.off()
         except AcquisitionError as error:
             console.print(f"[bold red]{error}[/]", soft_wrap=True)
         finally:

@@ -13,72 +13,42 @@ import numpy as np
 
 from fasbody.acquire.frames import crc_ccitt
 from fasbody.acquire.messages import ROLES, Block, Channel, Damage, Hello, Message
+from fasbody.acquire.pieces import PieceReader
 from fasbody.channels import TIME_UNITS, UNITS
 
 #: Longest line [bytes]; what is longer is damage, so memory stays bounded.
 LONGEST_LINE = 256
-_WRAP_US = 2.0**32
 
 
-class LineReader:
-    """Turns bytes, in pieces of any size, into messages; nothing it is fed makes it fail or grow.
+class LineReader(PieceReader):
+    """Reads text lines. Their blocks are numbered as they come: which are missing, only their time stamps tell."""
 
-    Attributes:
-        hello: the board's description, once it came. preamble: the bytes that said it.
-    """
+    END, LONGEST = b"\n", LONGEST_LINE
 
     def __init__(self) -> None:
-        self.hello: Hello | None = None
-        self.preamble = b""
+        super().__init__()
         self._about: dict[str, str] | None = None
         self._about_line = ""
         self._scale: np.ndarray | None = None
         self._time_unit = 1.0
-        self._last_us = -1.0
-        self._turns = 0
         self._sequence = -1
-        self.fresh()
 
-    def fresh(self) -> None:
-        """Forget an unfinished line: the next bytes may begin in the middle of one."""
-        self._rest = b""
-        self._skip = False
-        self._first = True
-
-    def feed(self, data: bytes) -> list[Message]:
-        """Messages completed by these bytes."""
-        messages: list[Message] = []
-        lines = (self._rest + data).split(b"\n")
-        self._rest = lines.pop()
-        for line in lines:
-            skip, self._skip = self._skip, False
-            if skip or not line.strip():
-                continue
-            message = Damage("line too long", len(line)) if len(line) > LONGEST_LINE else self._line(line.strip())
-            if message is not None and not (self._first and isinstance(message, Damage)):
-                messages.append(message)  # the first piece may be the tail of a line: that is no damage
-            self._first = False
-        if len(self._rest) > LONGEST_LINE:
-            if not self._skip:
-                messages.append(Damage("no end of line", len(self._rest)))
-            self._rest, self._skip, self._first = b"", True, False
-        return messages
-
-    def _line(self, line: bytes) -> Message | None:
+    def read(self, piece: bytes) -> Message | None:
+        """One line; None for comments, and for data before the first hello."""
         try:
-            text = line.decode("ascii")
+            text = piece.strip().decode("ascii")
         except UnicodeDecodeError:
-            return Damage("not text", len(line))
+            return Damage("not text", len(piece))
         if text.startswith("# fas "):
             self._about, self._about_line = dict(word.partition("=")[::2] for word in text[6:].split()), text
             return None
-        if text.startswith("#"):
+        if not text or text.startswith("#"):
             return None
         if text.startswith("time_"):
-            return self._header(text) or Damage("header not understood", len(line))
+            return self._header(text) or Damage("header not understood", len(piece))
         if self._scale is None or self.hello is None:
             return None
-        return self._data(text) or Damage("line not understood", len(line))
+        return self._data(text) or Damage("line not understood", len(piece))
 
     def _header(self, text: str) -> Hello | None:
         """The columns; a hello if the line before them said enough."""
@@ -110,18 +80,10 @@ class LineReader:
             return None
         if not 0 <= values[0] * self._time_unit < 1e9:
             return None
-        time_us = 1e6 * self._time_unit * values[0]
-        if self._time_unit == 1e-6 and time_us < self._last_us - _WRAP_US / 2:
-            self._turns += 1  # micros() of a 32-bit clock starts again after 71 minutes
-        self._last_us = time_us
-        full = time_us + self._turns * _WRAP_US
-        sequence = round(full * 1e-6 * self.hello.rate_hz)
-        if sequence == self._sequence:
-            return None  # two lines for one sample: the stamps are not the samples' own
-        self._sequence = sequence
+        self._sequence += 1
         samples = (np.array(values[1:]) * self._scale)[None]
-        over = (np.abs(samples) >= np.array([c.range_m_s2 for c in self.hello.channels])).sum(axis=0)
-        return Block(sequence % 2**32, round(full) % 2**32, samples, over)
+        over = self.hello.beyond(samples).sum(axis=0)
+        return Block(self._sequence % 2**32, round(1e6 * self._time_unit * values[0]) % 2**32, samples, over)
 
 
 def encode_header(board: str, rate_hz: float, roles: tuple[str, ...], range_m_s2: float) -> bytes:

@@ -39,6 +39,10 @@ class Hello:
         """Roles of the channels, in order."""
         return tuple(channel.role for channel in self.channels)
 
+    def beyond(self, samples: np.ndarray) -> np.ndarray:
+        """Which of the samples (n, channels) [m/s^2] reach their channel's range."""
+        return np.abs(samples) >= np.array([channel.range_m_s2 for channel in self.channels])
+
     def __str__(self) -> str:
         kind = f"{self.bits}-bit frames of {self.frame_samples}" if self.bits else "text lines"
         return f"{self.board}: {', '.join(self.roles)} at {self.rate_hz:g} Hz, {kind}"

@@ -1,8 +1,11 @@
 """A serial port: the only place that knows pyserial."""
 
 import contextlib
+import errno
 import os
+import termios
 from dataclasses import dataclass
+from pathlib import Path
 
 from fasbody.exceptions import AcquisitionError, MissingPackageError
 
@@ -38,6 +41,25 @@ def ports() -> list[PortInfo]:
     return [PortInfo(p.device, p.description or "", p.hwid or "") for p in sorted(list_ports.comports())]
 
 
+def _why(name: str, error: Exception) -> str:
+    """Why a port cannot be opened, in the user's words."""
+    number = getattr(error, "errno", None)
+    if isinstance(error.__context__, termios.error):  # pyserial puts it into words only
+        number = error.__context__.args[0]
+    path = Path(name)
+    if path.is_dir() or path.is_file() or number in (errno.ENOTTY, errno.EINVAL, errno.ENODEV):
+        kind = "a folder" if path.is_dir() else "a file" if path.is_file() else "some other device"
+        return f"is no serial port but {kind}"
+    if number == errno.ENOENT:
+        return "there is no such port"
+    if number in (errno.EACCES, errno.EPERM):
+        return "you may not use this port (join the group dialout)"
+    if number in (errno.EBUSY, errno.EAGAIN):
+        return "another program uses this port"
+    reason = os.strerror(number) if number else str(error).rstrip(".")
+    return f"cannot be opened ({reason})"
+
+
 class Port:
     """An open serial port.
 
@@ -55,9 +77,7 @@ class Port:
             self._serial.reset_input_buffer()
         except (serial.SerialException, OSError, ValueError) as error:
             known = ", ".join(port.device for port in ports()) or "none"
-            number = getattr(error, "errno", None)
-            reason = os.strerror(number) if number else str(error)
-            raise Unplugged(f"{name}: cannot be opened ({reason}); ports of this computer: {known}.") from None
+            raise Unplugged(f"{name}: {_why(name, error)}; ports of this computer: {known}.") from None
 
     def read(self) -> bytes:
         """What has arrived, after at most WAIT_S.

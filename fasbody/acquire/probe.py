@@ -42,13 +42,33 @@ def probe(name: str, rates: tuple[int, ...] = BAUD_RATES) -> Found:
             if decoder.hello is not None:
                 return Found(name, "board", baud, str(decoder.hello))
             answer = _identity(port)
-            if answer.count(",") >= 2 and answer.isprintable():
+            if is_identity(answer):
                 return Found(name, "generator", baud, answer)
             if decoder.bytes:
                 heard = Found(name, "unknown bytes", baud, f"{decoder.bytes} bytes in {_LISTEN_S:g} s, no hello")
         finally:
             port.close()
     return heard
+
+
+def is_identity(answer: str) -> bool:
+    """Whether this answers *IDN?: maker, model, serial number and version, between commas; no line of numbers."""
+    return answer.count(",") >= 3 and answer.isprintable() and answer[0].isalpha()
+
+
+def swapped(board: str, board_baud: int, generator: str, generator_baud: int) -> str:
+    """The sentence for two ports of which one is taken for the other; empty if both are, or may be, what they should.
+
+    Both must be closed.
+    """
+    first, second = probe(board, (generator_baud,)), probe(generator, (board_baud,))
+    if first.kind == "generator" and second.kind == "board":
+        return f"{board} is the generator and {generator} the board: give --port {generator} --generator {board}."
+    if first.kind == "generator":
+        return f"--port {board} is a generator ({first.identity}); give the board's port."
+    if second.kind == "board":
+        return f"--generator {generator} is a board ({second.identity}); give the generator's port."
+    return ""
 
 
 def _identity(port: Port) -> str:

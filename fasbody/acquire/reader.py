@@ -46,6 +46,7 @@ class Reader(threading.Thread):
         self._capture: Capture | None = None
         self._stop_now = threading.Event()
         self.failure: AcquisitionError | None = None
+        self.looked = time.monotonic()  # when the port was last found to have, or not to have, sent something
         self.start()
 
     def record(self, capture: Capture | None) -> None:
@@ -79,7 +80,7 @@ class Reader(threading.Thread):
     def close(self) -> None:
         """Stop reading and close the port."""
         self._stop_now.set()
-        self.join(2.0)
+        self.join(10.0)  # a read takes 20 ms, on a busy machine longer
 
     def run(self) -> None:
         """Read until closed."""
@@ -104,8 +105,11 @@ class Reader(threading.Thread):
             self._port = None
             self._reopen(gone)
             return
+        now = time.monotonic()
         if data:
-            self._put(Arrival(time.monotonic(), data))
+            self._put(Arrival(now, data))
+        self.looked = now
+        if data:
             time.sleep(_PAUSE_S)
 
     def _reopen(self, gone: Unplugged) -> None:

@@ -1,214 +1,200 @@
 """The protocol of section 2.2.2: for each frequency, bring the shaker to its level, record, judge, and write."""
 
 import contextlib
-import math
 import platform
 import time
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 from fasbody.acquire import folder
-from fasbody.acquire.board import STALLED_S, Board
+from fasbody.acquire.board import STALLED_S, Board, Stalled
 from fasbody.acquire.capture import SUFFIX, Capture
-from fasbody.acquire.folder import Converted, convert
+from fasbody.acquire.conversion import Converted, convert
 from fasbody.acquire.generator import Generator
-from fasbody.acquire.level import Level, Safety, reach
-from fasbody.acquire.quality import Limits
+from fasbody.acquire.level import Level, reach
+from fasbody.acquire.plan import Plan
 from fasbody.console import console
-from fasbody.exceptions import AcquisitionError, FasError, SettingError
-from fasbody.recording import Condition
-from fasbody.shaker import PEAK_TO_PEAK
+from fasbody.exceptions import AcquisitionError, FasError
 
 #: So many samples over range end a recording early.
 _OVER_RANGE = 3
 
 
-@dataclass(frozen=True)
-class Plan:
-    """What to record.
-
-    Attributes:
-        study: folder. frequencies_hz: one recording each; (None,) for broadband or unknown excitation.
-        condition: of all recordings; its frequency is set for each. seconds: length of each recording.
-        peak_to_peak: wanted base acceleration [m/s^2]. settle_s: wait at the level before recording.
-        retries: so often is a recording repeated that lost samples. origin: "measured" or "synthetic".
-        safety, limits: of the excitation and of the recordings.
-    """
-
-    study: Path
-    frequencies_hz: tuple[float | None, ...]
-    condition: Condition
-    seconds: float = 10.0
-    peak_to_peak: float = PEAK_TO_PEAK
-    settle_s: float = 0.5
-    retries: int = 2
-    origin: str = "measured"
-    safety: Safety = field(default_factory=Safety)
-    limits: Limits = field(default_factory=Limits)
-
-    def check(self, generator: bool) -> None:
-        """Refuse what cannot be meant, before anything moves.
-
-        Raises:
-            SettingError: which option, and what would be valid. InputFileError: the study is of another origin.
-        """
-        if not 0.1 <= self.seconds <= 3600:
-            raise SettingError(f"a recording of {self.seconds:g} s cannot be meant (valid: 0.1 to 3600).")
-        if not 0 < self.peak_to_peak < math.inf:
-            raise SettingError(f"the base acceleration is {self.peak_to_peak:g} m/s^2; it must be positive.")
-        if not 0 <= self.condition.added_mass_kg <= 100:
-            raise SettingError(f"the added mass is {self.condition.added_mass_kg:g} kg (valid: 0 to 100).")
-        for frequency in self.frequencies_hz:
-            if frequency is None:
-                if generator:
-                    raise SettingError("the generator needs a frequency: give --frequency or --sweep.")
-                continue
-            if not 3 <= frequency <= 500:
-                raise SettingError(f"{frequency:g} Hz is no excitation for a foot (valid: 3 to 500).")
-            if self.seconds * frequency < self.limits.periods:
-                raise SettingError(f"{self.seconds:g} s hold fewer than 3 periods of {frequency:g} Hz; record longer.")
-            if generator:
-                self.safety.check(frequency, self.peak_to_peak)
-        folder.check_origin(self.study, self.origin)
-        folder.check_mass(self.study, self.condition)
-
-
-def run(plan: Plan, board: Board, generator: Generator | None = None) -> list[Converted]:
-    """Record everything that is planned.
+class Session:
+    """Records everything that is planned.
 
     Args:
         plan: what. board: from where. generator: the excitation, or None if it is set by hand.
 
-    Returns:
-        One entry a recording, failed attempts included.
-
-    Raises:
-        AcquisitionError, SettingError, InputFileError: the session cannot go on; what was recorded is in the study.
+    Attributes:
+        made: what was written so far, failed attempts included.
     """
-    plan.check(generator is not None)
-    folder.check_writable(plan.study)
-    made: list[Converted] = []
-    volts_per: float = 0.0
-    for frequency in plan.frequencies_hz:
-        for attempt in range(plan.retries + 1):
-            board.wait_for_hello()
-            level = None
-            if generator is not None and frequency is not None:
-                board.doing = f"{frequency:g} Hz: finding the level"
-                guess = volts_per * plan.peak_to_peak
-                level = reach(generator, board, frequency, plan.peak_to_peak, plan.safety, guess)
-                volts_per = level.volts / level.peak_to_peak
-                board.collect(max(0.1, plan.settle_s))
-            one = _trial(plan, board, generator, frequency, level)
-            made.append(one)
-            console.print(str(one), soft_wrap=True)
+
+    def __init__(self, plan: Plan, board: Board, generator: Generator | None = None) -> None:
+        self.plan, self.board, self.generator = plan, board, generator
+        self.made: list[Converted] = []
+        self._volts_per = 0.0  # [V per m/s^2], of the latest level
+
+    def run(self) -> list[Converted]:
+        """Record; returns `made`.
+
+        Raises:
+            AcquisitionError, SettingError, InputFileError: it cannot go on; what was recorded is in the study.
+        """
+        self.plan.check(self.generator is not None)
+        folder.check_writable(self.plan.study)
+        frequencies = self.plan.frequencies_hz
+        for number, frequency in enumerate(frequencies):
+            try:
+                self._record_well(frequency)
+            except BaseException:
+                console.print(_go_on([f for f in frequencies[number:] if f is not None]), soft_wrap=True)
+                raise
+        return self.made
+
+    def unusable(self) -> list[str]:
+        """Recordings that no attempt made usable, by their first file."""
+        by_condition: dict[object, list[Converted]] = {}
+        for one in self.made:
+            by_condition.setdefault(one.recording.condition, []).append(one)
+        return [ones[0].file.name for ones in by_condition.values() if all(one.problems for one in ones)]
+
+    def _record_well(self, frequency: float | None) -> None:
+        """One recording, repeated while the line loses samples or the board stalls."""
+        for left in reversed(range(self.plan.retries + 1)):
+            try:
+                self.board.wait_for_hello()
+                one = self._attempt(frequency)
+            except Stalled as stall:
+                if not left:
+                    raise
+                console.print(f"{stall} This recording is repeated as soon as samples come.", soft_wrap=True)
+                self.board.revive()
+                continue
             if not one.quality.gaps:
-                break
-            if attempt < plan.retries:
+                return
+            if left:
                 console.print("samples were lost, so this recording is repeated")
-    return made
 
-
-def unusable(made: list[Converted]) -> list[str]:
-    """Recordings of a session that no attempt made usable, by their first file."""
-    by_condition: dict[object, list[Converted]] = {}
-    for one in made:
-        by_condition.setdefault(one.recording.condition, []).append(one)
-    return [ones[0].file.name for ones in by_condition.values() if all(one.problems for one in ones)]
-
-
-def _trial(
-    plan: Plan, board: Board, generator: Generator | None, frequency: float | None, level: Level | None
-) -> Converted:
-    """One recording; whatever ends it, the output goes off first and what came is written then."""
-    name = "broadband" if frequency is None else f"{frequency:g}hz"
-    stem = folder.free_stem(plan.study, f"{name}_{plan.condition.added_mass_kg:g}kg")
-    capture = Capture(plan.study / folder.CAPTURES / f"{stem}{SUFFIX}")
-    board.doing = f"{stem}: recording {plan.seconds:g} s"
-    try:
-        capture.add("M", time.monotonic(), _about(plan, board, generator, frequency, level))
-        _record(plan, board, generator, capture)
-    except BaseException as error:
-        if generator is not None:
-            with contextlib.suppress(AcquisitionError):  # close() tries again, and says so
-                generator.off()
-        _finish(board, capture)
-        _keep(plan, capture, str(error) if isinstance(error, AcquisitionError) else "interrupted")
-        raise
-    _finish(board, capture)
-    if generator is not None:
+    def _attempt(self, frequency: float | None) -> Converted:
+        """Bring the base to its level and record; the output is off afterwards, whatever ends it."""
+        level = None
+        if self.generator is not None and frequency is not None:
+            level = self._level(self.generator, frequency)
+        name = "broadband" if frequency is None else f"{frequency:g}hz"
+        stem = folder.free_stem(self.plan.study, f"{name}_{self.plan.condition.added_mass_kg:g}kg")
+        capture = Capture(self.plan.study / folder.CAPTURES / f"{stem}{SUFFIX}")
+        self.board.doing = f"{stem}: recording {self.plan.seconds:g} s"
         try:
-            generator.ramp_down()
-        except BaseException:
-            with contextlib.suppress(AcquisitionError):  # at once, before the conversion
-                generator.off()
-            _keep(plan, capture, "")
+            capture.add("M", time.monotonic(), self._about(frequency, level))
+            self._record(capture)
+            self.board.stop()
+            if self.generator is not None:
+                self.generator.ramp_down()
+                self.board.watch = None
+        except BaseException as error:
+            self._off()
+            self.board.stop()
+            capture.close()
+            self._keep(capture, str(error) if isinstance(error, AcquisitionError) else "interrupted")
             raise
-        board.watch = None
-    return convert(capture.files, plan.study, plan.limits)
+        capture.close()
+        one = convert(capture.files, self.plan.study, self.plan.limits)
+        self._tell(one)
+        return one
 
+    def _level(self, generator: Generator, frequency: float) -> Level:
+        self.board.doing = f"{frequency:g} Hz: finding the level"
+        wanted = self.plan.peak_to_peak
+        try:
+            level = reach(generator, self.board, frequency, wanted, self.plan.safety, self._volts_per * wanted)
+            self.board.collect(max(0.1, self.plan.settle_s))
+        except BaseException:
+            self._off()
+            raise
+        self._volts_per = level.volts / level.peak_to_peak
+        return level
 
-def _record(plan: Plan, board: Board, generator: Generator | None, capture: Capture) -> None:
-    """Until the planned samples are there.
+    def _off(self) -> None:
+        """At once; Generator.close() tries again, and says so if it fails."""
+        self.board.watch = None
+        if self.generator is not None:
+            with contextlib.suppress(AcquisitionError):
+                self.generator.off()
 
-    Raises:
-        AcquisitionError: over range, a full disk, the board is gone, or too slow.
-    """
-    timeline = board.start(capture)
-    wanted = round(plan.seconds * timeline.hello.rate_hz)
-    unplugs = board.unplugs
-    latest = time.monotonic() + 1.01 * plan.seconds + STALLED_S + board.reader.patience
-    while timeline.length < wanted:
-        board.pump()
-        over = {role: count for role, count in timeline.over_range.items() if count >= _OVER_RANGE}
-        if over:
-            raise AcquisitionError(
-                f"{', '.join(over)} went over range after {timeline.length / timeline.hello.rate_hz:.3g} s; choose a "
-                "larger range on the board or a lower acceleration."
-            )
-        if generator is not None and generator.is_on and board.unplugs > unplugs:
-            generator.off()  # nobody watches the base any more
-            board.watch = None
-        if time.monotonic() > latest:
-            raise AcquisitionError(
-                f"{board.reader.port_name}: {timeline.length} of {wanted} samples came in time; check the board's rate."
-            )
-        if capture.trouble:
-            raise AcquisitionError(f"{capture.trouble}.")
+    def _record(self, capture: Capture) -> None:
+        """Until the planned samples are there.
 
+        Raises:
+            Stalled: no samples, or too few in time. AcquisitionError: over range, a full disk, or the board is gone.
+        """
+        board, generator = self.board, self.generator
+        timeline = board.start(capture)
+        wanted = round(self.plan.seconds * timeline.hello.rate_hz)
+        unplugs = board.unplugs
+        latest = time.monotonic() + 1.01 * self.plan.seconds + STALLED_S + board.reader.patience
+        while timeline.length < wanted:
+            board.pump()
+            over = {role: count for role, count in timeline.over_range.items() if count >= _OVER_RANGE}
+            if over:
+                raise AcquisitionError(
+                    f"{', '.join(over)} went over range after {timeline.length / timeline.hello.rate_hz:.3g} s; choose "
+                    "a larger range on the board or a lower acceleration."
+                )
+            if generator is not None and generator.is_on and board.unplugs > unplugs:
+                generator.off()  # nobody watches the base any more
+                board.watch = None
+            if time.monotonic() > latest:
+                raise Stalled(
+                    f"{board.reader.port_name}: {timeline.length} of {wanted} samples came in time; check the board's "
+                    "rate."
+                )
+            if capture.trouble:
+                raise AcquisitionError(f"{capture.trouble}.")
 
-def _finish(board: Board, capture: Capture) -> None:
-    board.stop()
-    capture.close()
-
-
-def _keep(plan: Plan, capture: Capture, why: str) -> None:
-    """Write what a broken-off recording has; its capture file stays in any case."""
-    try:
-        console.print(str(convert(capture.files, plan.study, plan.limits, stopped=why)), soft_wrap=True)
-    except FasError as error:
+    def _keep(self, capture: Capture, why: str) -> None:
+        """Write what a broken-off recording has; its capture file stays in any case."""
         names = " ".join(str(file) for file in capture.files)
-        text = f"not converted ({error}) What was received: python -m fasbody.acquire recover {names}"
-        console.print(text, soft_wrap=True, markup=False)
+        try:
+            one = convert(capture.files, self.plan.study, self.plan.limits, stopped=why)
+        except FasError as error:
+            text = f"{error} To try again: python -m fasbody.acquire recover {names}"
+            console.print(text, soft_wrap=True, markup=False)
+            return
+        self._tell(one)
+        if one.problems:
+            text = f"to use it as it is: python -m fasbody.acquire recover {names} --longest"
+            console.print(text, soft_wrap=True, markup=False)
+
+    def _tell(self, one: Converted) -> None:
+        self.made.append(one)
+        console.print(str(one), soft_wrap=True, markup=False)
+
+    def _about(self, frequency: float | None, level: Level | None) -> dict[str, Any]:
+        """The first record of a capture: all that a recovery needs."""
+        reader = self.board.reader
+        return {
+            "format": "fasbody capture 1",
+            "started_utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
+            "condition": asdict(replace(self.plan.condition, frequency_hz=frequency)),
+            "seconds": self.plan.seconds,
+            "origin": self.plan.origin,
+            "preamble": self.board.decoder.preamble.hex(),
+            "port": reader.port_name,
+            "baud": reader.baud,
+            "computer": platform.platform(),
+            "generator": None if self.generator is None else self.generator.identity,
+            "wanted_peak_to_peak_m_s2": self.plan.peak_to_peak if level else None,
+            "level": asdict(level) if level else None,
+        }
 
 
-def _about(
-    plan: Plan, board: Board, generator: Generator | None, frequency: float | None, level: Level | None
-) -> dict[str, Any]:
-    """The first record of a capture: all that a recovery needs."""
-    return {
-        "format": "fasbody capture 1",
-        "started_utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
-        "condition": asdict(replace(plan.condition, frequency_hz=frequency)),
-        "seconds": plan.seconds,
-        "origin": plan.origin,
-        "preamble": board.decoder.preamble.hex(),
-        "port": board.reader.port_name,
-        "baud": board.reader.baud,
-        "computer": platform.platform(),
-        "generator": None if generator is None else generator.identity,
-        "wanted_peak_to_peak_m_s2": plan.peak_to_peak if level else None,
-        "level": asdict(level) if level else None,
-    }
+def _go_on(left: list[float]) -> str:
+    """How to record what a session could not, into the same study."""
+    if not left:
+        return "the same command records it anew"
+    option = f"--frequency {left[0]:g}"
+    if len(left) > 1:
+        option = f"--sweep {left[0]:g}:{left[-1]:g}:{left[1] - left[0]:g}"
+    return f"not recorded: {', '.join(f'{f:g}' for f in left)} Hz; go on with {option} and the same --out"

@@ -37,8 +37,10 @@ def read(file: Path, layout: Layout | None = None) -> Channels:
         return _long_enough(file, layout.aligned(read_csv(file, layout)))
     from fasbody.formats.reader import read_series
 
-    series = read_series(file)
-    wanted = layout.find(file, [s.name for s in series], [s.unit for s in series])
+    found = read_series(file)
+    series = [s for s in found if not s.what]
+    passed = [f"{s.name!r} is {s.what}" for s in found if s.what]
+    wanted = layout.find(file, [s.name for s in series], [s.unit for s in series], passed=passed)
     channels = {name: series[index].values * factor for name, (index, factor) in wanted.items()}
     sizes = {name: values.size for name, values in channels.items()}
     if len(set(sizes.values())) > 1:
@@ -63,8 +65,11 @@ def _long_enough(file: Path, channels: Channels) -> Channels:
     return channels
 
 
-def write(file: Path, channels: Channels) -> None:
+def write(file: Path, channels: Channels, matlab: str = "5") -> None:
     """Write channels in the format of the file's ending.
+
+    Args:
+        file: to write. channels: as `read` gives them. matlab: version of a .mat file, "5" or "7.3".
 
     Raises:
         InputFileError: no such format, or the folder cannot be written.
@@ -72,11 +77,16 @@ def write(file: Path, channels: Channels) -> None:
     import importlib
 
     from fasbody.console import write_whole
-    from fasbody.formats.series import need
+    from fasbody.formats.series import FormatError, need
 
     ending = file.suffix.lower()
     if ending not in ENDINGS:
         raise InputFileError(file, f"no format has the ending {ending!r}", f"valid: .csv, {', '.join(ENDINGS)}")
-    module = importlib.import_module(f"fasbody.formats.{ENDINGS[ending]}")
+    name = "mat73" if ending == ".mat" and matlab == "7.3" else ENDINGS[ending]
+    module = importlib.import_module(f"fasbody.formats.{name}")
     need(module.LIBRARY)
-    write_whole(file, module.encode(channels))
+    try:
+        content = module.encode(channels)
+    except FormatError as error:
+        raise InputFileError(file, str(error)) from None
+    write_whole(file, content)

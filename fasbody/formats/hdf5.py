@@ -1,5 +1,6 @@
 """HDF5 by h5py: every numeric dataset of one or two dimensions, with its `units` and `rate_hz` attributes."""
 
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -7,7 +8,16 @@ from typing import Any
 import numpy as np
 
 from fasbody.channels import Channels
-from fasbody.formats.series import MOST_SERIES, RATES, FormatError, Series, check_size, columns_of, with_rate
+from fasbody.formats.series import (
+    MOST_SERIES,
+    RATES,
+    FormatError,
+    Series,
+    check_size,
+    columns_of,
+    passed_over,
+    with_rate,
+)
 
 LIBRARY = "h5py"
 MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -31,7 +41,9 @@ def decode(file: Path) -> list[Series]:
         check_size(0, len(datasets))
         base_rate = _rate(source.attrs)
         for name, item in datasets:
-            if item.dtype.kind not in "fiub" or item.ndim > 2 or item.shape is None or name.startswith("#"):
+            what = _no_numbers(item)
+            if what or name.startswith("#"):
+                found += [] if name.startswith("#") else [passed_over(name, what)]
                 continue
             if item.external or item.is_virtual:
                 raise FormatError(f"keeps the data of {name!r} in other files; save them in the file itself")
@@ -43,11 +55,23 @@ def decode(file: Path) -> list[Series]:
     return with_rate([_short(s, found) for s in found])
 
 
+def _no_numbers(item: Any) -> str:
+    """What a dataset is if it is no vector or matrix of real numbers, else nothing."""
+    kind = item.attrs.get("MATLAB_class", b"")
+    if kind == b"char":
+        return "text"
+    if item.dtype.kind == "c" or item.dtype.names == ("real", "imag"):
+        return "complex"
+    if item.dtype.kind not in "fiub":
+        return "a cell array" if kind == b"cell" else "no numbers"
+    return "" if item.shape is not None and item.ndim <= 2 else "no vector or matrix"
+
+
 def _short(series: Series, among: list[Series]) -> Series:
     """Named without its group where that is unambiguous."""
     last = series.name.rsplit("/", 1)[-1]
     twice = sum(s.name.rsplit("/", 1)[-1] == last for s in among) > 1
-    return series if twice else Series(last, series.unit, series.values, series.rate_hz)
+    return series if twice else replace(series, name=last)
 
 
 def _rate(attributes: Any) -> float | None:

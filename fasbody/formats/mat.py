@@ -5,18 +5,24 @@ from pathlib import Path
 
 from fasbody.channels import Channels
 from fasbody.formats import hdf5
-from fasbody.formats.series import FormatError, Series, check_size, columns_of, with_rate
+from fasbody.formats.series import FormatError, Series, check_size, columns_of, passed_over, with_rate
 
 LIBRARY = "scipy"
 _NUMERIC = {
     "double", "single", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "logical",
 }  # fmt: skip
 
+_KINDS = {
+    "struct": "a structure (save its fields: save('file.mat', '-struct', 'name'))", "cell": "a cell array",
+    "char": "text", "sparse": "a sparse matrix", "function": "a function", "object": "an object",
+    "opaque": "an object (a table? save its columns)",
+}  # fmt: skip
+
 
 def decode(file: Path) -> list[Series]:
     """Numeric vectors and the columns of numeric matrices; a scalar named fs or rate_hz gives the rate.
 
-    Structures, cells, text and objects are passed over, never built.
+    Structures, cells, text, objects and complex numbers are passed over, the former never built.
     """
     from scipy.io import loadmat, whosmat
 
@@ -26,7 +32,8 @@ def decode(file: Path) -> list[Series]:
         return hdf5.decode(file)
     if head.lstrip()[:1] in (b"{", b"<") or not head:
         raise FormatError("is not a MATLAB file")
-    chosen = []
+    chosen: list[str] = []
+    found: list[Series] = []
     total = 0.0
     for name, shape, kind in whosmat(str(file)):
         size = 1.0
@@ -36,13 +43,20 @@ def decode(file: Path) -> list[Series]:
             total += size
             check_size(total)
             chosen.append(name)
+        elif not name.startswith("__"):
+            found.append(
+                passed_over(name, _KINDS.get(kind, f"of the class {kind}" if kind not in _NUMERIC else "no matrix"))
+            )
     if not chosen:
-        return []
+        return found
     loaded = loadmat(str(file), variable_names=chosen, chars_as_strings=False, struct_as_record=True)
-    found: list[Series] = []
     for name in chosen:
-        if getattr(loaded.get(name), "dtype", None) is not None and loaded[name].dtype.kind in "fiub":
-            found += columns_of(name, loaded[name])
+        values = loaded.get(name)
+        kind = getattr(getattr(values, "dtype", None), "kind", "")
+        if kind in ("f", "i", "u", "b"):
+            found += columns_of(name, values)
+        elif kind == "c":
+            found.append(passed_over(name, "complex"))
     return with_rate(found)
 
 

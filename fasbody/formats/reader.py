@@ -33,7 +33,7 @@ _lock = threading.Lock()
 
 
 def read_series(file: Path, patience_s: float = PATIENCE_S) -> list[Series]:
-    """All numeric columns of a binary file.
+    """All numeric columns of a binary file, and by name what else there is.
 
     Raises:
         InputFileError: no such file, too large, or not what its ending says.
@@ -58,7 +58,8 @@ def read_series(file: Path, patience_s: float = PATIENCE_S) -> list[Series]:
     values = np.frombuffer(data).copy()
     ends = np.cumsum([s["size"] for s in header["series"]])
     parts = np.split(values, ends[:-1]) if len(ends) else []
-    return [Series(s["name"], s["unit"], v, s["rate_hz"]) for s, v in zip(header["series"], parts, strict=True)]
+    told = header["series"]
+    return [Series(s["name"], s["unit"], v, s["rate_hz"], s["what"]) for s, v in zip(told, parts, strict=True)]
 
 
 def _reader() -> "_Child":
@@ -145,21 +146,22 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
         try:
             series = _format(file).decode(file)
             check_size(sum(s.values.size for s in series), len(series))
-            if not series:
-                raise FormatError("holds no numeric channel; save plain vectors, not structures or text")
-            header: dict = {
-                "series": [
-                    {"name": s.name, "unit": s.unit, "rate_hz": s.rate_hz, "size": s.values.size} for s in series
-                ]
-            }
+            if all(s.what for s in series):
+                others = ", ".join(f"{s.name!r} is {s.what}" for s in series[:5])
+                raise FormatError(f"holds no numeric channel{others and f' ({others})'}; save plain real vectors")
+            told = [
+                {"name": s.name, "unit": s.unit, "rate_hz": s.rate_hz, "size": s.values.size, "what": s.what}
+                for s in series
+            ]
+            header: dict = {"series": told}
         except FormatError as error:
             series, header = [], {"problem": str(error)}
         except MemoryError:
             series, header = [], {"problem": "needs more memory than a recording can (its header is damaged)"}
-        except Exception as error:
-            # Any error of a parser on a file from outside is a broken file; only its class is worth telling.
-            kind = file.suffix.lower()
-            series, header = [], {"problem": f"is not a sound {kind} file (its reader met {type(error).__name__})"}
+        except Exception:
+            # Any error of a parser on a file from outside is a broken file; its own words would tell a user nothing.
+            what = "it is damaged, cut off, or of another format"
+            series, header = [], {"problem": f"is not a sound {file.suffix.lower()} file; {what}"}
         text = json.dumps(header).encode()
         answers.write(f"{len(text):08x}".encode() + text)
         for s in series:

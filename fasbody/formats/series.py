@@ -1,7 +1,7 @@
 """What every format is read into, and the sizes beyond which a file is refused before anything is allocated."""
 
 import importlib.util
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,12 +19,23 @@ class FormatError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """One column of a file: name, unit ("" if the file does not say), (n,) values, rate [Hz] if the file says."""
+    """One column of a file.
+
+    Attributes:
+        name, unit: as in the file, unit "" if it does not say. values: (n,). rate_hz: if the file says.
+        what: empty, or what this is instead of a column of real numbers; it then has no values.
+    """
 
     name: str
     unit: str
     values: np.ndarray
     rate_hz: float | None = None
+    what: str = ""
+
+
+def passed_over(name: str, what: str) -> Series:
+    """Something in a file that is no column of real numbers, to be named in messages."""
+    return Series(name, "", np.empty(0), None, what)
 
 
 def check_size(samples: float, series: int = 1) -> None:
@@ -55,7 +66,20 @@ def with_rate(series: list[Series]) -> list[Series]:
     """Without the scalars; one that is named like a sampling rate becomes that of all others."""
     rates = [float(s.values[0]) for s in series if s.values.size == 1 and s.name.rsplit("/")[-1].lower() in RATES]
     rate = rates[0] if rates and 0 < rates[0] < 1e9 else None
-    return [Series(s.name, s.unit, s.values, s.rate_hz or rate) for s in series if s.values.size > 1]
+    return [replace(s, rate_hz=s.rate_hz or rate) for s in series if s.values.size > 1 or s.what]
+
+
+def step_of(time_s: np.ndarray) -> float:
+    """The sampling interval [s], for formats that store nothing else of the time.
+
+    Raises:
+        FormatError: the time is not uniform.
+    """
+    steps = np.diff(time_s)
+    step = float((time_s[-1] - time_s[0]) / steps.size) if steps.size else 0.0
+    if not (step > 0 and np.abs(steps - step).max() <= 0.5 * step):
+        raise FormatError("stores a sampling rate only, and this recording's time is not uniform; write .csv or .h5")
+    return step
 
 
 def need(library: str) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.channels import Channels
-from fasbody.formats.series import FormatError, Series, check_size
+from fasbody.formats.series import FormatError, Series, check_size, step_of
 
 LIBRARY = "nptdms"
 
@@ -49,8 +49,7 @@ def encode(channels: Channels) -> bytes:
     """One group with one waveform channel an accelerometer."""
     from nptdms import ChannelObject, RootObject, TdmsWriter
 
-    t = channels["time_s"]
-    step = float((t[-1] - t[0]) / (t.size - 1))
+    step = step_of(channels["time_s"])
     file = BytesIO()
     objects = [
         ChannelObject("foot", name, values, properties={"wf_increment": step, "unit_string": "m/s^2"})

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from fasbody.channels import Channels
-from fasbody.formats.series import FormatError, Series, check_size
+from fasbody.formats.series import FormatError, Series, check_size, step_of
 
 LIBRARY = "pyuff"
 _TIME_RESPONSE, _ACCELERATION, _TIME, _REAL = 1, 12, 17, 4
@@ -54,7 +54,7 @@ def encode(channels: Channels) -> bytes:
     import pyuff
 
     t = channels["time_s"]
-    step = float((t[-1] - t[0]) / (t.size - 1))
+    step = step_of(t)
     sets = []
     for node, (name, values) in enumerate(((k, v) for k, v in channels.items() if k != "time_s"), 1):
         sets.append(

@@ -4,12 +4,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 from rich.table import Table as Printed
 
-from fasbody.console import command_line, console, print_json, results, write_whole
+from fasbody.console import command_line, console, make_folder, print_json, results, write_whole
 from fasbody.exceptions import RecordingError, SettingError
-from fasbody.recording import Recording, StudyFolder
-from fasbody.transmissibility.findings import Finding, findings
+from fasbody.recording import StudyFolder, read_file
+from fasbody.transmissibility.findings import Finding, findings, summary
 from fasbody.transmissibility.table import Condition, Table
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -37,19 +38,23 @@ def main(
     if figure_format not in _ENDINGS:
         raise SettingError(f"figures cannot be {figure_format!r} (valid: {', '.join(_ENDINGS)}).")
     if not 0.05 <= resolution <= 20:
-        raise SettingError(f"a resolution of {resolution:g} Hz makes no curve (valid: 0.05 to 20).")
-    if study.is_dir():
-        table = Table.of(StudyFolder.open(study), resolution, jobs)
+        raise SettingError(f"--resolution {resolution:g} makes no curve (valid: 0.05 to 20 Hz).")
+    folder = out or (None if json_ else Path("results") / study.resolve().stem)
+    opened = StudyFolder.open(study) if study.is_dir() else read_file(study)
+    if folder is not None:
+        make_folder(folder)  # before the work: a folder that cannot be written costs no time
+    if isinstance(opened, StudyFolder):
+        table = Table.of(opened, resolution, jobs)
     else:
-        table = Table.of_recordings([Recording.read(study)], resolution)
+        table = Table.of_recordings([opened], resolution)
     if json_:
         print_json(table.frame.to_dict("records"))
     else:
         show(table)
-    folder = out or (None if json_ else Path("results") / study.resolve().stem)
+    console.print(f"Standard deviations hold {table.covers}.", markup=False, soft_wrap=True)
     if folder is not None:
         write(table, folder, figure_format)
-        console.print(f"tables and figures in [bold]{folder}[/]", soft_wrap=True)
+        console.print(f"tables and figures in [bold]{escape(str(folder))}[/]", soft_wrap=True)
     for problem in table.problems:
         console.print(f"not used: {problem}", markup=False, soft_wrap=True)
     if table.problems:
@@ -61,8 +66,9 @@ def show(table: Table) -> None:
     """Mean curves, resonance ranges and the findings, for people."""
     results.print(str(table))
     printed = Printed(
-        "pair", "posture", "load [kg]", "n", "resonance", "mean transmissibility (phase [deg]) by frequency [Hz]"
-    )
+        "pair", "posture", r"load \[kg]", "n", "resonance (section 2.3.1)", "shown beyond chance",
+        r"mean transmissibility (phase \[deg]) by frequency \[Hz]",
+    )  # fmt: skip
     for c in table.each():
         every = max(1, round(c.frequency_hz.size / 9))
         cells = [
@@ -70,7 +76,13 @@ def show(table: Table) -> None:
             for f, T, p in zip(c.frequency_hz[::every], c.mean[::every], c.mean_phase_deg[::every], strict=True)
         ]
         printed.add_row(
-            c.pair, c.posture, f"{c.added_mass_kg:g}", str(len(c.subjects)), str(c.resonance), ", ".join(cells)
+            c.pair,
+            escape(c.posture),
+            f"{c.added_mass_kg:g}",
+            str(len(c.subjects)),
+            str(c.resonance),
+            str(c.shown),
+            ", ".join(cells),
         )
     results.print(printed)
     stated = _findings(table)
@@ -81,10 +93,11 @@ def show(table: Table) -> None:
 def show_findings(stated: list[Finding], origin: str) -> None:
     """What sections 2.3 and 2.4 state, beside what came out."""
     printed = Printed("section", "the thesis states", f"came out ({origin})", "holds", "note")
+    colours = {"yes": "green", "no": "red", "not tested": "yellow"}
     for f in stated:
-        printed.add_row(f.section, f.says, f.came_out, "[green]yes[/]" if f.holds else "[red]no[/]", f.note)
+        printed.add_row(f.section, f.says, f.came_out, f"[{colours[f.verdict]}]{f.verdict}[/]", f.note)
     results.print(printed)
-    results.print(f"{sum(f.holds for f in stated)} of {len(stated)} statements hold.")
+    results.print(summary(stated))
     if origin == "synthetic":
         results.print("The virtual subjects were calibrated to these statements: agreement is no evidence for them.")
 
@@ -149,6 +162,7 @@ def comparable(table: Table) -> dict[str, list[Condition]]:
 def _single_mass(table: Table):  # type: ignore[no-untyped-def]
     """Figure 2.10 with the study's own mean MB in it, unloaded or of the first condition."""
     import numpy as np
+    from scipy import stats
 
     from fasbody import sdof
     from fasbody.transmissibility import figures
@@ -156,8 +170,8 @@ def _single_mass(table: Table):  # type: ignore[no-untyped-def]
     condition = table.conditions[0]
     c = table.curves("MB", *condition)
     n = np.isfinite(c.T).sum(axis=0)
-    if n.min() > 1:
-        std = np.nanstd(c.T, axis=0, ddof=1) / np.sqrt(n)
+    if n.min() > 1:  # the quantile of so few subjects over the 1.96 that the figure takes
+        std = np.nanstd(c.T, axis=0, ddof=1) / np.sqrt(n) * stats.t.ppf(0.975, n - 1) / 1.96
     else:
         rows = table.frame[table.frame["pair"] == "MB"].groupby("frequency_hz")["transmissibility_std"].mean()
         std = np.maximum(rows.reindex(c.frequency_hz).to_numpy(), 0.01)

@@ -7,6 +7,7 @@ import pandas as pd
 
 from fasbody import statistics
 from fasbody.exceptions import RecordingError
+from fasbody.resonance import Resonance
 from fasbody.transmissibility.table import Condition, Table
 
 
@@ -64,12 +65,17 @@ def _holm(part: list[dict[str, Any]]) -> None:
 
 
 def resonances(table: Table) -> pd.DataFrame:
-    """Resonance range of each pair and condition by the rule of section 2.3.1."""
+    """Resonance range of each pair and condition by the rule of section 2.3.1, and what is shown beyond chance."""
     return pd.DataFrame(
         [
-            {"pair": c.pair, "posture": c.posture, "added_mass_kg": c.added_mass_kg, "kind": c.resonance.kind,
+            {"pair": c.pair, "posture": c.posture, "added_mass_kg": c.added_mass_kg, "kind": _kind(c.resonance),
              "low_hz": c.resonance.low, "high_hz": c.resonance.high, "top_hz": c.resonance.top,
+             "shown_kind": _kind(c.shown), "shown_low_hz": c.shown.low, "shown_high_hz": c.shown.high,
              "subjects": len(c.subjects)}
             for c in table.each()
         ]
     )  # fmt: skip
+
+
+def _kind(resonance: Resonance) -> str:
+    return resonance.kind if resonance.tested else str(resonance)

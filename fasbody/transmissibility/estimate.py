@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fasbody.channels import Channel
 from fasbody.checks import checked
 from fasbody.filters import CUTOFF_HZ, peak_to_peak
 from fasbody.recording import Recording
@@ -21,7 +22,8 @@ class Row:
     """One line of the table; an estimate that does not exist is NaN.
 
     `phase_deg` is that of the output relative to the input, negative where it lags. Standard deviations are those of
-    the estimate, from the residual of the fit (or the coherence), not those between subjects.
+    the estimate, not those between subjects: noise, from the residual of the fit or the coherence, and the uncertain
+    gain and delay of the two channels as far as study.toml states them (gain_std, delay_std_s).
     """
 
     file: str
@@ -79,11 +81,22 @@ def _by_peaks(recording: Recording, out: np.ndarray, into: np.ndarray) -> float:
 
 def _row(recording: Recording, f: float, pair: str, H: complex, std: float, by_peaks: float) -> Row:
     c = recording.condition
-    spread = float(np.degrees(std / abs(H))) if abs(H) else float("nan")
+    gain, delay_s = systematic(recording, pair)
+    noise_deg = np.degrees(std / abs(H)) if abs(H) else np.nan
+    T_std, phase_std = np.hypot(std, abs(H) * gain), np.hypot(noise_deg, 360 * f * delay_s)
     return Row(
-        recording.file, c.subject, c.posture, c.added_mass_kg, float(f), pair, abs(H), std,
-        float(np.degrees(np.angle(H))), spread, by_peaks,
+        recording.file, c.subject, c.posture, c.added_mass_kg, float(f), pair, abs(H), float(T_std),
+        float(np.degrees(np.angle(H))), float(phase_std), by_peaks,
     )  # fmt: skip
+
+
+def systematic(recording: Recording, pair: str) -> tuple[float, float]:
+    """Standard uncertainty of a pair's relative gain, and of its delay [s], as study.toml states them of its channels.
+
+    The channels are taken for independent. Repeating a recording with the same sensors does not make these smaller.
+    """
+    a, b = (recording.calibration.get(name, Channel()) for name in PAIRS[pair])
+    return float(np.hypot(a.gain_std, b.gain_std)), float(np.hypot(a.delay_std_s, b.delay_std_s))
 
 
 def _broadband(

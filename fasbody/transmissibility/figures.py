@@ -81,14 +81,14 @@ def subjects(table: Table, pair: str, conditions: Sequence[Condition]) -> Figure
             axis.plot(c.frequency_hz, mean, "o", ms=3.5, color=colour)
         top.axhline(1, lw=0.8, ls="--", color="#444444")
         r = c.resonance
-        if r.kind != "none":
+        if r.found:
             for axis in (top, bottom):
                 axis.axvspan(*_widened(r.low, r.high), color=colour, alpha=0.12, lw=0)
         top.set_title(f"{_name(condition, conditions)}  (n = {len(c.subjects)})\n{_said(c)}")
         bottom.set_xlabel("frequency [Hz]")
     axes[0, 0].set_ylabel(f"{pair} transmissibility")
     axes[1, 0].set_ylabel(f"{pair} phase lag [deg]")
-    return _origin(figure, table, "thin: subjects; heavy: mean; shaded: resonance range by paired t tests, p < 0.05")
+    return _origin(figure, table, "thin: subjects; heavy: mean; shaded: resonance range by section 2.3.1")
 
 
 def _widened(low: float, high: float) -> tuple[float, float]:
@@ -96,6 +96,8 @@ def _widened(low: float, high: float) -> tuple[float, float]:
 
 
 def _said(c: Curves) -> str:
+    if not c.resonance.tested:
+        return f"resonance {c.resonance}"
     return "no peak or plateau" if c.resonance.kind == "none" else str(c.resonance)
 
 
@@ -104,6 +106,7 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
     """Figures 2.5 and 2.8: means with 95 % intervals for every pair, an arrow at each resonance."""
     pairs = table.pairs
     figure, axes = _new(2, len(pairs), 2.5 * len(pairs) + 0.6, 4.8, sharex=True, sharey="row")
+    highest = 0.0
     for column, pair in enumerate(pairs):
         top, bottom = axes[0, column], axes[1, column]
         for i, condition in enumerate(conditions):
@@ -119,45 +122,60 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
             bottom.plot(*_smooth(c.frequency_hz, -c.mean_phase_deg), lw=1.4, color=colour)
             bottom.plot(c.frequency_hz, -c.mean_phase_deg, marker, ms=3.5, color=colour)
             r = c.resonance
-            if r.kind != "none":
+            if r.found:
                 middle = 0.5 * (r.low + r.high)
-                level = float(np.interp(middle, c.frequency_hz, c.mean + half))
+                level = float(np.interp(middle, c.frequency_hz, c.mean + np.nan_to_num(half)))
                 style = {"arrowstyle": "-|>", "color": colour, "lw": 1.2}
                 top.annotate("", (middle, level + 0.02), (middle, level + 0.14), arrowprops=style)
+                highest = max(highest, level + 0.17)
         top.axhline(1, lw=0.8, ls="--", color="#444444")
         top.set_title(_PAIRS[pair])
         top.margins(y=0.12)
+        highest = max(highest, top.get_ylim()[1])
         bottom.set_xlabel("frequency [Hz]")
+    axes[0, 0].set_ylim(top=highest)  # the axes share it; an arrow must not run into a title
     axes[0, 0].set_ylabel("mean transmissibility")
     axes[1, 0].set_ylabel("mean phase lag [deg]")
     axes[0, -1].legend(loc="upper right", fontsize=8)
-    return _origin(figure, table, "bars: 95 % intervals of the mean; arrows: observed resonance (peak or plateau)")
+    alone = not any(np.isfinite(_half_interval(c.T)).any() for c in table.each())
+    bars = "one subject, no intervals" if alone else "bars: 95 % intervals of the mean"
+    return _origin(figure, table, f"{bars}; arrows: resonance (peak or plateau) by section 2.3.1")
 
 
 _PAIRS = {"MB": "MB: malleolus / base", "TB": "TB: tuberosity / base", "TM": "TM: tuberosity / malleolus"}
 
 
 def _half_interval(T: np.ndarray) -> np.ndarray:
+    """Half of the 95 % interval of each mean (f,), NaN where fewer than two subjects were measured."""
     from scipy.stats import t
 
     n = np.isfinite(T).sum(axis=0)
-    if n.min() < 2:
-        return np.zeros(T.shape[1])
-    return t.ppf(0.975, n - 1) * np.nanstd(T, axis=0, ddof=1) / np.sqrt(n)
+    half = np.full(n.size, np.nan)
+    known = n > 1
+    half[known] = t.ppf(0.975, n[known] - 1) * np.nanstd(T[:, known], axis=0, ddof=1) / np.sqrt(n[known])
+    return half
+
+
+#: Fewer subjects than this have no 80 % band: the lines themselves are drawn.
+_BAND_OF = 10
 
 
 @_styled
 def spectrum(table: Table, conditions: Sequence[Condition]) -> Figure:
-    """Broadband excitation: mean curves over a fine frequency axis, with the band of subjects."""
+    """Broadband excitation: mean curves over a fine frequency axis, with the band of subjects, or each of a few."""
     pairs = table.pairs
+    few = min(len(table.curves(pair, *c).subjects) for pair in pairs for c in conditions) < _BAND_OF
     figure, axes = _new(2, len(pairs), 2.5 * len(pairs) + 0.6, 4.6, sharex=True, sharey="row")
     for column, pair in enumerate(pairs):
         for i, condition in enumerate(conditions):
             c = table.curves(pair, *condition)
             colour = _COLOURS[i % len(_COLOURS)]
             for axis, rows in ((axes[0, column], c.T), (axes[1, column], -c.phase_deg)):
-                low, high = np.nanquantile(rows, [0.1, 0.9], axis=0)
-                axis.fill_between(c.frequency_hz, low, high, color=colour, alpha=0.15, lw=0)
+                if few:
+                    axis.plot(c.frequency_hz, rows.T, lw=0.5, color=colour, alpha=0.4)
+                else:
+                    low, high = np.nanquantile(rows, [0.1, 0.9], axis=0)
+                    axis.fill_between(c.frequency_hz, low, high, color=colour, alpha=0.15, lw=0)
                 axis.plot(
                     c.frequency_hz, np.nanmean(rows, axis=0), lw=1.6, color=colour, label=_name(condition, conditions)
                 )
@@ -167,7 +185,7 @@ def spectrum(table: Table, conditions: Sequence[Condition]) -> Figure:
     axes[0, 0].set_ylabel("mean transmissibility (H1)")
     axes[1, 0].set_ylabel("mean phase lag [deg]")
     axes[0, -1].legend(loc="upper right", fontsize=8)
-    return _origin(figure, table, "bands: 80 % of the subjects")
+    return _origin(figure, table, "heavy: mean; " + ("thin: subjects" if few else "bands: 80 % of the subjects"))
 
 
 @_styled

@@ -1,13 +1,16 @@
 """The findings that sections 2.3 and 2.4 state, each beside what came out of a study."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from fasbody import statistics
+from fasbody.exceptions import RecordingError
+from fasbody.resonance import Resonance
 from fasbody.statistics import one_sample
-from fasbody.transmissibility.table import Curves, Table
+from fasbody.transmissibility.table import Condition, Curves, Table
 
 LOADS = (("midstance", 0.0), ("midstance", 2.3), ("midstance", 4.5))
 POSTURES = (("midstance", 0.0), ("plantarflexion", 0.0), ("dorsiflexion", 0.0))
@@ -15,16 +18,31 @@ POSTURES = (("midstance", 0.0), ("plantarflexion", 0.0), ("dorsiflexion", 0.0))
 
 @dataclass(frozen=True)
 class Finding:
-    """One statement: where it is made, what it says, what came out, whether that is the same; a note on conflicts."""
+    """One statement: where it is made, what it says, what came out, whether that is the same; a note on conflicts.
+
+    `holds` is None where too few subjects or frequencies were measured to test it, which is not success.
+    """
 
     section: str
     says: str
     came_out: str
-    holds: bool
+    holds: bool | None
     note: str = ""
 
+    @property
+    def verdict(self) -> str:
+        """One of yes, no, not tested."""
+        return "not tested" if self.holds is None else "yes" if self.holds else "no"
+
     def __str__(self) -> str:
-        return f"{self.says}: {self.came_out} ({'holds' if self.holds else 'does not hold'})"
+        return f"{self.says}: {self.came_out} ({self.verdict})"
+
+
+def summary(stated: Sequence[Finding]) -> str:
+    """How many hold, of those that could be tested."""
+    tested = [f.holds for f in stated if f.holds is not None]
+    left = f", {len(stated) - len(tested)} could not be tested" if len(tested) < len(stated) else ""
+    return f"{sum(tested)} of {len(tested)} statements hold{left}."
 
 
 _SECOND = "the text prints 'below' here; 'above' is meant"
@@ -51,7 +69,7 @@ def _loads(table: Table) -> list[Finding]:
 
 
 def _malleolus(table: Table) -> list[Finding]:
-    mb = [table.curves("MB", *c) for c in LOADS]
+    mb = _curves(table, "MB", LOADS)
     made = []
     free = _unity(mb[0])
     made.append(_judge("2.3.1", "MB unloaded above 1 below 40 Hz", free, lambda f, v: f >= 40 or v == "above"))
@@ -62,23 +80,28 @@ def _malleolus(table: Table) -> list[Finding]:
     for curves, (kind, low, high) in zip(mb, _RESONANCES, strict=True):
         r = curves.resonance
         says = f"MB resonance with {curves.added_mass_kg:g} kg: {low}-{high} Hz ({kind})"
-        made.append(Finding("2.3.1", says, str(r), (r.kind, r.low, r.high) == (kind, low, high)))
+        made.append(Finding("2.3.1", says, str(r), _is(r, kind, low, high)))
     slow = mb[0].frequency_hz < 20
-    falls = bool(np.all(mb[0].mean[slow] > mb[1].mean[slow]) and np.all(mb[1].mean[slow] > mb[2].mean[slow]))
+    falls = np.concatenate([a.mean[slow] - b.mean[slow] for a, b in pairwise(mb)])
     at_10 = ", ".join(f"{c.mean[0]:.2f}" for c in mb)
-    made.append(Finding("2.4", "MB below 20 Hz falls with load", f"at 10 Hz {at_10}", falls))
+    made.append(Finding("2.4", "MB below 20 Hz falls with load", f"at 10 Hz {at_10}", _all(falls, falls > 0)))
     for curves, (_, from_hz, to_hz) in zip(mb, _RESONANCES, strict=True):
-        lag = -curves.mean_phase_deg
-        steps = np.diff(lag)
+        says = f"MB phase with {curves.added_mass_kg:g} kg steepest within 5 Hz of the resonance"
+        steps = -np.diff(curves.mean_phase_deg)
+        if not np.isfinite(steps).all():
+            made.append(Finding("2.3.1", says, _GAPS, None))
+            continue
         at = int(np.argmax(steps))
         f = curves.frequency_hz
-        says = f"MB phase with {curves.added_mass_kg:g} kg steepest within 5 Hz of the resonance"
         came = f"steepest {f[at]:g}-{f[at + 1]:g} Hz ({steps[at]:.1f} degrees in {f[at + 1] - f[at]:g} Hz)"
         made.append(Finding("2.3.1", says, came, bool(f[at] >= from_hz - 5 and f[at + 1] <= to_hz + 5)))
     for curves in mb[1:]:
-        less = curves.mean_phase_deg - mb[0].mean_phase_deg
-        at, f = int(np.argmax(less)), curves.frequency_hz
         says = f"lag of MB less with {curves.added_mass_kg:g} kg, most at 30-35 Hz"
+        less = curves.mean_phase_deg - mb[0].mean_phase_deg
+        if not np.isfinite(less).all():
+            made.append(Finding("2.3.1", says, _GAPS, None))
+            continue
+        at, f = int(np.argmax(less)), curves.frequency_hz
         came = (
             f"most at {f[at]:g} Hz ({less[at]:.0f} degrees; {less[0]:.0f} at {f[0]:g}, {less[-1]:.0f} at {f[-1]:g} Hz)"
         )
@@ -90,34 +113,35 @@ _RESONANCES = (("plateau", 15, 25), ("peak", 30, 35), ("peak", 35, 40))
 
 
 def _tuberosity(table: Table) -> list[Finding]:
-    tb = [table.curves("TB", *c) for c in LOADS]
+    tb = _curves(table, "TB", LOADS)
     made = []
-    p = statistics.one_way(table.levels("TB", LOADS, 10.0)).p
-    made.append(Finding("2.3.1", "TB at 10 Hz differs between the loads", f"p = {p:.2g}", bool(p < statistics.ALPHA)))
-    made.append(
-        Finding("2.3.1", "TB unloaded without peak or plateau", str(tb[0].resonance), tb[0].resonance.kind == "none")
-    )
+    p = _differ(table, "TB", LOADS, tb[0].frequency_hz[:1])
+    came = _GAPS if np.isnan(p[0]) else f"p = {p[0]:.2g}"
+    made.append(Finding("2.3.1", "TB at 10 Hz differs between the loads", came, _all(p, p < statistics.ALPHA)))
+    r = tb[0].resonance
+    made.append(Finding("2.3.1", "TB unloaded without peak or plateau", str(r), _is(r, "none")))
     for curves in tb[1:]:
         r = curves.resonance
         says = f"TB peak with {curves.added_mass_kg:g} kg: 25-30 Hz"
         note = _TENSION if curves.added_mass_kg > 3 else ""
-        made.append(Finding("2.3.1", says, str(r), (r.kind, r.low, r.high) == ("peak", 25, 30), note))
+        made.append(Finding("2.3.1", says, str(r), _is(r, "peak", 25, 30), note))
     f = tb[1].frequency_hz
-    same = [statistics.one_way(table.levels("TB", LOADS[1:], x)).p >= statistics.ALPHA for x in f]
+    p = _differ(table, "TB", LOADS[1:], f)
     middle = (f >= 15) & (f <= 35)
-    came = "equal at " + (", ".join(f"{x:g}" for x in f[np.array(same)]) or "no") + " Hz (one-way ANOVA)"
-    made.append(
-        Finding("2.3.1", "TB alike with 2.3 and 4.5 kg at 15-35 Hz", came, bool(np.all(np.array(same)[middle])))
-    )
+    came = "equal at " + (", ".join(f"{x:g}" for x in f[p >= statistics.ALPHA]) or "no") + " Hz (one-way ANOVA)"
+    alike = _all(p[middle], p[middle] >= statistics.ALPHA)
+    made.append(Finding("2.3.1", "TB alike with 2.3 and 4.5 kg at 15-35 Hz", came, alike))
     for limits, note in (((30, 35, 40), _CONFLICT), ((40, 45, 50), f"{_SECOND}; {_CONFLICT}")):
         for curves, limit in zip(tb, limits, strict=True):
             says = f"TB with {curves.added_mass_kg:g} kg below 1 {'at' if limit == 50 else 'above'} {limit} Hz"
             first = 50 if limit == 50 else limit + 1  # the text says "at 50 Hz", and "above" for the others
-            made.append(_judge("2.3.1", says, _unity(curves), lambda f, v, at=first: f < at or v == "below", note))
+            said = note if curves.added_mass_kg else note.removesuffix(f"; {_CONFLICT}")  # it concerns the loads
+            made.append(_judge("2.3.1", says, _unity(curves), lambda f, v, at=first: f < at or v == "below", said))
     for c, limit in zip(LOADS, (25, 40, 40), strict=True):
-        tm = table.curves("TM", *c)
+        tm = _curves(table, "TM", [c])[0]
+        r = tm.resonance
         says = f"TM with {c[1]:g} kg without a peak"
-        made.append(Finding("2.3.1", says, str(tm.resonance), tm.resonance.kind != "peak"))
+        made.append(Finding("2.3.1", says, str(r), r.kind != "peak" if r.tested else None))
         says = f"TM with {c[1]:g} kg below 1 above {limit} Hz"
         made.append(_judge("2.3.1", says, _unity(tm), lambda f, v, at=limit: f == at or (v == "below") == (f > at)))
     return made
@@ -126,38 +150,71 @@ def _tuberosity(table: Table) -> list[Finding]:
 def _postures(table: Table) -> list[Finding]:
     made = []
     for pair in table.pairs:
-        f = table.curves(pair, *POSTURES[0]).frequency_hz
-        p = np.array([statistics.one_way(table.levels(pair, POSTURES, x)).p for x in f])
+        f = _frequencies(table)
+        p = _differ(table, pair, POSTURES, f)
         hits = ", ".join(f"{x:g}" for x in f[p < statistics.ALPHA]) or "no"
         if pair == "TM":
-            says, right = "TM does not differ between postures", not np.any(p < statistics.ALPHA)
+            says, right = "TM does not differ between postures", p >= statistics.ALPHA
         else:
             says = f"{pair} differs between postures at 10 Hz only"
-            right = bool(p[0] < statistics.ALPHA and not np.any(p[1:] < statistics.ALPHA))
-        made.append(Finding("2.3.2", says, f"differs at {hits} Hz (one-way ANOVA, p < 0.05)", bool(right)))
-    r = table.curves("MB", *POSTURES[1]).resonance
-    right = (r.kind, r.low, r.high) == ("plateau", 15, 25)
-    made.append(Finding("2.3.2", "MB in plantarflexion: plateau 15-25 Hz", str(r), right))
-    r = table.curves("MB", *POSTURES[2]).resonance
-    made.append(Finding("2.3.2", "MB in dorsiflexion without a resonance", str(r), r.kind == "none"))
+            right = (p < statistics.ALPHA) == (f == 10)
+        made.append(Finding("2.3.2", says, f"differs at {hits} Hz (one-way ANOVA, p < 0.05)", _all(p, right)))
+    plantar, dorsi = (c.resonance for c in _curves(table, "MB", POSTURES[1:]))
+    says = "MB in plantarflexion: plateau 15-25 Hz"
+    made.append(Finding("2.3.2", says, str(plantar), _is(plantar, "plateau", 15, 25)))
+    made.append(Finding("2.3.2", "MB in dorsiflexion without a resonance", str(dorsi), _is(dorsi, "none")))
     return made
 
 
-def _unity(curves: Curves) -> list[tuple[float, str, float]]:
-    """Frequency, verdict against unity and mean."""
-    return [
-        (float(f), one_sample(values).verdict, float(np.nanmean(values)))
-        for f, values in zip(curves.frequency_hz, curves.T.T, strict=True)
-    ]
+_GAPS = "not measured at every frequency"
+
+
+def _frequencies(table: Table) -> np.ndarray:
+    return np.sort(table.frame["frequency_hz"].unique())
+
+
+def _curves(table: Table, pair: str, conditions: Sequence[Condition]) -> list[Curves]:
+    """Curves on the frequencies of the whole table, so that they can be compared; gaps are NaN."""
+    return [table.curves(pair, *c).on(_frequencies(table)) for c in conditions]
+
+
+def _differ(table: Table, pair: str, conditions: Sequence[Condition], frequency_hz: np.ndarray) -> np.ndarray:
+    """p of the one-way analysis of variance at each frequency (f,), NaN where it cannot be made."""
+    found = []
+    for f in frequency_hz:
+        try:
+            found.append(statistics.one_way(table.levels(pair, conditions, float(f))).p)
+        except RecordingError:
+            found.append(np.nan)
+    return np.array(found)
+
+
+def _all(known: np.ndarray, right: np.ndarray) -> bool | None:
+    """Whether all is right; None if a number is missing for that."""
+    return bool(np.all(right)) if np.isfinite(known).all() else None
+
+
+def _is(r: Resonance, kind: str, low: float = np.nan, high: float = np.nan) -> bool | None:
+    """Whether a resonance is of a kind and at a place; None if it was not tested."""
+    return r.kind == kind and (kind == "none" or (r.low, r.high) == (low, high)) if r.tested else None
+
+
+def _unity(curves: Curves) -> list[tuple[float, str]]:
+    """Frequency and verdict against unity."""
+    found = []
+    for f, values in zip(curves.frequency_hz, curves.T.T, strict=True):
+        try:
+            found.append((float(f), one_sample(values).verdict))
+        except RecordingError:
+            found.append((float(f), "untested"))
+    return found
 
 
 def _judge(
-    section: str,
-    says: str,
-    against_unity: list[tuple[float, str, float]],
-    right: Callable[..., bool],
-    note: str = "",
+    section: str, says: str, against_unity: list[tuple[float, str]], right: Callable[..., bool], note: str = ""
 ) -> Finding:
-    signs = {"above": ">", "below": "<", "equal": "="}
-    came = " ".join(f"{f:g}{signs[v]}" for f, v, _ in against_unity)
-    return Finding(section, says, f"Hz against 1: {came}", all(right(f, v) for f, v, _ in against_unity), note)
+    signs = {"above": ">", "below": "<", "equal": "=", "untested": "?"}
+    came = " ".join(f"{f:g}{signs[v]}" for f, v in against_unity)
+    tested = all(v != "untested" for _, v in against_unity)
+    holds = all(right(f, v) for f, v in against_unity) if tested else None
+    return Finding(section, says, f"Hz against 1: {came}", holds, note)

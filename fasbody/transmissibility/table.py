@@ -1,7 +1,7 @@
 """The tidy table of a study, and what is made of it: curves by subject, resonance ranges, tests, files."""
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,14 +10,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from fasbody import statistics
+from fasbody.channels import Channel
 from fasbody.exceptions import FasError, RecordingError
 from fasbody.parallel import run
-from fasbody.recording import Recording, StudyFolder, Trial
-from fasbody.statistics import Resonance
+from fasbody.recording import Recording, StudyFolder
+from fasbody.resonance import Resonance, by_thesis, shown
 from fasbody.transmissibility.estimate import PAIRS, Row, rows, unwrapped
+from fasbody.trials import Trial
 
 Condition = tuple[str, float]  # posture, added mass [kg]
+#: What the standard deviations hold where study.toml says nothing of the sensors.
+NOISE_ONLY = "noise only; gain and delay of the sensors are not in them (study.toml: gain_std, delay_std_s)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,20 +43,31 @@ class Curves:
     @property
     def mean(self) -> np.ndarray:
         """(f,) mean transmissibility over subjects."""
-        return np.nanmean(self.T, axis=0)
+        return _mean(self.T)
 
     @property
     def mean_phase_deg(self) -> np.ndarray:
         """(f,) mean phase."""
-        return np.nanmean(self.phase_deg, axis=0)
+        return _mean(self.phase_deg)
 
     @cached_property
     def resonance(self) -> Resonance:
-        """By the rule of section 2.3.1; "none" with fewer than three subjects or frequencies."""
-        try:
-            return statistics.resonance(self.frequency_hz, self.T)
-        except RecordingError:
-            return Resonance("none")
+        """By the rule of section 2.3.1."""
+        return by_thesis(self.frequency_hz, self.T)
+
+    @cached_property
+    def shown(self) -> Resonance:
+        """By tests that can show a plateau, or its lack."""
+        return shown(self.frequency_hz, self.T)
+
+    def on(self, frequency_hz: np.ndarray) -> "Curves":
+        """The same on other frequencies, NaN where nothing was measured."""
+        place = [np.flatnonzero(self.frequency_hz == f) for f in frequency_hz]
+        T, phase = (np.full((len(self.subjects), len(place)), np.nan) for _ in range(2))
+        for column, at in enumerate(place):
+            if at.size:
+                T[:, column], phase[:, column] = self.T[:, at[0]], self.phase_deg[:, at[0]]
+        return replace(self, frequency_hz=np.asarray(frequency_hz, float), T=T, phase_deg=phase)
 
     @property
     def title(self) -> str:
@@ -63,11 +77,17 @@ class Curves:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """All rows of a study, as a data frame with the columns of `Row`; problems: sentences on unusable recordings."""
+    """All rows of a study.
+
+    Attributes:
+        frame: with the columns of `Row`. origin: of the data. problems: sentences on unusable recordings.
+        covers: what the standard deviations of the rows hold.
+    """
 
     frame: pd.DataFrame
     origin: str
     problems: tuple[str, ...] = ()
+    covers: str = NOISE_ONLY
 
     @classmethod
     def of(cls, study: StudyFolder, resolution_hz: float = 1.0, processes: int = 0) -> "Table":
@@ -80,13 +100,13 @@ class Table:
         problems = tuple(part for part in ordered if isinstance(part, str))
         if not lines:
             raise RecordingError(problems[0])
-        return cls(pd.DataFrame(lines), study.origin, problems)
+        return cls(pd.DataFrame(lines), study.origin, problems, covered(study.layout.channels))
 
     @classmethod
     def of_recordings(cls, recordings: Sequence[Recording], resolution_hz: float = 1.0) -> "Table":
         """Analyse recordings in memory."""
         lines = [row.document() for recording in recordings for row in rows(recording, resolution_hz)]
-        return cls(pd.DataFrame(lines), recordings[0].origin)
+        return cls(pd.DataFrame(lines), recordings[0].origin, (), covered(recordings[0].calibration))
 
     def __str__(self) -> str:
         subjects, files = self.frame["subject"].nunique(), self.frame["file"].nunique()
@@ -141,13 +161,29 @@ class Table:
         keys = ["subject", "posture", "added_mass_kg", "pair", "frequency_hz"]
         values = [c for c in self.frame.columns if c not in (*keys, "file")]
         data: Any = xarray.Dataset.from_dataframe(self.frame.groupby(keys)[values].mean())
-        data.attrs |= {"origin": self.origin, "source": "fasbody.transmissibility"}
+        data.attrs |= {"origin": self.origin, "source": "fasbody.transmissibility", "standard_deviations": self.covers}
         for name in values:
             data[name].attrs["units"] = "degree" if "deg" in name else "1"
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "table.nc"
             data.to_netcdf(file, engine="h5netcdf")
             return file.read_bytes()
+
+
+def covered(channels: Mapping[str, Channel]) -> str:
+    """What the standard deviations hold, given what study.toml says of the channels."""
+    stated = [n for n, c in channels.items() if c.gain_std or c.delay_std_s]
+    if not stated:
+        return NOISE_ONLY
+    return f"noise, and the uncertain gains and delays that study.toml states ({', '.join(stated)})"
+
+
+def _mean(values: np.ndarray) -> np.ndarray:
+    """Over the subjects; NaN at a frequency that nobody was measured at."""
+    known = np.isfinite(values).any(axis=0)
+    mean = np.full(values.shape[1], np.nan)
+    mean[known] = np.nanmean(values[:, known], axis=0)
+    return mean
 
 
 def _order(posture: str) -> tuple[int, str]:

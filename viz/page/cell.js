@@ -9,8 +9,8 @@ const stage = new Stage(byId("pane"), CAMERAS);
 stage.addGround(-0.055);
 const state = { mode: 1, amplitude: 1, slow: 1, opacity: 0.55, lines: true };
 const stats = { frames: 0, motions: 0 };
-let cell = null, parts = [], playing = true, time = 0, last = 0, fresh = false;
-const chosen = () => cell.modes[state.mode - 1], length = () => 1 / chosen().hz, phase = () => ((time / length()) % 1 + 1) % 1;
+let cell = null, parts = [];
+const chosen = () => cell.modes[state.mode - 1], length = () => 1 / chosen().hz, stepping = () => 48;
 
 // ---- controls -------------------------------------------------------------------------------------------------------
 function buildControls() {
@@ -22,9 +22,9 @@ function buildControls() {
   });
   const first = cell.modes[0].hz, picture = byId("showing");
   slider(picture, "amplitude", "Largest displacement", "µm", 0, cell.height_um, state.amplitude, v => { state.amplitude = v; fresh = true; },
-    { hint: "A mode shape has no size of its own; this one is for the picture." });
-  slider(picture, "slow", "Slow motion", "× slower", 0.2 * first, 20 * first, state.slow, v => { state.slow = v; fresh = true; }, { log: true });
-  slider(picture, "opacity", "Cell's opacity", "", 0.1, 1, state.opacity, v => { state.opacity = v; fresh = true; }, { step: 0.01 });
+    { hint: "A mode shape has no size of its own; this one is for the picture.", nominal: 0.5 * cell.height_um });
+  slider(picture, "slow", "Slow motion", "× slower", 0.2 * first, 20 * first, state.slow, v => { state.slow = v; fresh = true; }, { log: true, nominal: 2 * first });
+  slider(picture, "opacity", "Cell's opacity", "", 0.1, 1, state.opacity, v => { state.opacity = v; fresh = true; }, { step: 0.01, nominal: 0.55 });
   const looks = rowIn(picture);
   button(looks, "Mesh", b => showLines(!state.lines, b), "M").setAttribute("aria-pressed", state.lines);
   button(looks, "Save PNG", () => stage.save(`cell-mode-${state.mode}.png`));
@@ -34,7 +34,7 @@ function hertz(hz) { return hz >= 1000 ? `${(hz / 1000).toPrecision(4)} kHz` : `
 
 function choose(number) {
   if (number < 1 || number > cell.modes.length) return;
-  const at = phase();
+  const at = passedShare();
   state.mode = number;
   time = at * length();  // the same place in the period
   byId("modes").querySelectorAll("button").forEach((b, i) => b.setAttribute("aria-pressed", i + 1 === number));
@@ -48,12 +48,7 @@ function showLines(shown, b = byId("showing").querySelector("button")) {
   fresh = true;
 }
 
-for (const name of Object.keys(CAMERAS)) button(byId("cameras"), name, () => stage.view(name), `camera: ${name}`);
-byId("play").onclick = () => play(!playing);
-byId("step").onclick = () => stepOn(1);
-byId("seek").oninput = e => { play(false); time = +e.target.value * length(); fresh = true; };
-function play(on) { playing = on; byId("play").textContent = on ? "Pause" : "Play"; }
-function stepOn(n) { play(false); time += n * length() / 48; fresh = true; }
+cameras(stage);
 
 // ---- the result -----------------------------------------------------------------------------------------------------
 function receive(document_) {
@@ -96,7 +91,7 @@ function paint() {
 }
 
 function pose() {
-  const gain = state.amplitude * cell.scale * Math.sin(2 * Math.PI * phase());
+  const gain = state.amplitude * cell.scale * Math.sin(2 * Math.PI * passedShare());
   for (const { name, mesh, still, lines } of parts) {
     const at = mesh.geometry.attributes, to = at.position, u = at[`mode${state.mode}`].array;
     for (let i = 0; i < still.length; i++) to.array[i] = still[i] + gain * u[i];
@@ -112,7 +107,9 @@ function legend() {
   const box = byId("legend"), item = document.createElement("div"), bar = document.createElement("i");
   bar.style.background = `linear-gradient(90deg, ${RAMPS.displacement.join(", ")})`;
   item.append("displacement of the surface", bar);
-  for (const text of ["0", "largest"]) item.append(Object.assign(document.createElement("span"), { textContent: text }));
+  const ends = document.createElement("p");
+  for (const text of ["0", "largest"]) ends.append(Object.assign(document.createElement("span"), { textContent: text }));
+  item.append(ends);
   box.replaceChildren(item);
   if (!cell.parts.includes("nucleus")) return;
   const inner = document.createElement("div"), patch = document.createElement("i");
@@ -123,11 +120,10 @@ function legend() {
 
 function report() {
   const mode = chosen(), error = mode.error === null ? "" : ` ± ${(100 * mode.error).toFixed(2)} %`;
-  const share = mode.nucleus_share === null ? "" : ` · nucleus ${(100 * mode.nucleus_share).toFixed(1)} % of the kinetic energy`;
-  byId("state").textContent = `${cell.title} · mode ${state.mode} of ${cell.modes.length}: ${mode.label}, ${hertz(mode.hz)}${error}${share} · ` +
-    `${state.slow.toPrecision(3)}× slower`;
-  byId("seek").value = phase();
-  byId("clock").textContent = `${(1e3 * phase() * length()).toPrecision(3)} of ${(1e3 * length()).toPrecision(3)} ms`;
+  const share = mode.nucleus_share === null ? "" : `nucleus ${(100 * mode.nucleus_share).toFixed(1)} % of the kinetic energy`;
+  tell([cell.title, `mode ${state.mode} of ${cell.modes.length}: ${mode.label}, ${hertz(mode.hz)}${error}`, share, `${state.slow.toPrecision(3)}× slower`]);
+  byId("seek").value = passedShare();
+  byId("clock").textContent = `${(1e3 * passedShare() * length()).toPrecision(3)} of ${(1e3 * length()).toPrecision(3)} ms`;
 }
 
 // Show one share (0 to 1) of the period and draw it now: for pictures and films.
@@ -154,28 +150,14 @@ function tick(now) {
   stage.adapt(performance.now() - started, passed * 1000);
 }
 
-addEventListener("keydown", event => {
-  if (event.target.matches("input, select, textarea") && event.key !== " ") return;
-  if (event.ctrlKey || event.metaKey || event.altKey || !cell) return;
-  const change = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
-  if (event.key === " ") { if (event.target.matches("button")) return; play(!playing); }
-  else if (event.key === ".") stepOn(1);
-  else if (event.key === ",") stepOn(-1);
-  else if (event.key === "m") showLines(!state.lines);
-  else if (+event.key >= 1 && +event.key <= 9) choose(+event.key);
+keys(() => cell, key => {
+  const change = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[key];
+  if (key === "m") showLines(!state.lines);
+  else if (+key >= 1 && +key <= 9) choose(+key);
   else if (change) choose(state.mode + change);
-  else return;
-  event.preventDefault();
+  else return false;
+  return true;
 });
-
-async function start() {
-  if (QUALITY === "low" || QUALITY === "none") stage.setQuality(0);
-  const own = window.EXPORTED;
-  if (!own) { connect(stage, () => { parts = []; }, receive); return; }
-  document.body.classList.add("exported");
-  await unpack(stage, own.scene);
-  receive(own.model);
-}
 Object.assign(window, { stage, stats, state, showAt, play, choose });
 requestAnimationFrame(tick);
-start();
+start(stage, () => { parts = []; }, receive, ["model"]);

@@ -10,7 +10,8 @@ function canvas(id, wide) {
   return element;
 }
 
-function begin(element, title) {
+// Clears the canvas; entries [label, colour] go beside the title, or under it where there is no room.
+function begin(element, title, entries = []) {
   const ratio = devicePixelRatio || 1, w = element.clientWidth, h = element.clientHeight;
   if (element.width !== Math.round(w * ratio) || element.height !== Math.round(h * ratio)) {
     element.width = Math.round(w * ratio);
@@ -23,7 +24,9 @@ function begin(element, title) {
   ink.fillStyle = INK;
   ink.textAlign = "left";
   ink.fillText(title, 8, 13);
-  return [ink, w, h];
+  const crowded = ink.measureText(title).width + 20 > names(ink, w, entries, 0);
+  names(ink, w, entries, crowded ? 27 : 13);
+  return [ink, w, h, crowded ? 38 : 24];
 }
 
 function ticks(low, high, count) {
@@ -34,8 +37,8 @@ function ticks(low, high, count) {
 }
 
 // Axes with numbers; returns the maps from values to pixels.
-function axes(ink, w, h, x, y, xName) {
-  const left = 40, right = w - 10, top = 24, bottom = h - 26;
+function axes(ink, w, h, top, x, y, xName) {
+  const left = 40, right = w - 10, bottom = h - 26;
   const X = v => left + (right - left) * (v - x[0]) / (x[1] - x[0]), Y = v => bottom - (bottom - top) * (v - y[0]) / (y[1] - y[0]);
   ink.strokeStyle = GRID;
   ink.lineWidth = 1;
@@ -43,19 +46,19 @@ function axes(ink, w, h, x, y, xName) {
   for (const v of ticks(y[0], y[1], 4)) {
     line(ink, [[left, Y(v)], [right, Y(v)]]);
     ink.textAlign = "right";
-    ink.fillText(number(v), left - 5, Y(v) + 4);
+    ink.fillText(mark(v), left - 5, Y(v) + 4);
   }
   ink.textAlign = "center";
   for (const v of ticks(x[0], x[1], w > 240 ? 5 : 3)) {
     line(ink, [[X(v), top], [X(v), bottom]]);
-    ink.fillText(number(v), X(v), bottom + 12);
+    ink.fillText(mark(v), X(v), bottom + 12);
   }
   ink.textAlign = "right";
   ink.fillText(xName, right, h - 3);
   return [X, Y];
 }
 
-function number(v) { return Math.abs(v) >= 1e4 ? v.toExponential(0) : String(+v.toPrecision(3)); }
+function mark(v) { return Math.abs(v) >= 1e4 ? v.toExponential(0) : String(+v.toPrecision(3)); }
 
 function line(ink, points) {
   ink.beginPath();
@@ -70,21 +73,23 @@ function dot(ink, x, y, colour, radius = 4) {
   ink.fill();
 }
 
-function names(ink, w, entries) {
+// Write labels from the right at height `y` (0 only measures); returns where they begin.
+function names(ink, w, entries, y) {
   ink.textAlign = "right";
   let x = w - 10;
   for (const [label, colour] of entries.slice().reverse()) {
     ink.fillStyle = colour;
-    ink.fillText(label, x, 13);
+    if (y) ink.fillText(label, x, y);
     x -= ink.measureText(label).width + 12;
   }
+  return x;
 }
 
 // series: [label, colour, values, dashed]; `at` is the share of the duration that has passed.
 function plotTraces(element, title, duration, series, at) {
-  const [ink, w, h] = begin(element, title);
+  const [ink, w, h, above] = begin(element, title, series.map(s => [s[0], s[1]]));
   const top = 1.08 * Math.max(1e-9, ...series.map(s => s[2].reduce((m, v) => Math.max(m, Math.abs(v)), 0)));
-  const [X, Y] = axes(ink, w, h, [0, 1e3 * duration], [-top, top], "time [ms]");
+  const [X, Y] = axes(ink, w, h, above, [0, 1e3 * duration], [-top, top], "time [ms]");
   for (const [, colour, values, dashed] of series) {
     ink.strokeStyle = colour;
     ink.lineWidth = 1.6;
@@ -94,14 +99,13 @@ function plotTraces(element, title, duration, series, at) {
     const k = Math.min(values.length - 1, Math.floor(at * values.length));
     dot(ink, X(1e3 * duration * at), Y(values[k]), colour, 3);
   }
-  names(ink, w, series.map(s => [s[0], s[1]]));
 }
 
 // curves: [label, colour, values]; points: [x, y, colour].
 function plotCurve(element, title, x, curves, points) {
-  const [ink, w, h] = begin(element, title);
+  const [ink, w, h, above] = begin(element, title, curves.length > 1 ? curves.map(c => [c[0], c[1]]) : []);
   const top = 1.1 * Math.max(1.2, ...curves.map(c => Math.max(...c[2])), ...points.map(p => p[1]));
-  const [X, Y] = axes(ink, w, h, [0, 60], [0, top], "frequency [Hz]");
+  const [X, Y] = axes(ink, w, h, above, [0, 60], [0, top], "frequency [Hz]");
   ink.strokeStyle = "#4a5a6a";
   ink.setLineDash([2, 3]);
   line(ink, [[X(0), Y(1)], [X(60), Y(1)]]);
@@ -112,15 +116,14 @@ function plotCurve(element, title, x, curves, points) {
     line(ink, values.map((v, k) => [X(x[k]), Y(v)]));
   }
   for (const [px, py, colour] of points) if (py !== null) dot(ink, X(px), Y(py), colour, 4.5);
-  if (curves.length > 1) names(ink, w, curves.map(c => [c[0], c[1]]));
 }
 
 // loops: [label, colour, x [m], force [N]]; drawn compression to the right.
 function plotLoop(element, title, loops, at) {
-  const [ink, w, h] = begin(element, title);
+  const [ink, w, h, above] = begin(element, title);
   const spread = k => 1.15 * Math.max(1e-9, ...loops.map(l => l[k].reduce((m, v) => Math.max(m, Math.abs(v)), 0)));
   const wide = 1e3 * spread(2), tall = spread(3);
-  const [X, Y] = axes(ink, w, h, [-wide, wide], [-tall, tall], "compression [mm]");
+  const [X, Y] = axes(ink, w, h, above, [-wide, wide], [-tall, tall], "compression [mm]");
   for (const [, colour, x, force] of loops) {
     ink.strokeStyle = colour;
     ink.lineWidth = 1.7;

@@ -14,6 +14,16 @@ function connect(stage, opened, received) {
   };
 }
 
+// Begin a page: from its server, or with what an exported page carries, documents in the order of `order`.
+async function start(stage, opened, received, order) {
+  if (QUALITY === "low" || QUALITY === "none") stage.setQuality(0);
+  const own = window.EXPORTED;
+  if (!own) { connect(stage, opened, received); return; }
+  document.body.classList.add("exported");
+  await unpack(stage, own.scene);
+  for (const name of order) received(own[name]);
+}
+
 // The scene of an exported page: messages behind their lengths, as base64 of gzip.
 async function unpack(stage, text) {
   const packed = Uint8Array.from(atob(text), c => c.charCodeAt(0));

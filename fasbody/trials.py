@@ -1,0 +1,87 @@
+"""What a study folder lists: one trial a row of recordings.csv, with its conditions."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fasbody.condition import Condition, plausible
+from fasbody.exceptions import InputFileError
+from fasbody.readers import column, read_table
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One row of recordings.csv: where the recording is, what the row and messages call it, and how it was made."""
+
+    path: Path
+    file: str
+    label: str
+    condition: Condition
+
+
+def listed(folder: Path, only: Path | None = None) -> tuple[Trial, ...]:
+    """The trials of `recordings.csv`, with the body masses of `subjects.csv`.
+
+    Args:
+        folder: the study. only: list just this one of its recordings.
+
+    Raises:
+        InputFileError: a table is missing, has a wrong place in it, or lists a recording or subject twice.
+        RecordingError: a mass is not a plausible number.
+    """
+    masses = _masses(folder / "subjects.csv")
+    file = folder / "recordings.csv"
+    table = read_table(file, ("file", "subject", "added_mass_kg"))
+    added = column(file, table, "added_mass_kg")
+    known = "frequency_hz" in table
+    frequency = column(file, table, "frequency_hz", optional=True) if known else np.full(len(table), np.nan)
+    trials, lines = [], dict[Path, int]()
+    for i, (line, row) in enumerate(zip(table.index, table.to_dict("records"), strict=True)):
+        subject, name = str(row["subject"] or ""), str(row["file"] or "")
+        if not name:
+            raise InputFileError(file, "names no file", line=line)
+        if subject not in masses:
+            raise InputFileError(file, f"subject {subject!r} is not in subjects.csv", line=line)
+        path = (folder / name).resolve()
+        if not path.is_relative_to(folder.resolve()):
+            raise InputFileError(file, f"{name!r} lies outside the study's folder", line=line)
+        if path in lines:
+            raise InputFileError(file, f"{name!r} is listed in line {lines[path]} already", "keep one row", line)
+        lines[path] = line
+        if only is not None and path != only.resolve():
+            continue
+        condition = Condition(
+            subject=subject,
+            posture=str(row.get("posture") or "midstance"),
+            body_mass_kg=plausible(masses[subject], "body", f"{folder / 'subjects.csv'}: subject {subject}"),
+            added_mass_kg=plausible(float(added[i]), "added", f"{file}, line {line}"),
+            frequency_hz=float(frequency[i]) if np.isfinite(frequency[i]) else None,
+        )
+        trials.append(Trial(folder / name, name, f"{folder.name}/{name}", condition))
+    if not trials:
+        missing = "lists no recording" if only is None else f"does not list {only.name}"
+        raise InputFileError(file, missing, "one row a recording is needed")
+    return tuple(trials)
+
+
+def _masses(file: Path) -> dict[str, float]:
+    """Body mass [kg] of each subject."""
+    table = read_table(file, ("subject", "mass_kg"))
+    lines: dict[str, int] = {}
+    for line, cell in table["subject"].items():
+        subject = str(cell or "")
+        if subject in lines:
+            raise InputFileError(
+                file, f"subject {subject!r} is listed in line {lines[subject]} already", "keep one row", int(str(line))
+            )
+        lines[subject] = int(str(line))
+    return dict(zip(lines, map(float, column(file, table, "mass_kg")), strict=True))
+
+
+def is_listed(file: Path, folder: Path) -> bool:
+    """Whether a study folder lists a file."""
+    table = folder / "recordings.csv"
+    if not (folder / "study.toml").is_file() or not table.is_file():
+        return False
+    return file.resolve() in {(folder / str(name)).resolve() for name in read_table(table, ("file",))["file"]}

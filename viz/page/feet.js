@@ -1,0 +1,236 @@
+// The feet on the stage, posed from a motion. Lengths in decimetres.
+"use strict";
+const SCALE = 10, TABLE = -0.2, LARGEST = 1.1;
+const VIEWS = {
+  medial: [[0.02, 1.05, 5.5], [0.27, 0.62, 0]], lateral: [[0.45, 1.05, -5.5], [0.27, 0.62, 0]],
+  front: [[5.9, 1.75, 1.4], [0.2, 0.48, 0]], above: [[0.3, 5.6, 0.02], [0.3, 0.2, 0]],
+  behind: [[-5.2, 1.5, 1.8], [0.1, 0.52, 0]], corner: [[3.8, 2.0, 4.5], [0.24, 0.60, 0]],
+};
+// How far apart feet stand side by side, and the width of one foot's table.
+const APART = 1.75, WIDTH = 1.5;
+// Where the aponeurosis begins and ends.
+const INSERTIONS = { calcaneus_talus: [-0.66, -0.02, 0], metatarsals: [0.98, -0.09, 0] };
+
+class Feet extends Stage {
+  constructor(pane) {
+    super(pane, VIEWS);
+    this.feet = {};
+    this.model = null;
+    this.posture = 0;
+    this.apart = false;
+    this.skinShown = true;
+    this.riding = false;
+  }
+
+  // Two feet side by side need room: the camera looks between them from further away.
+  view(name) {
+    super.view(name);
+    const wide = this.apart ? Object.keys(this.feet).length - 1 : 0;
+    if (!wide) return;
+    const target = this.viewer.controls.target, eye = this.camera.position.sub(target).multiplyScalar(1 + 0.3 * wide);
+    target.z -= 0.5 * APART * wide;
+    eye.y += 1.3 * wide;  // from the side one would hide the other
+    this.camera.position.copy(eye.add(target));
+    this.viewer.controls.update();
+  }
+
+  node(...path) { return this.viewer.scene_tree.find(["meshcat", "foot", ...path]).object; }
+
+  // A new model: everything that is kept of the old one is forgotten.
+  setModel(model) {
+    this.model = model;
+    this.feet = {};
+    for (const [name, foot] of Object.entries(model.feet)) {
+      const segments = foot.segments.map(s => ({
+        name: s.name, body: s.body, bind: vector(s.bind), rest: vector(s.rest),
+        turned: quaternion(s.rest).multiply(quaternion(s.bind).invert()), node: this.node(name, s.name),
+      }));
+      const soft = foot.soft.map(part => ({ name: part, node: this.node(name, part), mesh: null }));
+      this.feet[name] = { ...foot, segments, soft };
+    }
+    this.dress();
+  }
+
+  dress() {
+    for (const foot of Object.values(this.feet)) for (const part of foot.soft) {
+      const mesh = part.node.children[0];
+      if (!mesh || !mesh.geometry || mesh === part.mesh) continue;
+      const attribute = mesh.geometry.attributes;
+      part.mesh = mesh;
+      part.still = mesh.userData.still || (mesh.userData.still = attribute.position.array.slice());
+      part.weights = attribute.weights.array;
+      attribute.position.setUsage(THREE.DynamicDrawUsage);
+      if (part.name === "skin") rim(mesh.material, 2.1, 0.10, "1.0, .76, .62");
+      if (part.name.endsWith("pad")) rim(mesh.material, 1.5, 0.6, "1.0, .90, .62");
+      if (part.name === "skin") mesh.visible = this.skinShown;
+    }
+  }
+
+  showSkin(shown) {
+    this.skinShown = shown;
+    for (const foot of Object.values(this.feet)) for (const part of foot.soft)
+      if (part.name === "skin" && part.mesh) part.mesh.visible = shown;
+    this.viewer.set_dirty();
+  }
+
+  // The body whose motion is taken from a foot's, -1 for none.
+  table(name) {
+    const base = this.riding && this.feet[name] && this.feet[name].segments.find(s => s.name === "base");
+    return base ? base.body : -1;
+  }
+
+  // How much larger the motion may be drawn so that the table stays on the picture.
+  gain(motion, wanted) {
+    let largest = 1e-9;
+    for (const [name, foot] of Object.entries(motion.feet)) {
+      const width = foot.bodies.length / foot.frames, base = 6 * this.table(name);
+      for (let i = 0; i < foot.bodies.length; i += 6) for (const j of [0, 1]) {
+        const carried = base < 0 ? 0 : foot.bodies[i - i % width + base + j];
+        largest = Math.max(largest, Math.abs(foot.bodies[i + j] - carried));
+      }
+    }
+    return Math.min(wanted, LARGEST / (SCALE * largest));
+  }
+
+  // Pose every foot at frame `at` (may be a fraction) of its motion, enlarged `gain` times.
+  pose(motion, at, gain) {
+    this.dress();
+    const names = Object.keys(this.feet);
+    const wide = this.apart ? APART * (names.length - 1) : 0;
+    names.forEach((name, order) => {
+      const foot = this.feet[name], shown = motion.feet[name];
+      if (!shown) return;
+      const aside = this.apart ? -APART * order : 0;
+      const table = this.table(name), carried = table < 0 ? [0, 0, 0] : blend(shown, at, table);
+      for (const s of foot.segments) {
+        const d = blend(shown, at, s.body);
+        for (const j of [0, 1, 2]) d[j] -= carried[j];
+        s.shift = new THREE.Vector3(d[0], d[1], d[2]).multiplyScalar(gain * SCALE);
+        const angle = gain * Math.hypot(d[3], d[4], d[5]) || 0, axis = new THREE.Vector3(d[3], d[4], d[5]).normalize();
+        s.q = new THREE.Quaternion().setFromAxisAngle(axis, angle).multiply(s.turned);
+        s.p = s.rest.clone().multiplyScalar(SCALE).add(s.shift);
+        this.tilt(foot, s);
+        s.p.z += aside;
+        if (foot.dressed && s.name === "base") {
+          for (const [part, height] of [["base", TABLE - 0.06], ["shaker", TABLE - 0.30]]) {
+            const table = this.node(name, part);  // one under all feet
+            if (!foot.ghost) table.position.set(0.30, height + s.shift.y, -0.02 - wide / 2);
+            if (!foot.ghost) table.scale.z = 1 + wide / WIDTH;
+          }
+        } else {
+          if (foot.ghost) solid(s.node.children[0], this.apart);
+          s.node.position.copy(s.p);
+          s.node.quaternion.copy(s.q);
+        }
+      }
+      for (const part of foot.soft) if (part.mesh) this.bend(foot, part);
+      this.paint(foot, shown, at);
+    });
+    this.viewer.set_dirty();
+  }
+
+  // The line about which a posture turns the foot: under the heads of the metatarsals, or under the heel.
+  hinge() { return new THREE.Vector3(this.posture < 0 ? 0.98 : -0.70, TABLE, 0); }
+
+  tilted(vector_) { return vector_.sub(this.hinge()).applyQuaternion(this.turn()).add(this.hinge()); }
+
+  turn() { return new THREE.Quaternion().setFromAxisAngle(new THREE.Vector3(0, 0, 1), THREE.MathUtils.degToRad(this.posture)); }
+
+  // Plantarflexion or dorsiflexion turns the foot about its toes or heel under an upright leg: the picture only.
+  tilt(foot, s) {
+    s.flat = s.q.clone();
+    if (!this.posture || !foot.dressed) return;
+    if (s.name === "tibia") {
+      const ankle = new THREE.Vector3(-0.34, 0.45, 0);
+      s.p.add(this.tilted(ankle.clone()).sub(ankle));
+    } else if (s.name !== "base" && !(s.name === "toes" && this.posture < 0)) {
+      this.tilted(s.p);
+      s.q.premultiply(this.turn());
+    }
+  }
+
+  // Rows of the matrix that moves what is bound to a segment.
+  move(s, p, q) {
+    const m = new THREE.Matrix4().makeRotationFromQuaternion(q).elements, b = s.bind.clone().multiplyScalar(SCALE);
+    return [m[0], m[4], m[8], p.x - m[0] * b.x - m[4] * b.y - m[8] * b.z,
+      m[1], m[5], m[9], p.y - m[1] * b.x - m[5] * b.y - m[9] * b.z,
+      m[2], m[6], m[10], p.z - m[2] * b.x - m[6] * b.y - m[10] * b.z];
+  }
+
+  // The same for what is stretched between points of two segments: it goes with the point and does not turn.
+  carry(move, [x, y, z]) {
+    const to = [0, 4, 8].map(i => move[i] * x + move[i + 1] * y + move[i + 2] * z + move[i + 3]);
+    return [1, 0, 0, to[0] - x, 0, 1, 0, to[1] - y, 0, 0, 1, to[2] - z];
+  }
+
+  // Blend the segments' motions by each vertex's weights; a squeezed pad bulges.
+  bend(foot, part) {
+    const last = foot.segments.length - 1, moves = foot.segments.map(s => this.move(s, s.p, s.q)), hinge = this.hinge().x;
+    if (part.name === "aponeurosis") foot.segments.forEach((s, i) => { if (s.name in INSERTIONS) moves[i] = this.carry(moves[i], INSERTIONS[s.name]); });
+    const table = foot.segments[last], standing = moves[last];  // what stands on the table, and what a posture lifts
+    const lifted = this.posture ? this.move(table, this.tilted(table.p.clone()), this.turn().multiply(table.q)) : standing;
+    const from = part.still, weights = part.weights, to = part.mesh.geometry.attributes.position, n = moves.length;
+    const pad = part.name.endsWith("pad"), squeeze = pad ? this.squeeze(foot, part.name) : 1, wide = 1 / Math.sqrt(squeeze) - 1;
+    const cx = part.name === "heel_pad" ? -0.68 : 0.95, cz = part.name === "heel_pad" ? -0.05 : -0.05;
+    const out = to.array, M = new Float64Array(12);
+    for (let v = 0, i = 0, w = 0; i < from.length; v++, i += 3, w += n) {
+      M.fill(0);
+      moves[last] = (from[i] - hinge) * this.posture > 0 ? lifted : standing;
+      for (let s = 0; s < n; s++) {
+        const share = weights[w + s];
+        if (share) { const move = moves[s]; for (let k = 0; k < 12; k++) M[k] += share * move[k]; }
+      }
+      let x = from[i], z = from[i + 2];
+      const y = from[i + 1];
+      if (pad) { const bulge = wide * Math.min(1, 2 * weights[w + n - 1]); x += (x - cx) * bulge; z += (z - cz) * bulge; }
+      out[i] = M[0] * x + M[1] * y + M[2] * z + M[3];
+      out[i + 1] = M[4] * x + M[5] * y + M[6] * z + M[7];
+      out[i + 2] = M[8] * x + M[9] * y + M[10] * z + M[11];
+    }
+    to.needsUpdate = true;
+  }
+
+  squeeze(foot, name) {
+    const bone = foot.segments[name === "heel_pad" ? 0 : 3], table = foot.segments[foot.segments.length - 1];
+    const at = new THREE.Vector3(name === "heel_pad" ? -0.7 : 0.95, 0, 0);
+    const local = at.sub(bone.bind.clone().multiplyScalar(SCALE)).applyQuaternion(bone.flat);
+    const height = local.y + bone.rest.y * SCALE + bone.shift.y - TABLE - table.shift.y;
+    return Math.min(2.2, Math.max(0.3, height / -TABLE));
+  }
+
+  paint(foot, shown, at) {
+    if (foot.ghost) return;
+    for (const [parts, loop, ramp, sign] of [
+      [["heel_pad", "forefoot_pad"], "fat pad", "pressure", -1], [["aponeurosis"], "fascia", "tension", 1]]) {
+      const force = shown.loops[loop] && shown.loops[loop].force;
+      if (!force) continue;
+      const top = Math.max(...force.map(Math.abs)) || 1;
+      const colour = shade(ramp, 0.5 + 0.5 * sign * sample(force, shown, at) / top);
+      for (const part of foot.soft) if (parts.includes(part.name) && part.mesh) part.mesh.material.color.copy(colour);
+    }
+  }
+}
+
+// A ghost lets the foot be seen that it lies over; beside it there is no need for that.
+function solid(mesh, on) {
+  if (mesh && mesh.material) Object.assign(mesh.material, { opacity: on ? 0.9 : 0.38, depthWrite: on });
+}
+
+function vector(pose) { return new THREE.Vector3(pose[0], pose[1], pose[2]); }
+function quaternion(pose) { return new THREE.Quaternion(pose[4], pose[5], pose[6], pose[3]); }
+
+// Displacement and rotation vector of one body between two frames.
+function blend(shown, at, body) {
+  const n = shown.frames, width = shown.bodies.length / n, k = Math.floor(at) % n, u = at - Math.floor(at);
+  const next = shown.periodic ? (k + 1) % n : Math.min(k + 1, n - 1), out = [];
+  for (let j = 0; j < 6; j++) {
+    const a = shown.bodies[k * width + 6 * body + j], b = shown.bodies[next * width + 6 * body + j];
+    out.push(a + (b - a) * u);
+  }
+  return out;
+}
+
+function sample(values, shown, at) {
+  const n = shown.frames, k = Math.floor(at) % n, u = at - Math.floor(at), next = shown.periodic ? (k + 1) % n : Math.min(k + 1, n - 1);
+  return values[k] + (values[next] - values[k]) * u;
+}
