@@ -134,30 +134,30 @@ def same(printed: str, documented: str) -> bool:
     return bool(np.allclose(found, wanted, rtol=5e-3, atol=0))
 
 
-SHELL_LINES = [
-    pytest.param(command, block, id=f"{file.stem}:{block.line}:{number}")
+SHELL_BLOCKS = [
+    pytest.param(block, id=f"{file.stem}:{block.line}")
     for file in DOCUMENTS
     for block in blocks(file)
-    if block.language in ("shell", "sh", "bash")
-    for number, command in enumerate(block.commands)
+    if block.language in ("shell", "sh", "bash") and block.commands
 ]
 PYTHON_FILES = [file for file in DOCUMENTS if any(block.language == "python" for block in blocks(file))]
 
 
-@pytest.mark.parametrize(("command", "block"), SHELL_LINES)
-def test_shell_line(command: str, block: Block, desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("block", SHELL_BLOCKS)
+def test_shell_block(block: Block, desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The lines of a block run one after the other in one folder."""
     shutil.copytree(desk, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    check(command, whole=True)
-    program, *arguments = words(command)
-    text = " ".join([program, *arguments])
-    if block.not_run or any(re.search(pattern, text) for pattern in NOT_RUN):
-        return
-    if arguments[0] == "-c":
-        exec(compile(arguments[1], command, "exec"), {})
-        return
-    shorter = next((extra for pattern, extra in SHORTER.items() if re.search(pattern, text)), [])
-    run([*arguments, *shorter])
+    for command in block.commands:
+        check(command, whole=True)
+        program, *arguments = words(command)
+        text = " ".join([program, *arguments])
+        if block.not_run or any(re.search(pattern, text) for pattern in NOT_RUN):
+            continue
+        if arguments[0] == "-c":
+            exec(compile(arguments[1], command, "exec"), {})
+            continue
+        run([*arguments, *next((extra for pattern, extra in SHORTER.items() if re.search(pattern, text)), [])])
 
 
 @pytest.mark.parametrize("file", PYTHON_FILES, ids=lambda f: f.stem)
