@@ -165,6 +165,17 @@ def trajectory(x0, p, m_S, m_F, u, h, stride, columns):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def path(x0, p, m_S, m_F, u, h):  # type: ignore[no-untyped-def]
+    """States (n, 4) at the start of each of n steps; arguments as `trajectory`."""
+    n = (u.size - 1) // 2
+    out, x = np.empty((n, STATES)), x0.copy()
+    for k in range(n):
+        out[k] = x
+        _, _, x, _ = trajectory(x, p, m_S, m_F, u[2 * k : 2 * k + 3], h, 1, 0)
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def periodic(x0, p, m_S, m_F, u, h, tolerance, passes):  # type: ignore[no-untyped-def]
     """Periodic orbit by shooting: Newton on the initial states over one period, then exact derivatives along the orbit.
 
@@ -174,7 +185,7 @@ def periodic(x0, p, m_S, m_F, u, h, tolerance, passes):  # type: ignore[no-untyp
 
     Returns:
         Y (n,) output over one period, dY/dp (n, 8), initial states (4,), their derivatives (4, 8), the last gap
-        (infinite if the motion grew without bound).
+        (infinite if the motion grew without bound, or no one orbit closes).
     """
     eye = np.eye(STATES)
     x = x0.copy()
@@ -183,6 +194,8 @@ def periodic(x0, p, m_S, m_F, u, h, tolerance, passes):  # type: ignore[no-untyp
         if not (np.isfinite(xT).all() and np.isfinite(S).all()):
             return Y, DY[:, STATES:].copy(), x, S[:, STATES:].copy(), np.inf
         by_state, by_p = np.ascontiguousarray(S[:, :STATES]), np.ascontiguousarray(S[:, STATES:])
+        if np.linalg.det(eye - by_state) == 0.0:  # nothing left of the states after a period, or far too much
+            return Y, DY[:, STATES:].copy(), x, by_p, np.inf
         step = np.linalg.solve(eye - by_state, xT - x)
         x += step
         gap = np.abs(step).max() / max(1e-12, np.abs(x).max())

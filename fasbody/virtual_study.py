@@ -18,6 +18,7 @@ from fasbody.instrument import Instrument
 from fasbody.parallel import run
 from fasbody.recording import Condition
 from fasbody.subjects import ADDED_MASSES_KG, SUBJECTS
+from fasbody.two_dof import NAMES
 from fasbody.virtual_recording import moving, steady
 from fasbody.virtual_subject import POSTURES, Tuberosity, VirtualSubject, panel
 
@@ -84,7 +85,8 @@ class _Trial:
 
 
 def make(folder: Path, plan: Plan, processes: int = 0) -> Path:
-    """Write a study folder with `truth.json` (parameters) and `truth.csv` (transmissibilities of the bones).
+    """Write a study folder with `truth.json` (subjects, instrument) and two tables, one row a recording: `truth.csv`
+    (transmissibilities of the bones) and `constants.csv` (the foot's constants).
 
     Raises:
         SettingError: the plan makes no study. InputFileError: the folder cannot be written.
@@ -100,15 +102,18 @@ def make(folder: Path, plan: Plan, processes: int = 0) -> Path:
                 trials.append(_Trial(person, posture, mass, f, (plan.seed, person.number, c, i), name))
     made = dict(run(partial(_record, folder, plan), trials, "recording", processes))
     rows, truth = ["file,subject,posture,added_mass_kg,frequency_hz"], [_TRUTH_HEADER]
+    constants = [",".join(("file", *NAMES))]
     for index, trial in enumerate(trials):
         at = "" if trial.frequency_hz is None else f"{trial.frequency_hz:g}"
         rows.append(f"{trial.name},{trial.person.number},{trial.posture},{trial.mass:g},{at}")
-        truth += made[index]
+        truth += made[index][0]
+        constants.append(made[index][1])
     about = "subject,age_yr,height_m,mass_kg"
     listed = [(p, SUBJECTS[(p.number - 1) % len(SUBJECTS) + 1]) for p in people]
     subjects = [f"{p.number},{s.age_yr},{s.height_m},{p.mass_kg}" for p, s in listed]
     write_whole(folder / "subjects.csv", "\n".join([about, *subjects]) + "\n")
     write_whole(folder / "truth.csv", "\n".join(truth) + "\n")
+    write_whole(folder / CONSTANTS, "\n".join(constants) + "\n")
     document = {
         "origin": "synthetic", "seed": plan.seed, "parameters": {}, "instrument": asdict(plan.instrument),
         "subjects": {p.number: {"mass_kg": p.mass_kg, "factors": p.factors} for p in people},
@@ -119,11 +124,13 @@ def make(folder: Path, plan: Plan, processes: int = 0) -> Path:
     return folder
 
 
+#: Table of the true constants of the foot in each recording.
+CONSTANTS = "constants.csv"
 _TRUTH_HEADER = "file,pair,transmissibility,phase_deg"
 
 
-def _record(folder: Path, plan: Plan, trial: _Trial) -> list[str]:
-    """Write one recording; returns its lines of truth.csv."""
+def _record(folder: Path, plan: Plan, trial: _Trial) -> tuple[list[str], str]:
+    """Write one recording; returns its lines of truth.csv, and that of constants.csv."""
     rng = np.random.default_rng(trial.key)
     reference = trial.frequency_hz or BROADBAND_HZ
     foot = trial.person.foot(reference, trial.mass, trial.posture, rng)
@@ -139,7 +146,8 @@ def _record(folder: Path, plan: Plan, trial: _Trial) -> list[str]:
         motion = _motion(plan, int(rng.integers(2**31)))
         recording = moving(foot, tuberosity, motion, plan.seconds, plan.instrument, rng)
     replace(recording, condition=condition).write(folder / trial.name)
-    return [f"{trial.name},{pair},{abs(H):.6f},{np.degrees(np.angle(H)):.4f}" for pair, H in truth.items()]
+    lines = [f"{trial.name},{pair},{abs(H):.6f},{np.degrees(np.angle(H)):.4f}" for pair, H in truth.items()]
+    return lines, ",".join((trial.name, *(f"{value:.10g}" for value in foot.theta)))
 
 
 def _motion(plan: Plan, seed: int) -> shaker.BaseMotion:
@@ -158,7 +166,7 @@ name = "virtual study"
 origin = "synthetic"
 description = """
 {plan.subjects} virtual subjects made by python -m fasbody.laboratory (seed {plan.seed}). Nobody was measured:
-truth.json holds the parameters, truth.csv the transmissibilities. The mean subject is calibrated to the findings of
+constants.csv holds the parameters, truth.csv the transmissibilities. The mean subject is calibrated to the findings of
 section 2.3."""
 sampling_rate_hz = {rate:g}
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.model import Foot
-from fasbody.simulate import Batch
+from fasbody.simulate import Batch, Simulation
 
 #: A displacement [m or rad] and a velocity [m/s or rad/s] typical of a foot, and the share of them that is a nudge:
 #: small against the motion, large against rounding.
@@ -29,21 +29,14 @@ class Differences:
     x_by_parameter: np.ndarray
 
 
-class Columns:
-    """Prepared batch for one foot and a set of parameters.
+class Coordinates:
+    """States of a foot as the fit sees them: positions from rest, velocities and activations, without the base."""
 
-    Args:
-        foot: the model. names: parameters whose derivatives are wanted. threads: 0 for all cores.
-    """
-
-    def __init__(self, foot: Foot, names: Sequence[str], threads: int = 0) -> None:
-        self.foot, self.names = foot, tuple(names)
-        model = foot.model
+    def __init__(self, foot: Foot) -> None:
+        self.foot, model = foot, foot.model
         self._q, self._v = np.delete(np.arange(model.nq), foot.base), np.delete(np.arange(model.nv), foot.base)
         sizes = [np.full(self._q.size, _POSITION), np.full(self._v.size, _VELOCITY), np.full(model.na, _ACTIVATION)]
         self.scale = np.concatenate(sizes)
-        self.states = self.scale.size
-        self._batch = Batch(foot, 1 + self.states + len(self.names), threads)
 
     def unpack(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """qpos, qvel, act, each (nsim, ...), of states x (nsim, s), with the base at rest."""
@@ -52,6 +45,25 @@ class Columns:
         qpos[:, self._q] += x[:, :nq]
         qvel[:, self._v] = x[:, nq : nq + nv]
         return qpos, qvel, x[:, nq + nv :]
+
+    def final(self, out: Simulation) -> np.ndarray:
+        """States (nsim, s) at the end of a simulation."""
+        rest = self.foot.model.qpos0[self._q]
+        return np.hstack([out.qpos[:, -1, self._q] - rest, out.qvel[:, -1, self._v], out.act[:, -1]])
+
+
+class Columns:
+    """Prepared batch for one foot and a set of parameters.
+
+    Args:
+        foot: the model. names: parameters whose derivatives are wanted. threads: 0 for all cores.
+    """
+
+    def __init__(self, foot: Foot, names: Sequence[str], threads: int = 0) -> None:
+        self.foot, self.names, self._coordinates = foot, tuple(names), Coordinates(foot)
+        self.scale = self._coordinates.scale
+        self.states = self.scale.size
+        self._batch = Batch(foot, 1 + self.states + len(self.names), threads)
 
     def run(self, controls: np.ndarray, step: float, values: Mapping[str, float], x0: np.ndarray) -> Differences:
         """Simulate and difference.
@@ -73,8 +85,7 @@ class Columns:
             self._batch.set({name: column})
         start = np.tile(x0, (self._batch.nsim, 1))
         start[np.arange(1, ns + 1), np.arange(ns)] += nudge[:ns]
-        out = self._batch.run(controls[None], step, *self.unpack(start))
-        rest = self.foot.model.qpos0[self._q]
-        final = np.hstack([out.qpos[:, -1, self._q] - rest, out.qvel[:, -1, self._v], out.act[:, -1]])
+        out = self._batch.run(controls[None], step, *self._coordinates.unpack(start))
+        final = self._coordinates.final(out)
         Dy, Dx = (out.malleolus[1:] - out.malleolus[0]).T / nudge, (final[1:] - final[0]).T / nudge
         return Differences(out.malleolus[0], final[0], Dy[:, :ns], Dy[:, ns:], Dx[:, :ns], Dx[:, ns:])

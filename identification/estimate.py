@@ -18,7 +18,7 @@ from identification.excitation import excitation_rank
 from identification.orbits import twin_applies
 from identification.replay import Replay, replay
 from identification.result import Branch, Estimate, FitResult, RecordingFit, identifiability
-from identification.routes import PeriodicRoute, Route, TimeRoute, choose_domain
+from identification.routes import PeriodicRoute, Route, TimeRoute, choose_domain, steady
 from identification.search import Descent, descend, explore
 from identification.space import MASSES, Space, space_of
 
@@ -36,6 +36,8 @@ class Settings:
         free: parameters to estimate, None for all the model declares but the masses. bounds: name -> (lower, upper).
         starts: how many starts, the model's values and their mirror image included. seed: of the random ones.
         domain: "auto", "periodic" or "time". delay: estimate the delay between the channels. threads: 0 for all cores.
+
+    In the time domain, steady recordings are explored on their harmonics, and fitted to every sample from there.
     """
 
     free: tuple[str, ...] | None = None
@@ -55,6 +57,7 @@ def fit(
     source: str = "",
     truth: Mapping[str, float] | None = None,
     advance: Callable[[str, int, int], None] = lambda what, done, total: None,
+    interruptible: bool = True,
 ) -> FitResult:
     """Estimate a foot's parameters from recordings, pooled.
 
@@ -62,6 +65,7 @@ def fit(
         recordings: as read; they are checked here. foot: the model. settings: how.
         source: what to call the data. truth: known parameters of synthetic data, reported beside the estimate.
         advance: called with what is done, how many of how many, for a progress bar.
+        interruptible: Ctrl-C ends the exploration only, and the result rests on the starts done.
 
     Raises:
         RecordingError: a recording cannot serve. SettingError: an option cannot be meant.
@@ -90,21 +94,26 @@ def fit(
     mirror = not why_not
     a = ratio(masses, foot.values()) if mirror else 1.0
     starts = _starts(space, foot, settings, a if mirror else None)
-    problem = route.explorer()
+    scout = route
+    if domain == "time" and steady(data):  # the same foot is found a hundred times sooner on the harmonics
+        scout = PeriodicRoute(foot, data, space, twin, settings.threads)
+    problem = scout.explorer()
     counter = iter(range(1, len(starts) + 1))
     descents, interrupted = explore(problem, starts, lambda: advance("exploring starts", next(counter), len(starts)))
+    if interrupted and not interruptible:
+        raise KeyboardInterrupt
     if interrupted:
         warnings.append(f"Interrupted after {len(descents)} of {len(starts)} starts; the result rests on those.")
     if descents[0].unstable:
         raise SimulationError(f"{foot.name}: every start was unstable; check the bounds and the model's parameters.")
 
-    chosen = _one_a_branch(route, descents, space, a) if mirror else {"best": descents[0]}
+    chosen = _one_a_branch(scout, descents, space, a) if mirror else {"best": descents[0]}
     certified = []
     for number, (name, descent) in enumerate(chosen.items()):
         advance("certifying in MuJoCo", number, len(chosen))
         certified.append(_certify(route, name, descent))
     certified.sort(key=lambda c: c.deviance)
-    built = [_branch(route, c) for c in certified]
+    built = [_branch(route, c, space) for c in certified]
     best = certified[0].run
     verdict = judge([b.name for b in built], [b.deviance for b in built], built[0].chi_square, built[0].dof)
     if not mirror:
@@ -182,9 +191,12 @@ class _Certified:
 def settle(route: Route, descent: Descent) -> tuple[Any, Descent]:
     """Bring the weights up to date at a descent's end and go on from there: the problem so weighted, and the end."""
     problem = route.explorer()
-    for _ in range(_REWEIGH):
+    q = route.space.to_q(descent.theta)
+    z = descent.z if descent.z.size == problem.bounds[0].size else problem.start(q)  # explored in the other domain
+    for _ in range(_REWEIGH if route.chi_square else 1):  # without chi-square the weights stay
         route.reweigh(problem, descent)
-        descent = descend(problem, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
+        descent = descend(problem, route.space.to_q(descent.theta), descent.label, z0=z, tight=True)
+        z = descent.z
     return problem, descent
 
 
@@ -201,13 +213,13 @@ def _certify(route: Route, name: str, descent: Descent) -> _Certified:
     final = route.certifier(problem)
     descent = descend(final, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
     starts = [route.initial_states(final, descent, number) for number in range(len(route.recordings))]
-    run = replay(route.foot, route.recordings, route.space.values(descent.theta), starts, route.twin)
+    run = replay(route.foot, route.recordings, route.space.values(descent.theta), starts, route.twin, route.threads)
     return _Certified(name, final, descent, descent.cost + final.log_determinant, run)
 
 
-def _branch(route: Route, certified: _Certified) -> Branch:
-    """Estimates with standard errors from the MuJoCo Jacobian."""
-    problem, space, descent, run = certified.problem, route.space, certified.descent, certified.run
+def _branch(route: Route, certified: _Certified, space: Space) -> Branch:
+    """Estimates with standard errors from the Jacobian at MuJoCo's optimum."""
+    problem, descent, run = certified.problem, certified.descent, certified.run
     dof = max(0, problem.size - descent.z.size)
     std_q, covariance = standard_errors(problem, descent, dof, route.chi_square)
     at_bound = space.at_bound(descent.theta)

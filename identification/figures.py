@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from identification.result import FitResult, RecordingFit, symbol_and_unit
 
 _MEASURED, _MODEL, _OTHER, _TRUTH = "#2b2b2b", "#c8102e", "#1f6fb2", "#2e8b57"
-_STYLE: Any = {
+STYLE: Any = {
     "font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25,
     "svg.fonttype": "path", "svg.hashsalt": "fasbody", "legend.frameon": False,
 }  # fmt: skip
@@ -19,15 +19,31 @@ _STYLE: Any = {
 def svg(figure: Figure) -> str:
     """A figure as SVG text without date or declaration, to be put into a page."""
     text = StringIO()
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         figure.savefig(text, format="svg", bbox_inches="tight", metadata={"Date": None})
     return text.getvalue()[text.getvalue().index("<svg") :]
 
 
-def _new(rows: int, columns: int, width: float, height: float, **options: object) -> tuple[Figure, np.ndarray]:
-    with matplotlib.rc_context(_STYLE):
+def panels(rows: int, columns: int, width: float, height: float, **options: object) -> tuple[Figure, np.ndarray]:
+    """A figure of width x height [inches] and its axes, shape (rows, columns)."""
+    with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         return figure, figure.subplots(rows, columns, squeeze=False, **options)  # type: ignore[call-overload]
+
+
+def _by_recording(result: FitResult, height: float, x: str, y: str, **options: object) -> tuple[Figure, np.ndarray]:
+    """One panel a recording, three in a row, labelled at the left and the lower edge; spare ones are blank."""
+    count = len(result.recordings)
+    columns = min(3, count)
+    rows = -(-count // columns)
+    figure, axes = panels(rows, columns, 3.6 * columns, height * rows, **options)
+    for axis in axes.flat[count:]:
+        axis.set_axis_off()
+    for axis in axes[-1]:
+        axis.set_xlabel(x)
+    for row in axes:
+        row[0].set_ylabel(y)
+    return figure, axes
 
 
 def _title(recording: RecordingFit) -> str:
@@ -37,10 +53,7 @@ def _title(recording: RecordingFit) -> str:
 
 def traces(result: FitResult) -> Figure:
     """Measured and modelled malleolus acceleration, three periods of each recording (or its first second)."""
-    count = len(result.recordings)
-    columns = min(3, count)
-    rows = -(-count // columns)
-    figure, axes = _new(rows, columns, 3.6 * columns, 2.3 * rows)
+    figure, axes = _by_recording(result, 2.3, "time [ms]", "malleolus [m/s²]")
     for axis, recording in zip(axes.flat, result.recordings, strict=False):
         start, length = _window(recording)
         shown = (recording.time_s >= start) & (recording.time_s < start + length)
@@ -48,12 +61,6 @@ def traces(result: FitResult) -> Figure:
         axis.plot(t, recording.measured[shown], ".", ms=2.5, color=_MEASURED, label="data")
         axis.plot(t, recording.model[shown], lw=1.1, color=_MODEL, label="model")
         axis.set_title(f"{_title(recording)}: fit {recording.fit_percent:.1f} %", fontsize=9)
-    for axis in axes.flat[count:]:
-        axis.set_axis_off()
-    for axis in axes[-1]:
-        axis.set_xlabel("time [ms]")
-    for row in axes:
-        row[0].set_ylabel("malleolus [m/s²]")
     axes[0, 0].legend(loc="upper right", fontsize=7)
     return figure
 
@@ -66,10 +73,7 @@ def _window(recording: RecordingFit) -> tuple[float, float]:
 
 def residuals(result: FitResult) -> Figure:
     """Amplitude spectrum of what the model leaves, beside that of the recording."""
-    count = len(result.recordings)
-    columns = min(3, count)
-    rows = -(-count // columns)
-    figure, axes = _new(rows, columns, 3.6 * columns, 2.0 * rows, sharex=True, sharey=True)
+    figure, axes = _by_recording(result, 2.0, "frequency [Hz]", "amplitude [m/s²]", sharex=True, sharey=True)
     for axis, recording in zip(axes.flat, result.recordings, strict=False):
         window = np.hanning(recording.time_s.size)
         f = np.fft.rfftfreq(recording.time_s.size, (recording.time_s[1] - recording.time_s[0]))
@@ -82,12 +86,6 @@ def residuals(result: FitResult) -> Figure:
         axis.set_title(_title(recording), fontsize=9)
         axis.set_xlim(0, 160)
         axis.set_ylim(bottom=1e-5)
-    for axis in axes.flat[count:]:
-        axis.set_axis_off()
-    for axis in axes[-1]:
-        axis.set_xlabel("frequency [Hz]")
-    for row in axes:
-        row[0].set_ylabel("amplitude [m/s²]")
     axes[0, 0].legend(loc="upper right", fontsize=7)
     return figure
 
@@ -95,7 +93,7 @@ def residuals(result: FitResult) -> Figure:
 def parameters(result: FitResult) -> Figure:
     """Estimates with 95 % intervals of both branches, each parameter on its own scale; the truth where it is known."""
     keys = list(result.parameters)
-    figure, axes = _new(1, len(keys), 1.35 * len(keys), 2.6)
+    figure, axes = panels(1, len(keys), 1.35 * len(keys), 2.6)
     for axis, key in zip(axes[0], keys, strict=True):
         for place, (branch, colour) in enumerate(zip(result.branches, (_MODEL, _OTHER), strict=False)):
             e = branch.parameters[key]
@@ -104,7 +102,7 @@ def parameters(result: FitResult) -> Figure:
         truth = result.truth_of(key)
         if truth is not None:
             axis.axhline(truth, color=_TRUTH, lw=1, label="truth")
-        axis.set_title(_label(key), fontsize=8)
+        axis.set_title(label_of(key), fontsize=8)
         axis.set_xlim(-0.6, len(result.branches) - 0.4)
         axis.set_xticks([])
         axis.tick_params(labelsize=7)
@@ -115,7 +113,8 @@ def parameters(result: FitResult) -> Figure:
     return figure
 
 
-def _label(key: str) -> str:
+def label_of(key: str) -> str:
+    """Symbol and unit of a parameter, for an axis."""
     symbol, unit = symbol_and_unit(key)
     stem, _, index = symbol.partition("_")
     return (f"${stem}_{{{index}}}$" if index else stem) + (f"\n[{unit}]" if unit else "")
@@ -123,7 +122,7 @@ def _label(key: str) -> str:
 
 def waterfall(result: FitResult) -> Figure:
     """Final cost of every start, best first, coloured by the branch it ended in."""
-    figure, axes = _new(1, 1, 5.2, 2.6)
+    figure, axes = panels(1, 1, 5.2, 2.6)
     axis = axes[0, 0]
     colours = {branch.name: colour for branch, colour in zip(result.branches, (_MODEL, _OTHER), strict=False)}
     for name in dict.fromkeys(str(start["branch"]) for start in result.starts):
@@ -139,11 +138,11 @@ def waterfall(result: FitResult) -> Figure:
 def correlation(result: FitResult) -> Figure:
     """Correlation matrix of the estimates of the likelier branch."""
     keys = list(result.parameters)
-    figure, axes = _new(1, 1, 4.2, 3.6)
+    figure, axes = panels(1, 1, 4.2, 3.6)
     axis = axes[0, 0]
     matrix = np.array(result.best.correlation)
     image = axis.imshow(matrix, vmin=-1, vmax=1, cmap="RdBu_r")
-    labels = [_label(key).split("\n")[0] for key in keys]
+    labels = [label_of(key).split("\n")[0] for key in keys]
     axis.set_xticks(range(len(keys)), labels)
     axis.set_yticks(range(len(keys)), labels)
     axis.grid(False)

@@ -15,15 +15,16 @@ import numpy as np
 from fasbody.exceptions import SimulationError
 from fasbody.model import Foot
 from fasbody.shaker import BaseMotion, harmonics
-from fasbody.two_dof import NAMES, periodic
+from fasbody.two_dof import NAMES, STATES, periodic
 from identification.columns import Columns
 
 #: Longest time step of an orbit [s], and fewest steps a period: RK4 then errs by less than 1e-4 of the peak.
 LONGEST_STEP = 5e-4
 FEWEST_STEPS = 48
-_PASSES = 12
+#: Most passes of Newton's method.
+PASSES = 12
 #: Relative gap after one period beyond which there is no orbit.
-_LOST = 1e-2
+LOST = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,40 +80,63 @@ class _Last:
         return self.x + self.dx @ (theta - self.theta)
 
 
-class Twin:
+class _Memory:
+    """What both engines share: the last orbit of each excitation, from which the next one is sought."""
+
+    def __init__(self, excitations: Sequence[Excitation], states: int, what: str) -> None:
+        self.excitations, self._states, self._what = list(excitations), states, what
+        self.forget()
+
+    def forget(self) -> None:
+        """Start the next orbits from rest."""
+        self._last: list[_Last | None] = [None] * len(self.excitations)
+
+    def start(self, number: int) -> np.ndarray:
+        """States (s,) of the last orbit at time zero."""
+        last = self._last[number]
+        return np.zeros(self._states) if last is None else last.x
+
+    def _guess(self, number: int, theta: np.ndarray) -> np.ndarray:
+        last = self._last[number]
+        return np.zeros(self._states) if last is None else last.predict(theta)
+
+    def _keep(self, number: int, x: np.ndarray, dx: np.ndarray, theta: np.ndarray, gap: float) -> None:
+        """Remember an orbit, or say that there is none."""
+        if not gap < LOST:
+            self._last[number] = None
+            at = f"{self.excitations[number].frequency_hz:g} Hz"
+            raise SimulationError(f"{self._what}: no periodic motion at {at} for {theta}.")
+        self._last[number] = _Last(x, dx, theta)
+
+
+class Twin(_Memory):
     """The compiled two-mass model."""
 
     name = "twin"
 
     def __init__(self, excitations: Sequence[Excitation]) -> None:
-        self.excitations = list(excitations)
-        self._inputs = [e.motion.half_steps(e.step, e.steps) for e in self.excitations]
-        self._last: list[_Last | None] = [None] * len(self.excitations)
-
-    def forget(self) -> None:
-        """Start the next orbits from rest."""
-        self._last = [None] * len(self.excitations)
+        super().__init__(excitations, STATES, "the two-mass model")
+        self.inputs = [e.motion.half_steps(e.step, e.steps) for e in self.excitations]
 
     def orbit(
         self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """See `Engine`: arrays (n,), (n, p)."""
-        e, last = self.excitations[number], self._last[number]
+        e = self.excitations[number]
         masses = {**values, **e.masses}
         theta = np.array([values[name] for name in NAMES])
-        x0 = np.zeros(4) if last is None else last.predict(theta)
-        arguments = (theta, masses["m_S"], masses["m_F"], self._inputs[number], e.step, tolerance, _PASSES)
-        Y, DY, x, dx, gap = periodic(x0, *arguments)
-        if not gap < tolerance:  # a bad guess: once more from rest
-            Y, DY, x, dx, gap = periodic(np.zeros(4), *arguments)
-        if not gap < _LOST:
-            self._last[number] = None
-            raise SimulationError(f"no periodic motion at {e.frequency_hz:g} Hz for {theta}.")
-        self._last[number] = _Last(x, dx, theta)
+        arguments = (theta, masses["m_S"], masses["m_F"], self.inputs[number], e.step, tolerance, PASSES)
+        try:
+            Y, DY, x, dx, gap = periodic(self._guess(number, theta), *arguments)
+            if not gap < tolerance:  # a bad guess: once more from rest
+                Y, DY, x, dx, gap = periodic(np.zeros(STATES), *arguments)
+        except np.linalg.LinAlgError:  # neutral: any start is an orbit, or none
+            gap, Y, DY, x, dx = np.inf, np.empty(0), np.empty((0, 0)), np.empty(0), np.empty((0, 0))
+        self._keep(number, x, dx, theta, gap)
         return Y, DY[:, [NAMES.index(name) for name in names]]
 
 
-class Rollouts:
+class Rollouts(_Memory):
     """Any MJCF foot in MuJoCo.
 
     Args:
@@ -123,23 +147,18 @@ class Rollouts:
     name = "mujoco"
 
     def __init__(self, foot: Foot, excitations: Sequence[Excitation], names: Sequence[str], threads: int = 0) -> None:
-        self.excitations = list(excitations)
         self.columns = Columns(foot, names, threads)
+        super().__init__(excitations, self.columns.states, foot.name)
         self._controls = [e.motion.controls(e.step, e.steps) for e in self.excitations]
-        self._last: list[_Last | None] = [None] * len(self.excitations)
-
-    def forget(self) -> None:
-        """Start the next orbits from rest."""
-        self._last = [None] * len(self.excitations)
 
     def orbit(
         self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """See `Engine`: arrays (n,), (n, p); `names` are those given at construction."""
-        e, last = self.excitations[number], self._last[number]
+        e = self.excitations[number]
         theta = np.array([values[name] for name in self.columns.names])
-        x = np.zeros(self.columns.states) if last is None else last.predict(theta)
-        for _ in range(_PASSES):
+        x = self._guess(number, theta)
+        for _ in range(PASSES):
             d = self.columns.run(self._controls[number], e.step, {**values, **e.masses}, x)
             monodromy = np.eye(x.size) - d.x_by_state
             step = np.linalg.solve(monodromy, d.x - x)
@@ -147,17 +166,9 @@ class Rollouts:
             gap = np.abs(step).max() / max(1e-12, np.abs(x).max())
             if gap < tolerance:
                 break
-        if not gap < _LOST:
-            self._last[number] = None
-            raise SimulationError(f"{self.columns.foot.name}: no periodic motion at {e.frequency_hz:g} Hz.")
         dx = np.linalg.solve(monodromy, d.x_by_parameter)
-        self._last[number] = _Last(x, dx, theta)
+        self._keep(number, x, dx, theta, gap)
         return d.y + d.y_by_state @ step, d.y_by_parameter + d.y_by_state @ dx
-
-    def start(self, number: int) -> np.ndarray:
-        """States (s,) of the last orbit at time zero."""
-        last = self._last[number]
-        return np.zeros(self.columns.states) if last is None else last.x
 
 
 def twin_applies(foot: Foot) -> bool:
@@ -196,3 +207,9 @@ def twin_applies(foot: Foot) -> bool:
         if np.abs(have - want).max() > 1e-6 * np.abs(want).max():
             return False
     return True
+
+
+def twin_order(foot: Foot) -> np.ndarray:
+    """(4,) where z1, z2, z1', z2' of the twin stand among the model's coordinates without the base; its own inverse."""
+    ankle, pad = (int(foot.model.joint(name).qposadr[0]) for name in ("talocrural", "fat_pad"))
+    return np.array([0, 1, 2, 3] if ankle < pad else [1, 0, 3, 2])

@@ -14,9 +14,10 @@ import numpy as np
 from fasbody.exceptions import RecordingError, SimulationError
 from fasbody.recording import Recording
 from fasbody.response import Harmonics, fit_harmonics, harmonic_count
-from identification.orbits import Engine, Excitation
+from identification.compiled import Compiled
+from identification.orbits import Engine, Excitation, Twin
 from identification.search import UNSTABLE
-from identification.space import DELAY, Space
+from identification.space import DELAY, SearchSpace, Space
 
 #: Noise below this share of the amplitude is not believed: clocks and models are not that good.
 _NOISE_FLOOR = 1e-7
@@ -75,7 +76,7 @@ class PeriodicProblem:
         tolerance: relative gap at which an orbit is accepted with a first-order correction.
     """
 
-    def __init__(self, lines: Sequence[Line], engine: Engine, space: Space, tolerance: float = 1e-3) -> None:
+    def __init__(self, lines: Sequence[Line], engine: Engine, space: SearchSpace, tolerance: float = 1e-3) -> None:
         self.lines, self.engine, self.space, self.tolerance = list(lines), engine, space, tolerance
         self._whiten = [self._first_whitening(line) for line in self.lines]
         self.evaluations = 0
@@ -119,21 +120,28 @@ class PeriodicProblem:
         """Its derivatives (n, p)."""
         return self._evaluate(q)[1]
 
+    def compiled(self) -> Compiled | None:
+        """The whole descent as compiled code, where the engine is the twin and all recordings are of one foot."""
+        if not (isinstance(self.engine, Twin) and isinstance(self.space, Space)):
+            return None
+        return Compiled(self.engine, self.space, [line.malleolus.amplitudes for line in self.lines], self._whiten)
+
     def predict(self, q: np.ndarray) -> list[np.ndarray]:
         """Model harmonics (H,) of each recording, delayed like the measurement."""
-        return [self._harmonics(i, q)[0] for i in range(len(self.lines))]
+        return [self.response(i, q)[0] for i in range(len(self.lines))]
 
     def _evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         key = q.tobytes()
         if self._cache is None or self._cache[0] != key:
             self.evaluations += 1
-            r, J = np.empty(self.size), np.empty((self.size, q.size))
+            rows_in_all = sum(2 * line.count for line in self.lines)
+            r, J = np.empty(rows_in_all), np.empty((rows_in_all, q.size))
             row = 0
             try:
                 for i, (line, W) in enumerate(zip(self.lines, self._whiten, strict=True)):
-                    Y, DY = self._harmonics(i, q)
+                    Y, DY, slope = self.response(i, q)
                     rows = slice(row, row + 2 * line.count)
-                    r[rows], J[rows] = W @ split(Y - line.malleolus.amplitudes), W @ split(DY)
+                    r[rows], J[rows] = W @ split(Y - line.malleolus.amplitudes), W @ split(DY) @ slope
                     row = rows.stop
             except SimulationError:
                 r[:], J[:] = UNSTABLE, 0.0
@@ -142,9 +150,9 @@ class PeriodicProblem:
             self._cache = (key, r, J)
         return self._cache[1], self._cache[2]
 
-    def _harmonics(self, number: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Model harmonics (H,) and derivatives (H, p) to q of one recording."""
-        theta, line = self.space.to_theta(q), self.lines[number]
+    def response(self, number: int, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Model harmonics (H,) of one recording, derivatives (H, p) to its parameters, and of those (p, n) to z."""
+        (theta, slope), line = self.space.at(number, z), self.lines[number]
         values = self.space.values(theta)
         y, Dy = self.engine.orbit(number, values, self.space.names, self.tolerance)
         h = np.arange(1, line.count + 1)
@@ -154,7 +162,7 @@ class PeriodicProblem:
         DY = 2 / y.size * np.fft.rfft(Dy, axis=0)[h] * turn[:, None]
         if self.space.has_delay:
             DY = np.column_stack([DY, -late * Y])
-        return Y, DY * self.space.slope(theta)
+        return Y, DY, slope
 
     def _first_whitening(self, line: Line) -> np.ndarray:
         """Whitening before the model is known: input noise seen through the measured transmissibility."""
@@ -164,6 +172,15 @@ class PeriodicProblem:
     @staticmethod
     def _std(channel: Harmonics) -> np.ndarray:
         return np.maximum(channel.std, _NOISE_FLOOR * abs(channel.amplitudes[0]))
+
+    def noise(self, number: int) -> np.ndarray:
+        """Covariance (2 H, 2 H) of one recording's residual, as weighted now."""
+        return np.linalg.inv(self._whiten[number].T @ self._whiten[number])
+
+    def widen(self, number: int, extra: np.ndarray) -> None:
+        """Add a covariance (2 H, 2 H) to that of one recording's residual: what the model leaves beyond the noise."""
+        self._whiten[number] = np.linalg.inv(np.linalg.cholesky(self.noise(number) + extra))
+        self._cache = None
 
     def weigh_as(self, other: "PeriodicProblem") -> None:
         """Take over the weights of another problem with the same recordings."""
@@ -175,9 +192,9 @@ class PeriodicProblem:
         Args:
             q: search variable. engine_of: makes an engine for other excitations.
         """
-        values = self.space.values(self.space.to_theta(q))
-        nudged, sizes = [], []
-        for line in self.lines:
+        feet = [self.space.values(self.space.at(i, q)[0]) for i in range(len(self.lines))]
+        nudged, sizes, whose = [], [], []
+        for i, line in enumerate(self.lines):
             U = line.base.amplitudes
             for direction in np.concatenate([np.eye(line.count), 1j * np.eye(line.count)]):
                 nudge = 1e-4 * abs(U[0])
@@ -186,12 +203,13 @@ class PeriodicProblem:
                         Excitation(line.base.frequency_hz, U + sign * nudge * direction, line.excitation.masses)
                     )
                 sizes.append(2 * nudge)
+                whose += [i, i]
         engine = engine_of(nudged)
-        outputs = iter([engine.orbit(i, values, self.space.names, 1e-6)[0] for i in range(len(nudged))])
+        outputs = iter([engine.orbit(n, feet[i], self.space.names, 1e-6)[0] for n, i in enumerate(whose)])
         size = iter(sizes)
         for i, line in enumerate(self.lines):
             h = np.arange(1, line.count + 1)
-            turn = np.exp(-2j * np.pi * line.base.frequency_hz * h * values.get(DELAY.name, 0.0))
+            turn = np.exp(-2j * np.pi * line.base.frequency_hz * h * feet[i].get(DELAY.name, 0.0))
             columns = []
             for _ in range(2 * line.count):
                 up, down = next(outputs), next(outputs)

@@ -9,11 +9,12 @@ import numpy as np
 from fasbody.exceptions import SettingError
 from fasbody.model import Foot
 from fasbody.recording import Recording
+from identification.hybrid import CertifiedOrbits, CertifiedRuns
 from identification.orbits import LONGEST_STEP, Engine, Excitation, Rollouts, Twin
 from identification.periodic import Line, PeriodicProblem
 from identification.search import Descent
-from identification.space import Space
-from identification.time_domain import TimeProblem, TimeRollouts, TimeTwin
+from identification.space import SearchSpace, Space
+from identification.time_domain import TimeEngine, TimeProblem, TimeRollouts, TimeTwin
 
 #: Scatter of the fundamental between parts of a recording beyond which it is not steady.
 STEADY = 0.05
@@ -37,32 +38,44 @@ def choose_domain(recordings: Sequence[Recording], wanted: str) -> tuple[str, li
                 f"{aperiodic[0]} is not periodic, so it cannot be fitted on harmonics; use --domain time."
             )
         return "time", []
-    lines = [Line.of(recording) for recording in recordings]
-    unsteady = [(line, max(line.base.scatter, line.malleolus.scatter)) for line in lines]
-    worst, scatter = max(unsteady, key=lambda item: item[1])
+    scatter, file = _worst(recordings)
     if scatter > STEADY:
-        text = (
-            f"{worst.recording.file} is not steady: its amplitude scatters by {100 * scatter:.0f} % (drift or beating)"
-        )
+        text = f"{file} is not steady: its amplitude scatters by {100 * scatter:.0f} % (drift or beating)"
         if wanted == "periodic":
             return "periodic", [f"{text}; the weights follow the scatter."]
         return "time", [f"{text}, so all recordings are fitted in the time domain."]
     return "periodic", []
 
 
+def _worst(recordings: Sequence[Recording]) -> tuple[float, str]:
+    """Largest scatter of a fundamental, and in which recording."""
+    lines = [Line.of(recording) for recording in recordings]
+    return max((max(line.base.scatter, line.malleolus.scatter), line.recording.file) for line in lines)
+
+
+def steady(recordings: Sequence[Recording]) -> bool:
+    """Whether all recordings are in a steady state, so that their harmonics say all that they hold."""
+    periodic = all(recording.condition.frequency_hz is not None for recording in recordings)
+    return periodic and _worst(recordings)[0] <= STEADY
+
+
 class Route(Protocol):
     """What the fit needs of a domain: problems on either engine, weights, and initial states for a replay.
 
     Attributes:
-        foot, recordings, space: what is fitted. twin: the compiled twin stands for this model.
+        foot, recordings: what is fitted. twin: the compiled twin stands for this model. threads: 0 for all.
         chi_square: whether the cost is chi-square distributed where the model is true.
     """
 
     foot: Foot
     recordings: list[Recording]
-    space: Space
     twin: bool
+    threads: int
     chi_square: bool
+
+    @property
+    def space(self) -> SearchSpace:
+        """What is searched."""
 
     def explorer(self) -> Any:
         """A fresh problem on the fastest engine that fits the model."""
@@ -83,7 +96,7 @@ class PeriodicRoute:
 
     foot: Foot
     recordings: list[Recording]
-    space: Space
+    space: SearchSpace
     twin: bool
     threads: int = 0
     chi_square = True
@@ -97,28 +110,29 @@ class PeriodicRoute:
         return Twin(excitations) if twin else Rollouts(self.foot, excitations, self.space.names, self.threads)
 
     def explorer(self) -> PeriodicProblem:
-        """See `Route` [m, m/s]."""
+        """See `Route`."""
         engine = self._engine([line.excitation for line in self.lines], self.twin)
         return PeriodicProblem(self.lines, engine, self.space)
 
     def certifier(self, explored: PeriodicProblem) -> PeriodicProblem:
-        """See `Route` [m, m/s]."""
+        """See `Route`."""
         if not self.twin:
             explored.tolerance = 1e-7
             return explored
-        engine = self._engine([line.excitation for line in self.lines], twin=False)
+        longest = min(LONGEST_STEP, self.foot.step)
+        engine = CertifiedOrbits(self.foot, [replace(line.excitation, longest_step=longest) for line in self.lines])
         problem = PeriodicProblem(self.lines, engine, self.space, tolerance=1e-7)
         problem.weigh_as(explored)
         return problem
 
     def reweigh(self, problem: PeriodicProblem, descent: Descent) -> None:
-        """See `Route` [m, m/s]."""
+        """See `Route`."""
         problem.reweigh(descent.z, lambda excitations: self._engine(excitations, self.twin))
 
     def initial_states(self, problem: PeriodicProblem, descent: Descent, number: int) -> np.ndarray:
         """See `Route` [m, m/s]."""
         problem.residual(descent.z)
-        assert isinstance(problem.engine, Rollouts)
+        assert isinstance(problem.engine, Rollouts | CertifiedOrbits)
         return problem.engine.start(number)
 
 
@@ -134,16 +148,17 @@ class TimeRoute:
     chi_square = False
 
     def explorer(self) -> TimeProblem:
-        """See `Route` [m, m/s]."""
-        engine = TimeTwin(self.foot, self.recordings) if self.twin else self._rollouts()
+        """See `Route`."""
+        engine: TimeEngine = TimeTwin(self.foot, self.recordings)
+        if not self.twin:
+            engine = TimeRollouts(self.foot, self.recordings, self.space.names, self.threads)
         return TimeProblem(self.recordings, engine, self.space)
 
-    def _rollouts(self) -> TimeRollouts:
-        return TimeRollouts(self.foot, self.recordings, self.space.names, self.threads)
-
     def certifier(self, explored: TimeProblem) -> TimeProblem:
-        """See `Route` [m, m/s]."""
-        return TimeProblem(self.recordings, self._rollouts(), self.space) if self.twin else explored
+        """See `Route`."""
+        if not self.twin:
+            return explored
+        return TimeProblem(self.recordings, CertifiedRuns(self.foot, self.recordings), self.space)
 
     def reweigh(self, problem: TimeProblem, descent: Descent) -> None:
         """The weights come from the noise floor alone."""

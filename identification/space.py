@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -14,6 +15,41 @@ DELAY = Parameter("delay", "s", -2e-3, 2e-3, (), "channels of a multiplexed conv
 #: Parameters that a fit never frees: masses come from the recording's condition.
 MASSES = ("m_S", "m_F", "m_T")
 _Z95 = 1.959963984540054
+
+
+class SearchSpace(Protocol):
+    """What a problem on harmonics needs of its space: one foot for all recordings, or one each (study/curves.py)."""
+
+    @property
+    def lower(self) -> np.ndarray:
+        """Lower bounds; their number is that of the search variables."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Parameters of a foot, without the delay."""
+
+    @property
+    def has_delay(self) -> bool:
+        """Whether the delay comes last."""
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of the search variable."""
+
+    def at(self, number: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Parameter values (p,) of one recording's foot and their derivatives (p, n) to the search variable."""
+
+    def values(self, theta: np.ndarray) -> dict[str, float]:
+        """All parameter values of a foot by name."""
+
+    def to_q(self, theta: np.ndarray) -> np.ndarray:
+        """Search variable of reported values."""
+
+    def to_theta(self, q: np.ndarray) -> np.ndarray:
+        """Reported values of a search variable."""
+
+    def at_bound(self, theta: np.ndarray) -> np.ndarray:
+        """Which of the reported values rest on a bound."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +99,11 @@ class Space:
     def slope(self, theta: np.ndarray) -> np.ndarray:
         """D theta / d q (p,)."""
         return np.where(self._log, theta, self.scale)
+
+    def at(self, number: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Parameter values (p,), the same for every recording, and their derivatives (p, p) to q."""
+        theta = self.to_theta(q)
+        return theta, np.diag(self.slope(theta))
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:

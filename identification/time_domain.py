@@ -6,7 +6,7 @@ factor of their QR decomposition, which has the same cost, gradient and Gauss-Ne
 stands for.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -15,9 +15,10 @@ from scipy.interpolate import CubicSpline
 from fasbody.exceptions import SimulationError
 from fasbody.model import Foot
 from fasbody.recording import Recording
-from fasbody.shaker import samples
+from fasbody.shaker import BaseMotion, samples
 from fasbody.two_dof import NAMES, trajectory
 from identification.columns import Columns
+from identification.orbits import twin_order
 from identification.periodic import inverse_of_gram
 from identification.search import UNSTABLE
 from identification.space import DELAY, Space
@@ -47,6 +48,16 @@ def grid(recording: Recording, foot: Foot) -> tuple[float, int, int]:
     return interval / stride, recording.time_s.size * stride, stride
 
 
+def _driven(
+    recordings: Sequence[Recording], foot: Foot
+) -> Iterator[tuple[BaseMotion, float, int, int, dict[str, float]]]:
+    """Base motion, time step, number of steps, steps a sample and masses of each recording."""
+    for recording in recordings:
+        h, n, stride = grid(recording, foot)
+        motion = samples(recording.time_s - recording.time_s[0], recording.base_m_s2)
+        yield motion, h, n, stride, recording.condition.masses
+
+
 class TimeTwin:
     """The compiled two-mass model over whole recordings; its states come in the order of the model's coordinates.
 
@@ -58,14 +69,8 @@ class TimeTwin:
 
     def __init__(self, foot: Foot, recordings: Sequence[Recording]) -> None:
         self.state_scale = np.array([1e-3, 1e-3, 0.1, 0.1])
-        ankle, pad = (int(foot.model.joint(name).qposadr[0]) for name in ("talocrural", "fat_pad"))
-        #: position of z1, z2, z1', z2' among the model's coordinates without the base
-        self.order = np.array([0, 1, 2, 3] if ankle < pad else [1, 0, 3, 2])
-        self._runs = []
-        for recording in recordings:
-            h, n, stride = grid(recording, foot)
-            motion = samples(recording.time_s - recording.time_s[0], recording.base_m_s2)
-            self._runs.append((motion.half_steps(h, n), h, stride, recording.condition.masses))
+        self.order = twin_order(foot)
+        self._runs = [(u.half_steps(h, n), h, stride, masses) for u, h, n, stride, masses in _driven(recordings, foot)]
 
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
@@ -74,7 +79,7 @@ class TimeTwin:
         u, h, stride, masses = self._runs[number]
         full = {**values, **masses}
         theta = np.array([full[name] for name in NAMES])
-        columns = 12 if names else 4
+        columns = 12 if names else 0
         Y, DY, *_ = trajectory(x0[self.order], theta, full["m_S"], full["m_F"], u, h, stride, columns)
         return Y, DY[:, [*self.order, *(4 + NAMES.index(name) for name in names)]]
 
@@ -91,11 +96,7 @@ class TimeRollouts:
     def __init__(self, foot: Foot, recordings: Sequence[Recording], names: Sequence[str], threads: int = 0) -> None:
         self.columns = Columns(foot, names, threads)
         self.state_scale = self.columns.scale
-        self._runs = []
-        for recording in recordings:
-            h, n, stride = grid(recording, foot)
-            motion = samples(recording.time_s - recording.time_s[0], recording.base_m_s2)
-            self._runs.append((motion.controls(h, n), h, stride, recording.condition.masses))
+        self._runs = [(u.controls(h, n), h, stride, masses) for u, h, n, stride, masses in _driven(recordings, foot)]
 
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
@@ -116,7 +117,7 @@ class TimeProblem:
     def __init__(self, recordings: Sequence[Recording], engine: TimeEngine, space: Space) -> None:
         self.recordings, self.engine, self.space = list(recordings), engine, space
         self.sigma = np.array([noise_floor(recording) for recording in recordings])
-        self.evaluations = 0
+        self.evaluations, self.tolerance = 0, 0.0
         self._cache: tuple[bytes, np.ndarray, np.ndarray] | None = None
 
     @property
@@ -143,6 +144,9 @@ class TimeProblem:
     def start(self, q: np.ndarray) -> np.ndarray:
         """Full search variable (n,) of a start q (p,): rest in every recording."""
         return np.concatenate([q, np.zeros(self._states * len(self.recordings))])
+
+    def compiled(self) -> None:
+        """One evaluation is long enough to be called from Python."""
 
     def residual(self, z: np.ndarray) -> np.ndarray:
         """Compressed residual (m,) at the full search variable z (n,)."""

@@ -7,7 +7,7 @@ import pytest
 from fasbody.model import Foot
 from fasbody.shaker import sine
 from fasbody.two_dof import NAMES, TwoDof, trajectory
-from identification.columns import Columns
+from identification.columns import Columns, Coordinates
 
 
 def test_jacobian_equals_the_exact_sensitivities(foot: Foot) -> None:
@@ -31,8 +31,7 @@ def test_jacobian_equals_the_exact_sensitivities(foot: Foot) -> None:
 
 
 def test_unpack_measures_from_rest_and_leaves_the_base(foot: Foot) -> None:
-    columns = Columns(foot, ())
-    qpos, qvel, act = columns.unpack(np.array([[1.0, 2.0, 3.0, 4.0]]))
+    qpos, qvel, act = Coordinates(foot).unpack(np.array([[1.0, 2.0, 3.0, 4.0]]))
     assert qpos.tolist() == [[0, 1, 2]]
     assert qvel.tolist() == [[0, 3, 4]]
     assert act.shape == (1, 0)

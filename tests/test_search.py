@@ -17,7 +17,7 @@ class Quadratic:
     def __init__(self, foot: Foot, b: float) -> None:
         self.space = space_of(foot, ["c_12", "c_22"], delay=False)
         self.M, self.b = np.array([[1.0, 0.5], [0.2, 2.0], [0.3, 0.1]]), np.array([b, 1.0, -1.0])
-        self.evaluations, self.size = 0, 3
+        self.evaluations, self.size, self.tolerance = 0, 3, 0.0
 
     bounds = property(lambda self: self.space.bounds)
 
@@ -33,6 +33,9 @@ class Quadratic:
 
     def covariance(self, z: np.ndarray, active: np.ndarray) -> np.ndarray:
         return np.linalg.inv(self.M.T @ self.M)
+
+    def compiled(self) -> None:
+        return None
 
 
 @pytest.mark.parametrize("b", [2.0, 90.0])  # inside, and beyond the bounds

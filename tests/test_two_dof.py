@@ -149,3 +149,9 @@ def test_an_energy_source_has_no_orbit() -> None:
     with np.errstate(all="ignore"):
         gap = periodic(np.zeros(4), theta, foot.m_S, foot.m_F, u, 5e-4, 1e-6, 12)[4]
     assert not gap < 1e-2
+
+
+def test_a_free_foot_has_no_one_orbit() -> None:
+    """Without springs and dampers any drift is periodic or none: the gap says so instead of a singular matrix."""
+    u = shaker.harmonics(20.0, [-8.95j], 0.05).half_steps(5e-4, 100)
+    assert periodic(np.zeros(4), np.zeros(8), 3.4, 1.05, u, 5e-4, 1e-6, 12)[4] == np.inf

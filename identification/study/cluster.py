@@ -1,0 +1,152 @@
+"""Where jobs are done: in this process, on local processes, or on a Dask cluster. The only importer of dask.
+
+Jobs carry their recordings, so workers need no file of the study; a few are sent ahead, the rest are read when their
+turn comes. Dask puts a lost worker's jobs on another one. Its messages are pickles: whoever reaches the scheduler's
+port can run programs as you (docs/study.md).
+"""
+
+import contextlib
+import uuid
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+from fasbody.exceptions import FasError, MissingPackageError, SettingError
+from identification.study import job, plan
+from identification.study.job import Document
+from identification.study.plan import Work
+
+#: Takes work as it is asked for, gives documents as they are ready.
+Crew = Callable[[Iterable[Work]], Iterator[Document]]
+#: Fewer jobs than this are done here: starting processes takes longer.
+FEW = 8
+#: Jobs sent ahead for each thread of the cluster, so that none waits for its next recording.
+_AHEAD = 2
+#: How long to wait for a scheduler, and for its first worker [s].
+_PATIENCE_S = 15
+_QUIET = {"distributed.worker.daemon": True, "distributed.comm.timeouts.connect": f"{_PATIENCE_S}s"}
+
+
+def here(works: Iterable[Work]) -> Iterator[Document]:
+    """Do the jobs in this process."""
+    return map(job.run, works)
+
+
+@contextlib.contextmanager
+def local(processes: int) -> Iterator[Crew]:
+    """So many local processes, one thread each, that talk over 127.0.0.1 and end with this one.
+
+    Raises:
+        MissingPackageError: distributed is not installed.
+    """
+    distributed = _distributed()
+    import dask
+
+    with (
+        dask.config.set({**_QUIET, "distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1}),
+        distributed.LocalCluster(
+            n_workers=processes, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
+            memory_limit=0, silence_logs=50,
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):  # fmt: skip
+        yield lambda works: _on(client, works)
+
+
+@contextlib.contextmanager
+def remote(address: str) -> Iterator[Crew]:
+    """The workers of an existing scheduler, such as tcp://127.0.0.1:8786.
+
+    Raises:
+        MissingPackageError: distributed is not installed. SettingError: no scheduler answers there, it has no worker,
+            or its workers have another version of this program.
+    """
+    distributed = _distributed()
+    import dask
+
+    with dask.config.set(_QUIET):
+        try:
+            client = distributed.Client(address, timeout=_PATIENCE_S)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise SettingError(
+                f"no Dask scheduler answers at {address} ({type(error).__name__}); start one with dask scheduler."
+            ) from None
+        with client:
+            try:
+                client.wait_for_workers(1, timeout=_PATIENCE_S)
+            except TimeoutError:
+                raise SettingError(
+                    f"the scheduler at {address} has no worker; start one: dask worker {address}."
+                ) from None
+            _same_program(client, address)
+            yield lambda works: _on(client, works)
+
+
+def _same_program(client: Any, address: str) -> None:
+    try:
+        theirs = set(client.run(_program_there).values())
+    except Exception as error:
+        raise SettingError(f"the workers of {address} cannot import this program ({error}).") from None
+    if theirs != {plan.program()}:
+        raise SettingError(f"the workers of {address} have another version of this program; install the same one.")
+
+
+def _program_there() -> str:
+    return plan.program()
+
+
+def _there(work: Work, program: str) -> Document:
+    """A job on a worker, which may have joined later than the others."""
+    if plan.program() != program:
+        raise FasError("this worker has another version of the program.")
+    return job.run(work)
+
+
+def _on(client: Any, works: Iterable[Work]) -> Iterator[Document]:
+    """Documents in the order in which they are ready; at most a few jobs a thread are with the cluster at a time."""
+    from distributed import as_completed
+
+    program, run, waiting = plan.program(), uuid.uuid4().hex[:8], iter(works)
+    sent: dict[str, Work] = {}
+    ready = as_completed()
+
+    def refill() -> None:
+        wanted = _AHEAD * max(1, sum(client.nthreads().values()))
+        while len(sent) < wanted and (work := next(waiting, None)) is not None:
+            # the key is new in each run, as a shared scheduler may still hold an old result
+            future = client.submit(_there, work, program, key=f"fit-{work.job.key}-{run}", pure=False)
+            sent[future.key] = work
+            ready.add(future)
+
+    refill()
+    for future in ready:
+        work = sent.pop(future.key)
+        if future.status == "finished":
+            yield future.result()
+        elif future.status == "error":
+            yield _lost(work, future.exception())
+        else:
+            raise FasError("the connection to the scheduler is lost; the same command goes on from here.")
+        future.release()
+        refill()
+
+
+def _lost(work: Work, error: BaseException) -> Document:
+    """What is written of a job whose worker ended, each time it was tried."""
+    died = type(error).__name__ == "KilledWorker"
+    why = "the worker doing it ended, several times over; memory may be short" if died else " ".join(str(error).split())
+    return job.document(work.job, "failed", f"{work.job}: {why.rstrip('.')}.", 0.0)
+
+
+def _distributed() -> Any:
+    try:
+        import distributed
+    except ImportError:
+        raise MissingPackageError("distributed", "study") from None
+    return distributed
+
+
+def installed() -> bool:
+    """Whether local processes are to be had."""
+    import importlib.util
+
+    return importlib.util.find_spec("distributed") is not None

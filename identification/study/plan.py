@@ -1,0 +1,223 @@
+"""What a study has to fit: jobs, each with a key that follows its recordings' content, the settings and the program."""
+
+import functools
+import hashlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+import fasbody
+import identification
+from fasbody.condition import Condition
+from fasbody.exceptions import FasError, SettingError, unknown
+from fasbody.model import Foot, check
+from fasbody.recording import Recording, StudyFolder
+from fasbody.trials import Trial
+from identification.estimate import Settings
+from identification.routes import DOMAINS
+
+#: Which recordings one fit takes together.
+MODES = ("per-recording", "pooled", "trend")
+#: Our sources that cannot change a fit, and those of this package that can.
+_SILENT = ("console.py", "figures.py", "fit.py", "laboratory.py", "report.py", "virtual_study.py", "virtual_subject.py")
+_COMPUTING = (
+    "curves.py", "cycle.py", "job.py", "levenberg.py", "loops.py", "orders.py", "parts.py", "scatter.py", "trend.py",
+    "trend_result.py", "trend_search.py",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Model:
+    """A compiled foot in a form that travels: MuJoCo's binary model, which needs no file and no mesh beside it."""
+
+    name: str
+    binary: bytes
+
+    @classmethod
+    def of(cls, foot: Foot) -> "Model":
+        """Pack a loaded model."""
+        buffer = np.zeros(mujoco.mj_sizeModel(foot.model), np.uint8)
+        mujoco.mj_saveModel(foot.model, None, buffer)
+        return cls(foot.name, buffer.tobytes())
+
+    def foot(self) -> Foot:
+        """The model again, kept for the next job of this process."""
+        return _unpacked(self)
+
+
+@functools.lru_cache(maxsize=4)
+def _unpacked(model: Model) -> Foot:
+    compiled = mujoco.MjModel.from_binary_path("foot.mjb", {"foot.mjb": model.binary})
+    return check(compiled, model.name)
+
+
+@dataclass(frozen=True)
+class Job:
+    """One fit: which trials, and what they have in common (None where they differ)."""
+
+    key: str
+    mode: str
+    subject: str
+    posture: str
+    added_mass_kg: float | None
+    frequency_hz: float | None
+    origin: str
+    trials: tuple[Trial, ...]
+
+    @property
+    def files(self) -> list[str]:
+        """What recordings.csv calls the trials."""
+        return [trial.file for trial in self.trials]
+
+    def __str__(self) -> str:
+        return self.files[0] if len(self.trials) == 1 else f"{self.files[0]} and {len(self.trials) - 1} more"
+
+
+@dataclass(frozen=True)
+class Work:
+    """Everything that a job needs, so that who does it sees no file of the study.
+
+    Attributes:
+        job: what it is. recordings: as read. model: packed. settings: of the fit.
+        unread: one sentence for each trial that could not be read.
+    """
+
+    job: Job
+    recordings: tuple[Recording, ...]
+    model: Model
+    settings: Settings
+    unread: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Filters:
+    """Which recordings of a study to take; an empty one takes all."""
+
+    subjects: tuple[str, ...] = ()
+    postures: tuple[str, ...] = ()
+    added_masses_kg: tuple[float, ...] = ()
+    frequencies_hz: tuple[float, ...] = ()
+
+    def choose(self, trials: Sequence[Trial]) -> list[Trial]:
+        """The trials that pass.
+
+        Raises:
+            SettingError: a value that no recording has, or nothing passes.
+        """
+        wanted = (
+            ("subject", "subject", self.subjects), ("posture", "posture", self.postures),
+            ("added mass", "added_mass_kg", self.added_masses_kg), ("frequency", "frequency_hz", self.frequencies_hz),
+        )  # fmt: skip
+        chosen = list(trials)
+        for kind, field, values in wanted:
+            there = list(dict.fromkeys(_text(getattr(trial.condition, field)) for trial in trials))
+            for value in values:
+                if _text(value) not in there:
+                    raise SettingError(f"{unknown(kind, _text(value), there)} in this study.")
+            if values:
+                asked = {_text(value) for value in values}
+                chosen = [trial for trial in chosen if _text(getattr(trial.condition, field)) in asked]
+        if not chosen:
+            raise SettingError("no recording of the study passes all the filters together.")
+        return chosen
+
+
+def _text(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+class Plan:
+    """The fits of a study in the order of its table.
+
+    Args:
+        study: opened. trials: those of its recordings to fit. settings: of each fit. model: what is fitted.
+
+    Raises:
+        SettingError: a domain or number of starts that cannot be meant.
+    """
+
+    def __init__(self, study: StudyFolder, trials: Sequence[Trial], settings: Settings, model: Model) -> None:
+        if settings.domain not in DOMAINS:
+            raise SettingError(f"{unknown('domain', settings.domain, DOMAINS)}.")
+        if settings.starts < 1:
+            raise SettingError(f"the number of starts is {settings.starts}; at least one is needed.")
+        self.study, self.trials, self.settings, self.model = study, list(trials), settings, model
+        self._contents = {trial: content(study, trial) for trial in trials}
+
+    def jobs(self, mode: str) -> list[Job]:
+        """One job a group of recordings that a mode takes together.
+
+        Raises:
+            SettingError: no such mode.
+        """
+        if mode not in MODES:
+            raise SettingError(f"{unknown('mode', mode, MODES)}.")
+        how = hashlib.sha256("\n".join([mode, _written(self.settings), program()]).encode() + self.model.binary)
+        found: dict[str, Job] = {}
+        for group in _groups(self.trials, mode):
+            contents = [self._contents[trial] for trial in group]
+            key = hashlib.sha256("\n".join([how.hexdigest(), *contents]).encode()).hexdigest()[:24]
+            condition = group[0].condition
+            job = Job(
+                key=key, mode=mode, subject=condition.subject, posture=condition.posture,
+                added_mass_kg=condition.added_mass_kg if mode != "trend" else None,
+                frequency_hz=condition.frequency_hz if mode == "per-recording" else None,
+                origin=self.study.origin, trials=tuple(group),
+            )  # fmt: skip
+            found.setdefault(key, job)  # a recording listed twice is fitted once
+        return list(found.values())
+
+    def work(self, job: Job) -> Work:
+        """A job with its recordings read; those that cannot be are named in it."""
+        recordings, unread = [], []
+        for trial in job.trials:
+            try:
+                recordings.append(self.study.read(trial))
+            except FasError as problem:
+                unread.append(str(problem))
+        return Work(job, tuple(recordings), self.model, self.settings, tuple(unread))
+
+
+def _groups(trials: Iterable[Trial], mode: str) -> Iterator[list[Trial]]:
+    groups: dict[object, list[Trial]] = {}
+    for number, trial in enumerate(trials):
+        c: Condition = trial.condition
+        together: dict[str, object] = {
+            "per-recording": number, "pooled": (c.subject, c.posture, c.added_mass_kg), "trend": (c.subject, c.posture)
+        }  # fmt: skip
+        groups.setdefault(together[mode], []).append(trial)
+    yield from groups.values()
+
+
+def content(study: StudyFolder, trial: Trial) -> str:
+    """Digest of what a recording says and how it is read; neither its name nor its date counts.
+
+    A file that is not there has a digest too: its job fails with a sentence, and has another key once it is there.
+    """
+    digest = hashlib.sha256(repr((study.origin, study.layout, sorted(asdict(trial.condition).items()))).encode())
+    for file in (trial.path, trial.path.with_suffix(".json")):  # the latter holds acquisition's remarks
+        digest.update(file.read_bytes() if file.is_file() else b"-")
+        digest.update(b"|")
+    return digest.hexdigest()
+
+
+def _written(settings: Settings) -> str:
+    """What of the settings changes a result; the number of threads does not."""
+    fields = {name: value for name, value in asdict(settings).items() if name != "threads"}
+    return repr(sorted(fields.items()))
+
+
+@functools.cache
+def program() -> str:
+    """Digest of the sources that compute a fit, which is more than a version says: an edited program makes new keys."""
+    physics, estimation = (Path(str(package.__file__)).parent for package in (fasbody, identification))
+    files = [file for root in (physics, physics / "formats", estimation) for file in sorted(root.glob("*.py"))]
+    files += [estimation / "study" / name for name in _COMPUTING]
+    digest = hashlib.sha256()
+    for file in files:
+        if file.name not in _SILENT and file.is_file():
+            digest.update(file.name.encode() + file.read_bytes())
+    return digest.hexdigest()[:12]

@@ -1,0 +1,174 @@
+"""summary.csv, the figures and report.html of a study, from its fits alone."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from jinja2 import Environment, PackageLoader, select_autoescape
+from markupsafe import Markup
+
+from fasbody import console
+from identification.study import summary, tables
+from identification.study.tables import Grid
+from identification.study.truth import LIMITS, Truth, recovery
+
+#: The subject whose traces and loops are shown where there is one of that name, as in the thesis.
+_EXAMPLE = "16"
+_LISTED = 20
+_MODES = {
+    "per-recording": "each recording alone, as in the thesis",
+    "pooled": "each load of a subject over all frequencies, with constants that do not depend on frequency",
+    "trend": "each subject over all loads and frequencies, with constants that are smooth functions of both",
+}
+#: Modes whose loops mean most first: one frequency may have ankle and pad changed.
+_TRUSTED = ("trend", "per-recording", "pooled")
+
+
+@dataclass(frozen=True)
+class Section:
+    """What else a study found: a heading, paragraphs, and a table or an inline picture if there is one."""
+
+    title: str
+    texts: Sequence[str]
+    table: Grid | None = None
+    svg: Markup | None = None
+
+
+def write(
+    out: Path,
+    documents: Sequence[Mapping[str, Any]],
+    title: str,
+    origin: str,
+    truth: Truth | None = None,
+    sections: Sequence[Section] = (),
+) -> list[Path]:
+    """Write summary.csv, energy.csv, recovery.csv (with a truth), figures/ and report.html, each whole or not at all.
+
+    Args:
+        out: folder. documents: the fits. title: of the study. origin: "synthetic", "measured" or what is known of it.
+        truth: of a synthetic study. sections: what else belongs on the page.
+
+    Returns:
+        The files written, the report first.
+    """
+    table, energy = summary.tidy(documents, truth), summary.cycle_table(documents)
+    found = recovery(table) if truth else pd.DataFrame()
+    drawn = {name: (draw(), caption) for name, (draw, caption) in pictures(documents, table, energy, origin).items()}
+    from identification.study import figures  # late: matplotlib takes a second
+
+    files, inline = {}, {}
+    for name, (figure, caption) in drawn.items():
+        vector = figures.save(figure, "svg")
+        files[f"figures/{name}.svg"] = vector
+        files[f"figures/{name}.png"] = figures.save(figure, "png")
+        text = vector.decode()
+        inline[name] = {"svg": Markup(text[text.index("<svg") :]), "caption": caption}
+    files["summary.csv"] = summary.csv(table).encode()
+    files["energy.csv"] = summary.csv(energy).encode()
+    if len(found):
+        files["recovery.csv"] = summary.csv(found).encode()
+    page = _page(documents, table, energy, found, inline, title=title, origin=origin, sections=sections)
+    written = [console.write_whole(out / name, content) for name, content in files.items()]
+    return [console.write_whole(out / "report.html", page), *written]
+
+
+def pictures(
+    documents: Sequence[Mapping[str, Any]], table: pd.DataFrame, energy: pd.DataFrame, origin: str
+) -> dict[str, tuple[Callable[[], Any], str]]:
+    """Name -> (what draws it, caption) of every figure that these fits can fill."""
+    from identification.study import figures
+
+    out: dict[str, tuple[Callable[[], Any], str]] = {}
+    if table.empty:
+        return out
+    out["verdicts"] = (partial(figures.verdicts, table), "Verdict on each parameter, chosen branch.")
+    over = table[table["frequency_hz"].notna()]
+    for (mode, posture), rows in over.groupby(["mode", "posture"], sort=False):
+        name = f"curves_{mode}_{posture}"
+        text = f"Spline-fitted means over frequency, {mode}, {posture} (in the manner of Figures 4.18 to 4.25)."
+        out[name] = (partial(figures.curves, rows, origin), text)
+    for (mode, posture, load), rows in over.groupby(["mode", "posture", "added_mass_kg"], sort=False):
+        if mode == "per-recording" and rows["subject"].nunique() >= summary.FEWEST:
+            text = f"Estimates of all subjects with {load:g} kg added, {mode}, {posture} (as Figures D.1 to D.3)."
+            out[f"boxes_{mode}_{posture}_{load:g}kg"] = (partial(figures.boxes, rows, origin), text)
+    for place, mode in enumerate(m for m in _TRUSTED if m in set(energy["mode"])):
+        posture = energy.loc[energy["mode"] == mode, "posture"].iloc[0]
+        subject, cycles, fits = example(documents, mode, posture)
+        said = f"subject {subject}, {mode}, {posture}"
+        if place == 0 or mode == "per-recording":
+            out[f"traces_{mode}"] = (
+                partial(figures.traces, cycles, fits, origin),
+                f"Malleolus acceleration, data and model: {said} (in the manner of Figures 4.6 to 4.14).",
+            )
+            out[f"loops_{mode}"] = (
+                partial(figures.loops, cycles, origin),
+                f"Force against relative displacement: {said} (in the manner of Figures 4.15 to 4.17).",
+            )
+            rows = energy[(energy["mode"] == mode) & (energy["posture"] == posture)]
+            text = f"Energy dissipated in one cycle, and where: {mode}, {posture}."
+            out[f"energies_{mode}"] = (partial(figures.energies, rows, origin), text)
+    if any(d["status"] == "done" and d["result"].get("starts") for d in documents):
+        out["waterfall"] = (partial(figures.waterfall, documents), "Where every start of every fit ended.")
+    return out
+
+
+def example(
+    documents: Sequence[Mapping[str, Any]], mode: str, posture: str
+) -> tuple[str, list[Mapping[str, Any]], dict[str, float]]:
+    """One subject's cycles of the chosen branch, and the fit percentage of its files: subject 16, else the fullest."""
+    mine = [d for d in documents if (d["mode"], d["posture"], d["status"]) == (mode, posture, "done")]
+    counts = {d["subject"]: 0 for d in mine}
+    for d in mine:
+        counts[d["subject"]] += sum(c["chosen"] for c in d["cycles"])
+    subject = _EXAMPLE if counts.get(_EXAMPLE) else max(counts, key=lambda s: counts[s])
+    own = [d for d in mine if d["subject"] == subject]
+    cycles = [c for d in own for c in d["cycles"] if c["chosen"]]
+    return subject, cycles, {r["file"]: r["fit_percent"] for d in own for r in d["result"]["recordings"]}
+
+
+def _trusted(energy: pd.DataFrame) -> pd.DataFrame:
+    """Rows of the mode whose loops mean most."""
+    return energy[energy["mode"] == next((m for m in _TRUSTED if m in set(energy["mode"])), "")]
+
+
+def _page(
+    documents: Sequence[Mapping[str, Any]],
+    table: pd.DataFrame,
+    energy: pd.DataFrame,
+    found: pd.DataFrame,
+    inline: Mapping[str, Any],
+    *,
+    title: str,
+    origin: str,
+    sections: Sequence[Section],
+) -> str:
+    environment = Environment(
+        loader=PackageLoader("identification"), autoescape=select_autoescape(default=True),
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    modes = list(dict.fromkeys(d["mode"] for d in documents))
+    failed = [f"Failed ({d['mode']}): {d['error']}" for d in documents if d["status"] == "failed"]
+    failed += [f"Left out ({d['mode']}): {text}" for d in documents for text in d.get("left_out", ())]
+    contents = [("done", "What was done"), ("verdicts", "Verdicts"), ("mirror", "Mirror"), ("truth", "Truth")]
+    contents += [("parameters", "Parameters"), ("outliers", "Outliers"), ("traces", "Traces"), ("loops", "Energy")]
+    contents += [
+        *([("starts", "Starts")] if "waterfall" in inline else []),
+        *((f"section{i}", s.title) for i, s in enumerate(sections, 1)),
+    ]
+    return environment.get_template("study.html").render(
+        title=title, origin=origin, sections=sections, pictures=inline, limits=LIMITS, day=date.today().isoformat(),
+        subjects=len({d["subject"] for d in documents}),
+        recordings=len({file for d in documents for file in d["files"]}),
+        contents=[(anchor, name) for anchor, name in contents if anchor != "truth" or len(found)],
+        short=tables.short(documents, table, energy, found),
+        modes_text=" ".join(f"Mode {m}: {_MODES[m]}." for m in modes if m in _MODES),
+        counts=tables.counts(documents), failures=failed[:_LISTED], more_failures=max(0, len(failed) - _LISTED),
+        verdicts=tables.verdicts(table), branches=tables.branches(documents), outliers=tables.outliers(table),
+        recovery=tables.recovery(found) if len(found) else None, energies=tables.energies(_trusted(energy)),
+        balance=tables.balance(energy),
+        named=lambda start: [name for name in inline if name.startswith(start)],
+    )  # fmt: skip

@@ -1,0 +1,152 @@
+"""The fits of a study as one tidy table: a row a parameter, branch and condition, and which of them are outliers."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from fasbody.exceptions import InputFileError
+from identification.result import symbol_and_unit
+from identification.study.truth import Truth
+
+#: Columns of summary.csv.
+COLUMNS = (
+    "mode", "subject", "posture", "added_mass_kg", "frequency_hz", "branch", "chosen", "parameter", "unit", "value",
+    "std_error", "lower", "upper", "verdict", "outlier", "truth", "key",
+)  # fmt: skip
+#: What the subjects of one box have in common.
+GROUP = ["mode", "posture", "added_mass_kg", "frequency_hz", "parameter"]
+#: Fewest values that make a box, and how many interquartile ranges its whiskers reach.
+FEWEST, _WHISKER = 4, 1.5
+
+
+def read_fits(folder: Path) -> list[dict[str, Any]]:
+    """Every fit of `OUT/fits`, in the order of their names.
+
+    Raises:
+        InputFileError: a file is not a fit.
+    """
+    documents = []
+    for file in sorted(folder.glob("*.json")):
+        try:
+            document = json.loads(file.read_text())
+            document["status"], document["mode"]
+        except (ValueError, KeyError, TypeError):
+            raise InputFileError(file, "is not a fit of a study", "delete it and run again") from None
+        documents.append(document)
+    return documents
+
+
+def tidy(documents: Iterable[Mapping[str, Any]], truth: Truth | None = None) -> pd.DataFrame:
+    """The table of summary.csv; failed fits have no row.
+
+    Args:
+        documents: fits as `OUT/fits` has them. truth: of a synthetic study.
+    """
+    rows = [row for document in documents if document["status"] == "done" for row in _rows(document, truth)]
+    table = pd.DataFrame(rows, columns=[c for c in COLUMNS if c != "outlier"])
+    numbers = ["added_mass_kg", "frequency_hz", "value", "std_error", "lower", "upper", "truth"]
+    table[numbers] = table[numbers].astype(float)
+    table["chosen"] = table["chosen"].astype(bool)
+    table["outlier"] = False
+    chosen = table[table["chosen"]]
+    for _, group in chosen.groupby(GROUP, dropna=False):
+        table.loc[group.index, "outlier"] = outliers(group["value"].to_numpy())
+    return table[list(COLUMNS)]
+
+
+def _rows(document: Mapping[str, Any], truth: Truth | None) -> Iterable[dict[str, Any]]:
+    shared = {name: document[name] for name in ("mode", "subject", "posture", "key")}
+    single = {name: document[name] for name in ("frequency_hz", "added_mass_kg")}
+    for number, branch in enumerate(document["result"]["branches"]):
+        for point in branch.get("points") or [{**single, "parameters": branch["parameters"]}]:
+            f = point["frequency_hz"]
+            at = {"added_mass_kg": point["added_mass_kg"], "frequency_hz": None if f is None else nominal(f)}
+            mode, subject, posture = (str(document[name]) for name in ("mode", "subject", "posture"))
+            known = truth.of(mode, subject, posture, **at, files=document["files"]) if truth else {}
+            for key, e in point["parameters"].items():
+                symbol, unit = symbol_and_unit(key)
+                yield {
+                    **shared, **at, "branch": branch["name"], "chosen": number == 0, "parameter": symbol, "unit": unit,
+                    **{name: e[name] for name in ("value", "std_error", "lower", "upper")},
+                    "verdict": e["identifiability"], "truth": known.get(symbol),
+                }  # fmt: skip
+
+
+def quartiles(values: np.ndarray) -> tuple[float, float]:
+    """Q1 and Q3 as section 4.6 defines them: medians of the lower and the upper half, without the middle value."""
+    x = np.sort(values)
+    half = x.size // 2
+    return float(np.median(x[:half])), float(np.median(x[x.size - half :]))
+
+
+def outliers(values: np.ndarray) -> np.ndarray:
+    """Which values (n,) lie more than 1.5 interquartile ranges beyond the quartiles; none of fewer than four."""
+    known = np.isfinite(values)
+    if known.sum() < FEWEST:
+        return np.zeros(values.shape, bool)
+    low, high = quartiles(values[known])
+    reach = _WHISKER * (high - low)
+    return known & ((values < low - reach) | (values > high + reach))
+
+
+def fit_percents(documents: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+    """Mode, subject, posture, load, frequency and fit percentage of every recording of every fit."""
+    rows = [
+        {"mode": d["mode"], "subject": d["subject"], "posture": d["posture"], **{k: r[k] for k in _OF_RECORDING}}
+        for d in documents
+        if d["status"] == "done"
+        for r in d["result"]["recordings"]
+    ]
+    return pd.DataFrame(rows, columns=["mode", "subject", "posture", *_OF_RECORDING])
+
+
+_OF_RECORDING = ("file", "added_mass_kg", "frequency_hz", "fit_percent")
+
+
+def cycle_table(documents: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+    """Energies of every cycle [J], one row a recording and branch: mode, subject, condition, parts, work, imbalance."""
+    rows = [
+        {
+            **{name: d[name] for name in ("mode", "subject", "posture", "key")},
+            **{name: c[name] for name in ("file", "added_mass_kg", "branch", "chosen", "shaker_work_j", "imbalance")},
+            "frequency_hz": nominal(c["frequency_hz"]),
+            "ankle_j": c["ankle"]["dissipated_j"], "fat_pad_j": c["fat_pad"]["dissipated_j"],
+        }
+        for d in documents
+        for c in d.get("cycles") or []
+    ]  # fmt: skip
+    columns = ["mode", "subject", "posture", "key", "file", "added_mass_kg", "frequency_hz", "branch", "chosen"]
+    table = pd.DataFrame(rows, columns=[*columns, "ankle_j", "fat_pad_j", "shaker_work_j", "imbalance"])
+    return table.astype({"chosen": bool})
+
+
+def nominal(frequency_hz: float) -> float:
+    """The frequency that was set, from the one found in a recording: to a tenth of a hertz."""
+    return round(frequency_hz, 1)
+
+
+def csv(table: pd.DataFrame) -> str:
+    """summary.csv as text: numbers of eight digits, empty where there is none."""
+    return table.to_csv(index=False, float_format="%.8g", lineterminator="\n")
+
+
+def counts(documents: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """One row a mode: fits, done, failed, recordings, mean fit [%], branches decided and undecided, seconds."""
+    rows = []
+    for mode in dict.fromkeys(d["mode"] for d in documents):
+        mine = [d for d in documents if d["mode"] == mode]
+        done = [d["result"] for d in mine if d["status"] == "done"]
+        verdicts = [r.get("verdict", "") for r in done]
+        fits = [r["fit_percent"] for r in done]
+        rows.append({
+            "mode": mode, "fits": len(mine), "done": len(done), "failed": len(mine) - len(done),
+            "recordings": sum(len(r["recordings"]) for r in done),
+            "fit_percent": float(np.mean(fits)) if fits else None,
+            "decided": verdicts.count("decided"), "undecided": verdicts.count("undecided"),
+            "seconds": sum(d.get("seconds") or 0.0 for d in mine),
+        })  # fmt: skip
+    return pd.DataFrame(rows)

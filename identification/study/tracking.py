@@ -1,0 +1,302 @@
+"""Which mirror branch a subject's fits belong to, all together: likelihood, continuity, a prior, a sensor on the foot.
+
+Each fit alone may not decide between its two branches. Together they can: the constants of one foot change smoothly
+with frequency and load, so that a choice which jumps between branches from one fit to the next is unlikely. The
+probability of every assignment is
+
+    log P = - sum_i D_i(b_i) / 2 - sum_(neighbours i, j) d_ij(b_i, b_j) / 2 + log prior + log P(foot bones)
+
+with the deviances D of the fits and d = sum over curves of (difference of logarithms)^2 / variance. Smoothness cannot
+tell all-of-one-branch from all-of-the-other, as the mirror image of a smooth curve is smooth; likelihood, prior or a
+second sensor must. Marginal odds are exact: a forward-backward pass over frequencies, all loads of one as a state.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from scipy.special import logsumexp
+
+from fasbody.exceptions import SettingError
+from fasbody.two_dof import TwoDof
+from identification.branches import DECISIVE_ODDS
+
+#: Curves whose continuity counts.
+CURVES = ("k_T", "k_F", "c_11", "c_21")
+#: Change of a constant's logarithm that is usual: for a factor e of frequency, for a kilogram of load, between trials.
+PER_LOG_FREQUENCY, PER_KG, BETWEEN_TRIALS = 1.5, 0.4, 0.1
+#: A value outside a prior's range costs one standard deviation for this change of its logarithm.
+_OUTSIDE = 0.1
+_STATES = 4096
+
+
+@dataclass(frozen=True)
+class BranchFit:
+    """One branch of one fit: named values, their relative standard errors (missing: unknown), -2 log likelihood."""
+
+    name: str
+    values: Mapping[str, float]
+    relative_errors: Mapping[str, float]
+    deviance: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One fit of a subject: where it was made, its branches, and the masses on it (a foot-bone channel needs them)."""
+
+    frequency_hz: float
+    added_mass_kg: float
+    branches: tuple[BranchFit, ...]
+    masses: Mapping[str, float] | None = None
+    key: str = ""
+
+    @classmethod
+    def from_document(cls, document: Mapping[str, Any], masses: Mapping[str, float] | None = None) -> "Fit":
+        """From a fit's JSON document with `result`, as a study stores it.
+
+        Where the model misfits, the deviances are scaled by the reduced chi-square as in branches.judge.
+        """
+        result = document["result"]
+        goodness = result["goodness_of_fit"]
+        excess = max(1.0, goodness["chi_square"] / max(1, goodness["dof"]))
+        found = []
+        for branch in result["branches"]:
+            values, errors = {}, {}
+            for key, e in branch["parameters"].items():
+                name = next((n for n in (*CURVES, "c_12", "c_13", "c_22", "c_23") if key.startswith(f"{n}_")), key)
+                values[name] = e["value"]
+                if e["std_error"] is not None and np.isfinite(e["std_error"]) and e["value"]:
+                    errors[name] = abs(e["std_error"] / e["value"])
+            found.append(BranchFit(branch["name"], values, errors, branch["deviance"] / excess))
+        return cls(document["frequency_hz"], document["added_mass_kg"], tuple(found), masses, document.get("key", ""))
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is believed beforehand.
+
+    Attributes:
+        ranges: name -> (lower, upper) that the constant is believed to lie in. stiff_ankle_odds: of k_T above k_F over
+            the contrary, 1 for none.
+    """
+
+    ranges: Mapping[str, tuple[float, float]] | None = None
+    stiff_ankle_odds: float = 1.0
+
+    def log(self, values: Mapping[str, float]) -> float:
+        """Log prior up to a constant."""
+        total = np.log(self.stiff_ankle_odds) if values["k_T"] > values["k_F"] else 0.0
+        for name, (low, high) in (self.ranges or {}).items():
+            beyond = np.log(values[name] / np.clip(values[name], low, high))
+            total -= 0.5 * (beyond / _OUTSIDE) ** 2
+        return float(total)
+
+
+@dataclass(frozen=True)
+class FootBone:
+    """A second sensor: foot over base acceleration (complex) at a frequency and a load, and the error of each part."""
+
+    frequency_hz: float
+    added_mass_kg: float
+    response: complex
+    std: float
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The branch of one fit: its name, or "undecided"; the likelier one; its odds over the others."""
+
+    key: str
+    frequency_hz: float
+    added_mass_kg: float
+    branch: str
+    likelier: str
+    odds: float
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """What all fits say together.
+
+    Attributes:
+        choices: one a fit. overall: odds of each branch being the right one for all fits, over all other assignments
+            that keep to one branch. sentence: for people.
+    """
+
+    choices: tuple[Choice, ...]
+    overall: Mapping[str, float]
+    sentence: str
+
+    def document(self) -> dict[str, Any]:
+        """As plain data."""
+        return {"choices": [asdict(c) for c in self.choices], "overall": dict(self.overall), "sentence": self.sentence}
+
+    def __str__(self) -> str:
+        return self.sentence
+
+
+def foot_response(values: Mapping[str, float], masses: Mapping[str, float], frequency_hz: float) -> complex:
+    """Foot over base acceleration of the linear part of the two-mass foot."""
+    A, B, _ = TwoDof.from_values(
+        {**dict.fromkeys(("c_12", "c_13", "c_22", "c_23"), 0.0), **values, **masses}
+    ).state_space()
+    s = 2j * np.pi * frequency_hz
+    return complex(1 + s**2 * np.linalg.solve(s * np.eye(4) - A, B)[1])  # y2'' = y0'' + z2''
+
+
+def track(fits: Sequence[Fit], *, prior: Prior | None = None, bones: Sequence[FootBone] = ()) -> Tracking:
+    """Choose the branches of a subject's fits together.
+
+    Args:
+        fits: per recording, or pooled, of one subject and posture; each at a place (frequency, load) of its own.
+        prior: what is believed beforehand. bones: what a second sensor on the foot bones says. A `Recording` has no
+            channel for it, so it is given as measured transfer functions; they count for the fit at their place.
+
+    Raises:
+        SettingError: two fits at one place, a fit without branches, or a foot-bone measurement without its fit.
+    """
+    _check(fits, bones)
+    alone = [[_alone(fit, b, prior or Prior(), bones) for b in fit.branches] for fit in fits]
+    columns: list[list[int]] = []
+    for f in sorted({fit.frequency_hz for fit in fits}):
+        at = [i for i, fit in enumerate(fits) if fit.frequency_hz == f]
+        columns.append(sorted(at, key=lambda i: fits[i].added_mass_kg))
+    states = [list(product(*(range(len(fits[i].branches)) for i in column))) for column in columns]
+    if max(len(s) for s in states) > _STATES:
+        raise SettingError(
+            f"too many loads at one frequency for exact odds ({max(map(len, columns))}; valid: up to 12)."
+        )
+    inside = [_inside(fits, alone, column, choices) for column, choices in zip(columns, states, strict=True)]
+    links = [
+        _links(fits, columns[n], states[n], columns[n + 1], states[n + 1]) for n in range(len(columns) - 1)
+    ]  # fmt: skip
+    forward = [inside[0]]
+    for own, link in zip(inside[1:], links, strict=True):
+        forward.append(own + logsumexp(forward[-1][:, None] + link, axis=0))
+    backward = [np.zeros(len(states[-1]))]
+    for own, link in zip(inside[:0:-1], links[::-1], strict=True):
+        backward.insert(0, logsumexp(link + (own + backward[0])[None], axis=1))
+    choices: list[Choice | None] = [None] * len(fits)
+    for column, choice, a, b in zip(columns, states, forward, backward, strict=True):
+        for place, i in enumerate(column):
+            log_p = np.array([
+                logsumexp([w for w, c in zip(a + b, choice, strict=True) if c[place] == k])
+                for k in range(len(fits[i].branches))
+            ])  # fmt: skip
+            choices[i] = _decide(fits[i], log_p)
+    overall = _overall(fits, columns, states, inside, links)
+    return Tracking(tuple(c for c in choices if c is not None), overall, _sentence(choices, overall))
+
+
+def _check(fits: Sequence[Fit], bones: Sequence[FootBone]) -> None:
+    places = [(fit.frequency_hz, fit.added_mass_kg) for fit in fits]
+    if not fits or len(set(places)) < len(places):
+        raise SettingError(
+            "tracking needs one fit for each frequency and load, at least one; give one subject at a time."
+        )
+    if any(not fit.branches for fit in fits):
+        raise SettingError("a fit without branches cannot be tracked.")
+    for bone in bones:
+        if (bone.frequency_hz, bone.added_mass_kg) not in places:
+            raise SettingError(
+                f"the foot-bone response at {bone.frequency_hz:g} Hz, {bone.added_mass_kg:g} kg has no fit."
+            )
+        if fits[places.index((bone.frequency_hz, bone.added_mass_kg))].masses is None:
+            raise SettingError("a foot-bone response needs the masses of its fit.")
+
+
+def _alone(fit: Fit, branch: BranchFit, prior: Prior, bones: Sequence[FootBone]) -> float:
+    least = min(b.deviance for b in fit.branches)
+    total = -0.5 * (branch.deviance - least) + prior.log(branch.values)
+    for bone in bones:
+        if (bone.frequency_hz, bone.added_mass_kg) == (fit.frequency_hz, fit.added_mass_kg):
+            error = abs(foot_response(branch.values, fit.masses or {}, bone.frequency_hz) - bone.response)
+            total -= 0.5 * (error / bone.std) ** 2
+    return float(total)
+
+
+def _step(a: Fit, i: int, b: Fit, j: int) -> float:
+    """Log probability of two neighbouring values, the variance being that of the estimates and of a usual change."""
+    p, q = a.branches[i], b.branches[j]
+    usual = (
+        (PER_LOG_FREQUENCY * np.log(a.frequency_hz / b.frequency_hz)) ** 2
+        + (PER_KG * (a.added_mass_kg - b.added_mass_kg)) ** 2
+        + 2 * BETWEEN_TRIALS**2
+    )
+    total = 0.0
+    for name in CURVES:
+        if name in p.values and name in q.values and p.values[name] > 0 < q.values[name]:
+            variance = usual + p.relative_errors.get(name, 1.0) ** 2 + q.relative_errors.get(name, 1.0) ** 2
+            total -= 0.5 * (np.log(p.values[name] / q.values[name]) ** 2 / variance + np.log(variance))
+    return total
+
+
+def _inside(
+    fits: Sequence[Fit], alone: Sequence[Sequence[float]], column: Sequence[int], states: Sequence[tuple[int, ...]]
+) -> np.ndarray:
+    """Log weight of each state of one frequency: every fit alone, and neighbouring loads together."""
+    pairs = list(zip(range(len(column) - 1), range(1, len(column)), strict=True))
+    return np.array([
+        sum(alone[i][k] for i, k in zip(column, state, strict=True))
+        + sum(_step(fits[column[a]], state[a], fits[column[b]], state[b]) for a, b in pairs)
+        for state in states
+    ])  # fmt: skip
+
+
+def _links(
+    fits: Sequence[Fit], left: Sequence[int], a: Sequence[tuple[int, ...]], right: Sequence[int],
+    b: Sequence[tuple[int, ...]],
+) -> np.ndarray:  # fmt: skip
+    """Log weight (states, states) of neighbouring frequencies under the same load."""
+    same = [(m, n) for m, i in enumerate(left) for n, j in enumerate(right)
+            if fits[i].added_mass_kg == fits[j].added_mass_kg]  # fmt: skip
+    return np.array([
+        [sum(_step(fits[left[m]], x[m], fits[right[n]], y[n]) for m, n in same) for y in b] for x in a
+    ])  # fmt: skip
+
+
+def _decide(fit: Fit, log_p: np.ndarray) -> Choice:
+    best = int(np.argmax(log_p))
+    rest = np.delete(log_p, best)
+    odds = float(np.exp(min(700.0, log_p[best] - logsumexp(rest)))) if rest.size else float("inf")
+    name = fit.branches[best].name
+    chosen = name if odds > DECISIVE_ODDS else "undecided"
+    return Choice(fit.key, fit.frequency_hz, fit.added_mass_kg, chosen, name, odds)
+
+
+def _overall(
+    fits: Sequence[Fit], columns: Sequence[Sequence[int]], states: Sequence[Sequence[tuple[int, ...]]],
+    inside: Sequence[np.ndarray], links: Sequence[np.ndarray],
+) -> dict[str, float]:  # fmt: skip
+    """Odds of keeping to one branch throughout, for each branch that every fit has, against keeping to another."""
+    names = [n for n in dict.fromkeys(b.name for fit in fits for b in fit.branches)
+             if all(n in [b.name for b in fit.branches] for fit in fits)]  # fmt: skip
+    weights = []
+    for name in names:
+        path = []
+        for column, choice in zip(columns, states, strict=True):
+            path.append(choice.index(tuple([b.name for b in fits[i].branches].index(name) for i in column)))
+        total = sum(own[k] for own, k in zip(inside, path, strict=True))
+        weights.append(total + sum(link[a, b] for link, a, b in zip(links, path, path[1:], strict=False)))
+    found = {}
+    for k, name in enumerate(names):
+        rest = [w for i, w in enumerate(weights) if i != k]
+        found[name] = float(np.exp(np.clip(weights[k] - logsumexp(rest), -700, 700))) if rest else float("inf")
+    return found
+
+
+def _sentence(choices: Sequence[Choice | None], overall: Mapping[str, float]) -> str:
+    known = [c for c in choices if c is not None]
+    decided = [c for c in known if c.branch != "undecided"]
+    count = {name: sum(c.branch == name for c in decided) for name in dict.fromkeys(c.branch for c in decided)}
+    parts = ", ".join(f"{n} {name}" for name, n in count.items()) or "none"
+    text = f"Of {len(known)} fits together {len(decided)} are decided ({parts})."
+    if overall:
+        name, odds = max(overall.items(), key=lambda item: item[1])
+        shown = "more than a million" if odds > 1e6 else f"{odds:.3g}"
+        text += f" One branch throughout: {name}, odds {shown} to 1."
+        if odds <= DECISIVE_ODDS:
+            text += " That is undecided: a second load, a prior or a sensor on the foot bones must tell."
+    return text

@@ -1,0 +1,144 @@
+"""How much of a synthetic study's truth the fits found again.
+
+A virtual study stores the foot's constants of every recording (`constants.csv`); a study of one foot has them once
+(`truth.json`). What a fit can be right about depends on its mode: a recording has its own constants, a pooled fit
+averages over those of its frequencies, and a trend follows the subject's curve, about which single recordings scatter.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from fasbody.exceptions import InputFileError
+from fasbody.readers import read_table
+from fasbody.two_dof import NAMES
+from fasbody.virtual_study import CONSTANTS
+from fasbody.virtual_subject import VirtualSubject
+
+#: Standard errors within which an estimate counts as right.
+WITHIN = 3.0
+#: What tells one fit's branches apart in the tidy table.
+UNIT = ["mode", "key", "added_mass_kg", "frequency_hz"]
+#: What recordings of one frequency cannot tell, whatever the fit; printed in every report.
+LIMITS = (
+    "A recording of one frequency is worth its harmonics: amplitude and phase of the fundamental, and what the bend of "
+    "the dampers leaves in the few harmonics below 100 Hz. Two numbers are known well, and eight constants are asked "
+    "for. So one frequency knows neither the delay between the channels (it looks like damping) nor, where the "
+    "response is nearly linear, which of the two mirror solutions is the foot: k_T' = a k_F, k_F' = k_T / a, "
+    "c_11' = a c_21, c_21' = c_11 / a with a = m_S / (m_S + m_F) move the malleolus alike. Noise decides which one a "
+    "fit takes; its standard errors belong to the branch, not to the choice. A fit percentage tells neither."
+)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The constants a synthetic study was made from.
+
+    Attributes:
+        constants: file of a recording -> name -> value. same: name -> value where all recordings share it.
+        subjects: name of a subject -> itself, where the constants are curves over frequency and load.
+    """
+
+    constants: Mapping[str, Mapping[str, float]]
+    same: Mapping[str, float]
+    subjects: Mapping[str, VirtualSubject]
+
+    @classmethod
+    def read(cls, study: Path) -> "Truth | None":
+        """The truth of a study folder, None where nobody stored one.
+
+        Raises:
+            InputFileError: it is there and cannot be read.
+        """
+        file = study / "truth.json"
+        if not file.is_file():
+            return None
+        try:
+            document = json.loads(file.read_text())
+            same = {name: float(value) for name, value in document["parameters"].items()}
+            same["delay"] = float(document["instrument"]["delay_s"])
+            subjects = {
+                name: VirtualSubject(int(name), float(each["mass_kg"]), each["factors"])
+                for name, each in document.get("subjects", {}).items()
+            }
+        except (ValueError, KeyError, TypeError, AttributeError):
+            raise InputFileError(file, "is not the truth of a synthetic study", "make it anew or delete it") from None
+        constants = {}
+        if (study / CONSTANTS).is_file():
+            table = read_table(study / CONSTANTS, ("file", *NAMES))
+            constants = {
+                str(row["file"]): {name: float(row[name]) for name in NAMES} for row in table.to_dict("records")
+            }
+        return cls(constants, same, subjects)
+
+    def of(
+        self, mode: str, subject: str, posture: str, added_mass_kg: float, frequency_hz: float, files: Sequence[str]
+    ) -> dict[str, float]:
+        """Name -> true value of one fit, or of one point of a trend; empty where it is not known."""
+        if mode == "trend" and subject in self.subjects:
+            foot = self.subjects[subject].foot(frequency_hz, added_mass_kg, posture)
+            return {**self.same, **dict(zip(NAMES, map(float, foot.theta), strict=True))}
+        rows = [self._row(file) for file in files]
+        if not rows or not all(rows):
+            return dict(self.same)
+        return {**self.same, **{name: float(np.mean([row[name] for row in rows])) for name in NAMES}}
+
+    def _row(self, file: str) -> Mapping[str, float]:
+        """By the file as recordings.csv has it; messages put the study's name before it."""
+        return self.constants.get(file) or self.constants.get(file.partition("/")[2], {})
+
+
+def recovery(table: pd.DataFrame) -> pd.DataFrame:
+    """How many estimates are within three standard errors of the truth, by mode and parameter.
+
+    Args:
+        table: the tidy table of `summary.tidy`, with truth.
+
+    Returns:
+        One row a mode and parameter, and one of all parameters: `estimates` (of the chosen branch, with a truth),
+        `no_error` (of them: no standard error, so at a bound or not seen), `chosen` and `either` (of the rest: within
+        three standard errors on the chosen branch, and on the branch nearer to the truth), `identified` (how many say
+        so of themselves) with `identified_chosen` and `identified_either`, and the median relative `error` and
+        `std_error` of the chosen branch.
+    """
+    known = table[table["truth"].notna() & table["value"].notna()].copy()
+    if known.empty:
+        return pd.DataFrame()
+    known["right"] = (known["value"] - known["truth"]).abs() <= WITHIN * known["std_error"]
+    known["has_error"] = np.isfinite(known["std_error"])
+    known["nearer"] = _nearer(known)
+    rows = []
+    for mode, of_mode in known.groupby("mode", sort=False):
+        for parameter in ["all", *dict.fromkeys(of_mode["parameter"])]:
+            group = of_mode if parameter == "all" else of_mode[of_mode["parameter"] == parameter]
+            rows.append({"mode": mode, "parameter": parameter, **_counts(group)})
+    return pd.DataFrame(rows)
+
+
+def _nearer(known: pd.DataFrame) -> pd.Series:
+    """Whether each row is of its fit's branch nearer to the truth, by the logarithms of what is positive."""
+    unit = known.groupby(UNIT, dropna=False).ngroup()
+    positive = (known["truth"] > 0) & (known["value"] > 0)
+    distance = np.log((known["value"] / known["truth"]).where(positive)).abs()
+    each = distance.groupby([unit, known["branch"]]).transform("mean").fillna(np.inf)
+    return each <= each.groupby(unit).transform("min")
+
+
+def _counts(group: pd.DataFrame) -> dict[str, float]:
+    chosen, either = group[group["chosen"]], group[group["nearer"]]
+    counts: dict[str, float] = {"estimates": len(chosen), "no_error": int((~chosen["has_error"]).sum())}
+    for prefix, a, b in (
+        ("", chosen, either),
+        ("identified_", *(rows[rows["verdict"] == "identified"] for rows in (chosen, either))),
+    ):
+        for name, rows in (("chosen", a), ("either", b)):
+            counts[f"{prefix}{name}"] = int(rows.loc[rows["has_error"], "right"].sum())
+            counts[f"{prefix}{name}_of"] = int(rows["has_error"].sum())
+    with np.errstate(divide="ignore", invalid="ignore"):
+        counts["error"] = float(((chosen["value"] - chosen["truth"]) / chosen["truth"]).abs().median())
+        counts["std_error"] = float((chosen["std_error"] / chosen["value"].abs()).median())
+    return counts

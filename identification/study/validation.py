@@ -1,0 +1,265 @@
+"""Leave one frequency out, and linear against nonlinear damping: what a model is worth where it was not fitted.
+
+Per recording, a left-out recording is predicted from the estimates at the neighbouring frequencies under the same load;
+pooled, from constants fitted to the other frequencies under that load; trend, from the curves fitted to all recordings
+but those at that frequency. The lowest and the highest frequency are extrapolations, and marked so.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fasbody.checks import checked
+from fasbody.exceptions import SettingError, SimulationError, unknown
+from fasbody.model import Foot
+from fasbody.recording import Recording
+from identification.estimate import Settings, settle
+from identification.orbits import twin_applies
+from identification.periodic import Line
+from identification.routes import PeriodicRoute
+from identification.search import explore
+from identification.space import Space, space_of
+from identification.study.heldout import HeldOut, compare, interpolated, predicted
+from identification.study.trend import TrendBranch, fit_trend, refit
+
+MODES = ("per-recording", "pooled", "trend")
+#: Constants that bend the dampers' law; without them it is linear.
+NONLINEAR = ("c_12", "c_13", "c_22", "c_23")
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Held-out errors of one mode.
+
+    Attributes:
+        mode: see MODES. rows: one a recording. failed: files whose prediction had no stable motion.
+    """
+
+    mode: str
+    rows: tuple[HeldOut, ...]
+    failed: tuple[str, ...] = ()
+
+    @property
+    def percent(self) -> float:
+        """Median error of the interior frequencies [%]; of all where there are none."""
+        return float(np.median([row.percent for row in self._inner]))
+
+    @property
+    def chi_square_per_number(self) -> float:
+        """Squared error over measurement noise, the median over the interior frequencies."""
+        return float(np.median([row.chi_square / row.numbers for row in self._inner]))
+
+    @property
+    def _inner(self) -> Sequence[HeldOut]:
+        return [row for row in self.rows if not row.edge] or self.rows
+
+    def document(self) -> dict[str, Any]:
+        """As plain data."""
+        return {
+            "mode": self.mode, "percent": self.percent, "chi_square_per_number": self.chi_square_per_number,
+            "rows": [asdict(row) for row in self.rows], "failed": list(self.failed),
+        }  # fmt: skip
+
+    def __str__(self) -> str:
+        return f"{self.mode}: held-out error {self.percent:.2g} % (median), {len(self.rows)} recordings"
+
+
+@dataclass(frozen=True, eq=False)
+class QuickFit:
+    """The likelier end of a fit on the twin, not certified: parameters q in the space, and what criteria need."""
+
+    space: Space
+    q: np.ndarray
+    chi_square: float
+    deviance: float
+    numbers: int
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameters by name."""
+        return self.space.values(self.space.to_theta(self.q))
+
+
+def quick_fit(recordings: Sequence[Recording], foot: Foot, settings: Settings, twin: bool) -> QuickFit:
+    """Fit checked recordings with constants, from the model's values and random starts, weights settled.
+
+    Raises:
+        SimulationError: every start was unstable.
+    """
+    several = len({round(r.condition.frequency_hz or 0.0, 1) for r in recordings}) > 1
+    space = space_of(foot, settings.free, settings.bounds, several if settings.delay is None else settings.delay)
+    route = PeriodicRoute(foot, list(recordings), space, twin, settings.threads)
+    rng = np.random.default_rng(settings.seed)
+    starts = [("model", space.to_q(space.theta(foot.values())))]
+    starts += [(f"random {i}", space.random(rng)) for i in range(1, settings.starts)]
+    descents, _ = explore(route.explorer(), starts)
+    if descents[0].unstable:
+        raise SimulationError(f"{foot.name}: every start was unstable; check the bounds and the model's parameters.")
+    problem, d = settle(route, descents[0])
+    return QuickFit(space, d.z, d.cost, d.cost + problem.log_determinant, problem.size)
+
+
+def leave_one_frequency_out(
+    recordings: Sequence[Recording],
+    foot: Foot,
+    mode: str,
+    settings: Settings | None = None,
+    *,
+    estimates: Sequence[Mapping[str, float]] | None = None,
+    branch: TrendBranch | None = None,
+    advance: Callable[[str, int, int], None] = lambda what, done, total: None,
+) -> Validation:
+    """Predict each frequency from the others.
+
+    Args:
+        recordings: of one subject in one posture. foot: the model. mode: see MODES. settings: of the fits.
+        estimates: per-recording only: named values of each recording, such as a study has them; None fits here.
+        branch: trend only: a fit of all recordings to start from; None fits here. advance: for a progress bar.
+
+    Raises:
+        SettingError: no such mode, or fewer than three frequencies under some load.
+    """
+    settings = settings or Settings()
+    data = [checked(recording) for recording in recordings]
+    lines, twin = [Line.of(recording) for recording in data], twin_applies(foot)
+    f = np.array([round(r.condition.frequency_hz or 0.0, 2) for r in data])
+    loads = np.array([r.condition.added_mass_kg for r in data])
+    if mode not in MODES:
+        raise SettingError(f"{unknown('mode', mode, MODES)}.")
+    if min(len(set(f[loads == m])) for m in set(loads)) < 3:
+        raise SettingError("leaving a frequency out needs three or more frequencies under each load.")
+    rows: list[HeldOut] = []
+    failed: list[str] = []
+
+    def predict(i: int, values: Mapping[str, float], used: np.ndarray) -> None:
+        try:
+            Y = predicted(lines[i], foot, {**foot.values(), **values}, twin)
+        except SimulationError:
+            failed.append(data[i].file)
+        else:
+            rows.append(compare(lines[i], Y, edge=not used.min() < f[i] < used.max()))
+
+    if mode == "trend" and branch is None:
+        branch = fit_trend(data, foot, settings, certify=False).best
+    if mode == "per-recording":
+        space = space_of(foot, settings.free, settings.bounds, delay=True)
+        named = estimates or [quick_fit([r], foot, settings, twin).values for r in data]
+        q = np.array([space.to_q(space.theta(values)) for values in named])
+        for i in range(len(data)):
+            others = (loads == loads[i]) & (f != f[i])
+            predict(i, space.values(space.to_theta(interpolated(f[i], list(f[others]), list(q[others])))), f[others])
+        return Validation(mode, tuple(rows), tuple(failed))
+    folds = [(m, at) for m in sorted(set(loads)) for at in sorted(set(f[loads == m]))] if mode == "pooled" else [
+        (None, at) for at in sorted(set(f))]  # fmt: skip
+    for number, (m, at) in enumerate(folds):
+        advance(f"leaving out {at:g} Hz", number, len(folds))
+        mine = np.ones(len(data), bool) if m is None else loads == m
+        used, out = np.flatnonzero(mine & (f != at)), np.flatnonzero(mine & (f == at))
+        try:
+            if mode == "pooled":
+                found = quick_fit([data[i] for i in used], foot, settings, twin)
+                feet = [found.values for _ in out]
+            else:
+                assert branch is not None
+                curves = refit(branch, [data[i] for i in used], foot, settings.threads)
+                B = curves.space.design(f[out], loads[out])
+                beta = curves.z[: curves.space.size]
+                feet = [curves.space.values(curves.space.foot(weights, beta)[0]) for weights in B]
+        except SimulationError:
+            failed += [data[i].file for i in out]
+            continue
+        for place, values in zip(out, feet, strict=True):
+            predict(int(place), values, f[used])
+    return Validation(mode, tuple(rows), tuple(failed))
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """How well one law of the dampers does: parameters counted, criteria, and the held-out error."""
+
+    law: str
+    count: int
+    deviance: float
+    aic: float
+    bic: float
+    chi_square: float
+    dof: int
+    held_out_percent: float | None
+    held_out_chi_square: float | None
+
+
+@dataclass(frozen=True)
+class DampingComparison:
+    """Linear against nonlinear damping: the criteria of both, and which of them each criterion prefers."""
+
+    mode: str
+    linear: Criteria
+    nonlinear: Criteria
+
+    def preferred(self, criterion: str) -> str:
+        """The law with the lower "aic", "bic" or "held_out_percent"."""
+        a, b = getattr(self.linear, criterion), getattr(self.nonlinear, criterion)
+        return self.linear.law if a <= b else self.nonlinear.law
+
+    def document(self) -> dict[str, Any]:
+        """As plain data."""
+        criteria = [c for c in ("aic", "bic", "held_out_percent") if getattr(self.linear, c) is not None]
+        return {"mode": self.mode, "linear": asdict(self.linear), "nonlinear": asdict(self.nonlinear),
+                "preferred": {c: self.preferred(c) for c in criteria}}  # fmt: skip
+
+    def __str__(self) -> str:
+        held = self.linear.held_out_percent, self.nonlinear.held_out_percent
+        tail = "" if None in held else f"; held-out error {held[0]:.3g} % linear, {held[1]:.3g} % nonlinear"
+        return (
+            f"{self.mode}: AIC prefers {self.preferred('aic')} damping (difference "
+            f"{self.linear.aic - self.nonlinear.aic:.4g}), BIC {self.preferred('bic')} "
+            f"({self.linear.bic - self.nonlinear.bic:.4g}){tail}."
+        )
+
+
+def compare_damping(
+    recordings: Sequence[Recording], foot: Foot, mode: str = "pooled", settings: Settings | None = None,
+    *, held_out: bool = True,
+) -> DampingComparison:  # fmt: skip
+    """Fit with and without the constants that bend the dampers' law.
+
+    Args:
+        recordings: of one subject in one posture. foot: a model with the dampers of Eq. 4.25. mode: "pooled" (all
+            recordings share constants) or "trend". settings: of the fits. held_out: leave one frequency out too.
+    """
+    settings = settings or Settings()
+    if mode not in ("pooled", "trend"):
+        raise SettingError(f"{unknown('mode', mode, ('pooled', 'trend'))}.")
+    missing = [name for name in NONLINEAR if name not in foot.parameters]
+    if missing:
+        raise SettingError(f"model {foot.name} has no {', '.join(missing)}, so damping cannot be compared.")
+    data = [checked(recording) for recording in recordings]
+    free = settings.free or tuple(n for n in space_of(foot, None, None, False).names)
+    straight = replace(settings, free=tuple(n for n in free if n not in NONLINEAR), bounds={
+        n: b for n, b in (settings.bounds or {}).items() if n not in NONLINEAR} or None)  # fmt: skip
+    flat = foot.with_values(dict.fromkeys(NONLINEAR, 0.0))
+    found = [
+        _criteria(law, data, model, mode, s, held_out)
+        for law, model, s in (("linear", flat, straight), ("nonlinear", foot, settings))
+    ]
+    return DampingComparison(mode, *found)
+
+
+def _criteria(
+    law: str, data: Sequence[Recording], foot: Foot, mode: str, settings: Settings, held_out: bool
+) -> Criteria:
+    if mode == "pooled":
+        fit = quick_fit(data, foot, settings, twin_applies(foot))
+        count, deviance, chi_square, numbers = fit.q.size, fit.deviance, fit.chi_square, fit.numbers
+        branch = None
+    else:
+        branch = fit_trend(data, foot, settings, certify=False).best
+        count = branch.space.size + len(branch.scatter)
+        deviance, chi_square, numbers = branch.deviance, branch.chi_square, branch.dof + branch.space.size
+    errors = leave_one_frequency_out(data, foot, mode, settings, branch=branch) if held_out else None
+    return Criteria(
+        law, count, deviance, deviance + 2 * count, deviance + float(np.log(numbers)) * count, chi_square,
+        max(0, numbers - count), errors.percent if errors else None, errors.chi_square_per_number if errors else None,
+    )  # fmt: skip

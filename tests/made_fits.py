@@ -1,0 +1,81 @@
+"""Fits of a small synthetic study as plain documents, made with the fit itself: what the study's command stores."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fasbody.checks import checked
+from fasbody.console import to_json
+from fasbody.model import load
+from fasbody.recording import Recording
+from identification.estimate import Settings, fit
+from identification.study.loops import cycles
+
+
+def document(mode: str, recordings: Sequence[Recording], files: Sequence[str], starts: int = 4) -> dict[str, Any]:
+    """One fit as `OUT/fits` holds it."""
+    foot = load("two_dof")
+    result = fit(recordings, foot, Settings(starts=starts, threads=1)).document()
+    first = recordings[0].condition
+    single = mode == "per-recording"
+    made = {
+        "key": f"{mode}-{Path(files[0]).stem}", "mode": mode, "subject": first.subject, "posture": first.posture,
+        "added_mass_kg": first.added_mass_kg, "frequency_hz": first.frequency_hz if single else None,
+        "files": list(files), "origin": "synthetic", "status": "done", "error": None, "seconds": result["seconds"],
+        "result": result, "cycles": cycles(result, foot, [checked(r) for r in recordings]),
+    }  # fmt: skip
+    return json.loads(to_json(made))
+
+
+def plain(
+    mode: str,
+    subject: str,
+    load: float | None,
+    frequency: float | None,
+    branches: dict[str, dict[str, tuple[float, float | None, str]]],
+    **more: Any,
+) -> dict[str, Any]:
+    """A fit as a document without fitting: branch -> key -> (value, standard error, verdict), the best branch first.
+
+    Its cycle is an ellipse of area pi x 2 J at the ankle and pi x 6 J at the pad.
+    """
+    file = f"recordings/s{subject}_{load}_{frequency}.csv"
+    made = [
+        {
+            "name": name,
+            "parameters": {
+                key: {"value": v, "std_error": s, "lower": None, "upper": None, "identifiability": word}
+                for key, (v, s, word) in parameters.items()
+            },
+        }
+        for name, parameters in branches.items()
+    ]
+    at = {"file": file, "frequency_hz": frequency, "added_mass_kg": load}
+    starts = [{"start": str(i), "cost": 10.0 + 5 * i, "branch": made[i % len(made)]["name"]} for i in range(3)]
+    result = {
+        "branches": made, "fit_percent": 90.0, "recordings": [{**at, "fit_percent": 90.0}], "verdict": "undecided",
+        "starts": starts,
+    }  # fmt: skip
+    t = 2 * np.pi * np.arange(64) / 64
+    parts = {
+        part: {"displacement_m": list(np.cos(t)), "force_n": list(size * np.sin(t)), "dissipated_j": np.pi * size}
+        for part, size in (("ankle", 2.0), ("fat_pad", 6.0))
+    }
+    trace = {"time_s": [0.0, 0.1], "measured_m_s2": [1.0, 2.0], "model_m_s2": [1.0, 2.1]}
+    cycle = {**at, **parts, "branch": made[0]["name"], "chosen": True, "dissipated_j": np.pi * 8, "trace": trace}
+    cycle |= {"shaker_work_j": np.pi * 8.01, "imbalance": 0.01 / 8.01}
+    document = {
+        "key": f"{mode}-{subject}-{load}-{frequency}", "mode": mode, "subject": subject, "posture": "midstance",
+        "added_mass_kg": load, "frequency_hz": frequency, "files": [file], "origin": "synthetic", "status": "done",
+        "error": None, "seconds": 1.5, "result": result, "cycles": [cycle],
+    }  # fmt: skip
+    return document | more
+
+
+def failed(subject: str, error: str) -> dict[str, Any]:
+    """A fit that did not come about."""
+    bare = plain("per-recording", subject, 0.0, 10.0, {"best": {}})
+    return bare | {"status": "failed", "error": error, "result": None, "cycles": []}

@@ -1,0 +1,96 @@
+"""Steady state against time domain: signals with known transients, drift and beating; both routes on one study."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from study_cases import power_laws, record, study
+
+from fasbody.model import Foot
+from fasbody.recording import Recording
+from identification.estimate import Settings, fit
+from identification.result import FitResult
+from identification.study.agreement import Agreement, agreement, steadiness
+
+
+def shaped(envelope, seconds: float = 10.0) -> Recording:  # type: ignore[no-untyped-def]
+    """A recording whose malleolus has a known envelope, in noise."""
+    r = record(power_laws, 20.0, seconds=seconds)
+    t = r.time_s - r.time_s[0]
+    rng = np.random.default_rng(0)
+    base = 8.95 * np.sin(2 * np.pi * 20 * t) + rng.normal(0, 0.03, t.size)
+    return replace(r, base_m_s2=base, malleolus_m_s2=envelope(t) * 12 * np.cos(2 * np.pi * 20 * t) + base * 0)
+
+
+def test_a_steady_recording_has_no_reasons() -> None:
+    found = steadiness(record(power_laws, 20.0, seconds=10.0))
+    assert found.reasons == ()
+    assert max(found.onset, abs(found.drift), found.beating) < 4 * found.noise
+
+
+def test_drift_is_measured() -> None:
+    found = steadiness(shaped(lambda t: 1 + 0.05 * t / 10))
+    assert found.drift == pytest.approx(0.05 / 1.025, rel=0.03)
+    assert any(
+        text.startswith("drift: its amplitude changes by 4.") or text.startswith("drift: its amplitude changes by 5.")
+        for text in found.reasons
+    )
+
+
+def test_beating_is_measured() -> None:
+    found = steadiness(shaped(lambda t: 1 + 0.04 * np.sin(2 * np.pi * 0.4 * t)))
+    assert found.beat_hz == pytest.approx(0.4, abs=0.03)
+    assert found.beating == pytest.approx(0.04, rel=0.05)
+    assert any(text.startswith("beating") for text in found.reasons)
+
+
+def test_a_transient_is_measured() -> None:
+    found = steadiness(shaped(lambda t: 1 + 0.3 * np.exp(-t / 0.2)))
+    first = 1.0
+    assert found.onset == pytest.approx(0.3 * 0.2 / first * (1 - np.exp(-first / 0.2)), rel=0.1)
+    assert found.reasons[0].startswith("a transient")
+
+
+@pytest.fixture(scope="module")
+def both(foot: Foot) -> tuple[list[Recording], tuple[FitResult, FitResult], Agreement]:
+    data = study(lambda f, m: power_laws(20.0, m), (12.5, 20.0, 40.0), (0.0,), seed=4, seconds=1.2)
+    held = foot.with_values({n: power_laws(20.0, 0.0)[n] for n in ("c_11", "c_12", "c_13", "c_22", "c_23")})
+    settings = Settings(free=("k_T", "k_F", "c_21"), starts=1, threads=1, delay=False)
+    results = tuple(fit(data, held, replace(settings, domain=d)) for d in ("periodic", "time"))
+    return data, results, agreement(data, held, settings, results=results)  # type: ignore[arg-type]
+
+
+def test_both_routes_agree_on_a_steady_study(both) -> None:  # type: ignore[no-untyped-def]
+    _, (steady, timed), found = both
+    assert found.agrees
+    assert found.same_branch
+    for d in found.differences:
+        a, b = steady.best.parameters[d.key], timed.best.parameters[d.key]
+        assert d.z == pytest.approx((a.value - b.value) / np.hypot(a.std_error, b.std_error))
+        assert abs(a.value - b.value) < 0.05 * a.value
+    assert found.sentence.startswith("Steady state and time domain agree: 3 parameters")
+    assert found.document()["agrees"] is True
+
+
+def biased(result: FitResult, by: float) -> FitResult:
+    """The same result with k_T moved by so many standard errors."""
+    branches = []
+    for b in result.branches:
+        e = b.parameters["k_T_n_per_m"]
+        moved = replace(e, value=e.value + by * e.std_error)
+        branches.append(replace(b, parameters={**b.parameters, "k_T_n_per_m": moved}))
+    return replace(result, branches=tuple(branches))
+
+
+def test_a_disagreement_is_explained_by_the_data(both, foot: Foot) -> None:  # type: ignore[no-untyped-def]
+    data, (steady, timed), _ = both
+    apart = (steady, biased(timed, 20.0))
+    unexplained = agreement(data, foot, results=apart)
+    assert not unexplained.agrees
+    assert "disagree in 1 of 3" in unexplained.sentence
+    assert "The recordings are steady" in unexplained.sentence
+    t = data[1].time_s - data[1].time_s[0]
+    drifting = [data[0], replace(data[1], malleolus_m_s2=data[1].malleolus_m_s2 * (1 + 0.04 * t / t[-1])), data[2]]
+    explained = agreement(drifting, foot, results=apart)
+    assert "20hz_0kg.csv shows drift: its amplitude changes by" in explained.sentence
+    assert explained.sentence.endswith("Trust the time domain.")

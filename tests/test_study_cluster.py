@@ -1,0 +1,104 @@
+"""A real Dask scheduler with two worker processes: one is killed, and every result is that of the serial run."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from study_runs import ENVIRONMENT, arguments, documents, done, fitted, small
+
+pytest.importorskip("distributed")
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("cluster")
+    return small(folder / "study", subjects=2, frequencies=(20.0, 25.0, 30.0))
+
+
+@pytest.fixture(scope="module")
+def serial(study: Path) -> dict[str, dict[str, object]]:
+    out = study.parent / "serial"
+    fitted(study, out, "--workers", "1")
+    return documents(out)
+
+
+def _dask(*words: str) -> "subprocess.Popen[str]":
+    code = "import sys; from distributed.cli import {0}; sys.exit({0}.main())"
+    return subprocess.Popen(
+        [sys.executable, "-c", code.format(words[0]), *words[1:]], env=ENVIRONMENT, stderr=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL, text=True, start_new_session=True,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    file = tmp_path_factory.mktemp("scheduler") / "address.json"
+    process = _dask(
+        "dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)
+    )
+    while not file.exists() or not file.read_text().endswith("}"):
+        assert process.poll() is None, "the scheduler did not start"
+        time.sleep(0.05)
+    yield str(json.loads(file.read_text())["address"])
+    process.kill()
+    process.wait()
+
+
+def _worker(scheduler: str, folder: Path) -> "subprocess.Popen[str]":
+    more = ("--nthreads", "1", "--no-dashboard", "--no-nanny", "--local-directory", str(folder))
+    return _dask("dask_worker", scheduler, "--host", "127.0.0.1", *more)
+
+
+def test_a_killed_worker_loses_nothing(study: Path, serial: dict, scheduler: str, tmp_path: Path) -> None:  # type: ignore[type-arg]
+    """The workers see no file of the study: their working folder is elsewhere, and the study is moved meanwhile."""
+    workers = [_worker(scheduler, tmp_path / str(i)) for i in range(2)]
+    out = tmp_path / "out"
+    try:
+        run = subprocess.Popen(
+            arguments(study, out, "--scheduler", scheduler), env=ENVIRONMENT, stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        while len(list((out / "fits").glob("*.json"))) < 2 and run.poll() is None:
+            time.sleep(0.01)
+        early = run.poll() is None
+        os.killpg(workers[0].pid, signal.SIGKILL)
+        _, said = run.communicate()
+        assert early, f"the study ended before a worker could be killed: {said}"
+        assert run.returncode == 0, said
+        assert documents(out) == serial
+        again = fitted(study, out, "--scheduler", scheduler)
+        assert (again["computed"], done(again)) == (0, 12)
+    finally:
+        for worker in workers:
+            worker.kill()
+            worker.wait()
+
+
+def test_local_processes_give_the_same(study: Path, serial: dict, tmp_path: Path) -> None:  # type: ignore[type-arg]
+    fitted(study, tmp_path, "--workers", "2")
+    assert documents(tmp_path) == serial
+
+
+def test_no_scheduler(study: Path, tmp_path: Path) -> None:
+    said = fitted(study, tmp_path, "--scheduler", "tcp://127.0.0.1:9", expect=2)["said"]
+    assert "no Dask scheduler answers at tcp://127.0.0.1:9" in said and "Traceback" not in said
+    said = fitted(study, tmp_path, "--scheduler", "nonsense://", expect=2)["said"]
+    assert "no Dask scheduler answers at nonsense://" in said and "Traceback" not in said
+
+
+def test_missing_package(study: Path, tmp_path: Path) -> None:
+    """An empty package in the way of the real one, as where the extra is not installed."""
+    blocker = tmp_path / "blocker"
+    blocker.mkdir()
+    (blocker / "distributed.py").write_text("raise ImportError('hidden')\n")
+    command = arguments(study, tmp_path / "out", "--workers", "2")
+    environment = {**ENVIRONMENT, "PYTHONPATH": f"{blocker}{os.pathsep}{ENVIRONMENT['PYTHONPATH']}"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "pip install 'fasbody[study]'" in done.stderr and "Traceback" not in done.stderr

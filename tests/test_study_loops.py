@@ -1,0 +1,190 @@
+"""Hysteresis loops and energies: closed form, an ODE solver with its own energy integrals, MuJoCo against the twin."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import made_fits
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import mjcf
+from fasbody.checks import checked
+from fasbody.exceptions import ModelError
+from fasbody.model import Foot, load
+from fasbody.recording import Condition, Recording
+from fasbody.two_dof import TwoDof
+from identification.orbits import Excitation
+from identification.periodic import Line
+from identification.study import loops
+from identification.study.cycle import POINTS
+
+LINEAR = {"c_12": 0.0, "c_13": 0.0, "c_22": 0.0, "c_23": 0.0}
+BENT = {"c_12": 90.0, "c_13": 140.0, "c_22": -120.0, "c_23": 180.0}
+#: A shaker with some distortion [m/s^2].
+BASE = np.array([-8.95j, 0.13 + 0.05j, 0.07j])
+
+
+def sine(f: float) -> Excitation:
+    return Excitation(f, np.array([-8.95j]), {})
+
+
+@pytest.mark.parametrize("f", [10.0, 27.0, 50.0])
+@pytest.mark.parametrize("twin", [True, False])
+def test_linear_foot_dissipates_pi_c_omega_z_squared(foot: Foot, f: float, twin: bool) -> None:
+    values = foot.values() | LINEAR
+    A, B, _ = TwoDof.from_values(values).state_space()
+    z = np.linalg.solve(2j * np.pi * f * np.eye(4) - A, B * -8.95j)[:2]
+    found = loops.cycle(foot, sine(f), values, twin)
+    for loop, c, amplitude in zip((found.ankle, found.fat_pad), (values["c_11"], values["c_21"]), z, strict=True):
+        assert loop.dissipated_j == pytest.approx(np.pi * c * 2 * np.pi * f * abs(amplitude) ** 2, rel=2e-4)
+        assert np.sqrt(2) * loop.displacement_m.std() == pytest.approx(abs(amplitude), rel=1e-4)
+
+
+@pytest.fixture(scope="module")
+def integrated(foot: Foot) -> tuple[np.ndarray, float]:
+    """The bent foot at 15 Hz by DOP853, its energies integrated along: (ankle, pad, shaker) in one cycle."""
+    two = TwoDof.from_values(foot.values() | BENT)
+    omega = 2j * np.pi * 15.0 * np.arange(1, BASE.size + 1)
+
+    def rates(t: float, x: np.ndarray) -> np.ndarray:
+        turning = np.exp(omega * t)
+        u, v0 = (turning @ BASE).real, (turning @ (BASE / omega)).real
+        z, z_dot = x[:2], x[2:4]
+        c_T = two.c_11 * np.exp(-two.c_12 * z[0]) * np.cos(two.c_13 * z[0])
+        c_F = two.c_21 * np.exp(-two.c_22 * z[1]) * np.cos(two.c_23 * z[1])
+        pull_T, pull_F = two.k_T * z[0] + c_T * z_dot[0], two.k_F * z[1] + c_F * z_dot[1]
+        accelerations = [(pull_F - pull_T) / two.m_F - pull_T / two.m_S, (pull_T - pull_F) / two.m_F - u]
+        powers = [c_T * z_dot[0] ** 2, c_F * z_dot[1] ** 2, -pull_F * v0]  # the pad pulls the base up, the base pushes
+        return np.array([*z_dot, *accelerations, *powers])
+
+    many = 30  # a motion once begun has decayed to 1e-9 by then
+    t = np.array([many, many + 1]) / 15.0
+    run = solve_ivp(rates, (0, t[1]), np.zeros(7), method="DOP853", rtol=1e-10, atol=1e-13, t_eval=t)
+    return np.diff(run.y[4:], axis=1)[:, 0], float(run.y[0, 1])
+
+
+@pytest.mark.parametrize("twin", [True, False])
+def test_nonlinear_energies_are_those_of_an_ode_solver(
+    foot: Foot, integrated: tuple[np.ndarray, float], twin: bool
+) -> None:
+    (ankle, pad, work), z_1 = integrated
+    assert work == pytest.approx(ankle + pad, rel=1e-6)
+    found = loops.cycle(foot, Excitation(15.0, BASE, {}), foot.values() | BENT, twin)
+    assert found.ankle.dissipated_j == pytest.approx(ankle, rel=1e-4)
+    assert found.fat_pad.dissipated_j == pytest.approx(pad, rel=1e-4)
+    assert found.shaker_work_j == pytest.approx(work, rel=1e-4)
+    assert found.ankle.displacement_m[0] == pytest.approx(z_1, rel=1e-4)
+    assert abs(found.imbalance) < 1e-5
+
+
+def test_mujoco_draws_the_loops_of_the_twin(foot: Foot) -> None:
+    for f in (10.0, 50.0):
+        e = Excitation(f, BASE, {"m_S": 5.0})
+        a, b = (loops.cycle(foot, e, foot.values() | BENT, twin) for twin in (True, False))
+        for one, two in ((a.ankle, b.ankle), (a.fat_pad, b.fat_pad)):
+            assert np.abs(one.force_n - two.force_n).max() < 1e-6 * np.abs(one.force_n).max()
+            assert np.abs(one.displacement_m - two.displacement_m).max() < 1e-6 * np.abs(one.displacement_m).max()
+        assert b.shaker_work_j == pytest.approx(a.shaker_work_j, rel=1e-5)  # actuator's force against momentum
+
+
+def test_the_area_inside_the_loop_is_the_energy(foot: Foot) -> None:
+    found = loops.cycle(foot, Excitation(20.0, BASE, {}), foot.values() | BENT, True)
+    for loop in (found.ankle, found.fat_pad):
+        x, F = loop.displacement_m, loop.force_n
+        shoelace = 0.5 * abs(np.sum(x * np.roll(F, -1) - F * np.roll(x, -1)))
+        assert loop.dissipated_j == pytest.approx(shoelace, rel=5e-3)  # a polygon of 100 corners
+
+
+def test_arch_balances_with_its_tendons_and_closed_loop() -> None:
+    """foot_arch: pads are tendons, an equality closes the loop, a motor is in the fascia, the integrator implicit."""
+    arch = load("foot_arch")
+    found = loops.cycle(arch, Excitation(50.0, np.array([-8.95j]), {}, arch.step), arch.values(), False)
+    assert abs(found.imbalance) < 0.005
+    assert 0 < found.ankle.dissipated_j + found.fat_pad.dissipated_j < found.dissipated_j  # ligaments have the rest
+    stiffness = np.polyfit(found.fat_pad.displacement_m, found.fat_pad.force_n, 1)[0]
+    assert stiffness == pytest.approx(arch.values()["k_F"], rel=0.05)
+
+
+def test_a_pad_with_a_memory_balances(edited: Callable[..., Path]) -> None:
+    """The pad law 4.22 is an actuator with activations: its force is part of the loop."""
+    parameters = re.findall(r'    <text name="(?:k_F|c_21|c_22|c_23)".*\n', mjcf.path("two_dof").read_text())
+    joint = '<joint name="fat_pad" stiffness="1.0e5" user="4.25 800 -50 100"/>'
+    actuator = (
+        '    <general name="pad" joint="fat_pad" dyntype="user" actdim="8" gainprm="0" biastype="user" '
+        'biasprm="4.22 150 6 0.9 0.002 1 0.02 0.2"/>\n  </actuator>'
+    )
+    pad = load(
+        edited((joint, '<joint name="fat_pad"/>'), *((line, "") for line in parameters), ("  </actuator>", actuator))
+    )
+    found = loops.cycle(pad, sine(25.0), pad.values(), False)
+    assert abs(found.imbalance) < 0.005
+    assert found.dissipated_j == pytest.approx(found.ankle.dissipated_j + found.fat_pad.dissipated_j, rel=1e-3)
+    assert found.fat_pad.dissipated_j > 0.1 * found.dissipated_j
+
+
+def test_a_model_without_a_fat_pad_says_so(tmp_path: Path) -> None:
+    file = tmp_path / "renamed.xml"
+    text = mjcf.path("two_dof").read_text()
+    file.write_text(text.replace('"fat_pad"', '"sole"').replace("joint fat_pad ", "joint sole "))
+    with pytest.raises(ModelError, match="fat_pad or heel_pad and forefoot_pad, so it has no fat pad loop"):
+        loops.cycle(load(file), sine(20.0), load(file).values(), False)
+
+
+def test_cycles_of_a_fit(trial: Callable[..., Recording], foot: Foot) -> None:
+    truth = foot.values() | {"k_T": 1.3e5, "c_22": -120.0}
+    recordings = [trial(truth, f) for f in (15.0, 30.0)]
+    fitted = made_fits.document("pooled", recordings, ["15hz.csv", "30hz.csv"], starts=2)
+    result, entries = fitted["result"], fitted["cycles"]
+    assert len(entries) == 2 * len(result["branches"])
+    for entry in entries:
+        assert abs(entry["imbalance"]) < 0.005
+        assert entry["dissipated_j"] == pytest.approx(entry["shaker_work_j"], rel=0.005)
+        assert ("displacement_m" in entry["ankle"]) == ("trace" in entry) == entry["chosen"]
+    for entry, recording in zip((e for e in entries if e["chosen"]), recordings, strict=True):
+        f = recording.condition.frequency_hz
+        line = Line.of(checked(recording))
+        e = Excitation(line.base.frequency_hz, line.base.amplitudes, recording.condition.masses)
+        true = loops.cycle(foot, e, truth, True)
+        for part in ("ankle", "fat_pad"):
+            assert len(entry[part]["displacement_m"]) == len(entry[part]["force_n"]) == POINTS
+            assert entry[part]["dissipated_j"] == pytest.approx(getattr(true, part).dissipated_j, rel=0.1)
+            # the stored polygon closes the same area
+            x, F = np.array(entry[part]["displacement_m"]), np.array(entry[part]["force_n"])
+            area = 0.5 * abs(np.sum(x * np.roll(F, -1) - F * np.roll(x, -1)))
+            assert area == pytest.approx(entry[part]["dissipated_j"], rel=0.02)
+        t, y, model = (np.array(entry["trace"][k]) for k in ("time_s", "measured_m_s2", "model_m_s2"))
+        assert t[-1] == pytest.approx(3 / f, abs=2e-3)
+        assert np.std(y - model) == pytest.approx(0.05, rel=0.3)  # what is left is the sensor's noise
+
+
+def test_points_of_a_trend_are_taken_at_the_recording(foot: Foot) -> None:
+    def point(f: float, mass: float, k_T: float) -> dict[str, object]:
+        return {"frequency_hz": f, "added_mass_kg": mass, "parameters": {"k_T_n_per_m": {"value": k_T}}}
+
+    branch = {"points": [point(10, 0, 1.0), point(20, 0, 2.0), point(10, 2.3, 3.0), point(20, 2.3, 4.0)]}
+    assert loops.values_of(branch, foot, 10.02, 2.3) == {"k_T": 3.0}
+    assert loops.values_of(branch, foot, 19.99, 0.0) == {"k_T": 2.0}
+    held = {"parameters": {"delay_s": {"value": 1e-4}}}
+    assert loops.values_of(held, foot, 20.0, 0.0) == {"delay": 1e-4}
+
+
+def test_a_recording_of_a_trend_has_its_own_foot(trial: Callable[..., Recording], foot: Foot) -> None:
+    recording = checked(trial(foot.values(), 20.0))
+    points = [{"frequency_hz": 20.0, "added_mass_kg": 0.0, "parameters": {"c_21_n_s_per_m": {"value": 500.0}}}]
+    curves = [{"name": "stiff ankle", "points": points}, {"name": "stiff pad", "points": points}]
+    own = {"file": recording.file, "foot": foot.values() | {"c_21": 1000.0}}
+    best, other = loops.cycles({"branches": curves, "recordings": [own]}, foot, [recording])
+    line = Line.of(recording)
+    e = Excitation(line.base.frequency_hz, line.base.amplitudes, recording.condition.masses)
+    for entry, c in ((best, 1000.0), (other, 500.0)):
+        want = loops.cycle(foot, e, foot.values() | {"c_21": c}, True).fat_pad.dissipated_j
+        assert entry["fat_pad"]["dissipated_j"] == pytest.approx(want, rel=1e-9)
+    assert best["fat_pad"]["dissipated_j"] != pytest.approx(other["fat_pad"]["dissipated_j"], rel=0.01)
+
+
+def test_broadband_recordings_have_no_cycle(trial: Callable[..., Recording], foot: Foot) -> None:
+    broad = replace(trial(foot.values(), 20.0), condition=Condition("16", "midstance", 0.0, 72.57, None))
+    assert loops.cycles({"branches": []}, foot, [broad]) == []

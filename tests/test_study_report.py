@@ -1,0 +1,158 @@
+"""The page and the figures of a study: what they show is what the fits say, and nothing outside is needed."""
+
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_fits import failed, plain
+
+from identification.study import figures, report, summary, tables
+from identification.study.truth import LIMITS, Truth
+
+KEYS = {
+    "k_T_n_per_m": 1e5, "c_11_n_s_per_m": 300.0, "c_12_per_m": 50.0, "c_13_per_m": 80.0,
+    "k_F_n_per_m": 9e4, "c_21_n_s_per_m": 700.0, "c_22_per_m": -40.0, "c_23_per_m": 90.0,
+}  # fmt: skip
+TRUTH = Truth({}, {key.partition("_n_")[0].removesuffix("_per_m"): value for key, value in KEYS.items()}, {})
+
+
+def branches(scale: float) -> dict[str, Any]:
+    words = ("identified", "identified", "weak", "not identifiable") * 2
+    near = {key: (scale * v, 0.05 * abs(v), word) for (key, v), word in zip(KEYS.items(), words, strict=True)}
+    return {"stiff ankle": near, "stiff pad": {key: (3 * v, 0.05 * abs(v), "weak") for key, v in KEYS.items()}}
+
+
+def study() -> list[dict[str, Any]]:
+    """Seven subjects at three frequencies and two loads, one of them far off, and one broken recording."""
+    rng = np.random.default_rng(1)
+    fits = [
+        plain("per-recording", str(s), load, f, branches(4.0 if (s, f) == (5, 20.0) else 1 + 0.03 * rng.normal()))
+        for s in range(1, 8)
+        for load in (0.0, 2.3)
+        for f in (10.0, 20.0, 30.0)
+    ]
+    return [*fits, failed("6", "s6.csv: malleolus is <b>dead</b>; check the cable.")]
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("out")
+    extra = report.Section("Held out", ["Left one frequency out."], tables.Grid(["mode", "fit"], [["trend", "91.5"]]))
+    files = report.write(out, study(), "a small study", "synthetic", TRUTH, [extra])
+    assert files[0] == out / "report.html"
+    assert all(file.stat().st_size for file in files)
+    return out
+
+
+def test_page_needs_nothing_from_outside(written: Path) -> None:
+    page = (written / "report.html").read_text()
+    addresses = set(re.findall(r"https?://[^\"'\s<>)]+", page))
+    # names of XML vocabularies and of licence terms within SVG, which nothing fetches
+    assert all(
+        re.match(r"https?://(www\.w3\.org|creativecommons\.org|purl\.org|matplotlib\.org)", a) for a in addresses
+    )
+    assert set(re.findall(r"(?:src|href)=\"(?!#|data:)([^\"]*)", page)) == set()
+    assert "<script" not in page
+    assert "@import" not in page
+    assert set(re.findall(r"<nav>.*?</nav>", page, re.S))
+    anchors = set(re.findall(r'<a href="#([^"]+)', page))
+    assert anchors <= set(re.findall(r'id="([^"]+)"', page))
+    assert {"done", "mirror", "truth", "section1"} <= anchors
+
+
+def test_page_says_what_the_fits_say(written: Path) -> None:
+    page = (written / "report.html").read_text()
+    assert "synthetic data: nobody was measured" in page
+    assert "42 of 43 fits done, 1 failed." in page
+    assert "mean fit 90.0 %, 50 % of estimates identified, mirror decided in 0 of 42" in page
+    assert "s6.csv: malleolus is &lt;b&gt;dead&lt;/b&gt;" in page
+    assert LIMITS[:60] in page
+    assert "differ by 0.1 % at most" in page  # 0.01 of 8.01
+    found = pd.read_csv(written / "recovery.csv").set_index("parameter").loc["all"]
+    assert f"{found['chosen']:.0f} of 336 ({100 * found['chosen'] / 336:.0f} %)" in page
+    assert found["chosen"] == 320  # all but the two fits that are four times too high, eight parameters each
+    assert "<td>91.5</td>" in page
+
+
+def test_outliers_of_the_page_are_those_of_the_table(written: Path) -> None:
+    table = pd.read_csv(written / "summary.csv", dtype={"subject": str})
+    outliers = table[table["outlier"]]
+    assert set(outliers["subject"]) >= {"5"}
+    assert (outliers.loc[outliers["subject"] == "5", "frequency_hz"] == 20).sum() == 16
+    page = (written / "report.html").read_text()
+    count = int((outliers[outliers["added_mass_kg"] == 0]["parameter"] == "k_T").sum())
+    assert f"<td>per-recording, 0 kg</td><td>{count} of 21</td>" in page
+
+
+def test_figures_are_whole_and_the_same_each_time(written: Path, tmp_path: Path) -> None:
+    names = {file.stem for file in (written / "figures").iterdir()}
+    assert names == {
+        "verdicts", "curves_per-recording_midstance", "boxes_per-recording_midstance_0kg",
+        "boxes_per-recording_midstance_2.3kg", "traces_per-recording", "loops_per-recording", "energies_per-recording",
+        "waterfall",
+    }  # fmt: skip
+    for name in names:
+        assert ET.parse(written / "figures" / f"{name}.svg").getroot().tag.endswith("svg")
+        assert (written / "figures" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
+    again = report.pictures(study(), summary.tidy(study(), TRUTH), summary.cycle_table(study()), "synthetic")
+    for name in ("loops_per-recording", "verdicts"):
+        assert figures.save(again[name][0](), "svg") == (written / "figures" / f"{name}.svg").read_bytes()
+
+
+def test_boxes_are_drawn_by_the_thesis_quartiles() -> None:
+    table = summary.tidy(study())
+    rows = table[table["added_mass_kg"] == 0]
+    axis = figures.boxes(rows, "synthetic").axes[0]
+    values = rows[rows["chosen"] & (rows["parameter"] == "k_T") & (rows["frequency_hz"] == 20)]["value"].sort_values()
+    drawn = next(p.get_path().vertices[:, 1] for p in axis.patches if abs(p.get_path().vertices[:4, 0].mean() - 20) < 3)
+    assert drawn.min() == pytest.approx(values.iloc[:3].median() / 1e3)
+    assert drawn.max() == pytest.approx(values.iloc[4:].median() / 1e3)
+    dots = [float(y) for line in axis.lines if line.get_marker() == "o" for y in line.get_ydata()]
+    marked = rows[rows["outlier"] & (rows["parameter"] == "k_T")]
+    assert dots == pytest.approx((marked.sort_values("frequency_hz", kind="stable")["value"] / 1e3).tolist())
+    assert 400.0 in np.round(dots, 6)
+
+
+def test_loops_traces_and_energies_are_drawn_in_their_units() -> None:
+    cycles = [d["cycles"][0] for d in study()[:6]]
+    axis = figures.loops(cycles, "synthetic").axes[0]
+    assert len(axis.lines) == 3  # a loop a frequency
+    x, y = axis.lines[0].get_data()
+    assert (x[0], x[-1]) == (1000.0, 1000.0)  # closed, in mm
+    assert max(y) == pytest.approx(2.0)
+    energy = summary.cycle_table(study())
+    ankle, pad, share, *_ = figures.energies(energy, "synthetic").axes
+    assert ankle.containers[0].lines[0].get_ydata() == pytest.approx([2e3 * np.pi] * 3)
+    assert pad.containers[1].lines[0].get_ydata() == pytest.approx([6e3 * np.pi] * 3)
+    assert share.containers[0].lines[0].get_ydata() == pytest.approx([75.0] * 3)
+    panel = figures.traces(cycles, {cycles[0]["file"]: 87.65}, "synthetic").axes[0]
+    assert panel.get_title() == "10 Hz, 0 kg: fit 87.7 %"
+    assert panel.lines[0].get_xdata() == pytest.approx([0.0, 1.0])  # 0.1 s of 10 Hz is one period
+
+
+def test_verdicts_add_up() -> None:
+    axis = figures.verdicts(summary.tidy(study())).axes[0]
+    widths = np.array([[bar.get_width() for bar in group] for group in axis.containers])
+    assert widths.sum(axis=0) == pytest.approx([100.0] * 8)
+    assert widths[:, 0] == pytest.approx([100, 0, 0])
+    assert widths[:, 3] == pytest.approx([0, 0, 100])
+
+
+def test_measured_and_lonely_and_hopeless_studies(tmp_path: Path) -> None:
+    """One fit that has no cycle; then none that came about."""
+    alone = plain("pooled", "1", 0.0, None, branches(1.0), origin="measured", cycles=[])
+    report.write(tmp_path / "one", [alone], "one foot", "measured")
+    page = (tmp_path / "one" / "report.html").read_text()
+    assert "measured data" in page
+    assert "nobody was measured" not in page
+    assert "truth" not in page
+    assert "No recording is periodic" in page
+    report.write(tmp_path / "none", [failed("1", "s1.csv: is too short.")], "nothing", "of unstated origin")
+    page = (tmp_path / "none" / "report.html").read_text()
+    assert "0 of 1 fits done, 1 failed." in page
+    assert "data of unstated origin" in page
+    assert (tmp_path / "none" / "summary.csv").read_text() == ",".join(summary.COLUMNS) + "\n"

@@ -1,0 +1,154 @@
+"""Running a study: failures, resumption after kill -9, broken documents, one sentence on bad input."""
+
+import json
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from study_runs import ENVIRONMENT, arguments, documents, done, fitted, small
+
+from fasbody.console import to_json
+from fasbody.model import load
+from fasbody.recording import StudyFolder
+from identification.estimate import Settings, fit
+from identification.study import job
+from identification.study.plan import Model, Plan
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return small(tmp_path_factory.mktemp("run") / "study", frequencies=(20.0, 25.0, 30.0))
+
+
+def test_a_job_is_the_fit(study: Path) -> None:
+    """What the document says is what fit() says of the same recordings."""
+    opened, settings = StudyFolder.open(study), Settings(starts=2, threads=1)
+    plan = Plan(opened, opened.trials, settings, Model.of(load("two_dof")))
+    for mode in ("per-recording", "pooled"):
+        one = plan.jobs(mode)[0]
+        found = job.run(plan.work(one))
+        want = fit([opened.read(trial) for trial in one.trials], load("two_dof"), settings).document()
+        assert found["status"] == "done" and found["files"] == one.files
+        for name in ("parameters", "branches", "verdict", "starts", "goodness_of_fit", "recordings"):
+            assert to_json(found["result"][name]) == to_json(want[name]), name
+
+
+def test_failures_are_kept_and_tried_again(tmp_path: Path) -> None:
+    study, out = small(tmp_path / "study"), tmp_path / "out"
+    dead = study / "recordings" / "s01_midstance_0kg_20hz.csv"
+    healthy = dead.read_bytes()
+    lines = healthy.decode().splitlines()
+    dead.write_text("\n".join([lines[0], *(f"{line.rsplit(',', 2)[0]},0.0,0.0" for line in lines[1:])]) + "\n")
+    gone = study / "recordings" / "s01_midstance_2.3kg_30hz.csv"
+    kept = gone.read_bytes()
+    gone.unlink()
+    first = fitted(study, out, "--workers", "1")
+    assert (first["modes"][0]["fits"], done(first), first["computed"]) == (4, 2, 4)
+    errors = {d["files"][0]: d["error"] for d in first["failed"]}
+    assert "is dead" in errors["recordings/s01_midstance_0kg_20hz.csv"]
+    assert "no such file" in errors["recordings/s01_midstance_2.3kg_30hz.csv"]
+    assert all(error.count("\n") == 0 for error in errors.values())
+    assert sum(d["status"] == "failed" and d["result"] is None for d in documents(out).values()) == 2
+    assert "is dead" in first["said"]
+
+    pooled = fitted(study, out, "--workers", "1", "--mode", "pooled")
+    assert done(pooled, "pooled") == 2  # from what is left of each load
+    assert "left out" in pooled["said"]
+
+    gone.write_bytes(kept)
+    again = fitted(study, out, "--workers", "1")
+    assert (again["computed"], done(again)) == (2, 3)  # the dead one anew, and the one that is back
+    dead.write_bytes(healthy)
+    assert done(fitted(study, out, "--workers", "1")) == 4
+
+
+def test_killed_and_resumed(study: Path, tmp_path: Path) -> None:
+    """Kill -9 in the middle; afterwards nothing is done twice, and the result is that of an undisturbed run."""
+    whole, out = tmp_path / "whole", tmp_path / "out"
+    assert fitted(study, whole, "--workers", "1")["computed"] == 6
+    process = subprocess.Popen(
+        arguments(study, out, "--workers", "1"), env=ENVIRONMENT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    while len(list((out / "fits").glob("*.json"))) < 2 and process.poll() is None:
+        time.sleep(0.005)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    left = {file: file.stat().st_mtime_ns for file in (out / "fits").glob("*.json")}
+    assert 2 <= len(left) <= 6
+    assert all(json.loads(file.read_text())["status"] == "done" for file in left)
+    resumed = fitted(study, out, "--workers", "1")
+    assert resumed["computed"] == 6 - len(left)
+    assert {file: file.stat().st_mtime_ns for file in left} == left
+    assert documents(out) == documents(whole)
+    assert fitted(study, out, "--workers", "1")["computed"] == 0
+
+
+def test_interrupted(study: Path, tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        arguments(study, tmp_path, "--workers", "1"), env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True,
+    )  # fmt: skip
+    while not list((tmp_path / "fits").glob("*.json")) and process.poll() is None:
+        time.sleep(0.005)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate()
+    if process.returncode == 0:
+        pytest.skip("it had ended before")
+    assert process.returncode == 130
+    assert "the same command goes on from there" in said and "Traceback" not in said
+    for document in documents(tmp_path).values():
+        assert not [text for text in document["result"]["warnings"] if "Interrupted" in text]
+
+
+def test_broken_and_foreign_documents_are_computed_again(study: Path, tmp_path: Path) -> None:
+    narrow = ("--workers", "1", "--frequency", "20")
+    fitted(study, tmp_path, *narrow)
+    good = documents(tmp_path)
+    one, other = sorted((tmp_path / "fits").glob("*.json"))
+    one.write_text(one.read_text()[:-100])
+    other.write_text(json.dumps({"key": "something else"}))
+    stray = tmp_path / "fits" / "notes.json"
+    stray.write_text("not ours")
+    said = fitted(study, tmp_path, *narrow)
+    assert said["computed"] == 2
+    assert f"{one.name}: is broken" in said["said"] and f"{other.name}: is not the fit" in said["said"]
+    stray.unlink()
+    assert documents(tmp_path) == good
+
+
+def test_aperiodic_recordings_are_fitted_in_the_time_domain(tmp_path: Path) -> None:
+    """A sweep has no frequency in the table."""
+    from fasbody.virtual_study import Plan as Virtual
+    from fasbody.virtual_study import make
+
+    study = make(
+        tmp_path / "study",
+        Virtual(subjects=1, conditions=(("midstance", 0.0),), excitation="sweep", seconds=2.0),
+        processes=1,
+    )
+    fitted(study, tmp_path / "out", "--workers", "1")
+    (document,) = documents(tmp_path / "out").values()
+    assert document["frequency_hz"] is None and document["result"]["domain"] == "time"
+    assert np.isfinite(document["result"]["fit_percent"])
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (("--mode", "polled"), "unknown mode 'polled'"),
+        (("--domain", "frequency"), "unknown domain 'frequency'"),
+        (("--subject", "77"), "unknown subject '77'"),
+        (("--model", "three_dof"), "no such model"),
+        (("--starts", "0"), "the number of starts is 0"),
+    ],
+)
+def test_bad_input_is_one_sentence(study: Path, tmp_path: Path, more: tuple[str, ...], said: str) -> None:
+    document = fitted(study, tmp_path, *more, expect=2)
+    assert said in document["said"] and document["said"].count("error:") == 1 and "Traceback" not in document["said"]
+
+
+def test_no_study(tmp_path: Path) -> None:
+    assert "study.toml" in fitted(tmp_path / "nowhere", tmp_path, expect=2)["said"]

@@ -1,0 +1,147 @@
+"""Branches of a subject's fits: exact odds against enumeration, continuity, prior, a sensor on the foot bones."""
+
+from itertools import product
+
+import numpy as np
+import oracle
+import pytest
+from study_cases import NONLINEAR, power_laws
+
+from fasbody.exceptions import SettingError
+from identification.branches import STIFF_ANKLE, STIFF_PAD, mirrored
+from identification.study.tracking import (
+    BETWEEN_TRIALS,
+    CURVES,
+    PER_KG,
+    PER_LOG_FREQUENCY,
+    BranchFit,
+    Fit,
+    FootBone,
+    Prior,
+    foot_response,
+    track,
+)
+
+MASSES = {"m_S": 3.4, "m_F": 1.0}
+A = 3.4 / 4.4
+SIZES = dict.fromkeys(CURVES, 0.03)
+
+
+def fits(frequencies=(10.0, 15.0, 20.0, 30.0), loads=(0.0, 4.5), deviance=lambda f, m: (0.0, 0.0)) -> list[Fit]:  # type: ignore[no-untyped-def]
+    found = []
+    for m in loads:
+        for f in frequencies:
+            values = power_laws(f, m)
+            d = deviance(f, m)
+            both = (
+                BranchFit(STIFF_ANKLE, values, SIZES, d[0]),
+                BranchFit(STIFF_PAD, mirrored(values, A), SIZES, d[1]),
+            )
+            found.append(Fit(f, m, both if d[0] <= d[1] else both[::-1], MASSES, f"{f:g}-{m:g}"))
+    return found
+
+
+def test_odds_are_those_of_all_assignments(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    some = fits((10.0, 20.0, 40.0), (0.0, 4.5), lambda f, m: tuple(rng.normal(0, 4, 2)))[:-1]  # one is missing
+
+    def step(p: Fit, i: int, q: Fit, j: int) -> float:
+        total = 0.0
+        for n in CURVES:
+            d = np.log(p.branches[i].values[n] / q.branches[j].values[n])
+            v = (PER_LOG_FREQUENCY * np.log(p.frequency_hz / q.frequency_hz)) ** 2 + 2 * BETWEEN_TRIALS**2
+            v += (PER_KG * (p.added_mass_kg - q.added_mass_kg)) ** 2 + 2 * 0.03**2
+            total += -0.5 * (d**2 / v + np.log(v))
+        return total
+
+    near = [(a, b) for a, b in product(range(5), range(5)) if a < b and (
+        (some[a].added_mass_kg == some[b].added_mass_kg and b - a == 1) or some[a].frequency_hz == some[b].frequency_hz
+    )]  # fmt: skip
+    weights = {}
+    for state in product((0, 1), repeat=5):
+        w = sum(-0.5 * some[i].branches[k].deviance for i, k in enumerate(state))
+        weights[state] = w + sum(step(some[a], state[a], some[b], state[b]) for a, b in near)
+    for i, choice in enumerate(track(some).choices):
+        p = [np.logaddexp.reduce([w for s, w in weights.items() if s[i] == k]) for k in (0, 1)]
+        assert np.log(choice.odds) == pytest.approx(abs(p[0] - p[1]), rel=1e-9)
+        assert choice.likelier == some[i].branches[int(p[1] > p[0])].name
+
+
+def test_one_clear_fit_carries_the_others() -> None:
+    """Only 20 Hz unloaded decides by itself; continuity carries its branch to the neighbours, with falling odds."""
+    clear = track(fits(deviance=lambda f, m: (0.0, 60.0) if (f, m) == (20.0, 0.0) else (0.0, 0.0)))
+    by = {c.key: c for c in clear.choices}
+    assert by["20-0"].branch == STIFF_ANKLE
+    assert all(c.likelier == STIFF_ANKLE for c in clear.choices)
+    assert by["20-0"].odds > by["30-0"].odds > 1
+    assert clear.overall[STIFF_ANKLE] > 1e6
+
+
+def test_smoothness_alone_decides_nothing_overall() -> None:
+    nothing = track(fits())
+    assert {c.branch for c in nothing.choices} == {"undecided"}
+    assert nothing.overall[STIFF_ANKLE] < 10
+    assert "undecided" in nothing.sentence
+    assert all(c.odds < 10 for c in nothing.choices)
+
+
+def test_a_misled_fit_is_put_right() -> None:
+    """One fit prefers the mirror by 6; the others prefer the truth by 15 each."""
+    both = fits((10.0, 12.0, 15.0, 18.0), (0.0,), lambda f, m: (6.0, 0.0) if f == 15.0 else (0.0, 15.0))
+    assert both[2].branches[0].name == STIFF_PAD
+    told = track(both)
+    assert [c.likelier for c in told.choices] == [STIFF_ANKLE] * 4
+
+
+@pytest.mark.parametrize(
+    ("prior", "wanted"),
+    [
+        (Prior(stiff_ankle_odds=1e4), STIFF_ANKLE),
+        (Prior(stiff_ankle_odds=1e-4), STIFF_PAD),
+        (Prior(ranges={"k_F": (7e4, 1.4e5)}), STIFF_ANKLE),
+    ],
+)
+def test_a_prior_decides(prior: Prior, wanted: str) -> None:
+    told = track(fits(), prior=prior)
+    assert {c.likelier for c in told.choices} == {wanted}
+    assert max(told.overall, key=lambda n: told.overall[n]) == wanted
+
+
+def test_foot_response_is_that_of_the_dynamic_stiffness() -> None:
+    p = {**power_laws(20.0, 0.0), **MASSES}
+    for f in (10.0, 25.0):
+        w = 2 * np.pi * f
+        T, P = p["k_T"] + 1j * w * p["c_11"], p["k_F"] + 1j * w * p["c_21"]
+        D = np.array([[T - w**2 * p["m_S"], -T], [-T, T + P - w**2 * p["m_F"]]])
+        assert foot_response(p, MASSES, f) == pytest.approx(np.linalg.solve(D, [0, P])[1], rel=1e-9)
+        both = [oracle.linear_response({**v, **MASSES, **dict.fromkeys(NONLINEAR, 0.0)}, f)[0]
+                for v in (p, mirrored(p, A))]  # fmt: skip
+        assert both[0] == pytest.approx(both[1], rel=1e-9)  # the malleolus cannot tell; the foot bones can
+        assert abs(foot_response(p, MASSES, f) - foot_response(mirrored(p, A), MASSES, f)) > 0.01
+
+
+def test_a_sensor_on_the_foot_bones_decides() -> None:
+    bone = FootBone(20.0, 0.0, foot_response(power_laws(20.0, 0.0), MASSES, 20.0), 0.005)
+    told = track(fits(), bones=[bone])
+    assert told.overall[STIFF_ANKLE] > 1000
+    assert next(c for c in told.choices if c.key == "20-0").branch == STIFF_ANKLE
+
+
+def test_documents_are_read() -> None:
+    e = {"value": 1e5, "std_error": 1e3, "lower": 0, "upper": 0, "at_bound": False, "identifiability": "identified"}
+    branch = {"name": STIFF_ANKLE, "deviance": 20.0, "parameters": {"k_T_n_per_m": e, "delay_s": {**e, "value": 0.0}}}
+    document = {
+        "key": "a", "frequency_hz": 20.0, "added_mass_kg": 0.0,
+        "result": {"goodness_of_fit": {"chi_square": 40.0, "dof": 10}, "branches": [branch]},
+    }  # fmt: skip
+    found = Fit.from_document(document)
+    assert found.branches[0].values["k_T"] == 1e5
+    assert found.branches[0].relative_errors == {"k_T": 0.01}
+    assert found.branches[0].deviance == 5.0  # 20 over the reduced chi-square of 4
+
+
+def test_what_cannot_be_tracked() -> None:
+    with pytest.raises(SettingError, match="one subject at a time"):
+        track(fits() + fits())
+    with pytest.raises(SettingError, match="has no fit"):
+        track(fits(), bones=[FootBone(99.0, 0.0, 1.0, 0.1)])

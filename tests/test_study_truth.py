@@ -1,0 +1,123 @@
+"""The truth of synthetic studies, and how much of it was found: against the recordings and against counting."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import oracle
+import pandas as pd
+import pytest
+from made_fits import plain
+
+from fasbody.exceptions import InputFileError
+from fasbody.recording import Study
+from fasbody.response import fit_harmonics
+from fasbody.two_dof import NAMES
+from fasbody.virtual_study import STUDY_INSTRUMENT, Plan, make
+from identification.study import summary
+from identification.study.truth import Truth, recovery
+
+CLEAN = replace(
+    STUDY_INSTRUMENT, gain_scatter=0.0, noise_base=1e-4, noise_malleolus=1e-4, strap_hz=0.0, delay_s=0.0, bits=24
+)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    plan = Plan(
+        subjects=2, conditions=(("midstance", 0.0), ("midstance", 2.3)), frequencies_hz=(10.0, 30.0), seconds=1.0,
+        instrument=CLEAN,
+    )  # fmt: skip
+    return make(tmp_path_factory.mktemp("study"), plan, processes=1)
+
+
+def test_stored_constants_are_those_of_the_recordings(study: Path) -> None:
+    """DOP853 with the constants of each file, driven by its base, gives its malleolus."""
+    truth = Truth.read(study)
+    assert truth is not None
+    for recording in Study.read(study).recordings[::3]:
+        c = recording.condition
+        known = truth.of("per-recording", c.subject, c.posture, c.added_mass_kg, c.frequency_hz, [recording.file])
+        U, Y = (
+            fit_harmonics(recording.time_s, x, c.frequency_hz, 3).amplitudes
+            for x in (recording.base_m_s2, recording.malleolus_m_s2)
+        )
+        p = {**known, **c.masses}
+        omega = 2j * np.pi * c.frequency_hz * np.arange(1, 4)
+        t = np.arange(400) / 400 / c.frequency_hz
+        many = 12 / c.frequency_hz
+        out = oracle.malleolus(
+            p, lambda s, U=U, w=omega: float((np.exp(w * s) @ U).real), np.append(0, many + t), rtol=1e-9
+        )[1:]
+        assert 2 * np.mean(out * np.exp(-omega[0] * t)) == pytest.approx(Y[0], abs=2e-3 * abs(Y[0]))
+
+
+def test_a_trend_has_the_subjects_curve_and_a_pooled_fit_the_mean(study: Path) -> None:
+    truth = Truth.read(study)
+    assert truth is not None
+    files = [f"recordings/s02_midstance_2.3kg_{f}hz.csv" for f in (10, 30)]
+    each = [truth.of("per-recording", "2", "midstance", 2.3, f, [x]) for f, x in zip((10, 30), files, strict=True)]
+    curve = [truth.of("trend", "2", "midstance", 2.3, f, files) for f in (10, 30)]
+    for own, smooth in zip(each, curve, strict=True):
+        assert own["k_T"] == pytest.approx(smooth["k_T"], rel=1e-9)  # does not scatter between recordings
+        assert own["k_F"] != pytest.approx(smooth["k_F"], rel=1e-6)  # scatters
+        assert own["k_F"] == pytest.approx(smooth["k_F"], rel=0.1)  # by 1.5 % under load
+    pooled = truth.of("pooled", "2", "midstance", 2.3, np.nan, [f"study/{x}" for x in files])
+    assert pooled["k_T"] == pytest.approx(np.mean([own["k_T"] for own in each]))
+    assert set(pooled) == {*NAMES, "delay"}
+    assert set(truth.of("per-recording", "2", "midstance", 2.3, 10.0, ["unheard of.csv"])) == {"delay"}
+
+
+def test_one_foot_has_one_truth_and_measured_data_none(tmp_path: Path) -> None:
+    assert Truth.read(tmp_path) is None
+    known = {"parameters": {"k_T": 1.3e5}, "instrument": {"delay_s": 2e-4}}
+    (tmp_path / "truth.json").write_text(json.dumps(known))
+    truth = Truth.read(tmp_path)
+    assert truth is not None
+    assert truth.of("trend", "16", "midstance", 0.0, 20.0, ["a.csv", "b.csv"]) == {"k_T": 1.3e5, "delay": 2e-4}
+    (tmp_path / "truth.json").write_text("[]")
+    with pytest.raises(InputFileError, match="not the truth"):
+        Truth.read(tmp_path)
+
+
+def at(k_T: float, k_F: float, word: str = "identified", error: float | None = 1.0) -> dict[str, tuple]:
+    return {"k_T_n_per_m": (k_T, error, word), "k_F_n_per_m": (k_F, error, "weak")}
+
+
+def test_recovery_counts_the_chosen_branch_and_the_nearer_one() -> None:
+    """Truth 100 and 50. Four fits: right, right within 3 errors only, the mirror chosen, and one at a bound."""
+    truth = Truth({}, {"k_T": 100.0, "k_F": 50.0}, {})
+    mirror = at(43.0, 116.0)
+    fits = [
+        plain("per-recording", "1", 0.0, 10.0, {"stiff ankle": at(101, 50), "stiff pad": mirror}),
+        plain("per-recording", "2", 0.0, 10.0, {"stiff ankle": at(103, 46), "stiff pad": mirror}),
+        plain("per-recording", "3", 0.0, 10.0, {"stiff pad": mirror, "stiff ankle": at(98, 51)}),
+        plain("per-recording", "4", 0.0, 10.0, {"stiff ankle": at(100, 50, "not identifiable", None)}),
+    ]
+    rows = recovery(summary.tidy(fits, truth)).set_index("parameter")
+    k_T, k_F, total = rows.loc["k_T"], rows.loc["k_F"], rows.loc["all"]
+    assert (k_T["estimates"], k_T["no_error"]) == (4, 1)
+    assert (k_T["chosen"], k_T["chosen_of"], k_T["either"], k_T["either_of"]) == (2, 3, 3, 3)
+    assert (k_F["chosen"], k_F["either"]) == (1, 2)  # 46 is four standard errors off
+    assert (k_T["identified_chosen"], k_T["identified_chosen_of"]) == (2, 3)
+    assert (total["chosen"], total["chosen_of"], total["either"], total["either_of"]) == (3, 6, 5, 6)
+    assert k_T["error"] == pytest.approx(np.median([0.01, 0.03, 0.57, 0.0]))
+    assert k_T["std_error"] == pytest.approx(np.median([1 / 101, 1 / 103, 1 / 43]))
+
+
+def test_recovery_of_honest_errors_is_997_in_a_thousand() -> None:
+    rng = np.random.default_rng(0)
+    truth = Truth({}, {"k_T": 100.0, "k_F": 50.0}, {})
+    fits = [
+        plain("pooled", str(i), 0.0, None, {"best": at(100 + e, 50 + g)})
+        for i, (e, g) in enumerate(rng.normal(size=(1500, 2)))
+    ]
+    rows = recovery(summary.tidy(fits, truth)).set_index("parameter")
+    assert rows.loc["all", "chosen"] / rows.loc["all", "chosen_of"] == pytest.approx(0.9973, abs=0.003)
+
+
+def test_without_a_truth_there_is_nothing_to_recover() -> None:
+    found = recovery(summary.tidy([plain("pooled", "1", 0.0, None, {"best": at(1, 2)})]))
+    assert isinstance(found, pd.DataFrame)
+    assert found.empty
