@@ -4,7 +4,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 PIP := $(RUN) -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: fit view test lint bench reproduce clean
+.PHONY: fit view test lint docs bench reproduce clean
 
 fit: $(VENV)/core.stamp  ## identify the bundled synthetic foot; add ARGS="..." for options
 	$(RUN) -m identification.fit $(ARGS)
@@ -18,6 +18,9 @@ test: $(VENV)/dev.stamp lint  ## the whole test suite; ARGS="-k name" selects
 lint: $(VENV)/dev.stamp
 	$(RUN) -m ruff check .
 	$(RUN) -m mypy
+
+docs: $(VENV)/dev.stamp  ## the documentation as a site for reading without a network: site/index.html
+	$(RUN) -m mkdocs build --strict
 
 bench: $(VENV)/dev.stamp  ## every speed and accuracy ratio the documentation states; ARGS="--seeds 200" for the study
 	$(RUN) -m benchmarks $(ARGS)
@@ -42,4 +45,4 @@ $(VENV)/dev.stamp: $(VENV)/python.stamp pyproject.toml constraints.txt
 	touch $@ $(VENV)/core.stamp $(VENV)/view.stamp
 
 clean:
-	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) build dist site .pytest_cache .mypy_cache .ruff_cache

@@ -1,102 +1,86 @@
 """`python -m benchmarks`: every topic in one table, written to RESULTS.md."""
 
+import json
 import os
-import platform
-from collections.abc import Callable
+import subprocess
+import sys
 from dataclasses import asdict
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from benchmarks import (
-    accuracy,
-    acquire,
-    arch,
-    callbacks,
-    coverage,
-    fitting,
-    peak_to_peak,
-    study,
-    study_end_to_end,
-    viewer,
-)  # fmt: skip
-from benchmarks.rows import HEADER, Row, table
+from benchmarks.results import Topic, machine, markdown, read
+from benchmarks.rows import Row, table
 from fasbody.console import command_line, console, print_json, write_whole
 
 RESULTS = Path(__file__).with_name("RESULTS.md")
-_LIBRARIES = ("mujoco", "numba", "numpy", "scipy")
+#: Topics in the order of the table; each is a module with a command, run in a process of its own on one thread.
+TOPICS = (
+    "accuracy", "callbacks", "arch", "fitting", "coverage", "black_box", "cell", "study", "viewer", "acquire",
+    "peak_to_peak", "study_end_to_end",
+)  # fmt: skip
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-def machine() -> str:
-    """Processor, cores and versions in one sentence."""
-    cpu = Path("/proc/cpuinfo")
-    lines = cpu.read_text().splitlines() if cpu.is_file() else []
-    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    libraries = ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
-    return (
-        f"{models[0] if models else platform.machine()}, {os.cpu_count()} cores; "
-        f"{platform.system()}, Python {platform.python_version()}, {libraries}"
+def measure(topic: str, *options: str) -> list[Row]:
+    """The rows of one topic, by its own command."""
+    command = [sys.executable, "-m", f"benchmarks.{topic}", *options, "--json"]
+    done = subprocess.run(
+        command, check=False, stdout=subprocess.PIPE, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"}
     )
-
-
-def markdown(rows: list[Row], where: str, when: str, loads: tuple[float, float]) -> str:
-    """RESULTS.md."""
-    lines = [
-        "# Benchmarks", "",
-        "Printed by `make bench`; each topic runs alone as `python -m benchmarks.accuracy` (`callbacks`, `arch`,",
-        "`fitting`, `coverage`, `peak_to_peak`, `study_end_to_end`, `acquire`; with tables of their own `black_box`",
-        "and `cell`). The ratio says how many times better than required, or how many times faster. Times are CPU",
-        "times unless they say otherwise, so other programs disturb them little, though not by nothing.", "",
-        f"{when}. {where}. Load average before and after: {loads[0]:.1f}, {loads[1]:.1f}.", "",
-        "| " + " | ".join(HEADER) + " |", "|---|---|---|---:|---|",
-        *("| " + " | ".join(row.cells) + " |" for row in rows), "",
-    ]  # fmt: skip
-    return "\n".join(lines)
+    if done.returncode:
+        console.print(f"[bold red]{topic}: no rows, `{' '.join(command[1:])}` ended with {done.returncode}[/]")
+        return []
+    return [Row(**row) for row in json.loads(done.stdout)["rows"]]
 
 
 @app.command()
 def main(
+    only: Annotated[list[str] | None, typer.Argument(help=f"some of {', '.join(TOPICS)} (default: all)")] = None,
     seeds: Annotated[int, typer.Option(help="noise seeds of the coverage study; 200 for the real one")] = 20,
     jobs: Annotated[int, typer.Option(help="processes of the coverage study, 0 for all cores")] = 0,
     scipy_limit: Annotated[int, typer.Option(help="trial points allowed to scipy (at most what our fit took)")] = 200,
+    with_peers: Annotated[bool, typer.Option("--peers/--no-peers", help="install and run SIPPY and pysib, too")] = True,
     out: Annotated[Path, typer.Option(help="file to write", show_default="benchmarks/RESULTS.md")] = RESULTS,
     json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout instead of a table")] = False,
 ) -> None:
-    """Measure everything: accuracy, callbacks, arch, fits, coverage, viewer, acquisition, studies. Takes many minutes.
+    """Measure everything that the documentation states, into one table. Takes about half an hour.
+
+    Rows of topics that are not measured now stay, unless they come from another machine or other versions.
 
     Examples:
       python -m benchmarks
 
+      python -m benchmarks accuracy callbacks
+
       python -m benchmarks --seeds 200
     """
-    before = os.getloadavg()[0]
-    topics: dict[str, Callable[[], list[Row]]] = {
-        "accuracy": accuracy.measure,
-        "callbacks": callbacks.measure,
-        "arch": arch.measure,
-        "fitting": lambda: fitting.measure(scipy_limit=scipy_limit),
-        "coverage": lambda: coverage.measure(seeds, jobs),
-        "study": lambda: study.measure(scipy_limit=scipy_limit),
-        "viewer": viewer.measure,
-        "acquisition": acquire.measure,
-        "transmissibility": peak_to_peak.measure,
-        "studies": study_end_to_end.measure,
-    }
-    rows = []
-    for number, (name, measure) in enumerate(topics.items(), 1):
-        console.print(f"{name} ({number} of {len(topics)})")
-        rows += measure()
+    topics = only or list(TOPICS)
+    for name in topics:
+        if name not in TOPICS:
+            raise typer.BadParameter(f"{name!r} is none of {', '.join(TOPICS)}")
+    options = {
+        "fitting": ["--scipy-limit", f"{scipy_limit}"], "coverage": ["--seeds", f"{seeds}", "--jobs", f"{jobs}"],
+        "study": ["--scipy-limit", f"{scipy_limit}"], "black_box": ["--peers" if with_peers else "--no-peers"],
+    }  # fmt: skip
     where, when = machine(), datetime.now(UTC).strftime("%Y-%m-%d")
+    known = read(out.read_text(), where) if out.is_file() else {}
+    rows = []
+    for number, name in enumerate(topics, 1):
+        console.print(f"{name} ({number} of {len(topics)})")
+        load = os.getloadavg()[0]
+        found = measure(name, *options.get(name, []))
+        if found:
+            known[name] = Topic(name, when, load, [row.cells for row in found])
+            write_whole(out, markdown({name: known[name] for name in TOPICS if name in known}, where))
+        rows += found
     if json_:
         print_json({"machine": where, "date": when, "rows": [asdict(row) for row in rows]})
     else:
         console.print(table(where, rows))
-    write_whole(out, markdown(rows, where, when, (before, os.getloadavg()[0])))
     console.print(f"written to {out}", soft_wrap=True)
 
 

@@ -6,13 +6,12 @@ because the spline's own error would hide it at small steps.
 """
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 import typer
 from scipy.integrate import solve_ivp
 
-from benchmarks.rows import Row, at_least, at_most, report
+from benchmarks.rows import JsonOption, Row, at_least, at_most, report
 from fasbody import shaker
 from fasbody.console import command_line, progress_bar
 from fasbody.model import Foot, load
@@ -117,7 +116,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command()
-def main(json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout")] = False) -> None:
+def main(json_: JsonOption = False) -> None:
     """Errors of MuJoCo and twin against DOP853.
 
     Example: python -m benchmarks.accuracy

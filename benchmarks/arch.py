@@ -10,8 +10,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from benchmarks.callbacks import unjudged
-from benchmarks.rows import Row, at_least, at_most, interleaved, report
+from benchmarks.callbacks import thread_gain
+from benchmarks.rows import JsonOption, Row, at_least, at_most, judged_if_idle, report
 from fasbody import arch_ode
 from fasbody.arch import Arch
 from fasbody.arch_motion import move, with_constants
@@ -19,11 +19,9 @@ from fasbody.console import command_line, progress_bar
 from fasbody.exceptions import SimulationError
 from fasbody.model import load
 from fasbody.shaker import BaseMotion, sine
-from fasbody.simulate import Batch
 
 FREQUENCIES_HZ = (10.0, 20.0, 30.0, 40.0, 50.0)
 _SECONDS = 0.2
-_BATCH, _BATCH_STEPS = 8, 4000
 
 
 def errors(frequency: float, seconds: float = _SECONDS) -> tuple[float, float]:
@@ -43,16 +41,6 @@ def cost(accurate: bool, seconds: float = 10.0) -> float:
     began = time.process_time()
     move(foot, motion, accurate=accurate)
     return time.process_time() - began
-
-
-def threads(repeats: int = 10) -> tuple[float, float]:
-    """Steps a second of one batched rollout on one and on two threads (wall time)."""
-    foot = load("foot_arch")
-    controls = sine(30.0, 1.0).controls(foot.step, _BATCH_STEPS)[None]
-    works = [lambda run=Batch(foot, _BATCH, n): run.run(controls, foot.step) for n in (1, 2)]
-    best = interleaved(works, repeats, time.perf_counter).min(axis=0)
-    one, two = _BATCH * _BATCH_STEPS / best
-    return float(one), float(two)
 
 
 def finite_draws(draws: int = 60, motion: BaseMotion | None = None) -> tuple[int, int]:
@@ -87,9 +75,9 @@ def measure(draws: int = 60) -> list[Row]:
             name = "accurate" if mode else "default"
             rows.append(at_most(f"arch, CPU time of 10 s of motion, {name}", cost(mode), limit, "s"))
         progress.advance(task)
-        one, two = threads()
-        gain = at_least(f"arch, steps a second on two threads over {one:.3g} on one", two / one, 1.7, "times")
-        rows.append(gain if load_average < 0.75 * (os.cpu_count() or 1) else unjudged(gain, load_average))
+        one, two = thread_gain(10, model="foot_arch")
+        gain = at_least(f"arch, steps a second on two threads over {1 / one:.3g} on one", one / two, 1.7, "times")
+        rows.append(judged_if_idle(gain, load_average))
         progress.advance(task)
         finite, helped = finite_draws(draws)
         what = f"arch, random arches of Table 4.2 that end finite ({helped} with help that is said)"
@@ -103,7 +91,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def main(
     draws: Annotated[int, typer.Option(help="random arches")] = 60,
-    json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout")] = False,
+    json_: JsonOption = False,
 ) -> None:
     """Error, cost and stability of the stepped arch.
 

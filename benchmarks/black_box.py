@@ -1,43 +1,33 @@
-"""Black-box estimators against the truth, against peers and against the plain way: python benchmarks/black_box.py.
+"""Black-box estimators against the truth, against peers and against the plain way.
 
-Data: the sampled linear two-mass foot, 7000 samples, noise 0.25 m/s^2. Peers (SIPPY, pysib) are installed by pip into
-an environment of their own under a temporary folder, with the versions of numpy and scipy that they want; a peer that
-does not install is left out with a sentence. Times are processor time on one thread, so that a busy machine disturbs
-them little.
+Data: the sampled linear two-mass foot of examples/linear_foot.py, 7000 samples, noise 0.25 m/s^2. Times are processor
+time; `OMP_NUM_THREADS=1` keeps them on one thread, and `python -m benchmarks` sets it.
 """
 
-from __future__ import annotations
-
-import argparse
-import json
-import os
-import subprocess
 import sys
-import tempfile
 import time
-import venv
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
-ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT), str(ROOT / "examples")]
+sys.path.append(str(Path(__file__).resolve().parent.parent / "examples"))
 
-import linear_foot as foot  # noqa: E402
-import numpy as np  # noqa: E402
+import linear_foot as foot
+import numpy as np
+import typer
 
-from identification.blackbox import arx, nonlinear, pem, selection, subspace  # noqa: E402
-from identification.blackbox.data import Series  # noqa: E402
-from identification.blackbox.narx import estimate as estimate_narx  # noqa: E402
-from identification.blackbox.polynomial import Orders  # noqa: E402
+from benchmarks import black_box_peers
+from benchmarks.rows import JsonOption, Row, at_most, faster, report
+from fasbody.console import command_line, console
+from identification.blackbox import arx, nonlinear, pem, selection, subspace
+from identification.blackbox.data import Series
+from identification.blackbox.narx import estimate as estimate_narx
+from identification.blackbox.polynomial import Orders
 
 SAMPLES, NOISE = 7000, 0.25
 BAND = np.linspace(5, 60, 56)
 INPUTS = {"PRBS": foot.prbs, "multisine": foot.multisine}
 MODELS = {"oe": (4, 4, 1), "armax": (4, 4, 4, 1), "bj": (4, 2, 2, 4, 1), "ss": (4,)}
-PEERS = {"sippy_unipi": "SIPPY", "pysib": "pysib"}
 
 
 def record(base: np.ndarray, seed: int) -> Series:
@@ -48,10 +38,8 @@ def record(base: np.ndarray, seed: int) -> Series:
 
 def estimate(structure: str, series: Series) -> selection.Model:
     """Our estimate of one structure."""
-    if structure == "ss":
-        return subspace.estimate(series, 4)
-    if structure == "ss refined":
-        return subspace.estimate(series, 4, refine=True)
+    if structure.startswith("ss"):
+        return subspace.estimate(series, 4, refine=structure == "ss refined")
     return pem.estimate(structure, series, Orders.of(structure, MODELS[structure]))
 
 
@@ -61,30 +49,30 @@ def errors(value: np.ndarray) -> tuple[float, float]:
     return float(error.max()), float(np.sqrt(np.mean(error**2)))
 
 
-def accuracy(seeds: int) -> None:
+def timed(structure: str, series: Series) -> tuple[float, float, float]:
+    """Largest and rms error [%] and processor time [s] of one estimate."""
+    begin = time.process_time()
+    value = estimate(structure, series).response(BAND).value
+    return *errors(value), time.process_time() - begin
+
+
+def accuracy(seeds: int) -> Iterator[Row]:
     """Median error and time of every structure."""
-    print(f"\nresponse error 5-60 Hz and time, median of {seeds} seeds")
-    print(f"{'input':10} {'model':11} {'largest %':>10} {'rms %':>7} {'time s':>8}")
     for name, excite in INPUTS.items():
         for structure in (*MODELS, "ss refined"):
-            rows = []
-            for seed in range(seeds):
-                series = record(excite(SAMPLES), seed)
-                begin = time.process_time()
-                model = estimate(structure, series)
-                rows.append((*errors(model.response(BAND).value), time.process_time() - begin))
-            largest, rms, seconds = np.median(rows, axis=0)
-            print(f"{name:10} {structure:11} {largest:10.3f} {rms:7.3f} {seconds:8.3f}", flush=True)
+            found = [timed(structure, record(excite(SAMPLES), seed)) for seed in range(seeds)]
+            largest, rms, seconds = np.median(found, axis=0)
+            what = f"{structure} on {name}: largest (rms) error of the response 5-60 Hz, median of {seeds} seeds"
+            yield Row(what, f"{largest:.3f} ({rms:.3f}) % in {seconds:.3f} s", "")
 
 
-def coverage(seeds: int) -> None:
-    """Share of seeds in which 95 % intervals of the coefficients of B and F hold the truth."""
+def coverage(seeds: int) -> Iterator[Row]:
+    """Share of seeds in which 95 % intervals of the coefficients of B and F, and of the gain, hold the truth."""
     num, den = foot.transfer()
     truth = {
         "oe": [*num[1:], *den[1:]], "armax": [*den[1:], *num[1:]], "bj": [*num[1:], *den[1:]],
         "ss refined": [0.0, *num[1:], *den[1:]],
     }  # fmt: skip
-    print(f"\n95 % intervals: share that covers the truth, {seeds} seeds (plant coefficients; gain over 5-60 Hz)")
     exact = np.abs(foot.response(BAND))
     for name, excite in INPUTS.items():
         for structure, wanted in truth.items():
@@ -96,13 +84,14 @@ def coverage(seeds: int) -> None:
                 inside.append(np.abs(plant.theta[at] - wanted) < 1.96 * plant.std_error[at])
                 response = model.response(BAND)
                 gains.append(np.mean(np.abs(np.abs(response.value) - exact) < 1.96 * response.gain_std))
-            each = np.mean(inside, axis=0)
-            span = f"{100 * each.min():.1f} to {100 * each.max():.1f} %"
-            print(f"{name:10} {structure:11} {span}; gain {100 * np.mean(gains):.1f} %", flush=True)
+            each, gain = 100 * np.mean(inside, axis=0), 100 * float(np.mean(gains))
+            what = f"{structure} on {name}: 95 % intervals that hold the truth, {seeds} seeds"
+            measured = f"gain {gain:.1f} %, plant coefficients {each.min():.1f} to {each.max():.1f} %"
+            yield Row(what, measured, "gain 92 to 98 %", holds=92 <= gain <= 98 if seeds >= 50 else None)
 
 
 def best_of(times: int, work: Callable[[], object]) -> float:
-    """Shortest processor time."""
+    """Shortest processor time [s]."""
     found = []
     for _ in range(times):
         begin = time.process_time()
@@ -111,29 +100,26 @@ def best_of(times: int, work: Callable[[], object]) -> float:
     return min(found)
 
 
-def grid() -> None:
-    """All 3375 ARX models against one `lstsq` each."""
+def grid(largest: int = 15) -> Iterator[Row]:
+    """All ARX models with n_a, n_b, n_k = 1..largest against one `lstsq` each."""
     series = record(foot.prbs(SAMPLES), 0)
-    ours = best_of(5, lambda: arx.grid(series))
-    shared = arx.grid(series)
-    y = series.y[29:]
-    loss = np.empty_like(shared.loss)
+    ours = best_of(5, lambda: arx.grid(series, largest, largest, largest))
+    shared = arx.grid(series, largest, largest, largest)
+    first = 2 * largest - 1
+    y, loss = series.y[first:], np.empty_like(shared.loss)
     begin = time.process_time()
-    for na in range(1, 16):
-        for nb in range(1, 16):
-            for nk in range(1, 16):
-                phi, _ = arx.regressors(series, Orders(na=na, nb=nb, nk=nk), 29)
-                theta = np.linalg.lstsq(phi, y, rcond=None)[0]
-                loss[na - 1, nb - 1, nk - 1] = np.mean((y - phi @ theta) ** 2)
+    for place in np.ndindex(loss.shape):
+        na, nb, nk = (k + 1 for k in place)
+        phi, _ = arx.regressors(series, Orders(na=na, nb=nb, nk=nk), first)
+        loss[place] = np.mean((y - phi @ np.linalg.lstsq(phi, y, rcond=None)[0]) ** 2)
     plain = time.process_time() - begin
-    gap = np.max(np.abs(shared.loss / loss - 1))
-    print(f"\nARX grid, 3375 models: {1e3 * ours:.1f} ms, one lstsq each {plain:.2f} s, ratio {plain / ours:.0f}, "
-          f"largest relative difference of losses {gap:.1e}")  # fmt: skip
+    yield faster(f"ARX grid, {loss.size} models", ours, plain, "one lstsq each")
+    apart = float(np.max(np.abs(shared.loss / loss - 1)))
+    yield at_most("ARX grid, largest relative difference of losses", apart, 1e-9)
 
 
-def loaded_foot() -> None:
+def loaded_foot() -> Iterator[Row]:
     """Linear against nonlinear models on the nonlinear foot with 4.5 kg, held-out fit in free simulation."""
-    print("\nloaded nonlinear foot (4.5 kg), held-out fit %, free simulation")
     for frequency in (10.0, 15.0):
         rng = np.random.default_rng(round(frequency))
         n = 10_000
@@ -142,126 +128,54 @@ def loaded_foot() -> None:
         estimation, validation = Series(base, y, foot.SAMPLE_TIME).split()
         oe = pem.estimate("oe", estimation, Orders.of("oe", (2, 2, 1)))
         hw = nonlinear.estimate(estimation, Orders.of("oe", (2, 2, 1)), (3, 3), oe)
-        judged = [selection.judge(model, [validation]) for model in (oe, subspace.estimate(estimation, 2), hw)]
-        judged.append(estimate_narx(estimation, [validation]))
-        print(f"{frequency:g} Hz: " + ", ".join(f"{c.model.label} {c.fit_percent:.2f}" for c in judged), flush=True)
-
-
-PEER_CODE = r"""
-import json, sys, time, warnings
-import numpy as np
-warnings.filterwarnings("ignore")
-package, path = sys.argv[1], sys.argv[2]
-data = np.load(path)
-shift = np.exp(-2j * np.pi * data["band"] * float(data["sample_time"]))
-polyval = np.polynomial.polynomial.polyval
-out = {}
-
-def run(name, work):
-    begin = time.process_time()
-    try:
-        value = work()
-        seconds = time.process_time() - begin
-        error = 100 * np.abs(value / data["exact"] - 1)
-        out[name] = [float(error.max()), float(np.sqrt(np.mean(error ** 2))), seconds]
-    except Exception as problem:
-        out[name] = f"{type(problem).__name__}: {str(problem)[:100]}"
-
-for excitation in ("PRBS", "multisine"):
-    u, y = data[excitation + "_u"], data[excitation + "_y"]
-    if package == "sippy_unipi":
-        from sippy_unipi import system_identification as identify
-
-        def transfer(method, **options):
-            system = identify(y, u, method, **options)
-            num, den = (np.ravel(part[0][0]) for part in (system.G.num, system.G.den))
-            return np.polyval(num, 1 / shift) / np.polyval(den, 1 / shift)
-
-        def space():
-            s = identify(y, u, "N4SID", SS_fixed_order=4, SS_f=16, SS_p=16)
-            eye = np.eye(len(s.A))
-            return np.array([(s.C @ np.linalg.solve(eye / q - s.A, s.B) + s.D)[0, 0] for q in shift])
-
-        run(excitation + " oe", lambda: transfer("OE", OE_orders=[4, 4, 0]))
-        run(excitation + " armax", lambda: transfer("ARMAX", ARMAX_orders=[4, 4, 4, 0], ARMAX_mod="OPT"))
-        run(excitation + " bj", lambda: transfer("BJ", BJ_orders=[4, 2, 2, 4, 0]))
-        run(excitation + " ss", space)
-    else:
-        import pysib
-
-        def response(found, den):
-            model = found[1]
-            return polyval(shift, model["B"]) / polyval(shift, model[den])
-
-        run(excitation + " oe", lambda: response(pysib.oe_filtered(u, y, 4, 4, 1), "F"))
-        run(excitation + " armax", lambda: response(pysib.armax_filtered(u, y, 4, 4, 4, 1), "A"))
-        run(excitation + " bj", lambda: response(pysib.bj_filtered(u, y, 4, 2, 2, 4, 1), "F"))
-print("RESULT " + json.dumps(out))
-"""
-
-
-def peers(timeout: float) -> None:
-    """The same data through other packages, each in its own environment."""
-    print(f"\npeers, same data (seed 0): largest % / rms % / time s, at most {timeout:g} s each")
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "data.npz"
-        arrays: dict[str, np.ndarray] = {"band": BAND, "exact": foot.response(BAND), "sample_time": np.array(1e-3)}
-        for name, excite in INPUTS.items():
-            series = record(excite(SAMPLES), 0)
-            arrays |= {f"{name}_u": series.u, f"{name}_y": series.y}
-            for structure in MODELS:
-                begin = time.process_time()
-                value = estimate(structure, series).response(BAND).value
-                seconds, (largest, rms) = time.process_time() - begin, errors(value)
-                print(f"{'this package':14} {name:10} {structure:6} {largest:9.3f} {rms:8.3f} {seconds:8.3f}")
-        np.savez(path, **arrays)  # type: ignore[arg-type]
-        script = Path(folder) / "peer.py"
-        script.write_text(PEER_CODE)
-        for package, title in PEERS.items():
-            place = Path(folder) / package
-            venv.create(place, with_pip=True)
-            python = place / "bin" / "python"
-            install = subprocess.run(
-                [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", package],
-                capture_output=True, text=True, check=False,
+        linear, *others = [selection.judge(m, [validation]) for m in (oe, subspace.estimate(estimation, 2), hw)]
+        for found in (*others, estimate_narx(estimation, [validation])):
+            yield Row(
+                f"loaded nonlinear foot, {frequency:g} Hz, {found.model.label}: held-out fit in free simulation",
+                f"{found.fit_percent:.2f} %", f"{linear.model.label}: {linear.fit_percent:.2f} %",
+                (100 - linear.fit_percent) / (100 - found.fit_percent),
             )  # fmt: skip
-            if install.returncode:
-                reason = (install.stderr.strip().splitlines() or ["no message"])[-1]
-                print(f"{title} is left out: pip could not install {package} ({reason})")
-                continue
-            try:
-                done = subprocess.run(
-                    [python, str(script), package, str(path)], capture_output=True, text=True, check=False,
-                    timeout=timeout, cwd=folder,
-                )  # fmt: skip
-            except subprocess.TimeoutExpired:
-                print(f"{title} is left out: it did not finish within {timeout:g} s")
-                continue
-            line = next((text for text in done.stdout.splitlines() if text.startswith("RESULT ")), None)
-            if line is None:
-                print(f"{title} is left out: {(done.stderr.strip().splitlines() or ['no output'])[-1]}")
-                continue
-            for name, result in json.loads(line[7:]).items():
-                excitation, structure = name.split()
-                text = result if isinstance(result, str) else "{:9.3f} {:8.3f} {:8.3f}".format(*result)
-                print(f"{title:14} {excitation:10} {structure:6} {text}")
 
 
-def main() -> None:
-    """All tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=20, help="records for the medians")
-    parser.add_argument("--coverage", type=int, default=100, help="records for the coverage")
-    parser.add_argument("--timeout", type=float, default=400, help="seconds for each peer")
-    parser.add_argument("--no-peers", action="store_true", help="do not install and run other packages")
-    options = parser.parse_args()
-    accuracy(options.seeds)
-    grid()
-    loaded_foot()
-    coverage(options.coverage)
-    if not options.no_peers:
-        peers(options.timeout)
+def peers(timeout: float) -> Iterator[Row]:
+    """The same data (seed 0) through other packages."""
+    arrays: dict[str, np.ndarray] = {"band": BAND, "exact": foot.response(BAND), "sample_time": np.array(1e-3)}
+    ours: dict[str, tuple[float, float, float]] = {}
+    for name, excite in INPUTS.items():
+        series = record(excite(SAMPLES), 0)
+        arrays |= {f"{name}_u": series.u, f"{name}_y": series.y}
+        ours |= {f"{name} {structure}": timed(structure, series) for structure in MODELS}
+    for title, found in black_box_peers.run(arrays, timeout).items():
+        if isinstance(found, str):
+            console.print(f"{title} is {found}", soft_wrap=True)
+            continue
+        for key, theirs in found.items():
+            name, structure = key.split()
+            what = f"{structure} on {name}, seed 0: largest error 5-60 Hz, time; ratio of times"
+            mine = f"{ours[key][0]:.3f} % in {ours[key][2]:.3f} s"
+            other = theirs if isinstance(theirs, str) else f"{theirs[0]:.3f} % in {theirs[2]:.3f} s"
+            ratio = None if isinstance(theirs, str) else theirs[2] / ours[key][2]
+            yield Row(what, mine, f"{title}: {other}", ratio)
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    seeds: Annotated[int, typer.Option(help="records for the medians")] = 20,
+    intervals: Annotated[int, typer.Option(help="records for the coverage of the intervals")] = 100,
+    with_peers: Annotated[bool, typer.Option("--peers/--no-peers", help="install and run SIPPY and pysib, too")] = True,
+    timeout: Annotated[float, typer.Option(help="seconds for each peer")] = 400.0,
+    json_: JsonOption = False,
+) -> None:
+    """Black-box estimators against the truth, the plain way and their peers; some minutes.
+
+    Example: OMP_NUM_THREADS=1 python -m benchmarks.black_box --no-peers
+    """
+    rows = [*accuracy(seeds), *grid(), *loaded_foot(), *coverage(intervals)]
+    report("black-box models", rows + (list(peers(timeout)) if with_peers else []), json_)
 
 
 if __name__ == "__main__":
-    main()
+    command_line(app)

@@ -8,14 +8,13 @@ import contextlib
 import os
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Annotated
 
 import mujoco
 import numpy as np
 import typer
 
-from benchmarks.rows import Row, at_least, at_most, faster, interleaved, report
+from benchmarks.rows import JsonOption, Row, at_least, at_most, faster, interleaved, judged_if_idle, report
 from fasbody.console import command_line, progress_bar
 from fasbody.engine import Callbacks, callbacks, native, python_twin
 from fasbody.model import load
@@ -24,8 +23,6 @@ from fasbody.simulate import Batch
 
 _STEPS = 2000
 _BATCH, _BATCH_STEPS = 8, 4000
-#: Load average, as a share of the cores, beyond which they are not idle; this program alone makes at most one.
-_BUSY = 0.75
 
 
 def stepper(chosen: Callbacks | None, steps: int) -> Callable[[], None]:
@@ -49,13 +46,15 @@ def step_costs(repeats: int, steps: int = _STEPS) -> np.ndarray:
     return interleaved(works, repeats) / steps
 
 
-def thread_gain(repeats: int, nsim: int = _BATCH, steps: int = _BATCH_STEPS) -> tuple[float, float]:
-    """Shortest times [s] of one batched rollout on one and on two threads (wall time)."""
-    foot = load("two_dof")
+def thread_gain(
+    repeats: int, nsim: int = _BATCH, steps: int = _BATCH_STEPS, model: str = "two_dof"
+) -> tuple[float, float]:
+    """Shortest times [s] of one step of a batched rollout on one and on two threads (wall time)."""
+    foot = load(model)
     controls = sine(30.0, 1.0).controls(foot.step, steps)[None]
     runs = [Batch(foot, nsim, threads) for threads in (1, 2)]
     works = [lambda run=run: run.run(controls, foot.step) for run in runs]
-    one, two = interleaved(works, repeats, time.perf_counter).min(axis=0)
+    one, two = interleaved(works, repeats, time.perf_counter).min(axis=0) / (nsim * steps)
     return float(one), float(two)
 
 
@@ -73,12 +72,7 @@ def measure(repeats: int = 60) -> list[Row]:
         faster("one RK4 step with native callbacks", with_native, with_python, "Python callbacks", 3.0),
     ]
     gain = at_least(f"two threads over one, {_BATCH} rollouts, wall time", one / two, 1.7, "times")
-    return [*rows, gain if load < _BUSY * (os.cpu_count() or 1) else unjudged(gain, load)]
-
-
-def unjudged(row: Row, load: float) -> Row:
-    """A row about idle cores that was measured on busy ones: told, but no verdict."""
-    return replace(row, what=f"{row.what} (not judged: cores busy, load {load:.1f})", holds=None)
+    return [*rows, judged_if_idle(gain, load)]
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -87,7 +81,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def main(
     repeats: Annotated[int, typer.Option(help="how often each is timed")] = 60,
-    json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout")] = False,
+    json_: JsonOption = False,
 ) -> None:
     """Cost of the callbacks and gain of a second thread.
 

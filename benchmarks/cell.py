@@ -1,75 +1,103 @@
 """Ten modes of the cell beside plain scipy on the same matrices, and a large cell: time and memory of each.
 
-    OMP_NUM_THREADS=1 python -m benchmarks.cell            about 25,000 unknowns, a minute
-    OMP_NUM_THREADS=1 python -m benchmarks.cell --large    and about 250,000 unknowns, several minutes
-
-Every row runs in a process of its own, so that its peak memory is its own; times are CPU seconds, which other
-work on the machine hardly disturbs.
+Every way runs in a process of its own, so that its peak memory is its own; times are CPU seconds, which other work on
+the machine hardly disturbs. `OMP_NUM_THREADS=1` keeps them on one thread.
 """
 
-import argparse
+import json
 import resource
 import subprocess
 import sys
 import time
 from importlib.util import find_spec
+from typing import Annotated
 
 import numpy as np
 import scipy.sparse.linalg as spla
+import typer
 
+from benchmarks.rows import JsonOption, Row, report
 from fasbody.cell.assembly import assemble
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import preset
-from fasbody.cell.mesh import MeshSize, dome_mesh
+from fasbody.cell.mesh import dome_mesh
+from fasbody.cell.meshsize import MeshSize
 from fasbody.cell.modal import CellModel, solve
+from fasbody.console import command_line, print_json
 
-SIZE, LARGE = 3.2, 1.4
+SIZE, LARGE = 3.2, 1.4  # element sizes [um] of about 25,000 and 250,000 unknowns
+PLAIN = "plain scipy"
 
 
-def run(way: str, size: float) -> None:
-    """Mesh from the cache, assemble, solve ten modes; print one row."""
+def run(way: str, size: float) -> dict[str, float]:
+    """Mesh from the cache, assemble, solve ten modes: unknowns, CPU seconds, GiB, first and tenth frequency [Hz]."""
     chosen = preset("si")
     mesh = dome_mesh(Dome(), MeshSize.of(size))
     start = time.process_time()
     model = CellModel(assemble(mesh), chosen.materials, chosen.metres_per_um)
     K, M = model.K, model.M
     assembled = time.process_time()
-    if way == "plain scipy":
+    if way == PLAIN:
         squares = spla.eigsh(K.tocsc(), 10, M.tocsc(), sigma=0, return_eigenvectors=True)[0]
         f = np.sqrt(np.sort(squares)) / (2 * np.pi)
-    elif way == "assembly only":
-        f = np.full(10, np.nan)
     else:
         f = solve(model, 10, way=way).frequencies_hz
-    done = time.process_time()
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    print(
-        f"| {way} | {model.assembly.dof} | {assembled - start:.1f} | {done - assembled:.1f} | {memory:.2f} "
-        f"| {f[0]:.3f} | {f[9]:.3f} |",
-        flush=True,
-    )
+    return {
+        "unknowns": model.assembly.dof, "assembly_s": assembled - start, "solution_s": time.process_time() - assembled,
+        "memory_gib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20, "f1_hz": f[0], "f10_hz": f[9],
+    }  # fmt: skip
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--large", action="store_true", help="about 250,000 unknowns, too")
-    parser.add_argument("--row", nargs=2, metavar=("WAY", "SIZE"), help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.row:
-        run(options.row[0], float(options.row[1]))
-        return
+def apart(way: str, size: float) -> dict[str, float]:
+    """The same in a process of its own."""
+    command = [sys.executable, "-m", "benchmarks.cell", "--way", way, "--size", str(size)]
+    return dict(json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout))
+
+
+def measure(large: bool = False) -> list[Row]:
+    """Rows of each way, the usual cell beside plain scipy."""
     installed = ["pardiso"] if find_spec("pypardiso") else []
-    rows = [(way, SIZE) for way in ("assembly only", "plain scipy", "superlu", "multigrid", *installed)]
-    if options.large:
-        rows += [(way, LARGE) for way in ("multigrid", *installed)]
-    for size in sorted({size for _, size in rows}):
+    jobs = [(way, SIZE) for way in ("superlu", "multigrid", *installed)]
+    jobs += [(way, LARGE) for way in ("multigrid", *installed) if large]
+    for size in sorted({size for _, size in jobs}):
         dome_mesh(Dome(), MeshSize.of(size))  # meshing is not what is measured
-    print("| way | unknowns | assembly [CPU s] | solution [CPU s] | peak memory [GiB] | f1 [Hz] | f10 [Hz] |")
-    print("|---|---|---|---|---|---|---|", flush=True)
-    for way, size in rows:
-        subprocess.run([sys.executable, "-m", "benchmarks.cell", "--row", way, str(size)], check=True)
+    plain, rows = apart(PLAIN, SIZE), []
+    for way, size in jobs:
+        found = apart(way, size)
+        what = f"ten modes of the cell, {found['unknowns']:.0f} unknowns, {way}, {_ends(found)}"
+        beside = f"{PLAIN}, {_ends(plain)}: {_cost(plain)}" if size == SIZE else ""
+        rows.append(Row(what, _cost(found), beside, plain["solution_s"] / found["solution_s"] if beside else None))
+    rows.append(Row(f"the same, assembly of {plain['unknowns']:.0f} unknowns", f"{plain['assembly_s']:.1f} s", ""))
+    return rows
+
+
+def _ends(found: dict[str, float]) -> str:
+    return f"f1 {found['f1_hz']:.3f} and f10 {found['f10_hz']:.3f} Hz"
+
+
+def _cost(found: dict[str, float]) -> str:
+    return f"{found['solution_s']:.1f} s, {found['memory_gib']:.2f} GiB"
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    large: Annotated[bool, typer.Option("--large", help="about 250,000 unknowns, too; several minutes")] = False,
+    way: Annotated[str, typer.Option(hidden=True)] = "",
+    size: Annotated[float, typer.Option(hidden=True)] = SIZE,
+    json_: JsonOption = False,
+) -> None:
+    """Time and memory of the cell's modes, solver by solver.
+
+    Example: OMP_NUM_THREADS=1 python -m benchmarks.cell --large
+    """
+    if way:
+        print_json(run(way, size))
+    else:
+        report("cell", measure(large), json_)
 
 
 if __name__ == "__main__":
-    main()
+    command_line(app)

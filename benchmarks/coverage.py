@@ -22,7 +22,7 @@ import typer
 from rich.progress import Progress
 from scipy.stats import chi2, kstest
 
-from benchmarks.rows import Row, at_least, between, report
+from benchmarks.rows import JsonOption, Row, at_least, between, report
 from fasbody.checks import checked
 from fasbody.console import command_line, console, progress_bar
 from fasbody.exceptions import SettingError
@@ -197,7 +197,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def main(
     seeds: Annotated[int, typer.Option(help="noise seeds of each foot; the study takes 200")] = 200,
     jobs: Annotated[int, typer.Option(help="processes, 0 for all cores")] = 0,
-    json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout")] = False,
+    json_: JsonOption = False,
 ) -> None:
     """Coverage of the confidence intervals, distribution of chi-square, and verdicts.
 

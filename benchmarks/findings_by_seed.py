@@ -39,6 +39,7 @@ def study(seed: int, subjects: int = 20, instrument: Instrument = STUDY_INSTRUME
 
 
 def main() -> None:
+    """Print how often each finding holds."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
     held: Counter[str] = Counter()
     rules: dict[str, tuple[Counter[str], Counter[str]]] = {}

@@ -13,7 +13,7 @@ import numpy as np
 import typer
 
 from benchmarks import plain_scipy
-from benchmarks.rows import Row, at_least, at_most, faster, report
+from benchmarks.rows import JsonOption, Row, at_least, at_most, faster, report
 from fasbody import shaker
 from fasbody.checks import checked
 from fasbody.console import command_line, progress_bar
@@ -171,7 +171,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def main(
     scipy_limit: Annotated[int, typer.Option(help="trial points allowed to scipy (at most what our fit took)")] = 200,
-    json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout")] = False,
+    json_: JsonOption = False,
 ) -> None:
     """Fits side by side; scipy takes minutes.
 

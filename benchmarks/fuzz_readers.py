@@ -109,6 +109,7 @@ def fuzz(ending: str, count: int, seed: int = 0, advance: Callable[[], None] = l
 
 
 def main() -> None:
+    """Print what each reader made of its mutated files."""
     from fasbody.console import progress_bar
     from fasbody.formats import reader
 

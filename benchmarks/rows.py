@@ -1,10 +1,13 @@
 """Rows of the benchmark table: what was measured, what it must reach or is compared with, and the ratio of the two."""
 
+import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from typing import Annotated
 
 import numpy as np
+import typer
 from rich.table import Table
 
 from fasbody.console import console, print_json
@@ -33,6 +36,10 @@ class Row:
         return self.what, self.measured, self.against, ratio, {None: "", True: "yes", False: "NO"}[self.holds]
 
 
+#: The option that every topic has.
+JsonOption = Annotated[bool, typer.Option("--json", help="print the rows on stdout")]
+#: Load average, as a share of the cores, beyond which they are not idle; one program alone makes at most one.
+BUSY = 0.75
 HEADER = ("what", "measured", "required or compared with", "ratio", "met")
 
 
@@ -74,6 +81,13 @@ def _duration(seconds: float) -> str:
         if seconds * factor >= 1:
             return f"{seconds * factor:.3g} {unit}"
     return f"{seconds * 1e9:.3g} ns"
+
+
+def judged_if_idle(row: Row, load: float) -> Row:
+    """A row about idle cores: told without a verdict where it was measured on busy ones (load average before it)."""
+    if load < BUSY * (os.cpu_count() or 1):
+        return row
+    return replace(row, what=f"{row.what} (not judged: cores busy, load {load:.1f})", holds=None)
 
 
 def interleaved(

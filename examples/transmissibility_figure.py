@@ -14,6 +14,7 @@ from fasbody.virtual_study import Plan, make
 
 
 def main(study: Path | None = None, figure: Path = Path("loads_mean.png")) -> Table:
+    """Draw the means under the loads of the study; return its table."""
     with tempfile.TemporaryDirectory() as folder:
         if study is None:
             loads = tuple(("midstance", mass) for mass in (0.0, 2.3, 4.5))

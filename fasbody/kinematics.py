@@ -16,8 +16,7 @@ from fasbody.exceptions import SimulationError
 #: Complex when the caller differentiates by complex steps.
 Array = NDArray[Any]
 
-#: The order of the coordinates everywhere.
-COORDINATES = ("z_F", "z_T", "theta_2", "theta_3", "theta_4", "x")
+#: Places of the coordinates z_F, z_T, theta_2, theta_3, theta_4, x everywhere.
 Z_F, Z_T, THETA_2, THETA_3, THETA_4, X = range(6)
 
 
@@ -40,7 +39,7 @@ def rest(arch: Arch) -> Array:
 
 
 def arms(arch: Arch, q: Array) -> Arms:
-    """Arms and heights of the links.
+    """Arms and heights of the links [m], each of shape q.shape[:-1], at coordinates q (..., 6).
 
     Raises:
         SimulationError: at one of the poses the forefoot is higher than the hindfoot is long.

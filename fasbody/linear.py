@@ -107,7 +107,10 @@ def two_mass_state_space(
 
 
 def two_mass_transmissibility(arch: Arch, frequency_hz: Array) -> Array:
-    """Malleolus over table acceleration of the arch's two-mass reduction: its arch rigid, m_S = m_T, m_F = sum m_i."""
+    """Malleolus over table acceleration (n,) of the arch's two-mass reduction.
+
+    At (n,) [Hz]; the arch is rigid, m_S = m_T, m_F = sum m_i.
+    """
     A, b, c = two_mass_state_space(arch.m_T, arch.m_F, arch.k_T, arch.k_F, arch.c_T, arch.c_F)
     s = 2j * np.pi * np.asarray(frequency_hz, dtype=float)[..., None, None]
     states = np.linalg.solve(s * np.eye(4) - A, np.broadcast_to(b[:, None], (*s.shape[:-2], 4, 1)))

@@ -14,14 +14,14 @@ from fasbody.kinematics import THETA_2, THETA_3, THETA_4, Z_F, Z_T, Array, X, ar
 
 
 def A_55(arch: Arch, q: Array) -> Array:
-    """Entry of the mass matrix; sic: m_4 / 4 without L_4^2, a mass added to moments of inertia."""
+    """Entry of the mass matrix [kg m^2]; sic: m_4 / 4 without L_4^2, a mass added to moments of inertia."""
     a = arms(arch, q)
     J_1 = arch.m_1 * arch.L_1**2 / 4 / a.E_1 + arch.I_1 / a.E_1
     return (arch.m_T + J_1 + arch.m_2 + arch.m_3) * a.l_4**2 + arch.m_4 / 4 + arch.I_4
 
 
 def B_1(arch: Arch, q: Array, q_dot: Array, q_ddot: Array, base_acceleration: float = 0.0) -> Array:
-    """First right-hand side; sic: squares of angular accelerations, and k_F times the velocity of z_F."""
+    """First right-hand side [N]; sic: squares of angular accelerations, and k_F times the velocity of z_F."""
     a = arms(arch, q)
     alpha_2, alpha_3, alpha_4 = q_ddot[..., THETA_2], q_ddot[..., THETA_3], q_ddot[..., THETA_4]
     return (

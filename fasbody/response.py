@@ -99,7 +99,7 @@ def find_frequency(time_s: np.ndarray, signal: np.ndarray) -> float:
 
 
 def sine_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) -> float:
-    """Share of the signal's power that one frequency and its harmonics explain (1 for a periodic signal)."""
+    """Share of the power of a signal (n,) that a frequency [Hz] and its harmonics explain; 1 if periodic."""
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     P = _basis(time_s, frequency_hz, max(1, min(_FITTED, int(0.45 * rate // frequency_hz))))
     c = _solve(P, signal)

@@ -23,7 +23,7 @@ def response(omega: np.ndarray, m: float | np.ndarray, c: float | np.ndarray, k:
 def transmissibility(
     omega: float | np.ndarray, m: float | np.ndarray, c: float | np.ndarray, k: float | np.ndarray
 ) -> np.ndarray:
-    """T, with the square on omega that the print omits (docs/errata.md); arguments as `response`."""
+    """T (n,), with the square on omega [rad/s] that the print omits (docs/errata.md); arguments as `response`."""
     return np.sqrt((k**2 + (omega * c) ** 2) / ((k - m * omega**2) ** 2 + (omega * c) ** 2))  # Eq. (2.5)
 
 

@@ -19,6 +19,8 @@ from identification.space import Space
 _REWEIGH = 2
 #: So many ends of a branch are tried in MuJoCo before it is given up.
 _CANDIDATES = 3
+#: A steady motion that has grown by more does not last.
+_GROWN = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,13 +54,25 @@ def standard_errors(problem: Any, descent: Descent, dof: int, chi_square: bool) 
 
 
 def _certify(route: Route, name: str, descent: Descent) -> Certified:
-    """Settle the weights, converge on the MuJoCo rollout, and run the recordings."""
+    """Settle the weights, converge on the MuJoCo rollout, and run the recordings.
+
+    Raises:
+        SimulationError: the motion is unstable over whole recordings.
+    """
     problem, descent = settle(route, descent)
     final = route.certifier(problem)
     descent = descend(final, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
     starts = [route.initial_states(final, descent, number) for number in range(len(route.recordings))]
     run = replay(route.foot, route.recordings, route.space.values(descent.theta), starts, route.twin, route.threads)
+    if route.chi_square and not all(_lasts(trace) for trace in run.traces):
+        raise SimulationError(f"{route.foot.name}: a periodic motion that a foot would not stay on.")
     return Certified(name, final, descent, descent.cost + final.log_determinant, run)
+
+
+def _lasts(trace: np.ndarray) -> bool:
+    """Whether a motion that began periodic is as large in the end; an unstable one grows out of its rounding errors."""
+    quarter = max(1, trace.size // 4)
+    return bool(np.ptp(trace[-quarter:]) <= _GROWN * np.ptp(trace[:quarter]))
 
 
 def certify_first(route: Route, name: str, candidates: Sequence[Descent]) -> tuple[Certified | None, int]:

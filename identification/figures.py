@@ -25,6 +25,7 @@ def svg(figure: Figure) -> str:
 
 
 def panels(rows: int, columns: int, width: float, height: float, **options: object) -> tuple[Figure, np.ndarray]:
+    """A figure of width x height [inches] and its axes, shape (rows, columns)."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         return figure, figure.subplots(rows, columns, squeeze=False, **options)  # type: ignore[call-overload]
@@ -113,6 +114,7 @@ def parameters(result: FitResult) -> Figure:
 
 
 def label_of(key: str) -> str:
+    """Symbol and unit of a parameter, for an axis."""
     symbol, unit = symbol_and_unit(key)
     stem, _, index = symbol.partition("_")
     return (f"${stem}_{{{index}}}$" if index else stem) + (f"\n[{unit}]" if unit else "")

@@ -121,7 +121,7 @@ class Twin(_Memory):
     def orbit(
         self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """See `Engine`."""
+        """See `Engine`: arrays (n,), (n, p)."""
         e = self.excitations[number]
         masses = {**values, **e.masses}
         theta = np.array([values[name] for name in NAMES])
@@ -154,7 +154,7 @@ class Rollouts(_Memory):
     def orbit(
         self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """See `Engine`; `names` are those given at construction."""
+        """See `Engine`: arrays (n,), (n, p); `names` are those given at construction."""
         e = self.excitations[number]
         theta = np.array([values[name] for name in self.columns.names])
         x = self._guess(number, theta)

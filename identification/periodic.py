@@ -59,7 +59,7 @@ def split(z: np.ndarray) -> np.ndarray:
 
 
 def inverse_of_gram(J: np.ndarray) -> np.ndarray:
-    """(J^T J)^-1, with infinite variance for parameters in directions that no residual sees."""
+    """(J^T J)^-1 (p, p) of J (m, p), with infinite variance for parameters in directions that no residual sees."""
     _, s, Vt = np.linalg.svd(J, full_matrices=False)
     seen = s > 1e-10 * s[0]
     C = (Vt[seen].T / s[seen] ** 2) @ Vt[seen]
@@ -89,11 +89,11 @@ class PeriodicProblem:
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds of the search variable."""
+        """Lower and upper bounds (p,) of the search variable."""
         return self.space.bounds
 
     def start(self, q: np.ndarray) -> np.ndarray:
-        """Full search variable of a start: q itself, as no initial states are searched for."""
+        """Full search variable of a start: q (p,) itself, as no initial states are searched for."""
         self.engine.forget()
         return q
 
@@ -187,7 +187,7 @@ class PeriodicProblem:
         self._whiten = other._whiten
 
     def reweigh(self, q: np.ndarray, engine_of: Callable[[Sequence[Excitation]], Engine]) -> None:
-        """Exact whitening at q: the input's noise through the derivative of the orbit to each input harmonic.
+        """Exact whitening at q (p,): the input's noise through the derivative of the orbit to each input harmonic.
 
         Args:
             q: search variable. engine_of: makes an engine for other excitations.

@@ -40,7 +40,7 @@ def replay(
     twin: bool,
     threads: int = 0,
 ) -> Replay:
-    """Run every recording from its initial states, driven by the spline through its base channel.
+    """Run every recording from its initial states [m, m/s], driven by the spline through its base channel.
 
     Args:
         foot: the model. recordings: checked. values: parameters by name, with the delay, of all recordings or of each.

@@ -87,7 +87,7 @@ class Route(Protocol):
         """Bring the weights up to date at a descent's end."""
 
     def initial_states(self, problem: Any, descent: Descent, number: int) -> np.ndarray:
-        """Initial states of one recording at a certified descent's end."""
+        """Initial states of one recording [m, m/s] at a certified descent's end."""
 
 
 @dataclass
@@ -130,7 +130,7 @@ class PeriodicRoute:
         problem.reweigh(descent.z, lambda excitations: self._engine(excitations, self.twin))
 
     def initial_states(self, problem: PeriodicProblem, descent: Descent, number: int) -> np.ndarray:
-        """See `Route`."""
+        """See `Route` [m, m/s]."""
         problem.residual(descent.z)
         assert isinstance(problem.engine, Rollouts | CertifiedOrbits)
         return problem.engine.start(number)
@@ -164,5 +164,5 @@ class TimeRoute:
         """The weights come from the noise floor alone."""
 
     def initial_states(self, problem: TimeProblem, descent: Descent, number: int) -> np.ndarray:
-        """See `Route`."""
+        """See `Route` [m, m/s]."""
         return problem.states(descent.z, number)

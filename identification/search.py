@@ -22,7 +22,7 @@ class Problem(Protocol):
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds of the full search variable."""
+        """Lower and upper bounds (n,) of the full search variable."""
 
     @property
     def size(self) -> int:
@@ -33,19 +33,19 @@ class Problem(Protocol):
         """Sum of log variances."""
 
     def start(self, q: np.ndarray) -> np.ndarray:
-        """Full search variable of a start."""
+        """Full search variable (n,) of a start q (p,)."""
 
     def residual(self, z: np.ndarray) -> np.ndarray:
-        """Weighted residual."""
+        """Weighted residual (m,)."""
 
     def jacobian(self, z: np.ndarray) -> np.ndarray:
-        """Its Jacobian."""
+        """Its Jacobian (m, n)."""
 
     def compiled(self) -> Any:
         """The descent in one compiled piece (compiled.py), None if this problem has none."""
 
     def covariance(self, z: np.ndarray, active: np.ndarray) -> np.ndarray:
-        """Covariance of the active ones of q, NaN for the others."""
+        """Covariance (p, p) of the active ones of q, NaN for the others."""
 
 
 #: Every residual of a parameter set whose motion is unstable.

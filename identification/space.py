@@ -107,11 +107,11 @@ class Space:
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds of q."""
+        """Lower and upper bounds of q, each (p,)."""
         return self.to_q(self.lower), self.to_q(self.upper)
 
     def values(self, theta: np.ndarray) -> dict[str, float]:
-        """All parameter values by name, free and fixed."""
+        """All parameter values by name, the free ones (p,) and the fixed."""
         found = {item.name: float(value) for item, value in zip(self.free, theta, strict=True)}
         return {**self.fixed, **found}
 

@@ -75,7 +75,7 @@ class TimeTwin:
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """See `TimeEngine`."""
+        """Output (n,) [m/s^2], derivatives (n, states + p); see `TimeEngine`."""
         u, h, stride, masses = self._runs[number]
         full = {**values, **masses}
         theta = np.array([full[name] for name in NAMES])
@@ -101,7 +101,7 @@ class TimeRollouts:
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """See `TimeEngine`; `names` are those given at construction."""
+        """Output (n,) [m/s^2], derivatives (n, states + p); see `TimeEngine`; `names` as at construction."""
         controls, h, stride, masses = self._runs[number]
         d = self.columns.run(controls, h, {**values, **masses}, x0)
         return d.y[::stride], np.hstack([d.y_by_state, d.y_by_parameter])[::stride]
@@ -132,7 +132,7 @@ class TimeProblem:
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds of the search variable."""
+        """Lower and upper bounds (n,) of the search variable."""
         low, high = self.space.bounds
         wide = np.full(self._states * len(self.recordings), _WIDE)
         return np.concatenate([low, -wide]), np.concatenate([high, wide])
@@ -142,22 +142,22 @@ class TimeProblem:
         return self.engine.state_scale.size
 
     def start(self, q: np.ndarray) -> np.ndarray:
-        """Full search variable of a start: rest in every recording."""
+        """Full search variable (n,) of a start q (p,): rest in every recording."""
         return np.concatenate([q, np.zeros(self._states * len(self.recordings))])
 
     def compiled(self) -> None:
         """One evaluation is long enough to be called from Python."""
 
     def residual(self, z: np.ndarray) -> np.ndarray:
-        """Compressed residual at the full search variable z."""
+        """Compressed residual (m,) at the full search variable z (n,)."""
         return self._evaluate(z)[0]
 
     def jacobian(self, z: np.ndarray) -> np.ndarray:
-        """Its derivatives."""
+        """Its derivatives (m, n)."""
         return self._evaluate(z)[1]
 
     def states(self, z: np.ndarray, number: int) -> np.ndarray:
-        """Initial states of one recording."""
+        """Initial states of one recording [m, m/s]."""
         p, ns = self.space.lower.size, self._states
         return z[p + number * ns : p + (number + 1) * ns] * self.engine.state_scale
 

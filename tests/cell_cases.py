@@ -11,7 +11,8 @@ from skfem import MeshTet
 
 from fasbody.cell.assembly import Assembly, assemble
 from fasbody.cell.dome import Dome
-from fasbody.cell.mesh import MeshSize, dome_mesh
+from fasbody.cell.mesh import dome_mesh
+from fasbody.cell.meshsize import MeshSize
 from fasbody.cell.tetmesh import TetMesh
 
 CACHE = Path(tempfile.mkdtemp(prefix="fasbody-cells-"))

@@ -81,3 +81,22 @@ def test_equation_index_and_code_name_the_same_equations() -> None:
 def test_no_path_of_a_developer_machine() -> None:
     for file in sources((*PACKAGES, *ABOVE)):
         assert not re.search(r"/(home|work|root|Users)/", file.read_text()), file
+
+
+def test_public_functions_on_arrays_say_shapes_or_units() -> None:
+    """At least 17 of 20: `(n,)`, `(n, 3)`, "shape ..." or a unit in brackets stands in the docstring."""
+    silent, told = [], 0
+    for file in sources():
+        tree = ast.parse(file.read_text())
+        bodies = [tree.body, *(node.body for node in tree.body if isinstance(node, ast.ClassDef))]
+        for function in (node for body in bodies for node in body if isinstance(node, ast.FunctionDef)):
+            arguments = [*function.args.args, *function.args.kwonlyargs]
+            types = [ast.unparse(t) for t in (*(a.annotation for a in arguments), function.returns) if t]
+            if function.name.startswith("_") or not re.search(r"ndarray|NDArray|\bArray\b", " ".join(types)):
+                continue
+            if re.search(r"\[[^\]]+\]|\([^)]*,[^)]*\)|shape", ast.get_docstring(function) or ""):
+                told += 1
+            else:
+                silent.append(f"{file.relative_to(ROOT)}:{function.lineno} {function.name}")
+    assert told > 200
+    assert len(silent) <= told * 3 / 17, "\n".join(silent)

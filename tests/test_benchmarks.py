@@ -1,14 +1,28 @@
 """The benchmarks' own arithmetic on tiny sizes; what they measure is not asserted here."""
 
 import importlib
-from dataclasses import replace
+import json
+import subprocess
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks import accuracy, callbacks, coverage, fitting, peak_to_peak, plain_scipy, rows, study_end_to_end
-from benchmarks.__main__ import machine, markdown
+from benchmarks import __main__ as bench
+from benchmarks import (
+    accuracy,
+    black_box,
+    callbacks,
+    coverage,
+    fitting,
+    peak_to_peak,
+    plain_scipy,
+    results,
+    rows,
+    study_end_to_end,
+)  # fmt: skip
+from benchmarks.__main__ import TOPICS
 from fasbody.model import can_be_constrained, load
 from fasbody.shaker import sine
 from fasbody.simulate import simulate
@@ -17,10 +31,8 @@ from identification.routes import TimeRoute
 from identification.space import space_of
 from identification.time_domain import TimeProblem
 
-TOPICS = ["accuracy", "acquire", "callbacks", "fitting", "coverage", "peak_to_peak", "study_end_to_end", "__main__"]
 
-
-@pytest.mark.parametrize("name", TOPICS)
+@pytest.mark.parametrize("name", sorted({*TOPICS, "__main__"}))
 def test_each_topic_has_a_command(name: str) -> None:
     module = importlib.import_module(f"benchmarks.{name}")
     assert module.app.registered_commands
@@ -49,9 +61,20 @@ def test_interleaved_takes_turns_after_one_warm_up() -> None:
 
 
 def test_results_name_machine_and_every_row() -> None:
-    text = markdown([rows.at_most("first claim", 1.0, 2.0, "ms")], machine(), "2026-01-01", (0.5, 1.0))
-    assert "| first claim | 1 ms | at most 2 ms | 2 | yes |" in text
-    assert "mujoco 4.0" in text and "2026-01-01" in text
+    claim = rows.at_most("first claim", 1.0, 2.0, "ms").cells
+    text = results.markdown({"accuracy": results.Topic("accuracy", "2026-01-01", 0.5, [claim])}, results.machine())
+    assert "| accuracy | first claim | 1 ms | at most 2 ms | 2 | yes |" in text
+    assert "mujoco 4.0" in text and "accuracy 2026-01-01 (load 0.5)" in text
+
+
+def test_results_are_read_back_on_the_same_machine_only() -> None:
+    topics = {
+        "cell": results.Topic("cell", "2026-01-01", 0.5, [["a", "1 s", "", "", ""], ["b", "2 s", "c", "3", "yes"]]),
+        "arch": results.Topic("arch", "2026-01-02", 7.0, [["d", "4 s", "e", "", ""]]),
+    }
+    text = results.markdown(topics, "here")
+    assert results.read(text, "here") == topics
+    assert results.read(text, "elsewhere") == {}
 
 
 def test_observed_order_of_a_fourth_order_error() -> None:
@@ -91,8 +114,33 @@ def test_memory_and_time_of_a_command_are_its_own(tmp_path: Path) -> None:
 
 
 def test_busy_cores_give_no_verdict_on_threads() -> None:
-    row = callbacks.unjudged(rows.at_least("gain", 1.0, 1.7), 9.0)
-    assert row.holds is None and "load 9.0" in row.what and row.measured == "1"
+    idle = rows.at_least("gain", 1.0, 1.7)
+    assert rows.judged_if_idle(idle, 0.0) is idle
+    row = rows.judged_if_idle(idle, 1000.0)
+    assert row.holds is None and "load 1000.0" in row.what and row.measured == "1"
+
+
+def test_black_box_topics_give_rows() -> None:
+    """Tiny sizes: every topic runs, and what it says of the grid agrees with one least-squares solution each."""
+    made = list(black_box.grid(2))
+    assert made[1].holds is True and made[0].ratio is not None
+    timed = black_box.timed("oe", black_box.record(black_box.foot.prbs(black_box.SAMPLES), 0))
+    assert 0 < timed[1] < timed[0] < 1.0
+
+
+def test_topic_is_run_by_its_own_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One topic in a process of its own gives its rows back."""
+    row = rows.at_most("claim", 1.0, 2.0, "ms")
+    printed = json.dumps({"title": "t", "rows": [asdict(row)]})
+    seen = {}
+
+    def fake(command: list[str], **options: object) -> subprocess.CompletedProcess[str]:
+        seen["command"] = command
+        return subprocess.CompletedProcess(command, 0, printed)
+
+    monkeypatch.setattr(subprocess, "run", fake)
+    assert bench.measure("accuracy") == [row]
+    assert seen["command"][1:] == ["-m", "benchmarks.accuracy", "--json"]
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,8 @@ from cell_cases import CACHE, block, cell
 
 from fasbody.cell.assembly import assemble
 from fasbody.cell.dome import Dome, Nucleus
-from fasbody.cell.mesh import MeshSize, dome_mesh, surface_mesh, unknowns
+from fasbody.cell.mesh import dome_mesh, surface_mesh
+from fasbody.cell.meshsize import MeshSize, unknowns
 from fasbody.cell.tetmesh import EDGES, NUCLEUS, TetMesh
 from fasbody.exceptions import MeshError, SettingError
 

@@ -1,37 +1,33 @@
 """Command line of the cell: ``python -m fasbody.cell [sweep | verify | shake] --help``."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fasbody.cell.dome import Dome, Nucleus, shape
-from fasbody.cell.materials import MODULI_PA, Preset, preset
+from fasbody.cell.materials import MODULI_PA, preset
+from fasbody.cell.options import (
+    JsonOption,
+    ModesOption,
+    ModulusOption,
+    OutOption,
+    PresetOption,
+    ShapeOption,
+    SizeOption,
+    check_count,
+    check_together,
+    chosen_materials,
+    chosen_preset,
+    mesh_size,
+    named,
+)
 from fasbody.console import command_line, console, print_json, progress_bar, to_json, write_whole
-from fasbody.exceptions import SettingError
 
 if TYPE_CHECKING:
     from fasbody.cell.analysis import Analysis
-    from fasbody.cell.mesh import MeshSize
 
 app = typer.Typer(pretty_exceptions_enable=False, add_completion=False, rich_markup_mode=None)
-
-PresetOption = Annotated[str, typer.Option("--preset", help="as-printed, as-reproduced or si.")]
-ShapeOption = Annotated[str, typer.Option("--shape", help="Base axes, long x short [um].")]
-SizeOption = Annotated[float, typer.Option("--size", help="Element size [um]; finer at nucleus and rim.")]
-ModesOption = Annotated[int, typer.Option("--modes", help="Number of modes.")]
-ModulusOption = Annotated[float | None, typer.Option("--modulus", help="Young's modulus of the cytoplasm [Pa].")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
-OutOption = Annotated[Path | None, typer.Option("--out", help="Folder for results and figures.")]
-
-#: Parameters that only a dome, only a mesh of the user's own, or only a closed surface has.
-OF_DOME = {"shape_text", "height", "profile", "nucleus_centre", "no_nucleus"}
-OF_MESH = {"um_per_unit", "nucleus_tag", "nucleus_surface"}
-OF_STL = {"size", "nucleus_surface"}
-
 
 @app.callback(invoke_without_command=True)
 def analyse_cell(
@@ -72,32 +68,25 @@ def analyse_cell(
 
       python -m fasbody.cell sweep --out results/cell
     """
-    given = _given(context)
+    check_together(context, mesh)
     if context.invoked_subcommand is not None:
-        _refuse(given, set(given), f"stands before {context.invoked_subcommand!r} and would be lost: write it after")
         return
-    if mesh is None:
-        _refuse(given, OF_MESH, "needs --mesh")
-    else:
-        _refuse(given, OF_DOME, "shapes the dome, not the cell of --mesh: leave it out")
-        if mesh.suffix.lower() != ".stl":
-            _refuse(given, OF_STL, f"serves an .stl surface; {mesh} brings its own tetrahedra: leave it out")
-    chosen = _materials(_preset(preset_name, modulus), nucleus_modulus, poisson, density)
-    _positive(modes)
+    chosen = chosen_materials(chosen_preset(preset_name, modulus), nucleus_modulus, poisson, density)
+    check_count(modes)
     from fasbody.cell.analysis import analyse, assemblies
     from fasbody.cell.cytoskeleton import Tensegrity
     from fasbody.cell.membrane import Membrane
 
     options: dict[str, Any] = {"count": modes, "way": solver}
     options["membrane"] = Membrane() if membrane else None
-    with _named("--filaments"):
+    with named("--filaments"):
         options["cytoskeleton"] = Tensegrity(bundle=filaments) if filaments else None
     if mesh is not None:
         from fasbody.cell.assembly import assemble
         from fasbody.cell.meshfile import read_mesh
 
         own = read_mesh(
-            mesh, um_per_unit=um_per_unit, nucleus_tag=nucleus_tag, nucleus=nucleus_surface, size=_size(size)
+            mesh, um_per_unit=um_per_unit, nucleus_tag=nucleus_tag, nucleus=nucleus_surface, size=mesh_size(size)
         )
         analysis = analyse(assemble(own), None, chosen, **options)
         console.print("warning: a mesh of your own has no error estimate; how far it has converged is unknown until "
@@ -106,7 +95,7 @@ def analyse_cell(
         nucleus = None if no_nucleus else Nucleus(centre=nucleus_centre)
         dome = Dome(*shape(shape_text), chosen.height_um if height is None else height, profile, nucleus)
         with console.status("meshing and solving"):
-            analysis = analyse(*assemblies(dome, _size(size)), chosen, dome=dome, **options)
+            analysis = analyse(*assemblies(dome, mesh_size(size)), chosen, dome=dome, **options)
     if out is not None:
         _write(out, analysis)
     _report(analysis.document(), str(analysis), as_json)
@@ -128,7 +117,7 @@ def sweep(
     """
     chosen = preset(preset_name)
     dome = Dome(*shape(shape_text), chosen.height_um)
-    _positive(modes)
+    check_count(modes)
     from fasbody.cell.dome import SHAPES
     from fasbody.cell.sweep import YEAST_PA, summarise, sweep_moduli, sweep_shapes
 
@@ -138,9 +127,9 @@ def sweep(
         def advance() -> None:
             progress.advance(task)
 
-        by_shape = sweep_shapes(chosen, size=_size(size), count=modes, advance=advance)
+        by_shape = sweep_shapes(chosen, size=mesh_size(size), count=modes, advance=advance)
         by_modulus = sweep_moduli(
-            chosen, dome, moduli=(*MODULI_PA, YEAST_PA), size=_size(size), count=modes, advance=advance
+            chosen, dome, moduli=(*MODULI_PA, YEAST_PA), size=mesh_size(size), count=modes, advance=advance
         )
     summary = summarise(by_shape, by_modulus)
     printed, direct = by_modulus.without_last(), by_modulus.analyses[-1]
@@ -173,7 +162,7 @@ def verify(preset_name: PresetOption = "as-reproduced", as_json: JsonOption = Fa
     chosen = preset(preset_name)
     dome = Dome(height=chosen.height_um)
     with console.status("solving known bodies"):
-        checks = [*check_sphere(), *check_cantilever(), *check_scaling(chosen, dome, _size(6.0))]
+        checks = [*check_sphere(), *check_cantilever(), *check_scaling(chosen, dome, mesh_size(6.0))]
         study = convergence(chosen, dome)
     document = {"checks": [check.document() for check in checks], "convergence": study.document()}
     _report(document, "\n".join([*map(str, checks), str(study)]), as_json)
@@ -204,13 +193,13 @@ def shake(
     """
     from fasbody.cell.viscoelastic import ReducedCell, StandardLinearSolid, damped_modes
 
-    with _named("--g, --tau"):
+    with named("--g, --tau"):
         solid = StandardLinearSolid(g, tau)
-    with _named("--nucleus-g, --nucleus-tau"):
+    with named("--nucleus-g, --nucleus-tau"):
         other = StandardLinearSolid(g if nucleus_g is None else nucleus_g, tau if nucleus_tau is None else nucleus_tau)
-    chosen = _preset(preset_name, modulus)
+    chosen = chosen_preset(preset_name, modulus)
     dome = Dome(*shape(shape_text), chosen.height_um)
-    _positive(modes)
+    check_count(modes)
     import numpy as np
 
     from fasbody.cell.assembly import assemble
@@ -219,7 +208,7 @@ def shake(
     from fasbody.cell.response import base_response
 
     with console.status("meshing and solving"):
-        model = CellModel(assemble(dome_mesh(dome, _size(size))), chosen.materials, chosen.metres_per_um)
+        model = CellModel(assemble(dome_mesh(dome, mesh_size(size))), chosen.materials, chosen.metres_per_um)
         cell = ReducedCell.of(model, modes)
         damped = damped_modes(cell, (solid, other))
         inside = damped.frequencies_hz[damped.frequencies_hz < cell.reach_hz]  # so that no narrow peak is missed
@@ -234,59 +223,6 @@ def shake(
         figures.save(figures.base_response(response), out / "shake.png")
         console.print(f"written: {out}")
     _report(document, f"{damped}\n{response}", as_json)
-
-
-def _preset(name: str, modulus: float | None) -> Preset:
-    chosen = preset(name)
-    with _named("--modulus, cytoplasm"):
-        return chosen if modulus is None else chosen.with_modulus(modulus)
-
-
-def _materials(chosen: Preset, nucleus_E: float | None, nu: float | None, rho: float | None) -> Preset:
-    for name, both in (("--poisson", {"nu": nu}), ("--density", {"rho": rho})):
-        values: dict[str, float] = {key: value for key, value in both.items() if value is not None}
-        with _named(name):
-            cytoplasm, nucleus = (replace(material, **values) for material in chosen.materials)
-        chosen = replace(chosen, cytoplasm=cytoplasm, nucleus=nucleus)
-    if nucleus_E is None:
-        return chosen
-    with _named("--nucleus-modulus"):
-        return replace(chosen, nucleus=replace(chosen.nucleus, E=nucleus_E))
-
-
-def _positive(modes: int) -> None:
-    if modes < 1:
-        raise SettingError(f"--modes: the number of modes must be 1 or more, not {modes}.")
-
-
-@contextmanager
-def _named(option: str) -> Iterator[None]:
-    """Put the option before the sentence on its value."""
-    try:
-        yield
-    except SettingError as error:
-        raise SettingError(f"{option}: {error}") from error
-
-
-def _given(context: typer.Context) -> dict[str, str]:
-    """Options on the command line, by parameter name, as a user writes them."""
-    return {
-        option.name: option.opts[0]
-        for option in context.command.params
-        if option.name and getattr(context.get_parameter_source(option.name), "name", "") == "COMMANDLINE"
-    }
-
-
-def _refuse(given: dict[str, str], names: set[str], why: str) -> None:
-    for name in sorted(names & set(given)):
-        raise SettingError(f"{given[name]} {why}.")
-
-
-def _size(size: float) -> "MeshSize":
-    from fasbody.cell.mesh import MeshSize
-
-    with _named("--size"):
-        return MeshSize.of(size)
 
 
 def _write(out: Path, analysis: "Analysis") -> None:

@@ -13,7 +13,8 @@ from fasbody.cell.describe import ModeDescription, describe
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import Preset
 from fasbody.cell.membrane import Membrane
-from fasbody.cell.mesh import MeshSize, dome_mesh
+from fasbody.cell.mesh import dome_mesh
+from fasbody.cell.meshsize import MeshSize
 from fasbody.cell.modal import CellModel, Modes, solve
 
 #: The error of a frequency falls as h^ORDER. `python -m fasbody.cell verify` observes nearly the 4 of smooth modes, but
@@ -122,7 +123,7 @@ def analyse(
 def richardson(
     coarse_hz: NDArray[np.float64], fine_hz: NDArray[np.float64], coarse_dof: int, fine_dof: int, order: float = ORDER
 ) -> NDArray[np.float64]:
-    """Relative error of the fine frequencies, |f_c - f_f| / ((h_c / h_f)^order - 1) / f_f.
+    """Relative error (n,) of the fine frequencies [Hz], |f_c - f_f| / ((h_c / h_f)^order - 1) / f_f.
 
     Frequencies are compared in rising order, so that modes which change places need no partner.
     """

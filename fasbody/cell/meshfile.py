@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fasbody.cell.mesh import MeshSize, surface_mesh
+from fasbody.cell.mesh import surface_mesh
+from fasbody.cell.meshsize import MeshSize
 from fasbody.cell.tetmesh import NUCLEUS, TetMesh
 from fasbody.console import console, to_json, write_whole
 from fasbody.exceptions import FasError, InputFileError, MeshError, MissingPackageError, SettingError

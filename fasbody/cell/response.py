@@ -71,7 +71,7 @@ class BaseResponse:
 
 
 def base_response(cell: ReducedCell, solids: Solids, frequencies_hz: NDArray[np.float64]) -> BaseResponse:
-    """Shake the base at each frequency along x, y and z; trust it up to `cell.reach_hz`."""
+    """Shake the base at each frequency (n,) [Hz] along x, y and z; trust it up to `cell.reach_hz`."""
     assembly = cell.model.assembly
     shapes = assembly.expand(cell.basis)  # (m, nodes, 3)
     top = shapes[:, int(assembly.nodes_um[:, 1].argmax())]

@@ -12,7 +12,7 @@ from scipy.optimize import curve_fit
 from fasbody.cell.analysis import Analysis, analyse, assemblies
 from fasbody.cell.dome import SHAPES, Dome
 from fasbody.cell.materials import MODULI_PA, Preset
-from fasbody.cell.mesh import MeshSize
+from fasbody.cell.meshsize import MeshSize
 from fasbody.cell.tracking import Match, track_along
 from fasbody.exceptions import SettingError
 
@@ -142,7 +142,7 @@ def sweep_moduli(
 
 
 def power_laws(moduli_pa: NDArray[np.float64], first_hz: NDArray[np.float64]) -> tuple[PowerLaw, PowerLaw]:
-    """Both ways of fitting Figure 5.11: by logarithms and by least squares in Hz.
+    """Both ways of fitting Figure 5.11, moduli [Pa] to frequencies [Hz]: by logarithms and by least squares in Hz.
 
     Raises:
         SettingError: fewer than three moduli.

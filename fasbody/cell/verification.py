@@ -15,7 +15,8 @@ from fasbody.cell.analysis import assemblies
 from fasbody.cell.assembly import assemble
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import Material, Preset
-from fasbody.cell.mesh import MeshSize, ball_mesh, dome_mesh
+from fasbody.cell.mesh import ball_mesh, dome_mesh
+from fasbody.cell.meshsize import MeshSize
 from fasbody.cell.modal import CellModel, solve
 from fasbody.cell.tetmesh import TetMesh
 
@@ -170,7 +171,7 @@ class Convergence:
     def fit(
         cls, sizes_um: NDArray[np.float64], dof: NDArray[np.int64], frequencies_hz: NDArray[np.float64]
     ) -> "Convergence":
-        """Observe order and limit on three meshes or more, by least squares in relative frequency."""
+        """Observe order and limit [Hz] on three meshes or more, by least squares in relative frequency."""
         relative = frequencies_hz / frequencies_hz[-1]
 
         def fitted(p: float) -> tuple[NDArray[np.float64], float]:

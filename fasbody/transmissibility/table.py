@@ -71,6 +71,7 @@ class Curves:
 
     @property
     def title(self) -> str:
+        """Pair, posture and added mass [kg]."""
         return f"{self.pair}, {self.posture}, {self.added_mass_kg:g} kg"
 
 

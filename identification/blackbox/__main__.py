@@ -10,7 +10,7 @@ import typer
 from fasbody.console import command_line, console, make_folder, print_json, progress_bar, to_json, write_whole
 from fasbody.exceptions import SettingError, unknown
 
-from . import data, report
+from . import csvfile, report
 from .identify import ALL, DEFAULT, Report, identify
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
@@ -61,7 +61,7 @@ def main(
     if out is not None:
         make_folder(out)
     recordings = [
-        series for path in files for series in data.read(path, input=input, output=output, sample_time=sample_time)
+        series for path in files for series in csvfile.read(path, input=input, output=output, sample_time=sample_time)
     ]
     groups = [recordings] if pool else [[series] for series in recordings]
     reports: list[Report] = []

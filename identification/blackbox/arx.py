@@ -47,7 +47,7 @@ def estimate(recordings: Series | Sequence[Series], orders: Orders) -> Polynomia
 
 
 def solve(phi: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Least squares by QR with column pivoting; the shortest solution where columns depend on each other."""
+    """Least squares (d,) by QR with column pivoting; the shortest solution where columns depend on each other."""
     scale = np.linalg.norm(phi, axis=0)
     scale[scale == 0] = 1.0
     theta, *_ = linalg.lstsq(phi / scale, y, cond=1e-13, lapack_driver="gelsy", check_finite=False)

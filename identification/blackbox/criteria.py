@@ -16,7 +16,9 @@ def fpe_of_few_parameters(loss: float, parameters: int, samples: int) -> float:
 
 
 def aic(loss: float | np.ndarray, parameters: int | np.ndarray, samples: int) -> np.ndarray:
-    """Akaike's criterion for each sample, Eq. (3.19) with the parentheses closed after V: log V + 2 d / N.
+    """Akaike's criterion for each sample, losses of any shape.
+
+    Eq. (3.19) with the parentheses closed after V: log V + 2 d / N.
 
     As printed, log(V + 2 d / N), the choice of order would depend on the unit of the output.
     """
@@ -24,12 +26,15 @@ def aic(loss: float | np.ndarray, parameters: int | np.ndarray, samples: int) ->
 
 
 def bic(loss: float | np.ndarray, parameters: int | np.ndarray, samples: int) -> np.ndarray:
-    """Schwarz' criterion for each sample: log V + d log N / N."""
+    """Schwarz' criterion for each sample, of losses of any shape: log V + d log N / N."""
     return np.log(loss) + np.asarray(parameters) * np.log(samples) / samples
 
 
 def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
-    """Fit in percent, Eq. (3.20) with 2-norms: 100 is perfect, 0 no better than the mean; -inf for a diverged one."""
+    """Fit in percent of two signals (N,), Eq. (3.20) with 2-norms.
+
+    100 is perfect, 0 no better than the mean; -inf for a diverged one.
+    """
     error = np.linalg.norm(measured - simulated)
     if not np.isfinite(error):
         return -np.inf

@@ -7,7 +7,7 @@ from scipy import linalg, signal
 
 
 def stabilise(polynomial: np.ndarray, radius: float = 0.9995) -> np.ndarray:
-    """The monic polynomial with roots outside the unit circle mirrored into it, and none beyond `radius`."""
+    """The monic polynomial (n,) with roots outside the unit circle mirrored into it, and none beyond `radius`."""
     if len(polynomial) < 2:
         return polynomial
     roots = np.roots(polynomial)
@@ -21,7 +21,7 @@ def stabilise(polynomial: np.ndarray, radius: float = 0.9995) -> np.ndarray:
 
 
 def largest_root(polynomial: np.ndarray) -> float:
-    """Modulus of the largest root; 0 for a constant."""
+    """Modulus of the largest root of a polynomial (n,); 0 for a constant."""
     return float(np.abs(np.roots(polynomial)).max(initial=0.0))
 
 
@@ -31,7 +31,7 @@ def outlasting(largest: float, samples: int) -> bool:
 
 
 def pole_warnings(den: np.ndarray, samples: int) -> list[str]:
-    """Sentences on poles that make free simulation of `samples` samples meaningless."""
+    """Sentences on poles, roots of `den` (n,), that make free simulation of `samples` samples meaningless."""
     largest = largest_root(den)
     if largest >= 1.0:
         return ["unstable poles: the model predicts one step but cannot be simulated freely"]
@@ -41,7 +41,7 @@ def pole_warnings(den: np.ndarray, samples: int) -> list[str]:
 
 
 def free_run(num: np.ndarray, den: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Response of num/den to `u` plus the free motion and level that fit `y` best; infinite where it is unstable.
+    """Response (N,) of num/den to `u` plus the free motion and level that fit `y` best; infinite where it is unstable.
 
     The free motion covers the state at the first sample and the input before it: in the transposed direct form
     each state element enters as a pulse through 1/den.
@@ -56,7 +56,7 @@ def free_run(num: np.ndarray, den: np.ndarray, u: np.ndarray, y: np.ndarray) -> 
 
 
 def pulse_response(den: np.ndarray, length: int) -> np.ndarray:
-    """Response of 1/den to a unit pulse at the first sample."""
+    """Response (length,) of 1/den to a unit pulse at the first sample."""
     pulse = np.zeros(length)
     pulse[0] = 1.0
     return signal.lfilter([1.0], den, pulse)

@@ -14,7 +14,9 @@ from fasbody.exceptions import FasError, SettingError, unknown
 from . import delay, excitation, frequency, narx, nonlinear, pem, selection, subspace
 from .data import Series
 from .excitation import Excitation
-from .polynomial import STRUCTURES, Orders, PolynomialModel, Response
+from .polynomial import STRUCTURES, Orders, PolynomialModel
+from .rational import Rational
+from .response import Response
 from .selection import Candidate, Selection
 from .validation import ALARM, ResidualTest, residual_test
 
@@ -72,7 +74,7 @@ class Report:
     excitation: Excitation
     models: Mapping[str, Found]
     left_out: frequency.LeftOut | None
-    rational: frequency.Rational | None
+    rational: Rational | None
     failures: tuple[str, ...]
 
     def __str__(self) -> str:
@@ -219,7 +221,7 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
 
 
 def shown_frequencies(seen: Excitation, count: int = 60) -> np.ndarray:
-    """Frequencies at which a response may be shown: the excited ones."""
+    """Frequencies [Hz] at which a response may be shown: the excited ones."""
     if seen.single_sine:
         return seen.frequency_hz * np.array(seen.harmonics)
     if len(seen.band_hz) <= count:
@@ -229,7 +231,7 @@ def shown_frequencies(seen: Excitation, count: int = 60) -> np.ndarray:
     return seen.band_hz[np.unique(np.clip(nearest, 0, len(seen.band_hz) - 1))]
 
 
-def _through_points(pooled: Sequence[Series]) -> tuple[frequency.Rational | None, frequency.LeftOut | None]:
+def _through_points(pooled: Sequence[Series]) -> tuple[Rational | None, frequency.LeftOut | None]:
     """The rational fit and its leave-one-frequency-out errors when there are enough single sines."""
     sines = [series for series in pooled if excitation.single_sine(series)[1]]
     if len(sines) < 5:

@@ -42,10 +42,10 @@ class Problem(Protocol):
     """What `minimise` needs to know."""
 
     def admissible(self, theta: np.ndarray) -> bool:
-        """Whether the predictor is stable here."""
+        """Whether the predictor is stable at theta (d,)."""
 
     def at(self, theta: np.ndarray, *, gradient: bool = False) -> Linearisation:
-        """Errors, and their derivatives when asked."""
+        """Errors at theta (d,), and their derivatives when asked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ def project_states(errors: np.ndarray, states: np.ndarray) -> tuple[np.ndarray, 
 
 
 def minimise(problem: Problem, start: np.ndarray, *, iterations: int = 60, tolerance: float = 1e-4) -> Minimum:
-    """Minimise the mean squared prediction error, Eq. (3.16), by damped Gauss-Newton steps.
+    """Minimise the mean squared prediction error, Eq. (3.16), over theta (d,) by damped Gauss-Newton steps.
 
     A step is refused when it raises the loss or makes the predictor unstable. The end is reached when an undamped
     step promises to lower chi-square (the sum of squares over the noise variance) by less than `tolerance`, so at
@@ -115,7 +115,7 @@ def minimise(problem: Problem, start: np.ndarray, *, iterations: int = 60, toler
 
 
 def reduced(at: Linearisation) -> tuple[np.ndarray, np.ndarray]:
-    """Triangular factor of the stacked gradient and the errors in its coordinates."""
+    """Triangular factor (d, d) of the stacked gradient and the errors in its coordinates."""
     rows = []
     for gradient, errors in zip(at.gradient, at.errors, strict=True):
         stacked = np.column_stack([gradient, errors])

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from . import excitation
 from .data import Series
-from .polynomial import Response
+from .response import Response
 from .selection import Candidate, judge
 
 LARGEST_TERMS = 14
@@ -57,11 +57,11 @@ class Narx:
         return f"NARX ({self.lags}, {self.lags}; {self.step}; {len(self.terms)} terms)"
 
     def poles(self) -> np.ndarray:
-        """None: a nonlinear recursion has no poles."""
+        """None, shape (0,): a nonlinear recursion has no poles."""
         return np.zeros(0)
 
     def zeros(self) -> np.ndarray:
-        """None."""
+        """None, shape (0,)."""
         return np.zeros(0)
 
     def response(self, frequency_hz: ArrayLike) -> Response:
@@ -88,7 +88,7 @@ class Narx:
         return y.ravel()[: len(series)] * self.y_scale
 
     def residuals(self, series: Series) -> np.ndarray:
-        """One-step prediction errors."""
+        """One-step prediction errors, shape (N - first,)."""
         variables, y = _variables(series, self.lags, self.step, self.y_scale, self.u_scale)
         return (y - _products(variables, self.terms).T @ self.theta) * self.y_scale
 

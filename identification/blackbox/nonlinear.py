@@ -15,7 +15,8 @@ from . import pem
 from .data import Series
 from .filters import largest_root, pulse_response, shifted
 from .least_squares import Linearisation, minimise, project_states, spread
-from .polynomial import Orders, PolynomialModel, Response
+from .polynomial import Orders, PolynomialModel
+from .response import Response
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +64,11 @@ class HammersteinWiener:
         return f"HW ({nb}, {nf}, {nk}; {self.degrees[0]}, {self.degrees[1]})"
 
     def poles(self) -> np.ndarray:
-        """Poles of the linear block."""
+        """Poles of the linear block, shape (n,)."""
         return self.linear.poles()
 
     def zeros(self) -> np.ndarray:
-        """Zeros of the linear block."""
+        """Zeros of the linear block, shape (n,)."""
         return self.linear.zeros()
 
     def response(self, frequency_hz: ArrayLike) -> Response:
@@ -84,7 +85,7 @@ class HammersteinWiener:
         return simulated
 
     def residuals(self, series: Series) -> np.ndarray:
-        """Simulation errors, which are the prediction errors of a model without noise dynamics."""
+        """Simulation errors (N,), which are the prediction errors of a model without noise dynamics."""
         return (series.y - self.simulate(series))[self.linear.orders.first_row :]
 
     def __str__(self) -> str:
@@ -159,7 +160,7 @@ class _Problem:
 
 
 def levels(u: np.ndarray) -> float:
-    """Number of distinct values of an input, noise on them apart; infinite when it is not a few levels.
+    """Number of distinct values of an input (N,), noise on them apart; infinite when it is not a few levels.
 
     Powers from this number on are combinations of the lower ones.
     """

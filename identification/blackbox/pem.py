@@ -38,12 +38,12 @@ class Residuals:
         self.orders = orders
 
     def admissible(self, theta: np.ndarray) -> bool:
-        """Whether C, D and F have all roots well inside the unit circle, so that predictor and noise are stable."""
+        """Whether C, D, F of theta (d,) have all roots well inside the unit circle: stable predictor and noise."""
         _, _, c, d, f = unpack(theta, self.orders)
         return bool(np.isfinite(theta).all()) and max(map(largest_root, (c, d, f))) < RADIUS
 
     def at(self, theta: np.ndarray, *, gradient: bool = False) -> Linearisation:
-        """Errors with fitted initial states, and their derivatives when asked."""
+        """Errors at theta (d,) with fitted initial states, and their derivatives when asked."""
         parts = [self._one(series, theta, gradient) for series in self.recordings]
         return Linearisation([errors for errors, _ in parts], [columns for _, columns in parts] if gradient else [])
 

@@ -13,6 +13,7 @@ from fasbody.exceptions import SettingError, unknown
 
 from .data import Series
 from .filters import free_run
+from .response import Response
 
 #: Orders of each structure in the sequence of Table 3.2.
 STRUCTURES = {
@@ -72,38 +73,6 @@ class Orders:
 
 
 @dataclass(frozen=True, eq=False)
-class Response:
-    """A frequency response with its uncertainty.
-
-    Attributes:
-        frequency_hz: shape (M,).
-        value: complex, shape (M,).
-        spread: square root S of the covariance S S' of (real, imaginary), shape (M, 2, m).
-    """
-
-    frequency_hz: np.ndarray
-    value: np.ndarray
-    spread: np.ndarray
-
-    def _along(self, direction: np.ndarray) -> np.ndarray:
-        parts = np.stack([direction.real, direction.imag], axis=-1)
-        return np.linalg.norm(np.einsum("mi,mij->mj", parts, self.spread), axis=1)
-
-    @property
-    def gain_std(self) -> np.ndarray:
-        """Standard deviation of the gain, shape (M,)."""
-        with np.errstate(invalid="ignore"):
-            return self._along(self.value / np.maximum(np.abs(self.value), 1e-300))
-
-    @property
-    def phase_std_deg(self) -> np.ndarray:
-        """Standard deviation of the phase in degrees, shape (M,)."""
-        with np.errstate(invalid="ignore"):
-            size = np.maximum(np.abs(self.value), 1e-300)
-            return np.rad2deg(self._along(1j * self.value / size) / size)
-
-
-@dataclass(frozen=True, eq=False)
 class PolynomialModel:
     """An estimated polynomial model with its uncertainty.
 
@@ -129,7 +98,7 @@ class PolynomialModel:
 
     @property
     def polynomials(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """A, B, C, D, F as coefficients of rising powers of q^-1; B begins with its n_k zeros."""
+        """A, B, C, D, F as coefficients (n,) of rising powers of q^-1; B begins with its n_k zeros."""
         return unpack(self.theta, self.orders)
 
     @property
@@ -158,22 +127,22 @@ class PolynomialModel:
 
     @property
     def plant(self) -> tuple[np.ndarray, np.ndarray]:
-        """Numerator and denominator of G in rising powers of q^-1, Eq. (3.1)."""
+        """Numerator and denominator (n,) of G in rising powers of q^-1, Eq. (3.1)."""
         a, b, _, _, f = self.polynomials
         return b, np.convolve(a, f)
 
     @property
     def noise(self) -> tuple[np.ndarray, np.ndarray]:
-        """Numerator and denominator of H in rising powers of q^-1, Eq. (3.2)."""
+        """Numerator and denominator (n,) of H in rising powers of q^-1, Eq. (3.2)."""
         a, _, c, d, _ = self.polynomials
         return c, np.convolve(a, d)
 
     def poles(self) -> np.ndarray:
-        """Poles of G in the z plane."""
+        """Poles of G in the z plane, shape (n,)."""
         return np.roots(self.plant[1])
 
     def zeros(self) -> np.ndarray:
-        """Zeros of G in the z plane, without the delay's."""
+        """Zeros of G in the z plane, shape (n,), without the delay's."""
         return np.roots(np.trim_zeros(self.plant[0], "f"))
 
     @property
@@ -203,13 +172,13 @@ class PolynomialModel:
         return free_run(num, den, series.u, series.y)
 
     def residuals(self, series: Series) -> np.ndarray:
-        """One-step prediction errors from the first sample with complete regressors on."""
+        """One-step prediction errors from the first sample with complete regressors on, shape (N - first,)."""
         from .pem import Residuals
 
         return Residuals([series], self.orders).at(self.theta).errors[0]
 
     def predict(self, series: Series) -> np.ndarray:
-        """One-step prediction of the output, Eq. (3.13); measured values where the past is not complete yet."""
+        """One-step prediction (N,) of the output, Eq. (3.13); measured values where the past is not complete yet."""
         errors = self.residuals(series)
         prediction = series.y.copy()
         prediction[len(series) - len(errors) :] -= errors
@@ -258,7 +227,7 @@ class PolynomialModel:
 
 
 def unpack(theta: np.ndarray, orders: Orders) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Polynomials A, B, C, D, F of Eq. (3.4) from the coefficient vector."""
+    """Polynomials A, B, C, D, F of Eq. (3.4) from the coefficient vector (d,)."""
     counts = (orders.na, orders.nb, orders.nc, orders.nd, orders.nf)
     a, b, c, d, f = np.split(theta, np.cumsum(counts)[:-1])
     monic = [np.concatenate([[1.0], p]) for p in (a, c, d, f)]
@@ -266,7 +235,7 @@ def unpack(theta: np.ndarray, orders: Orders) -> tuple[np.ndarray, np.ndarray, n
 
 
 def pack(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, f: np.ndarray) -> np.ndarray:
-    """The coefficient vector of the polynomials; `b` without its leading zeros, the others monic."""
+    """The coefficient vector (d,) of the polynomials; `b` without its leading zeros, the others monic."""
     return np.concatenate([a[1:], b, c[1:], d[1:], f[1:]])
 
 

@@ -21,7 +21,7 @@ def table() -> pd.DataFrame:
 
 
 def plant_parameters(data: pd.DataFrame, structure: str) -> np.ndarray:
-    """Coefficients of the plant G in each row: of B and of A F; 2 n + 1 for a state-space model of order n."""
+    """Number of coefficients of the plant G, shape (rows,): of B and A F; 2 n + 1 for a state-space model."""
     if structure == "ss":
         return 2 * data["ss_order"].to_numpy() + 1
     return sum(

@@ -4,90 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from fasbody.exceptions import FasError, SettingError
 
 from . import arx, criteria, pem, subspace
+from .candidate import Candidate, Model, judge
 from .data import Series
 from .filters import outlasting
-from .polynomial import Orders, PolynomialModel, Response
+from .polynomial import Orders, PolynomialModel
 
-NEGLIGIBLE = 2e-3  # of the output's amplitude left unexplained justifies no further parameter
-BLOCKS = 20  # of the held-out data, over which two models' squared errors are compared
 ALIKE = 10.0  # difference of N times AIC below which data hardly tell models apart
 POLYNOMIAL_STATES = 5  # n_f, n_c, n_d up to here, as in the thesis
-
-
-class Model(Protocol):
-    """What every estimated model offers."""
-
-    @property
-    def structure(self) -> str: ...
-    @property
-    def label(self) -> str: ...
-    @property
-    def parameters(self) -> int: ...
-    @property
-    def loss(self) -> float: ...
-    @property
-    def samples(self) -> int: ...
-    @property
-    def warnings(self) -> tuple[str, ...]: ...
-    def poles(self) -> np.ndarray: ...
-    def zeros(self) -> np.ndarray: ...
-    def response(self, frequency_hz: ArrayLike) -> Response: ...
-    def simulate(self, series: Series) -> np.ndarray: ...
-    def residuals(self, series: Series) -> np.ndarray: ...
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """One model with its criteria, and its fit on held-out data in free simulation.
-
-    Attributes:
-        model: the estimate.
-        fit_percent: over all held-out parts together.
-        block_errors: mean squared simulation error in each block of the held-out data, shape (BLOCKS,).
-    """
-
-    model: Model
-    fit_percent: float
-    block_errors: np.ndarray
-
-    def no_worse_than(self, other: Candidate) -> bool:
-        """Whether held-out data do not show `other` to be better by two standard errors and more than negligibly."""
-        more = self.block_errors - other.block_errors
-        if not np.isfinite(more).all():
-            return False
-        undecided = float(more.mean()) <= 2.0 * float(more.std(ddof=1)) / np.sqrt(len(more))
-        return undecided or self.missed**2 - other.missed**2 <= NEGLIGIBLE**2
-
-    @property
-    def missed(self) -> float:
-        """Share of the output's amplitude that the simulation misses."""
-        return 1.0 - self.fit_percent / 100.0
-
-    @property
-    def aic(self) -> float:
-        """Akaike's criterion for each sample."""
-        return float(criteria.aic(self.model.loss, self.model.parameters, self.model.samples))
-
-    @property
-    def bic(self) -> float:
-        """Schwarz' criterion."""
-        return float(criteria.bic(self.model.loss, self.model.parameters, self.model.samples))
-
-    @property
-    def fpe(self) -> float:
-        """Akaike's final prediction error."""
-        return criteria.fpe(self.model.loss, self.model.parameters, self.model.samples)
-
-    def __str__(self) -> str:
-        return f"{self.model.label}: fit {self.fit_percent:.2f} %, AIC {self.aic:.4f}, BIC {self.bic:.4f}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,14 +42,6 @@ class Selection:
 
     def __str__(self) -> str:
         return "\n".join([f"{self.tried} models tried", *(f"  {c}" for c in self.candidates[:5]), *self.warnings])
-
-
-def judge(model: Model, validation: Sequence[Series]) -> Candidate:
-    """The model with its fit over all held-out parts together, in free simulation."""
-    measured = np.concatenate([series.y - series.y.mean() for series in validation])
-    simulated = np.concatenate([model.simulate(series) - series.y.mean() for series in validation])
-    blocks = np.array([np.mean(part**2) for part in np.array_split(measured - simulated, BLOCKS)])
-    return Candidate(model, criteria.fit_percent(measured, simulated), blocks)
 
 
 def _largest_pole(model: Model) -> float:

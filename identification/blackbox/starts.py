@@ -17,7 +17,7 @@ LONG = 25  # lags of the long ARX model whose residuals stand for e(t)
 
 
 def families(structure: str, recordings: Sequence[Series], orders: Orders) -> list[list[np.ndarray]]:
-    """Coefficient vectors of ARMAX or OE models to start from, in families that may lead to different minima.
+    """Coefficient vectors (d,) of ARMAX or OE models to start from, in families that may lead to different minima.
 
     The caller takes the member with the least loss from each and lets them race.
     """

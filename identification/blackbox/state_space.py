@@ -11,7 +11,8 @@ from scipy import signal
 
 from .data import Series
 from .least_squares import project_states
-from .polynomial import PolynomialModel, Response
+from .polynomial import PolynomialModel
+from .response import Response
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +55,11 @@ class StateSpaceModel:
         return 3 * self.order + 1
 
     def poles(self) -> np.ndarray:
-        """Eigenvalues of A."""
+        """Eigenvalues of A, shape (n,)."""
         return np.linalg.eigvals(self.A)
 
     def zeros(self) -> np.ndarray:
-        """Zeros of the plant."""
+        """Zeros of the plant, shape (n,)."""
         return self.transfer.zeros()
 
     @property

@@ -42,6 +42,7 @@ class State:
 
     @property
     def space(self) -> CurveSpace:
+        """The curves that are searched."""
         return self.problem.curves
 
 
@@ -67,10 +68,12 @@ class Frame:
 
     @property
     def frequencies(self) -> int:
+        """How many different excitation frequencies there are."""
         return len(set(self._f.round(2)))
 
     @property
     def loads(self) -> int:
+        """How many different added masses there are."""
         return len(set(self._loads))
 
     def ratios(self) -> np.ndarray:
@@ -79,11 +82,13 @@ class Frame:
         return np.array([m["m_S"] / (m["m_S"] + m["m_F"]) for m in masses])
 
     def route(self, order: Order, scatter: bool | None = None, tau: np.ndarray | None = None) -> TrendRoute:
+        """The route of a fit with curves of this order."""
         on = self.scatter if scatter is None else scatter
         space = CurveSpace(self.feet, self.curves, order, self._f, self._loads, on)
         return TrendRoute(self.foot, self.data, space, self.twin, self.threads, tau)
 
     def first_order(self) -> Order:
+        """The order to begin with."""
         return replace(_FIRST_ORDER, load=min(_FIRST_ORDER.load, self.loads - 1))
 
     def side(self, space: CurveSpace, z: np.ndarray) -> str:
@@ -157,6 +162,7 @@ def _down(frame: Frame, route: TrendRoute, z: np.ndarray, anchor: np.ndarray) ->
 
 
 def settled(route: TrendRoute, z: np.ndarray) -> State | None:
+    """The descent from z to its end, None if the motion becomes unstable."""
     try:
         problem, descent = route.settle(z)
     except SimulationError:

@@ -1,0 +1,128 @@
+"""What mkdocs cannot know: pages that live elsewhere in the project, and those made from the commands and the code.
+
+Links are written for readers of the repository; here they are turned to the pages of the site, and links to files that
+are no pages become plain text.
+"""
+
+import importlib
+import re
+from pathlib import Path
+from typing import Any
+
+import typer
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+from fasbody.commands import Command, commands
+
+ROOT = Path(__file__).parent.parent
+#: Page of the site -> file of the repository outside docs/.
+ELSEWHERE = {
+    "index.md": "README.md",
+    "models.md": "mjcf/README.md",
+    "foot_arch.md": "mjcf/foot_arch.md",
+    "benchmarks.md": "benchmarks/RESULTS.md",
+    "contributing.md": "CONTRIBUTING.md",
+    "changelog.md": "CHANGELOG.md",
+}
+PAGES = {file: page for page, file in ELSEWHERE.items()}
+#: Pages of the Python reference: title and the folder whose modules it lists.
+PACKAGES = {
+    "Models as data": "mjcf",
+    "Physics": "fasbody",
+    "Recordings' formats": "fasbody/formats",
+    "Transmissibility": "fasbody/transmissibility",
+    "Acquisition": "fasbody/acquire",
+    "Cell": "fasbody/cell",
+    "Identification": "identification",
+    "Black-box models": "identification/blackbox",
+    "Studies": "identification/study",
+    "Viewer": "viz",
+}
+LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s#]*)(#[^)\s]*)?\)")
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Leave out pages that do not exist yet, and fill in those of the Python reference."""
+    listed = [{title: _page_of(folder)} for title, folder in PACKAGES.items() if _modules(folder)]
+    config.nav = _existing(config.nav or [], listed)
+    return config
+
+
+def _existing(entries: list[Any], python: list[Any]) -> list[Any]:
+    kept: list[Any] = []
+    for entry in entries:
+        ((title, target),) = entry.items()
+        if title == "Python":
+            kept.append({title: python})
+        elif isinstance(target, list):
+            inside = _existing(target, python)
+            kept += [{title: inside}] if inside else []
+        elif target == "commands.md" or (ROOT / ELSEWHERE.get(target, f"docs/{target}")).is_file():
+            kept.append(entry)
+    return kept
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages that are not in docs/."""
+    for page, file in ELSEWHERE.items():
+        if (ROOT / file).is_file():
+            files.append(File.generated(config, page, content=(ROOT / file).read_text(encoding="utf-8")))
+    files.append(File.generated(config, "commands.md", content=command_reference()))
+    for title, folder in PACKAGES.items():
+        if modules := _modules(folder):
+            text = f"# {title}\n\n" + "\n".join(f"::: {module}\n" for module in modules)
+            files.append(File.generated(config, _page_of(folder), content=text))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
+    """Turn links between files of the repository into links between pages."""
+    here = (ROOT / ELSEWHERE.get(page.file.src_uri, f"docs/{page.file.src_uri}")).parent
+
+    def turned(match: re.Match[str]) -> str:
+        image, text, target, anchor = match[1], match[2], match[3], match[4] or ""
+        if not target or "://" in target:
+            return match[0]
+        file = (here / target).resolve().relative_to(ROOT).as_posix()
+        page_of = PAGES.get(file) or (file.removeprefix("docs/") if file.startswith("docs/") else "")
+        return f"{image}[{text}]({page_of}{anchor})" if page_of else text
+
+    return LINK.sub(turned, markdown)
+
+
+def _modules(folder: str) -> list[str]:
+    """Documented modules of a folder, its own docstring first."""
+    files = [file for file in (ROOT / folder).glob("*.py") if file.stem not in ("__init__", "__main__")]
+    return [".".join(file.relative_to(ROOT).with_suffix("").parts) for file in sorted(files)] or (
+        [folder.replace("/", ".")] if (ROOT / folder / "__init__.py").is_file() else []
+    )
+
+
+def _page_of(folder: str) -> str:
+    return f"python_{folder.replace('/', '_')}.md"
+
+
+def command_reference() -> str:
+    """Every command with its help and its options."""
+    head = "# Commands\n\n`python -m fasbody` prints this list; every command has `--help`.\n"
+    return "\n".join([head, *map(_section, commands())])
+
+
+def _section(command: Command) -> str:
+    click = typer.main.get_command(importlib.import_module(command.home).app)
+    found = getattr(click, "commands", {}).get(command.name, click)
+    first, _, rest = re.sub(r"\[(/|/?bold)\]", "", found.help or command.does).strip().partition("\n")
+    rows = [_row(parameter) for parameter in found.params if not getattr(parameter, "hidden", False)]
+    table = "\n".join(["| | | default |", "|---|---|---|", *(row for row in rows if "`--help`" not in row)])
+    more = ["```text\n" + rest.strip("\n") + "\n```"] if rest else []
+    return "\n\n".join([f"## {command.call}", first, *more, table]) + "\n"
+
+
+def _row(parameter: Any) -> str:
+    names = parameter.opts + parameter.secondary_opts if parameter.param_type_name == "option" else [parameter.name]
+    default = parameter.default
+    shown = "" if default is None or callable(default) or default in (False, (), [], "") else f"`{default}`"
+    text = re.sub(r"\\(?=\[)", "", getattr(parameter, "help", "") or "").replace("|", "\\|")
+    return f"| {', '.join(f'`{name}`' for name in names)} | {text} | {'required' if parameter.required else shown} |"

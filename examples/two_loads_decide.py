@@ -1,0 +1,58 @@
+"""A second load tells a foot from its mirror image: `python examples/two_loads_decide.py [FIGURE.png]`.
+
+The foot is linear, so one load leaves the fit undecided. The same foot recorded with 4.5 kg on the knee as well
+is decided: the ratio a = m_S / (m_S + m_F) is another one, and only one foot fits both.
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from linear_foot import BODY_MASS, FOOT
+from matplotlib.figure import Figure
+
+from fasbody.instrument import Instrument
+from fasbody.laboratory import record
+from fasbody.model import load
+from fasbody.recording import Condition, Recording
+from identification.estimate import Settings, fit
+from identification.result import FitResult
+
+LINEAR = dict.fromkeys(("c_12", "c_13", "c_22", "c_23"), 0.0)
+TRUTH = replace(FOOT, c_11=300.0, c_21=600.0, **LINEAR)
+
+
+def recordings(added_mass_kg: float) -> list[Recording]:
+    """Five synthetic recordings, 10 to 50 Hz, with this mass on the knee."""
+    rng, instrument = np.random.default_rng(round(10 * added_mass_kg)), Instrument()
+    foot, made = replace(TRUTH, m_S=TRUTH.m_S + added_mass_kg), []
+    for f in (10.0, 20.0, 30.0, 40.0, 50.0):
+        one = record(foot, instrument.motion(f, 3.0, rng), 2.0, instrument, rng)
+        made.append(replace(one, condition=Condition("1", "midstance", added_mass_kg, BODY_MASS, f)))
+    return made
+
+
+def main(picture: Path = Path("two_loads_decide.png")) -> dict[str, FitResult]:
+    """Fit one load and two, draw both branches of each; return the results."""
+    bare, heavy = recordings(0.0), recordings(4.5)
+    settings = Settings(free=("k_T", "k_F", "c_11", "c_21"), starts=2)
+    foot = load("two_dof").with_values(LINEAR)
+    results = {"one load": fit(bare, foot, settings), "two loads": fit(bare + heavy, foot, settings)}
+    figure = Figure(figsize=(7.5, 3.2), layout="constrained")
+    for ax, (name, result) in zip(figure.subplots(1, 2, sharey=True), results.items(), strict=True):
+        misfit = [branch.chi_square / branch.dof for branch in result.branches]
+        bars = ax.bar([branch.name for branch in result.branches], misfit, width=0.6, color=["#55a868", "0.6"])
+        ax.bar_label(bars, [f"{value:.3g}" for value in misfit], padding=4)
+        ax.axhline(1, color="k", lw=0.8, ls=":")
+        ax.set_title(f"{name}: {result.verdict}", loc="left", fontsize=10)
+        ax.set_yscale("log")
+    figure.axes[0].set_ylabel("chi-square per degree of freedom")
+    figure.axes[0].set_ylim(0.3, 3 * max(b.chi_square / b.dof for r in results.values() for b in r.branches))
+    figure.savefig(picture, dpi=160)
+    return results
+
+
+if __name__ == "__main__":
+    for name, result in main(*map(Path, sys.argv[1:2])).items():
+        print(f"{name}: {result.sentence()}")

@@ -1,0 +1,67 @@
+"""No link inside the project is dead, and the site is built without complaint and without an outside address."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from docs import DOCUMENTS, ROOT, anchors, links, mentioned_files
+
+#: Attributes and functions by which a page loads something; a plain <a href> only leads there.
+LOADS = (
+    r"<(?:script|img|iframe|source|video|audio)\b[^>]*\bsrc=[\"'](https?:)?//",
+    r"<link\b(?![^>]*rel=[\"']?canonical)[^>]*\bhref=[\"']?(https?:)?//",
+    r"url\(\s*[\"']?(https?:)?//",
+    r"@import\s+[\"'](https?:)?//",
+)
+
+
+@pytest.mark.parametrize("file", DOCUMENTS, ids=lambda f: str(f.relative_to(ROOT)))
+def test_links_lead_somewhere(file: Path) -> None:
+    for path, anchor in links(file):
+        target = (file.parent / path).resolve() if path else file
+        assert target.exists(), f"{file.name}: {path} does not exist"
+        assert target.is_relative_to(ROOT)
+        if anchor:
+            assert anchor in anchors(target), f"{file.name}: {path or file.name} has no heading #{anchor}"
+
+
+@pytest.mark.parametrize("file", DOCUMENTS, ids=lambda f: str(f.relative_to(ROOT)))
+def test_files_that_are_mentioned_exist(file: Path) -> None:
+    missing = [path for path in mentioned_files(file) if not (ROOT / path).exists()]
+    assert not missing, f"{file.name} mentions {missing}"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site")
+    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+    done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_site_needs_no_outside_address(site: Path) -> None:
+    pages = [file for kind in ("*.html", "*.css") for file in site.rglob(kind)]
+    assert len(pages) > 30
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        assert not [match[0] for load in LOADS for match in re.finditer(load, text)], page.name
+    assert (site / "search" / "search_index.js").stat().st_size > 100_000
+
+
+def test_site_has_every_document_and_every_module(site: Path) -> None:
+    for file in (ROOT / "docs").glob("*.md"):
+        assert (site / f"{file.stem}.html").is_file(), file.name
+    reference = "".join(page.read_text(encoding="utf-8") for page in site.glob("python_*.html"))
+    for name in ("fasbody.simulate.simulate", "identification.estimate.fit", "fasbody.cell.modal.solve", "mjcf.path"):
+        assert f'id="{name}"' in reference, name
+    assert "python -m identification.fit" in (site / "commands.html").read_text(encoding="utf-8")
+
+
+def test_a_load_from_outside_would_be_found() -> None:
+    for text in ('<script src="https://a.b/c.js">', "<link rel=stylesheet href=https://a.b>", "x{y:url(//a.b/c)}"):
+        assert any(re.search(load, text) for load in LOADS), text
+    assert not any(re.search(load, '<a href="https://a.b">') for load in LOADS)

@@ -1,0 +1,123 @@
+"""Every example runs, draws its figure, and shows what it says."""
+
+from pathlib import Path
+
+import acquire_virtual_bench
+import black_box_order
+import cell_modes
+import edit_the_mjcf
+import fit_a_sweep
+import hysteresis
+import mirror_solution
+import numpy as np
+import pytest
+import shake_the_arch
+import transmissibility_figure
+import two_loads_decide
+
+from fasbody.laboratory import TRUTH
+from fasbody.two_dof import TwoDof
+
+ROOT = Path(__file__).parent.parent
+
+
+@pytest.fixture
+def picture(tmp_path: Path) -> Path:
+    return tmp_path / "figure.png"
+
+
+def drawn(picture: Path) -> bool:
+    return picture.read_bytes().startswith(b"\x89PNG") and picture.stat().st_size > 10_000
+
+
+def test_arch_follows_moves_more_and_falls_behind(picture: Path) -> None:
+    ratios = shake_the_arch.main(picture)
+    assert ratios[20.0] > ratios[8.0] > 1 > ratios[50.0]
+    assert drawn(picture)
+
+
+def test_mirror_is_the_same_at_the_malleolus_only(picture: Path) -> None:
+    apart = list(mirror_solution.main(picture).values())
+    assert apart[0] < 1e-12 and min(apart[1:]) > 0.5
+    assert drawn(picture)
+
+
+def test_foot_bones_follow_the_base_at_low_frequency() -> None:
+    np.testing.assert_allclose(np.abs(mirror_solution.foot_bones(mirror_solution.FOOT)[0]), 1, atol=0.02)
+
+
+def test_second_load_decides(picture: Path) -> None:
+    results = two_loads_decide.main(picture)
+    assert results["one load"].verdict == "undecided" and results["two loads"].verdict == "decided"
+    best = results["two loads"].parameters
+    assert best["k_T_n_per_m"].value == pytest.approx(two_loads_decide.TRUTH.k_T, rel=0.01)
+    assert best["k_F_n_per_m"].value == pytest.approx(two_loads_decide.TRUTH.k_F, rel=0.01)
+    assert drawn(picture)
+
+
+def test_sweep_gives_the_stiffness_back(picture: Path) -> None:
+    result = fit_a_sweep.main(picture)
+    for name in ("k_T", "k_F", "c_11", "c_21"):
+        key = next(key for key in result.parameters if key.startswith(f"{name}_"))
+        assert result.parameters[key].value == pytest.approx(getattr(fit_a_sweep.TRUTH, name), rel=0.02)
+    assert drawn(picture)
+
+
+def test_shoe_lowers_the_resonance(picture: Path) -> None:
+    curves = edit_the_mjcf.main(picture)
+    peak = {name: edit_the_mjcf.FREQUENCIES_HZ[curve.argmax()] for name, curve in curves.items()}
+    assert peak["in a shoe"] < peak["as shipped"]
+    assert drawn(picture)
+
+
+def test_shipped_foot_of_the_shoe_example_is_nearly_the_linear_one() -> None:
+    from fasbody.model import load
+
+    foot = load("two_dof")
+    linear = np.abs(TwoDof.from_values(foot.values()).transmissibility(edit_the_mjcf.FREQUENCIES_HZ))
+    np.testing.assert_allclose(edit_the_mjcf.transmissibility(foot), linear, rtol=0.01)
+
+
+def test_fits_tie_and_responses_do_not(picture: Path) -> None:
+    fits, errors = black_box_order.main(picture)
+    assert np.ptp(fits) < 0.4 and errors.max() > 20 * errors.min()
+    assert drawn(picture)
+
+
+def test_cell_modes_are_those_of_the_fine_mesh(picture: Path) -> None:
+    analysis = cell_modes.main(picture)
+    assert analysis.frequencies_hz[0] == pytest.approx(6405, rel=0.01)  # docs/cell.md, 254,000 unknowns: 6398
+    assert drawn(picture)
+
+
+def test_loops_hold_the_energy_that_the_dampers_take(picture: Path) -> None:
+    """Linear theory for the amplitudes, pi c omega |z|^2 for the energy: within the dampers' nonlinearity."""
+    lost = hysteresis.main(picture)
+    masses = {"m_S": hysteresis.shank_mass(hysteresis.BODY_MASS), "m_F": hysteresis.foot_mass(hysteresis.BODY_MASS)}
+    foot = TwoDof.from_values(TRUTH | masses)
+    A, B, _ = foot.state_space()
+    for f, (ankle, pad) in lost.items():
+        w = 2 * np.pi * f
+        z_1, z_2 = 8.95 * np.linalg.solve(1j * w * np.eye(4) - A, B)[:2]
+        assert ankle == pytest.approx(np.pi * foot.c_11 * w * abs(z_1) ** 2, rel=0.02)
+        assert pad == pytest.approx(np.pi * foot.c_21 * w * abs(z_2) ** 2, rel=0.02)
+    assert drawn(picture)
+
+
+def test_virtual_bench_gives_a_study(picture: Path) -> None:
+    study = acquire_virtual_bench.main(picture, seconds=1.0)
+    assert [recording.condition.frequency_hz for recording in study.recordings] == [15.0, 30.0]
+    assert study.origin == "synthetic"
+    assert drawn(picture)
+
+
+def test_figure_of_loads(picture: Path) -> None:
+    table = transmissibility_figure.main(figure=picture)
+    assert len(table.conditions) == 3
+    assert drawn(picture)
+
+
+def test_gallery_shows_every_example() -> None:
+    gallery = (ROOT / "docs" / "examples.md").read_text()
+    for file in (ROOT / "examples").glob("*.py"):
+        assert f"examples/{file.name}" in gallery, file.name
