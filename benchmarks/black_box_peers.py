@@ -68,7 +68,6 @@ print("RESULT " + json.dumps(out))
 """
 
 
-
 def run(arrays: Mapping[str, np.ndarray], timeout: float) -> dict[str, dict[str, list[float]] | str]:
     """What each peer makes of the data, or why it is left out.
 

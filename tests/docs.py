@@ -73,9 +73,9 @@ def inline_commands(file: Path) -> Iterator[str]:
     """`python -m ...` and `make ...` in running text."""
     text = re.sub(r"^ *```.*?^ *```", "", file.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
     for span in re.findall(r"`([^`]+)`", text):
-        joined = " ".join(span.split())
-        if re.match(r"(\w+=\S* )*((\.venv/bin/)?python -m \w|make \w)", joined):
-            yield joined
+        for joined in " ".join(span.split()).split(" && "):
+            if re.match(r"(\w+=\S* )*((\.venv/bin/)?python -m \w|make \w)", joined):
+                yield joined
 
 
 def links(file: Path) -> Iterator[tuple[str, str]]:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(pretty_exceptions_enable=False, add_completion=False, rich_markup_mode=None)
 
+
 @app.callback(invoke_without_command=True)
 def analyse_cell(
     context: typer.Context,
