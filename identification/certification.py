@@ -9,6 +9,7 @@ from scipy.stats import chi2
 
 from fasbody.exceptions import SimulationError
 from fasbody.parameters import Parameter
+from fasbody.recording import Recording
 from identification.replay import Replay, replay
 from identification.result import Branch, Estimate, identifiability
 from identification.routes import Route
@@ -19,8 +20,8 @@ from identification.space import Space
 _REWEIGH = 2
 #: So many ends of a branch are tried in MuJoCo before it is given up.
 _CANDIDATES = 3
-#: A steady motion that has grown by more does not last.
-_GROWN = 2.0
+#: A steady motion this many times larger than the measured one has left its orbit, which is unstable.
+_GROWN = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,15 +65,15 @@ def _certify(route: Route, name: str, descent: Descent) -> Certified:
     descent = descend(final, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
     starts = [route.initial_states(final, descent, number) for number in range(len(route.recordings))]
     run = replay(route.foot, route.recordings, route.space.values(descent.theta), starts, route.twin, route.threads)
-    if route.chi_square and not all(_lasts(trace) for trace in run.traces):
+    if route.chi_square and not _lasts(run, route.recordings):
         raise SimulationError(f"{route.foot.name}: a periodic motion that a foot would not stay on.")
     return Certified(name, final, descent, descent.cost + final.log_determinant, run)
 
 
-def _lasts(trace: np.ndarray) -> bool:
-    """Whether a motion that began periodic is as large in the end; an unstable one grows out of its rounding errors."""
-    quarter = max(1, trace.size // 4)
-    return bool(np.ptp(trace[-quarter:]) <= _GROWN * np.ptp(trace[:quarter]))
+def _lasts(run: Replay, recordings: Sequence[Recording]) -> bool:
+    """Whether steady motions stay near what was measured, as a descent's end does over one period."""
+    pairs = zip(run.traces, recordings, strict=True)
+    return all(np.ptp(trace) <= _GROWN * np.ptp(recording.malleolus_m_s2) for trace, recording in pairs)
 
 
 def certify_first(route: Route, name: str, candidates: Sequence[Descent]) -> tuple[Certified | None, int]:

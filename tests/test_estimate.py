@@ -7,11 +7,15 @@ import numpy as np
 import oracle
 import pytest
 
-from fasbody.exceptions import RecordingError, SettingError
+from fasbody.exceptions import RecordingError, SettingError, SimulationError
 from fasbody.model import Foot, load
 from fasbody.recording import Condition, Recording
+from identification import certification
+from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.estimate import Settings, fit
 from identification.result import FitResult
+from identification.routes import Route
+from identification.search import Descent
 
 Trial = Callable[..., Recording]
 TRUTH = {name: float(value) for name, value in oracle.TRUTH.items()}
@@ -143,3 +147,35 @@ def test_a_bad_recording_is_refused(foot: Foot, trial: Trial) -> None:
     r = trial(TRUTH, 20.0)
     with pytest.raises(RecordingError, match="malleolus_m_s2 is dead"):
         fit([replace(r, malleolus_m_s2=np.zeros(r.time_s.size))], foot)
+
+
+def unstable_where(monkeypatch: pytest.MonkeyPatch, fails: Callable[[str, Descent], bool]) -> list[Descent]:
+    """Make the motions of some descents' ends not last; returns the list of those that were tried."""
+    tried: list[Descent] = []
+    real = certification._certify
+
+    def certify(route: Route, name: str, descent: Descent) -> certification.Certified:
+        tried.append(descent)
+        if fails(name, descent):
+            raise SimulationError("this motion does not last.")
+        return real(route, name, descent)
+
+    monkeypatch.setattr(certification, "_certify", certify)
+    return tried
+
+
+def test_end_that_does_not_last_gives_way_to_the_next(
+    foot: Foot, light: list[Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual = fit(light, foot, Settings(starts=4))
+    best = usual.best.cost
+    unstable_where(monkeypatch, lambda name, descent: name != usual.best.name)
+    result = fit(light, foot, Settings(starts=4))
+    other = ({STIFF_ANKLE, STIFF_PAD} - {usual.best.name}).pop()
+    assert [b.name for b in result.branches] == [usual.best.name] and result.best.cost == pytest.approx(best, rel=1e-6)
+    assert str(result.verdict) == "not compared" and result.reason.startswith(f"The {other} branch is left out")
+    tried = unstable_where(monkeypatch, lambda name, descent: True)
+    with pytest.raises(SimulationError, match="all unstable over the recordings"):
+        fit(light, foot, Settings(starts=4))
+    costs = [descent.cost for descent in tried]
+    assert len(costs) == len({round(cost, 4) for cost in costs})  # the same end is tried once
