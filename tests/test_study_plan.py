@@ -11,7 +11,8 @@ from fasbody.exceptions import SettingError
 from fasbody.model import Foot
 from fasbody.recording import StudyFolder
 from identification.estimate import Settings
-from identification.study.plan import Filters, Model, Plan
+from identification.study.filters import Filters
+from identification.study.plan import Model, Plan
 
 
 @pytest.fixture(scope="module")
