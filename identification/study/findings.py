@@ -135,7 +135,8 @@ class Findings:
                   "error at the ends [%]", "no stable prediction"]  # fmt: skip
         text = (
             "Each frequency is predicted from the others; medians. The lowest and the highest one are extrapolations "
-            "and stand apart. The chi-square is over the noise of the measurement: one is as good as can be."
+            "and stand apart. The chi-square is over the noise of the measurement alone, so the scatter of a foot from "
+            "trial to trial is in it."
         )
         return Section("Leave one frequency out", [text], Grid(header, rows))
 
@@ -149,9 +150,18 @@ class Findings:
             errors = " / ".join(f"{c['held_out_percent']:.3g}" for c in (linear, bent))
             rows.append([d["mode"], _name(d), f"{linear['aic'] - bent['aic']:.4g}",
                          f"{linear['bic'] - bent['bic']:.4g}", errors, *r["preferred"].values()])  # fmt: skip
-        header = ["mode", "fit", "AIC, linear less bent", "BIC, linear less bent",
-                  "held-out error, linear / bent [%]", "AIC prefers", "BIC prefers", "held-out prefers"]  # fmt: skip
-        text = "Both laws of the dampers were fitted to the same recordings; a positive difference speaks for the bend."
+        header = [
+            "mode",
+            "fit",
+            "AIC less nonlinear's",
+            "BIC less nonlinear's",
+            "held-out error [%], linear / nonlinear",
+        ]
+        header += ["AIC prefers", "BIC prefers", "held-out prefers"]
+        text = (
+            "Both laws of the dampers were fitted to the same recordings. Differences are the linear law's criterion "
+            "less the nonlinear one's: a positive one speaks for the nonlinear law. Errors are linear / nonlinear."
+        )
         return Section("Linear or nonlinear damping", [text, *_more(len(found))], Grid(header, rows))
 
     def _agreement(self) -> Section | None:

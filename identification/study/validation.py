@@ -123,7 +123,7 @@ def leave_one_frequency_out(
     settings = settings or Settings()
     data = [checked(recording) for recording in recordings]
     lines, twin = [Line.of(recording) for recording in data], twin_applies(foot)
-    f = np.array([round(r.condition.frequency_hz or 0.0, 2) for r in data])
+    f = np.array([round(r.condition.frequency_hz or 0.0, 1) for r in data])
     loads = np.array([r.condition.added_mass_kg for r in data])
     if mode not in MODES:
         raise SettingError(f"{unknown('mode', mode, MODES)}.")
