@@ -200,5 +200,6 @@ def sources() -> list[Path]:
     """The files that compute a result; one added to them is one of them until it is said to show only."""
     physics, estimation = (Path(str(package.__file__)).parent for package in (fasbody, identification))
     files = [file for root in (physics, physics / "formats", estimation) for file in sorted(root.glob("*.py"))]
+    files.append(estimation / "blackbox" / "criteria.py")
     own = [file for file in sorted((estimation / "study").glob("*.py")) if file.name not in _SHOWING]
     return [file for file in files if file.name not in _SILENT] + own
