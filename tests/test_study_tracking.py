@@ -172,3 +172,16 @@ def test_a_prior_is_read() -> None:
     ):
         with pytest.raises(SettingError, match=said):
             Prior.read([text])
+
+
+def test_images_that_are_not_exact_decide_nothing() -> None:
+    """At bounds one branch jumps about while the other is smooth: that is no evidence for the smooth one."""
+    rng = np.random.default_rng(2)
+    spoilt = []
+    for fit in fits():
+        ankle, pad = fit.branches
+        jumps = {n: v * float(np.exp(rng.normal(0, 1.5))) for n, v in pad.values.items() if n in CURVES}
+        spoilt.append(replace(fit, branches=(ankle, replace(pad, values={**pad.values, **jumps}))))
+    told = track(spoilt)
+    assert told.overall[STIFF_ANKLE] == pytest.approx(1.0)
+    assert [c.odds for c in told.choices] == pytest.approx([1.0] * len(spoilt))

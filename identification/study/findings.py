@@ -1,7 +1,7 @@
 """What a study's checks found, and the branches tracked over its subjects: for the report, summary.csv and --json."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -40,7 +40,7 @@ class Findings:
     subjects: Sequence[Subject] = ()
     checks: Sequence[Document] = ()
     prior: str = ""
-    more: Sequence[Section] = field(default=())
+    more: Sequence[Section] = ()
 
     @property
     def tracked(self) -> dict[str, str]:
@@ -104,7 +104,7 @@ class Findings:
             high = "open" if r["open_above"] else f"{r['upper']:.4g}"
             wald = " to ".join(f"{x:.4g}" for x in r["wald"])
             note = "; a better fit was met" if r["better"] else ""
-            rows.append([d["mode"], _name(d), " ".join(symbol_and_unit(r["key"])[:1]), f"{r['value']:.4g}",
+            rows.append([d["mode"], _name(d), symbol_and_unit(r["key"])[0], f"{r['value']:.4g}",
                          f"{low} to {high}", wald, "yes" if r["departs"] else "no", r["verdict"] + note])  # fmt: skip
         departs = sum(r["departs"] for _, r in found)
         texts = [

@@ -154,7 +154,8 @@ def _page(
         *((f"section{i}", s.title) for i, s in enumerate(sections, 1)),
     ]
     return environment.get_template("study.html").render(
-        title=title, origin=origin, sections=sections, pictures=inline, limits=LIMITS, day=date.today().isoformat(),
+        title=title, origin=origin, sections=sections, profiled=bool(findings.profiles),
+        pictures=inline, limits=LIMITS, day=date.today().isoformat(),
         subjects=len({d["subject"] for d in documents}),
         recordings=len({file for d in documents for file in d["files"]}),
         contents=[(anchor, name) for anchor, name in contents if anchor != "truth" or len(found)],

@@ -121,6 +121,17 @@ def _check(fits: Sequence[Fit], bones: Sequence[FootBone]) -> None:
 
 
 def _step(a: Fit, i: int, b: Fit, j: int) -> float:
+    """Log probability of two neighbouring branches, the same for their mirror images.
+
+    Exact images change as smoothly as what they mirror. Estimates at bounds or without an error are no exact images,
+    and would decide by that alone: a link may say that two fits belong together, and not which branch they are.
+    """
+    if len(a.branches) == len(b.branches) == 2:
+        return 0.5 * (_smooth(a, i, b, j) + _smooth(a, 1 - i, b, 1 - j))
+    return _smooth(a, i, b, j)
+
+
+def _smooth(a: Fit, i: int, b: Fit, j: int) -> float:
     """Log probability of two neighbouring values, the variance being that of the estimates and of a usual change."""
     p, q = a.branches[i], b.branches[j]
     usual = (PER_KG * (a.added_mass_kg - b.added_mass_kg)) ** 2 + 2 * BETWEEN_TRIALS**2
