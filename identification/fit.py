@@ -11,9 +11,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from fasbody.console import command_line, console, make_folder, print_json, progress_bar, results
-from fasbody.exceptions import InputFileError, SettingError
+from fasbody.exceptions import InputFileError
 from fasbody.model import load
 from fasbody.recording import Recording, Study, read_file, with_masses
+from identification import options
 from identification.estimate import Settings, fit
 from identification.report import write
 from identification.result import FitResult, symbol_and_unit
@@ -55,7 +56,7 @@ def main(
     """
     source, recordings, truth = gather(data or [BUNDLED], body_mass, added_mass)
     settings = Settings(
-        free=_names(free), bounds=dict(_bound(text) for text in bounds or []), starts=starts, seed=seed, domain=domain
+        free=options.names(free), bounds=options.limits(bounds), starts=starts, seed=seed, domain=domain
     )
     foot = load(model)
     folder = out or (None if json_ else Path("results") / _slug(source))
@@ -117,19 +118,6 @@ def _truth(file: Path) -> dict[str, float]:
         }
     except (ValueError, KeyError, TypeError, AttributeError):
         raise InputFileError(file, "is not the truth.json of a synthetic study", "make it anew or delete it") from None
-
-
-def _names(text: str | None) -> tuple[str, ...] | None:
-    return None if text is None else tuple(name.strip() for name in text.split(",") if name.strip())
-
-
-def _bound(text: str) -> tuple[str, tuple[float, float]]:
-    name, _, limits = text.partition("=")
-    try:
-        low, high = (float(part) for part in limits.split(":"))
-    except ValueError:
-        raise SettingError(f"--bounds {text!r} is not NAME=LOWER:UPPER, for example k_F=3e3:1e6.") from None
-    return name.strip(), (low, high)
 
 
 def _slug(text: str) -> str:

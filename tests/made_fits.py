@@ -46,18 +46,19 @@ def plain(
     made = [
         {
             "name": name,
+            "deviance": 10.0 + 2.0 * number,
             "parameters": {
                 key: {"value": v, "std_error": s, "lower": None, "upper": None, "identifiability": word}
                 for key, (v, s, word) in parameters.items()
             },
         }
-        for name, parameters in branches.items()
+        for number, (name, parameters) in enumerate(branches.items())
     ]
     at = {"file": file, "frequency_hz": frequency, "added_mass_kg": load}
     starts = [{"start": str(i), "cost": 10.0 + 5 * i, "branch": made[i % len(made)]["name"]} for i in range(3)]
     result = {
         "branches": made, "fit_percent": 90.0, "recordings": [{**at, "fit_percent": 90.0}], "verdict": "undecided",
-        "starts": starts,
+        "starts": starts, "goodness_of_fit": {"chi_square": 10.0, "dof": 10},
     }  # fmt: skip
     t = 2 * np.pi * np.arange(64) / 64
     parts = {

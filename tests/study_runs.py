@@ -1,5 +1,7 @@
 """Small studies for the tests of identification.study, and the command on them."""
 
+import contextlib
+import io
 import json
 import os
 import subprocess
@@ -7,7 +9,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from fasbody.console import command_line
 from fasbody.virtual_study import Plan, make
+from identification.study.__main__ import app
 
 ROOT = Path(__file__).parent.parent
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200", "OMP_NUM_THREADS": "1"}
@@ -27,7 +33,16 @@ def arguments(study: Path, out: Path, *more: str) -> list[str]:
 
 
 def fitted(study: Path, out: Path, *more: str, expect: int = 0) -> dict[str, Any]:
-    """Run the command to its end: the JSON document, or what it said on stderr if it ends otherwise than with 0."""
+    """Run the command to its end: the JSON document, and what it said on stderr; in this process, which is quicker."""
+    printed, said = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(said), pytest.raises(SystemExit) as ended:
+        command_line(lambda: app(arguments(study, out, "--json", *more)[3:]))
+    assert (ended.value.code or 0) == expect, said.getvalue()
+    return {"said": said.getvalue()} | (json.loads(printed.getvalue()) if expect == 0 else {})
+
+
+def elsewhere(study: Path, out: Path, *more: str, expect: int = 0) -> dict[str, Any]:
+    """The same in a process of its own, which may start others."""
     command = arguments(study, out, "--json", *more)
     done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, check=False)
     assert done.returncode == expect, done.stderr

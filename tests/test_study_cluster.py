@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from study_runs import ENVIRONMENT, arguments, documents, done, fitted, small
+from study_runs import ENVIRONMENT, arguments, documents, done, elsewhere, fitted, small
 
 pytest.importorskip("distributed")
 
@@ -72,7 +72,7 @@ def test_a_killed_worker_loses_nothing(study: Path, serial: dict, scheduler: str
         assert early, f"the study ended before a worker could be killed: {said}"
         assert run.returncode == 0, said
         assert documents(out) == serial
-        again = fitted(study, out, "--scheduler", scheduler)
+        again = elsewhere(study, out, "--scheduler", scheduler)
         assert (again["computed"], done(again)) == (0, 12)
     finally:
         for worker in workers:
@@ -81,14 +81,14 @@ def test_a_killed_worker_loses_nothing(study: Path, serial: dict, scheduler: str
 
 
 def test_local_processes_give_the_same(study: Path, serial: dict, tmp_path: Path) -> None:  # type: ignore[type-arg]
-    fitted(study, tmp_path, "--workers", "2")
+    elsewhere(study, tmp_path, "--workers", "2")
     assert documents(tmp_path) == serial
 
 
 def test_no_scheduler(study: Path, tmp_path: Path) -> None:
-    said = fitted(study, tmp_path, "--scheduler", "tcp://127.0.0.1:9", expect=2)["said"]
+    said = elsewhere(study, tmp_path, "--scheduler", "tcp://127.0.0.1:9", expect=2)["said"]
     assert "no Dask scheduler answers at tcp://127.0.0.1:9" in said and "Traceback" not in said
-    said = fitted(study, tmp_path, "--scheduler", "nonsense://", expect=2)["said"]
+    said = elsewhere(study, tmp_path, "--scheduler", "nonsense://", expect=2)["said"]
     assert "no Dask scheduler answers at nonsense://" in said and "Traceback" not in said
 
 

@@ -1,5 +1,6 @@
 """Jobs and their keys: what is fitted together, and what makes a new key."""
 
+import ast
 import dataclasses
 import os
 from pathlib import Path
@@ -11,7 +12,9 @@ from fasbody.exceptions import SettingError
 from fasbody.model import Foot
 from fasbody.recording import StudyFolder
 from identification.estimate import Settings
-from identification.study.plan import Filters, Model, Plan
+from identification.study import job, plan
+from identification.study.filters import Filters
+from identification.study.plan import Model, Plan
 
 
 @pytest.fixture(scope="module")
@@ -97,3 +100,27 @@ def test_what_cannot_be_meant(study: Path, foot: Foot) -> None:
     for settings, said in ((Settings(starts=0), "starts is 0"), (Settings(domain="tme"), "did you mean 'time'")):
         with pytest.raises(SettingError, match=said):
             Plan(opened, opened.trials, settings, Model.of(foot))
+
+
+def test_all_that_a_job_runs_is_part_of_its_key() -> None:
+    """From job.py along every import: sources of ours that a result may depend on, none of which may be left out."""
+    root = Path(plan.__file__).parents[2]
+    found, waiting = set[Path](), [Path(job.__file__)]
+    while waiting:
+        file = waiting.pop()
+        if file in found:
+            continue
+        found.add(file)
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+                places = [root / f"{name.replace('.', '/')}.py" for name in names]
+                waiting += [place for place in places if place.is_file()]
+    keyed = set(plan.sources())
+    assert {"validation.py", "damping.py", "profile.py", "agreement.py", "levenberg.py"} <= {f.name for f in keyed}
+    own = {file for file in found if file.parent.name == "study"}
+    assert len(own) > 15 and own <= keyed
+    others = {file for file in found - keyed if file.parent.name != "mjcf"}
+    assert {file.name for file in others} <= {"console.py"}  # it prints and writes
+    shown = set(Path(plan.__file__).parent.glob("*.py")) - own
+    assert not shown & keyed, "what no job runs need not make new keys: name it in plan.py"

@@ -2,6 +2,7 @@
 
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ import pytest
 from made_fits import failed, plain
 
 from identification.study import figures, report, summary, tables
+from identification.study.findings import gather
+from identification.study.motion import figures as motion
 from identification.study.truth import LIMITS, Truth
 
 KEYS = {
@@ -41,8 +44,8 @@ def study() -> list[dict[str, Any]]:
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("out")
-    extra = report.Section("Held out", ["Left one frequency out."], tables.Grid(["mode", "fit"], [["trend", "91.5"]]))
-    files = report.write(out, study(), "a small study", "synthetic", TRUTH, [extra])
+    extra = tables.Section("Held out", ["Left one frequency out."], tables.Grid(["mode", "fit"], [["trend", "91.5"]]))
+    files = report.write(out, study(), "a small study", "synthetic", TRUTH, replace(gather(study()), more=[extra]))
     assert files[0] == out / "report.html"
     assert all(file.stat().st_size for file in files)
     return out
@@ -119,17 +122,17 @@ def test_boxes_are_drawn_by_the_thesis_quartiles() -> None:
 
 def test_loops_traces_and_energies_are_drawn_in_their_units() -> None:
     cycles = [d["cycles"][0] for d in study()[:6]]
-    axis = figures.loops(cycles, "synthetic").axes[0]
+    axis = motion.loops(cycles, "synthetic").axes[0]
     assert len(axis.lines) == 3  # a loop a frequency
     x, y = axis.lines[0].get_data()
     assert (x[0], x[-1]) == (1000.0, 1000.0)  # closed, in mm
     assert max(y) == pytest.approx(2.0)
     energy = summary.cycle_table(study())
-    ankle, pad, share, *_ = figures.energies(energy, "synthetic").axes
+    ankle, pad, share, *_ = motion.energies(energy, "synthetic").axes
     assert ankle.containers[0].lines[0].get_ydata() == pytest.approx([2e3 * np.pi] * 3)
     assert pad.containers[1].lines[0].get_ydata() == pytest.approx([6e3 * np.pi] * 3)
     assert share.containers[0].lines[0].get_ydata() == pytest.approx([75.0] * 3)
-    panel = figures.traces(cycles, {cycles[0]["file"]: 87.65}, "synthetic").axes[0]
+    panel = motion.traces(cycles, {cycles[0]["file"]: 87.65}, "synthetic").axes[0]
     assert panel.get_title() == "10 Hz, 0 kg: fit 87.7 %"
     assert panel.lines[0].get_xdata() == pytest.approx([0.0, 1.0])  # 0.1 s of 10 Hz is one period
 

@@ -1,5 +1,6 @@
 """Branches of a subject's fits: exact odds against enumeration, continuity, prior, a sensor on the foot bones."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -9,18 +10,8 @@ from study_cases import NONLINEAR, power_laws
 
 from fasbody.exceptions import SettingError
 from identification.branches import STIFF_ANKLE, STIFF_PAD, mirrored
-from identification.study.tracking import (
-    BETWEEN_TRIALS,
-    CURVES,
-    PER_KG,
-    PER_LOG_FREQUENCY,
-    BranchFit,
-    Fit,
-    FootBone,
-    Prior,
-    foot_response,
-    track,
-)
+from identification.study.evidence import BELIEVED, CURVES, BranchFit, Fit, FootBone, Prior, foot_response
+from identification.study.tracking import BETWEEN_TRIALS, PER_KG, PER_LOG_FREQUENCY, track
 
 MASSES = {"m_S": 3.4, "m_F": 1.0}
 A = 3.4 / 4.4
@@ -141,7 +132,56 @@ def test_documents_are_read() -> None:
 
 
 def test_what_cannot_be_tracked() -> None:
-    with pytest.raises(SettingError, match="one subject at a time"):
-        track(fits() + fits())
+    with pytest.raises(SettingError, match="needs a fit"):
+        track([])
+    with pytest.raises(SettingError, match="valid: up to 12"):
+        track(fits((20.0,), tuple(np.linspace(0, 4.5, 13))))
     with pytest.raises(SettingError, match="has no fit"):
         track(fits(), bones=[FootBone(99.0, 0.0, 1.0, 0.1)])
+
+
+def test_pooled_fits_are_chained_over_the_load() -> None:
+    """No frequency: neighbours differ by their load alone, and the odds are those of that chain."""
+    known = fits((20.0,), (0.0, 2.3, 4.5), lambda f, m: (0.0, 9.0 * (m == 0)))
+    some = [replace(fit, frequency_hz=None) for fit in known]
+    told = track(some)
+    assert [c.likelier for c in told.choices] == [STIFF_ANKLE] * 3
+    assert told.choices[0].odds > told.choices[1].odds > 1
+    assert told.choices[0].frequency_hz is None
+
+
+def test_repeats_at_one_place_add_up() -> None:
+    """Two trials under each load that each say 10 decide what one cannot; a repeat is linked to a repeat."""
+    one = fits((20.0, 30.0), (0.0,), lambda f, m: (0.0, 10.0 if f == 20 else 0.0))
+    once, twice = track(one[:1]), track([one[0], one[0], one[1], one[1]])
+    assert np.log(once.choices[0].odds) == pytest.approx(5.0)
+    assert np.log(twice.choices[0].odds) > 9
+    assert twice.choices[0].branch == STIFF_ANKLE
+    assert once.choices[0].branch == "undecided"
+
+
+def test_a_prior_is_read() -> None:
+    assert Prior.read([]) is None
+    assert Prior.read(["k_T > k_F"]) == Prior({}, BELIEVED)
+    assert Prior.read(["k_T<k_F", "k_F=5e4:2e5"]) == Prior({"k_F": (5e4, 2e5)}, 1 / BELIEVED)
+    for text, said in (
+        ("k_T=k_F", "--prior 'k_T=k_F' is not NAME=LOWER:UPPER"),
+        ("k_X=1:2", "unknown parameter with a prior 'k_X'"),
+        ("c_13=1:2", "unknown parameter with a prior 'c_13'"),
+        ("k_F=2e5:5e4", "give 0 < lower < upper"),
+    ):
+        with pytest.raises(SettingError, match=said):
+            Prior.read([text])
+
+
+def test_images_that_are_not_exact_decide_nothing() -> None:
+    """At bounds one branch jumps about while the other is smooth: that is no evidence for the smooth one."""
+    rng = np.random.default_rng(2)
+    spoilt = []
+    for fit in fits():
+        ankle, pad = fit.branches
+        jumps = {n: v * float(np.exp(rng.normal(0, 1.5))) for n, v in pad.values.items() if n in CURVES}
+        spoilt.append(replace(fit, branches=(ankle, replace(pad, values={**pad.values, **jumps}))))
+    told = track(spoilt)
+    assert told.overall[STIFF_ANKLE] == pytest.approx(1.0)
+    assert [c.odds for c in told.choices] == pytest.approx([1.0] * len(spoilt))

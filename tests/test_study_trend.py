@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,12 +10,13 @@ from scipy.interpolate import CubicSpline
 from scipy.stats import multivariate_normal
 from study_cases import NONLINEAR, power_laws, record, study
 
-from fasbody.exceptions import SettingError
+from fasbody.exceptions import SettingError, SimulationError
 from fasbody.model import Foot
 from identification.estimate import Settings
 from identification.orbits import Twin
 from identification.periodic import Line
 from identification.space import space_of
+from identification.study import trend, trend_search
 from identification.study.curves import CurveSpace, Order, natural_spline
 from identification.study.orders import linear_deviance, orders_for
 from identification.study.scatter import TrendProblem
@@ -190,3 +192,36 @@ def test_what_cannot_be_a_trend(foot: Foot) -> None:
     with pytest.raises(SettingError, match="4 frequencies, 2 loads allow 1 to 4 knots, powers of the load up to 1"):
         curve_space(foot, Order(5, 1, 1))
     assert NONLINEAR["c_12"] == power_laws(10.0, 0.0)["c_12"]
+
+
+def test_an_unstable_branch_is_said_to_be_unstable(foot: Foot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whichever branch MuJoCo refuses, the other is reported with the true reason; if both, the fit fails."""
+    whole, refused = trend._certify, ["stiff ankle"]
+
+    def certify(frame: Any, name: str, state: Any, really: bool) -> Any:
+        if name in refused:
+            raise SimulationError(f"two_dof: {name} became unstable")
+        return whole(frame, name, state, really)
+
+    explored: list[Any] = []
+
+    def explore(*arguments: Any) -> Any:
+        if not explored:
+            explored.append(trend_search.explore_trend(*arguments))
+        return explored[0]
+
+    monkeypatch.setattr(trend, "_certify", certify)
+    monkeypatch.setattr(trend, "explore_trend", explore)
+    monkeypatch.setattr(trend, "grown", lambda frame, states, *_: states)
+    monkeypatch.setattr(trend, "both_ways", lambda frame, states: states)
+    recordings = study(power_laws, (15.0, 30.0), (0.0,), seconds=1.0)
+    settings = Settings(starts=1, threads=1)
+    found = fit_trend(recordings, foot, settings, order=Order(2, 0, 1), scatter=False, certify=False)
+    assert [b.name for b in found.branches] == ["stiff pad"]
+    assert found.verdict == "not compared"
+    assert found.reason.startswith("The stiff ankle branch ends where the foot is unstable in MuJoCo")
+    assert "bounds" not in found.reason
+    assert any(text.startswith("The stiff ankle branch ends") for text in found.warnings)
+    refused.append("stiff pad")
+    with pytest.raises(SimulationError, match="became unstable"):
+        fit_trend(recordings, foot, settings, order=Order(2, 0, 1), scatter=False, certify=False)

@@ -162,8 +162,8 @@ def agreement(
     settings = settings or Settings()
     if results is None:
         results = (
-            fit(recordings, foot, replace(settings, domain="periodic"), advance=advance),
-            fit(recordings, foot, replace(settings, domain="time"), advance=advance),
+            fit(recordings, foot, replace(settings, domain="periodic"), advance=advance, interruptible=False),
+            fit(recordings, foot, replace(settings, domain="time"), advance=advance, interruptible=False),
         )
     steady, timed = results
     name = steady.best.name

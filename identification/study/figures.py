@@ -9,21 +9,19 @@ import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from identification.branches import DECISIVE_ODDS
 from identification.figures import STYLE, label_of, panels
 from identification.study.means import FEWEST, mean_curve
-from identification.study.summary import nominal, quartiles
+from identification.study.summary import quartiles
 
 #: Colour-blind safe, and different in grey: the loads.
 _LOADS = ("#1b1b1b", "#d1495b", "#2e86ab", "#66a182", "#edae49")
-_MARKERS = ("o", "s", "^", "D", "v")
+MARKERS = ("o", "s", "^", "D", "v")
 _VERDICTS = {"identified": "#2e86ab", "weak": "#edae49", "not identifiable": "#c9c9c9"}
-_MODEL, _MEASURED, _TRUTH, _GREY = "#d1495b", "#2b2b2b", "#2e8b57", "#555555"
+MODEL, MEASURED, _TRUTH, _GREY = "#d1495b", "#2b2b2b", "#2e8b57", "#555555"
 #: The constants in the order of Figures 4.18 to 4.25.
 CONSTANTS = ("k_T", "c_11", "c_12", "c_13", "k_F", "c_21", "c_22", "c_23")
 #: Difference in the sum of squares that is none, and that 1000 to 1 odds need.
@@ -42,119 +40,31 @@ def save(figure: Figure, ending: str) -> bytes:
     return out.getvalue()
 
 
-def _styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     """Draw with the reports' style, and leave matplotlib's own as it is."""
 
     @wraps(draw)
-    def styled(*args: Any, **options: Any) -> Figure:
+    def drawn(*args: Any, **options: Any) -> Figure:
         with matplotlib.rc_context({**STYLE, "axes.titlesize": 9, "axes.labelsize": 9, "grid.linewidth": 0.5}):
             return draw(*args, **options)
 
-    return styled
+    return drawn
 
 
-def _colour(load: float, loads: Sequence[float]) -> str:
+def colour_of(load: float, loads: Sequence[float]) -> str:
     return _LOADS[list(loads).index(load) % len(_LOADS)]
 
 
-def _note(figure: Figure, text: str) -> Figure:
+def noted(figure: Figure, text: str) -> Figure:
     figure.supxlabel(text, fontsize=7.5, color=_GREY)
     return figure
 
 
-@_styled
-def traces(cycles: Sequence[Mapping[str, Any]], fits: Mapping[str, float], origin: str) -> Figure:
-    """Figures 4.6 to 4.14: measured and modelled malleolus acceleration of one subject, frequencies by loads.
-
-    Args:
-        cycles: entries of the chosen branch, with traces. fits: file -> fit percentage. origin: of the data.
-    """
-    f, loads = _axis(nominal(c["frequency_hz"]) for c in cycles), _axis(c["added_mass_kg"] for c in cycles)
-    figure, axes = panels(len(f), len(loads), 2.5 * len(loads) + 0.4, 1.25 * len(f) + 0.7, sharex=True, sharey="row")
-    for axis in axes.flat:
-        axis.set_visible(False)
-    for c in cycles:
-        axis = axes[f.index(nominal(c["frequency_hz"])), loads.index(c["added_mass_kg"])]
-        axis.set_visible(True)
-        t = np.array(c["trace"]["time_s"]) * c["frequency_hz"]
-        axis.plot(t, c["trace"]["measured_m_s2"], "o", ms=2.4, mfc="none", mew=0.5, color=_MEASURED, label=origin)
-        axis.plot(t, c["trace"]["model_m_s2"], lw=1.1, color=_MODEL, label="model")
-        fit = f": fit {fits[c['file']]:.1f} %" if c["file"] in fits else ""
-        axis.set_title(f"{nominal(c['frequency_hz']):g} Hz, {c['added_mass_kg']:g} kg{fit}", fontsize=8, pad=3)
-        axis.tick_params(labelsize=7)
-    for axis in axes[-1]:
-        axis.set_xlabel("time [periods]")
-    figure.supylabel("malleolus acceleration [m/s²]", fontsize=9)
-    handles, labels = next(axis for axis in axes.flat if axis.lines).get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper right", ncols=2, fontsize=8, markerscale=2)
-    return figure
-
-
-def _axis(values: Iterable[float]) -> list[float]:
+def distinct(values: Iterable[float]) -> list[float]:
     return sorted(set(values))
 
 
-@_styled
-def loops(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
-    """Figures 4.15 to 4.17: force against displacement of ankle and fat pad, a loop a frequency, a column a load."""
-    loads = _axis(c["added_mass_kg"] for c in cycles)
-    figure, axes = panels(2, len(loads), 2.5 * len(loads) + 1.0, 4.9, sharex="row", sharey="row")
-    f = [nominal(c["frequency_hz"]) for c in cycles]
-    colour = ScalarMappable(Normalize(min(f), max(f)), "viridis_r")
-    for c in sorted(cycles, key=lambda c: c["frequency_hz"]):
-        for row, part in enumerate(("ankle", "fat_pad")):
-            x, F = (np.append(c[part][key], c[part][key][0]) for key in ("displacement_m", "force_n"))
-            axis = axes[row, loads.index(c["added_mass_kg"])]
-            axis.plot(1e3 * x, F, lw=1.1, color=colour.to_rgba(np.array(nominal(c["frequency_hz"]))))
-    for column, load in enumerate(loads):
-        axes[0, column].set_title(f"talocrural joint, {load:g} kg")
-        axes[1, column].set_title(f"fat pad, {load:g} kg")
-        axes[1, column].set_xlabel("relative displacement [mm]")
-    for row in axes:
-        row[0].set_ylabel("force [N]")
-    bar = figure.colorbar(colour, ax=axes, label="frequency [Hz]", shrink=0.7, pad=0.02)
-    bar.set_ticks(_axis(f) if len(set(f)) < 12 else [])
-    return _note(figure, f"model driven by the base of {origin} recordings; area = energy dissipated in one cycle")
-
-
-@_styled
-def energies(table: pd.DataFrame, origin: str) -> Figure:
-    """Energy dissipated in one cycle by ankle and fat pad, and the pad's share: medians and quartiles of the subjects.
-
-    Args:
-        table: `summary.cycle_table`, rows of one mode. origin: of the data.
-    """
-    rows = table[table["chosen"]]
-    loads, count = _axis(rows["added_mass_kg"]), rows["subject"].nunique()
-    share = 100 * rows["fat_pad_j"] / (rows["fat_pad_j"] + rows["ankle_j"])
-    shown = (
-        ("talocrural joint", 1e3 * rows["ankle_j"], "energy a cycle [mJ]"),
-        ("fat pad", 1e3 * rows["fat_pad_j"], ""),
-        ("fat pad's share", share, "share of the whole [%]"),
-    )
-    figure, axes = panels(1, 3, 8.4, 3.0, sharex=True)
-    axes[0, 1].sharey(axes[0, 0])
-    for axis, (title, values, label) in zip(axes[0], shown, strict=True):
-        for i, load in enumerate(loads):
-            at = rows["added_mass_kg"] == load
-            grouped = values[at].groupby(rows.loc[at, "frequency_hz"])
-            low, middle, high = (grouped.quantile(q) for q in (0.25, 0.5, 0.75))
-            shift = 0.5 * (i - (len(loads) - 1) / 2)  # so that the bars do not hide each other
-            axis.errorbar(
-                middle.index + shift, middle, yerr=[middle - low, high - middle], fmt=f"{_MARKERS[i % 5]}-", ms=3.5,
-                lw=1.2, elinewidth=0.8, capsize=1.5, color=_colour(load, loads), label=f"{load:g} kg added",
-            )  # fmt: skip
-        axis.set_title(title)
-        axis.set_xlabel("frequency [Hz]")
-        axis.set_ylabel(label)
-    axes[0, 0].set_yscale("log")
-    axes[0, 2].set_ylim(0, 102)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(loads), fontsize=8)
-    return _note(figure, f"{origin} data, n = {count}; medians and quartiles over subjects")
-
-
-@_styled
+@styled
 def curves(table: pd.DataFrame, origin: str) -> Figure:
     """Figures 4.18 to 4.25: spline-fitted means over frequency by load with 95 % bands, subjects thin.
 
@@ -162,13 +72,13 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
         table: tidy rows of one mode and posture. origin: of the data.
     """
     rows = table[table["chosen"]]
-    loads, count = _axis(rows["added_mass_kg"]), rows["subject"].nunique()
+    loads, count = distinct(rows["added_mass_kg"]), rows["subject"].nunique()
     figure, axes = panels(2, 4, 10.4, 5.4, sharex=True)
     for axis, name in zip(axes.flat, CONSTANTS, strict=True):
         own = rows[rows["parameter"] == name]
         scale = _title(axis, own, name)
         for load in loads:
-            at, colour = own[own["added_mass_kg"] == load], _colour(load, loads)
+            at, colour = own[own["added_mass_kg"] == load], colour_of(load, loads)
             c = mean_curve(at)
             for _, subject in at[~at["outlier"]].groupby("subject"):
                 each = subject.sort_values("frequency_hz")
@@ -179,13 +89,13 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
             axis.plot(true.index, scale * true, lw=1.1, ls=(0, (4, 2)), color=colour)
     for axis in axes[-1]:
         axis.set_xlabel("frequency [Hz]")
-    handles = [Line2D([], [], lw=2, color=_colour(load, loads), label=f"{load:g} kg, mean") for load in loads]
+    handles = [Line2D([], [], lw=2, color=colour_of(load, loads), label=f"{load:g} kg, mean") for load in loads]
     handles.append(Line2D([], [], lw=0.5, color=_GREY, label="subjects"))
     if rows["truth"].notna().any():
         handles.append(Line2D([], [], lw=1.1, ls=(0, (4, 2)), color=_GREY, label="truth, mean"))
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=8.5)
     band = f"bands: 95 % of the mean ({FEWEST} subjects or more)"
-    return _note(figure, f"{origin} data, n = {count}; outliers beyond 1.5 IQR left out; {band}")
+    return noted(figure, f"{origin} data, n = {count}; outliers beyond 1.5 IQR left out; {band}")
 
 
 def _title(axis: Axes, rows: pd.DataFrame, name: str) -> float:
@@ -197,7 +107,7 @@ def _title(axis: Axes, rows: pd.DataFrame, name: str) -> float:
     return scale
 
 
-@_styled
+@styled
 def boxes(table: pd.DataFrame, origin: str) -> Figure:
     """Figures D.1 to D.3: estimates of all subjects by frequency, outliers beyond 1.5 interquartile ranges marked.
 
@@ -205,7 +115,7 @@ def boxes(table: pd.DataFrame, origin: str) -> Figure:
         table: tidy rows of one mode, posture and load. origin: of the data.
     """
     rows = table[table["chosen"] & table["value"].notna()]
-    f = _axis(rows["frequency_hz"].dropna())
+    f = distinct(rows["frequency_hz"].dropna())
     width = 0.55 * min(np.diff(f)) if len(f) > 1 else 1.0
     figure, axes = panels(2, 4, 10.4, 5.2, sharex=True)
     for axis, name in zip(axes.flat, CONSTANTS, strict=True):
@@ -218,17 +128,17 @@ def boxes(table: pd.DataFrame, origin: str) -> Figure:
             patch_artist=True, manage_ticks=False,
             boxprops={"facecolor": "#dbe7ef", "lw": 0.8}, medianprops={"color": "#1b1b1b", "lw": 1.4},
             whiskerprops={"lw": 0.8}, capprops={"lw": 0.8},
-            flierprops={"marker": "o", "ms": 3.2, "mfc": _MODEL, "mec": _MODEL},
+            flierprops={"marker": "o", "ms": 3.2, "mfc": MODEL, "mec": MODEL},
         )  # fmt: skip
         count = int(own["outlier"].sum())
         axis.text(0.98, 0.97, f"{count} outlier{'' if count == 1 else 's'}", transform=axis.transAxes, ha="right",
-                  va="top", fontsize=7, color=_MODEL)  # fmt: skip
+                  va="top", fontsize=7, color=MODEL)  # fmt: skip
         axis.margins(y=0.12)
     for axis in axes[-1]:
         axis.set_xlabel("frequency [Hz]")
         axis.set_xticks(f if len(f) < 12 else f[::2])
     text = "boxes: quartiles as medians of the halves; whiskers: farthest within 1.5 IQR; red: beyond"
-    return _note(figure, f"{origin} data, n = {rows['subject'].nunique()}; {text}")
+    return noted(figure, f"{origin} data, n = {rows['subject'].nunique()}; {text}")
 
 
 def _box(rows: pd.DataFrame, scale: float) -> dict[str, Any]:
@@ -242,7 +152,7 @@ def _box(rows: pd.DataFrame, scale: float) -> dict[str, Any]:
             "whishi": max(inside.max(), high), "fliers": values[rows["outlier"].to_numpy()]}  # fmt: skip
 
 
-@_styled
+@styled
 def waterfall(documents: Sequence[Mapping[str, Any]]) -> Figure:
     """How far every start ended above the best of its fit, best first, one line a fit, by mode."""
     shown = [d for d in documents if d["status"] == "done" and d["result"].get("starts")]
@@ -256,7 +166,7 @@ def waterfall(documents: Sequence[Mapping[str, Any]]) -> Figure:
             order = np.arange(1, above.size + 1)
             axis.plot(order, above, lw=0.5, color="#bbbbbb", zorder=1)
             axis.plot(order[same], above[same], "o", ms=3, color=_LOADS[2], zorder=3)
-            axis.plot(order[~same], above[~same], "^", ms=3.4, color=_MODEL, zorder=2)
+            axis.plot(order[~same], above[~same], "^", ms=3.4, color=MODEL, zorder=2)
         axis.axhline(_TOLD_APART, lw=0.8, ls="--", color=_GREY)
         axis.set_yscale("log")
         axis.set_title(f"{mode}, {len(mine)} fits")
@@ -265,16 +175,16 @@ def waterfall(documents: Sequence[Mapping[str, Any]]) -> Figure:
     axes[0, 0].set_ylabel("sum of squares above the best")
     handles = [
         Line2D([], [], marker="o", ls="", ms=4, color=_LOADS[2], label="branch of the best start"),
-        Line2D([], [], marker="^", ls="", ms=4, color=_MODEL, label="its mirror branch"),
+        Line2D([], [], marker="^", ls="", ms=4, color=MODEL, label="its mirror branch"),
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=2, fontsize=8)
-    return _note(
+    return noted(
         figure,
         f"below the dashed line ({_TOLD_APART:g}) the data do not tell two ends apart; {_SAME:g} or less: the same",
     )
 
 
-@_styled
+@styled
 def verdicts(table: pd.DataFrame) -> Figure:
     """How many estimates of each parameter are identified, weak and not identifiable, by mode."""
     rows = table[table["chosen"]]

@@ -9,8 +9,9 @@ from fasbody.checks import checked
 from fasbody.exceptions import FasError, RecordingError
 from fasbody.recording import Recording
 from identification.estimate import fit
+from identification.study.checks import check
 from identification.study.loops import cycles
-from identification.study.plan import Job, Work
+from identification.study.plan import KINDS, Job, Work
 from identification.study.trend import fit_trend
 
 Document = dict[str, Any]
@@ -23,7 +24,7 @@ def run(work: Work) -> Document:
     try:
         if not work.recordings:
             raise RecordingError(" ".join(left_out) or f"{work.job}: there is no recording.")
-        found = _fitted(work, left_out)
+        found = _done(work, left_out)
         status, error = "done", None
     except FasError as problem:
         found, status, error = {"result": None, "cycles": []}, "failed", str(problem)
@@ -36,18 +37,21 @@ def run(work: Work) -> Document:
 def document(job: Job, status: str, error: str | None, seconds: float, left_out: Sequence[str] = ()) -> Document:
     """What every document says of its job."""
     return {
-        "key": job.key, "mode": job.mode, "subject": job.subject, "posture": job.posture,
+        "key": job.key, "kind": job.kind, "parameter": job.parameter,
+        "mode": job.mode, "subject": job.subject, "posture": job.posture,
         "added_mass_kg": job.added_mass_kg, "frequency_hz": job.frequency_hz, "files": job.files, "origin": job.origin,
         "status": status, "error": error, "left_out": list(left_out), "seconds": seconds, "result": None, "cycles": [],
     }  # fmt: skip
 
 
-def _fitted(work: Work, left_out: list[str]) -> Document:
-    """Result and cycles; of several recordings those that cannot serve are left out, with their sentences."""
+def _done(work: Work, left_out: list[str]) -> Document:
+    """Result and cycles, or what a check found; of several recordings those that cannot serve are left out."""
     foot = work.model.foot()
     recordings = list(work.recordings)
     if len(recordings) > 1:
         recordings = _usable(recordings, left_out)
+    if work.job.kind != KINDS[0]:
+        return {"result": check(work, recordings, foot)}
     fitter = fit_trend if work.job.mode == "trend" else partial(fit, interruptible=False)
     result = fitter(recordings, foot, work.settings, source=str(work.job)).document()
     result["warnings"] += [f"Left out: {sentence}" for sentence in left_out]

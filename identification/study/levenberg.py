@@ -25,9 +25,12 @@ def descend_fast(
     low, high = problem.bounds
     z = np.clip(z0, low, high)
     r, J = problem.residual(z), problem.jacobian(z)
-    cost, damping, count, idle = float(r @ r), 1e-3, 1, 0
-    while count < most and idle < 2:
-        A, g = J.T @ J, J.T @ r
+    cost, damping, count, idle = _cost(r), 1e-3, 1, 0
+    while count < most and idle < 2 and np.isfinite(cost):
+        with np.errstate(over="ignore", invalid="ignore"):
+            A, g = J.T @ J, J.T @ r
+        if not np.isfinite(A).all():  # on the brink of instability sensitivities outgrow all numbers
+            break
         held = ((z <= low) & (g > 0)) | ((z >= high) & (g < 0))
         free = np.flatnonzero(~held)
         A, g = A[np.ix_(free, free)], g[free]
@@ -38,7 +41,7 @@ def descend_fast(
             trial = np.clip(z + step, low, high)
             r_new = problem.residual(trial)
             count += 1
-            new = float(r_new @ r_new)
+            new = _cost(r_new)
             if new < cost:
                 idle = idle + 1 if cost - new < tolerance * cost else 0
                 z, r, J, cost, damping = trial, r_new, problem.jacobian(trial), new, max(1e-9, 0.2 * damping)
@@ -49,5 +52,12 @@ def descend_fast(
                 break
     return Descent(
         label, problem.space.to_theta(z0), problem.space.to_theta(z), z, cost, count, idle >= 2,
-        bool((r == UNSTABLE).all()),
+        not np.isfinite(cost) or bool((r == UNSTABLE).all()),
     )  # fmt: skip
+
+
+def _cost(r: np.ndarray) -> float:
+    """Sum of squares; infinite, and so never an improvement, where a foot on the brink answers beyond all numbers."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = float(r @ r)
+    return total if total == total else np.inf

@@ -2,9 +2,10 @@
 
 import functools
 import hashlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -21,11 +22,16 @@ from identification.routes import DOMAINS
 
 #: Which recordings one fit takes together.
 MODES = ("per-recording", "pooled", "trend")
-#: Our sources that cannot change a fit, and those of this package that can.
-_SILENT = ("console.py", "figures.py", "fit.py", "laboratory.py", "report.py", "virtual_study.py", "virtual_subject.py")
-_COMPUTING = (
-    "curves.py", "cycle.py", "job.py", "levenberg.py", "loops.py", "orders.py", "parts.py", "scatter.py", "trend.py",
-    "trend_result.py", "trend_search.py",
+#: What is done with such a group: the fit itself, or a check of it (checks.py).
+KINDS = ("fit", "profile", "validation", "agreement")
+#: Our sources that cannot change a result: those of the packages, and of this one. All others can.
+_SILENT = (
+    "console.py", "figures.py", "fit.py", "laboratory.py", "options.py", "report.py", "virtual_study.py",
+    "virtual_subject.py",
+)  # fmt: skip
+_SHOWING = (
+    "__init__.py", "__main__.py", "cluster.py", "evidence.py", "figures.py", "filters.py", "findings.py", "means.py",
+    "report.py", "store.py", "summary.py", "tables.py", "tracking.py", "truth.py",
 )  # fmt: skip
 
 
@@ -56,7 +62,7 @@ def _unpacked(model: Model) -> Foot:
 
 @dataclass(frozen=True)
 class Job:
-    """One fit: which trials, and what they have in common (None where they differ)."""
+    """One fit or check: which trials, what they have in common (None where they differ), and the parameter profiled."""
 
     key: str
     mode: str
@@ -66,6 +72,8 @@ class Job:
     frequency_hz: float | None
     origin: str
     trials: tuple[Trial, ...]
+    kind: str = KINDS[0]
+    parameter: str = ""
 
     @property
     def files(self) -> list[str]:
@@ -82,7 +90,7 @@ class Work:
 
     Attributes:
         job: what it is. recordings: as read. model: packed. settings: of the fit.
-        unread: one sentence for each trial that could not be read.
+        unread: one sentence for each trial that could not be read. basis: the fit's document, for a check of it.
     """
 
     job: Job
@@ -90,43 +98,7 @@ class Work:
     model: Model
     settings: Settings
     unread: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Filters:
-    """Which recordings of a study to take; an empty one takes all."""
-
-    subjects: tuple[str, ...] = ()
-    postures: tuple[str, ...] = ()
-    added_masses_kg: tuple[float, ...] = ()
-    frequencies_hz: tuple[float, ...] = ()
-
-    def choose(self, trials: Sequence[Trial]) -> list[Trial]:
-        """The trials that pass.
-
-        Raises:
-            SettingError: a value that no recording has, or nothing passes.
-        """
-        wanted = (
-            ("subject", "subject", self.subjects), ("posture", "posture", self.postures),
-            ("added mass", "added_mass_kg", self.added_masses_kg), ("frequency", "frequency_hz", self.frequencies_hz),
-        )  # fmt: skip
-        chosen = list(trials)
-        for kind, field, values in wanted:
-            there = list(dict.fromkeys(_text(getattr(trial.condition, field)) for trial in trials))
-            for value in values:
-                if _text(value) not in there:
-                    raise SettingError(f"{unknown(kind, _text(value), there)} in this study.")
-            if values:
-                asked = {_text(value) for value in values}
-                chosen = [trial for trial in chosen if _text(getattr(trial.condition, field)) in asked]
-        if not chosen:
-            raise SettingError("no recording of the study passes all the filters together.")
-        return chosen
-
-
-def _text(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    basis: Mapping[str, Any] | None = None
 
 
 class Plan:
@@ -147,30 +119,35 @@ class Plan:
         self.study, self.trials, self.settings, self.model = study, list(trials), settings, model
         self._contents = {trial: content(study, trial) for trial in trials}
 
-    def jobs(self, mode: str) -> list[Job]:
-        """One job a group of recordings that a mode takes together.
+    def jobs(self, mode: str, kind: str = KINDS[0], parameter: str = "") -> list[Job]:
+        """One job a group of recordings that a mode takes together; a validation takes all frequencies of a load.
+
+        Args:
+            mode: see MODES. kind: see KINDS. parameter: whose profile.
 
         Raises:
             SettingError: no such mode.
         """
         if mode not in MODES:
             raise SettingError(f"{unknown('mode', mode, MODES)}.")
-        how = hashlib.sha256("\n".join([mode, _written(self.settings), program()]).encode() + self.model.binary)
+        words = [mode, kind, parameter, _written(self.settings), program()]
+        how = hashlib.sha256("\n".join(words).encode() + self.model.binary)
+        together = "pooled" if kind == "validation" and mode == "per-recording" else mode
         found: dict[str, Job] = {}
-        for group in _groups(self.trials, mode):
+        for group in _groups(self.trials, together):
             contents = [self._contents[trial] for trial in group]
             key = hashlib.sha256("\n".join([how.hexdigest(), *contents]).encode()).hexdigest()[:24]
             condition = group[0].condition
             job = Job(
                 key=key, mode=mode, subject=condition.subject, posture=condition.posture,
                 added_mass_kg=condition.added_mass_kg if mode != "trend" else None,
-                frequency_hz=condition.frequency_hz if mode == "per-recording" else None,
-                origin=self.study.origin, trials=tuple(group),
+                frequency_hz=condition.frequency_hz if together == "per-recording" else None,
+                origin=self.study.origin, trials=tuple(group), kind=kind, parameter=parameter,
             )  # fmt: skip
             found.setdefault(key, job)  # a recording listed twice is fitted once
         return list(found.values())
 
-    def work(self, job: Job) -> Work:
+    def work(self, job: Job, basis: Mapping[str, Any] | None = None) -> Work:
         """A job with its recordings read; those that cannot be are named in it."""
         recordings, unread = [], []
         for trial in job.trials:
@@ -178,7 +155,7 @@ class Plan:
                 recordings.append(self.study.read(trial))
             except FasError as problem:
                 unread.append(str(problem))
-        return Work(job, tuple(recordings), self.model, self.settings, tuple(unread))
+        return Work(job, tuple(recordings), self.model, self.settings, tuple(unread), basis)
 
 
 def _groups(trials: Iterable[Trial], mode: str) -> Iterator[list[Trial]]:
@@ -212,12 +189,17 @@ def _written(settings: Settings) -> str:
 
 @functools.cache
 def program() -> str:
-    """Digest of the sources that compute a fit, which is more than a version says: an edited program makes new keys."""
+    """Digest of the sources that compute a result, which is more than a version says: an edited program, new keys."""
+    digest = hashlib.sha256()
+    for file in sources():
+        digest.update(file.name.encode() + file.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def sources() -> list[Path]:
+    """The files that compute a result; one added to them is one of them until it is said to show only."""
     physics, estimation = (Path(str(package.__file__)).parent for package in (fasbody, identification))
     files = [file for root in (physics, physics / "formats", estimation) for file in sorted(root.glob("*.py"))]
-    files += [estimation / "study" / name for name in _COMPUTING]
-    digest = hashlib.sha256()
-    for file in files:
-        if file.name not in _SILENT and file.is_file():
-            digest.update(file.name.encode() + file.read_bytes())
-    return digest.hexdigest()[:12]
+    files.append(estimation / "blackbox" / "criteria.py")
+    own = [file for file in sorted((estimation / "study").glob("*.py")) if file.name not in _SHOWING]
+    return [file for file in files if file.name not in _SILENT] + own

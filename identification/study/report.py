@@ -1,7 +1,6 @@
 """summary.csv, the figures and report.html of a study, from its fits alone."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import date
 from functools import partial
 from pathlib import Path
@@ -13,7 +12,7 @@ from markupsafe import Markup
 
 from fasbody import console
 from identification.study import summary, tables
-from identification.study.tables import Grid
+from identification.study.findings import Findings, gather
 from identification.study.truth import LIMITS, Truth, recovery
 
 #: The subject whose traces and loops are shown where there is one of that name, as in the thesis.
@@ -28,34 +27,26 @@ _MODES = {
 _TRUSTED = ("trend", "per-recording", "pooled")
 
 
-@dataclass(frozen=True)
-class Section:
-    """What else a study found: a heading, paragraphs, and a table or an inline picture if there is one."""
-
-    title: str
-    texts: Sequence[str]
-    table: Grid | None = None
-    svg: Markup | None = None
-
-
 def write(
     out: Path,
     documents: Sequence[Mapping[str, Any]],
     title: str,
     origin: str,
     truth: Truth | None = None,
-    sections: Sequence[Section] = (),
+    findings: Findings | None = None,
 ) -> list[Path]:
     """Write summary.csv, energy.csv, recovery.csv (with a truth), figures/ and report.html, each whole or not at all.
 
     Args:
         out: folder. documents: the fits. title: of the study. origin: "synthetic", "measured" or what is known of it.
-        truth: of a synthetic study. sections: what else belongs on the page.
+        truth: of a synthetic study. findings: tracked branches and checks; None tracks the branches here.
 
     Returns:
         The files written, the report first.
     """
-    table, energy = summary.tidy(documents, truth), summary.cycle_table(documents)
+    findings = findings or gather(documents)
+    table = summary.tidy(documents, truth, findings.tracked, findings.profiles)
+    energy = summary.cycle_table(documents)
     found = recovery(table) if truth else pd.DataFrame()
     drawn = {name: (draw(), caption) for name, (draw, caption) in pictures(documents, table, energy, origin).items()}
     from identification.study import figures  # late: matplotlib takes a second
@@ -71,7 +62,7 @@ def write(
     files["energy.csv"] = summary.csv(energy).encode()
     if len(found):
         files["recovery.csv"] = summary.csv(found).encode()
-    page = _page(documents, table, energy, found, inline, title=title, origin=origin, sections=sections)
+    page = _page(documents, table, energy, found, inline, title=title, origin=origin, findings=findings)
     written = [console.write_whole(out / name, content) for name, content in files.items()]
     return [console.write_whole(out / "report.html", page), *written]
 
@@ -81,6 +72,7 @@ def pictures(
 ) -> dict[str, tuple[Callable[[], Any], str]]:
     """Name -> (what draws it, caption) of every figure that these fits can fill."""
     from identification.study import figures
+    from identification.study.motion import figures as motion
 
     out: dict[str, tuple[Callable[[], Any], str]] = {}
     if table.empty:
@@ -101,16 +93,16 @@ def pictures(
         said = f"subject {subject}, {mode}, {posture}"
         if place == 0 or mode == "per-recording":
             out[f"traces_{mode}"] = (
-                partial(figures.traces, cycles, fits, origin),
+                partial(motion.traces, cycles, fits, origin),
                 f"Malleolus acceleration, data and model: {said} (in the manner of Figures 4.6 to 4.14).",
             )
             out[f"loops_{mode}"] = (
-                partial(figures.loops, cycles, origin),
+                partial(motion.loops, cycles, origin),
                 f"Force against relative displacement: {said} (in the manner of Figures 4.15 to 4.17).",
             )
             rows = energy[(energy["mode"] == mode) & (energy["posture"] == posture)]
             text = f"Energy dissipated in one cycle, and where: {mode}, {posture}."
-            out[f"energies_{mode}"] = (partial(figures.energies, rows, origin), text)
+            out[f"energies_{mode}"] = (partial(motion.energies, rows, origin), text)
     if any(d["status"] == "done" and d["result"].get("starts") for d in documents):
         out["waterfall"] = (partial(figures.waterfall, documents), "Where every start of every fit ended.")
     return out
@@ -144,14 +136,16 @@ def _page(
     *,
     title: str,
     origin: str,
-    sections: Sequence[Section],
+    findings: Findings,
 ) -> str:
+    sections = findings.sections()
     environment = Environment(
         loader=PackageLoader("identification"), autoescape=select_autoescape(default=True),
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     modes = list(dict.fromkeys(d["mode"] for d in documents))
     failed = [f"Failed ({d['mode']}): {d['error']}" for d in documents if d["status"] == "failed"]
+    failed += [f"Failed ({d['mode']}, {d['kind']}): {d['error']}" for d in findings.checks if d["status"] == "failed"]
     failed += [f"Left out ({d['mode']}): {text}" for d in documents for text in d.get("left_out", ())]
     contents = [("done", "What was done"), ("verdicts", "Verdicts"), ("mirror", "Mirror"), ("truth", "Truth")]
     contents += [("parameters", "Parameters"), ("outliers", "Outliers"), ("traces", "Traces"), ("loops", "Energy")]
@@ -160,7 +154,8 @@ def _page(
         *((f"section{i}", s.title) for i, s in enumerate(sections, 1)),
     ]
     return environment.get_template("study.html").render(
-        title=title, origin=origin, sections=sections, pictures=inline, limits=LIMITS, day=date.today().isoformat(),
+        title=title, origin=origin, sections=sections, profiled=bool(findings.profiles),
+        pictures=inline, limits=LIMITS, day=date.today().isoformat(),
         subjects=len({d["subject"] for d in documents}),
         recordings=len({file for d in documents for file in d["files"]}),
         contents=[(anchor, name) for anchor, name in contents if anchor != "truth" or len(found)],

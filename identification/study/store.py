@@ -17,18 +17,18 @@ _STALE = 3600.0
 
 @dataclass(frozen=True)
 class Store:
-    """The folder `fits` of a study's results."""
+    """The folder `fits` of a study's results, or `checks`."""
 
     folder: Path
 
     @classmethod
-    def open(cls, out: Path) -> "Store":
-        """Make the folder, and clear away what a killed run left half written.
+    def open(cls, out: Path, name: str = "fits") -> "Store":
+        """Make the folder of that name, and clear away what a killed run left half written.
 
         Raises:
             InputFileError: it cannot be made or written.
         """
-        folder = out / "fits"
+        folder = out / name
         make_folder(folder)
         for left in folder.glob(".*.json.*"):
             if time.time() - left.stat().st_mtime > _STALE:

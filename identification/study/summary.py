@@ -15,7 +15,8 @@ from identification.study.truth import Truth
 #: Columns of summary.csv.
 COLUMNS = (
     "mode", "subject", "posture", "added_mass_kg", "frequency_hz", "branch", "chosen", "parameter", "unit", "value",
-    "std_error", "lower", "upper", "verdict", "outlier", "truth", "key",
+    "std_error", "lower", "upper", "verdict", "outlier", "truth", "key", "tracked",
+    "profile_lower", "profile_upper",
 )  # fmt: skip
 #: What the subjects of one box have in common.
 GROUP = ["mode", "posture", "added_mass_kg", "frequency_hz", "parameter"]
@@ -40,15 +41,27 @@ def read_fits(folder: Path) -> list[dict[str, Any]]:
     return documents
 
 
-def tidy(documents: Iterable[Mapping[str, Any]], truth: Truth | None = None) -> pd.DataFrame:
+def tidy(
+    documents: Iterable[Mapping[str, Any]],
+    truth: Truth | None = None,
+    tracked: Mapping[str, str] | None = None,
+    profiles: Mapping[tuple[str, str], Mapping[str, Any]] | None = None,
+) -> pd.DataFrame:
     """The table of summary.csv; failed fits have no row.
 
     Args:
-        documents: fits as `OUT/fits` has them. truth: of a synthetic study.
+        documents: fits as `OUT/fits` has them. truth: of a synthetic study. tracked: key of a fit -> its branch among
+            all of the subject, or "undecided". profiles: (key of a fit, parameter's key) -> profile of its chosen
+            branch, whose verdict replaces that of the standard error, and whose open sides are empty.
     """
-    rows = [row for document in documents if document["status"] == "done" for row in _rows(document, truth)]
+    rows = [
+        row for document in documents if document["status"] == "done" for row in _rows(document, truth, profiles or {})
+    ]
+    for row in rows:
+        row["tracked"] = (tracked or {}).get(row["key"], "")
     table = pd.DataFrame(rows, columns=[c for c in COLUMNS if c != "outlier"])
     numbers = ["added_mass_kg", "frequency_hz", "value", "std_error", "lower", "upper", "truth"]
+    numbers += ["profile_lower", "profile_upper"]
     table[numbers] = table[numbers].astype(float)
     table["chosen"] = table["chosen"].astype(bool)
     table["outlier"] = False
@@ -58,7 +71,9 @@ def tidy(documents: Iterable[Mapping[str, Any]], truth: Truth | None = None) -> 
     return table[list(COLUMNS)]
 
 
-def _rows(document: Mapping[str, Any], truth: Truth | None) -> Iterable[dict[str, Any]]:
+def _rows(
+    document: Mapping[str, Any], truth: Truth | None, profiles: Mapping[tuple[str, str], Mapping[str, Any]]
+) -> Iterable[dict[str, Any]]:
     shared = {name: document[name] for name in ("mode", "subject", "posture", "key")}
     single = {name: document[name] for name in ("frequency_hz", "added_mass_kg")}
     for number, branch in enumerate(document["result"]["branches"]):
@@ -69,10 +84,15 @@ def _rows(document: Mapping[str, Any], truth: Truth | None) -> Iterable[dict[str
             known = truth.of(mode, subject, posture, **at, files=document["files"]) if truth else {}
             for key, e in point["parameters"].items():
                 symbol, unit = symbol_and_unit(key)
+                profile = profiles.get((document["key"], key), {})
+                if profile.get("branch") != branch["name"]:
+                    profile = {}
                 yield {
                     **shared, **at, "branch": branch["name"], "chosen": number == 0, "parameter": symbol, "unit": unit,
                     **{name: e[name] for name in ("value", "std_error", "lower", "upper")},
-                    "verdict": e["identifiability"], "truth": known.get(symbol),
+                    "verdict": profile.get("verdict", e["identifiability"]), "truth": known.get(symbol),
+                    "profile_lower": None if profile.get("open_below") else profile.get("lower"),
+                    "profile_upper": None if profile.get("open_above") else profile.get("upper"),
                 }  # fmt: skip
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from markupsafe import Markup
 
 from identification.study import summary
 
@@ -19,6 +20,16 @@ class Grid:
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True)
+class Section:
+    """What else a study found: a heading, paragraphs, and a table or an inline picture if there is one."""
+
+    title: str
+    texts: Sequence[str]
+    table: Grid | None = None
+    svg: Markup | None = None
 
 
 def short(

@@ -20,88 +20,12 @@ import numpy as np
 from scipy.special import logsumexp
 
 from fasbody.exceptions import SettingError
-from fasbody.two_dof import TwoDof
 from identification.branches import DECISIVE_ODDS
+from identification.study.evidence import CURVES, Fit, FootBone, Prior, log_weight
 
-#: Curves whose continuity counts.
-CURVES = ("k_T", "k_F", "c_11", "c_21")
 #: Change of a constant's logarithm that is usual: for a factor e of frequency, for a kilogram of load, between trials.
 PER_LOG_FREQUENCY, PER_KG, BETWEEN_TRIALS = 1.5, 0.4, 0.1
-#: A value outside a prior's range costs one standard deviation for this change of its logarithm.
-_OUTSIDE = 0.1
 _STATES = 4096
-
-
-@dataclass(frozen=True)
-class BranchFit:
-    """One branch of one fit: named values, their relative standard errors (missing: unknown), -2 log likelihood."""
-
-    name: str
-    values: Mapping[str, float]
-    relative_errors: Mapping[str, float]
-    deviance: float
-
-
-@dataclass(frozen=True)
-class Fit:
-    """One fit of a subject: where it was made, its branches, and the masses on it (a foot-bone channel needs them)."""
-
-    frequency_hz: float
-    added_mass_kg: float
-    branches: tuple[BranchFit, ...]
-    masses: Mapping[str, float] | None = None
-    key: str = ""
-
-    @classmethod
-    def from_document(cls, document: Mapping[str, Any], masses: Mapping[str, float] | None = None) -> "Fit":
-        """From a fit's JSON document with `result`, as a study stores it.
-
-        Where the model misfits, the deviances are scaled by the reduced chi-square as in branches.judge.
-        """
-        result = document["result"]
-        goodness = result["goodness_of_fit"]
-        excess = max(1.0, goodness["chi_square"] / max(1, goodness["dof"]))
-        found = []
-        for branch in result["branches"]:
-            values, errors = {}, {}
-            for key, e in branch["parameters"].items():
-                name = next((n for n in (*CURVES, "c_12", "c_13", "c_22", "c_23") if key.startswith(f"{n}_")), key)
-                values[name] = e["value"]
-                if e["std_error"] is not None and np.isfinite(e["std_error"]) and e["value"]:
-                    errors[name] = abs(e["std_error"] / e["value"])
-            found.append(BranchFit(branch["name"], values, errors, branch["deviance"] / excess))
-        return cls(document["frequency_hz"], document["added_mass_kg"], tuple(found), masses, document.get("key", ""))
-
-
-@dataclass(frozen=True)
-class Prior:
-    """What is believed beforehand.
-
-    Attributes:
-        ranges: name -> (lower, upper) that the constant is believed to lie in. stiff_ankle_odds: of k_T above k_F over
-            the contrary, 1 for none.
-    """
-
-    ranges: Mapping[str, tuple[float, float]] | None = None
-    stiff_ankle_odds: float = 1.0
-
-    def log(self, values: Mapping[str, float]) -> float:
-        """Log prior up to a constant."""
-        total = np.log(self.stiff_ankle_odds) if values["k_T"] > values["k_F"] else 0.0
-        for name, (low, high) in (self.ranges or {}).items():
-            beyond = np.log(values[name] / np.clip(values[name], low, high))
-            total -= 0.5 * (beyond / _OUTSIDE) ** 2
-        return float(total)
-
-
-@dataclass(frozen=True)
-class FootBone:
-    """A second sensor: foot over base acceleration (complex) at a frequency and a load, and the error of each part."""
-
-    frequency_hz: float
-    added_mass_kg: float
-    response: complex
-    std: float
 
 
 @dataclass(frozen=True)
@@ -109,7 +33,7 @@ class Choice:
     """The branch of one fit: its name, or "undecided"; the likelier one; its odds over the others."""
 
     key: str
-    frequency_hz: float
+    frequency_hz: float | None
     added_mass_kg: float
     branch: str
     likelier: str
@@ -137,36 +61,27 @@ class Tracking:
         return self.sentence
 
 
-def foot_response(values: Mapping[str, float], masses: Mapping[str, float], frequency_hz: float) -> complex:
-    """Foot over base acceleration of the linear part of the two-mass foot."""
-    A, B, _ = TwoDof.from_values(
-        {**dict.fromkeys(("c_12", "c_13", "c_22", "c_23"), 0.0), **values, **masses}
-    ).state_space()
-    s = 2j * np.pi * frequency_hz
-    return complex(1 + s**2 * np.linalg.solve(s * np.eye(4) - A, B)[1])  # y2'' = y0'' + z2''
-
-
 def track(fits: Sequence[Fit], *, prior: Prior | None = None, bones: Sequence[FootBone] = ()) -> Tracking:
     """Choose the branches of a subject's fits together.
 
     Args:
-        fits: per recording, or pooled, of one subject and posture; each at a place (frequency, load) of its own.
+        fits: per recording, or pooled (frequency None), of one subject and posture.
         prior: what is believed beforehand. bones: what a second sensor on the foot bones says. A `Recording` has no
             channel for it, so it is given as measured transfer functions; they count for the fit at their place.
 
     Raises:
-        SettingError: two fits at one place, a fit without branches, or a foot-bone measurement without its fit.
+        SettingError: no fit, one without branches, too many at one frequency, or a foot-bone response without its fit.
     """
     _check(fits, bones)
-    alone = [[_alone(fit, b, prior or Prior(), bones) for b in fit.branches] for fit in fits]
+    alone = [[log_weight(fit, b, prior or Prior(), bones) for b in fit.branches] for fit in fits]
     columns: list[list[int]] = []
-    for f in sorted({fit.frequency_hz for fit in fits}):
+    for f in sorted({fit.frequency_hz for fit in fits}, key=lambda f: f or 0.0):
         at = [i for i, fit in enumerate(fits) if fit.frequency_hz == f]
         columns.append(sorted(at, key=lambda i: fits[i].added_mass_kg))
     states = [list(product(*(range(len(fits[i].branches)) for i in column))) for column in columns]
     if max(len(s) for s in states) > _STATES:
         raise SettingError(
-            f"too many loads at one frequency for exact odds ({max(map(len, columns))}; valid: up to 12)."
+            f"too many fits at one frequency for exact odds ({max(map(len, columns))}; valid: up to 12)."
         )
     inside = [_inside(fits, alone, column, choices) for column, choices in zip(columns, states, strict=True)]
     links = [
@@ -192,10 +107,8 @@ def track(fits: Sequence[Fit], *, prior: Prior | None = None, bones: Sequence[Fo
 
 def _check(fits: Sequence[Fit], bones: Sequence[FootBone]) -> None:
     places = [(fit.frequency_hz, fit.added_mass_kg) for fit in fits]
-    if not fits or len(set(places)) < len(places):
-        raise SettingError(
-            "tracking needs one fit for each frequency and load, at least one; give one subject at a time."
-        )
+    if not fits:
+        raise SettingError("tracking needs a fit.")
     if any(not fit.branches for fit in fits):
         raise SettingError("a fit without branches cannot be tracked.")
     for bone in bones:
@@ -207,24 +120,23 @@ def _check(fits: Sequence[Fit], bones: Sequence[FootBone]) -> None:
             raise SettingError("a foot-bone response needs the masses of its fit.")
 
 
-def _alone(fit: Fit, branch: BranchFit, prior: Prior, bones: Sequence[FootBone]) -> float:
-    least = min(b.deviance for b in fit.branches)
-    total = -0.5 * (branch.deviance - least) + prior.log(branch.values)
-    for bone in bones:
-        if (bone.frequency_hz, bone.added_mass_kg) == (fit.frequency_hz, fit.added_mass_kg):
-            error = abs(foot_response(branch.values, fit.masses or {}, bone.frequency_hz) - bone.response)
-            total -= 0.5 * (error / bone.std) ** 2
-    return float(total)
-
-
 def _step(a: Fit, i: int, b: Fit, j: int) -> float:
+    """Log probability of two neighbouring branches, the same for their mirror images.
+
+    Exact images change as smoothly as what they mirror. Estimates at bounds or without an error are no exact images,
+    and would decide by that alone: a link may say that two fits belong together, and not which branch they are.
+    """
+    if len(a.branches) == len(b.branches) == 2:
+        return 0.5 * (_smooth(a, i, b, j) + _smooth(a, 1 - i, b, 1 - j))
+    return _smooth(a, i, b, j)
+
+
+def _smooth(a: Fit, i: int, b: Fit, j: int) -> float:
     """Log probability of two neighbouring values, the variance being that of the estimates and of a usual change."""
     p, q = a.branches[i], b.branches[j]
-    usual = (
-        (PER_LOG_FREQUENCY * np.log(a.frequency_hz / b.frequency_hz)) ** 2
-        + (PER_KG * (a.added_mass_kg - b.added_mass_kg)) ** 2
-        + 2 * BETWEEN_TRIALS**2
-    )
+    usual = (PER_KG * (a.added_mass_kg - b.added_mass_kg)) ** 2 + 2 * BETWEEN_TRIALS**2
+    if a.frequency_hz and b.frequency_hz:
+        usual += (PER_LOG_FREQUENCY * np.log(a.frequency_hz / b.frequency_hz)) ** 2
     total = 0.0
     for name in CURVES:
         if name in p.values and name in q.values and p.values[name] > 0 < q.values[name]:
@@ -249,9 +161,13 @@ def _links(
     fits: Sequence[Fit], left: Sequence[int], a: Sequence[tuple[int, ...]], right: Sequence[int],
     b: Sequence[tuple[int, ...]],
 ) -> np.ndarray:  # fmt: skip
-    """Log weight (states, states) of neighbouring frequencies under the same load."""
-    same = [(m, n) for m, i in enumerate(left) for n, j in enumerate(right)
-            if fits[i].added_mass_kg == fits[j].added_mass_kg]  # fmt: skip
+    """Log weight (states, states) of neighbouring frequencies under the same load; a repeat links to a repeat."""
+
+    def under(column: Sequence[int], load: float) -> list[int]:
+        return [place for place, i in enumerate(column) if fits[i].added_mass_kg == load]
+
+    loads = sorted({fits[i].added_mass_kg for i in left})
+    same = [pair for load in loads for pair in zip(under(left, load), under(right, load), strict=False)]
     return np.array([
         [sum(_step(fits[left[m]], x[m], fits[right[n]], y[n]) for m, n in same) for y in b] for x in a
     ])  # fmt: skip

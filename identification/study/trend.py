@@ -82,20 +82,24 @@ def fit_trend(
     if not why_not:
         states = both_ways(frame, states)
     certified = []
+    unstable: dict[str, SimulationError] = {}
     for number, (name, state) in enumerate(sorted(states.items(), key=lambda item: item[1].deviance)):
         advance("certifying in MuJoCo", number, len(states))
         try:
             certified.append(_certify(frame, name, state, certify))
-        except SimulationError:
-            if not certified:
-                raise
-            warnings.append(f"The {name} branch ends where the foot is unstable; it is not reported.")
+        except SimulationError as problem:
+            unstable[name] = problem
+    if not certified:
+        raise next(iter(unstable.values()))
+    warnings += [f"The {n} branch ends where the foot is unstable in MuJoCo; it is not reported." for n in unstable]
     certified.sort(key=lambda pair: pair[0].deviance)
     branches, runs = [c[0] for c in certified], [c[1] for c in certified]
     best_branch = branches[0]
     verdict = judge([b.name for b in branches], [b.deviance for b in branches], best_branch.chi_square, best_branch.dof)
     if why_not:
         verdict = Verdict("not compared", 0.0, why_not)
+    elif unstable:
+        verdict = Verdict("not compared", 0.0, _lost(next(iter(unstable)), branches[0].name))
     warnings += _advice(best_branch, frame)
     return TrendResult(
         source=source or data[0].file,
@@ -117,6 +121,10 @@ def fit_trend(
         warnings=tuple(dict.fromkeys(warnings)),
         seconds=time.perf_counter() - began,
     )
+
+
+def _lost(name: str, kept: str) -> str:
+    return f"The {name} branch ends where the foot is unstable in MuJoCo, so {kept} was compared with nothing."
 
 
 def _certify(frame: Frame, name: str, state: State, certify: bool) -> tuple[TrendBranch, Replay]:

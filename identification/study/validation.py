@@ -1,4 +1,4 @@
-"""Leave one frequency out, and linear against nonlinear damping: what a model is worth where it was not fitted.
+"""Leave one frequency out: what a model is worth where it was not fitted.
 
 Per recording, a left-out recording is predicted from the estimates at the neighbouring frequencies under the same load;
 pooled, from constants fitted to the other frequencies under that load; trend, from the curves fitted to all recordings
@@ -6,7 +6,7 @@ but those at that frequency. The lowest and the highest frequency are extrapolat
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -26,8 +26,6 @@ from identification.study.heldout import HeldOut, compare, interpolated, predict
 from identification.study.trend import TrendBranch, fit_trend, refit
 
 MODES = ("per-recording", "pooled", "trend")
-#: Constants that bend the dampers' law; without them it is linear.
-NONLINEAR = ("c_12", "c_13", "c_22", "c_23")
 
 
 @dataclass(frozen=True)
@@ -120,12 +118,13 @@ def leave_one_frequency_out(
         branch: trend only: a fit of all recordings to start from; None fits here. advance: for a progress bar.
 
     Raises:
-        SettingError: no such mode, or fewer than three frequencies under some load.
+        SettingError: no such mode, or fewer than three frequencies under some load. SimulationError: no prediction was
+            stable.
     """
     settings = settings or Settings()
     data = [checked(recording) for recording in recordings]
     lines, twin = [Line.of(recording) for recording in data], twin_applies(foot)
-    f = np.array([round(r.condition.frequency_hz or 0.0, 2) for r in data])
+    f = np.array([round(r.condition.frequency_hz or 0.0, 1) for r in data])
     loads = np.array([r.condition.added_mass_kg for r in data])
     if mode not in MODES:
         raise SettingError(f"{unknown('mode', mode, MODES)}.")
@@ -151,7 +150,7 @@ def leave_one_frequency_out(
         for i in range(len(data)):
             others = (loads == loads[i]) & (f != f[i])
             predict(i, space.values(space.to_theta(interpolated(f[i], list(f[others]), list(q[others])))), f[others])
-        return Validation(mode, tuple(rows), tuple(failed))
+        return _validation(mode, rows, failed)
     folds = [(m, at) for m in sorted(set(loads)) for at in sorted(set(f[loads == m]))] if mode == "pooled" else [
         (None, at) for at in sorted(set(f))]  # fmt: skip
     for number, (m, at) in enumerate(folds):
@@ -173,94 +172,10 @@ def leave_one_frequency_out(
             continue
         for place, values in zip(out, feet, strict=True):
             predict(int(place), values, f[used])
+    return _validation(mode, rows, failed)
+
+
+def _validation(mode: str, rows: Sequence[HeldOut], failed: Sequence[str]) -> Validation:
+    if not rows:
+        raise SimulationError(f"none of the {len(failed)} recordings left out had a stable prediction.")
     return Validation(mode, tuple(rows), tuple(failed))
-
-
-@dataclass(frozen=True)
-class Criteria:
-    """How well one law of the dampers does: parameters counted, criteria, and the held-out error."""
-
-    law: str
-    count: int
-    deviance: float
-    aic: float
-    bic: float
-    chi_square: float
-    dof: int
-    held_out_percent: float | None
-    held_out_chi_square: float | None
-
-
-@dataclass(frozen=True)
-class DampingComparison:
-    """Linear against nonlinear damping: the criteria of both, and which of them each criterion prefers."""
-
-    mode: str
-    linear: Criteria
-    nonlinear: Criteria
-
-    def preferred(self, criterion: str) -> str:
-        """The law with the lower "aic", "bic" or "held_out_percent"."""
-        a, b = getattr(self.linear, criterion), getattr(self.nonlinear, criterion)
-        return self.linear.law if a <= b else self.nonlinear.law
-
-    def document(self) -> dict[str, Any]:
-        """As plain data."""
-        criteria = [c for c in ("aic", "bic", "held_out_percent") if getattr(self.linear, c) is not None]
-        return {"mode": self.mode, "linear": asdict(self.linear), "nonlinear": asdict(self.nonlinear),
-                "preferred": {c: self.preferred(c) for c in criteria}}  # fmt: skip
-
-    def __str__(self) -> str:
-        held = self.linear.held_out_percent, self.nonlinear.held_out_percent
-        tail = "" if None in held else f"; held-out error {held[0]:.3g} % linear, {held[1]:.3g} % nonlinear"
-        return (
-            f"{self.mode}: AIC prefers {self.preferred('aic')} damping (difference "
-            f"{self.linear.aic - self.nonlinear.aic:.4g}), BIC {self.preferred('bic')} "
-            f"({self.linear.bic - self.nonlinear.bic:.4g}){tail}."
-        )
-
-
-def compare_damping(
-    recordings: Sequence[Recording], foot: Foot, mode: str = "pooled", settings: Settings | None = None,
-    *, held_out: bool = True,
-) -> DampingComparison:  # fmt: skip
-    """Fit with and without the constants that bend the dampers' law.
-
-    Args:
-        recordings: of one subject in one posture. foot: a model with the dampers of Eq. 4.25. mode: "pooled" (all
-            recordings share constants) or "trend". settings: of the fits. held_out: leave one frequency out too.
-    """
-    settings = settings or Settings()
-    if mode not in ("pooled", "trend"):
-        raise SettingError(f"{unknown('mode', mode, ('pooled', 'trend'))}.")
-    missing = [name for name in NONLINEAR if name not in foot.parameters]
-    if missing:
-        raise SettingError(f"model {foot.name} has no {', '.join(missing)}, so damping cannot be compared.")
-    data = [checked(recording) for recording in recordings]
-    free = settings.free or tuple(n for n in space_of(foot, None, None, False).names)
-    straight = replace(settings, free=tuple(n for n in free if n not in NONLINEAR), bounds={
-        n: b for n, b in (settings.bounds or {}).items() if n not in NONLINEAR} or None)  # fmt: skip
-    flat = foot.with_values(dict.fromkeys(NONLINEAR, 0.0))
-    found = [
-        _criteria(law, data, model, mode, s, held_out)
-        for law, model, s in (("linear", flat, straight), ("nonlinear", foot, settings))
-    ]
-    return DampingComparison(mode, *found)
-
-
-def _criteria(
-    law: str, data: Sequence[Recording], foot: Foot, mode: str, settings: Settings, held_out: bool
-) -> Criteria:
-    if mode == "pooled":
-        fit = quick_fit(data, foot, settings, twin_applies(foot))
-        count, deviance, chi_square, numbers = fit.q.size, fit.deviance, fit.chi_square, fit.numbers
-        branch = None
-    else:
-        branch = fit_trend(data, foot, settings, certify=False).best
-        count = branch.space.size + len(branch.scatter)
-        deviance, chi_square, numbers = branch.deviance, branch.chi_square, branch.dof + branch.space.size
-    errors = leave_one_frequency_out(data, foot, mode, settings, branch=branch) if held_out else None
-    return Criteria(
-        law, count, deviance, deviance + 2 * count, deviance + float(np.log(numbers)) * count, chi_square,
-        max(0, numbers - count), errors.percent if errors else None, errors.chi_square_per_number if errors else None,
-    )  # fmt: skip

@@ -1,0 +1,75 @@
+"""Checks of a study's fits, each one a job of its own: profile, validation, agreement of the two domains."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from fasbody.checks import checked
+from fasbody.exceptions import SettingError, unknown
+from fasbody.model import Foot
+from fasbody.recording import Recording
+from identification.estimate import Settings, settle
+from identification.orbits import twin_applies
+from identification.routes import PeriodicRoute
+from identification.search import descend
+from identification.space import Space, space_of
+from identification.study.agreement import agreement
+from identification.study.damping import NONLINEAR, compare_damping
+from identification.study.plan import KINDS, Work
+from identification.study.profile import profiles
+from identification.study.validation import leave_one_frequency_out
+
+
+def ensure(mode: str, settings: Settings, foot: Foot, profile: Sequence[str], agreement: bool) -> Space:
+    """The space of a study's fits, if its checks can be meant.
+
+    Args:
+        mode: of the fits. settings: of the fits. foot: the model. profile: parameters. agreement: is wanted.
+
+    Raises:
+        SettingError: a parameter that is not estimated or a bound that is none, or a check that a trend does not have.
+    """
+    space = space_of(foot, settings.free, settings.bounds, settings.delay is not False)
+    free = [item.name for item in space.free]
+    for name in profile:
+        if name not in free:
+            raise SettingError(f"{unknown('parameter to profile', name, free)}.")
+    if mode == "trend" and (profile or agreement):
+        wanted = "--profile" if profile else "--agreement"
+        raise SettingError(f"{wanted} checks per-recording and pooled fits; a trend has --validate.")
+    return space
+
+
+def check(work: Work, recordings: Sequence[Recording], foot: Foot) -> dict[str, Any]:
+    """What a check of usable recordings finds, as plain data."""
+    if work.job.kind == KINDS[1]:
+        return _profile(work, recordings, foot)
+    if work.job.kind == KINDS[2]:
+        return _validation(work.job.mode, work.settings, recordings, foot)
+    return agreement(recordings, foot, work.settings).document()
+
+
+def _profile(work: Work, recordings: Sequence[Recording], foot: Foot) -> dict[str, Any]:
+    """Profile of the chosen branch on the twin's residual, which the certified one differs from by rounding."""
+    fit: Mapping[str, Any] = work.basis["result"] if work.basis else {}
+    if fit.get("domain") != "periodic":
+        raise SettingError(f"{work.job}: a profile needs a fit in the steady state, and there is none.")
+    best = fit["branches"][0]
+    values = best["parameters"]
+    space = space_of(foot, work.settings.free, work.settings.bounds, "delay_s" in values)
+    data = [checked(recording) for recording in recordings]
+    route = PeriodicRoute(foot, data, space, twin_applies(foot), work.settings.threads)
+    problem = route.explorer()
+    q = space.to_q(space.theta({item.name: values[item.key]["value"] for item in space.free}))
+    problem, end = settle(route, descend(problem, q, best["name"], tight=True))
+    (found,) = profiles(problem, space, end, max(0, problem.size - end.z.size), (work.job.parameter,))
+    return {"fit": work.basis["key"] if work.basis else "", "branch": best["name"], **found.document()}
+
+
+def _validation(mode: str, settings: Settings, recordings: Sequence[Recording], foot: Foot) -> dict[str, Any]:
+    """Held-out errors, and both laws of damping where all frequencies are fitted together and the law may bend."""
+    free = space_of(foot, settings.free, settings.bounds, delay=False).names
+    if mode == "per-recording" or not set(NONLINEAR) & set(free):
+        return {"held_out": leave_one_frequency_out(recordings, foot, mode, settings).document(), "damping": None}
+    both = compare_damping(recordings, foot, mode, settings)
+    assert both.held_out is not None
+    return {"held_out": both.held_out.document(), "damping": both.document()}

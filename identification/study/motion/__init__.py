@@ -1,0 +1,1 @@
+"""Pictures of single cycles: traces, hysteresis loops and their energies."""
