@@ -8,6 +8,7 @@ from scipy.stats import spearmanr
 from fasbody.subjects import ADDED_MASSES_KG
 from fasbody.virtual_study import FREQUENCIES_HZ
 from identification.study import figures
+from identification.study.motion import figures as motion
 from reproduction.fitted import GROUP, STUDY_COMMAND, chosen, documents, energies, fits, mean_at, table
 from reproduction.row import Check, Outcome, Rows, at_least, at_most, exactly, within
 
@@ -58,7 +59,7 @@ def loops(load: float) -> Outcome:
     more = [float(np.mean(part["fat_pad_j"] > part["ankle_j"])) for part in (best, other)]
     stored = [c for d in documents()[0] for c in d["cycles"] if c["chosen"] and d["added_mass_kg"] == load]
     picture = figures.save(
-        figures.loops(
+        motion.loops(
             [c for d in documents()[0] if d["subject"] == "1" for c in d["cycles"] if c["chosen"]], "synthetic"
         ),
         "svg",

@@ -7,7 +7,8 @@ from fasbody.checks import checked
 from fasbody.exceptions import SettingError, unknown
 from fasbody.model import Foot
 from fasbody.recording import Recording
-from identification.estimate import Settings, settle
+from identification.certification import settle
+from identification.estimate import Settings
 from identification.orbits import twin_applies
 from identification.routes import PeriodicRoute
 from identification.search import descend

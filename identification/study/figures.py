@@ -52,15 +52,18 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
 
 def colour_of(load: float, loads: Sequence[float]) -> str:
+    """The colour of one of the loads [kg]."""
     return _LOADS[list(loads).index(load) % len(_LOADS)]
 
 
 def noted(figure: Figure, text: str) -> Figure:
+    """Write a remark below a figure."""
     figure.supxlabel(text, fontsize=7.5, color=_GREY)
     return figure
 
 
 def distinct(values: Iterable[float]) -> list[float]:
+    """Each value once, ascending."""
     return sorted(set(values))
 
 
