@@ -77,9 +77,9 @@ _REST = 0.5
 #: A shaker rings down after the last frequency: so often is the rest measured at most, for so long [s], until it falls
 #: by less than this share.
 _RESTS, _REST_S, _FALLS = 20, 0.25, 0.05
-#: The level counts for the gain when it is so many times the noise at rest. It is first measured below this share of
-#: the wanted one, and a gain that sinks below this share of its largest is a sensor or an amplifier that clips.
-_HEARD, _FIRST, _LINEAR = 4.0, 0.7, 0.8
+#: The level counts for the gain when it is so many times the noise at rest; a gain that sinks below this share of its
+#: largest is a sensor or an amplifier that clips.
+_HEARD, _LINEAR = 4.0, 0.8
 _SETTLE_S, _SETTLE_PERIODS = 0.2, 4.0
 _MEASURE_S, _MEASURE_PERIODS = 0.2, 5.0
 #: The base must answer to a tenth of the largest voltage with more than this [m/s^2].
@@ -101,6 +101,17 @@ def peak_to_peak(values: np.ndarray, rate_hz: float, frequency_hz: float) -> flo
 
     c, *_ = np.linalg.lstsq(basis(wt), values, rcond=None)
     return float(np.ptp(basis(np.linspace(0, 2 * np.pi, 400)) @ c))
+
+
+def _check_linear(answers: dict[float, float]) -> None:
+    """Raise AcquisitionError if the base rises by less than the amplitude; answers: level [m/s^2] at each one [V]."""
+    gain = max(found / volts for volts, found in answers.items())
+    for volts, found in answers.items():
+        if found < _LINEAR * gain * volts:
+            raise AcquisitionError(
+                f"the base does not follow the amplitude: {found:.3g} m/s^2 peak to peak at {volts:.3g} V, where lower "
+                f"levels let expect {gain * volts:.3g}; does its sensor clip, or the amplifier? Output off."
+            )
 
 
 def _rest(board: Board, settle: bool) -> tuple[float, float]:
@@ -150,7 +161,7 @@ def reach(
     volts = min(max(safety.start_volts, 0.5 * guess_volts), safety.volts)
     generator.sine(frequency_hz, volts)
     generator.on()
-    gain = 0.0  # largest so far [m/s^2 per V]
+    answers: dict[float, float] = {}  # level at each amplitude
     for step in range(1, _STEPS + 1):
         board.collect(max(_SETTLE_S, _SETTLE_PERIODS / frequency_hz))
         values = board.collect(max(_MEASURE_S, _MEASURE_PERIODS / frequency_hz))[:, board.base]
@@ -162,16 +173,12 @@ def reach(
                 f"{1e3 * safety.displacement_m:g} mm; output off."
             )
         if found >= max(_ANSWER, _HEARD * noise):
-            if gain == 0.0 and found > _FIRST * wanted and volts > safety.start_volts:
-                volts = max(safety.start_volts, 0.5 * volts)  # whether the sensor clips shows only from lower levels
+            answers[volts] = found
+            _check_linear(answers)
+            if len(answers) == 1 and volts > safety.start_volts:
+                volts *= 0.5  # whether the sensor clips already shows from a lower level only
                 generator.set_volts(volts)
                 continue
-            gain = max(gain, found / volts)
-            if found < _LINEAR * gain * volts:
-                raise AcquisitionError(
-                    f"the base does not follow the amplitude: {found:.3g} m/s^2 peak to peak at {volts:.3g} V, where "
-                    f"lower levels let expect {gain * volts:.3g}; does its sensor clip, or the amplifier? Output off."
-                )
         if abs(found / wanted - 1) <= TOLERANCE:
             return Level(found, volts, step)
         if found < _ANSWER and volts >= 0.1 * safety.volts:
@@ -184,7 +191,7 @@ def reach(
                 f"{wanted:g} m/s^2 at {frequency_hz:g} Hz would need about {needed:.3g} V, beyond {safety.volts:g} V; "
                 "raise the amplifier's gain or --max-volts."
             )
-        volts = min(needed, safety.growth * volts, safety.volts)
+        volts = min(needed, safety.growth * max([volts, *answers]), safety.volts)
         generator.set_volts(volts)
     raise AcquisitionError(
         f"the base did not settle at {wanted:g} m/s^2 at {frequency_hz:g} Hz ({found:.3g} after {_STEPS} steps)."

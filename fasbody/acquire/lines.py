@@ -6,8 +6,8 @@ For example:
     time_us,base_m_s2,malleolus_m_s2*1531
     1000,0.12,-0.38*53E1
 
-A header whose lines carry a check is believed at once. One without may have been changed by the line, so after the first
-it must come twice before it changes anything.
+A header whose lines carry a check is believed at once. One without may have been changed on its way, so after the
+first it must come twice before it changes anything.
 """
 
 import math
@@ -99,9 +99,8 @@ class LineReader(PieceReader):
 def encode_header(board: str, rate_hz: float, roles: tuple[str, ...], range_m_s2: float) -> bytes:
     """The two lines that a text board prints at its start and every second."""
     columns = ",".join(["time_us", *(f"{role}_m_s2" for role in roles)])
-    return _with_check(f"# fas board={board} rate_hz={rate_hz:g} range_m_s2={range_m_s2:g} crc=1") + _with_check(
-        columns
-    )
+    about = f"# fas board={board} rate_hz={rate_hz:g} range_m_s2={range_m_s2:g} crc=1"
+    return _with_check(about) + _with_check(columns)
 
 
 def encode_line(time_us: int, values: np.ndarray) -> bytes:
