@@ -23,7 +23,7 @@ CONDITION = Condition("16", "midstance", 0.0, BODY_MASS_KG)
 
 def capture_of(
     study: Path, stem: str, wire: bytes, seconds: float | None = None, rate: float = 1000.0,
-    condition: Condition = CONDITION,
+    condition: Condition = CONDITION, started: str | None = None,
 ) -> Path:  # fmt: skip
     """A capture file of a stream of frames, arriving evenly."""
     duration = 16 / rate * wire.count(b"\0") / 2
@@ -31,7 +31,7 @@ def capture_of(
     reader.feed(encode_hello(hello(rate)))
     capture = Capture(study / "captures" / f"{stem}.fascap")
     about = {"seconds": seconds, "preamble": reader.preamble.hex(), "condition": vars(condition), "origin": "measured"}
-    capture.add("M", 0.0, about)
+    capture.add("M", 0.0, about | ({"started_utc": started} if started else {}))
     for start in range(0, len(wire), 500):
         capture.add("B", duration * start / len(wire), wire[start : start + 500])
     capture.close()

@@ -29,6 +29,21 @@ def test_late_frames_are_told_by_how_much(drift: float, first_us: int) -> None:
     assert found[1000] == pytest.approx(0.64, abs=0.012) and found[2000] == pytest.approx(0.3, abs=0.025)
 
 
+@pytest.mark.parametrize("drift", [-4e-3, 4e-3])
+def test_clock_that_is_only_just_accepted_is_not_late_after_a_quarter_of_an_hour(drift: float) -> None:
+    """A recording may be 5000 ppm off; without allowing for it a frame would seem 3.6 s late here."""
+    assert lateness(np.zeros(57_000), drift).max() < 1e-3
+
+
+def test_stamps_that_stand_still_are_told() -> None:
+    judge = Lateness()
+    for n in range(100):
+        judge.of(0, FRAME_S * n)
+        assert judge.still == (FRAME_S * n > 1.0)
+    judge.of(16_000, 2.0)
+    assert not judge.still
+
+
 def test_restarted_board_is_not_late_for_ever() -> None:
     judge = Lateness()
     for n in range(100):

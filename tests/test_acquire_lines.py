@@ -9,12 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fasbody.acquire.decoder import Decoder
+from fasbody.acquire.line import corrupt
 from fasbody.acquire.lines import LONGEST_LINE, LineReader, encode_header, encode_line
 from fasbody.acquire.messages import Block, Damage, Hello
 from fasbody.acquire.timeline import Timeline
 
 DOCS = Path(__file__).parent.parent / "docs" / "acquisition.md"
 HEADER = encode_header("uno", 1000.0, ("base", "malleolus"), 39.2)
+PLAIN = b"# fas board=uno rate_hz=1000 range_m_s2=39.2\ntime_us,base_m_s2,malleolus_m_s2\n"
 
 
 def test_documented_example() -> None:
@@ -53,7 +55,7 @@ def test_any_bytes_are_survived_in_bounded_memory(pieces: list[bytes], known: bo
 @given(st.text("0123456789.,-+eE*ABCDEFinfa_# \t", max_size=80))
 def test_lines_that_look_almost_right_never_fail(text: str) -> None:
     reader = LineReader()
-    reader.feed(HEADER.replace(b" crc=1", b""))
+    assert isinstance(reader.feed(PLAIN)[0], Hello)
     for message in reader.feed(text.encode() + b"\n"):
         assert not isinstance(message, Block) or np.isfinite(message.samples).all()
 
@@ -67,8 +69,45 @@ def test_changed_digit_is_damage_with_a_check_only() -> None:
     assert isinstance(reader.feed(good.split(b"*")[0] + b"\n")[0], Damage)  # crc=1 promises one
     assert isinstance(reader.feed(good)[0], Block)
     plain = LineReader()
-    plain.feed(HEADER.replace(b" crc=1", b""))
+    plain.feed(PLAIN)
     assert isinstance(plain.feed(bad.split(b"*")[0] + b"\n")[0], Block)
+
+
+def test_changed_header_is_believed_when_checked_or_repeated() -> None:
+    reader = LineReader()
+    assert isinstance(reader.feed(PLAIN)[0], Hello)
+    damaged = PLAIN.replace(b"rate_hz=1000", b"rate_hz=1060")
+    assert isinstance(reader.feed(damaged)[0], Damage)
+    assert isinstance(reader.feed(PLAIN)[0], Hello)  # as before, so the other one was damage
+    assert isinstance(reader.feed(damaged)[0], Damage)
+    assert reader.hello is not None and reader.hello.rate_hz == 1000.0
+    (hello,) = reader.feed(damaged)
+    assert isinstance(hello, Hello) and hello.rate_hz == 1060.0 and reader.preamble == damaged
+    checked = encode_header("uno", 500.0, ("base", "malleolus"), 39.2)
+    (hello,) = reader.feed(checked)
+    assert isinstance(hello, Hello) and hello.rate_hz == 500.0
+    assert isinstance(reader.feed(checked.replace(b"rate_hz=500", b"rate_hz=900"))[0], Damage)
+    assert isinstance(reader.feed(checked.replace(b"*", b","))[0], Damage)
+
+
+def test_one_percent_damaged_bytes_change_no_header_and_no_sample() -> None:
+    """200 headers and 20,000 lines; what is accepted is what was sent."""
+    rng = np.random.default_rng(0)
+    reader = LineReader()
+    (first,) = reader.feed(HEADER)
+    accepted = 0
+    for second in range(200):
+        values = rng.normal(0, 5, (100, 2))
+        stamps = [second * 1_000_000 + 1000 * i for i in range(100)]
+        wire = HEADER + b"".join(encode_line(t, v) for t, v in zip(stamps, values, strict=True))
+        sent = dict(zip(stamps, np.round(values, 4), strict=True))
+        for message in reader.feed(corrupt(wire, 0.01, rng)):
+            if isinstance(message, Block):
+                np.testing.assert_allclose(message.samples[0], sent[message.time_us], atol=1e-9)
+                accepted += 1
+            elif isinstance(message, Hello):
+                assert message == first
+    assert accepted > 10_000
 
 
 def test_clock_of_32_bits_runs_over_and_a_missing_line_is_a_gap() -> None:

@@ -110,5 +110,5 @@ def test_short_of_what_was_planned_is_not_listed_until_asked_for(tmp_path: Path)
     assert (tmp_path / "recordings.csv").read_text().count("20hz") == 0 and file.is_file()
     assert convert([file], tmp_path, longest=True).problems == ()
     assert (tmp_path / "recordings.csv").read_text().count("20hz") == 1
-    with pytest.raises(AcquisitionError, match="holds 0 samples"):
+    with pytest.raises(AcquisitionError, match="but no samples; no recording can be made"):
         convert([capture_of(tmp_path, "none", encode_hello(hello()), condition=CONDITION)], tmp_path)

@@ -129,6 +129,33 @@ def test_what_was_really_skipped_shows_through_the_jitter(
         assert len(places) == len(wanted) and np.abs(np.subtract(places, wanted)).max() <= near
 
 
+@pytest.mark.parametrize("at", [1, 2, 3, 5, 397, 398, 399])
+@pytest.mark.parametrize(("n", "missing", "wide"), [(10, 500, 0.0), (1, 3, 0.03), (16, 1, 0.03), (1, 40, 2.0)])
+def test_gap_near_an_end_shows(at: int, n: int, missing: int, wide: float) -> None:
+    jitter = np.random.default_rng(2).uniform(-wide, wide, 400)
+    assert jittered(400, n, jitter, {}).quality().gaps == ()
+    timeline = jittered(400, n, jitter, {at: missing})
+    assert sum(gap.lost_samples for gap in timeline.quality().gaps) == pytest.approx(missing, abs=2 * wide)
+    assert timeline.quality().gaps[0].after_s == pytest.approx((at * n - 1) / 1000, abs=0.01)
+
+
+def test_stamp_that_is_late_alone_is_no_gap_where_others_are_late_too() -> None:
+    jitter = np.zeros(400)
+    jitter[[50, 130, 399]] = 3.0
+    assert jittered(400, 1, jitter, {}).quality().gaps == ()
+
+
+@pytest.mark.parametrize("n", [1, 16])
+def test_stamps_that_do_not_advance_are_a_problem(n: int) -> None:
+    timeline = Timeline(replace(hello(), frame_samples=n))
+    for i in range(400):
+        timeline.add([Block(i, 0, np.zeros((n, 2)), np.zeros(2, int))], 0.001 * n * i)
+    quality = timeline.quality()
+    assert quality.gaps == () and timeline.samples()[0].size == 400 * n
+    (text,) = quality.problems(Limits())
+    assert "time stamps do not advance" in text and quality.remarks(Limits()) == [] and "clock" not in str(quality)
+
+
 def test_damaged_text_lines_are_gaps_of_their_own_however_the_stamps_jitter() -> None:
     """Half of a line is no sample; a damaged heading is none either, which good stamps show."""
     for wide, expected in ((0.02, [1, 1]), (2.0, [1, 1, 1])):

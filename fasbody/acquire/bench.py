@@ -31,6 +31,7 @@ from fasbody.exceptions import AcquisitionError
 RANGE_M_S2 = 39.2
 FRAME_SAMPLES = 16
 _STARTS_WITHIN_S = 60.0
+_FOLDER = "fas_bench_"
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -67,7 +68,7 @@ def board(
         while (wait := due - time.monotonic()) > 0:
             for ready in select.select([listener, sys.stdin], [], [], wait)[0]:
                 if ready is sys.stdin:
-                    return  # whoever started the bench is gone
+                    return _leave(link, cable)
                 order = json.loads(listener.recv(4096))
                 stalled = _fault(order, line, stalled)
                 foot.drive(order)
@@ -92,6 +93,15 @@ def board(
         line.send(corrupt(out, damage, rng) if damage else out)
 
 
+def _leave(*files: Path) -> None:
+    """Whoever started the bench is gone; if it was killed, nobody else clears up."""
+    for file in files:
+        file.unlink(missing_ok=True)
+    if files[0].parent.name.startswith(_FOLDER):
+        with contextlib.suppress(OSError):  # the other process still has something there, or was the last one
+            files[0].parent.rmdir()
+
+
 def _fault(order: dict[str, Any], line: Line, stalled: bool) -> bool:
     """Pull the plug, put it back, or make the firmware hang."""
     fault = order.get("fault")
@@ -113,7 +123,7 @@ def generator(link: Path, cable: Path) -> None:
     while True:
         ready = select.select([line.master, sys.stdin], [], [])[0]
         if sys.stdin in ready:
-            return
+            return _leave(link)
         buffer += line.receive()
         *commands, buffer = buffer[-4096:].split(b"\n")
         for command in commands:
@@ -139,7 +149,7 @@ class Bench:
         self, rate_hz: float = 1000.0, channels: int = 2, bits: int = 16, added_mass_kg: float = 0.0, seed: int = 1,
         damage: float = 0.0,
     ) -> None:  # fmt: skip
-        self._folder = tempfile.TemporaryDirectory(prefix="fas_bench_")
+        self._folder = tempfile.TemporaryDirectory(prefix=_FOLDER, ignore_cleanup_errors=True)
         root = Path(self._folder.name)
         self.board_port, self.generator_port = str(root / "board"), str(root / "generator")
         self._cable = str(root / "cable")

@@ -31,10 +31,11 @@ class Stalled(AcquisitionError):
 
 @dataclass(frozen=True)
 class Watch:
-    """The base must stay within +-peak of its offset [m/s^2]."""
+    """The base must stay within +-peak of its offset [m/s^2]; `looked` is called whenever it was seen to."""
 
     peak: float
     offset: float
+    looked: Callable[[], None] | None = None
 
     def check(self, base: np.ndarray) -> None:
         """Raise AcquisitionError if it does not; base (n,) [m/s^2]."""
@@ -119,9 +120,8 @@ class Board:
                 late = self._lateness.of(block.time_us, arrival.host)
                 if arrival.host - late >= self._since:
                     self._keep(block.samples)
-        for message in messages:
-            if isinstance(message, Block) and self.watch is not None:
-                self.watch.check(message.samples[:, self.base])
+        if self.watch is not None:
+            self._look([message for message in messages if isinstance(message, Block)], self.watch)
         if self.listener is not None:
             self.listener(self)
         if self.watch is not None and time.monotonic() - self._last > BLIND_S:
@@ -135,6 +135,19 @@ class Board:
                 f"{self.reader.port_name}: the board {how} for {self.patience:g} s; check its supply and firmware."
             )
         return messages
+
+    def _look(self, blocks: list[Block], watch: Watch) -> None:
+        """Raise AcquisitionError if the base moves too far, or if a sensor is over range and so hides how far."""
+        for block in blocks:
+            if block.over.any() and self.decoder.hello is not None:
+                roles = [role for role, count in zip(self.decoder.hello.roles, block.over, strict=False) if count]
+                raise AcquisitionError(
+                    f"{', '.join(roles) or 'a sensor'} went over range while the shaker was on; output off. Choose a "
+                    "larger range on the board or a lower acceleration."
+                )
+            watch.check(block.samples[:, self.base])
+        if blocks and watch.looked is not None:
+            watch.looked()
 
     def revive(self) -> None:
         """After a stall: wait for the next sample as long as for a replug.
@@ -187,9 +200,14 @@ class Board:
         deadline = time.monotonic() + 2 * seconds + STALLED_S
         while self._kept < count:
             self.pump()
+            if self._lateness.still:
+                raise AcquisitionError(f"{hello.board}: its time stamps do not advance; see docs/acquisition.md.")
             if time.monotonic() > deadline:
                 got = counted(self._kept, "sample")
-                raise Stalled(f"{hello.board}: {got} in {2 * seconds + STALLED_S:g} s at {hello.rate_hz:g} Hz.")
+                raise Stalled(
+                    f"{hello.board}: {got} in {2 * seconds + STALLED_S:g} s at {hello.rate_hz:g} Hz, by its time "
+                    "stamps; are they as docs/acquisition.md says?"
+                )
         return self.recent()[:count]
 
     def start(self, capture: Capture) -> Timeline:

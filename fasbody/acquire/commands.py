@@ -1,30 +1,29 @@
 """The commands: record a study from a serial accelerometer board, or recover a recording from its capture."""
 
-import signal
+import shlex
 import sys
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
-from types import FrameType
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 
 from fasbody.acquire import folder
 from fasbody.acquire.board import Board
-from fasbody.acquire.capture import read
-from fasbody.acquire.conversion import convert
+from fasbody.acquire.conversion import Converted, convert
 from fasbody.acquire.display import Display
 from fasbody.acquire.generator import Generator
+from fasbody.acquire.interruption import terminated
 from fasbody.acquire.level import Safety
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.port import Unplugged, ports
 from fasbody.acquire.probe import probe, swapped
 from fasbody.acquire.quality import counted
+from fasbody.acquire.recovery import grouped
 from fasbody.acquire.session import Session
-from fasbody.console import console, print_json, results, to_json, write_whole
-from fasbody.exceptions import AcquisitionError, SettingError
+from fasbody.console import console, print_json, results
+from fasbody.exceptions import AcquisitionError, FasError, SettingError
 from fasbody.recording import Condition
 from fasbody.shaker import PEAK_TO_PEAK
 
@@ -83,6 +82,7 @@ def record(
         raise SettingError("give --port (python -m fasbody.acquire --list shows them) or --simulate.")
     if sweep and not (generator or simulate):
         raise SettingError("--sweep needs a function generator: give --generator PORT, or --frequency one by one.")
+    truth: dict[str, Any] | None = None
     if simulate:
         ignored = {"--port": port, "--generator": generator, "--subject": subject, "--body-mass": body_mass}
         given = [name for name, value in ignored.items() if value is not None]
@@ -91,6 +91,7 @@ def record(
         from fasbody.acquire import shaken
 
         subject, body_mass = str(shaken.SUBJECT), shaken.BODY_MASS_KG
+        truth = {"origin": "synthetic", "parameters": shaken.TRUTH, "instrument": {"delay_s": 0.0}}
     subject = subject or "1"
     mass = body_mass if body_mass is not None else folder.body_mass(out, subject)
     if mass is None or not 20 <= mass <= 300:
@@ -104,12 +105,13 @@ def record(
         retries=retries,
         origin="synthetic" if simulate else "measured",
         safety=Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=max_displacement),
+        truth=truth,
     )
     plan.check(generator is not None or simulate)
     with ExitStack() as stack:
-        stack.enter_context(_terminated())
+        stack.enter_context(terminated())
         if simulate:
-            port, generator = _virtual(stack, plan, added_mass)
+            port, generator = _virtual(stack, added_mass)
         assert port is not None
         board, source = _open(stack, port, baud, generator, generator_baud)
         stack.enter_context(Display(board))
@@ -119,7 +121,7 @@ def record(
         print_json({"study": str(out), "recordings": [one.document() for one in made]})
     else:
         good = sum(not one.problems for one in made)
-        text = f"{counted(good, 'recording')} in {out}; next: python -m identification.fit {out}"
+        text = f"{counted(good, 'recording')} in {out}; next: python -m identification.fit {shlex.quote(str(out))}"
         results.print(text, soft_wrap=True, markup=False)
     bad = session.unusable()
     if bad:
@@ -131,31 +133,47 @@ def record(
 
 @app.command()
 def recover(
-    captures: Annotated[list[Path], typer.Argument(help="capture file; two if a disk became full in between")],
+    captures: Annotated[list[Path], typer.Argument(help="capture files, and the rest of one whose disk became full")],
     out: Annotated[Path | None, typer.Option(help="study folder (default: the one around captures/)")] = None,
     longest: Annotated[
         bool, typer.Option("--longest", help="keep only the longest stretch without a gap, however short")
     ] = False,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Make the recording of a capture file, as after a crash.
+    """Make the recording of a capture file, as after a crash; of several captures, one each.
 
-    Example: python -m fasbody.acquire recover study/captures/20hz_0kg.fascap
+    Examples:
+      python -m fasbody.acquire recover study/captures/20hz_0kg.fascap
+
+      python -m fasbody.acquire recover study/captures/*.fascap
     """
-    for file in captures:
-        next(read(file), None)  # refuses what is no capture file, before its place is judged
-    around = captures[0].resolve().parent
-    if out is None and around.name != folder.CAPTURES:
-        raise SettingError(f"{captures[0]} is not in the captures of a study; give --out STUDY.")
-    made = convert(captures, out or around.parent, longest=longest)
+    made: list[Converted] = []
+    bad: list[str] = []
+    hint = "" if longest else "; --longest keeps and lists the longest stretch without a gap"
+    groups = grouped(captures)
+    single = len(groups) == 1
+    for files in groups:
+        around = files[0].resolve().parent
+        try:
+            if out is None and around.name != folder.CAPTURES:
+                raise SettingError(f"{files[0]} is not in the captures of a study; give --out STUDY.")
+            one = convert(files, out or around.parent, longest=longest)
+        except FasError as error:
+            if single:
+                raise
+            bad.append(str(error))
+            continue
+        made.append(one)
+        if not json_:
+            results.print(str(one), soft_wrap=True, markup=False)
+        if one.problems:
+            why = "; ".join(one.problems)
+            bad.append(f"{one.file} is written and not listed in recordings.csv: {why}{hint}.")
     if json_:
-        print_json(made.document())
-    else:
-        results.print(str(made), soft_wrap=True, markup=False)
-    if made.problems:
-        hint = "" if longest else "; --longest keeps and lists the longest stretch without a gap"
-        why = "; ".join(made.problems)
-        raise AcquisitionError(f"{made.file} is written and not listed in recordings.csv: {why}{hint}.")
+        documents = [one.document() for one in made]
+        print_json(documents[0] if single else documents)
+    if bad:
+        raise AcquisitionError(" ".join(bad))
 
 
 def _look(port: str | None, probing: bool, json_: bool) -> None:
@@ -193,14 +211,11 @@ def _open(
         raise
 
 
-def _virtual(stack: ExitStack, plan: Plan, added_mass: float) -> tuple[str, str]:
-    """Start the virtual bench; its truth goes into the study."""
-    from fasbody.acquire import shaken
+def _virtual(stack: ExitStack, added_mass: float) -> tuple[str, str]:
+    """Start the virtual bench."""
     from fasbody.acquire.bench import Bench
 
     bench = stack.enter_context(Bench(added_mass_kg=added_mass))
-    truth = {"origin": "synthetic", "parameters": shaken.TRUTH, "instrument": {"delay_s": 0.0}}
-    write_whole(plan.study / "truth.json", to_json(truth) + "\n")
     return bench.board_port, bench.generator_port
 
 
@@ -216,21 +231,6 @@ def _frequencies(sweep: str | None, frequency: float | None) -> tuple[float | No
     if not (step > 0 and stop >= start and (stop - start) / step <= 1000):
         raise SettingError(f"--sweep {sweep!r} holds no frequencies; START must not exceed STOP, and STEP be positive.")
     return tuple(float(f) for f in np.arange(start, stop + 1e-9 * step, step))
-
-
-@contextmanager
-def _terminated() -> Iterator[None]:
-    """Let SIGTERM and a closed terminal end the session like Ctrl-C, so that every output is switched off."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    before = {number: signal.signal(number, stop) for number in (signal.SIGTERM, signal.SIGHUP)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def run() -> None:

@@ -54,13 +54,17 @@ def replay(files: Sequence[Path]) -> tuple[dict[str, Any], Timeline, list[dict[s
     """What a capture holds: its plan, its samples on a timeline, and its events.
 
     Raises:
-        InputFileError: no capture file, or one without a plan and a hello.
+        InputFileError: no capture file, one without a plan and a hello, one given twice, or two recordings.
     """
     about: dict[str, Any] = {}
     events: list[dict[str, Any]] = []
     decoder, timeline = Decoder(), None
-    for file in files:
+    if len({file.resolve() for file in files}) < len(files):
+        raise InputFileError(files[0], "is given twice", "name each capture file once")
+    for number, file in enumerate(files):
         records = list(capture.read(file))
+        if number and any(record.kind == "M" for record in records):
+            raise InputFileError(file, f"is a recording of its own, not the rest of {files[0]}", "convert it by itself")
         whole = sum(len(record.content) + capture.AROUND for record in records)
         lost = file.stat().st_size - len(capture.MAGIC) - whole
         if lost:
@@ -96,6 +100,8 @@ def convert(
     Lost samples have no row in the CSV: its time column jumps there, the JSON lists the gaps, and identification
     refuses the file. Nothing is interpolated. Nor is a recording listed that is shorter than planned.
 
+    A recording of the same name that another capture gave stays: this one gets a number.
+
     Args:
         files: the capture file, and the one that took over when a disk was full. study: folder, made if needed.
         limits: what is acceptable. longest: keep only the longest stretch without a gap, however
@@ -112,13 +118,16 @@ def convert(
     index, values = timeline.samples()
     wanted = round(float(about.get("seconds", np.inf)) * hello.rate_hz) if about.get("seconds") else None
     kept = index < wanted if wanted else np.ones(index.size, bool)
+    if about:
+        folder.check_origin(study, str(about.get("origin", "measured")))
     quality = timeline.quality(wanted)
     if longest and index.size:
         kept &= _longest(index)
         quality = replace(quality, gaps=())
     index, values = index[kept], values[kept]
     if index.size < 2:
-        raise AcquisitionError(f"{files[0]}: holds {index.size} samples, too few for a recording.")
+        many = "one sample" if index.size else "no samples"
+        raise AcquisitionError(f"{files[0]}: the board's description is there, but {many}; no recording can be made.")
     condition = _condition(about)
     recording = _recording(index - index[0], values, hello, condition, about)
     problems, remarks = quality.problems(limits), quality.remarks(limits)
@@ -140,7 +149,7 @@ def convert(
         remarks += [f"ended early: {stopped.rstrip('.')}"] if stopped else []
     if longest:
         remarks.append("the longest stretch without a gap")
-    stem = files[0].name.removesuffix(capture.SUFFIX)
+    stem = folder.stem_of(study, files[0], about.get("started_utc"))
     file = study / folder.RECORDINGS / f"{stem}.csv"
     recording.write(file)
     made = Converted(file, recording, quality, tuple(problems), tuple(remarks))

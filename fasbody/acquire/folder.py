@@ -6,15 +6,16 @@ import json
 import math
 import tempfile
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from fasbody.acquire.capture import SUFFIX
-from fasbody.console import write_whole
+from fasbody.console import to_json, write_whole
 from fasbody.exceptions import InputFileError
 from fasbody.recording import Condition
 
-CAPTURES, RECORDINGS = "captures", "recordings"
+CAPTURES, RECORDINGS, TRUTH = "captures", "recordings", "truth.json"
 
 
 def free_stem(study: Path, stem: str) -> str:
@@ -24,6 +25,71 @@ def free_stem(study: Path, stem: str) -> str:
         number += 1
         name = f"{stem}_{number}"
     return name
+
+
+def stem_of(study: Path, capture: Path, started: str | None) -> str:
+    """Name for the recording of a capture: the one it has already, else the first that is nobody else's.
+
+    Args:
+        capture: its file. started: when it began, by its first record; tells two captures of one name apart.
+    """
+    base = capture.name.removesuffix(SUFFIX)
+    number, name = 1, base
+    while True:
+        table, origin = study / RECORDINGS / f"{name}.csv", study / CAPTURES / f"{name}{SUFFIX}"
+        if table.exists():
+            mine = _made_from(table.with_suffix(".json"), study, capture, started)
+        else:
+            mine = not origin.exists() or origin.resolve() == capture.resolve()
+        if mine:
+            return name
+        number += 1
+        name = f"{base}_{number}"
+
+
+def _made_from(file: Path, study: Path, capture: Path, started: str | None) -> bool:
+    """Whether a recording's JSON says that it was made from this capture."""
+    try:
+        details = json.loads(file.read_text())
+        first, began = details["captures"][0], details.get("started_utc")
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return False
+    if began is not None or started is not None:
+        return bool(began == started)
+    return (study / str(first)).resolve() == capture.resolve()
+
+
+def check_folder(study: Path) -> None:
+    """Refuse a file where the study should be.
+
+    Raises:
+        InputFileError: it is one.
+    """
+    if study.exists() and not study.is_dir():
+        raise InputFileError(study, "is a file where the study cannot be written", "name a folder")
+
+
+def check_truth(study: Path, truth: Mapping[str, Any]) -> None:
+    """Refuse a synthetic study of another truth.
+
+    Raises:
+        InputFileError: it has one already, which differs.
+    """
+    file = study / TRUTH
+    if not file.is_file():
+        return
+    try:
+        same = json.loads(file.read_text()) == json.loads(to_json(truth))
+    except (OSError, ValueError):
+        same = False
+    if not same:
+        raise InputFileError(file, "is the truth of another study than the virtual bench's", "name another folder")
+
+
+def enter_truth(study: Path, truth: Mapping[str, Any]) -> None:
+    """Write the truth of a synthetic study."""
+    check_truth(study, truth)
+    write_whole(study / TRUTH, to_json(truth) + "\n")
 
 
 def check_writable(study: Path) -> None:

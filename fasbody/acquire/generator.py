@@ -1,11 +1,13 @@
 """A function generator that speaks SCPI over a serial line, and the certainty that its output ends up off."""
 
 import contextlib
+import os
 import subprocess
 import sys
 import time
 from types import TracebackType
 
+from fasbody.acquire.guard import ALIVE, DONE, OFF
 from fasbody.acquire.port import Port
 from fasbody.acquire.probe import is_identity
 from fasbody.console import console
@@ -13,16 +15,24 @@ from fasbody.exceptions import AcquisitionError
 
 #: Longest wait for an answer [s].
 _ANSWER_S = 1.0
+#: And to the first question after *RST, which may take longer.
+_RESET_S = 5.0
+#: The guard hears of a living driver so often [s].
+_BEAT_S = 0.2
 _LONGEST_ANSWER = 4096
 #: Steps and length of the ramp down [s].
 _RAMP_STEPS, _RAMP_S = 5, 0.2
+
+
+class Refused(AcquisitionError):
+    """The instrument reports an error."""
 
 
 class Generator:
     """A sine generator with its output off unless this object is in use.
 
     Leaving the `with` block switches the output off, whatever the reason. A small second process does the same should
-    this one be killed (guard.py).
+    this one be killed or stopped (guard.py): while the output is on, whoever watches the base must call `alive`.
 
     Args:
         name: port. baud: its rate. guard: start the second process.
@@ -38,6 +48,7 @@ class Generator:
         self.is_on = False
         self.identity = ""
         self._guard: subprocess.Popen[bytes] | None = None
+        self._beat = 0.0
         try:
             self.port.write(b"\n*CLS\n")
             identity = self.query("*IDN?")
@@ -46,12 +57,15 @@ class Generator:
             self.identity = identity
             if guard:
                 self._guard = subprocess.Popen(
-                    [sys.executable, "-m", "fasbody.acquire.guard", name, str(baud)],
-                    stdin=subprocess.PIPE, start_new_session=True,
+                    [sys.executable, "-m", "fasbody.acquire.guard", name, str(baud), str(self.port.fileno())],
+                    stdin=subprocess.PIPE, bufsize=0, start_new_session=True, pass_fds=[self.port.fileno()],
                 )  # fmt: skip
+                assert self._guard.stdin is not None
+                os.set_blocking(self._guard.stdin.fileno(), False)
             self.off()
-        except BaseException:
-            self.close()
+            self._reset()
+        except BaseException as error:
+            self.close(error)
             raise
 
     def __enter__(self) -> "Generator":
@@ -60,41 +74,80 @@ class Generator:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        self.close(error)
 
-    def query(self, command: str) -> str:
-        """Answer to a query.
+    def alive(self) -> None:
+        """Tell the guard that the base is watched.
+
+        Raises:
+            AcquisitionError: the guard has died, or has switched the output off because it heard nothing for too long.
+        """
+        now = time.monotonic()
+        if self.is_on and now - self._beat > _BEAT_S:
+            self._beat = now
+            self._tell_guard(ALIVE)
+
+    def _tell_guard(self, word: bytes) -> None:
+        if self._guard is None or self._guard.stdin is None:
+            return
+        try:
+            if self._guard.poll() is not None:
+                raise BrokenPipeError
+            with contextlib.suppress(BlockingIOError):  # it has plenty to read
+                self._guard.stdin.write(word)
+        except OSError:
+            raise AcquisitionError(
+                "the guard that switches the output off after a crash has done so, or has died; start again."
+            ) from None
+
+    def query(self, command: str, patience: float = _ANSWER_S) -> str:
+        """Answer to a query, waited for so long [s].
 
         Raises:
             AcquisitionError: no answer.
         """
         self.port.read()  # a late answer to something earlier is none to this
         self.port.write(command.encode() + b"\n")
-        answer, deadline = b"", time.monotonic() + _ANSWER_S
+        answer, deadline = b"", time.monotonic() + patience
         while b"\n" not in answer and len(answer) < _LONGEST_ANSWER:
             if time.monotonic() > deadline:
                 raise AcquisitionError(
-                    f"{self.port.name}: no answer to {command} within {_ANSWER_S:g} s; is it an SCPI generator, "
+                    f"{self.port.name}: no answer to {command} within {patience:g} s; is it an SCPI generator, "
                     f"switched on, at {self.port.baud} baud?"
                 )
             answer += self.port.read()
         return answer.split(b"\n")[0].strip().decode("ascii", "replace")
 
-    def command(self, command: str) -> None:
-        """Send a command, and read the instrument's error queue.
+    def command(self, command: str, patience: float = _ANSWER_S) -> None:
+        """Send a command, and read the instrument's error queue; each answer is waited for so long [s].
 
         Raises:
-            AcquisitionError: the instrument reports an error.
+            Refused: the instrument reports an error. AcquisitionError: it does not answer.
         """
+        self.alive()
         self.port.write(command.encode() + b"\n")
         errors = []
         for _ in range(20):
-            answer = self.query("SYST:ERR?")
+            answer = self.query("SYST:ERR?", patience)
             if answer.lstrip("+").startswith("0"):
                 break
             errors.append(answer)
         if errors:
-            raise AcquisitionError(f"{self.identity}: {command} is refused ({'; '.join(errors)}).")
+            raise Refused(f"{self.identity}: {command} is refused ({'; '.join(errors)}).")
+
+    def _reset(self) -> None:
+        """Clear what an earlier user left: offset, burst, sweep, modulation."""
+        cleared = False
+        for command in ("*RST", "VOLT:OFFS 0"):
+            with contextlib.suppress(Refused):
+                self.command(command, _RESET_S)
+                cleared = True
+        if not cleared:
+            console.print(
+                f"{self.identity} knows neither *RST nor VOLT:OFFS: see that its offset is 0, and burst, sweep and "
+                "modulation are off.", soft_wrap=True, markup=False,
+            )  # fmt: skip
+        self.off()  # some switch it on at a reset
 
     def sine(self, frequency_hz: float, volts: float) -> None:
         """Set a sine: frequency [Hz], amplitude [V peak to peak]; the output stays as it is."""
@@ -115,9 +168,8 @@ class Generator:
         Raises:
             AcquisitionError: the instrument refuses, or the guard has died.
         """
-        if self._guard is not None and self._guard.poll() is not None:
-            raise AcquisitionError("the guard that would switch the output off after a crash has died; start again.")
         self.is_on = True  # before the command: if in doubt, it is on
+        self._beat = 0.0
         self.command("OUTP ON")
 
     def ramp_down(self) -> None:
@@ -138,26 +190,30 @@ class Generator:
         for _ in range(3):
             with contextlib.suppress(AcquisitionError):
                 self.port.write(b"\nOUTP OFF\n")
-                if self.query("OUTP?") in ("0", "OFF"):
+                if self.query("OUTP?").lstrip("+") in ("0", "OFF"):
                     self.is_on = False
+                    with contextlib.suppress(AcquisitionError):
+                        self._tell_guard(OFF)
                     return
         raise AcquisitionError(
             f"{self.port.name}: the generator does not confirm OUTP OFF; switch the amplifier off by hand."
         )
 
-    def close(self) -> None:
-        """Output off, guard dismissed, port closed."""
+    def close(self, reason: BaseException | None = None) -> None:
+        """Output off, guard dismissed, port closed; what `reason` says already is not said again."""
         try:
             if self.identity:  # otherwise nothing was ever told to it
                 self.off()
         except AcquisitionError as error:
-            console.print(f"[bold red]{error}[/]", soft_wrap=True)
+            if str(error) != str(reason):
+                console.print(f"[bold red]{error}[/]", soft_wrap=True)
         finally:
             self.port.close()
             if self._guard is not None and self._guard.stdin is not None:
-                with contextlib.suppress(OSError):
+                with contextlib.suppress(OSError, AcquisitionError):
                     if not self.is_on:
-                        self._guard.stdin.write(b"done\n")
+                        self._tell_guard(DONE)
+                with contextlib.suppress(OSError):
                     self._guard.stdin.close()
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     self._guard.wait(10.0)

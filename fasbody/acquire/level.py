@@ -74,6 +74,12 @@ TOLERANCE, _STEPS, _HARMONICS = 0.02, 30, 3
 _DISTORTION, _NOISE_PEAK = 0.10, 5.5
 #: A base that moves by more before the output is on [m/s^2 rms] has another source, or a bad sensor.
 _REST = 0.5
+#: A shaker rings down after the last frequency: so often is the rest measured at most, for so long [s], until it falls
+#: by less than this share.
+_RESTS, _REST_S, _FALLS = 20, 0.25, 0.05
+#: The level counts for the gain when it is so many times the noise at rest; a gain that sinks below this share of its
+#: largest is a sensor or an amplifier that clips.
+_HEARD, _LINEAR = 4.0, 0.8
 _SETTLE_S, _SETTLE_PERIODS = 0.2, 4.0
 _MEASURE_S, _MEASURE_PERIODS = 0.2, 5.0
 #: The base must answer to a tenth of the largest voltage with more than this [m/s^2].
@@ -97,6 +103,38 @@ def peak_to_peak(values: np.ndarray, rate_hz: float, frequency_hz: float) -> flo
     return float(np.ptp(basis(np.linspace(0, 2 * np.pi, 400)) @ c))
 
 
+def _check_linear(answers: dict[float, float]) -> None:
+    """Raise AcquisitionError if the base rises by less than the amplitude; answers: level [m/s^2] at each one [V]."""
+    gain = max(found / volts for volts, found in answers.items())
+    for volts, found in answers.items():
+        if found < _LINEAR * gain * volts:
+            raise AcquisitionError(
+                f"the base does not follow the amplitude: {found:.3g} m/s^2 peak to peak at {volts:.3g} V, where lower "
+                f"levels let expect {gain * volts:.3g}; does its sensor clip, or the amplifier? Output off."
+            )
+
+
+def _rest(board: Board, settle: bool) -> tuple[float, float]:
+    """Offset and noise [m/s^2, rms] of the base at rest, once it has come to rest; no noise without `settle`.
+
+    Raises:
+        AcquisitionError: it does not.
+    """
+    noise = np.inf
+    for _ in range(_RESTS):
+        rest = board.collect(_REST_S)[:, board.base]
+        before, noise = noise, float(rest.std())
+        if not settle:
+            return float(rest.mean()), 0.0
+        if noise <= _REST and noise >= (1 - _FALLS) * before:
+            break
+    if not noise <= _REST:
+        raise AcquisitionError(
+            f"the base moves by {noise:.2g} m/s^2 rms before the output is on; is another source driving the shaker?"
+        )
+    return float(rest.mean()), noise
+
+
 def reach(
     generator: Generator, board: Board, frequency_hz: float, wanted: float, safety: Safety, guess_volts: float = 0.0
 ) -> Level:
@@ -111,16 +149,19 @@ def reach(
     safety.check(frequency_hz, wanted)
     hello = board.decoder.hello
     assert hello is not None
-    rest = board.collect(0.25)[:, board.base]
-    noise = 0.0 if generator.is_on else float(rest.std())
-    if not noise <= _REST:
+    offset, noise = _rest(board, settle=not generator.is_on)
+    peak = safety.peak(frequency_hz, noise)
+    seen = hello.reach(board.base) - abs(offset)
+    if not seen >= peak:
         raise AcquisitionError(
-            f"the base moves by {noise:.2g} m/s^2 rms before the output is on; is another source driving the shaker?"
+            f"the base sensor shows at most {seen:.3g} m/s^2 from its rest at {offset:.3g}, less than the safety limit "
+            f"of {peak:.3g}, which could not be kept; choose a larger range on the board or a lower --max-acceleration."
         )
-    board.watch = Watch(safety.peak(frequency_hz, noise), float(rest.mean()))
+    board.watch = Watch(peak, offset, generator.alive)
     volts = min(max(safety.start_volts, 0.5 * guess_volts), safety.volts)
     generator.sine(frequency_hz, volts)
     generator.on()
+    answers: dict[float, float] = {}  # level at each amplitude
     for step in range(1, _STEPS + 1):
         board.collect(max(_SETTLE_S, _SETTLE_PERIODS / frequency_hz))
         values = board.collect(max(_MEASURE_S, _MEASURE_PERIODS / frequency_hz))[:, board.base]
@@ -131,6 +172,13 @@ def reach(
                 f"the base moves by {1e3 * travel:.3g} mm at {frequency_hz:g} Hz, more than "
                 f"{1e3 * safety.displacement_m:g} mm; output off."
             )
+        if found >= max(_ANSWER, _HEARD * noise):
+            answers[volts] = found
+            _check_linear(answers)
+            if len(answers) == 1 and volts > safety.start_volts:
+                volts *= 0.5  # whether the sensor clips already shows from a lower level only
+                generator.set_volts(volts)
+                continue
         if abs(found / wanted - 1) <= TOLERANCE:
             return Level(found, volts, step)
         if found < _ANSWER and volts >= 0.1 * safety.volts:
@@ -143,7 +191,7 @@ def reach(
                 f"{wanted:g} m/s^2 at {frequency_hz:g} Hz would need about {needed:.3g} V, beyond {safety.volts:g} V; "
                 "raise the amplifier's gain or --max-volts."
             )
-        volts = min(needed, safety.growth * volts, safety.volts)
+        volts = min(needed, safety.growth * max([volts, *answers]), safety.volts)
         generator.set_volts(volts)
     raise AcquisitionError(
         f"the base did not settle at {wanted:g} m/s^2 at {frequency_hz:g} Hz ({found:.3g} after {_STEPS} steps)."

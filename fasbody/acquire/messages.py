@@ -43,6 +43,12 @@ class Hello:
         """Which of the samples (n, channels) [m/s^2] reach their channel's range."""
         return np.abs(samples) >= np.array([channel.range_m_s2 for channel in self.channels])
 
+    def reach(self, channel: int) -> float:
+        """Highest acceleration +-[m/s^2] that a channel can show, by its range and its converter."""
+        one = self.channels[channel]
+        rail = (2 ** (self.bits - 1) - 1) / abs(one.counts_per_m_s2) if self.bits else float("inf")
+        return min(one.range_m_s2, rail)
+
     def __str__(self) -> str:
         kind = f"{self.bits}-bit frames of {self.frame_samples}" if self.bits else "text lines"
         return f"{self.board}: {', '.join(self.roles)} at {self.rate_hz:g} Hz, {kind}"

@@ -1,8 +1,10 @@
 """What is to be recorded, and whether it can be meant."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from fasbody.acquire import folder
 from fasbody.acquire.level import Safety
@@ -23,6 +25,7 @@ class Plan:
         retries: so often is a recording repeated that lost samples or whose board stalled.
         origin: "measured" or "synthetic".
         safety, limits: of the excitation and of the recordings.
+        truth: of a synthetic study, written with its first recording.
     """
 
     study: Path
@@ -35,12 +38,14 @@ class Plan:
     origin: str = "measured"
     safety: Safety = field(default_factory=Safety)
     limits: Limits = field(default_factory=Limits)
+    truth: Mapping[str, Any] | None = None
 
     def check(self, generator: bool) -> None:
         """Refuse what cannot be meant, before anything moves.
 
         Raises:
-            SettingError: which option, and what would be valid. InputFileError: the study is of another origin.
+            SettingError: which option, and what would be valid. InputFileError: the study is no folder, or of another
+                origin or truth.
         """
         if not 0.1 <= self.seconds <= 3600:
             raise SettingError(f"a recording of {self.seconds:g} s cannot be meant (valid: 0.1 to 3600).")
@@ -59,5 +64,8 @@ class Plan:
                 raise SettingError(f"{self.seconds:g} s hold fewer than 3 periods of {frequency:g} Hz; record longer.")
             if generator:
                 self.safety.check(frequency, self.peak_to_peak)
+        folder.check_folder(self.study)
+        if self.truth is not None:
+            folder.check_truth(self.study, self.truth)
         folder.check_origin(self.study, self.origin)
         folder.check_mass(self.study, self.condition)

@@ -44,8 +44,9 @@ def ports() -> list[PortInfo]:
 def _why(name: str, error: Exception) -> str:
     """Why a port cannot be opened, in the user's words."""
     number = getattr(error, "errno", None)
-    if isinstance(error.__context__, termios.error):  # pyserial puts it into words only
-        number = error.__context__.args[0]
+    for one in (error, error.__context__):  # pyserial puts it into words only
+        if isinstance(one, termios.error):
+            number = one.args[0]
     path = Path(name)
     if path.is_dir() or path.is_file() or number in (errno.ENOTTY, errno.EINVAL, errno.ENODEV):
         kind = "a folder" if path.is_dir() else "a file" if path.is_file() else "some other device"
@@ -75,7 +76,7 @@ class Port:
         try:
             self._serial = serial.Serial(name, baud, timeout=WAIT_S, write_timeout=1.0, exclusive=True)
             self._serial.reset_input_buffer()
-        except (serial.SerialException, OSError, ValueError) as error:
+        except (serial.SerialException, OSError, termios.error, ValueError) as error:
             known = ", ".join(port.device for port in ports()) or "none"
             raise Unplugged(f"{name}: {_why(name, error)}; ports of this computer: {known}.") from None
 
@@ -89,23 +90,26 @@ class Port:
             data = self._serial.read(1)
             if data:
                 data += self._serial.read(self._serial.in_waiting)
-        except (serial.SerialException, OSError, TypeError):  # TypeError: closed by another thread in mid-read
+        except (serial.SerialException, OSError, termios.error, TypeError):  # TypeError: closed in mid-read elsewhere
             raise Unplugged(f"{self.name}: the port went away.") from None
         return bytes(data)
 
     def write(self, data: bytes) -> None:
-        """Send bytes.
+        """Hand bytes to the system; waiting until it has sent them would have no end on a line that stands still.
 
         Raises:
             Unplugged: the port went away, or takes nothing.
         """
         try:
             self._serial.write(data)
-            self._serial.flush()
-        except (serial.SerialException, OSError):
+        except (serial.SerialException, OSError, termios.error):
             raise Unplugged(f"{self.name}: the port went away or takes no bytes.") from None
+
+    def fileno(self) -> int:
+        """The open file, for a process that is to have it too."""
+        return int(self._serial.fileno())
 
     def close(self) -> None:
         """Close; a port that went away is closed too."""
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, termios.error):
             self._serial.close()

@@ -52,8 +52,12 @@ def probe(name: str, rates: tuple[int, ...] = BAUD_RATES) -> Found:
 
 
 def is_identity(answer: str) -> bool:
-    """Whether this answers *IDN?: maker, model, serial number and version, between commas; no line of numbers."""
-    return answer.count(",") >= 3 and answer.isprintable() and answer[0].isalpha()
+    """Whether this answers *IDN?: maker, model, serial number (some leave it out) and version, between commas.
+
+    A text board's lines are none: they begin with a number, or with the name of the time column.
+    """
+    names = answer.count(",") >= 2 and answer.isprintable() and answer[0].isalpha()
+    return names and not answer.startswith("time_")
 
 
 def swapped(board: str, board_baud: int, generator: str, generator_baud: int) -> str:

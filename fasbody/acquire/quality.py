@@ -51,7 +51,7 @@ class Quality:
     Attributes:
         frames: frames (or lines) received. lost_frames: missing by their numbers. damaged: pieces that were no message.
         gaps: where samples are missing. over_range: samples over range, by channel.
-        jitter: of the device's time stamps [samples, rms].
+        stamps_advance: whether the device's time stamps do. jitter: theirs [samples, rms].
         rate_ppm: sampling rate by the device's time stamps against the declared one, rate_std_ppm: its standard error.
         drift_ppm: device clock against the host's, and its standard error drift_std_ppm. changed: the board described
             itself differently during the recording.
@@ -62,6 +62,7 @@ class Quality:
     damaged: int = 0
     gaps: tuple[Gap, ...] = ()
     over_range: dict[str, int] = field(default_factory=dict)
+    stamps_advance: bool = True
     jitter: float = 0.0
     rate_ppm: float = 0.0
     rate_std_ppm: float = float("inf")
@@ -90,6 +91,8 @@ class Quality:
             texts.append("over range: " + ", ".join(f"{name} {counted(n, 'sample')}" for name, n in over.items()))
         if self.changed:
             texts.append("the board changed its description in the middle")
+        if not self.stamps_advance:
+            texts.append("the board's time stamps do not advance, so that samples which it skipped stay unseen")
         texts += [text for off, text in self._clocks() if off > limits.clock_refused_ppm]
         return texts
 
@@ -107,6 +110,8 @@ class Quality:
 
     def _clocks(self) -> list[tuple[float, str]]:
         """By how much the two clocks are off for certain [ppm], and how to say it."""
+        if not self.stamps_advance:
+            return []
         rate, drift = _SURE * self.rate_std_ppm, _SURE * self.drift_std_ppm
         return [
             (
@@ -125,7 +130,7 @@ class Quality:
 
     def __str__(self) -> str:
         clock = ""
-        if _SURE * self.drift_std_ppm <= Limits.clock_ppm:  # in a short recording it says nothing
+        if self.stamps_advance and _SURE * self.drift_std_ppm <= Limits.clock_ppm:  # else it says nothing
             clock = f", clock {self.drift_ppm:+.0f} +- {_SURE * self.drift_std_ppm:.0f} ppm"
         lines = f"{counted(self.frames, 'frame')}, {self.lost_frames} lost, {self.damaged} damaged"
         return f"{lines}, {counted(len(self.gaps), 'gap')}{clock}"

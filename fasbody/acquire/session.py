@@ -2,6 +2,7 @@
 
 import contextlib
 import platform
+import shlex
 import time
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
@@ -155,7 +156,7 @@ class Session:
 
     def _keep(self, capture: Capture, why: str) -> None:
         """Write what a broken-off recording has; its capture file stays in any case."""
-        names = " ".join(str(file) for file in capture.files)
+        names = shlex.join(map(str, capture.files))
         try:
             one = convert(capture.files, self.plan.study, self.plan.limits, stopped=why)
         except FasError as error:
@@ -168,6 +169,8 @@ class Session:
             console.print(text, soft_wrap=True, markup=False)
 
     def _tell(self, one: Converted) -> None:
+        if self.plan.truth is not None:
+            folder.enter_truth(self.plan.study, self.plan.truth)
         self.made.append(one)
         console.print(str(one), soft_wrap=True, markup=False)
 

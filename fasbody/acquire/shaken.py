@@ -22,14 +22,14 @@ NOISE_BASE, NOISE_MALLEOLUS = 0.03, 0.05
 class Shaker:
     """State of the SCPI generator. `do` takes one command and returns the answer to a query."""
 
-    LIMITS: ClassVar = {"FREQ": (1e-3, 1e6), "VOLT": (0.0, 20.0)}
+    LIMITS: ClassVar = {"FREQ": (1e-3, 1e6), "VOLT": (0.0, 20.0), "VOLT:OFFS": (-10.0, 10.0)}
 
     def __init__(self) -> None:
         self.errors: deque[str] = deque(maxlen=20)
         self._reset()
 
     def _reset(self) -> None:
-        self.values = {"FREQ": 1000.0, "VOLT": 0.1}
+        self.values = {"FREQ": 1000.0, "VOLT": 0.1, "VOLT:OFFS": 0.0}
         self.on = False
 
     def do(self, command: str) -> str | None:

@@ -34,12 +34,14 @@ class Stamps:
         steps: (n,) samples skipped before each block; negative where the stamps allow fewer than arrived.
         jitter: of the stamps [samples, rms].
         slope: the declared rate over the one by the device's clock; slope_std: its standard error.
+        advance: whether the stamps advance at all; if not, nothing else is told.
     """
 
     steps: np.ndarray
     jitter: float
     slope: float
     slope_std: float
+    advance: bool = True
 
 
 def judge(x: np.ndarray, y: np.ndarray) -> Stamps:
@@ -55,20 +57,26 @@ def judge(x: np.ndarray, y: np.ndarray) -> Stamps:
     b = _slope(x, y, 1)
     if abs(b - 1) > _COARSE:
         b = _slope(x, y, min(_LAG, x.size // 2))
+    if not b > 0:
+        return Stamps(steps, 0.0, 1.0, float("inf"), advance=False)
     if x.size <= _ENOUGH:
         b = min(max(b, 1 - _OFF), 1 + _OFF)
     late = np.diff(y) / b - np.diff(x)
     jitter = _jitter(late)
     early = float(np.mean(late < -0.5))
-    level = _median(np.concatenate([[0.0], np.cumsum(late)]), _NARROW if early < _RARE else _WIDE)
+    raw = np.concatenate([[0.0], np.cumsum(late)])
+    half = _NARROW if early < _RARE else _WIDE
+    level = _median(raw, half)
     each = np.diff(level)
     if jitter < _CLEAR and np.mean(each < -0.5) < _FEW:
         steps[1:] = np.where(np.abs(each) >= _SLIP, np.round(each), 0)
+        steps += _at_the_ends(raw - level, half, jitter)
     else:
         jitter = max(jitter, _CLEAR)
-        centre = _median(np.concatenate([[0.0], np.cumsum(late)]), _WIDE)
-        off = np.concatenate([[0.0], np.cumsum(late)]) - centre
+        centre = _median(raw, _WIDE)
+        off = raw - centre
         steps = _beyond_jitter(x, x + centre + np.clip(off, -_CLIP * jitter, _CLIP * jitter), jitter)
+        steps += _at_the_ends(off, _WIDE, jitter)
     slope, std = _line(x + np.cumsum(steps), y)
     return Stamps(steps, jitter, slope, std)
 
@@ -90,6 +98,24 @@ def _median(values: np.ndarray, half: int) -> np.ndarray:
         return values
     mirrored = np.pad(values, half, mode="symmetric")
     return np.median(np.lib.stride_tricks.sliding_window_view(mirrored, 2 * half + 1), axis=1)
+
+
+def _at_the_ends(off: np.ndarray, half: int, jitter: float) -> np.ndarray:
+    """Steps so near an end that the mirrored median took the few blocks outside for outliers.
+
+    Those before such a step are all too early, those behind it all too late, by more than anything between the ends.
+    """
+    steps = np.zeros(off.size, int)
+    if off.size <= 2 * half + 1:
+        return steps
+    limit = max(_SLIP, _CERTAIN * jitter, float(np.abs(off[half:-half]).max()) + 0.5)
+    first = int(np.argmin(off[:half] < -limit)) if not (off[:half] < -limit).all() else half
+    last = int(np.argmin(off[: -half - 1 : -1] > limit)) if not (off[-half:] > limit).all() else half
+    if first:
+        steps[first] += round(-float(np.median(off[:first])))
+    if last:
+        steps[-last] += round(float(np.median(off[-last:])))
+    return steps
 
 
 def _beyond_jitter(x: np.ndarray, y: np.ndarray, jitter: float) -> np.ndarray:

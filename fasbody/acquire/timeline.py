@@ -161,8 +161,9 @@ class Timeline:
                 gaps.append(Gap((at - 1) / rate, int(jumps[i]), causes[i]))
         drift, drift_std = _slope(self._clock)
         return replace(
-            kept, gaps=tuple(gaps), jitter=told.jitter, rate_ppm=1e6 * (1 / told.slope - 1),
-            rate_std_ppm=1e6 * told.slope_std, drift_ppm=drift, drift_std_ppm=drift_std,
+            kept, gaps=tuple(gaps), stamps_advance=told.advance, jitter=told.jitter,
+            rate_ppm=1e6 * (1 / told.slope - 1), rate_std_ppm=1e6 * told.slope_std,
+            drift_ppm=drift, drift_std_ppm=drift_std,
         )  # fmt: skip
 
 
