@@ -10,7 +10,8 @@ from fasbody.model import load
 from fasbody.shaker import PEAK_TO_PEAK, harmonics, sweep
 from fasbody.two_dof import TwoDof, periodic
 from viz.discrete import discretise
-from viz.motion import CURVE, Motion, Settings, displacement, periodic_motion, transient_motion
+from viz.motion import CURVE, Motion, displacement, periodic_motion, transient_motion
+from viz.settings import Settings
 
 
 def twin_orbit(frequency: float, added_mass: float, count: int) -> np.ndarray:
