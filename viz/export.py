@@ -30,6 +30,8 @@ POLICY = (
 )
 #: Size of a picture. Drawing without a graphics card costs time by the pixel.
 WIDTH, HEIGHT = 1120, 640
+#: Most time for Chromium to start and to show the page [ms].
+LONGEST = 180_000
 #: What Chromium needs to draw without a screen and without reaching out.
 CHROMIUM = (
     "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
@@ -41,7 +43,8 @@ CHROMIUM = (
 #: Style by which the canvas fills the window.
 CANVAS_ALONE = (
     "aside, footer, header, #legend, #timeline, #error { display: none !important } "
-    "body { grid-template: 1fr / 1fr !important } main { display: block !important }"
+    "body { grid-template: 1fr / 1fr !important } main { display: block !important } "
+    "#pane { position: absolute !important; inset: 0 !important }"
 )
 
 
@@ -230,11 +233,11 @@ def _browser(show: Shown, documents: Mapping[str, Any], size: float = 1.0) -> It
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         file = Path(folder) / "page.html"
         file.write_text(html(show, documents))
-        browser = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM))
+        browser = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM), timeout=LONGEST)
         try:
             page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, bypass_csp=True)
-            page.goto(f"{file.as_uri()}?quality=fixed", timeout=60_000)
-            page.wait_for_function("window.stats && stats.motions > 0", timeout=60_000)
+            page.goto(f"{file.as_uri()}?quality=fixed", timeout=LONGEST)
+            page.wait_for_function("window.stats && stats.motions > 0", timeout=LONGEST)
             page.add_style_tag(content=CANVAS_ALONE)
             page.evaluate("play(false); window.requestAnimationFrame = () => 0")
             page.evaluate("size => { stage.renderer.setPixelRatio(size); stage.viewer.set_3d_pane_size() }", size)
