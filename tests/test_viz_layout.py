@@ -53,7 +53,7 @@ def test_nothing_lies_over_the_foot(opened: Any, size: tuple[int, int]) -> None:
                 pane = page(RECTANGLE.format("#pane"))
                 assert pane[0] <= left < right <= pane[2], view
                 assert pane[1] <= top < bottom <= pane[3], view
-                assert right - left > 0.2 * (pane[2] - pane[0])  # and it is no speck
+                assert bottom - top > 0.25 * (pane[3] - pane[1])  # and it is no speck
             for name in ("header", "#state", "#cameras", "#legend", "#timeline", *(["#error"] if message else [])):
                 over = page(RECTANGLE.format(name))
                 assert over[3] <= pane[1] + 0.5 or over[1] >= pane[3] - 0.5, name
@@ -64,7 +64,7 @@ def test_nothing_lies_over_the_foot(opened: Any, size: tuple[int, int]) -> None:
 
 def test_keys_work_after_the_mouse(opened: Any) -> None:
     with viewer("--model", "two_dof") as (url, _):
-        page = Watched(opened, url)
+        page = Watched(opened, url, (900, 700))
         page.page.locator("#frequency").click()
         assert page("document.activeElement.id") == "frequency"
         skin = page("stage.skinShown")

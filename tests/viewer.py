@@ -20,7 +20,7 @@ from viz.export import CHROMIUM, chromium
 
 ROOT = Path(__file__).parent.parent
 #: Nothing here is timed; this only keeps a hung test from hanging the suite [s].
-PATIENCE = 600.0
+PATIENCE = 300.0
 
 
 @contextmanager
