@@ -23,7 +23,7 @@ from tornado.httpclient import HTTPRequest
 from benchmarks.rows import Row, at_least, at_most, report
 from fasbody.console import command_line, console
 from viz.export import CHROMIUM, chromium
-from viz.motion import Settings
+from viz.settings import Settings
 from viz.show import Show
 
 MODELS = ("two_dof", "foot_arch")

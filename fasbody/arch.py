@@ -199,7 +199,8 @@ class Arch:
         highest = min(reach, self.L_1)
         if not 0 < height < highest:
             raise ModelError(
-                f"arch: height is {height * 1e3:g} mm, but these bones reach from 0 to {highest * 1e3:.0f} mm."
+                f"arch: height is {height * 1e3:g} mm, but these bones reach more than 0 and less than "
+                f"{highest * 1e3:.0f} mm."
             )
         turn = float(np.arccos(height / reach) - np.arccos(up / reach))
         angles = {name: getattr(self, name) + turn for name in ("theta_20", "theta_30", "theta_40")}

@@ -82,7 +82,7 @@ def test_impossible_constants(change: dict, sentence: str) -> None:
 
 
 def test_impossible_height_and_arm() -> None:
-    with pytest.raises(ModelError, match="reach from 0 to 79 mm"):
+    with pytest.raises(ModelError, match="reach more than 0 and less than 79 mm"):
         Arch.nominal().with_height(0.2)
     with pytest.raises(ModelError, match="above zero"):
         Arch.draw(np.random.default_rng(0), lever_arm_m=0.0)

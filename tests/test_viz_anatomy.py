@@ -10,8 +10,8 @@ from fasbody.arch import Arch
 from fasbody.model import load
 from viz import assets, bones
 from viz.field import ellipsoid, mesh, round_cone, union
+from viz.load import load_foot
 from viz.rest import SEGMENT_BODIES, carried, segment_bodies
-from viz.show import load_foot
 
 trimesh = pytest.importorskip("trimesh", reason="needs the extra: pip install 'fasbody[view]'")
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
@@ -51,7 +52,28 @@ def test_mp4_is_played_by_ffmpeg(show: Show, monkeypatch: pytest.MonkeyPatch, tm
     assert "Video: h264" in probe
     assert "yuv420p" in probe
     assert f"{export.WIDTH // 4}x{export.HEIGHT // 4}" in probe
-    assert int(re.findall(r"frame=\s*(\d+)", probe)[-1]) == 6 * export.REPEATS
+    assert int(re.findall(r"frame=\s*(\d+)", probe)[-1]) == 6 * export.MP4.repeats
+
+
+@pytest.mark.parametrize(("hz", "frames"), [(10.0, 120), (25.0, 300)])
+def test_film_of_a_transient_has_twelve_frames_a_cycle(hz: float, frames: int) -> None:
+    times = np.arange(1250) / 1250
+    foot = {"periodic": False, "duration": 1.0, "base": list(np.sin(2 * np.pi * hz * times))}
+    documents = {"motion": {"feet": {"a": foot}}, "model": {"look": {"slow": 12.0}}}
+    film = export.paced(documents, export.GIF)
+    assert film.frames == frames
+    assert film.frames / film.rate == pytest.approx(12.0)  # seconds, as --slow says
+    assert film.repeats == 1
+    foot["base"] = list(np.sin(2 * np.pi * 50 * times))
+    with pytest.raises(SettingError, match=r"up to 50 Hz, 12 times slower, are 600 frames, but 300 .* --seconds 0\.4"):
+        export.paced(documents, export.GIF)
+    foot["periodic"] = True
+    assert export.paced(documents, export.GIF) == export.GIF
+
+
+def test_ending_in_capitals(tmp_path: Path) -> None:
+    export.export_to(Show(["two_dof"]), tmp_path / "foot.HTML")
+    assert (tmp_path / "foot.HTML").read_text().startswith("<!DOCTYPE html>")
 
 
 def test_without_ffmpeg_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

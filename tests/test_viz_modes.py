@@ -86,7 +86,8 @@ def test_bad_input_is_one_sentence(result: Path, tmp_path: Path) -> None:
         ([str(beyond)], "do not fit together"),
         ([str(nan)], "do not fit together"),
         ([str(result), "--mode", "4"], "holds the modes 1 to 3"),
-        ([str(result), "--mode", "0"], "holds the modes 1 to 3"),
+        ([str(result), "--mode", "0"], "the first mode of a result is 1"),
+        (["--mode", "0"], "the first mode of a result is 1"),
         ([str(result), "--export", "cell.avi"], "ending must be one of"),
     ):
         run = CliRunner().invoke(command.app, options)

@@ -10,7 +10,8 @@ from fasbody.model import load
 from fasbody.shaker import PEAK_TO_PEAK, harmonics, sweep
 from fasbody.two_dof import TwoDof, periodic
 from viz.discrete import discretise
-from viz.motion import CURVE, Motion, Settings, displacement, periodic_motion, transient_motion
+from viz.motion import CURVE, Motion, displacement, periodic_motion, transient_motion
+from viz.settings import Settings
 
 
 def twin_orbit(frequency: float, added_mass: float, count: int) -> np.ndarray:
@@ -92,6 +93,22 @@ def test_transient_keeps_the_table_in_the_picture() -> None:
     assert not motion.periodic
 
 
+def test_transient_keeps_the_peaks_of_fifty_hertz() -> None:
+    """Frames between two shown ones are drawn on a straight line, which must not cut off the peaks."""
+    motion = transient_motion(load("two_dof"), Settings(), sweep(50, 50.001, 0.5))
+    step = motion.time[1] - motion.time[0]
+    assert 1 / step >= 12 * 50
+    late = motion.base[len(motion.base) // 2 :]
+    assert late.max() > 0.96 * PEAK_TO_PEAK / 2
+
+
+def test_table_at_rest_has_no_ratio() -> None:
+    motion = periodic_motion(load("two_dof"), Settings(20.0, 0.0))
+    assert motion.periodic
+    assert (motion.ratio, motion.phase) == (None, None)
+    assert np.abs(motion.malleolus).max() < 1e-6
+
+
 def test_displacement_of_a_sine() -> None:
     t = np.arange(2000) / 1000
     seen = displacement(3 * np.sin(2 * np.pi * 20 * t), 2.0)[500:1500]
@@ -101,8 +118,10 @@ def test_displacement_of_a_sine() -> None:
 
 def test_parameters_stay_within_their_bounds() -> None:
     foot = load("two_dof")
-    wild = Settings(20.0, values={"k_F": 1e12}).apply(foot)
-    assert wild.values()["k_F"] == pytest.approx(foot.parameters["k_F"].upper)
+    wild = Settings(20.0, values={"k_F": 1e12})
+    with pytest.raises(SettingError, match=r"k_F is 1e\+12 N/m, but must be between 3000 and 1e\+06"):
+        wild.apply(foot)
+    assert wild.held(foot).apply(foot).values()["k_F"] == pytest.approx(foot.parameters["k_F"].upper)
     with pytest.raises(SettingError, match="unknown parameter 'k_X'"):
         Settings(20.0, values={"k_X": 1.0}).apply(foot)
 

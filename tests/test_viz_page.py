@@ -12,7 +12,8 @@ from viewer import HIDE, Watched, bone_share, browser, changed_share, viewer
 
 import mjcf
 from fasbody.model import load
-from viz.motion import Settings, periodic_motion
+from viz.motion import periodic_motion
+from viz.settings import Settings
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 SCALE = 10.0

@@ -24,6 +24,8 @@ from viz.server import Server, settings_from  # noqa: E402
 from viz.show import Show  # noqa: E402
 
 RECORDED = str(BUNDLED / "recordings" / "20hz_0kg.csv")
+#: Only keeps a hung test from hanging the suite [s].
+WAIT = 300.0
 Client = Callable[[Server], Coroutine[Any, Any, None]]
 
 
@@ -39,10 +41,10 @@ def serve(show: Show, client: Client) -> None:
         server = Server(show)
         running = asyncio.create_task(server.run())
         try:
-            await asyncio.wait_for(client(server), 60)
+            await asyncio.wait_for(client(server), WAIT)
         finally:
             server.stop()
-            await asyncio.wait_for(running, 20)
+            await asyncio.wait_for(running, WAIT)
 
     asyncio.run(both())
 
@@ -63,7 +65,7 @@ async def upgrade(server: Server, **headers: str) -> tornado.websocket.WebSocket
 async def documents(socket: tornado.websocket.WebSocketClientConnection, kind: str) -> dict[str, Any]:
     """The next JSON document of a kind, the scene's messages passed over."""
     while True:
-        message = await asyncio.wait_for(socket.read_message(), 30)
+        message = await asyncio.wait_for(socket.read_message(), WAIT)
         assert message is not None
         if isinstance(message, str) and json.loads(message)["type"] == kind:
             return dict(json.loads(message))
@@ -72,7 +74,7 @@ async def documents(socket: tornado.websocket.WebSocketClientConnection, kind: s
 async def leave(socket: tornado.websocket.WebSocketClientConnection) -> None:
     """Close a page and wait until the server has let go of it."""
     socket.close()
-    while await asyncio.wait_for(socket.read_message(), 60) is not None:
+    while await asyncio.wait_for(socket.read_message(), WAIT) is not None:
         pass
     await asyncio.sleep(0.2)
 
@@ -123,11 +125,16 @@ def test_pages_get_motions_and_sentences(show: Show) -> None:
         for wrong, sentence in (
             ({"frequency": "fast"}, "cannot be read"), ({"frequency": -3}, "must be between"),
             ({"values": {"k_X": 1}}, "unknown parameter 'k_X'"), ({"values": [1]}, "cannot be read"),
+            ({"frequency": 10**400}, "cannot be read"), ({"values": {"k_F": 10**400}}, "cannot be read"),
         ):  # fmt: skip
             await sockets[0].write_message(json.dumps(asked | wrong))
             assert sentence in (await documents(sockets[0], "error"))["text"]
+        await sockets[2].write_message("[" * 50_000)
+        while await asyncio.wait_for(sockets[2].read_message(), WAIT) is not None:
+            pass
+        assert (sockets[2].close_code, sockets[2].close_reason) == (1003, "not understood")
         await sockets[1].write_message("[")
-        while await asyncio.wait_for(sockets[1].read_message(), 30) is not None:
+        while await asyncio.wait_for(sockets[1].read_message(), WAIT) is not None:
             pass
         sockets[1].close()
         sockets[2].close()
@@ -140,6 +147,23 @@ def test_pages_get_motions_and_sentences(show: Show) -> None:
 
     serve(show, client)
     assert not show.hub.listeners
+
+
+def test_failure_of_our_own_is_told_and_the_page_stays(show: Show, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without it the socket would close and the page come back to ask the same, without end."""
+
+    async def client(server: Server) -> None:
+        socket = await ask(server.url, 0)
+        asked = {"type": "simulate", "frequency": 20, "peak_to_peak": 17.9, "added_mass": 0, "request": [[1]]}
+        with monkeypatch.context() as broken:
+            broken.setattr(show, "answer", lambda settings: 1 / 0)
+            await socket.write_message(json.dumps(asked))
+            assert "the viewer failed (ZeroDivisionError" in (await documents(socket, "error"))["text"]
+        await socket.write_message(json.dumps(asked | {"request": 7}))
+        assert (await documents(socket, "motion"))["request"] == 7
+        await leave(socket)
+
+    serve(show, client)
 
 
 def test_scene_keeps_the_last_of_each_property(show: Show) -> None:
@@ -173,7 +197,7 @@ def test_process_listens_on_the_loopback_only_and_ends_on_ctrl_c() -> None:
         assert [address.ip for address in listening] == ["127.0.0.1"]
         assert str(listening[0].port) in url
         process.send_signal(signal.SIGINT)
-        assert process.wait(30) == 0
+        assert process.wait(WAIT) == 0
 
 
 async def ask(url: str, requests: int) -> tornado.websocket.WebSocketClientConnection:
@@ -194,10 +218,10 @@ def test_ends_in_the_middle_of_simulations(number: signal.Signals) -> None:
     async def client(url: str, process: Any) -> None:
         socket = await ask(url, 300)
         process.send_signal(number)
-        while await asyncio.wait_for(socket.read_message(), 60) is not None:
+        while await asyncio.wait_for(socket.read_message(), WAIT) is not None:
             pass
         assert socket.close_code == 1001
-        assert await asyncio.get_running_loop().run_in_executor(None, process.wait, 60) == 0
+        assert await asyncio.get_running_loop().run_in_executor(None, process.wait, WAIT) == 0
         socket.close()
         await asyncio.sleep(0.2)  # the connection is seen to end
 
@@ -216,7 +240,7 @@ def test_closed_browser_ends_the_command_that_opened_it() -> None:
 
     with viewer("--model", "two_dof", opener="true %s") as (url, process):
         asyncio.run(client(url))
-        assert process.wait(60) == 0
+        assert process.wait(WAIT) == 0
 
 
 def test_without_a_browser_of_its_own_it_stays(show: Show, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -239,13 +263,13 @@ def test_browser_that_never_comes_back_holds_nothing_up() -> None:
         assert (await documents(socket, "motion"))["request"] == 0
         await leave(socket)
 
-    sleeper = f"{sys.executable} -c 'import time; time.sleep(600)' %s"
+    sleeper = f"{sys.executable} -c 'import time; time.sleep(3600)' %s"
     with viewer("--model", "two_dof", opener=sleeper) as (url, process):
         asyncio.run(client(url))
         children = psutil.Process(process.pid).children()
         try:
             process.send_signal(signal.SIGINT)
-            assert process.wait(60) == 0
+            assert process.wait(WAIT) == 0
         finally:
             for child in children:
                 child.kill()
@@ -268,6 +292,17 @@ def test_browser_that_never_comes_back_holds_nothing_up() -> None:
         (["--result", "nowhere.json"], "nowhere.json"),
         (["--export", "foot.avi"], "ending must be one of"),
         (["--recording", RECORDED, "--seconds", "1e-9"], "20hz_0kg.csv: has 1 of its"),
+        (["--recording", "nowhere.csv"], "give a recording"),
+        (["--recording", RECORDED, "--frequency", "20"], "leave it out with --recording"),
+        (["--sweep", "--peak-to-peak", "5"], "leave it out with --sweep"),
+        (["--seconds", "2"], "a sine is shown for one period"),
+        (["--watch", "--export", "foot.html"], "exclude each other"),
+        (["--model", ""], "a model needs a name: one of"),
+        (["--export", ""], "without a file name: the ending must be"),
+        (["--model", "foot_arch@0"], "more than 0 and less than 79 mm"),
+        (["--result", "."], "give the result.json"),
+        (["--sweep", "--export", "foot.gif"], "ask for --seconds"),
+        (["--sweep", "--slow", "2", "--seconds", "0.2", "--export", "foot.gif"], "ask for --slow"),
     ],
 )
 def test_bad_options_are_one_sentence(options: list[str], sentence: str) -> None:

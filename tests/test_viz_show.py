@@ -1,6 +1,8 @@
 """What a viewer shows: parameters of a fit, a recording, models with names of their own, edited and broken files."""
 
 import json
+import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,7 +16,9 @@ from fasbody.exceptions import FasError
 from identification.fit import BUNDLED
 from viz import foot as command
 from viz.excitation import Excitation
-from viz.show import MEASURED, MODEL, Show
+from viz.hub import Hub
+from viz.load import files_of
+from viz.show import MEASURED, MODEL, OTHER, Show
 
 RECORDED = BUNDLED / "recordings" / "20hz_0kg.csv"
 
@@ -84,3 +88,90 @@ def test_broken_model_keeps_the_last_good_one(tmp_path: Path) -> None:
     file.write_text(good)
     show.reload()
     assert not show.description()["error"]
+
+
+@pytest.mark.parametrize(
+    ("value", "sentence"),
+    [("9e9", r"k_T is 9e\+09 N/m, but must be between 10000 and 1e\+07"), ("NaN", "k_T is nan, but must be a finite")],
+)
+def test_result_outside_the_bounds_is_refused(tmp_path: Path, value: str, sentence: str) -> None:
+    file = tmp_path / "result.json"
+    file.write_text(f'{{"parameters": {{"k_T_n_per_m": {{"value": {value}}}}}}}')
+    with pytest.raises(FasError, match=sentence):
+        command.parameters_of(file, Show(["two_dof"]).feet[MODEL].parameters)
+
+
+def test_page_is_told_what_a_bound_has_stopped() -> None:
+    show = Show(["two_dof"])
+    wild, upper = (replace(show.settings, values={"k_F": value}) for value in (1e12, 1e6))
+    answer = show.answer(wild)
+    assert answer["held"] == {"k_F": 1e6}
+    assert answer["feet"][MODEL]["ratio"] == show.answer(upper)["feet"][MODEL]["ratio"]
+    assert show.answer(upper)["held"] == {}
+
+
+def test_compared_foot_keeps_its_own_parameters(tmp_path: Path) -> None:
+    """k_F of the other file is doubled: a slider moves both by the same factor, and the other does not jump."""
+    file = tmp_path / "stiff.xml"
+    file.write_text(mjcf.path("two_dof").read_text().replace('stiffness="1.0e5"', 'stiffness="2.0e5"'))
+    show, alone = Show(["two_dof", str(file)]), Show([str(file)])
+    assert show.answer(show.settings)["other"] == {"k_F": pytest.approx(2e5)}
+    moved = show.answer(replace(show.settings, values={"k_F": 1.1e5}))
+    assert moved["other"] == {"k_F": pytest.approx(2.2e5)}
+    expected = alone.answer(replace(show.settings, values={"k_F": 2.2e5}))["feet"][MODEL]["ratio"]
+    assert moved["feet"][OTHER]["ratio"] == pytest.approx(expected, rel=1e-9)
+    stopped = show.answer(replace(show.settings, values={"k_F": 8e5}))
+    assert stopped["other"] == {"k_F": pytest.approx(1e6)}
+
+
+def test_reload_takes_both_feet_and_included_files(tmp_path: Path) -> None:
+    whole = mjcf.path("foot_arch").read_text()
+    start, end = whole.index("  <custom>"), whole.index("</custom>") + len("</custom>")
+    part, main = tmp_path / "parameters.xml", tmp_path / "arch.xml"
+    part.write_text(f"<mujoco>{whole[start:end]}</mujoco>")
+    main.write_text(f'{whole[:start]}<include file="parameters.xml"/>{whole[end:]}')
+    show = Show([str(main), f"{main}@25"])
+    assert show.files() == [main.resolve(), part.resolve()]
+    assert files_of("two_dof") == set()
+    before = {name: show.feet[name].values()["k_2"] for name in (MODEL, OTHER)}
+    main.write_text(main.read_text().replace('stiffness="230"', 'stiffness="460"'))
+    show.reload()
+    for name, value in before.items():
+        assert show.feet[name].values()["k_2"] == pytest.approx(2 * value)
+    part.write_text(part.read_text().replace('"kg | 0.5 | 20 |', '"kg | 0.5 | 30 |'))
+    show.reload()
+    assert show.feet[OTHER].parameters["m_T"].upper == 30
+
+
+def test_mass_that_nothing_carries_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "own.xml"
+    text = mjcf.path("two_dof").read_text()
+    line = next(line for line in text.splitlines() if 'text name="m_S"' in line)
+    file.write_text(text.replace(line, ""))
+    assert not Show(["two_dof", str(file)]).description()["can_add_mass"]
+    settings = replace(Show(["two_dof"]).settings, added_mass=2.3)
+    for models in ([str(file)], ["two_dof", str(file)]):
+        with pytest.raises(FasError, match=r"own\.xml: --added-mass needs the parameter m_S or m_T"):
+            Show(models, settings=settings)
+
+
+def test_scene_is_read_while_it_changes() -> None:
+    """A page opens while a reload draws the scene anew in another thread; it gets each message once or later."""
+    hub, stop, met = Hub(), threading.Event(), []
+
+    def change() -> None:
+        number = 0
+        while not stop.is_set():
+            number += 1
+            hub.put({"type": "set_property", "path": f"/{number % 500}", "property": "p", "value": number})
+            hub.put({"type": "delete", "path": f"/{(number + 250) % 500}"})
+
+    worker = threading.Thread(target=change)
+    worker.start()
+    try:
+        for _ in range(300):
+            assert all(isinstance(message, bytes) for message in hub.join(met.append))
+            hub.leave(met.append)
+    finally:
+        stop.set()
+        worker.join()

@@ -20,7 +20,7 @@ from viz.export import CHROMIUM, chromium
 
 ROOT = Path(__file__).parent.parent
 #: Nothing here is timed; this only keeps a hung test from hanging the suite [s].
-PATIENCE = 120.0
+PATIENCE = 300.0
 
 
 @contextmanager
@@ -52,7 +52,7 @@ def viewer(*options: str, module: str = "viz.foot", opener: str = "") -> Iterato
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
             with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(20)
+                process.wait(60)
         if process.poll() is None:
             process.kill()
         process.communicate()
@@ -66,7 +66,7 @@ def browser() -> Iterator[Any]:
         pytest.skip("no Chromium on this machine (apt-get install chromium)")
     sync_api = pytest.importorskip("playwright.sync_api", reason="pip install 'fasbody[dev]'")
     with sync_api.sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM))
+        opened = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM), timeout=1000 * PATIENCE)
         try:
             yield opened
         finally:
@@ -76,8 +76,8 @@ def browser() -> Iterator[Any]:
 class Watched:
     """A page whose console errors and requests are kept, under its own content-security policy."""
 
-    def __init__(self, opened: Any, url: str) -> None:
-        self.page = opened.new_page(viewport={"width": 720, "height": 420})
+    def __init__(self, opened: Any, url: str, size: tuple[int, int] = (720, 420)) -> None:
+        self.page = opened.new_page(viewport={"width": size[0], "height": size[1]})
         self.page.set_default_timeout(1000 * PATIENCE)
         self.complaints: list[str] = []
         self.addresses: list[str] = []

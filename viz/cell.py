@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from fasbody.console import command_line, console, progress_bar
+from fasbody.exceptions import SettingError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -33,6 +34,8 @@ def main(
 
     Without a result it shows results/cell, or a quick one that it computes.
     """
+    if mode < 1:  # before a result is computed for it
+        raise SettingError(f"--mode is {mode}, but the first mode of a result is 1.")
     with tempfile.TemporaryDirectory() as folder:
         if result is None:
             result = USUAL if USUAL.is_file() else quick(Path(folder))
@@ -51,7 +54,7 @@ def _show(result: Path, mode: int, export: Path | None, port: int, browser: bool
         return
     from viz.server import serve
 
-    asyncio.run(serve(show, "the cell", port=port, browser=browser, watch=show.shapes.file, json=json))
+    asyncio.run(serve(show, "the cell", port=port, browser=browser, watch=True, json=json))
 
 
 def quick(folder: Path) -> Path:

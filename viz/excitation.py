@@ -7,8 +7,8 @@ from fasbody.exceptions import InputFileError
 from fasbody.recording import Recording
 from fasbody.shaker import BaseMotion, samples, sweep
 
-#: Length of the swept sine [s] and its ends [Hz].
-SWEEP_S, SWEEP_HZ = 4.0, (5.0, 50.0)
+#: Length of the swept sine and of what is shown of a recording [s], unless asked for; ends of the sweep [Hz].
+SWEEP_S, RECORDED_S, SWEEP_HZ = 4.0, 1.0, (5.0, 50.0)
 #: Fewest samples of a recording that make a motion: the cubic spline through them.
 LEAST_SAMPLES = 4
 
@@ -21,17 +21,20 @@ class Excitation:
     recording: Recording | None = None
 
     @classmethod
-    def swept(cls) -> "Excitation":
-        """A swept sine."""
-        return cls(sweep(*SWEEP_HZ, SWEEP_S))
+    def swept(cls, seconds: float = SWEEP_S) -> "Excitation":
+        """A swept sine of `seconds`."""
+        return cls(sweep(*SWEEP_HZ, seconds))
 
     @classmethod
     def recorded(cls, file: Path, seconds: float) -> "Excitation":
         """The first `seconds` of a recording; its mean is taken out.
 
         Raises:
-            InputFileError: too few samples within `seconds`.
+            InputFileError: no such file, or too few samples within `seconds`.
         """
+        if not file.is_file():
+            valid = "give a recording, such as a CSV file with the columns time_s, base_m_s2 and malleolus_m_s2"
+            raise InputFileError(file, "there is no such file", valid)
         whole = Recording.read(file)
         keep = whole.time_s - whole.time_s[0] <= seconds
         if keep.sum() < LEAST_SAMPLES:

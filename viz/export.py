@@ -7,16 +7,20 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from json import dumps
+from math import ceil
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from fasbody.console import console, print_json, progress_bar, write_whole
 from fasbody.exceptions import SettingError
 from viz.hub import embedded
+from viz.motion import PER_CYCLE
 from viz.shown import PAGE, SCRIPT, Shown, file_of, markup
 
 #: Nothing of an exported page may reach for any address.
@@ -26,6 +30,8 @@ POLICY = (
 )
 #: Size of a picture. Drawing without a graphics card costs time by the pixel.
 WIDTH, HEIGHT = 1120, 640
+#: Most time for Chromium to start and to show the page [ms].
+LONGEST = 180_000
 #: What Chromium needs to draw without a screen and without reaching out.
 CHROMIUM = (
     "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
@@ -34,19 +40,38 @@ CHROMIUM = (
 )  # fmt: skip
 
 
+#: Style by which the canvas fills the window.
+CANVAS_ALONE = (
+    "aside, footer, header, #legend, #timeline, #error { display: none !important } "
+    "body { grid-template: 1fr / 1fr !important } main { display: block !important } "
+    "#pane { position: absolute !important; inset: 0 !important }"
+)
+
+
 @dataclass(frozen=True)
 class Film:
-    """One period (or the whole transient): its frames, how fast they go by [1/s], and its size over a picture's."""
+    """What is drawn.
+
+    Attributes:
+        frames: of the one period, or of the whole transient. rate: frames a second. size: over a picture's.
+        most: frames of a transient that are not too many. repeats: how often the motion is in the file.
+    """
 
     frames: int
-    rate: int
+    rate: float
     size: float
+    most: int
+    repeats: int = 1
 
 
-#: A GIF holds few colours and every pixel of every frame, so it is small; both last two seconds.
-GIF, MP4 = Film(24, 12, 0.6), Film(48, 24, 1.0)
-#: Colours of a GIF, and how often a film of H.264, which is played once, repeats the period.
-COLOURS, REPEATS = 128, 4
+#: A GIF holds few colours and every pixel of every frame, so it is small; a period lasts two seconds in both. H.264 is
+#: played once, so a film of it repeats the period.
+GIF, MP4 = Film(24, 12, 0.6, 300), Film(48, 24, 1.0, 1200, repeats=4)
+COLOURS = 128
+#: Frames a second of a film of a transient: fewer would stutter, more are not shown by everything that plays it.
+SLOWEST, FASTEST = 8.0, 50.0
+#: Share of the table's power that lies below the highest frequency of a transient.
+POWER = 0.99
 
 
 def export_to(show: Shown, file: Path, *, json: bool = False) -> None:
@@ -56,17 +81,19 @@ def export_to(show: Shown, file: Path, *, json: bool = False) -> None:
         SettingError: another ending, or a tool that is not installed.
     """
     writers: dict[str, Callable[[Shown], str | bytes]] = {".html": html, ".png": png, ".gif": gif, ".mp4": mp4}
-    if file.suffix not in writers:
-        raise SettingError(f"--export {file}: the ending must be one of {', '.join(writers)}.")
-    size = write_whole(file, writers[file.suffix](show)).stat().st_size
+    kind = file.suffix.lower()
+    if kind not in writers:
+        named = f"--export {file}" if file.name else "--export without a file name"
+        raise SettingError(f"{named}: the ending must be one of {', '.join(writers)}.")
+    size = write_whole(file, writers[kind](show)).stat().st_size
     console.print(f"written: {file} ({size / 1e6:.2f} MB)")
     if json:
         print_json({"file": str(file), "bytes": size})
 
 
-def html(show: Shown) -> str:
-    """One page with scene, motion and code inside; works from file://, offline."""
-    data = show.exported() | {"scene": embedded(show.hub)}
+def html(show: Shown, documents: Mapping[str, Any] | None = None) -> str:
+    """One page with scene, motion and code inside; works from file://, offline. `documents` are the exported ones."""
+    data = {**(documents or show.exported()), "scene": embedded(show.hub)}
 
     def safe(text: str) -> str:
         return text.replace("</script", "<\\/script").replace("<!--", "<\\!--")
@@ -85,7 +112,7 @@ def html(show: Shown) -> str:
 
 def png(show: Shown) -> bytes:
     """The canvas a third into the motion."""
-    with _browser(show) as page:
+    with _browser(show, show.exported()) as page:
         return _shot(page, 1 / 3)
 
 
@@ -93,7 +120,9 @@ def gif(show: Shown) -> bytes:
     """One period as an animated GIF."""
     from PIL import Image
 
-    images = [Image.open(io.BytesIO(frame)).convert("RGB") for frame in _frames(show, GIF)]
+    documents = show.exported()
+    film = paced(documents, GIF)
+    images = [Image.open(io.BytesIO(frame)).convert("RGB") for frame in _frames(show, documents, film)]
     width, height = images[0].size
     strip = Image.new("RGB", (width, 4 * height))  # colours change with time: the palette is of four moments
     for i in range(4):
@@ -101,18 +130,19 @@ def gif(show: Shown) -> bytes:
     palette = strip.quantize(COLOURS, dither=Image.Dither.NONE)
     first, *others = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     out = io.BytesIO()
-    first.save(out, "GIF", save_all=True, append_images=others, duration=round(1000 / GIF.rate), loop=0)
+    first.save(out, "GIF", save_all=True, append_images=others, duration=round(1000 / film.rate), loop=0)
     return out.getvalue()
 
 
 def mp4(show: Shown) -> bytes:
     """Some periods as H.264, by ffmpeg."""
-    tool = ffmpeg()
+    tool, documents = ffmpeg(), show.exported()
+    film = paced(documents, MP4)
     with tempfile.TemporaryDirectory() as folder:
-        for i, frame in enumerate(_frames(show, MP4)):
+        for i, frame in enumerate(_frames(show, documents, film)):
             (Path(folder) / f"{i:04}.png").write_bytes(frame)
         target = Path(folder) / "film.mp4"
-        command = [tool, "-loglevel", "error", "-stream_loop", str(REPEATS - 1), "-framerate", str(MP4.rate),
+        command = [tool, "-loglevel", "error", "-stream_loop", str(film.repeats - 1), "-framerate", f"{film.rate:.6g}",
                    "-i", f"{folder}/%04d.png", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart",
                    str(target)]  # fmt: skip
         try:
@@ -141,9 +171,38 @@ def ffmpeg() -> str:
     return found
 
 
-def _frames(show: Shown, film: Film) -> list[bytes]:
-    with _browser(show, film.size) as page, progress_bar() as progress:
-        return [_shot(page, k / film.frames) for k in progress.track(range(film.frames), description="drawing")]
+def paced(documents: Mapping[str, Any], film: Film) -> Film:
+    """The film of a period as it is; of a transient as long as `--slow` says, with enough frames not to be aliased.
+
+    Raises:
+        SettingError: they would be too many or too fast.
+    """
+    shown = next(iter(documents["motion"]["feet"].values())) if "motion" in documents else {"periodic": True}
+    if shown["periodic"]:
+        return film
+    duration, slow = shown["duration"], documents["model"]["look"]["slow"]
+    power = np.cumsum(np.abs(np.fft.rfft(shown["base"])) ** 2)
+    highest = float(np.searchsorted(power, POWER * power[-1]) / duration)
+    frames = ceil(duration * max(PER_CYCLE * highest, SLOWEST * slow))
+    rate = frames / (duration * slow)
+    if frames > film.most:
+        longest = 0.95 * film.most / frames * duration
+        raise SettingError(
+            f"--export: {duration:g} s of motion up to {highest:.0f} Hz, {slow:g} times slower, are {frames} frames, "
+            f"but {film.most} are the most; ask for --seconds {longest:.2g} or export a .html, which holds all of it."
+        )
+    if rate > FASTEST:
+        raise SettingError(
+            f"--export: a motion up to {highest:.0f} Hz only {slow:g} times slower needs {rate:.0f} frames a second, "
+            f"but {FASTEST:g} are the most; ask for --slow {ceil(slow * rate / FASTEST)} or export a .html."
+        )
+    return replace(film, frames=frames, rate=rate, repeats=1)
+
+
+def _frames(show: Shown, documents: Mapping[str, Any], film: Film) -> Iterator[bytes]:
+    with _browser(show, documents, film.size) as page, progress_bar() as progress:
+        for k in progress.track(range(film.frames), description="drawing"):
+            yield _shot(page, k / film.frames)
 
 
 def _shot(page: Any, share: float) -> bytes:
@@ -158,11 +217,11 @@ def chromium() -> str | None:
 
 
 @contextmanager
-def _browser(show: Shown, size: float = 1.0) -> Iterator[Any]:
+def _browser(show: Shown, documents: Mapping[str, Any], size: float = 1.0) -> Iterator[Any]:
     """A headless browser with the exported page, which shows the canvas alone and draws only when it is told to.
 
     Args:
-        show: what is drawn. size: pixels of the canvas over those of the window.
+        show: what is drawn. documents: the exported ones. size: pixels of the canvas over those of the window.
     """
     path = chromium()
     if path is None:
@@ -173,13 +232,13 @@ def _browser(show: Shown, size: float = 1.0) -> Iterator[Any]:
         raise SettingError("pictures and films need playwright: pip install playwright, or export a .html.") from None
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         file = Path(folder) / "page.html"
-        file.write_text(html(show))
-        browser = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM))
+        file.write_text(html(show, documents))
+        browser = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM), timeout=LONGEST)
         try:
             page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, bypass_csp=True)
-            page.goto(f"{file.as_uri()}?quality=fixed", timeout=60_000)
-            page.wait_for_function("window.stats && stats.motions > 0", timeout=60_000)
-            page.add_style_tag(content="aside, footer { display: none } body { grid-template: 1fr / 1fr }")
+            page.goto(f"{file.as_uri()}?quality=fixed", timeout=LONGEST)
+            page.wait_for_function("window.stats && stats.motions > 0", timeout=LONGEST)
+            page.add_style_tag(content=CANVAS_ALONE)
             page.evaluate("play(false); window.requestAnimationFrame = () => 0")
             page.evaluate("size => { stage.renderer.setPixelRatio(size); stage.viewer.set_3d_pane_size() }", size)
             yield page

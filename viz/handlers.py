@@ -80,17 +80,15 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
         self.set_nodelay(True)
         self.server.pages.add(self)
 
-        hub = self.server.show.hub
-        for message in hub.messages():
-            self.send(message)
-        self.send(json.dumps(self.server.show.description()))
-        loop = asyncio.get_running_loop()
+        hub, loop = self.server.show.hub, asyncio.get_running_loop()
 
         def later(message: bytes) -> None:  # a reload happens in the simulation's thread
             loop.call_soon_threadsafe(self.send, message)
 
-        hub.listeners.add(later)
-        self._forget = lambda: hub.listeners.discard(later)
+        self._forget = lambda: hub.leave(later)
+        for message in hub.join(later):
+            self.send(message)
+        self.send(json.dumps(self.server.show.description()))
 
     def on_close(self) -> None:
         """Forget the page."""
@@ -102,7 +100,7 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
         try:
             request = json.loads(message)
             kind = request["type"]
-        except (ValueError, TypeError, KeyError):
+        except (ValueError, TypeError, KeyError, RecursionError):
             self.close(1003, "not understood")
             return
         if kind == "simulate":

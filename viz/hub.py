@@ -2,7 +2,8 @@
 
 import base64
 import gzip
-from collections.abc import Callable, Iterator
+import threading
+from collections.abc import Callable
 from typing import Any
 
 from fasbody.exceptions import SettingError
@@ -16,12 +17,16 @@ _ORDER = ("set_object", "set_transform", "set_property")
 
 
 class Hub:
-    """Stands where meshcat expects its window: packs commands, remembers the last of each kind, hands them on."""
+    """Stands where meshcat expects its window: packs commands, remembers the last of each kind, hands them on.
+
+    A reload changes the scene in the simulation's thread while a new page reads it in the server's: hence the lock.
+    """
 
     web_url = ""
 
     def __init__(self) -> None:
         self.listeners: set[Callable[[bytes], None]] = set()
+        self._lock = threading.Lock()
         self._tree: dict[str, dict[tuple[str, str | None], bytes]] = {}
 
     def send(self, command: Any) -> None:
@@ -31,22 +36,37 @@ class Hub:
     def put(self, message: dict[str, Any]) -> None:
         """Send one message of the protocol and keep it, only the last of each property."""
         data, path, kind = umsgpack.packb(message), message["path"], message["type"]
-        if kind == "delete":
-            for known in [k for k in self._tree if k == path or k.startswith(f"{path}/")]:
-                del self._tree[known]
-        else:
-            node = self._tree.setdefault(path, {})
-            if kind == "set_object":
-                node.clear()
-            node[kind, message.get("property")] = data
-        for listener in list(self.listeners):
-            listener(data)
+        with self._lock:
+            if kind == "delete":
+                for known in [k for k in self._tree if k == path or k.startswith(f"{path}/")]:
+                    del self._tree[known]
+            else:
+                node = self._tree.setdefault(path, {})
+                if kind == "set_object":
+                    node.clear()
+                node[kind, message.get("property")] = data
+            for listener in self.listeners:
+                listener(data)
 
-    def messages(self) -> Iterator[bytes]:
+    def messages(self) -> list[bytes]:
         """Everything that makes the scene, objects before their properties."""
-        for node in self._tree.values():
-            for key in sorted(node, key=lambda k: _ORDER.index(k[0])):
-                yield node[key]
+        with self._lock:
+            return self._messages()
+
+    def join(self, listener: Callable[[bytes], None]) -> list[bytes]:
+        """The whole scene, and from then on every further message to `listener`, which must not block."""
+        with self._lock:
+            self.listeners.add(listener)
+            return self._messages()
+
+    def leave(self, listener: Callable[[bytes], None]) -> None:
+        """No further message to `listener`."""
+        with self._lock:
+            self.listeners.discard(listener)
+
+    def _messages(self) -> list[bytes]:
+        nodes = self._tree.values()
+        return [node[key] for node in nodes for key in sorted(node, key=lambda k: _ORDER.index(k[0]))]
 
     def property(self, path: str, key: str, value: Any) -> None:
         """Like meshcat's set_property, which would write castShadow in lower case."""

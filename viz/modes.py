@@ -11,7 +11,7 @@ import numpy as np
 from fasbody.exceptions import FasError, InputFileError, SettingError
 from viz import scene
 from viz.hub import Hub
-from viz.motion import Settings
+from viz.settings import Settings
 
 Array = np.ndarray
 
@@ -121,7 +121,7 @@ class ModeShow:
         self.shapes = ModeShapes.read(result)
         count = len(self.shapes.frequencies_hz)
         if not 1 <= mode <= count:
-            raise SettingError(f"--mode is {mode}, but {self.shapes.file} holds the modes 1 to {count}.")
+            raise SettingError(f"--mode is {mode}, but the result holds the modes 1 to {count}.")
         self.mode = mode
         self.error = ""
         self.hub = Hub()
@@ -161,6 +161,10 @@ class ModeShow:
     def exported(self) -> dict[str, Any]:
         """The document of an exported page."""
         return {"model": self.description()}
+
+    def files(self) -> list[Path]:
+        """The file of the result."""
+        return [self.shapes.file.resolve()]
 
     def reload(self) -> None:
         """Read the result again after it has been written again; a broken one leaves the last good one in place."""

@@ -6,26 +6,28 @@ and the start of the periodic motion; MuJoCo then runs whole periods until the m
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fasbody.engine import callbacks
-from fasbody.exceptions import SettingError, SimulationError
+from fasbody.exceptions import SimulationError
 from fasbody.model import Foot
-from fasbody.shaker import PEAK_TO_PEAK, BaseMotion, harmonics
+from fasbody.shaker import BaseMotion, harmonics
 from fasbody.simulate import Batch, Simulation
 from viz.discrete import discretise
 from viz.loops import loop_point, watched
 from viz.rest import frames as rest_frames
+from viz.settings import Settings
 
 Array = np.ndarray
 
-#: Frames of one shown period; a transient has at most `RATE` frames a second.
+#: Frames of one shown period; a transient has at least `RATE` frames a second: 12 a cycle at `HIGHEST` [Hz].
 FRAMES = 64
-RATE = 240.0
+HIGHEST, PER_CYCLE = 50.0, 12
+RATE = PER_CYCLE * HIGHEST
 #: The motion counts as periodic when a period changes its joints by less than this share of their travel.
 PERIODIC = 1e-3
 #: Travel of the joints [m or rad] below which the motion counts as rest.
@@ -38,38 +40,6 @@ STEPS = 2**17
 PATIENCE = 20.0
 #: The transmissibility curve [Hz].
 CURVE = np.linspace(1.0, 60.0, 119)
-#: Parameters that an added mass on the knee raises.
-CARRIERS = ("m_S", "m_T")
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What the sliders say: frequency [Hz], peak to peak of the base [m/s^2], mass on the knee [kg], parameters."""
-
-    frequency: float = 20.0
-    peak_to_peak: float = PEAK_TO_PEAK
-    added_mass: float = 0.0
-    values: Mapping[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        for name, value, low, high in (
-            ("frequency", self.frequency, 0.5, 100.0),
-            ("peak to peak", self.peak_to_peak, 0.0, 200.0),
-            ("added mass", self.added_mass, 0.0, 50.0),
-        ):
-            if not low <= value <= high:
-                raise SettingError(f"{name} is {value:g}, but must be between {low:g} and {high:g}.")
-
-    def apply(self, foot: Foot) -> Foot:
-        """The foot with these parameters, each held within its declared bounds, and the added mass."""
-        values = {
-            name: float(np.clip(value, foot.parameters[name].lower, foot.parameters[name].upper))
-            for name, value in self.values.items()
-        }
-        carrier = next((name for name in CARRIERS if name in foot.parameters), None)
-        if carrier and self.added_mass:
-            values[carrier] = values.get(carrier, foot.values()[carrier]) + self.added_mass
-        return foot.with_values(values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +54,7 @@ class Motion:
         base: (n,) base acceleration; malleolus: (n,) its acceleration [m/s^2].
         loops: what -> (2, n) extension [m] and force [N], both positive in extension.
         transmissibility: complex malleolus over base of the linear model at `CURVE`.
-        ratio: |T| of the shown motion at its frequency, None for a transient. phase: its phase [deg].
+        ratio: |T| of the shown motion at its frequency, None for a transient or a table at rest. phase: of it [deg].
         gap: change of the joints over the last period, as a share of their travel.
         periodic: whether it repeats.
     """
@@ -178,10 +148,12 @@ def _settled(foot: Foot, settings: Settings, count: int) -> Motion:
     else:
         raise _Unsettled(f"{foot.name}: the motion at {f:g} Hz does not settle within {PERIODS} periods; add damping.")
     w = np.exp(-2j * np.pi * np.arange(count) / count)
-    ratio = complex(out.malleolus[0] @ w / (out.base[0] @ w)) if amplitude else 0j
     pick = np.arange(0, count, count // FRAMES)
-    found = (abs(ratio), float(np.degrees(np.angle(ratio))))
-    return _shown(changed, out, pick, 1 / f, linear.transmissibility(CURVE), gap, found)
+    shown = _shown(changed, out, pick, 1 / f, linear.transmissibility(CURVE))
+    if not amplitude:
+        return replace(shown, gap=gap, periodic=True)
+    ratio = complex(out.malleolus[0] @ w / (out.base[0] @ w))
+    return replace(shown, gap=gap, periodic=True, ratio=abs(ratio), phase=float(np.degrees(np.angle(ratio))))
 
 
 def transient_motion(foot: Foot, settings: Settings, base: BaseMotion) -> Motion:
@@ -196,9 +168,9 @@ def _from_rest(foot: Foot, base: BaseMotion, count: int) -> Motion:
     changed = foot.with_values({}, step=base.duration / count)
     controls = base.controls(changed.step, count)[None]
     out = Batch(changed, 1, threads=1).run(controls, changed.step)
-    stride = max(1, round(1 / (RATE * changed.step)))
+    stride = max(1, int(1 / (RATE * changed.step)))
     pick = np.arange(0, count, stride)
-    shown = _shown(changed, out, pick, base.duration, discretise(changed).transmissibility(CURVE), 0.0, None)
+    shown = _shown(changed, out, pick, base.duration, discretise(changed).transmissibility(CURVE))
     lift = _without_drift(shown.base, shown.duration / len(pick)) - out.qpos[0, pick, foot.base]
     shown.bodies[..., 1] += lift[:, None]
     return shown
@@ -219,11 +191,8 @@ def displacement(acceleration: Array, duration: float) -> Array:
     return _without_drift(acceleration - acceleration.mean(), duration / len(acceleration))
 
 
-def _shown(
-    foot: Foot, out: Simulation, pick: Array, duration: float, curve: Array, gap: float,
-    ratio: tuple[float, float] | None,
-) -> Motion:  # fmt: skip
-    """Poses and forces of the picked steps."""
+def _shown(foot: Foot, out: Simulation, pick: Array, duration: float, curve: Array) -> Motion:
+    """Poses and forces of the picked steps, as a transient."""
     model, data = foot.model, mujoco.MjData(foot.model)
     rest = rest_frames(model)
     bodies = list(rest)[1:]  # without the world
@@ -246,5 +215,5 @@ def _shown(
     return Motion(
         time=(out.time[0, pick] - out.time[0, 0]), duration=duration, bodies=np.concatenate([shift, turn], -1),
         names=bodies, base=out.base[0, pick], malleolus=out.malleolus[0, pick], loops=loops, transmissibility=curve,
-        ratio=ratio[0] if ratio else None, phase=ratio[1] if ratio else None, gap=gap, periodic=ratio is not None,
+        ratio=None, phase=None, gap=0.0, periodic=False,
     )  # fmt: skip

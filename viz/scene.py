@@ -152,7 +152,7 @@ def _add_soft(hub: Hub, root: meshcat.Visualizer, foot: str, part: Part, ghost: 
     material = _material(
         "MeshPhongMaterial", color=_hex("#5fb4ff" if ghost else look["code"]), side=0, transparent=opacity < 1,
         opacity=opacity, depthWrite=look["depthWrite"] and not ghost, shininess=look["shininess"],
-        specular=_hex(look["specular"]),
+        specular=_hex(look["specular"]), polygonOffset=ghost, polygonOffsetFactor=2, polygonOffsetUnits=2,
     )  # fmt: skip
     surface = Surface(SCALE * part.vertices, part.faces, part.normals, weights=part.weights)
     root[part.name].set_object(surface, material)

@@ -13,8 +13,9 @@ import signal
 import sys
 import threading
 import time
+import traceback
 import webbrowser
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,7 @@ import tornado.web
 from fasbody.console import console, print_json
 from fasbody.exceptions import FasError, SettingError
 from viz.handlers import Page, Stream
-from viz.motion import Settings
+from viz.settings import Settings
 from viz.shown import Shown, scripts
 
 ADDRESS = "127.0.0.1"
@@ -47,7 +48,7 @@ def settings_from(message: dict[str, Any]) -> Settings:
     try:
         values = {str(name): float(value) for name, value in dict(message.get("values", {})).items()}
         numbers = {name: float(message[name]) for name in ("frequency", "peak_to_peak", "added_mass")}
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise SettingError(f"the page's settings cannot be read ({error}); reload it.") from None
     for name, value in (numbers | values).items():
         if not math.isfinite(value):
@@ -83,11 +84,11 @@ class Server:
             websocket_max_message_size=LARGEST, log_function=lambda handler: None,
         )  # fmt: skip
 
-    async def run(self, watch: Path | None = None, beside: Coroutine[Any, Any, None] | None = None) -> None:
-        """Serve until `stop`; `beside` runs along."""
+    async def run(self, watch: bool = False, beside: Coroutine[Any, Any, None] | None = None) -> None:
+        """Serve until `stop`; with `watch` follow the files of what is shown; `beside` runs along."""
         http = tornado.httpserver.HTTPServer(self._application, idle_connection_timeout=PATIENCE)
         http.add_sockets(self._sockets)
-        tasks = [asyncio.create_task(work) for work in (self._watch(watch) if watch else None, beside) if work]
+        tasks = [asyncio.create_task(work) for work in (self._watch() if watch else None, beside) if work]
         try:
             await self._ended.wait()
         finally:
@@ -115,7 +116,10 @@ class Server:
             answer = self.show.answer(settings_from(message))
         except FasError as error:
             answer = {"type": "error", "text": str(error)}
-        answer |= {"request": message.get("request"), "seconds": time.perf_counter() - started}
+        except Exception as error:  # our fault: told, or the page would come back and ask the same again
+            answer = {"type": "error", "text": _bug(error)}
+        number = message.get("request")
+        answer |= {"request": number if isinstance(number, int) else None, "seconds": time.perf_counter() - started}
         return json.dumps(answer)
 
     def broadcast(self, document: dict[str, Any]) -> None:
@@ -124,19 +128,29 @@ class Server:
         for page in list(self.pages):
             page.send(text)
 
-    async def _watch(self, file: Path) -> None:
-        """Load the model again whenever its file is saved; the folder is watched, as editors replace files."""
+    async def _watch(self) -> None:
+        """Load again whenever a file is saved; folders are watched, as editors replace files."""
         from watchfiles import awatch
 
-        wanted = str(file.resolve())
-        async for _ in awatch(file.resolve().parent, step=20, debounce=60, watch_filter=lambda _, p: p == wanted):
-            try:
-                await asyncio.get_running_loop().run_in_executor(self._pool, self.show.reload)
-                self.broadcast(self.show.description())
-            except FasError as error:
-                console.print(f"[yellow]not loaded:[/] {error}", markup=True)
-                self.show.error = f"{error} The last good model is shown."
-                self.broadcast({"type": "broken", "text": self.show.error})
+        while True:
+            files = self.show.files()
+            folders = {file.parent for file in files if file.parent.is_dir()}
+            saves = awatch(*folders, step=20, debounce=60, watch_filter=_Only(files))
+            async with contextlib.aclosing(saves):
+                async for _ in saves:
+                    await self._reload()
+                    if set(self.show.files()) != set(files):  # another file is included now
+                        break
+
+    async def _reload(self) -> None:
+        try:
+            await asyncio.get_running_loop().run_in_executor(self._pool, self.show.reload)
+            self.broadcast(self.show.description())
+        except Exception as error:
+            text = str(error) if isinstance(error, FasError) else _bug(error)
+            console.print(f"not loaded: {text}", style="yellow", markup=False)
+            self.show.error = f"{text} The last good model is shown."
+            self.broadcast({"type": "broken", "text": self.show.error})
 
     async def until_alone(self) -> None:
         """Stop once there were pages and the last one has left for good."""
@@ -150,7 +164,23 @@ class Server:
         self.stop()
 
 
-async def serve(show: Shown, what: str, *, port: int, browser: bool, watch: Path | None, json: bool) -> None:
+class _Only:
+    """Lets through what happens to these files."""
+
+    def __init__(self, files: Iterable[Path]) -> None:
+        self._names = {str(file) for file in files}
+
+    def __call__(self, _: object, path: str) -> bool:
+        return path in self._names
+
+
+def _bug(error: Exception) -> str:
+    """A sentence on a failure of our own; its traceback goes to the terminal."""
+    console.print("".join(traceback.format_exception(error)), markup=False)
+    return f"the viewer failed ({type(error).__name__}: {error}); its terminal has the details."
+
+
+async def serve(show: Shown, what: str, *, port: int, browser: bool, watch: bool, json: bool) -> None:
     """A command's server: say where it is, open the browser, and run until Ctrl-C.
 
     Where a browser was opened the last page that is closed ends it too; started by hand it stays for the next page.

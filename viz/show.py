@@ -2,55 +2,25 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import degrees
+from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 
-import mjcf
-from fasbody.arch import Arch
-from fasbody.exceptions import FasError, SettingError
-from fasbody.model import Foot, check, load
+from fasbody.exceptions import FasError
+from fasbody.model import Foot
 from viz import assets, scene
 from viz.bones import SEGMENTS
 from viz.excitation import Excitation
 from viz.hub import Hub
-from viz.motion import CARRIERS, CURVE, Motion, Settings, displacement, periodic_motion, transient_motion
+from viz.load import files_of, load_foot
+from viz.motion import CURVE, Motion, displacement, periodic_motion, transient_motion
 from viz.rest import Carried, Frame, carried, frames, segment_bodies
+from viz.settings import CARRIERS, Settings
+from viz.words import WORDS
 
 #: Names of the feet in the scene: the model, the one it is compared with, and what was measured.
 MODEL, OTHER, MEASURED = "a", "b", "measured"
-
-
-def load_foot(name: str) -> Foot:
-    """A model by name or file; ``foot_arch@25`` is the arch with its bones spread to a rest height of 25 mm.
-
-    Raises:
-        InputFileError: no such model. ModelError: the model has no such arch. SettingError: the height is no number.
-    """
-    model, at, height = name.partition("@")
-    if not at:
-        return load(model)
-    try:
-        metres = 1e-3 * float(height)
-    except ValueError:
-        raise SettingError(f"{name}: the arch height {height!r} is no number in mm, such as foot_arch@25.") from None
-    foot = load(model)
-    arch = Arch.from_model(foot.model, name).with_height(metres)
-    file = str(mjcf.path(model)) if model in mjcf.names() else model
-    spec = mujoco.MjSpec.from_file(file)
-    turns = {
-        "calcaneus_talus": -arch.theta_10, "navicular": arch.theta_10 + arch.theta_20,
-        "cuneiforms": arch.theta_30 - arch.theta_20, "metatarsals": arch.theta_40 - arch.theta_30,
-    }  # fmt: skip
-    for body, angle in turns.items():
-        spec.body(body).alt.euler = [0, 0, degrees(angle) if spec.compiler.degree else angle]
-    spec.body("apex").pos = [0, arch.height_0, 0]
-    heel = -arch.L_1 * np.sin(arch.theta_10)
-    for site, x in (("heel_ground", heel), ("forefoot_ground", heel + arch.l_0)):
-        spec.site(site).pos = [x, *spec.site(site).pos[1:]]
-    return check(spec.compile(), name)
 
 
 class Show:
@@ -75,13 +45,16 @@ class Show:
         self.hub = Hub()
         self._visualizer = scene.stage(self.hub)
         self._parts = assets.read()
-        self.feet = {name: load_foot(model) for name, model in zip((MODEL, OTHER), models, strict=False)}
+        self.feet = self._load()
         for name in self.feet:
             self._place(name)
         if self.excitation.recording is not None:
             self._place(MEASURED)
-        for name in self.settings.values:
-            self.feet[MODEL].parameters[name]  # refuses an unknown one
+        for name, foot in self.feet.items():
+            self._own(name, self.settings).apply(foot)  # refuses what they cannot have
+
+    def _load(self) -> dict[str, Foot]:
+        return {name: load_foot(model) for name, model in zip((MODEL, OTHER), self.models, strict=False)}
 
     def _place(self, name: str) -> None:
         model = self.feet.get(name, self.feet[MODEL]).model
@@ -98,18 +71,23 @@ class Show:
         """The documents of an exported page."""
         return {"model": self.description(), "motion": self.answer(self.settings)}
 
+    def files(self) -> list[Path]:
+        """The files of the models, with what they include."""
+        return sorted(set().union(*map(files_of, self.models)))
+
     def reload(self) -> None:
-        """Load the first model again after its file has changed; a broken one leaves the last good one in place."""
+        """Load the models again after a file has changed; a broken one leaves the last good ones in place."""
         try:
-            fresh = load_foot(self.models[0])
+            fresh = self._load()
         except FasError as error:
             self.error = str(error)
             raise
         self.error = ""
-        now, before = _frames_of_meshes(fresh), _frames_of_meshes(self.feet[MODEL])
-        self.feet[MODEL] = fresh
-        if now is None or now != before:
-            for name in {MODEL, MEASURED} & set(self.drawn):
+        before, self.feet = self.feet, fresh
+        for name in self.drawn:
+            shown = name if name in fresh else MODEL
+            now = _frames_of_meshes(fresh[shown])
+            if now is None or now != _frames_of_meshes(before[shown]):
                 self._place(name)
 
     def description(self) -> dict[str, Any]:
@@ -121,7 +99,8 @@ class Show:
             "feet": {name: self._rest(name) for name in self.drawn},
             "parameters": [
                 {
-                    "name": p.name, "unit": p.unit, "lower": p.lower, "upper": p.upper, "source": p.source,
+                    "name": p.name, "words": WORDS.get(p.name, ""), "unit": p.unit, "source": p.source,
+                    "lower": p.lower, "upper": p.upper,
                     "nominal": values[p.name], "value": given.values.get(p.name, values[p.name]),
                     "logarithmic": p.logarithmic,
                 }
@@ -130,7 +109,7 @@ class Show:
             "settings": {
                 "frequency": given.frequency, "peak_to_peak": given.peak_to_peak, "added_mass": given.added_mass,
             },
-            "can_add_mass": any(name in foot.parameters for name in CARRIERS),
+            "can_add_mass": all(any(name in f.parameters for name in CARRIERS) for f in self.feet.values()),
             "periodic": self.excitation.base is None,
             "excitation": self.excitation.base.name if self.excitation.base else "sine",
             "curve_hz": CURVE.round(3).tolist(),
@@ -173,20 +152,43 @@ class Show:
         Raises:
             SettingError: outside their bounds. SimulationError: unstable.
         """
-        shown = {}
+        shown, base = {}, self.excitation.base
         for name, foot in self.feet.items():
-            own = settings if name == MODEL else replace(settings, values=_known(foot, settings.values))
-            base = self.excitation.base
+            own = self._own(name, settings)
             shown[name] = periodic_motion(foot, own) if base is None else transient_motion(foot, own, base)
         return shown
 
+    def _own(self, name: str, settings: Settings) -> Settings:
+        """A foot's own settings. The other one keeps its own character: its parameters change by as many times as the
+        model's do, so that nothing jumps where they differ, and stay within its bounds.
+        """
+        if name == MODEL:
+            return settings
+        mine, own = self.feet[MODEL].values(), self.feet[name].values()
+        values = {
+            p: own[p] * value / mine[p] if mine[p] else own[p] + value
+            for p, value in settings.values.items()
+            if p in own and p in mine
+        }
+        return replace(settings, values=values).held(self.feet[name])
+
     def answer(self, settings: Settings) -> dict[str, Any]:
-        """The motions as one document for the page."""
+        """The motions as one document for the page; `held` are parameters that a bound has stopped."""
+        wanted, settings = settings, settings.held(self.feet[MODEL])
         motions = self.motions(settings)
         document = {name: _document(motion) for name, motion in motions.items()}
         if self.excitation.recording is not None:
             document[MEASURED] = self._measured(motions[MODEL], document[MODEL])
-        return {"type": "motion", "feet": document}
+        held = {p: v for p, v in settings.values.items() if abs(v - wanted.values[p]) > 1e-9 * abs(v)}
+        return {"type": "motion", "feet": document, "held": held, "other": self._other_values(settings)}
+
+    def _other_values(self, settings: Settings) -> dict[str, float]:
+        """Parameters in which the compared foot differs from the model now."""
+        if OTHER not in self.feet:
+            return {}
+        mine = self.feet[MODEL].values() | dict(settings.values)
+        own = self.feet[OTHER].values() | dict(self._own(OTHER, settings).values)
+        return {p: own[p] for p in own if p in mine and abs(own[p] - mine[p]) > 1e-6 * abs(mine[p])}
 
     def _measured(self, model: Motion, document: dict[str, Any]) -> dict[str, Any]:
         """The model's foot with its lower leg where the accelerometer says."""
@@ -208,10 +210,6 @@ def _frames_of_meshes(foot: Foot) -> dict[str, list[float]] | None:
     if segments is None:
         return None
     return {segment: on.bind.position.round(9).tolist() for segment, on in segments.items()}
-
-
-def _known(foot: Foot, values: Mapping[str, float]) -> dict[str, float]:
-    return {name: value for name, value in values.items() if name in foot.parameters}
 
 
 def _flat(values: np.ndarray, digits: int) -> list[float]:

@@ -8,7 +8,7 @@ import jinja2
 
 from viz import scene
 from viz.hub import Hub
-from viz.motion import Settings
+from viz.settings import Settings
 
 PAGE = Path(__file__).parent / "page"
 #: A page names its scripts; server and export take them from there.
@@ -32,6 +32,9 @@ class Shown(Protocol):
 
     def exported(self) -> dict[str, Any]:
         """The documents that an exported page carries, by name."""
+
+    def files(self) -> list[Path]:
+        """The files to watch, absolute."""
 
     def reload(self) -> None:
         """Read the file again after it has changed; a broken one leaves the last good one in place."""

@@ -4,10 +4,13 @@ const byId = id => document.getElementById(id);
 
 // A slider's row. Where its thumb is within half a step of `nominal` the value is exactly that; a double click or the
 // row's ↺ takes it there. `changed` gets each value that the user chooses.
-function slider(parent, key, label, unit, low, high, value, changed, { log = false, step = 0, hint = "", nominal = value } = {}) {
+function slider(parent, key, label, unit, low, high, value, changed, { log = false, step = 0, hint = "", nominal = value, ends = false } = {}) {
   const row = document.createElement("label");
-  row.innerHTML = "<span></span><button type=button class=back>↺</button><output></output><input type=range>";
-  const [name, back, shown, input] = row.children;
+  row.innerHTML = "<span></span><button type=button class=back>↺</button><output></output><input type=range><small class=ends hidden><span></span><em></em><span></span></small>";
+  const [name, back, shown, input, bounds] = row.children;
+  bounds.hidden = !ends;
+  [bounds.firstChild.textContent, bounds.lastChild.textContent] = [number(low), number(high)];
+  row.beside = text => { bounds.children[1].textContent = text; };
   name.textContent = label;
   back.title = `back to ${number(nominal)} ${unit}`;
   row.title = [hint, `double click: ${back.title}`].filter(Boolean).join("; ");
@@ -68,10 +71,16 @@ byId("step").onclick = () => stepOn(1);
 byId("seek").oninput = e => { play(false); time = +e.target.value * length(); fresh = true; };
 function cameras(stage) { for (const name of Object.keys(stage.views)) button(byId("cameras"), name, () => stage.view(name), `camera: ${name}`); }
 
+// What a slider that has the focus keeps for itself.
+const MOVES = new Set(["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "Home", "End", "PageUp", "PageDown"]);
+// A button clicked with the mouse would take the next space; one reached with the keyboard keeps the focus.
+addEventListener("click", event => { const b = event.target.closest("button"); if (b && event.detail > 0) b.blur(); });
+
 // Keys of every page; `own(key)` says whether the page takes another one. Nothing is taken from a field or a shortcut.
 function keys(ready, own) {
   addEventListener("keydown", event => {
-    if (event.target.matches("input, select, textarea") && event.key !== " ") return;
+    if (event.target.matches("select, textarea, input:not([type=range])")) return;
+    if (event.target.matches("input") && MOVES.has(event.key)) return;
     if (event.ctrlKey || event.metaKey || event.altKey || !ready()) return;
     if (event.key === " ") { if (event.target.matches("button")) return; play(!playing); }
     else if (event.key === ".") stepOn(1);

@@ -8,6 +8,8 @@ const VIEWS = {
 };
 // How far apart feet stand side by side, and the width of one foot's table.
 const APART = 1.75, WIDTH = 1.5;
+// Middle of each pad, along and across.
+const PADS = { heel_pad: [-0.69, -0.05], forefoot_pad: [0.95, -0.05] };
 // Where the aponeurosis begins and ends.
 const INSERTIONS = { calcaneus_talus: [-0.66, -0.02, 0], metatarsals: [0.98, -0.09, 0] };
 
@@ -32,6 +34,7 @@ class Feet extends Stage {
     eye.y += 1.3 * wide;  // from the side one would hide the other
     this.camera.position.copy(eye.add(target));
     this.viewer.controls.update();
+    this.placed = this.camera.position.clone();
   }
 
   node(...path) { return this.viewer.scene_tree.find(["meshcat", "foot", ...path]).object; }
@@ -118,13 +121,13 @@ class Feet extends Stage {
             if (!foot.ghost) table.scale.z = 1 + wide / WIDTH;
           }
         } else {
-          if (foot.ghost) solid(s.node.children[0], this.apart);
+          if (foot.ghost) solid(s.node.children[0], this.apart, 0.38);
           s.node.position.copy(s.p);
           s.node.quaternion.copy(s.q);
         }
       }
       for (const part of foot.soft) if (part.mesh) this.bend(foot, part);
-      this.paint(foot, shown, at);
+      this.paint(foot, shown, at, motion);
     });
     this.viewer.set_dirty();
   }
@@ -171,7 +174,7 @@ class Feet extends Stage {
     const lifted = this.posture ? this.move(table, this.tilted(table.p.clone()), this.turn().multiply(table.q)) : standing;
     const from = part.still, weights = part.weights, to = part.mesh.geometry.attributes.position, n = moves.length;
     const pad = part.name.endsWith("pad"), squeeze = pad ? this.squeeze(foot, part.name) : 1, wide = 1 / Math.sqrt(squeeze) - 1;
-    const cx = part.name === "heel_pad" ? -0.68 : 0.95, cz = part.name === "heel_pad" ? -0.05 : -0.05;
+    const [cx, cz] = PADS[part.name] || [0, 0];
     const out = to.array, M = new Float64Array(12);
     for (let v = 0, i = 0, w = 0; i < from.length; v++, i += 3, w += n) {
       M.fill(0);
@@ -192,28 +195,46 @@ class Feet extends Stage {
 
   squeeze(foot, name) {
     const bone = foot.segments[name === "heel_pad" ? 0 : 3], table = foot.segments[foot.segments.length - 1];
-    const at = new THREE.Vector3(name === "heel_pad" ? -0.7 : 0.95, 0, 0);
+    const at = new THREE.Vector3(PADS[name][0], 0, 0);
     const local = at.sub(bone.bind.clone().multiplyScalar(SCALE)).applyQuaternion(bone.flat);
     const height = local.y + bone.rest.y * SCALE + bone.shift.y - TABLE - table.shift.y;
     return Math.min(2.2, Math.max(0.3, height / -TABLE));
   }
 
-  paint(foot, shown, at) {
-    if (foot.ghost) return;
-    for (const [parts, loop, ramp, sign] of [
-      [["heel_pad", "forefoot_pad"], "fat pad", "pressure", -1], [["aponeurosis"], "fascia", "tension", 1]]) {
+  // Colour pads and fascia by the change of their force, on one scale for all feet; a ghost only where it stands beside.
+  paint(foot, shown, at, motion) {
+    for (const [parts, loop, ramp, sign] of PAINTED) {
       const force = shown.loops[loop] && shown.loops[loop].force;
       if (!force) continue;
-      const top = Math.max(...force.map(Math.abs)) || 1;
+      const coloured = !foot.ghost || this.apart, top = largest(motion, loop) || 1;
       const colour = shade(ramp, 0.5 + 0.5 * sign * sample(force, shown, at) / top);
-      for (const part of foot.soft) if (parts.includes(part.name) && part.mesh) part.mesh.material.color.copy(colour);
+      for (const part of foot.soft) {
+        if (!parts.includes(part.name) || !part.mesh) continue;
+        const look = part.mesh.material, own = look.userData;
+        if (!own.colour) Object.assign(own, { colour: look.color.clone(), opacity: look.opacity });
+        look.color.copy(coloured ? colour : own.colour);
+        if (foot.ghost) solid(part.mesh, this.apart, own.opacity);
+      }
     }
   }
 }
 
+// What is coloured: parts, loop whose force it is, ramp, and which way the force points.
+const PAINTED = [[["heel_pad", "forefoot_pad"], "fat pad", "pressure", -1], [["aponeurosis"], "fascia", "tension", 1]];
+
+// Largest change of a loop's force in any foot.
+function largest(motion, loop) {
+  if (!motion.tops) motion.tops = {};
+  if (!(loop in motion.tops)) {
+    const forces = Object.values(motion.feet).flatMap(f => (f.loops[loop] ? f.loops[loop].force : []));
+    motion.tops[loop] = forces.reduce((m, v) => Math.max(m, Math.abs(v)), 0);
+  }
+  return motion.tops[loop];
+}
+
 // A ghost lets the foot be seen that it lies over; beside it there is no need for that.
-function solid(mesh, on) {
-  if (mesh && mesh.material) Object.assign(mesh.material, { opacity: on ? 0.9 : 0.38, depthWrite: on });
+function solid(mesh, on, faint) {
+  if (mesh && mesh.material) Object.assign(mesh.material, { opacity: on ? 0.9 : faint, depthWrite: on });
 }
 
 function vector(pose) { return new THREE.Vector3(pose[0], pose[1], pose[2]); }

@@ -37,10 +37,10 @@ function buildControls() {
   for (const p of model.parameters) {
     const value = p.name in s.values ? s.values[p.name] : p.value;
     if (value !== p.nominal) s.values[p.name] = value;
-    rows[p.name] = slider(list, `parameter_${p.name}`, p.name, p.unit, p.lower, p.upper, value, v => {
+    rows[p.name] = slider(list, `parameter_${p.name}`, p.words ? `${p.words} ${p.name}` : p.name, p.unit, p.lower, p.upper, value, v => {
       if (v === p.nominal) delete s.values[p.name]; else s.values[p.name] = v;
       ask();
-    }, { log: p.logarithmic, nominal: p.nominal, hint: `${p.name} [${p.unit}], ${p.lower} to ${p.upper}; ${p.source}` });
+    }, { log: p.logarithmic, nominal: p.nominal, ends: true, hint: `${p.name} [${p.unit}], ${p.lower} to ${p.upper}; ${p.source}` });
   }
 }
 byId("reset").onclick = () => { state.values = {}; for (const p of model.parameters) rows[p.name].set(p.nominal); ask(); };
@@ -106,12 +106,25 @@ function receive(document_) {
       fresh = arrived = true;
       stats.motions += 1;
       stats.seconds.push(document_.seconds);
-      say(broken);
+      say([broken, stopped(motion.held)].filter(Boolean).join("\n"));
       stage.pose(motion, frame(), stage.gain(motion, state.amplify));
       stats.posed.push(performance.now() - asked);
+      besides(motion.other);
     } else say([broken, document_.text].filter(Boolean).join("\n"));
     if (wanted) { wanted = false; ask(); }
   }
+}
+
+// Parameters that a bound has stopped: their sliders go there, and a sentence says so.
+function stopped(held) {
+  const moved = model.parameters.filter(p => p.name in held);
+  for (const { name } of moved) { state.values[name] = held[name]; rows[name].set(held[name]); }
+  return moved.map(p => `${p.name} is held at the bound that the model declares, ${number(held[p.name])} ${p.unit}.`).join("\n");
+}
+
+// What the compared foot has where it differs.
+function besides(other) {
+  for (const p of model.parameters) rows[p.name].beside(p.name in other ? `other foot ${number(other[p.name])}` : "");
 }
 
 // Nothing is posed before the scene is whole.
@@ -126,7 +139,7 @@ function draw() {
   const colour = name => ({ b: OTHER, measured: SEEN })[name] || ANKLE;
   const label = name => ({ b: "other", measured: "measured" })[name] || "malleolus";
   plotTraces(plots.traces, "acceleration [m/s²]", first.duration,
-    [["base", BASE, first.base], ...feet.map(([n, f]) => [label(n), colour(n), f.malleolus, n !== "a"])], at);
+    [["base", BASE, first.base], ...feet.map(([n, f]) => [label(n), colour(n), f.malleolus, n !== "a"])], at, first.periodic);
   const curves = feet.filter(([n]) => n !== "measured");
   plotCurve(plots.curve, "transmissibility", model.curve_hz, curves.map(([n, f]) => [model.feet[n].title, colour(n), f.transmissibility]),
     curves.filter(([, f]) => f.ratio !== null).map(([n, f]) => [state.frequency, f.ratio, colour(n)]));
@@ -138,13 +151,13 @@ function draw() {
 function legend() {
   const box = byId("legend"), loops = lead().loops;
   box.replaceChildren();
-  for (const [title, key, ramp] of [["fascia: tension", "fascia", "tension"], ["fat pad: compression", "fat pad", "pressure"]]) {
+  for (const [title, key, ramp] of [["fascia: change of tension", "fascia", "tension"], ["fat pad: change of compression", "fat pad", "pressure"]]) {
     if (!loops[key]) continue;
-    const top = Math.max(...loops[key].force.map(Math.abs)), item = document.createElement("div"), bar = document.createElement("i");
+    const top = largest(motion, key).toPrecision(3), item = document.createElement("div"), bar = document.createElement("i");
     bar.style.background = `linear-gradient(90deg, ${RAMPS[ramp].join(", ")})`;
     item.append(title, bar);
     const ends = document.createElement("p");
-    for (const sign of "−+") ends.append(Object.assign(document.createElement("span"), { textContent: `${sign}${top.toPrecision(3)} N` }));
+    for (const textContent of [`−${top} N`, "0", `+${top} N`]) ends.append(Object.assign(document.createElement("span"), { textContent }));
     item.append(ends);
     box.append(item);
   }
@@ -153,8 +166,8 @@ function legend() {
 function report() {
   const foot = lead(), gain = stage.gain(motion, state.amplify);
   const shown = `shown ${gain.toPrecision(3)}× larger${gain < 0.999 * state.amplify ? " (as much as fits)" : ""}, ${state.slow.toPrecision(3)}× slower`;
-  const ratio = foot.ratio === null ? "" : `transmissibility ${foot.ratio.toFixed(2)}, phase ${foot.phase.toFixed(0).replace("-", "−")}°`;
-  const base = foot.ratio === null ? model.excitation : `${state.frequency} Hz`;
+  const ratio = foot.ratio === null ? (foot.periodic ? "the table is at rest" : "") : `transmissibility ${foot.ratio.toFixed(2)}, phase ${foot.phase.toFixed(0).replace("-", "−")}°`;
+  const base = foot.periodic ? `${state.frequency} Hz` : model.excitation;
   tell([`${model.feet.a.title}, ${base}`, ratio, shown, stage.posture ? "posture drawn, not simulated" : ""]);
 }
 

@@ -29,9 +29,12 @@ function begin(element, title, entries = []) {
   return [ink, w, h, crowded ? 38 : 24];
 }
 
+// About `count` round numbers, and never fewer than three: a single 0 would be no scale.
 function ticks(low, high, count) {
-  const raw = (high - low) / count || 1, power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 5, 10].map(f => f * power).find(s => s >= raw * 0.999), out = [];
+  const raw = (high - low) / count || 1, power = 10 ** Math.floor(Math.log10(raw)), out = [];
+  const least = s => Math.floor(high / s + 1e-9) - Math.ceil(low / s - 1e-9) >= 2;
+  const steps = [10, 5, 2, 1, 0.5, 0.2].map(f => f * power), wanted = steps.filter(s => s >= raw * 0.999).pop();
+  const step = steps.find(s => s <= wanted && least(s));
   for (let v = Math.ceil(low / step) * step; v <= high + 1e-9 * step; v += step) out.push(Math.abs(v) < 1e-9 * step ? 0 : v);
   return out;
 }
@@ -85,8 +88,8 @@ function names(ink, w, entries, y) {
   return x;
 }
 
-// series: [label, colour, values, dashed]; `at` is the share of the duration that has passed.
-function plotTraces(element, title, duration, series, at) {
+// series: [label, colour, values, dashed]; `at` is the share of the duration that has passed. A period ends as it began.
+function plotTraces(element, title, duration, series, at, periodic) {
   const [ink, w, h, above] = begin(element, title, series.map(s => [s[0], s[1]]));
   const top = 1.08 * Math.max(1e-9, ...series.map(s => s[2].reduce((m, v) => Math.max(m, Math.abs(v)), 0)));
   const [X, Y] = axes(ink, w, h, above, [0, 1e3 * duration], [-top, top], "time [ms]");
@@ -94,7 +97,8 @@ function plotTraces(element, title, duration, series, at) {
     ink.strokeStyle = colour;
     ink.lineWidth = 1.6;
     ink.setLineDash(dashed ? [4, 3] : []);
-    line(ink, values.map((v, k) => [X(1e3 * duration * k / values.length), Y(v)]));
+    const whole = periodic ? [...values, values[0]] : values;
+    line(ink, whole.map((v, k) => [X(1e3 * duration * k / values.length), Y(v)]));
     ink.setLineDash([]);
     const k = Math.min(values.length - 1, Math.floor(at * values.length));
     dot(ink, X(1e3 * duration * at), Y(values[k]), colour, 3);
@@ -105,10 +109,10 @@ function plotTraces(element, title, duration, series, at) {
 function plotCurve(element, title, x, curves, points) {
   const [ink, w, h, above] = begin(element, title, curves.length > 1 ? curves.map(c => [c[0], c[1]]) : []);
   const top = 1.1 * Math.max(1.2, ...curves.map(c => Math.max(...c[2])), ...points.map(p => p[1]));
-  const [X, Y] = axes(ink, w, h, above, [0, 60], [0, top], "frequency [Hz]");
+  const [X, Y] = axes(ink, w, h, above, [0, x[x.length - 1]], [0, top], "frequency [Hz]");
   ink.strokeStyle = "#4a5a6a";
   ink.setLineDash([2, 3]);
-  line(ink, [[X(0), Y(1)], [X(60), Y(1)]]);
+  line(ink, [[X(0), Y(1)], [X(x[x.length - 1]), Y(1)]]);
   ink.setLineDash([]);
   for (const [, colour, values] of curves) {
     ink.strokeStyle = colour;

@@ -4,9 +4,12 @@ const THREE = MeshCat.THREE;
 // ?quality=fixed keeps the best, low starts with the least, none draws nothing (to measure the rest); otherwise the
 // machine's speed decides.
 const QUALITY = new URLSearchParams(location.search).get("quality");
-// Colour ramps (sRGB): slack to tense, unloaded to compressed, still to most moved.
-const RAMPS = { tension: ["#dfe6ee", "#f0a24f", "#b3162f"], pressure: ["#f6e3a1", "#f0b23c", "#d9481c"],
+// Colour ramps (sRGB): less to more tension and compression about none of it changed, still to most moved.
+const RAMPS = { tension: ["#2f6fd6", "#e9edf0", "#c2182f"], pressure: ["#2aa79b", "#f6e7b4", "#d9481c"],
   displacement: ["#3a4fa3", "#2d9fa8", "#8fd36a", "#ffd84d"] };
+
+// Where fog begins and ends, and the width over height of a picture that the cameras' distances are made for.
+const FOG = [6.2, 11.5], WIDEST = 1.35;
 
 class Stage {
   // Args: the element to draw in; named cameras, [eye, target] each, the first one is taken.
@@ -23,7 +26,10 @@ class Stage {
     this.viewer = new MeshCat.Viewer(pane, false, r);
     const size = this.viewer.set_3d_pane_size.bind(this.viewer);
     this.viewer.set_3d_pane_size = () => size(pane.clientWidth, pane.clientHeight);
-    new ResizeObserver(() => this.viewer.set_3d_pane_size()).observe(pane);
+    new ResizeObserver(() => {
+      this.viewer.set_3d_pane_size();
+      if (this.placed && this.placed.equals(this.camera.position)) this.view(this.viewed);  // nobody has moved it
+    }).observe(pane);
     const camera = new THREE.PerspectiveCamera(26, 1, 0.05, 60);
     this.viewer.set_object(["Cameras", "default", "rotated"], camera);
     this.viewer.set_camera(camera);
@@ -33,12 +39,16 @@ class Stage {
     this.slowFrames = [];
   }
 
+  // Place the camera; where the picture is narrow, as far away as it takes to keep all of it in.
   view(name) {
-    const [eye, target] = this.views[name];
+    const [eye, target] = this.views[name].map(v => new THREE.Vector3(...v)), fog = this.viewer.scene.fog;
+    const { clientWidth: w, clientHeight: h } = this.pane, further = Math.max(1, WIDEST * h / (w || WIDEST * h));
     this.viewed = name;
-    this.camera.position.set(...eye);
-    this.viewer.controls.target.set(...target);
+    this.camera.position.copy(eye.sub(target).multiplyScalar(further).add(target));
+    this.viewer.controls.target.copy(target);
     this.viewer.controls.update();
+    if (fog) Object.assign(fog, { near: FOG[0] * further, far: FOG[1] * further });
+    this.placed = this.camera.position.clone();
     this.viewer.set_dirty();
   }
 
@@ -49,7 +59,8 @@ class Stage {
     grid.material.transparent = true;
     grid.material.opacity = 0.55;
     this.viewer.scene.add(grid);
-    this.viewer.scene.fog = new THREE.Fog(0x10161f, 6.2, 11.5);
+    this.viewer.scene.fog = new THREE.Fog(0x10161f, ...FOG);
+    this.view(this.viewed);
   }
 
   render() { if (QUALITY === "none") this.viewer.needs_render = false; else this.viewer.render(); }

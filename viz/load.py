@@ -1,0 +1,67 @@
+"""A foot by name, file or arch height, and the files behind it."""
+
+import re
+from math import degrees
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+import mjcf
+from fasbody.arch import Arch
+from fasbody.exceptions import SettingError
+from fasbody.model import Foot, check, load
+
+_INCLUDE = re.compile(r"""<include\s[^>]*file\s*=\s*["']([^"']+)["']""")
+
+
+def load_foot(name: str) -> Foot:
+    """A model by name or file; ``foot_arch@25`` is the arch with its bones spread to a rest height of 25 mm.
+
+    Raises:
+        InputFileError: no such model. ModelError: the model has no such arch. SettingError: no name, or a height that
+            is no number.
+    """
+    if not name.strip():
+        raise SettingError(f"a model needs a name: one of {', '.join(mjcf.names())}, or an MJCF file.")
+    model, at, height = name.partition("@")
+    if not at:
+        return load(model)
+    try:
+        metres = 1e-3 * float(height)
+    except ValueError:
+        raise SettingError(f"{name}: the arch height {height!r} is no number in mm, such as foot_arch@25.") from None
+    foot = load(model)
+    arch = Arch.from_model(foot.model, name).with_height(metres)
+    file = str(mjcf.path(model)) if model in mjcf.names() else model
+    spec = mujoco.MjSpec.from_file(file)
+    turns = {
+        "calcaneus_talus": -arch.theta_10, "navicular": arch.theta_10 + arch.theta_20,
+        "cuneiforms": arch.theta_30 - arch.theta_20, "metatarsals": arch.theta_40 - arch.theta_30,
+    }  # fmt: skip
+    for body, angle in turns.items():
+        spec.body(body).alt.euler = [0, 0, degrees(angle) if spec.compiler.degree else angle]
+    spec.body("apex").pos = [0, arch.height_0, 0]
+    heel = -arch.L_1 * np.sin(arch.theta_10)
+    for site, x in (("heel_ground", heel), ("forefoot_ground", heel + arch.l_0)):
+        spec.site(site).pos = [x, *spec.site(site).pos[1:]]
+    return check(spec.compile(), name)
+
+
+def files_of(name: str) -> set[Path]:
+    """The MJCF file of a model with every file that it includes, absolute; of a shipped model none."""
+    model = name.partition("@")[0]
+    if model in mjcf.names():
+        return set()
+    main = Path(model).resolve()
+    found, open_ = {main}, [main]
+    while open_:
+        try:
+            text = open_.pop().read_text(errors="replace")
+        except OSError:
+            continue  # an editor is replacing it
+        # MuJoCo looks for all of them from the folder of the main file
+        included = {(main.parent / file).resolve() for file in _INCLUDE.findall(text)} - found
+        found |= included
+        open_ += included
+    return found

@@ -1,0 +1,78 @@
+"""What the sliders say, and what of it a foot can have."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fasbody.exceptions import SettingError
+from fasbody.model import Foot
+from fasbody.parameters import Parameter
+from fasbody.shaker import PEAK_TO_PEAK
+
+#: Parameters that an added mass on the knee raises.
+CARRIERS = ("m_S", "m_T")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the sliders say: frequency [Hz], peak to peak of the base [m/s^2], mass on the knee [kg], parameters."""
+
+    frequency: float = 20.0
+    peak_to_peak: float = PEAK_TO_PEAK
+    added_mass: float = 0.0
+    values: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, value, low, high in (
+            ("frequency", self.frequency, 0.5, 100.0),
+            ("peak to peak", self.peak_to_peak, 0.0, 200.0),
+            ("added mass", self.added_mass, 0.0, 50.0),
+        ):
+            if not low <= value <= high:
+                raise SettingError(f"{name} is {value:g}, but must be between {low:g} and {high:g}.")
+
+    def held(self, foot: Foot) -> "Settings":
+        """These settings with each parameter brought to the nearest value that the foot declares as possible.
+
+        Raises:
+            SettingError: unknown parameter.
+        """
+        values = {
+            name: float(np.clip(value, foot.parameters[name].lower, foot.parameters[name].upper))
+            for name, value in self.values.items()
+        }
+        return replace(self, values=values)
+
+    def apply(self, foot: Foot) -> Foot:
+        """The foot with these parameters and the added mass.
+
+        Raises:
+            SettingError: a parameter is unknown or outside its declared bounds, or nothing carries the added mass.
+        """
+        values = dict(self.values)
+        for name, value in values.items():
+            within(foot.parameters[name], value, foot.name)
+        if self.added_mass:
+            carrier = next((name for name in CARRIERS if name in foot.parameters), None)
+            if carrier is None:
+                raise SettingError(
+                    f"{foot.name}: --added-mass needs the parameter {' or '.join(CARRIERS)}, which this model does "
+                    "not declare; leave --added-mass out, or declare it as the shipped models do."
+                )
+            values[carrier] = values.get(carrier, foot.values()[carrier]) + self.added_mass
+        return foot.with_values(values)
+
+
+def within(parameter: Parameter, value: float, where: object) -> None:
+    """Refuse a value outside a parameter's declared bounds.
+
+    Raises:
+        SettingError: names parameter, value and bounds.
+    """
+    slack = 1e-9 * max(abs(parameter.lower), abs(parameter.upper))  # a fit that ended on a bound, rounded
+    if not parameter.lower - slack <= value <= parameter.upper + slack:
+        raise SettingError(
+            f"{where}: {parameter.name} is {value:g} {parameter.unit}, but must be between {parameter.lower:g} and "
+            f"{parameter.upper:g}, the bounds that the model declares."
+        )
