@@ -39,17 +39,19 @@ class Rig:
 
     Args:
         gain: base acceleration, peak to peak [m/s^2 per V]. offset: of the sensor. ringing: of the base before [m/s^2],
-            which fades within `fades` [s].
+            which fades within `fades` [s]. lag: of its amplitude [s].
     """
 
     def __init__(
-        self, gain: float = 14.0, clip: float = np.inf, offset: float = 0.0, ringing: float = 0.0, fades: float = 0.4
-    ) -> None:
+        self, gain: float = 14.0, clip: float = np.inf, offset: float = 0.0, ringing: float = 0.0, fades: float = 0.4,
+        lag: float = 1e-3,
+    ) -> None:  # fmt: skip
         self.gain, self.clip, self.offset, self.ringing, self.fades = gain, clip, offset, ringing, fades
         self.decoder, self.base = SimpleNamespace(hello=hello()), 0
         self.watch: Watch | None = None
         self.is_on, self.was_on, self.volts, self.frequency_hz = False, False, 0.0, 20.0
-        self.highest = self.now = 0.0
+        self.highest = self.now = self._amplitude = 0.0
+        self.lag = lag
         self._rng = np.random.default_rng(1)
 
     def sine(self, frequency_hz: float, volts: float) -> None:
@@ -65,9 +67,13 @@ class Rig:
         """A living driver."""
 
     def collect(self, seconds: float) -> np.ndarray:
-        t = self.now + np.arange(round(1000 * seconds)) / 1000
+        passed = np.arange(round(1000 * seconds)) / 1000
+        t = self.now + passed
         self.now = t[-1] + 1e-3
-        true = 0.5 * self.gain * self.volts * np.sin(2 * np.pi * self.frequency_hz * t) * self.is_on
+        wanted = 0.5 * self.gain * self.volts * self.is_on
+        size = wanted + (self._amplitude - wanted) * np.exp(-passed / self.lag)
+        self._amplitude = float(size[-1])
+        true = size * np.sin(2 * np.pi * self.frequency_hz * t)
         true = true + self.ringing * np.exp(-t / self.fades) * np.sin(2 * np.pi * 11 * t)
         self.highest = max(self.highest, float(np.abs(true).max()))
         shown = np.clip(true + self._rng.normal(0, NOISE, t.size), -self.clip, self.clip) + self.offset
@@ -80,24 +86,27 @@ class Rig:
 
 
 @pytest.mark.parametrize("clip", [1.0, 3.0, 5.0, 7.0, 8.0])
-@pytest.mark.parametrize(("gain", "guess"), [(14.0, 0.0), (14.0, 1.28), (40.0, 1.28), (3.7, 0.0)])
+@pytest.mark.parametrize(("gain", "guess"), [(14.0, 0.0), (14.0, 1.28), (40.0, 1.28), (4.5, 0.0)])
 def test_sensor_that_clips_unsaid_drives_the_shaker_nowhere(clip: float, gain: float, guess: float) -> None:
     """At the next frequency the shaker may answer three times as strongly as expected; 15 m/s^2 are the limit."""
     rig = Rig(gain, clip)
-    with pytest.raises(AcquisitionError, match=r"does its sensor clip, or the amplifier\? Output off|beyond 5 V"):
+    with pytest.raises(AcquisitionError, match=r"does its sensor clip, or the amplifier\? Output off"):
         rig.reach(guess=guess)
     assert rig.highest <= 15.0
 
 
-@pytest.mark.parametrize("gain", [3.7, 14.0, 200.0])
+@pytest.mark.parametrize("gain", [4.5, 14.0, 200.0])
 @pytest.mark.parametrize("guess", [0.0, 1.28])
-def test_sound_sensor_reaches_the_level(gain: float, guess: float) -> None:
+@pytest.mark.parametrize("lag", [0.001, 0.1, 0.2])
+def test_sound_sensor_reaches_the_level(gain: float, guess: float, lag: float) -> None:
     if gain * guess > 50:
         guess = 0.0  # ten times as strong as expected is a case for the watch
-    rig = Rig(gain)
+    rig = Rig(gain, lag=lag)
     level = rig.reach(guess=guess)
-    assert level.peak_to_peak == pytest.approx(17.9, rel=0.02) and gain * level.volts == pytest.approx(17.9, rel=0.025)
-    assert peak_to_peak(rig.collect(1.0)[:, 0], 1000, 20) == pytest.approx(17.9, rel=0.025)
+    assert level.peak_to_peak == pytest.approx(17.9, rel=0.02)
+    slow = 0.025 if lag < 0.05 else 0.06  # the loop takes a slow shaker at its word
+    assert gain * level.volts == pytest.approx(17.9, rel=slow)
+    assert peak_to_peak(rig.collect(1.0)[:, 0], 1000, 20) == pytest.approx(17.9, rel=slow)
 
 
 @pytest.mark.parametrize(
