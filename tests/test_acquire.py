@@ -141,6 +141,7 @@ def test_from_the_shaker_to_the_parameters(tmp_path: Path) -> None:
     done = subprocess.run(command(*words), env=ENVIRONMENT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert [one["usable"] for one in json.loads(done.stdout)["recordings"]] == [True] * 3
+    assert json.loads((study / "truth.json").read_text())["parameters"] == TRUTH
     fit = [sys.executable, "-m", "identification.fit", str(study), "--starts", "2", "--out", str(out), "--json"]
     result = json.loads(subprocess.run(fit, env=ENVIRONMENT, capture_output=True, text=True, check=True).stdout)
     assert result["origin"] == "synthetic"

@@ -88,7 +88,7 @@ def test_level_is_reached_limits_hold_and_the_output_is_off_afterwards(bench: Be
         with pytest.raises(AcquisitionError, match=r"would need about"):
             reach(generator, board, 25.0, 12.0, Safety(volts=0.4), guess_volts=0.8)
         with pytest.raises(AcquisitionError, match="beyond the safety limit"):
-            reach(generator, board, 25.0, 12.0, Safety(peak_m_s2=6.01), guess_volts=1.9)
+            reach(generator, board, 25.0, 12.0, Safety(peak_m_s2=6.01), guess_volts=3.8)
     board.close()
     assert output_of(bench) == "0"
 
@@ -118,7 +118,7 @@ def test_watch_trips_at_what_is_no_number(value: float) -> None:
         Watch(5.0, 0.0).check(np.array([0.0, value]))
 
 
-@pytest.mark.parametrize(("guess", "match"), [(0.97, r"moves by 0\.2[67]\d* mm"), (1.9, r"limit of 3\.6")])
+@pytest.mark.parametrize(("guess", "match"), [(1.94, r"moves by 0\.2[67]\d* mm"), (3.8, r"limit of 3\.6")])
 def test_displacement_is_limited_while_the_base_moves(bench: Bench, guess: float, match: str) -> None:
     """6 m/s^2 at 25 Hz are 0.243 mm and allowed; a shaker that answers more strongly than before is stopped."""
     board = Board(bench.board_port, BAUD)

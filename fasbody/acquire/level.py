@@ -103,17 +103,6 @@ def peak_to_peak(values: np.ndarray, rate_hz: float, frequency_hz: float) -> flo
     return float(np.ptp(basis(np.linspace(0, 2 * np.pi, 400)) @ c))
 
 
-def _check_linear(answers: dict[float, float]) -> None:
-    """Raise AcquisitionError if the base rises by less than the amplitude; answers: level [m/s^2] at each one [V]."""
-    gain = max(found / volts for volts, found in answers.items())
-    for volts, found in answers.items():
-        if found < _LINEAR * gain * volts:
-            raise AcquisitionError(
-                f"the base does not follow the amplitude: {found:.3g} m/s^2 peak to peak at {volts:.3g} V, where lower "
-                f"levels let expect {gain * volts:.3g}; does its sensor clip, or the amplifier? Output off."
-            )
-
-
 def _rest(board: Board, settle: bool) -> tuple[float, float]:
     """Offset and noise [m/s^2, rms] of the base at rest, once it has come to rest; no noise without `settle`.
 
@@ -141,7 +130,8 @@ def reach(
     """Switch the generator on and bring the base to `wanted` [m/s^2] peak to peak within 2 %.
 
     Args:
-        guess_volts: about the voltage that will do [V], if known: the ramp begins at half of it.
+        guess_volts: about the voltage that will do [V], if known: the ramp begins at a quarter of it, so that a sensor
+            that clips shows before the level is reached.
 
     Raises:
         SettingError: the limits forbid it. AcquisitionError: a limit is reached, or the base does not follow.
@@ -158,10 +148,10 @@ def reach(
             f"of {peak:.3g}, which could not be kept; choose a larger range on the board or a lower --max-acceleration."
         )
     board.watch = Watch(peak, offset, generator.alive)
-    volts = min(max(safety.start_volts, 0.5 * guess_volts), safety.volts)
+    volts = min(max(safety.start_volts, 0.25 * guess_volts), safety.volts)
     generator.sine(frequency_hz, volts)
     generator.on()
-    answers: dict[float, float] = {}  # level at each amplitude
+    gain = highest = 0.0  # largest gain [m/s^2 per V] at a new highest amplitude [V]
     for step in range(1, _STEPS + 1):
         board.collect(max(_SETTLE_S, _SETTLE_PERIODS / frequency_hz))
         values = board.collect(max(_MEASURE_S, _MEASURE_PERIODS / frequency_hz))[:, board.base]
@@ -173,12 +163,13 @@ def reach(
                 f"{1e3 * safety.displacement_m:g} mm; output off."
             )
         if found >= max(_ANSWER, _HEARD * noise):
-            answers[volts] = found
-            _check_linear(answers)
-            if len(answers) == 1 and volts > safety.start_volts:
-                volts *= 0.5  # whether the sensor clips already shows from a lower level only
-                generator.set_volts(volts)
-                continue
+            if found < _LINEAR * gain * volts:
+                raise AcquisitionError(
+                    f"the base does not follow the amplitude: {found:.3g} m/s^2 peak to peak at {volts:.3g} V, where "
+                    f"lower levels let expect {gain * volts:.3g}; does its sensor clip, or the amplifier? Output off."
+                )
+            if volts > highest:  # not on the way down, where a slow shaker still shows what was
+                highest, gain = volts, max(gain, found / volts)
         if abs(found / wanted - 1) <= TOLERANCE:
             return Level(found, volts, step)
         if found < _ANSWER and volts >= 0.1 * safety.volts:
@@ -191,7 +182,7 @@ def reach(
                 f"{wanted:g} m/s^2 at {frequency_hz:g} Hz would need about {needed:.3g} V, beyond {safety.volts:g} V; "
                 "raise the amplifier's gain or --max-volts."
             )
-        volts = min(needed, safety.growth * max([volts, *answers]), safety.volts)
+        volts = min(needed, safety.growth * volts, safety.volts)
         generator.set_volts(volts)
     raise AcquisitionError(
         f"the base did not settle at {wanted:g} m/s^2 at {frequency_hz:g} Hz ({found:.3g} after {_STEPS} steps)."
