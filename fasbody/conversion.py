@@ -92,7 +92,9 @@ def convert(
     source: Annotated[Path, typer.Argument(help="the recording to read")],
     target: Annotated[Path, typer.Argument(help="file to write: .csv, .mat, .h5, .uff or .tdms")],
     study: _Study = None,
-    matlab: Annotated[str, typer.Option(help="version of a .mat file: 5, or 7.3 (which is HDF5)")] = "5",
+    matlab: Annotated[
+        str | None, typer.Option(help="version of a .mat file: 5 (default), or 7.3 (which is HDF5)")
+    ] = None,
 ) -> None:
     """Write a recording in another format, in m/s^2, signs, sensitivities and delays applied.
 
@@ -103,10 +105,12 @@ def convert(
     """
     if target.exists():
         raise InputFileError(target, "exists", "name a new file")
-    if matlab not in ("5", "7.3"):
+    if matlab not in (None, "5", "7.3"):
         raise SettingError(f"--matlab {matlab} is not written (valid: 5, 7.3).")
+    if matlab and target.suffix.lower() != ".mat":
+        raise SettingError(f"--matlab {matlab} is for .mat files, and {target} is none.")
     recording = Recording.read(source, layout=_layout(study))
-    recording.write(target, matlab)
+    recording.write(target, matlab or "5")
     try:
         remarks = checked(recording).warnings
     except RecordingError as error:

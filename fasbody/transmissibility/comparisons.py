@@ -45,7 +45,7 @@ def between(table: Table, conditions: list[Condition]) -> pd.DataFrame:
             try:
                 thesis = statistics.one_way(levels)
                 gaps = not np.isfinite(levels).all()
-                right = statistics.mixed_model(levels) if gaps else statistics.repeated_measures(levels)
+                right = statistics.with_gaps(levels) if gaps else statistics.repeated_measures(levels)
             except RecordingError:
                 continue
             part.append(
