@@ -196,13 +196,12 @@ class Layout:
         # a channel that is late by d holds at t + d what the others hold at t; beyond its ends it holds nothing
         rounding = 1e-9 * (t[-1] - t[0])
         covered = (t + first >= t[0] - rounding) & (t + last <= t[-1] + rounding)
-        shifted = {
+        return {
             name: CubicSpline(t, values)(t[covered] + late[name])
             if name in late and np.isfinite(values).all()
             else values[covered]
             for name, values in channels.items()
         }
-        return shifted
 
 
 #: Delays may take this share of a recording.

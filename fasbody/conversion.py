@@ -15,6 +15,7 @@ from fasbody.description import describe
 from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
 from fasbody.recording import Recording, StudyFolder
 from fasbody.response import find_frequency, sine_share
+from fasbody.trials import posture_remarks
 
 app: typer.Typer = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
 
@@ -44,6 +45,8 @@ def check(
     rows: list[dict[str, Any]] = []
     if path.is_dir():
         folder = StudyFolder.open(path)
+        for remark in posture_remarks(folder.trials):
+            console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
         with progress_bar() as progress:
             for trial in progress.track(folder.trials, description="checking"):
                 try:

@@ -3,8 +3,8 @@
 The thesis compares frequencies by paired t tests, transmissibility with unity by a one-sample t test, and loads and
 postures by a one-way analysis of variance, each at p < 0.05. Loads and postures are measured on the same subjects, so
 the repeated-measures analysis (Greenhouse-Geisser corrected), Holm's correction for many tests, effect sizes and
-confidence intervals are given as well. Arrays are (subjects, levels); subjects with a missing value are left out, except
-by `with_gaps`.
+confidence intervals are given as well. Arrays are (subjects, levels); subjects with a missing value are left out,
+except by `with_gaps`.
 """
 
 from collections.abc import Sequence
@@ -124,7 +124,7 @@ def with_gaps(levels: np.ndarray) -> Variance:
     with five subjects. Subjects with a single value tell nothing of levels and are not counted.
 
     Raises:
-        RecordingError: fewer than three subjects measured at two levels, levels that no subject connects, or no scatter.
+        RecordingError: fewer than three subjects measured at two levels, levels that no subject connects, no scatter.
     """
     x = np.asarray(levels, float)
     x = x[np.isfinite(x).sum(axis=1) > 1]

@@ -98,7 +98,7 @@ def test_with_gaps_is_the_analysis_of_variance_of_statsmodels() -> None:
 def test_with_gaps_keeps_its_level_without_any_difference(
     subjects: int, holes: tuple[tuple[int, int], ...], slope: float, least: float, most: float
 ) -> None:
-    """Panels without a difference between levels, also with subjects that differ in how they respond (no sphericity)."""
+    """Panels without a difference between levels; also where subjects differ in how they respond (no sphericity)."""
     rng = np.random.default_rng(11)
     hits = []
     for _ in range(2000):
