@@ -7,6 +7,7 @@ import pytest
 
 from fasbody.exceptions import InputFileError, RecordingError
 from fasbody.recording import Condition, Recording, Study, StudyFolder, read_file, with_masses
+from fasbody.trials import posture_remarks
 
 T = np.arange(300) / 1000
 
@@ -188,6 +189,18 @@ def test_implausible_masses_name_their_place(folder: Path, file: str, text: str,
     (folder / file).write_text(text)
     with pytest.raises(RecordingError, match=sentence):
         Study.read(folder)
+
+
+def test_postures_are_read_in_any_case_and_slips_are_told(folder: Path) -> None:
+    rows = ["file,subject,posture,added_mass_kg", "1.csv,7,Midstance,0", "2.csv,7, MIDSTANCE ,0", "3.csv,7,midstanse,0"]
+    rows += ["4.csv,7,tiptoe,0", "5.csv,7,squat,0", "6.csv,7,Squat,0", "7.csv,7,Dorsiflexion,0"]
+    (folder / "recordings.csv").write_text("\n".join(rows) + "\n")
+    trials = StudyFolder.open(folder).trials
+    assert [t.condition.posture for t in trials[:3]] == ["midstance", "midstance", "midstanse"]
+    assert posture_remarks(trials) == [
+        "recordings.csv: the posture 'midstanse' stands in 1 row, was 'midstance' meant?",
+        "recordings.csv: the posture 'tiptoe' stands in 1 row only.",
+    ]
 
 
 def test_one_file_of_a_study_has_its_conditions(folder: Path) -> None:

@@ -244,15 +244,15 @@ def single_mass(
 def _number(axis: Any, lines: Any, width: float, height: float) -> None:
     """A number on each contour line, within the panel and apart from the others; where there is no room, none."""
     placed: list[np.ndarray] = []
-    for level, paths in zip(lines.levels, lines.allsegs, strict=True):
-        points = np.concatenate([*paths, np.empty((0, 2))]) / (width, height)
-        points = points[((points > 0.06) & (points < 0.94)).all(axis=1)]
+    every = [np.concatenate([*paths, np.empty((0, 2))]) / (width, height) for paths in lines.allsegs]
+    for i, level in enumerate(lines.levels):
+        points = every[i][((every[i] > (0.025, 0.06)) & (every[i] < 0.94)).all(axis=1)][::3]
         if not len(points):
             continue
-        apart = np.min(
-            [np.hypot(*((points - other) * (1, 1.3)).T) for other in [*placed, np.array([9.0, 9.0])]], axis=0
-        )
-        best = points[np.argmax(apart)]
+        others = np.concatenate([*every[:i], *every[i + 1 :], [(9.0, 9.0)]])[::3]
+        lone = np.hypot(*(points[:, None] - others).transpose(2, 0, 1)).min(axis=1)
+        apart = np.min([np.hypot(*((points - other) * (1, 1.3)).T) for other in [*placed, (9.0, 9.0)]], axis=0)
+        best = points[np.argmax(np.minimum(apart, 0.2) + 2 * np.minimum(lone, 0.1))]
         if placed and apart.max() < 0.075:
             continue
         placed.append(best)
