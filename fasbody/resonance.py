@@ -46,7 +46,7 @@ class Resonance:
 
     def confirms(self, other: "Resonance") -> bool:
         """Whether this finds the same kind at a place in common."""
-        return self.found and self.kind == other.kind and self.low <= other.high and other.low <= self.high
+        return bool(self.found and self.kind == other.kind and self.low <= other.high and other.low <= self.high)
 
     @property
     def tested(self) -> bool:

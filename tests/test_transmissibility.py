@@ -181,7 +181,7 @@ def test_figures_tell_what_is_shown_beyond_chance_from_what_is_not(table: Table)
     f = np.arange(10.0, 55, 5)
     mean = np.array([1.0, 1.1, 1.2, 1.3, 1.5, 1.35, 1.3, 1.2, 1.1])
     panels = {}
-    for scatter in (0.02, 0.13):
+    for scatter in (0.02, 0.2):
         rng = np.random.default_rng(4)
         lines = [
             {"file": f"{s}_{x:g}", "subject": str(s), "posture": "midstance", "added_mass_kg": 0.0, "frequency_hz": x,
@@ -189,7 +189,7 @@ def test_figures_tell_what_is_shown_beyond_chance_from_what_is_not(table: Table)
             for s in range(6) for x, m in zip(f, mean, strict=True)
         ]  # fmt: skip
         panels[scatter] = Table(pd.DataFrame(lines), "synthetic")
-    for scatter, filled in ((0.02, True), (0.13, False)):
+    for scatter, filled in ((0.02, True), (0.2, False)):
         curves = panels[scatter].curves("MB", "midstance", 0.0)
         assert curves.resonance.kind == "peak" and curves.shown.confirms(curves.resonance) == filled
         (span,) = figures.subjects(panels[scatter], "MB", [("midstance", 0.0)]).axes[0].patches
@@ -206,12 +206,12 @@ def test_every_number_of_the_single_mass_plane_stands_on_its_line() -> None:
     figure = figures.single_mass(measured={10.0: (1.3, 0.1)}, origin="synthetic mean MB, midstance, 2.3 kg")
     assert "agrees with the synthetic mean MB, midstance, 2.3 kg (95 %)" in figure.get_supxlabel()
     for axis, f in zip(figure.axes, (10, 20, 30, 40), strict=True):
-        assert len(axis.texts) >= 6
+        assert len(axis.texts) >= 5
         assert "1" in {text.get_text() for text in axis.texts}
         for text in axis.texts:
             k, c = text.get_position()
             T = float(sdof.transmissibility(2 * np.pi * f, sdof.MASS_KG, c, 1e3 * k))
-            assert T == pytest.approx(float(text.get_text()), rel=0.03)
+            assert pytest.approx(float(text.get_text()), rel=0.03) == T
 
 
 def test_findings_take_the_nine_frequencies_from_among_others(table: Table) -> None:

@@ -150,7 +150,7 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
     arrows = (
         "arrows: resonance (peak, middle of a plateau) by section 2.3.1, hollow where it is not shown beyond chance"
     )
-    return _origin(figure, table, f"{bars}; {arrows}")
+    return _origin(figure, table, f"{bars}; {arrows}" if any(axis.texts for axis in axes[0]) else bars)
 
 
 _PAIRS = {"MB": "MB: malleolus / base", "TB": "TB: tuberosity / base", "TM": "TM: tuberosity / malleolus"}
@@ -246,7 +246,10 @@ def _number(axis: Any, lines: Any, width: float, height: float) -> None:
     placed: list[np.ndarray] = []
     every = [np.concatenate([*paths, np.empty((0, 2))]) / (width, height) for paths in lines.allsegs]
     for i, level in enumerate(lines.levels):
-        points = every[i][((every[i] > (0.025, 0.06)) & (every[i] < 0.94)).all(axis=1)][::3]
+        inside = ((every[i] > (0.045, 0.06)) & (every[i] < 0.94)).all(axis=1)
+        if not inside.any():  # a line along the edge, such as that of 1 at a low frequency
+            inside = ((every[i] > (0.025, 0.06)) & (every[i] < 0.94)).all(axis=1)
+        points = every[i][inside][::3]
         if not len(points):
             continue
         others = np.concatenate([*every[:i], *every[i + 1 :], [(9.0, 9.0)]])[::3]
