@@ -252,9 +252,9 @@ def _number(axis: Any, lines: Any, width: float, height: float) -> None:
         points = every[i][inside][::3]
         if not len(points):
             continue
-        others = np.concatenate([*every[:i], *every[i + 1 :], [(9.0, 9.0)]])[::3]
+        others = np.concatenate([*every[:i], *every[i + 1 :], np.full((1, 2), 9.0)])[::3]
         lone = np.hypot(*(points[:, None] - others).transpose(2, 0, 1)).min(axis=1)
-        apart = np.min([np.hypot(*((points - other) * (1, 1.3)).T) for other in [*placed, (9.0, 9.0)]], axis=0)
+        apart = np.min([np.hypot(*((points - other) * (1, 1.3)).T) for other in [*placed, np.full(2, 9.0)]], axis=0)
         best = points[np.argmax(np.minimum(apart, 0.2) + 2 * np.minimum(lone, 0.1))]
         if placed and apart.max() < 0.075:
             continue
