@@ -25,7 +25,9 @@ ACCELERATIONS = UNITS | {
 }  # fmt: skip
 VOLTAGES = {"v": 1.0, "mv": 1e-3}
 KNOWN_UNITS = frozenset(ACCELERATIONS | VOLTAGES | TIME_UNITS)
-_SENSITIVITY = re.compile(r"\s*([-+.\deE]+)\s*(m?V)\s*/\s*(g|m/s\^?2)\s*", re.IGNORECASE)
+_SENSITIVITY = re.compile(
+    r"\s*([-+.\deE]+)\s*(m?V)\s*/\s*(?P<open>\()?\s*(g|m\s*/\s*s(?:(?:\^|\*\*)?2|²))\s*(?(open)\))\s*", re.IGNORECASE
+)
 _KEYS = ("unit", "sign", "sensitivity", "delay_s", "column", "gain_std", "delay_std_s")
 
 
@@ -76,9 +78,9 @@ class Layout:
                 place = f"channels.{name}"
                 raise InputFileError(file, f"{place} is {table!r}", f"it must be a table, [{place}]")
             channels[name] = _channel(file, name, table)
-        if rate_hz is not None and not (isinstance(rate_hz, int | float) and 0 < rate_hz < 1e7):
+        if rate_hz is not None and not (_is_number(rate_hz) and 0 < rate_hz < 1e7):  # type: ignore[operator]
             raise InputFileError(file, f"sampling_rate_hz = {rate_hz!r}", "valid: a positive number")
-        return cls(channels, None if rate_hz is None else float(rate_hz))
+        return cls(channels, None if rate_hz is None else float(rate_hz))  # type: ignore[arg-type]
 
     def known(self, names: Sequence[str]) -> int:
         """How many of a file's columns are channels by their names."""
@@ -92,21 +94,24 @@ class Layout:
         units: Sequence[str],
         line: int | None = None,
         passed: Sequence[str] = (),
-    ) -> dict[str, Any]:
+        sizes: Sequence[int] = (),
+    ) -> dict[str, tuple[int, float]]:
         """Which of the file's columns is which channel.
 
         Args:
             file: for messages. names, units: of the file's columns; a unit may also stand behind a name
                 (``base_g``, ``base [g]``). line: of the header, for messages.
             passed: what else the file holds and why it is no channel, for messages.
+            sizes: how many samples each column has, if they may differ.
 
         Returns:
             ``time_s``, ``base_m_s2`` ... -> (index, factor to SI).
 
         Raises:
-            InputFileError: a unit is unknown, missing or contradicts study.toml; a channel is missing or there twice.
+            InputFileError: a unit is unknown, missing or contradicts study.toml; a channel is missing or there twice;
+                channels of different lengths.
         """
-        wanted: dict[str, tuple[int, float]] = {}
+        wanted: dict[str, tuple[int, str]] = {}
         listed = f"found: {shown(', '.join(names)) or 'nothing'}"
         listed += f"; passed over: {shown(', '.join(passed))}" if passed else ""
         for channel in ("time", *NAMES):
@@ -122,10 +127,7 @@ class Layout:
                         continue
                     if key in wanted:
                         raise InputFileError(file, f"has two columns for {channel}", "keep one of them", line=line)
-                    if channel == "time":
-                        wanted[key] = (index, _known(file, channel, found or "s", TIME_UNITS, line))
-                    else:
-                        wanted[key] = (index, self._factor(file, channel, found, line))
+                    wanted[key] = (index, found or ("s" if channel == "time" else ""))
             if told.column and not any(key.startswith(f"{channel}_") for key in wanted):
                 raise InputFileError(file, f"has no column {told.column!r} for {channel} ({listed})")
         clock = ("time_s",) if line and self.rate_hz is None else ()  # only text has no rate of its own
@@ -133,10 +135,22 @@ class Layout:
             if name not in wanted:
                 hint = "or give sampling_rate_hz in study.toml" if name in clock else _HELP
                 raise InputFileError(file, f"has no column {name!r} ({listed})", hint, line=line)
-        return wanted
+        lengths = {name: sizes[index] for name, (index, _) in wanted.items()} if sizes else {}
+        if len(set(lengths.values())) > 1:
+            told_lengths = ", ".join(f"{name} {size}" for name, size in lengths.items())
+            raise InputFileError(
+                file, f"its channels have different lengths ({told_lengths})", "resample them to one rate"
+            )
+        return {key: (index, self._factor(file, key, unit, line)) for key, (index, unit) in wanted.items()}
 
-    def _factor(self, file: Path, channel: str, unit: str, line: int | None) -> float:
+    def _factor(self, file: Path, key: str, unit: str, line: int | None) -> float:
+        if key == "time_s":
+            return _known(file, "time", unit, TIME_UNITS, line)
+        channel = key.removesuffix("_m_s2")
         told = self.channels.get(channel, Channel())
+        if not unit:
+            hint = f"name the column {channel}_m_s2 or {channel}_g, or give study.toml [channels.{channel}]"
+            raise InputFileError(file, f"{channel} has no unit", f'{hint} unit = "m/s^2"', line=line)
         if unit.lower() in VOLTAGES:
             if told.sensitivity == 1.0 and not told.volts:
                 raise InputFileError(
@@ -159,22 +173,39 @@ class Layout:
         ):
             raise InputFileError(file, f"{channel} is in {found}, and study.toml says {told}", "correct one of them")
 
-    def aligned(self, channels: Channels) -> Channels:
-        """The channels with their known delays undone (band-limited shift by a spline)."""
+    def aligned(self, file: Path, channels: Channels) -> Channels:
+        """The channels with their known delays undone (by a spline), over the time that all of them cover.
+
+        Raises:
+            InputFileError: a delay that takes more than a tenth of the recording.
+        """
         from scipy.interpolate import CubicSpline
 
         late = {f"{name}_m_s2": c.delay_s for name, c in self.channels.items() if c.delay_s and name != "time"}
         t = channels["time_s"]
         if not late or t.size < 2 or np.any(np.diff(t) <= 0) or not np.isfinite(t).all():
             return channels  # the checks will say what is wrong with such a time
-        shifted = {
-            name: CubicSpline(t, channels[name])(t + delay)
-            for name, delay in late.items()
-            if name in channels and np.isfinite(channels[name]).all()
+        late = {name: delay for name, delay in late.items() if name in channels}
+        first, last = (float(limit(0.0, *late.values())) for limit in (min, max))
+        if last - first > _LONGEST_DELAY * (t[-1] - t[0]):
+            told = ", ".join(f"{name.removesuffix('_m_s2')} {delay:g} s" for name, delay in late.items())
+            raise InputFileError(
+                file, f"lasts {t[-1] - t[0]:.4g} s, too short for delay_s of study.toml ({told})",
+                f"valid: delays that leave {100 - 100 * _LONGEST_DELAY:.0f} % of a recording",
+            )  # fmt: skip
+        # a channel that is late by d holds at t + d what the others hold at t; beyond its ends it holds nothing
+        rounding = 1e-9 * (t[-1] - t[0])
+        covered = (t + first >= t[0] - rounding) & (t + last <= t[-1] + rounding)
+        return {
+            name: CubicSpline(t, values)(t[covered] + late[name])
+            if name in late and np.isfinite(values).all()
+            else values[covered]
+            for name, values in channels.items()
         }
-        return {**channels, **shifted}
 
 
+#: Delays may take this share of a recording.
+_LONGEST_DELAY = 0.1
 _HELP = "units may also be g or ms, and study.toml can name the column: [channels.base] column = ..."
 
 
@@ -197,7 +228,9 @@ def _known(file: Path, channel: str, unit: str, valid: Mapping[str, float], line
 def _channel(file: Path, name: str, table: Mapping[str, Any]) -> Channel:
     for key, value in table.items():
         text = key in ("column", "unit") or (key == "sensitivity" and isinstance(value, str))
-        right = isinstance(value, str) if text else isinstance(value, int | float) and np.isfinite(value)
+        right = isinstance(value, str) if text else _is_number(value) and np.isfinite(value)
+        if key == "sign" and not (right and abs(value) == 1):
+            raise InputFileError(file, f"channels.{name}.sign = {value!r}", "valid: 1, -1 (a gain is a sensitivity)")
         if right and key in ("gain_std", "delay_std_s") and not 0 <= value <= 1:
             raise InputFileError(file, f"channels.{name}.{key} = {value!r}", "valid: a standard deviation, 0 to 1")
         if key not in _KEYS or not right:
@@ -217,12 +250,16 @@ def _channel(file: Path, name: str, table: Mapping[str, Any]) -> Channel:
     )  # fmt: skip
 
 
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 def _volts(file: Path, name: str, text: str) -> float:
     """Sensitivity in V per m/s^2 from a data sheet's "100 mV/g"."""
     match = _SENSITIVITY.fullmatch(text)
     try:
         assert match is not None
-        return float(match[1]) * VOLTAGES[match[2].lower()] / ACCELERATIONS[match[3].lower()]
+        return float(match[1]) * VOLTAGES[match[2].lower()] / (_G if match[4].lower() == "g" else 1.0)
     except (AssertionError, ValueError):
         place = f"channels.{name}.sensitivity = {text!r}"
-        raise InputFileError(file, place, 'valid: a number (unit per m/s^2), "100 mV/g" or "10.2 mV/m/s^2"') from None
+        raise InputFileError(file, place, 'valid: a number (unit per m/s^2), "100 mV/g" or "10.2 mV/(m/s^2)"') from None

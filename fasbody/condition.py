@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from fasbody.exceptions import RecordingError
 from fasbody.subjects import foot_mass, shank_mass
 
+#: Postures of section 2.2.2; others may be measured as well.
+POSTURES = ("midstance", "plantarflexion", "dorsiflexion")
 #: What a person and a load on the knee can weigh.
 _MASS_LIMITS_KG = {"body": (20, 300), "added": (0, 100)}
 

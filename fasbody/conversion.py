@@ -15,6 +15,7 @@ from fasbody.description import describe
 from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
 from fasbody.recording import Recording, StudyFolder
 from fasbody.response import find_frequency, sine_share
+from fasbody.trials import posture_remarks
 
 app: typer.Typer = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
 
@@ -44,6 +45,8 @@ def check(
     rows: list[dict[str, Any]] = []
     if path.is_dir():
         folder = StudyFolder.open(path)
+        for remark in posture_remarks(folder.trials):
+            console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
         with progress_bar() as progress:
             for trial in progress.track(folder.trials, description="checking"):
                 try:
@@ -92,7 +95,9 @@ def convert(
     source: Annotated[Path, typer.Argument(help="the recording to read")],
     target: Annotated[Path, typer.Argument(help="file to write: .csv, .mat, .h5, .uff or .tdms")],
     study: _Study = None,
-    matlab: Annotated[str, typer.Option(help="version of a .mat file: 5, or 7.3 (which is HDF5)")] = "5",
+    matlab: Annotated[
+        str | None, typer.Option(help="version of a .mat file: 5 (default), or 7.3 (which is HDF5)")
+    ] = None,
 ) -> None:
     """Write a recording in another format, in m/s^2, signs, sensitivities and delays applied.
 
@@ -103,10 +108,12 @@ def convert(
     """
     if target.exists():
         raise InputFileError(target, "exists", "name a new file")
-    if matlab not in ("5", "7.3"):
+    if matlab not in (None, "5", "7.3"):
         raise SettingError(f"--matlab {matlab} is not written (valid: 5, 7.3).")
+    if matlab and target.suffix.lower() != ".mat":
+        raise SettingError(f"--matlab {matlab} is for .mat files, and {target} is none.")
     recording = Recording.read(source, layout=_layout(study))
-    recording.write(target, matlab)
+    recording.write(target, matlab or "5")
     try:
         remarks = checked(recording).warnings
     except RecordingError as error:

@@ -22,8 +22,9 @@ from fasbody.instrument import STRAPPED, Instrument
 from fasbody.recording import Condition, Recording
 from fasbody.shaker import BaseMotion
 from fasbody.subjects import ADDED_MASSES_KG, SUBJECTS, foot_mass, shank_mass
+from fasbody.trials import listed
 from fasbody.two_dof import TwoDof
-from fasbody.virtual_study import EXCITATIONS, FREQUENCIES_HZ, Plan, make
+from fasbody.virtual_study import CONSTANTS, EXCITATIONS, FREQUENCIES_HZ, Plan, make
 from fasbody.virtual_subject import POSTURES
 
 #: A foot with visibly nonlinear dampers: invented, within what chapters 2 and 4 of the thesis describe.
@@ -102,6 +103,8 @@ def make_study(
     known = {name: value for name, value in asdict(instrument).items() if name not in STRAPPED}
     truth = {"origin": "synthetic", "seed": seed, "parameters": TRUTH, "instrument": known}
     write_whole(folder / "truth.json", to_json(truth) + "\n")
+    for table in ("truth.csv", CONSTANTS):  # of a whole study that was here before
+        (folder / table).unlink(missing_ok=True)
     write_whole(folder / "study.toml", _STUDY.format(subject=subject, body=body, seed=seed, instrument=instrument))
     return folder
 
@@ -157,6 +160,7 @@ def main(
     """
     if (study / "recordings.csv").exists() and not (study / "truth.json").exists():
         raise SettingError(f"{study} holds a study that was not made here; name another folder.")
+    before = _written(study)
     frequencies = tuple(frequency or FREQUENCIES_HZ)
     if subjects is None:
         if posture or excitation != "sine":
@@ -179,9 +183,21 @@ def main(
             plan, seconds=plan.seconds if seconds is None else seconds, seed=plan.seed if seed is None else seed
         )
         made = make(study, plan, jobs)
-    count = len((made / "recordings.csv").read_text().splitlines()) - 1
-    told = f"{count} synthetic recordings in {made}; the truth is in {made / 'truth.json'}"
+    after = _written(made)
+    for old in before - after:
+        old.unlink(missing_ok=True)
+    if before:
+        console.print(f"replaced the study that was there, {len(before)} recordings", markup=False, soft_wrap=True)
+    noun = "recording" if len(after) == 1 else "recordings"
+    told = f"{len(after)} synthetic {noun} in {made}; the truth is in {made / 'truth.json'}"
     console.print(told, markup=False, soft_wrap=True)
+
+
+def _written(folder: Path) -> set[Path]:
+    """The recordings that a study made here lists."""
+    if not (folder / "recordings.csv").is_file():
+        return set()
+    return {trial.path for trial in listed(folder)}
 
 
 if __name__ == "__main__":

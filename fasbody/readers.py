@@ -35,6 +35,8 @@ def read_csv(file: Path, layout: Layout | None = None) -> Channels:
     line, separator, names = header(text, layout.known)
     if not any(names):
         raise InputFileError(file, "is empty", "the first line must be time_s,base_m_s2,malleolus_m_s2")
+    if not layout.known(names) and all(_numeric(cell) for cell in names if cell):
+        raise InputFileError(file, "has no header line", "the first line must be time_s,base_m_s2,malleolus_m_s2")
     units = _units(text, line, separator, names)
     first = line + (units is not None)
     wanted = layout.find(file, names, units or [""] * len(names), line=line)
@@ -75,8 +77,7 @@ def _numbers(
     """The wanted columns as floats: fast for a sound file, and line by line to find what is wrong with another."""
     sample = _row(text, first, separator)
     decimal = "," if any("," in sample[i] for i in wanted.values() if i < len(sample)) else "."
-    if separator == "," and len(sample) == 2 * len(names) and not any("." in cell for cell in sample):
-        raise InputFileError(file, "has decimal commas between separating ones", "separate the columns by ;")
+    _no_wider(file, text, separator, len(names), first)
     body = text[offset(text, first) :]
     if COMMENT.match(body) or re.search(rf"\n{COMMENT.pattern}", body):
         body = "\n".join(line for line in body.split("\n") if not COMMENT.match(line))
@@ -97,6 +98,17 @@ def _numbers(
         kept.append([_cell(file, name, cells, index, line) for name, index in wanted.items()])
     table = np.array(kept, float).reshape(-1, len(wanted))
     return dict(zip(wanted, table.T, strict=True))
+
+
+def _no_wider(file: Path, text: str, separator: str, width: int, first: int) -> None:
+    """Refuse a row with more cells than the header: its numbers would get into wrong columns."""
+    body = text[offset(text, first) :].split("\n")
+    if max(len(line.split()) if separator == " " else line.count(separator) + 1 for line in body) <= width:
+        return
+    for line, cells in rows(file, text, separator, first):
+        if any(cells[width:]):
+            hint = "if its decimals have commas, separate the columns by ;" if separator == "," else ""
+            raise InputFileError(file, f"has {len(cells)} cells, and the header {width}", hint, line)
 
 
 def _cell(file: Path, name: str, cells: Sequence[str], index: int, line: int) -> float:

@@ -7,7 +7,7 @@ falls from each frequency to the next; all else is undecided.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -28,6 +28,7 @@ class Resonance:
     Attributes:
         kind: "peak", "plateau", "none", "undecided" (`shown` only) or "not tested".
         low, high: its range [Hz]; top: its highest mean [Hz] (NaN without peak or plateau). why: it was not tested.
+        subjects: how many were tested. left_out: frequencies that were not, because a subject lacks them [Hz].
     """
 
     kind: str
@@ -35,11 +36,17 @@ class Resonance:
     high: float = np.nan
     top: float = np.nan
     why: str = ""
+    subjects: int = 0
+    left_out: tuple[float, ...] = ()
 
     @property
     def found(self) -> bool:
         """Whether there is a range."""
         return self.kind in ("peak", "plateau")
+
+    def confirms(self, other: "Resonance") -> bool:
+        """Whether this finds the same kind at a place in common."""
+        return bool(self.found and self.kind == other.kind and self.low <= other.high and other.low <= self.high)
 
     @property
     def tested(self) -> bool:
@@ -48,21 +55,33 @@ class Resonance:
 
     def __str__(self) -> str:
         if self.found:
-            return f"{self.kind} {self.low:g}-{self.high:g} Hz"
-        return f"{self.kind} ({self.why})" if self.why else self.kind
+            said = f"{self.kind} {self.low:g}{f'-{self.high:g}' if self.high > self.low else ''} Hz"
+        else:
+            said = f"{self.kind} ({self.why})" if self.why else self.kind
+        return said + (f", {len(self.left_out)} frequencies left out" if self.left_out else "")
 
 
 def _tested(rule: Callable[..., Resonance]) -> Callable[..., Resonance]:
-    """The rule on the subjects without a gap, where there are three of them and three frequencies."""
+    """The rule on the subjects without a gap, where there are three of them and three frequencies.
+
+    If too few are left, sparse frequencies are left out rather than subjects.
+    """
 
     def checked(frequency_hz: np.ndarray, T: np.ndarray, *options: float) -> Resonance:
         f, x = np.asarray(frequency_hz, float), np.asarray(T, float)
+        kept = np.ones(f.size, bool)
+        if np.isfinite(x).all(axis=1).sum() < _FEWEST:
+            present = x[np.isfinite(x).any(axis=1)]
+            kept = np.isfinite(present).all(axis=0)
+            kept = kept if len(present) >= _FEWEST and kept.sum() >= _FEWEST else np.ones(f.size, bool)
+        left_out = tuple(float(v) for v in f[~kept])
+        f, x = f[kept], x[:, kept]
         x = x[np.isfinite(x).all(axis=1)]
         if len(x) < _FEWEST:
-            return Resonance("not tested", why=f"n = {len(x)}")
+            return Resonance("not tested", why=f"n = {len(x)}", subjects=len(x))
         if f.size < _FEWEST:
             return Resonance("not tested", why=f"{f.size} frequencies" if f.size != 1 else "one frequency")
-        return rule(f, x, *options)
+        return replace(rule(f, x, *options), subjects=len(x), left_out=left_out)
 
     checked.__doc__ = rule.__doc__
     return checked

@@ -1,6 +1,7 @@
 """Cross-spectra: the phase of Eqs. (2.2), (2.3), and H1 with coherence for broadband excitation."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.signal import csd, welch
@@ -69,17 +70,47 @@ class FrequencyResponse:
 
 #: Frequencies whose input lies this far below the strongest are not estimated: there is nothing but noise.
 _EXCITED = 1e-3
+#: The excited band leaves out this share of the power below it, and above: what leaks from the mean and other bands.
+_OUTSIDE = 1e-3
 
 
-def h1(x: np.ndarray, y: np.ndarray, rate_hz: float, resolution_hz: float = 1.0) -> FrequencyResponse:
-    """H1 = S_xy / S_xx by Welch's method with Hann windows, half overlapping, where the input has power.
-
-    Args:
-        x, y: (n,) input and output. rate_hz: sampling rate. resolution_hz: distance of the frequencies.
+def excited(x: np.ndarray, rate_hz: float, resolution_hz: float = 1.0) -> np.ndarray:
+    """Which frequencies of `h1` an input excites, (f,) bool: one band, without the gaps of a comb within it.
 
     Raises:
         RecordingError: shorter than three segments.
     """
+    _, power = welch(remove_mean(x, type="constant"), **_segments(x, rate_hz, resolution_hz)[1])
+    power[0] = 0.0
+    below = np.cumsum(power) / power.sum()
+    return (below > _OUTSIDE) & (below - power / power.sum() < 1 - _OUTSIDE) & (power > _EXCITED * power.max())
+
+
+def h1(
+    x: np.ndarray, y: np.ndarray, rate_hz: float, resolution_hz: float = 1.0, use: np.ndarray | None = None
+) -> FrequencyResponse:
+    """H1 = S_xy / S_xx by Welch's method with Hann windows, half overlapping, where the input has power.
+
+    Args:
+        x, y: (n,) input and output. rate_hz: sampling rate. resolution_hz: distance of the frequencies.
+        use: (f,) where to estimate, from `excited` of the shaker's motion; default where the input itself has power.
+
+    Raises:
+        RecordingError: shorter than three segments.
+    """
+    segments, common = _segments(x, rate_hz, resolution_hz)
+    use = excited(x, rate_hz, resolution_hz) if use is None else use
+    x, y = remove_mean(x, type="constant"), remove_mean(y, type="constant")
+    f, Sxx = welch(x, **common)
+    Syy, Sxy = welch(y, **common)[1], csd(x, y, **common)[1]
+    H, coherence = Sxy[use] / Sxx[use], np.abs(Sxy[use]) ** 2 / (Sxx[use] * Syy[use])
+    averages = 18 * segments**2 / (19 * segments - 1)  # independent ones of half overlapping Hann windows
+    std = np.abs(H) * np.sqrt(np.maximum(0, 1 - coherence) / (2 * averages * np.maximum(coherence, 1e-12)))
+    return FrequencyResponse(f[use], H, coherence, std, averages)
+
+
+def _segments(x: np.ndarray, rate_hz: float, resolution_hz: float) -> tuple[int, dict[str, Any]]:
+    """How many segments Welch's method has, and its settings."""
     length = round(rate_hz / resolution_hz)
     segments = (x.size - length) // (length // 2) + 1 if x.size >= length else 0
     if segments < 3:
@@ -87,12 +118,4 @@ def h1(x: np.ndarray, y: np.ndarray, rate_hz: float, resolution_hz: float = 1.0)
             f"{x.size / rate_hz:.3g} s are too short for a resolution of {resolution_hz:g} Hz; "
             f"record at least {2 / resolution_hz:g} s or ask for a coarser one."
         )
-    common = {"fs": rate_hz, "nperseg": length, "noverlap": length // 2, "window": "hann"}
-    x, y = remove_mean(x, type="constant"), remove_mean(y, type="constant")
-    f, Sxx = welch(x, **common)
-    Syy, Sxy = welch(y, **common)[1], csd(x, y, **common)[1]
-    use = (Sxx > _EXCITED * Sxx.max()) & (f > 0)
-    H, coherence = Sxy[use] / Sxx[use], np.abs(Sxy[use]) ** 2 / (Sxx[use] * Syy[use])
-    averages = 18 * segments**2 / (19 * segments - 1)  # independent ones of half overlapping Hann windows
-    std = np.abs(H) * np.sqrt(np.maximum(0, 1 - coherence) / (2 * averages * np.maximum(coherence, 1e-12)))
-    return FrequencyResponse(f[use], H, coherence, std, averages)
+    return segments, {"fs": rate_hz, "nperseg": length, "noverlap": length // 2, "window": "hann"}

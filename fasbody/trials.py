@@ -1,11 +1,14 @@
 """What a study folder lists: one trial a row of recordings.csv, with its conditions."""
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 
-from fasbody.condition import Condition, plausible
+from fasbody.condition import POSTURES, Condition, plausible
 from fasbody.exceptions import InputFileError
 from fasbody.readers import column, read_table
 
@@ -53,7 +56,7 @@ def listed(folder: Path, only: Path | None = None) -> tuple[Trial, ...]:
             continue
         condition = Condition(
             subject=subject,
-            posture=str(row.get("posture") or "midstance"),
+            posture=" ".join(str(row.get("posture") or "midstance").casefold().split()),
             body_mass_kg=plausible(masses[subject], "body", f"{folder / 'subjects.csv'}: subject {subject}"),
             added_mass_kg=plausible(float(added[i]), "added", f"{file}, line {line}"),
             frequency_hz=float(frequency[i]) if np.isfinite(frequency[i]) else None,
@@ -63,6 +66,20 @@ def listed(folder: Path, only: Path | None = None) -> tuple[Trial, ...]:
         missing = "lists no recording" if only is None else f"does not list {only.name}"
         raise InputFileError(file, missing, "one row a recording is needed")
     return tuple(trials)
+
+
+def posture_remarks(trials: Sequence[Trial]) -> list[str]:
+    """A sentence for each posture that may be a slip: a name near a known one, or one of a single recording."""
+    counts = Counter(trial.condition.posture for trial in trials)
+    remarks = []
+    for posture, count in counts.items():
+        near = get_close_matches(posture, [p for p in {*POSTURES, *counts} if counts[p] > count or p in POSTURES], n=1)
+        if posture in POSTURES or not (near or (count == 1 and len(trials) > 1)):
+            continue
+        meant = f", was {near[0]!r} meant?" if near else ""
+        rows = "1 row" if count == 1 else f"{count} rows"
+        remarks.append(f"recordings.csv: the posture {posture!r} stands in {rows}{meant or ' only'}")
+    return [remark if remark.endswith("?") else f"{remark}." for remark in remarks]
 
 
 def _masses(file: Path) -> dict[str, float]:

@@ -60,11 +60,11 @@ class Plan:
             raise SettingError(f"{unknown('excitation', self.excitation, EXCITATIONS)}.")
         if f".{self.file_format}" not in (".csv", *ENDINGS):
             raise SettingError(f"{unknown('format', self.file_format, ['csv', *(e[1:] for e in ENDINGS)])}.")
-        if not 1 <= self.subjects <= 10_000 or not 0.5 <= self.seconds <= 3600 or not 0.1 <= self.peak_to_peak <= 60:
-            raise SettingError(
-                "valid: 1 to 10000 subjects, 0.5 to 3600 seconds, 0.1 to 60 m/s^2 peak to peak; "
-                f"not {self.subjects}, {self.seconds:g} and {self.peak_to_peak:g}."
-            )
+        limits = {"subjects": (1, 10_000, ""), "seconds": (0.5, 3600, " s"), "peak_to_peak": (0.1, 60, " m/s^2")}
+        for name, (low, high, unit) in limits.items():
+            if not low <= getattr(self, name) <= high:
+                option = f"--{name.replace('_', '-')} {getattr(self, name):g}"
+                raise SettingError(f"{option} makes no study (valid: {low:g} to {high:g}{unit}).")
         for f in self.frequencies_hz:
             if not 0.5 <= f <= self.instrument.rate_hz / 10 or self.seconds * f < 3:
                 raise SettingError(
@@ -86,7 +86,8 @@ class _Trial:
 
 def make(folder: Path, plan: Plan, processes: int = 0) -> Path:
     """Write a study folder with `truth.json` (subjects, instrument) and two tables, one row a recording: `truth.csv`
-    (transmissibilities of the bones) and `constants.csv` (the foot's constants).
+    (transmissibilities of the bones; under broadband excitation the linear response over frequency) and `constants.csv`
+    (the foot's constants).
 
     Raises:
         SettingError: the plan makes no study. InputFileError: the folder cannot be written.
@@ -119,14 +120,15 @@ def make(folder: Path, plan: Plan, processes: int = 0) -> Path:
         "subjects": {p.number: {"mass_kg": p.mass_kg, "factors": p.factors} for p in people},
     }  # fmt: skip
     write_whole(folder / "truth.json", to_json(document) + "\n")
-    write_whole(folder / "study.toml", _STUDY.format(plan=plan, rate=plan.instrument.rate_hz))
+    held = _HELD if plan.excitation != "sine" else ""
+    write_whole(folder / "study.toml", _STUDY.format(plan=plan, rate=plan.instrument.rate_hz, held=held))
     write_whole(folder / "recordings.csv", "\n".join(rows) + "\n")  # last: with it the study is whole
     return folder
 
 
 #: Table of the true constants of the foot in each recording.
 CONSTANTS = "constants.csv"
-_TRUTH_HEADER = "file,pair,transmissibility,phase_deg"
+_TRUTH_HEADER = "file,pair,transmissibility,phase_deg,frequency_hz"
 
 
 def _record(folder: Path, plan: Plan, trial: _Trial) -> tuple[list[str], str]:
@@ -136,18 +138,29 @@ def _record(folder: Path, plan: Plan, trial: _Trial) -> tuple[list[str], str]:
     foot = trial.person.foot(reference, trial.mass, trial.posture, rng)
     tuberosity = Tuberosity.under(trial.mass, rng)
     condition = Condition(str(trial.person.number), trial.posture, trial.mass, trial.person.mass_kg, trial.frequency_hz)
-    truth: dict[str, complex] = {}
     if trial.frequency_hz is not None:
         recording, truth = steady(
             foot, tuberosity, trial.frequency_hz, plan.seconds, plan.instrument, rng, plan.peak_to_peak
         )
         truth["TM"] = truth["TB"] / truth["MB"]
+        lines = _truth(trial.name, np.array([trial.frequency_hz]), {k: np.array([H]) for k, H in truth.items()})
     else:
         motion = _motion(plan, int(rng.integers(2**31)))
         recording = moving(foot, tuberosity, motion, plan.seconds, plan.instrument, rng)
+        f = np.arange(_BAND_HZ[0], _BAND_HZ[1] + 0.5)
+        MB, TM = foot.transmissibility(f), tuberosity.response(f)  # of small motion: the foot's dampers are nonlinear
+        lines = _truth(trial.name, f, {"MB": MB, "TB": MB * TM, "TM": TM})
     replace(recording, condition=condition).write(folder / trial.name)
-    lines = [f"{trial.name},{pair},{abs(H):.6f},{np.degrees(np.angle(H)):.4f}" for pair, H in truth.items()]
     return lines, ",".join((trial.name, *(f"{value:.10g}" for value in foot.theta)))
+
+
+def _truth(name: str, frequency_hz: np.ndarray, responses: dict[str, np.ndarray]) -> list[str]:
+    """Lines of truth.csv."""
+    return [
+        f"{name},{pair},{abs(H):.6f},{np.degrees(np.angle(H)):.4f},{f:g}"
+        for pair, values in responses.items()
+        for f, H in zip(frequency_hz, values, strict=True)
+    ]
 
 
 def _motion(plan: Plan, seed: int) -> shaker.BaseMotion:
@@ -160,6 +173,9 @@ def _motion(plan: Plan, seed: int) -> shaker.BaseMotion:
     return shaker.random(low, high, whole, rms, seed)
 
 
+_HELD = f"""
+The excitation is broadband, so the foot's constants are held at their values at {BROADBAND_HZ:g} Hz; truth.csv has the
+response to small motion. """
 #: The sensors' data sheet says how well their gain and delay are known, not what they are: that is left to be found.
 _STUDY = '''[study]
 name = "virtual study"
@@ -167,7 +183,7 @@ origin = "synthetic"
 description = """
 {plan.subjects} virtual subjects made by python -m fasbody.laboratory (seed {plan.seed}). Nobody was measured:
 constants.csv holds the parameters, truth.csv the transmissibilities. The mean subject is calibrated to the findings of
-section 2.3."""
+section 2.3.{held}"""
 sampling_rate_hz = {rate:g}
 
 [channels.base]

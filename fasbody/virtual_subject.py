@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fasbody.condition import POSTURES as POSTURES
 from fasbody.subjects import SUBJECTS, foot_mass, shank_mass
 from fasbody.two_dof import TwoDof
 
 #: Body mass for which the coefficients hold [kg], the mean of Table 2.1.
 MEAN_MASS_KG = 70.7
-POSTURES = ("midstance", "plantarflexion", "dorsiflexion")
 #: Nonlinear constants of the dampers [1/m], without clear trend in section 4.6.
 _NONLINEAR = {"c_12": 60.0, "c_13": 150.0, "c_22": 120.0, "c_23": 150.0}
 #: Standard deviation of the logarithm of each constant between subjects.

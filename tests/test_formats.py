@@ -10,6 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import pyuff
 from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
@@ -98,8 +99,8 @@ def test_layout_maps_columns_volts_sign_and_delay(tmp_path: Path) -> None:
     }
     layout = Layout.from_toml(Path("study.toml"), table, 1000)
     back = Recording.read(tmp_path / "r.mat", layout=layout)
-    assert back.base_m_s2 == pytest.approx(BASE)
-    assert back.malleolus_m_s2[5:-5] == pytest.approx(1.3 * BASE[5:-5], abs=2e-4)
+    assert back.base_m_s2 == pytest.approx(BASE[:-1])
+    assert back.malleolus_m_s2[5:-5] == pytest.approx(1.3 * BASE[5:-6], abs=2e-4)
 
 
 @pytest.mark.parametrize("text", ["time_s;Base [g];MALLEOLUS (m/s^2)", "time_ms\tbase_g\tmalleolus_m_s2"])
@@ -155,6 +156,89 @@ def test_mixed_rates_and_lengths(tmp_path: Path) -> None:
     savemat(tmp_path / "c.mat", {"base_g": BASE, "malleolus_g": BASE})
     with pytest.raises(InputFileError, match="neither a time nor a sampling rate"):
         Recording.read(tmp_path / "c.mat")
+
+
+def test_lengths_are_told_before_a_missing_unit(tmp_path: Path) -> None:
+    savemat(tmp_path / "c.mat", {"fs": 1000.0, "base": BASE, "malleolus": BASE[:-1]})
+    with pytest.raises(InputFileError, match=r"different lengths \(base_m_s2 300, malleolus_m_s2 299\)"):
+        Recording.read(tmp_path / "c.mat")
+    savemat(tmp_path / "c.mat", {"fs": 1000.0, "base": BASE, "malleolus": BASE})
+    with pytest.raises(InputFileError, match=r'base has no unit; .* study.toml \[channels.base\] unit = "m/s\^2"'):
+        Recording.read(tmp_path / "c.mat")
+
+
+def write_uff(file: Path, x: np.ndarray, spacing: int, **channels: np.ndarray) -> None:
+    sets = [
+        pyuff.prepare_58(
+            binary=0, id1=name, func_type=1, rsp_node=1, rsp_dir=1, ref_dir=1, ref_node=1, ord_data_type=4,
+            num_pts=x.size, abscissa_spacing=spacing, abscissa_min=0.0, abscissa_inc=0.0 if spacing == 0 else x[1],
+            data=values, x=x, ordinate_axis_units_lab="m/s^2", orddenom_spec_data_type=0, z_axis_value=0.0,
+            z_axis_spec_data_type=0, ver_num=0, load_case_id=0, rsp_ent_name="foot", ref_ent_name="foot",
+            ordinate_spec_data_type=12, abscissa_spec_data_type=17,
+        )
+        for name, values in channels.items()
+    ]  # fmt: skip
+    pyuff.UFF(str(file)).write_sets(sets, mode="overwrite")
+
+
+def test_uff_with_an_uneven_abscissa_keeps_its_times(tmp_path: Path) -> None:
+    uneven = T + np.where(np.arange(300) % 2, 3e-4, 0.0)
+    write_uff(tmp_path / "r.uff", uneven, 0, base=BASE, malleolus=1.3 * BASE)
+    back = Recording.read(tmp_path / "r.uff")
+    assert back.time_s == pytest.approx(uneven, abs=1e-6)
+    write_uff(tmp_path / "e.uff", T, 0, base=BASE, malleolus=1.3 * BASE)  # uneven by its header, and yet uniform
+    assert Recording.read(tmp_path / "e.uff").rate_hz == pytest.approx(1000)
+
+
+def test_uff_with_times_of_its_own_for_each_channel_is_refused(tmp_path: Path) -> None:
+    uneven = T + np.where(np.arange(300) % 2, 3e-4, 0.0)
+    write_uff(tmp_path / "a.uff", uneven, 0, base=BASE)
+    for x, spacing, says in ((2 * uneven, 0, "at different uneven times"), (T, 1, "channels with uneven times")):
+        write_uff(tmp_path / "b.uff", x, spacing, malleolus=BASE)
+        (tmp_path / "c.uff").write_bytes((tmp_path / "a.uff").read_bytes() + (tmp_path / "b.uff").read_bytes())
+        with pytest.raises(InputFileError, match=says):
+            Recording.read(tmp_path / "c.uff")
+
+
+def test_a_time_that_wanders_is_not_stored_as_a_rate(tmp_path: Path) -> None:
+    for share, written in ((0.03, True), (0.2, False)):
+        time = T + np.where(np.arange(300) % 2, share * 1e-3, 0.0)
+        recording = Recording(**{**CHANNELS, "time_s": time})
+        if written:
+            recording.write(tmp_path / f"{share}.uff")
+        else:
+            with pytest.raises(InputFileError, match=r"time is not uniform; write \.csv or \.h5"):
+                recording.write(tmp_path / f"{share}.uff")
+
+
+def test_a_uff_without_its_end_is_said_to_be_cut_off(tmp_path: Path) -> None:
+    (tmp_path / "r.uff").write_bytes(sound()["uff"][:-200])
+    with pytest.raises(InputFileError, match="is cut off: its last data set has no end"):
+        Recording.read(tmp_path / "r.uff")
+
+
+@pytest.mark.parametrize(
+    ("text", "factor"),
+    [
+        ("100 mV/g", 0.1 / 9.80665), ("10.2 mV/m/s^2", 0.0102), ("10.2 mV/(m/s^2)", 0.0102), ("10.2 mV/m/s²", 0.0102),
+        ("10.2 mV/(m/s²)", 0.0102), ("0.5 V/(m/s**2)", 0.5), ("10.2mV/(g)", 0.0102 / 9.80665),
+    ],
+)  # fmt: skip
+def test_sensitivities_as_data_sheets_write_them(text: str, factor: float) -> None:
+    layout = Layout.from_toml(Path("study.toml"), {"base": {"sensitivity": text}})
+    assert layout.channels["base"].volts and layout.channels["base"].sensitivity == pytest.approx(factor)
+
+
+@pytest.mark.parametrize("text", ["10.2 mV/(m/s^2", "10.2 mV/m/s^2)", "10.2 mV/s", "-- mV/g"])
+def test_sensitivities_that_are_none(text: str) -> None:
+    with pytest.raises(InputFileError, match=r"valid: a number \(unit per m/s\^2\), "):
+        Layout.from_toml(Path("study.toml"), {"base": {"sensitivity": text}})
+
+
+def test_other_endings_are_refused_and_the_known_ones_listed(tmp_path: Path) -> None:
+    (tmp_path / "r.xlsx").write_bytes(b"PK\x03\x04 text")
+    with pytest.raises(InputFileError, match=r"no format has the ending '\.xlsx'; valid: \.csv, \.txt, .*, \.tdms"):
+        Recording.read(tmp_path / "r.xlsx")
 
 
 class Danger:

@@ -106,8 +106,16 @@ def test_impossible_studies_get_a_sentence(tmp_path: Path, options: dict, senten
 def test_command(tmp_path: Path, command: Callable) -> None:
     done = command("fasbody.laboratory", str(tmp_path / "s"), "--frequency", "30", "--seconds", "0.3")
     assert done.returncode == 0, done.stderr
-    assert "1 synthetic recordings in" in done.stderr.replace("\n", " ")
+    assert "1 synthetic recording in" in done.stderr.replace("\n", " ")
     assert [r.condition.frequency_hz for r in Study.read(tmp_path / "s")] == [30.0]
+    (tmp_path / "s" / "truth.csv").write_text("of a whole study")
+    (tmp_path / "s" / "mine.txt").write_text("kept")
+    refused = command("fasbody.laboratory", str(tmp_path / "s"), "--frequency", "300")
+    assert refused.returncode == 2 and len(Study.read(tmp_path / "s").recordings) == 1
+    other = command("fasbody.laboratory", str(tmp_path / "s"), "--frequency", "40", "--seconds", "0.3")
+    assert "replaced the study that was there, 1 recording" in other.stderr.replace("\n", " ")
+    assert [p.name for p in (tmp_path / "s" / "recordings").iterdir()] == ["40hz_0kg.csv"]
+    assert (tmp_path / "s" / "mine.txt").exists() and not (tmp_path / "s" / "truth.csv").exists()
     (tmp_path / "s" / "truth.json").unlink()
     again = command("fasbody.laboratory", str(tmp_path / "s"))
     assert again.returncode == 2

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fasbody.channels import Layout
 from fasbody.exceptions import InputFileError
 from fasbody.readers import column, read_csv, read_table
 
@@ -57,14 +58,20 @@ def test_order_extra_columns_byte_order_mark_and_empty_lines(tmp_path: Path) -> 
     [
         ("", r"is empty; the first line must be time_s,base_m_s2,malleolus_m_s2\."),
         ("time_s,base_m_s2\n0,1\n", r"line 1: has no column 'malleolus_m_s2' \(found: time_s, base_m_s2\)"),
-        ("0,1,2\n0.001,1,2\n", r"has no column 'time_s' \(found: 0, 1, 2\)"),
+        ("0,1,2\n0.001,1,2\n", r"has no header line; the first line must be time_s,base_m_s2,malleolus_m_s2\."),
         ("time_s,base_ft_s2,malleolus_m_s2\n0,1,2\n", r"line 1: unknown unit of the column 'base': 'ft_s2'"),
         (table() + "0.003,abc,1\n", r"line 5: base_m_s2 is 'abc', not a number"),
         (table() + "0.003,1\n", r"line 5: malleolus_m_s2 is '', not a number"),
         (table() + "0.003,1,nan\n", r"line 5: malleolus_m_s2 is 'nan'; every sample must be finite"),
         (table() + "0.003,inf,1\n", r"line 5: base_m_s2 is 'inf'; every sample must be finite"),
         ("time_s;base_m_s2;malleolus_m_s2\n0,000;1,5;2.234,5\n", r"line 2: malleolus_m_s2 is '2.234,5', not a number"),
-        ("time_s,base_g,malleolus_g\n0,000,1,5,2,5\n", r"has decimal commas between separating ones; .* by ;"),
+        (
+            "time_s,base_g,malleolus_g\n0,000,1,5,2,5\n",
+            r"line 2: has 6 cells, and the header 3; if its decimals have commas, .* by ;",
+        ),
+        ("time_s,base_g,malleolus_g\n0,1,2\n\n1,2,3,\n0,001,1,2\n", r"line 5: has 4 cells, and the header 3; if its"),
+        ("time_s base_g malleolus_g\n0 1 2\n1 2 3 4\n", r"line 3: has 4 cells, and the header 3\."),
+        ("time_s,base,malleolus_g\n0,1,2\n", r"line 1: base has no unit; name the column base_m_s2 .*base\] unit = "),
         (table() + '0.003,"1,2\n' + "0,1,2\n" * 999, r"line 5: opens a quotation mark that nothing closes"),
         (table() + "0.003," + "x" * 9999 + ",2\n", r"line 5: base_m_s2 is 'x{117}\.\.\.', not a number"),
         ("time,base,malleolus\ns,ell,g\n0,1,2\n", r"line 1: unknown unit of the column 'base': 'ell'"),
@@ -141,6 +148,22 @@ def test_missing_file_and_folder(tmp_path: Path) -> None:
         read_csv(tmp_path / "none.csv")
     with pytest.raises(InputFileError, match="is a folder, not a file"):
         read_csv(tmp_path)
+
+
+def test_decimal_commas_in_a_file_without_time(tmp_path: Path) -> None:
+    """The first row alone, `0,0`, could be two integers."""
+    channels = {"base": {"unit": "m/s^2"}, "malleolus": {"unit": "m/s^2"}}
+    layout = Layout.from_toml(Path("study.toml"), channels, 1000)
+    with pytest.raises(InputFileError, match=r"line 3: has 4 cells, and the header 2"):
+        read_csv(write(tmp_path, "base,malleolus\n0,0\n1,1148,-2,6807\n"), layout)
+    whole = read_csv(write(tmp_path, "base,malleolus\n0,0\n1,-2,,\n"), layout)  # empty cells are no numbers
+    np.testing.assert_array_equal(whole["malleolus_m_s2"], [0, -2])
+
+
+def test_columns_may_be_named_by_numbers(tmp_path: Path) -> None:
+    told = {"base": {"column": "1", "unit": "g"}, "malleolus": {"column": "2", "unit": "g"}}
+    read = read_csv(write(tmp_path, "1,2\n3,4\n5,6\n"), Layout.from_toml(Path("study.toml"), told, 1000))
+    np.testing.assert_allclose(read["base_m_s2"], [3 * 9.80665, 5 * 9.80665])
 
 
 def test_tables(tmp_path: Path) -> None:

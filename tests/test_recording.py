@@ -7,6 +7,7 @@ import pytest
 
 from fasbody.exceptions import InputFileError, RecordingError
 from fasbody.recording import Condition, Recording, Study, StudyFolder, read_file, with_masses
+from fasbody.trials import posture_remarks
 
 T = np.arange(300) / 1000
 
@@ -71,8 +72,32 @@ def test_channel_corrections(folder: Path) -> None:
     with (folder / "study.toml").open("a") as file:
         file.write(f'[channels.malleolus]\nunit = "V"\nsign = -1\nsensitivity = 0.5\ndelay_s = {late}\n')
     read = Study.read(folder).recordings[0]
-    np.testing.assert_allclose(read.malleolus_m_s2[5:-5], sine(T)[5:-5], atol=1e-4)
-    np.testing.assert_allclose(read.base_m_s2, sine(T), atol=1e-6)
+    assert read.time_s.size == 299  # the malleolus' last sample is not there yet
+    np.testing.assert_allclose(read.malleolus_m_s2[5:-5], sine(T)[5:-6], atol=1e-4)
+    np.testing.assert_allclose(read.base_m_s2, sine(T)[:-1], atol=1e-6)
+
+
+@pytest.mark.parametrize(("base", "malleolus", "kept"), [(0.0, 0.02, 280), (-0.01, 0.01, 280), (0.0, -0.02, 280)])
+def test_delays_are_undone_over_the_common_time_and_nowhere_else(
+    folder: Path, base: float, malleolus: float, kept: int
+) -> None:
+    sine = lambda t: 7 * np.sin(2 * np.pi * 20 * t)  # noqa: E731
+    Recording(T, sine(T - base), sine(T - malleolus)).write(folder / "recordings" / "a.csv")
+    tables = f"[channels.base]\ndelay_s = {base}\n[channels.malleolus]\ndelay_s = {malleolus}\n"
+    (folder / "study.toml").write_text(tables)
+    study = StudyFolder.open(folder)
+    read = study.read(study.trials[0])
+    assert read.time_s.size == kept
+    for values in (read.base_m_s2, read.malleolus_m_s2):  # the ends included, where a spline is extrapolated no more
+        np.testing.assert_allclose(values, sine(read.time_s), atol=5e-3)
+
+
+def test_a_delay_longer_than_a_tenth_of_the_recording_is_refused(folder: Path) -> None:
+    (folder / "study.toml").write_text("[channels.base]\ndelay_s = -0.02\n[channels.malleolus]\ndelay_s = 0.02\n")
+    study = StudyFolder.open(folder)
+    says = r"a\.csv: lasts 0\.299 s, too short for delay_s of study\.toml \(base -0\.02 s, malleolus 0\.02 s\); .*90 %"
+    with pytest.raises(InputFileError, match=says):
+        study.read(study.trials[0])
 
 
 @pytest.mark.parametrize(
@@ -83,7 +108,31 @@ def test_channel_corrections(folder: Path) -> None:
         ("study.toml", '[study]\norigin = "guessed"\n', 'origin is \'guessed\'; valid: "measured", "synthetic"'),
         ("study.toml", "[channels.knee]\nsign = 1\n", "the channel 'knee'; valid: base, malleolus, tuberosity"),
         ("study.toml", "[channels.base]\ngain = 1\n", "base.gain = 1; valid: unit, sign, sensitivity, delay_s"),
-        ("study.toml", '[channels.base]\nsign = "minus"\n', "channels.base.sign = 'minus'"),
+        ("study.toml", '[channels.base]\nsign = "minus"\n', "channels.base.sign = 'minus'; valid: 1, -1"),
+        (
+            "study.toml",
+            "[channels.base]\nsign = 2\n",
+            r"channels.base.sign = 2; valid: 1, -1 \(a gain is a sensitivity",
+        ),
+        ("study.toml", "[channels.base]\nsign = true\n", r"channels.base.sign = True; valid: 1, -1"),
+        ("study.toml", "[channels.base]\nsensitivity = true\n", r"channels.base.sensitivity = True; valid"),
+        ("study.toml", "[study]\nsampling_rate_hz = true\n", r"sampling_rate_hz = True; valid: a positive number"),
+        (
+            "study.toml",
+            "[chanels.base]\nsign = 1\n",
+            r"unknown table 'chanels', did you mean 'channels'\? \(valid: study, c",
+        ),
+        ("study.toml", "name = 'x'\n", r"unknown table 'name' \(valid: study, channels\)"),
+        (
+            "study.toml",
+            "[study]\nsampling_rat_hz = 9\n",
+            r"key of \[study\] 'sampling_rat_hz', did you mean 'sampling_rate_",
+        ),
+        (
+            "study.toml",
+            "[study]\nnmae = 'x'\n",
+            r"'nmae', did you mean 'name'\? \(valid: name, origin, description, sam",
+        ),
         ("study.toml", "[channels.base]\nsensitivity = 0\n", "channels.base.sensitivity is zero"),
         ("study.toml", "[channels.base]\nsensitivity = nan\n", "channels.base.sensitivity = nan; .*finite numbers"),
         ("study.toml", "[channels.base]\ndelay_s = inf\n", "channels.base.delay_s = inf; .*finite numbers"),
@@ -140,6 +189,18 @@ def test_implausible_masses_name_their_place(folder: Path, file: str, text: str,
     (folder / file).write_text(text)
     with pytest.raises(RecordingError, match=sentence):
         Study.read(folder)
+
+
+def test_postures_are_read_in_any_case_and_slips_are_told(folder: Path) -> None:
+    rows = ["file,subject,posture,added_mass_kg", "1.csv,7,Midstance,0", "2.csv,7, MIDSTANCE ,0", "3.csv,7,midstanse,0"]
+    rows += ["4.csv,7,tiptoe,0", "5.csv,7,squat,0", "6.csv,7,Squat,0", "7.csv,7,Dorsiflexion,0"]
+    (folder / "recordings.csv").write_text("\n".join(rows) + "\n")
+    trials = StudyFolder.open(folder).trials
+    assert [t.condition.posture for t in trials[:3]] == ["midstance", "midstance", "midstanse"]
+    assert posture_remarks(trials) == [
+        "recordings.csv: the posture 'midstanse' stands in 1 row, was 'midstance' meant?",
+        "recordings.csv: the posture 'tiptoe' stands in 1 row only.",
+    ]
 
 
 def test_one_file_of_a_study_has_its_conditions(folder: Path) -> None:

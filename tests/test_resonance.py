@@ -77,12 +77,24 @@ def test_the_margin_decides_and_is_two_one_sided_tests() -> None:
 def test_untested_is_said_with_the_number_of_subjects() -> None:
     x = panel(PEAK, 0.03, 4)
     x[0, 3] = np.nan
-    assert by_thesis(F, x).tested
+    assert by_thesis(F, x).subjects == 3 and not by_thesis(F, x).left_out
     x[1, 5] = np.nan
+    for rule in (by_thesis, shown):  # rather than two subjects, two frequencies are left out
+        r = rule(F, x)
+        assert (r.subjects, r.left_out) == (4, (25.0, 35.0)) and str(r).endswith("2 frequencies left out")
+    x[:2] = np.nan
     for rule in (by_thesis, shown):
         assert str(rule(F, x)) == "not tested (n = 2)"
         assert not rule(F, x).found
         assert str(rule(F[:2], panel(PEAK[:2], 0.03))) == "not tested (2 frequencies)"
+
+
+def test_one_frequency_is_no_range_and_places_decide_what_confirms() -> None:
+    assert str(Resonance("peak", 10, 10, 10)) == "peak 10 Hz" and str(Resonance("peak", 10, 15, 10)) == "peak 10-15 Hz"
+    peak = Resonance("peak", 30, 35, 35)
+    assert Resonance("peak", 25, 30, 30).confirms(peak)
+    for other in (Resonance("peak", 10, 15, 10), Resonance("plateau", 30, 35, 30), Resonance("undecided")):
+        assert not other.confirms(peak)
 
 
 def test_a_rise_within_ends_a_plateau() -> None:

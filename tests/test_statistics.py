@@ -1,8 +1,11 @@
 """The tests of section 2.3 against formulas written out, simulation and the libraries' other routes."""
 
 import numpy as np
+import pandas as pd
 import pytest
+import statsmodels.formula.api as smf
 from scipy import stats
+from statsmodels.stats.anova import anova_lm
 from statsmodels.stats.multitest import multipletests
 
 from fasbody import statistics
@@ -58,12 +61,67 @@ def test_greenhouse_geisser_keeps_the_level_where_sphericity_fails() -> None:
     assert all(1 / 3 <= v.epsilon <= 1 for v in tests)
 
 
-def test_mixed_model_agrees_with_the_complete_analysis_and_accepts_gaps() -> None:
-    full = statistics.repeated_measures(LEVELS)
-    assert pytest.approx(full.F, rel=1e-3) == statistics.mixed_model(LEVELS).F
-    gaps = LEVELS.copy()
-    gaps[3, 1] = gaps[7, 2] = np.nan
-    assert pytest.approx(full.F, rel=0.4) == statistics.mixed_model(gaps).F
+def test_without_gaps_both_repeated_measures_analyses_are_one() -> None:
+    """Statsmodels' AnovaRM against least squares with subjects and levels."""
+    a, b = statistics.repeated_measures(LEVELS), statistics.with_gaps(LEVELS)
+    for name in ("F", "p", "effect", "epsilon", "subjects"):
+        assert getattr(a, name) == pytest.approx(getattr(b, name), rel=1e-9), name
+    unmeasured = np.vstack([LEVELS, np.full((3, 3), np.nan), [[1.2, np.nan, np.nan]]])
+    assert statistics.with_gaps(unmeasured) == b  # a subject that compares nothing changes and counts nothing
+
+
+def test_with_gaps_is_the_analysis_of_variance_of_statsmodels() -> None:
+    gaps = with_holes(LEVELS, (3, 1), (7, 2))
+    frame = pd.DataFrame(
+        {"y": gaps.ravel(), "s": np.repeat(np.arange(20), 3), "level": np.tile(np.arange(3), 20)}
+    ).dropna()
+    table = anova_lm(smf.ols("y ~ C(s) + C(level)", frame).fit(), typ=2)
+    v = statistics.with_gaps(gaps)
+    assert pytest.approx(table.loc["C(level)", "F"]) == v.F
+    assert table.loc["Residual", "df"] == 58 - 20 - 2
+    whole = np.isfinite(gaps).all(axis=1)
+    assert v.epsilon == pytest.approx(statistics.repeated_measures(gaps[whole]).epsilon)
+    assert v.p == pytest.approx(stats.f.sf(v.F, 2 * v.epsilon, 36 * v.epsilon))
+    assert (v.subjects, v.test) == (20, "repeated-measures ANOVA with gaps")
+
+
+@pytest.mark.parametrize(
+    ("subjects", "holes", "slope", "least", "most"),
+    [
+        (5, ((1, 1),), 0.0, 0.015, 0.055),
+        (5, ((1, 1),), 1.0, 0.015, 0.08),
+        (20, ((1, 1), (4, 0), (9, 2)), 0.0, 0.035, 0.06),
+        (20, ((1, 1), (4, 0), (9, 2)), 1.0, 0.035, 0.065),
+        (4, ((0, 0), (1, 1), (2, 2)), 0.0, 0.0, 0.03),
+    ],
+)
+def test_with_gaps_keeps_its_level_without_any_difference(
+    subjects: int, holes: tuple[tuple[int, int], ...], slope: float, least: float, most: float
+) -> None:
+    """Panels without a difference between levels; also where subjects differ in how they respond (no sphericity)."""
+    rng = np.random.default_rng(11)
+    hits = []
+    for _ in range(2000):
+        x = rng.normal(0, 0.3, (subjects, 1)) + rng.normal(0, 0.03, (subjects, 3))
+        x += slope * rng.normal(0, 0.1, (subjects, 1)) * np.array([0, 0.5, 1])
+        hits.append(statistics.with_gaps(with_holes(x, *holes)).p < 0.05)
+    assert least <= np.mean(hits) <= most
+
+
+def with_holes(x: np.ndarray, *places: tuple[int, int]) -> np.ndarray:
+    x = x.copy()
+    for place in places:
+        x[place] = np.nan
+    return x
+
+
+def test_levels_that_nothing_connects_are_not_compared() -> None:
+    apart = np.full((6, 4), np.nan)
+    apart[:3, :2], apart[3:, 2:] = LEVELS[:3, :2], LEVELS[3:6, :2]
+    with pytest.raises(RecordingError, match="connected by subjects"):
+        statistics.with_gaps(apart)
+    with pytest.raises(RecordingError, match="at two levels, not 2"):
+        statistics.with_gaps(with_holes(LEVELS[:3], (0, 0), (0, 1)))
 
 
 def test_holm_by_hand() -> None:

@@ -13,13 +13,14 @@ import pytest
 import xarray
 from matplotlib.figure import Figure
 
+from fasbody import sdof
 from fasbody.channels import Channel
 from fasbody.exceptions import RecordingError
 from fasbody.recording import Condition, Recording, StudyFolder
 from fasbody.transmissibility import figures
 from fasbody.transmissibility.comparisons import against_unity, between, resonances
 from fasbody.transmissibility.estimate import Row, rows, unwrapped
-from fasbody.transmissibility.findings import LOADS, findings, summary
+from fasbody.transmissibility.findings import LOADS, findings, judged, summary
 from fasbody.transmissibility.table import Table
 from fasbody.virtual_study import Plan, make
 
@@ -120,12 +121,15 @@ def test_comparisons(table: Table) -> None:
     assert set(found["shown_kind"]) <= {"peak", "plateau", "none", "undecided"}
 
 
-def test_gaps_lead_to_the_mixed_model(table: Table) -> None:
+def test_gaps_lead_to_the_analysis_that_allows_them(table: Table) -> None:
     f = table.frame
     gap = (f["subject"] == "2") & (f["frequency_hz"] == 20) & (f["added_mass_kg"] == 2.3)
     loads = between(Table(f[~gap], "synthetic"), list(LOADS))
     at = loads[(loads["frequency_hz"] == 20) & (loads["pair"] == "MB")].iloc[0]
-    assert at["test"] == "mixed model" and 0 <= at["p"] <= 1
+    assert at["test"] == "repeated-measures ANOVA with gaps" and at["subjects"] == 5
+    whole = between(table, list(LOADS))
+    before = whole[(whole["frequency_hz"] == 20) & (whole["pair"] == "MB")].iloc[0]
+    assert 0.05 < at["p"] / before["p"] < 20  # one value less does not make it surer by orders of magnitude
 
 
 def test_findings_judge_what_the_curves_say(table: Table) -> None:
@@ -170,6 +174,70 @@ def test_arrows_stay_below_the_titles(table: Table) -> None:
     figure = figures.means(table, list(LOADS))
     tops = [a.get_position()[1] for axis in figure.axes for a in axis.texts]
     assert tops and max(tops) < figure.axes[0].get_ylim()[1]
+
+
+def test_figures_tell_what_is_shown_beyond_chance_from_what_is_not(table: Table) -> None:
+    """A peak that stands out of the scatter is filled; the same with scatter, found by the thesis' rule, is hollow."""
+    f = np.arange(10.0, 55, 5)
+    mean = np.array([1.0, 1.1, 1.2, 1.3, 1.5, 1.35, 1.3, 1.2, 1.1])
+    panels = {}
+    for scatter in (0.02, 0.2):
+        rng = np.random.default_rng(4)
+        lines = [
+            {"file": f"{s}_{x:g}", "subject": str(s), "posture": "midstance", "added_mass_kg": 0.0, "frequency_hz": x,
+             "pair": "MB", "transmissibility": m + rng.normal(0, scatter), "phase_deg": -2 * x}
+            for s in range(6) for x, m in zip(f, mean, strict=True)
+        ]  # fmt: skip
+        panels[scatter] = Table(pd.DataFrame(lines), "synthetic")
+    for scatter, filled in ((0.02, True), (0.2, False)):
+        curves = panels[scatter].curves("MB", "midstance", 0.0)
+        assert curves.resonance.kind == "peak" and curves.shown.confirms(curves.resonance) == filled
+        (span,) = figures.subjects(panels[scatter], "MB", [("midstance", 0.0)]).axes[0].patches
+        assert span.get_fill() == filled
+        figure = figures.means(panels[scatter], [("midstance", 0.0)])
+        (arrow,) = figure.axes[0].texts
+        assert (arrow.arrow_patch.get_facecolor()[:3] == (1, 1, 1)) != filled
+        assert arrow.xy[0] == curves.resonance.top == 30  # not the middle of its range
+        assert "hollow where it is not shown" in figure.get_supxlabel().replace("\n", " ")
+        assert not figure.axes[0].get_legend()  # one condition: its name is the title
+
+
+def test_every_number_of_the_single_mass_plane_stands_on_its_line() -> None:
+    figure = figures.single_mass(measured={10.0: (1.3, 0.1)}, origin="synthetic mean MB, midstance, 2.3 kg")
+    assert "agrees with the synthetic mean MB, midstance, 2.3 kg (95 %)" in figure.get_supxlabel()
+    for axis, f in zip(figure.axes, (10, 20, 30, 40), strict=True):
+        assert len(axis.texts) >= 5
+        assert "1" in {text.get_text() for text in axis.texts}
+        for text in axis.texts:
+            k, c = text.get_position()
+            T = float(sdof.transmissibility(2 * np.pi * f, sdof.MASS_KG, c, 1e3 * k))
+            assert pytest.approx(float(text.get_text()), rel=0.03) == T
+
+
+def test_findings_take_the_nine_frequencies_from_among_others(table: Table) -> None:
+    more = table.frame[table.frame["frequency_hz"] == 10].assign(frequency_hz=12.5)
+    more["file"] += "x"
+    wider = Table(pd.concat([table.frame, more]), "synthetic")
+    assert [f.came_out for f in judged(wider)[0]] == [f.came_out for f in judged(table)[0]]
+    for frame, why in (
+        (table.frame[table.frame["frequency_hz"] != 30], "nothing was recorded at 30 Hz"),
+        (table.frame[table.frame["subject"] == "1"], "1 subject, needed are 3"),
+        (table.frame.assign(file="one"), "this study has broadband recordings"),
+        (table.frame[table.frame["added_mass_kg"] == 2.3], "neither all three loads nor"),
+    ):
+        stated, said = judged(Table(frame, "synthetic"))
+        assert not stated and why in said
+
+
+def test_broadband_recordings_share_one_band_for_all_pairs(tmp_path: Path) -> None:
+    """Random excitation from 5 to 60 Hz: no stray frequency that one of them leaks into."""
+    plan = Plan(subjects=3, conditions=(("midstance", 0.0),), excitation="random", seconds=10.0, file_format="h5")
+    table = Table.of(StudyFolder.open(make(tmp_path / "s", plan, processes=1)), processes=1)
+    assert table.broadband
+    for curves in table.each():
+        assert np.isfinite(curves.T).all() and curves.resonance.subjects == 3
+        assert np.all(np.diff(curves.frequency_hz) == 1) and 4 <= curves.frequency_hz[0] <= 6
+        assert 58 <= curves.frequency_hz[-1] <= 62
 
 
 def test_bands_need_subjects(tmp_path: Path) -> None:
@@ -289,6 +357,9 @@ def test_check_and_convert(tmp_path: Path) -> None:
     told = run("convert", str(tmp_path / "c.csv"), str(tmp_path / "c.mat"), "--matlab", "7.3")
     assert told.returncode == 0 and "warning: It cannot be used as it is. c.csv: base_m_s2 is dead" in told.stderr
     assert (tmp_path / "c.mat").read_bytes().startswith(b"MATLAB 7.3")
+    told = run("convert", str(tmp_path / "c.csv"), str(tmp_path / "c2.csv"), "--matlab", "7.3")
+    assert told.returncode == 2 and "--matlab 7.3 is for .mat files" in told.stderr
+    assert not (tmp_path / "c2.csv").exists()
     backwards = "".join(f"{1 - i / 1000},{i % 9},{i % 7}\n" for i in range(99))
     (tmp_path / "d.csv").write_text("time_s,base_m_s2,malleolus_m_s2\n" + backwards)
     told = run("convert", str(tmp_path / "d.csv"), str(tmp_path / "d.tdms"))

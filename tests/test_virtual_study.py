@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
@@ -97,6 +98,13 @@ def test_broadband_studies_are_analysed_by_h1(tmp_path: Path, excitation: str) -
     foot = person.foot(25.0, 0.0, "midstance", np.random.default_rng((plan.seed, 1, 0, 0)))
     H = foot.transmissibility(np.array([r.frequency_hz for r in found]))
     assert len(found) >= 15
+    known = pd.read_csv(tmp_path / "s" / "truth.csv").set_index(["pair", "frequency_hz"])
+    at = [("MB", r.frequency_hz) for r in found]
+    assert known.loc[at, "transmissibility"].to_numpy() == pytest.approx(np.abs(H), abs=1e-6)
+    assert known.loc[at, "phase_deg"].to_numpy() == pytest.approx(np.degrees(np.angle(H)), abs=1e-4)
+    product = known.loc["MB"]["transmissibility"] * known.loc["TM"]["transmissibility"]
+    assert product.to_numpy() == pytest.approx(known.loc["TB"]["transmissibility"].to_numpy(), abs=1e-5)
+    assert "held at their values at 25 Hz" in study.description
     assert [r.transmissibility for r in found] == pytest.approx(np.abs(H), rel=0.1)  # a nonlinear foot, a lagging strap
 
 
@@ -122,7 +130,9 @@ def test_constants_follow_the_stated_trends() -> None:
         ({"conditions": (("tiptoe", 0.0),)}, "unknown posture 'tiptoe'"),
         ({"excitation": "hammer"}, "unknown excitation"),
         ({"file_format": "xls"}, "unknown format"),
-        ({"subjects": 0}, "1 to 10000 subjects"),
+        ({"subjects": 0}, r"--subjects 0 makes no study \(valid: 1 to 10000\)"),
+        ({"seconds": 0.1}, r"--seconds 0\.1 makes no study \(valid: 0\.5 to 3600 s\)"),
+        ({"peak_to_peak": float("nan")}, r"--peak-to-peak nan makes no study \(valid: 0\.1 to 60 m/s\^2\)"),
         ({"frequencies_hz": (500.0,)}, "0.5 to 100 Hz"),
         ({"conditions": (("midstance", 90.0),)}, "0 to 20 kg"),
     ],

@@ -17,9 +17,12 @@ ENDINGS = {
     ".mat": "mat", ".h5": "hdf5", ".hdf5": "hdf5", ".uff": "uff", ".unv": "uff", ".tdms": "tdms",
 }  # fmt: skip
 
+#: Endings of text files, which are read as CSV.
+TEXTS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
+
 
 def read(file: Path, layout: Layout | None = None) -> Channels:
-    """The channels of a recording in any format, by the file's ending; everything unknown is read as CSV.
+    """The channels of a recording in any format, by the file's ending.
 
     Args:
         file: the file. layout: what study.toml says of its channels.
@@ -33,19 +36,20 @@ def read(file: Path, layout: Layout | None = None) -> Channels:
     from fasbody.readers import read_csv
 
     layout = layout or Layout()
-    if file.suffix.lower() not in ENDINGS:
-        return _long_enough(file, layout.aligned(read_csv(file, layout)))
+    ending = file.suffix.lower()
+    if ending in TEXTS:
+        return _long_enough(file, layout.aligned(file, read_csv(file, layout)))
+    if ending not in ENDINGS:
+        raise InputFileError(file, f"no format has the ending {ending!r}", f"valid: {', '.join((*TEXTS, *ENDINGS))}")
     from fasbody.formats.reader import read_series
 
     found = read_series(file)
     series = [s for s in found if not s.what]
     passed = [f"{s.name!r} is {s.what}" for s in found if s.what]
-    wanted = layout.find(file, [s.name for s in series], [s.unit for s in series], passed=passed)
+    wanted = layout.find(
+        file, [s.name for s in series], [s.unit for s in series], None, passed, [s.values.size for s in series]
+    )
     channels = {name: series[index].values * factor for name, (index, factor) in wanted.items()}
-    sizes = {name: values.size for name, values in channels.items()}
-    if len(set(sizes.values())) > 1:
-        listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
-        raise InputFileError(file, f"its channels have different lengths ({listed})", "resample them to one rate")
     if "time_s" not in channels:
         rates = {series[index].rate_hz for index, _ in wanted.values()} - {None}
         rates = rates or {next((s.rate_hz for s in series if s.rate_hz), None)} - {None}
@@ -56,7 +60,7 @@ def read(file: Path, layout: Layout | None = None) -> Channels:
         if not rate:
             raise InputFileError(file, "has neither a time nor a sampling rate", "give sampling_rate_hz in study.toml")
         channels["time_s"] = np.arange(channels["base_m_s2"].size) / rate
-    return _long_enough(file, layout.aligned(channels))
+    return _long_enough(file, layout.aligned(file, channels))
 
 
 def _long_enough(file: Path, channels: Channels) -> Channels:

@@ -69,15 +69,28 @@ def with_rate(series: list[Series]) -> list[Series]:
     return [replace(s, rate_hz=s.rate_hz or rate) for s in series if s.values.size > 1 or s.what]
 
 
+#: A uniform time has every sample within this share of an interval of its place.
+_JITTER = 0.05
+
+
+def uniform_step(time_s: np.ndarray) -> float | None:
+    """The sampling interval [s], None if the time is not uniform."""
+    count = time_s.size - 1
+    step = float((time_s[-1] - time_s[0]) / count) if count > 0 else 0.0
+    if not (np.isfinite(step) and step > 0):
+        return None
+    off = np.abs(time_s - time_s[0] - step * np.arange(count + 1)).max()
+    return step if off <= _JITTER * step else None
+
+
 def step_of(time_s: np.ndarray) -> float:
     """The sampling interval [s], for formats that store nothing else of the time.
 
     Raises:
         FormatError: the time is not uniform.
     """
-    steps = np.diff(time_s)
-    step = float((time_s[-1] - time_s[0]) / steps.size) if steps.size else 0.0
-    if not (step > 0 and np.abs(steps - step).max() <= 0.5 * step):
+    step = uniform_step(time_s)
+    if step is None:
         raise FormatError("stores a sampling rate only, and this recording's time is not uniform; write .csv or .h5")
     return step
 

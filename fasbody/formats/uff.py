@@ -1,5 +1,6 @@
 """Universal File Format, data set 58 (functions at nodal degrees of freedom), by pyuff."""
 
+import re
 import tempfile
 from collections import Counter
 from pathlib import Path
@@ -7,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from fasbody.channels import Channels
-from fasbody.formats.series import FormatError, Series, check_size, step_of
+from fasbody.formats.series import FormatError, Series, check_size, step_of, uniform_step
 
 LIBRARY = "pyuff"
+_DELIMITER = re.compile(rb"^ {4}-1[ \t]*\r?$", re.MULTILINE)
 _TIME_RESPONSE, _ACCELERATION, _TIME, _REAL = 1, 12, 17, 4
 
 
@@ -17,13 +19,15 @@ def decode(file: Path) -> list[Series]:
     """Every time response of the file, named by its first identification line."""
     import pyuff
 
-    with file.open("rb") as start:
-        if b"    -1" not in start.read(200):
-            raise FormatError("is not a universal file: it does not begin with the delimiter -1")
+    whole = file.read_bytes()
+    if b"    -1" not in whole[:200]:
+        raise FormatError("is not a universal file: it does not begin with the delimiter -1")
+    if len(_DELIMITER.findall(whole)) % 2:
+        raise FormatError("is cut off: its last data set has no end")
     source = pyuff.UFF(str(file))
     kinds = list(source.get_set_types())
     check_size(0, len(kinds))
-    found, total = [], 0
+    found, times, total = [], list[np.ndarray](), 0
     for index, kind in enumerate(kinds):
         if int(kind) != 58:
             continue
@@ -35,15 +39,22 @@ def decode(file: Path) -> list[Series]:
             continue
         total += values.size
         check_size(total)
-        step = float(data.get("abscissa_inc") or 0.0)
-        if not step and values.size > 1 and np.size(data["x"]) == values.size:
-            step = float(data["x"][1] - data["x"][0])
+        x = np.asarray(data["x"], float)
+        step: float | None = float(data.get("abscissa_inc") or 0.0)
+        if int(data.get("abscissa_spacing", 1)) == 0:  # uneven: every sample has its own time
+            step = uniform_step(x)
+        times += [x] if step is None else []
         name = str(data.get("id1", "")).strip() or f"{data.get('rsp_node', 0)}:{data.get('rsp_dir', 0)}"
         unit = str(data.get("ordinate_axis_units_lab", "")).strip()
-        rate = 1 / step if np.isfinite(step) and step > 0 else None
+        rate = 1 / step if step and np.isfinite(step) and step > 0 else None
         found.append(Series(name, "" if unit in ("NONE", "*") else unit, values.astype(float), rate))
     again = {name for name, count in Counter(s.name for s in found).items() if count > 1}
-    return [
+    if times and any(s.rate_hz is not None for s in found):
+        raise FormatError("has channels with a sampling rate and channels with uneven times; resample them to one rate")
+    if any(x.shape != times[0].shape or not np.allclose(x, times[0], rtol=0, atol=1e-9) for x in times):
+        raise FormatError("has channels sampled at different uneven times; resample them to one rate")
+    clock = [Series("time", "s", times[0])] if times else []
+    return clock + [
         Series(f"{s.name}_{i + 1}" if s.name in again else s.name, s.unit, s.values, s.rate_hz)
         for i, s in enumerate(found)
     ]

@@ -10,8 +10,9 @@ from rich.table import Table as Printed
 from fasbody.console import command_line, console, make_folder, print_json, results, write_whole
 from fasbody.exceptions import RecordingError, SettingError
 from fasbody.recording import StudyFolder, read_file
-from fasbody.transmissibility.findings import Finding, findings, summary
-from fasbody.transmissibility.table import Condition, Table
+from fasbody.transmissibility.findings import Finding, judged, summary
+from fasbody.transmissibility.table import Condition, Curves, Table
+from fasbody.trials import posture_remarks
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 _ENDINGS = ("svg", "png", "pdf")
@@ -44,6 +45,8 @@ def main(
     if folder is not None:
         make_folder(folder)  # before the work: a folder that cannot be written costs no time
     if isinstance(opened, StudyFolder):
+        for remark in posture_remarks(opened.trials):
+            console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
         table = Table.of(opened, resolution, jobs)
     else:
         table = Table.of_recordings([opened], resolution)
@@ -79,15 +82,23 @@ def show(table: Table) -> None:
             c.pair,
             escape(c.posture),
             f"{c.added_mass_kg:g}",
-            str(len(c.subjects)),
+            _count(c),
             str(c.resonance),
             str(c.shown),
             ", ".join(cells),
         )
     results.print(printed)
-    stated = _findings(table)
+    stated, why = judged(table)
     if stated:
         show_findings(stated, table.origin)
+    else:
+        results.print(f"The thesis' statements are not judged: {why}.")
+
+
+def _count(c: Curves) -> str:
+    """Subjects, and how many of them the rules could use."""
+    tested, every = c.resonance.subjects, len(c.subjects)
+    return str(every) if tested == every or not c.resonance.tested else f"{every} ({tested} tested)"
 
 
 def show_findings(stated: list[Finding], origin: str) -> None:
@@ -102,11 +113,6 @@ def show_findings(stated: list[Finding], origin: str) -> None:
         results.print("The virtual subjects were calibrated to these statements: agreement is no evidence for them.")
 
 
-def _findings(table: Table) -> list[Finding]:
-    enough = table.frame["subject"].nunique() >= 3 and table.frame["frequency_hz"].nunique() == 9
-    return findings(table) if enough else []
-
-
 def write(table: Table, folder: Path, figure_format: str) -> None:
     """Tables as CSV, curves as NetCDF where xarray is installed, statistics where statsmodels is, and the figures."""
     import importlib.util
@@ -118,7 +124,7 @@ def write(table: Table, folder: Path, figure_format: str) -> None:
     write_whole(folder / "transmissibility.csv", table.csv())
     if table.frame["subject"].nunique() >= 3:
         write_whole(folder / "resonances.csv", comparisons.resonances(table).to_csv(index=False))
-    stated = _findings(table)
+    stated, _ = judged(table)
     if stated:
         write_whole(folder / "findings.csv", pd.DataFrame(stated).to_csv(index=False))
     if importlib.util.find_spec("xarray") and importlib.util.find_spec("h5netcdf"):
@@ -178,7 +184,7 @@ def _single_mass(table: Table):  # type: ignore[no-untyped-def]
     wanted = [f for f in (10.0, 20.0, 30.0, 40.0) if f in c.frequency_hz] or [float(c.frequency_hz[0])]
     place = [int(np.flatnonzero(c.frequency_hz == f)[0]) for f in wanted]
     measured = {f: (float(c.mean[i]), float(std[i])) for f, i in zip(wanted, place, strict=True)}
-    return figures.single_mass(wanted, sdof.MASS_KG + condition[1], measured, table.origin)
+    return figures.single_mass(wanted, sdof.MASS_KG + condition[1], measured, f"{table.origin} mean MB, {c.condition}")
 
 
 if __name__ == "__main__":

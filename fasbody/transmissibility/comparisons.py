@@ -45,7 +45,7 @@ def between(table: Table, conditions: list[Condition]) -> pd.DataFrame:
             try:
                 thesis = statistics.one_way(levels)
                 gaps = not np.isfinite(levels).all()
-                right = statistics.mixed_model(levels) if gaps else statistics.repeated_measures(levels)
+                right = statistics.with_gaps(levels) if gaps else statistics.repeated_measures(levels)
             except RecordingError:
                 continue
             part.append(
@@ -71,7 +71,8 @@ def resonances(table: Table) -> pd.DataFrame:
             {"pair": c.pair, "posture": c.posture, "added_mass_kg": c.added_mass_kg, "kind": _kind(c.resonance),
              "low_hz": c.resonance.low, "high_hz": c.resonance.high, "top_hz": c.resonance.top,
              "shown_kind": _kind(c.shown), "shown_low_hz": c.shown.low, "shown_high_hz": c.shown.high,
-             "subjects": len(c.subjects)}
+             "subjects": len(c.subjects), "subjects_tested": c.resonance.subjects,
+             "frequencies": c.frequency_hz.size, "frequencies_left_out": len(c.resonance.left_out)}
             for c in table.each()
         ]
     )  # fmt: skip

@@ -11,7 +11,7 @@ from fasbody.checks import checked
 from fasbody.filters import CUTOFF_HZ, peak_to_peak
 from fasbody.recording import Recording
 from fasbody.response import Harmonics, fit_harmonics
-from fasbody.spectra import h1
+from fasbody.spectra import excited, h1
 
 #: Output and input channel of each pair.
 PAIRS = {"MB": ("malleolus", "base"), "TB": ("tuberosity", "base"), "TM": ("tuberosity", "malleolus")}
@@ -103,8 +103,9 @@ def _broadband(
     recording: Recording, channels: dict[str, np.ndarray], pairs: dict[str, tuple[str, str]], resolution_hz: float
 ) -> list[Row]:
     found = []
+    use = excited(channels["base"], recording.rate_hz, resolution_hz)  # one band for all pairs
     for pair, (out, into) in pairs.items():
-        estimate = h1(channels[into], channels[out], recording.rate_hz, resolution_hz)
+        estimate = h1(channels[into], channels[out], recording.rate_hz, resolution_hz, use)
         for f, H, std in zip(estimate.frequency_hz, estimate.H, estimate.std, strict=True):
             found.append(_row(recording, f, pair, complex(H), float(std), float("nan")))
     return found

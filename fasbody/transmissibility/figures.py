@@ -83,12 +83,16 @@ def subjects(table: Table, pair: str, conditions: Sequence[Condition]) -> Figure
         r = c.resonance
         if r.found:
             for axis in (top, bottom):
-                axis.axvspan(*_widened(r.low, r.high), color=colour, alpha=0.12, lw=0)
+                if c.shown.confirms(r):
+                    axis.axvspan(*_widened(r.low, r.high), color=colour, alpha=0.15, lw=0)
+                else:
+                    axis.axvspan(*_widened(r.low, r.high), fill=False, ec=colour, ls=(0, (4, 3)), lw=0.9)
         top.set_title(f"{_name(condition, conditions)}  (n = {len(c.subjects)})\n{_said(c)}")
         bottom.set_xlabel("frequency [Hz]")
     axes[0, 0].set_ylabel(f"{pair} transmissibility")
     axes[1, 0].set_ylabel(f"{pair} phase lag [deg]")
-    return _origin(figure, table, "thin: subjects; heavy: mean; shaded: resonance range by section 2.3.1")
+    marks = "shaded: resonance range by section 2.3.1 that is shown beyond chance; dashed: not shown beyond chance"
+    return _origin(figure, table, f"thin: subjects; heavy: mean; {marks}")
 
 
 def _widened(low: float, high: float) -> tuple[float, float]:
@@ -123,10 +127,11 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
             bottom.plot(c.frequency_hz, -c.mean_phase_deg, marker, ms=3.5, color=colour)
             r = c.resonance
             if r.found:
-                middle = 0.5 * (r.low + r.high)
-                level = float(np.interp(middle, c.frequency_hz, c.mean + np.nan_to_num(half)))
-                style = {"arrowstyle": "-|>", "color": colour, "lw": 1.2}
-                top.annotate("", (middle, level + 0.02), (middle, level + 0.14), arrowprops=style)
+                at = r.top if r.kind == "peak" else 0.5 * (r.low + r.high)
+                level = float(np.interp(at, c.frequency_hz, c.mean + np.nan_to_num(half)))
+                fill = colour if c.shown.confirms(r) else "white"
+                style = {"arrowstyle": "-|>,head_width=0.3,head_length=0.5", "ec": colour, "fc": fill, "lw": 1.1}
+                top.annotate("", (at, level + 0.02), (at, level + 0.16), arrowprops=style)
                 highest = max(highest, level + 0.17)
         top.axhline(1, lw=0.8, ls="--", color="#444444")
         top.set_title(_PAIRS[pair])
@@ -136,10 +141,16 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
     axes[0, 0].set_ylim(top=highest)  # the axes share it; an arrow must not run into a title
     axes[0, 0].set_ylabel("mean transmissibility")
     axes[1, 0].set_ylabel("mean phase lag [deg]")
-    axes[0, -1].legend(loc="upper right", fontsize=8)
+    if len(conditions) > 1:
+        axes[0, -1].legend(loc="upper right", fontsize=8)
+    else:
+        figure.suptitle(_name(conditions[0], conditions) + f", {conditions[0][1]:g} kg", fontsize=9)
     alone = not any(np.isfinite(_half_interval(c.T)).any() for c in table.each())
     bars = "one subject, no intervals" if alone else "bars: 95 % intervals of the mean"
-    return _origin(figure, table, f"{bars}; arrows: resonance (peak or plateau) by section 2.3.1")
+    arrows = (
+        "arrows: resonance (peak, middle of a plateau) by section 2.3.1, hollow where it is not shown beyond chance"
+    )
+    return _origin(figure, table, f"{bars}; {arrows}" if any(axis.texts for axis in axes[0]) else bars)
 
 
 _PAIRS = {"MB": "MB: malleolus / base", "TB": "TB: tuberosity / base", "TM": "TM: tuberosity / malleolus"}
@@ -200,7 +211,7 @@ def single_mass(
     Args:
         frequencies_hz: one panel each. m: mass [kg].
         measured: frequency -> (transmissibility, standard deviation); where given, the agreeing region is shaded.
-        origin: of the measured values, for the caption.
+        origin: of the measured values, and under which condition, for the caption.
     """
     k, c = np.linspace(1e3, 3e5, 400), np.linspace(20, 3000, 300)
     columns = min(2, len(frequencies_hz))
@@ -210,10 +221,7 @@ def single_mass(
     for axis, f in zip(axes.flat, frequencies_hz, strict=False):
         T = sdof.transmissibility(2 * np.pi * f, m, c[:, None], k)
         lines = axis.contour(k / 1e3, c, T, levels=levels, cmap="viridis", linewidths=0.9)
-        crowded = m * (2 * np.pi * f) ** 2 < 0.2 * k[-1]  # where the lines below 1 have no room for a number
-        for text in axis.clabel(lines, [v for v in levels if v >= (1.1 if crowded else 0.6)], fontsize=6.5, fmt="%.1f"):
-            x, y = text.get_position()
-            text.set_visible(0.04 < x * 1e3 / k[-1] < 0.96 and 0.04 < y / c[-1] < 0.96)  # whole, or not at all
+        _number(axis, lines, k[-1] / 1e3, c[-1])
         title = f"{f:g} Hz"
         if measured and f in measured:
             value, std = measured[f]
@@ -229,8 +237,30 @@ def single_mass(
     for row in axes:
         row[0].set_ylabel("damping c [N s/m]")
     text = f"transmissibility of one mass of {m:g} kg"
-    figure.supxlabel(text + (f"; shaded: agrees with the {origin} mean (95 %)" if measured else ""), fontsize=7)
+    figure.supxlabel(text + (f"; shaded: agrees with the {origin} (95 %)" if measured else ""), fontsize=7)
     return figure
+
+
+def _number(axis: Any, lines: Any, width: float, height: float) -> None:
+    """A number on each contour line, within the panel and apart from the others; where there is no room, none."""
+    placed: list[np.ndarray] = []
+    every = [np.concatenate([*paths, np.empty((0, 2))]) / (width, height) for paths in lines.allsegs]
+    for i, level in enumerate(lines.levels):
+        inside = ((every[i] > (0.045, 0.06)) & (every[i] < 0.94)).all(axis=1)
+        if not inside.any():  # a line along the edge, such as that of 1 at a low frequency
+            inside = ((every[i] > (0.025, 0.06)) & (every[i] < 0.94)).all(axis=1)
+        points = every[i][inside][::3]
+        if not len(points):
+            continue
+        others = np.concatenate([*every[:i], *every[i + 1 :], np.full((1, 2), 9.0)])[::3]
+        lone = np.hypot(*(points[:, None] - others).transpose(2, 0, 1)).min(axis=1)
+        apart = np.min([np.hypot(*((points - other) * (1, 1.3)).T) for other in [*placed, np.full(2, 9.0)]], axis=0)
+        best = points[np.argmax(np.minimum(apart, 0.2) + 2 * np.minimum(lone, 0.1))]
+        if placed and apart.max() < 0.075:
+            continue
+        placed.append(best)
+        box = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.85}
+        axis.text(*(best * (width, height)), f"{level:g}", fontsize=6.5, ha="center", va="center", bbox=box)
 
 
 def _origin(figure: Figure, table: Table, text: str) -> Figure:

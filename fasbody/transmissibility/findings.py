@@ -1,7 +1,7 @@
 """The findings that sections 2.3 and 2.4 state, each beside what came out of a study."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,8 +10,10 @@ from fasbody import statistics
 from fasbody.exceptions import RecordingError
 from fasbody.resonance import Resonance
 from fasbody.statistics import one_sample
-from fasbody.transmissibility.table import Condition, Curves, Table
+from fasbody.transmissibility.table import Condition, Curves, Table, counted
 
+#: Frequencies of section 2.2.2 [Hz].
+FREQUENCIES_HZ = tuple(float(f) for f in range(10, 55, 5))
 LOADS = (("midstance", 0.0), ("midstance", 2.3), ("midstance", 4.5))
 POSTURES = (("midstance", 0.0), ("plantarflexion", 0.0), ("dorsiflexion", 0.0))
 
@@ -59,6 +61,20 @@ def findings(table: Table) -> list[Finding]:
     if set(POSTURES) <= have:
         made += _postures(table)
     return made
+
+
+def judged(table: Table) -> tuple[list[Finding], str]:
+    """The findings from the thesis' nine frequencies, whatever others were recorded; or none, and why."""
+    if table.broadband:
+        return [], "they are about sines, and this study has broadband recordings"
+    if table.frame["subject"].nunique() < 3:
+        return [], f"{counted(table.frame['subject'].nunique(), 'subject')}, needed are 3"
+    have = table.frame["frequency_hz"]
+    missing = [f for f in FREQUENCIES_HZ if not (have == f).any()]
+    if missing:
+        return [], f"nothing was recorded at {', '.join(f'{f:g}' for f in missing)} Hz"
+    stated = findings(replace(table, frame=table.frame[have.isin(FREQUENCIES_HZ)]))
+    return stated, "" if stated else "neither all three loads nor all three postures were recorded"
 
 
 def _loads(table: Table) -> list[Finding]:
@@ -141,7 +157,7 @@ def _tuberosity(table: Table) -> list[Finding]:
         tm = _curves(table, "TM", [c])[0]
         r = tm.resonance
         says = f"TM with {c[1]:g} kg without a peak"
-        made.append(Finding("2.3.1", says, str(r), r.kind != "peak" if r.tested else None))
+        made.append(Finding("2.3.1", says, str(r), r.kind != "peak" if _whole(r) else None))
         says = f"TM with {c[1]:g} kg below 1 above {limit} Hz"
         made.append(_judge("2.3.1", says, _unity(tm), lambda f, v, at=limit: f == at or (v == "below") == (f > at)))
     return made
@@ -196,7 +212,14 @@ def _all(known: np.ndarray, right: np.ndarray) -> bool | None:
 
 def _is(r: Resonance, kind: str, low: float = np.nan, high: float = np.nan) -> bool | None:
     """Whether a resonance is of a kind and at a place; None if it was not tested."""
-    return r.kind == kind and (kind == "none" or (r.low, r.high) == (low, high)) if r.tested else None
+    if not _whole(r):
+        return None
+    return r.kind == kind and (kind == "none" or (r.low, r.high) == (low, high))
+
+
+def _whole(r: Resonance) -> bool:
+    """Whether a rule could be used on all of the frequencies."""
+    return r.tested and not r.left_out
 
 
 def _unity(curves: Curves) -> list[tuple[float, str]]:

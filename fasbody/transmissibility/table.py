@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from fasbody.channels import Channel
+from fasbody.condition import POSTURES
 from fasbody.exceptions import FasError, RecordingError
 from fasbody.parallel import run
 from fasbody.recording import Recording, StudyFolder
@@ -71,8 +72,13 @@ class Curves:
 
     @property
     def title(self) -> str:
-        """Pair, posture and added mass [kg]."""
-        return f"{self.pair}, {self.posture}, {self.added_mass_kg:g} kg"
+        """Pair and condition."""
+        return f"{self.pair}, {self.condition}"
+
+    @property
+    def condition(self) -> str:
+        """Posture and added mass [kg]."""
+        return f"{self.posture}, {self.added_mass_kg:g} kg"
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,17 +106,23 @@ class Table:
         problems = tuple(part for part in ordered if isinstance(part, str))
         if not lines:
             raise RecordingError(problems[0])
-        return cls(pd.DataFrame(lines), study.origin, problems, covered(study.layout.channels))
+        return cls(_common_band(pd.DataFrame(lines)), study.origin, problems, covered(study.layout.channels))
 
     @classmethod
     def of_recordings(cls, recordings: Sequence[Recording], resolution_hz: float = 1.0) -> "Table":
         """Analyse recordings in memory."""
         lines = [row.document() for recording in recordings for row in rows(recording, resolution_hz)]
-        return cls(pd.DataFrame(lines), recordings[0].origin, (), covered(recordings[0].calibration))
+        return cls(_common_band(pd.DataFrame(lines)), recordings[0].origin, (), covered(recordings[0].calibration))
 
     def __str__(self) -> str:
         subjects, files = self.frame["subject"].nunique(), self.frame["file"].nunique()
-        return f"{files} {self.origin} recordings of {subjects} subjects, {len(self.frame)} rows"
+        counts = (counted(files, "recording"), counted(subjects, "subject"), counted(len(self.frame), "row"))
+        return "{} of {}, {}, ".format(*counts) + f"origin: {self.origin.removeprefix('of ').removesuffix(' origin')}"
+
+    @cached_property
+    def broadband(self) -> bool:
+        """Whether a recording has more than one frequency."""
+        return bool((_frequencies_of_files(self.frame) > 1).any())
 
     @property
     def pairs(self) -> list[str]:
@@ -170,6 +182,26 @@ class Table:
             return file.read_bytes()
 
 
+def counted(count: int, noun: str) -> str:
+    """A number with its noun."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def _frequencies_of_files(frame: pd.DataFrame) -> pd.Series:
+    return frame.groupby("file")["frequency_hz"].nunique()
+
+
+def _common_band(frame: pd.DataFrame) -> pd.DataFrame:
+    """Broadband recordings only over the band that all of them excite: a mean over fewer would not be comparable."""
+    files = _frequencies_of_files(frame)
+    wide = frame["file"].isin(files[files > 1].index)
+    f = frame[wide].groupby("file")["frequency_hz"]
+    low, high = f.min().max(), f.max().min()
+    if not low < high:  # no broadband recordings, or none in common
+        return frame
+    return frame[~wide | frame["frequency_hz"].between(low, high)].reset_index(drop=True)
+
+
 def covered(channels: Mapping[str, Channel]) -> str:
     """What the standard deviations hold, given what study.toml says of the channels."""
     stated = [n for n, c in channels.items() if c.gain_std or c.delay_std_s]
@@ -187,8 +219,7 @@ def _mean(values: np.ndarray) -> np.ndarray:
 
 
 def _order(posture: str) -> tuple[int, str]:
-    known = ("midstance", "plantarflexion", "dorsiflexion")
-    return (known.index(posture) if posture in known else len(known), posture)
+    return (POSTURES.index(posture) if posture in POSTURES else len(POSTURES), posture)
 
 
 def _analyse(task: tuple[StudyFolder, Trial, float]) -> list[Row] | str:
