@@ -234,11 +234,6 @@ def chain(seconds: float) -> list[Row]:
     return [Row(f"sweep 10:50:5 of {seconds:g} s, then identification.fit", text, "all within 4", holds=far < 4)]
 
 
-def measure() -> list[Row]:
-    """All of it, for `python -m benchmarks`."""
-    return [*transfer(60.0), *noisy_line(1_000_000), *plug(3), *killed(5), *fuzz(100_000), *chain(4.0)]
-
-
 TOPICS = ("transfer", "noisy", "plug", "killed", "fuzz", "chain")
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
