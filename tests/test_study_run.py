@@ -36,6 +36,26 @@ def test_a_job_is_the_fit(study: Path) -> None:
             assert to_json(found["result"][name]) == to_json(want[name]), name
 
 
+def test_interrupt_within_compiled_code_is_no_failed_fit(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """numba turns a KeyboardInterrupt into a SystemError whose cause it is; other errors are told in the document."""
+    opened = StudyFolder.open(study)
+    plan = Plan(opened, opened.trials, Settings(starts=1, threads=1), Model.of(load("two_dof")))
+    work = plan.work(plan.jobs("per-recording")[0])
+
+    def broken(cause: BaseException | None) -> None:
+        def fails(*arguments: object) -> None:
+            raise SystemError("returned a result with an exception set") from cause
+
+        monkeypatch.setattr(job, "_done", fails)
+
+    broken(KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        job.run(work)
+    broken(None)
+    found = job.run(work)
+    assert found["status"] == "failed" and "SystemError" in found["error"]
+
+
 def test_failures_are_kept_and_tried_again(tmp_path: Path) -> None:
     study, out = small(tmp_path / "study"), tmp_path / "out"
     dead = study / "recordings" / "s01_midstance_0kg_20hz.csv"

@@ -29,6 +29,8 @@ def run(work: Work) -> Document:
     except FasError as problem:
         found, status, error = {"result": None, "cycles": []}, "failed", str(problem)
     except Exception as bug:  # a bug met by one recording must not stop a study of hundreds
+        if isinstance(bug.__cause__, KeyboardInterrupt):  # what compiled code makes of Ctrl-C, a SystemError
+            raise KeyboardInterrupt from bug
         error = f"{work.job}: an unexpected {type(bug).__name__} ({' '.join(str(bug).split())[:200]})."
         found, status = {"result": None, "cycles": []}, "failed"
     return document(work.job, status, error, time.perf_counter() - began, left_out) | found
