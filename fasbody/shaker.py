@@ -72,6 +72,11 @@ def harmonics(
     """
     U = np.asarray(amplitudes, complex)
     omega = 2j * np.pi * frequency * np.arange(1, U.size + 1)
+    return _lines(name or f"harmonics of {frequency:g} Hz", duration, omega, U)
+
+
+def _lines(name: str, duration: float, omega: np.ndarray, U: np.ndarray) -> BaseMotion:
+    """Sum of Re(U exp(omega t)) over lines (n,) at imaginary omega [1/s]."""
 
     def acceleration(t: np.ndarray) -> np.ndarray:
         return (np.exp(np.multiply.outer(t, omega)) @ U).real
@@ -79,7 +84,7 @@ def harmonics(
     def jerk(t: np.ndarray) -> np.ndarray:
         return (np.exp(np.multiply.outer(t, omega)) @ (omega * U)).real
 
-    return BaseMotion(name or f"harmonics of {frequency:g} Hz", duration, acceleration, jerk)
+    return BaseMotion(name, duration, acceleration, jerk)
 
 
 def sine(frequency: float, duration: float, peak_to_peak: float = PEAK_TO_PEAK) -> BaseMotion:
@@ -113,15 +118,7 @@ def multisine(frequencies: Sequence[float], duration: float, rms: float = 6.3, s
     _positive(duration=duration, rms=rms)
     phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, f.size)
     U = rms * np.sqrt(2 / f.size) * np.exp(1j * phases)
-    omega = 2j * np.pi * f
-
-    def acceleration(t: np.ndarray) -> np.ndarray:
-        return (np.exp(np.multiply.outer(t, omega)) @ U).real
-
-    def jerk(t: np.ndarray) -> np.ndarray:
-        return (np.exp(np.multiply.outer(t, omega)) @ (omega * U)).real
-
-    return BaseMotion(f"multisine of {f.size} lines", duration, acceleration, jerk)
+    return _lines(f"multisine of {f.size} lines", duration, 2j * np.pi * f, U)
 
 
 def random(low: float, high: float, duration: float, rms: float = 6.3, seed: int = 0) -> BaseMotion:

@@ -1,15 +1,14 @@
 """A board made of a thread: known samples in real time over a pseudo-terminal, with faults on demand."""
 
-import threading
 import time
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
+from device import Device
 
 from fasbody.acquire.bench import FRAME_SAMPLES, Bench
 from fasbody.acquire.frames import encode_data, encode_hello
-from fasbody.acquire.line import Line, corrupt
+from fasbody.acquire.line import corrupt
 from fasbody.acquire.messages import Channel, Hello
 from fasbody.acquire.port import Port
 from fasbody.exceptions import AcquisitionError
@@ -50,12 +49,11 @@ def output_of(bench: Bench) -> str:
         port.close()
 
 
-class Feeder:
+class Feeder(Device):
     """Sends frames in real time from a thread; `sent` is the number of samples a channel so far."""
 
     def __init__(self, folder: Path, rate_hz: float = 1000.0, channels: int = 2, damage: float = 0.0) -> None:
-        self.line = Line(folder / "feeder")
-        self.port = str(self.line.link)
+        super().__init__(folder / "feeder")
         self.hello = hello(rate_hz, channels)
         self.sent = 0
         self.damaged: set[int] = set()  # numbers of the frames that went out damaged
@@ -64,22 +62,8 @@ class Feeder:
         self.instead = b""  # sent in place of every frame
         self.amplitude = 0  # counts added to every sample
         self._damage, self._rng = damage, np.random.default_rng(5)
-        self._end = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
 
-    def __enter__(self) -> "Feeder":
-        self.line.plug()
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._end.set()
-        self._thread.join(5)
-        self.line.unplug()
-
-    def _run(self) -> None:
+    def serve(self) -> None:
         start, n, frame = time.monotonic(), FRAME_SAMPLES, 0
         rate = self.hello.rate_hz
         while not self._end.is_set():

@@ -1,39 +1,23 @@
 """An SCPI instrument made of a thread: the bench's own, with the habits that real ones have."""
 
 import select
-import threading
 from pathlib import Path
-from types import TracebackType
 
-from fasbody.acquire.line import Line
+from device import Device
+
 from fasbody.acquire.shaken import Shaker
 
 
-class Instrument:
+class Instrument(Device):
     """Answers on a pseudo-terminal; `answers` replace what the bench's generator says, `unknown` are refused."""
 
     def __init__(self, folder: Path, answers: dict[str, str] | None = None, unknown: tuple[str, ...] = ()) -> None:
-        self.line = Line(folder / "instrument")
-        self.port = str(self.line.link)
+        super().__init__(folder / "instrument")
         self.shaker = Shaker()
         self.answers, self.unknown = answers or {}, unknown
         self.heard: list[str] = []
-        self._end = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
 
-    def __enter__(self) -> "Instrument":
-        self.line.plug()
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._end.set()
-        self._thread.join(5)
-        self.line.unplug()
-
-    def _run(self) -> None:
+    def serve(self) -> None:
         rest = b""
         while not self._end.is_set():
             select.select([self.line.master], [], [], 0.05)

@@ -229,8 +229,9 @@ def test_ends_in_the_middle_of_simulations(number: signal.Signals) -> None:
         asyncio.run(client(url, process))
 
 
-def test_closed_browser_ends_the_command_that_opened_it() -> None:
-    """A reload, gone for less than the time of grace, does not."""
+@pytest.mark.parametrize("starting", [0, 4])
+def test_closed_browser_ends_the_command_that_opened_it(starting: int) -> None:
+    """A reload, gone for less than the time of grace, does not; nor does it matter whose start is told first."""
 
     async def client(url: str) -> None:
         await leave(await ask(url, 1))
@@ -238,7 +239,8 @@ def test_closed_browser_ends_the_command_that_opened_it() -> None:
         assert (await documents(second, "motion"))["request"] == 0
         await leave(second)
 
-    with viewer("--model", "two_dof", opener="true %s") as (url, process):
+    opener = f"{sys.executable} -c 'import time; time.sleep({starting})' %s"
+    with viewer("--model", "two_dof", opener=opener) as (url, process):
         asyncio.run(client(url))
         assert process.wait(WAIT) == 0
 

@@ -79,6 +79,7 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
         """Send the whole scene, then what the model is."""
         self.set_nodelay(True)
         self.server.pages.add(self)
+        self.server.visited.set()
 
         hub, loop = self.server.show.hub, asyncio.get_running_loop()
 

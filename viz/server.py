@@ -66,6 +66,7 @@ class Server:
     def __init__(self, show: Shown, port: int = 0) -> None:
         self.show = show
         self.pages: set[Stream] = set()
+        self.visited = asyncio.Event()  # a page was here, even if it left before its browser's starter came back
         self._pool = ThreadPoolExecutor(1, "simulation")
         try:
             self._sockets = tornado.netutil.bind_sockets(port, address=ADDRESS)
@@ -154,8 +155,7 @@ class Server:
 
     async def until_alone(self) -> None:
         """Stop once there were pages and the last one has left for good."""
-        while not self.pages:
-            await asyncio.sleep(0.2)
+        await self.visited.wait()
         alone = 0.0
         while alone < GRACE:
             await asyncio.sleep(0.2)

@@ -1,9 +1,11 @@
 """What both wire formats share: a stream of bytes cut into pieces at an end mark, and each piece read as a message."""
 
+from abc import ABC, abstractmethod
+
 from fasbody.acquire.messages import Damage, Hello, Message
 
 
-class PieceReader:
+class PieceReader(ABC):
     """Turns bytes, in pieces of any size, into messages; nothing it is fed makes it fail or grow.
 
     A format says what ends a piece, how long one can be, and overrides `read`.
@@ -31,9 +33,9 @@ class PieceReader:
         """Bytes of the unfinished piece, never more than LONGEST."""
         return len(self._rest)
 
+    @abstractmethod
     def read(self, piece: bytes) -> Message | None:
         """One whole piece without its end; None for what says nothing yet."""
-        raise NotImplementedError
 
     def feed(self, data: bytes) -> list[Message]:
         """Messages completed by these bytes."""

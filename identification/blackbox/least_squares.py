@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -26,6 +26,12 @@ class Linearisation:
 
     errors: list[np.ndarray]
     gradient: list[np.ndarray]
+
+    @classmethod
+    def of(cls, parts: Iterable[tuple[np.ndarray, np.ndarray]], gradient: bool) -> Linearisation:
+        """From the errors (N_i,) and columns (N_i, d) of each recording; the latter are kept when asked for."""
+        errors, columns = map(list, zip(*parts, strict=True))
+        return cls(errors, columns if gradient else [])
 
     @property
     def samples(self) -> int:

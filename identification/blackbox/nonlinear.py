@@ -112,8 +112,7 @@ class _Problem:
         return np.concatenate([np.zeros(o.nk), b]), np.concatenate([[1.0], f]), a, c
 
     def at(self, theta: np.ndarray, *, gradient: bool = False) -> Linearisation:
-        parts = [self._one(series, theta, gradient) for series in self.recordings]
-        return Linearisation([errors for errors, _ in parts], [columns for _, columns in parts] if gradient else [])
+        return Linearisation.of((self._one(series, theta, gradient) for series in self.recordings), gradient)
 
     def _one(self, series: Series, theta: np.ndarray, gradient: bool) -> tuple[np.ndarray, np.ndarray]:
         o = self.orders

@@ -44,8 +44,7 @@ class Residuals:
 
     def at(self, theta: np.ndarray, *, gradient: bool = False) -> Linearisation:
         """Errors at theta (d,) with fitted initial states, and their derivatives when asked."""
-        parts = [self._one(series, theta, gradient) for series in self.recordings]
-        return Linearisation([errors for errors, _ in parts], [columns for _, columns in parts] if gradient else [])
+        return Linearisation.of((self._one(series, theta, gradient) for series in self.recordings), gradient)
 
     def _one(self, series: Series, theta: np.ndarray, gradient: bool) -> tuple[np.ndarray, np.ndarray]:
         o = self.orders
