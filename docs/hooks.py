@@ -6,6 +6,7 @@ are no pages become plain text.
 
 import importlib
 import re
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -107,17 +108,19 @@ def _page_of(folder: str) -> str:
 def command_reference() -> str:
     """Every command with its help and its options."""
     head = "# Commands\n\n`python -m fasbody` prints this list; every command has `--help`.\n"
-    return "\n".join([head, *map(_section, commands())])
+    groups = groupby(commands(), lambda command: command.group)
+    return "\n".join([head, *("\n".join([f"## {title}\n", *map(_section, group)]) for title, group in groups)])
 
 
 def _section(command: Command) -> str:
     click = typer.main.get_command(importlib.import_module(command.home).app)
     found = getattr(click, "commands", {}).get(command.name, click)
-    first, _, rest = re.sub(r"\[(/|/?bold)\]", "", found.help or command.does).strip().partition("\n")
+    text, _, examples = (found.help or command.does).strip().partition("Examples:\n")
     rows = [_row(parameter) for parameter in found.params if not getattr(parameter, "hidden", False)]
     table = "\n".join(["| | | default |", "|---|---|---|", *(row for row in rows if "`--help`" not in row)])
-    more = ["```text\n" + rest.strip("\n") + "\n```"] if rest else []
-    return "\n\n".join([f"## {command.call}", first, *more, table]) + "\n"
+    lines = [line.strip() for line in examples.splitlines() if line.strip()]
+    shell = ["```shell\n" + "\n".join(lines) + "\n```"] if lines else []
+    return "\n\n".join([f"### {command.call}", text.strip(), *shell, table]) + "\n"
 
 
 def _row(parameter: Any) -> str:
