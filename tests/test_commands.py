@@ -52,7 +52,9 @@ def test_help_ends_with_examples_that_name_the_command(command: Command) -> None
         assert re.match(rf"  (\w+=\S+ )?python -m {re.escape(command.module)}", line), line
     for parameter in found.params:
         shown = getattr(parameter, "help", None) or ""
-        assert Text.from_markup(shown).plain == shown.replace("\\[", "["), f"{parameter.name}: part of {shown!r} is hidden"
+        assert Text.from_markup(shown).plain == shown.replace("\\[", "["), (
+            f"{parameter.name}: part of {shown!r} is hidden"
+        )
         assert shown or getattr(parameter, "hidden", False), f"{parameter.name}: no help"
 
 
