@@ -15,9 +15,9 @@ _TOPIC = re.compile(r"(\w+) (\d{4}-\d\d-\d\d) \(load ([\d.]+)\)")
 _TEXT = """# Benchmarks
 
 Printed by `make bench`; each topic runs alone, too: `python -m benchmarks.accuracy`; `python -m benchmarks accuracy`
-puts its rows here. *Times better* compares two measurements: how many times faster, smaller or more accurate than the other
-way that stands before it. *Margin* compares with a requirement that we set ourselves: 1 just meets it, below 1 is a NO. Times
-are CPU times unless they say otherwise, so other programs disturb them little, though not by nothing.
+puts its rows here. *Times better* compares two measurements: how many times faster or more accurate than the other way
+named before it. *Margin* compares with a requirement that we set ourselves: 1 just meets it, below 1 is a NO. Times are
+CPU times unless they say otherwise, so other programs disturb them little, though not by nothing.
 
 """
 

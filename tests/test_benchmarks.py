@@ -69,7 +69,7 @@ def test_results_name_machine_and_every_row() -> None:
 
 def test_results_are_read_back_on_the_same_machine_only() -> None:
     topics = {
-        "cell": results.Topic("cell", "2026-01-01", 0.5, [["a", "1 s", "", "", "", ""], ["b", "2 s", "c", "3", "", "yes"]]),
+        "cell": results.Topic("cell", "2026-01-01", 0.5, [["a", "1 s", *[""] * 4], ["b", "2 s", "c", "3", "", "yes"]]),
         "arch": results.Topic("arch", "2026-01-02", 7.0, [["d", "4 s", "e", "", "0.5", "NO"]]),
     }
     text = results.markdown(topics, "here")
