@@ -2,13 +2,12 @@
 
 import json
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from feeder import COUNTS, Feeder, counts_of, number_of
+from feeder import BAUD, CONDITION, COUNTS, Feeder, counts_of, number_of
 
 from fasbody.acquire import session
 from fasbody.acquire.bench import Bench
@@ -21,18 +20,8 @@ from fasbody.acquire.level import Level
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.reader import Arrival
 from fasbody.acquire.session import Session
-from fasbody.acquire.shaken import BODY_MASS_KG
 from fasbody.exceptions import AcquisitionError, InputFileError
-from fasbody.recording import Condition, Study
-
-BAUD = 921600
-CONDITION = Condition("16", "midstance", 0.0, BODY_MASS_KG)
-
-
-@pytest.fixture
-def feeder(tmp_path: Path) -> Iterator[Feeder]:
-    with Feeder(tmp_path) as made:
-        yield made
+from fasbody.recording import Study
 
 
 def test_three_channels_at_4_khz_arrive_whole_and_as_sent(tmp_path: Path) -> None:

@@ -1,14 +1,13 @@
 """A board that says nothing, or nothing that counts, while the shaker runs: through pseudo-terminals and pyserial."""
 
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from feeder import Feeder, hello
+from feeder import BAUD, CONDITION, Feeder, hello
 
 from fasbody.acquire.bench import Bench
 from fasbody.acquire.board import Board, Stalled, Watch
@@ -17,18 +16,8 @@ from fasbody.acquire.frames import encode_data, encode_hello
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.quality import Quality
 from fasbody.acquire.session import Session
-from fasbody.acquire.shaken import BODY_MASS_KG
 from fasbody.exceptions import AcquisitionError, InputFileError
-from fasbody.recording import Condition, Study
-
-BAUD = 921600
-CONDITION = Condition("16", "midstance", 0.0, BODY_MASS_KG)
-
-
-@pytest.fixture
-def feeder(tmp_path: Path) -> Iterator[Feeder]:
-    with Feeder(tmp_path) as made:
-        yield made
+from fasbody.recording import Study
 
 
 def test_shaking_blindly_is_an_error(feeder: Feeder) -> None:
