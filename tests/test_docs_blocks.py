@@ -35,7 +35,7 @@ NOT_RUN = {
     r"-m mujoco\.viewer": "needs a screen",
     r"-m benchmarks|benchmarks/": "takes minutes",
     r"-m reproduction\b|-m identification\.study chapter4": "takes minutes",
-    r"-m identification\.study .*--(mode|scheduler)": "takes minutes, or needs a scheduler; tests/test_study_*.py do it",
+    r"-m identification\.study .*--(mode|scheduler)": "takes minutes or a scheduler; tests/test_study_*.py do it",
     r"cell verify": "takes a minute; tests/test_cell_verification.py does it",
 }
 SHORTER = {
