@@ -159,6 +159,7 @@ def _section(command: Command) -> str:
 def _row(parameter: Any) -> str:
     names = parameter.opts + parameter.secondary_opts if parameter.param_type_name == "option" else [parameter.name]
     default = parameter.default
-    shown = "" if default is None or callable(default) or default in (False, (), [], "") else f"`{default}`"
+    nothing = default is None or default is False or callable(default) or default in ((), [], "")
+    shown = "" if nothing else f"`{default}`"
     text = re.sub(r"\\(?=\[)", "", getattr(parameter, "help", "") or "").replace("|", "\\|")
     return f"| {', '.join(f'`{name}`' for name in names)} | {text} | {'required' if parameter.required else shown} |"

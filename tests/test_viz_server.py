@@ -7,14 +7,14 @@ import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
-import tornado.httpclient  # noqa: E402
-import tornado.websocket  # noqa: E402
-from page_client import WAIT, ask, documents, leave, serve, status, upgrade  # noqa: E402
+import tornado.httpclient
+import tornado.websocket
+from page_client import WAIT, ask, documents, leave, serve, status, upgrade
 
-from fasbody.exceptions import SettingError  # noqa: E402
-from identification.fit import BUNDLED  # noqa: E402
-from viz.server import Server, settings_from  # noqa: E402
-from viz.show import Show  # noqa: E402
+from fasbody.exceptions import SettingError
+from identification.fit import BUNDLED
+from viz.server import Server, settings_from
+from viz.show import Show
 
 RECORDED = str(BUNDLED / "recordings" / "20hz_0kg.csv")
 
