@@ -140,7 +140,8 @@ def main(
 ) -> None:
     """Speed of a study; scipy takes minutes.
 
-    Example: python -m benchmarks.study --scipy-limit 3
+    Examples:
+      python -m benchmarks.study --scipy-limit 3
     """
     report("study", measure(1, count, count_time, scipy_recordings, scipy_limit), json_)
 

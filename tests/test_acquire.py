@@ -33,12 +33,6 @@ def bench() -> Iterator[Bench]:
         yield made
 
 
-@pytest.fixture
-def feeder(tmp_path: Path) -> Iterator[Feeder]:
-    with Feeder(tmp_path) as made:
-        yield made
-
-
 def test_commands_refuse_in_one_sentence(tmp_path: Path) -> None:
     hidden = "import sys, runpy; sys.modules['serial'] = None; runpy.run_module('fasbody.acquire', run_name='__main__')"
     done = subprocess.run([sys.executable, "-c", hidden], env=ENVIRONMENT, capture_output=True, text=True)
