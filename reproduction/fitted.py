@@ -27,27 +27,36 @@ STUDY_COMMAND = (
     "python -m identification.study S --posture midstance --starts 4"
 )
 GROUP = "fits of a virtual study"
+#: The subject whose traces and loops the thesis draws.
+DRAWN = "16"
+#: What `cycles` needs to know of a branch whose foot is given.
+TRUE = {"name": "true"}
 
 
 @cache
-def documents() -> tuple[list[dict[str, Any]], Truth | None]:
-    """One document a recording, as `python -m identification.study` keeps them, and the truth of the study."""
+def documents() -> tuple[list[dict[str, Any]], Truth]:
+    """One document a recording, as `python -m identification.study` keeps them, and the truth of the study.
+
+    Besides, "true_cycles": the energies of the foot that the recording was made from.
+    """
     foot, made = load("two_dof"), []
     conditions = tuple(("midstance", mass) for mass in ADDED_MASSES_KG)
     with tempfile.TemporaryDirectory() as folder:
         plan = Plan(subjects=SUBJECTS, seconds=SECONDS, conditions=conditions)
         study = StudyFolder.open(make(Path(folder) / "study", plan, processes=1))
         truth = Truth.read(Path(folder) / "study")
+        assert truth is not None, "a study just made has its truth"
         for number, trial in enumerate(study.trials):
             recording = study.read(trial)
             result = fit([recording], foot, Settings(starts=STARTS, threads=1)).document()
             condition = recording.condition
+            own = {"recordings": [{"file": recording.file, "foot": truth.constants[trial.file]}], "branches": [TRUE]}
             made.append({
                 "key": str(number), "mode": "per-recording", "subject": condition.subject,
                 "posture": condition.posture, "added_mass_kg": condition.added_mass_kg,
                 "frequency_hz": condition.frequency_hz, "files": [trial.file], "origin": study.origin,
                 "status": "done", "error": None, "seconds": 0.0, "result": result,
-                "cycles": cycles(result, foot, [recording]),
+                "cycles": cycles(result, foot, [recording]), "true_cycles": cycles(own, foot, [recording]),
             })  # fmt: skip
     return made, truth
 
@@ -63,6 +72,18 @@ def table() -> pd.DataFrame:
 def energies() -> pd.DataFrame:
     """Energies of every cycle and branch [J]."""
     return cycle_table(documents()[0])
+
+
+@cache
+def true_energies() -> pd.DataFrame:
+    """Energies of every cycle of the feet that the recordings were made from [J]."""
+    return cycle_table([{**document, "cycles": document["true_cycles"]} for document in documents()[0]])
+
+
+def losses(cycles: pd.DataFrame, load_kg: float) -> pd.DataFrame:
+    """The nine cycles of the drawn subject under one load, in the order of the frequencies."""
+    mine = cycles[(cycles["subject"] == DRAWN) & (cycles["added_mass_kg"] == load_kg)]
+    return mine.sort_values("frequency_hz")
 
 
 @cache
