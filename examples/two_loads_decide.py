@@ -1,7 +1,9 @@
 """A second load tells a foot from its mirror image: `python examples/two_loads_decide.py [FIGURE.png]`.
 
-The foot is linear, so one load leaves the fit undecided. The same foot recorded with 4.5 kg on the knee as well
-is decided: the ratio a = m_S / (m_S + m_F) is another one, and only one foot fits both.
+The foot is linear, so one load leaves the fit undecided: the sentence gives both feet, and which of them is drawn first
+is a matter of the name. The same foot recorded with 4.5 kg on the knee as well is decided: the ratio
+a = m_S / (m_S + m_F) is another one, and only one foot fits both. That holds for constants that do not change with the
+load, as here; where they do, see docs/study_methods.md.
 """
 
 import sys

@@ -9,9 +9,11 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader
 
+from fasbody.virtual_study import Plan
 from reproduction.book import CHAPTERS, OUTSIDE
-from reproduction.row import Row, Verdict
+from reproduction.row import GROUPS, Row, Verdict
 from reproduction.run import versions
+from reproduction.virtual import OTHER_SEEDS, USUALLY
 
 Results = Mapping[str, Mapping[str, Any]]
 
@@ -49,6 +51,7 @@ def markdown(results: Results) -> str:
         counts=counts(thesis, results), outside_counts=counts(OUTSIDE, results),
         by_chapter={title: counts(rows, results) for title, rows in CHAPTERS.items()},
         verdicts=[str(verdict) for verdict in Verdict], numbers=numbers,
+        seed=Plan().seed, other_seeds=OTHER_SEEDS, usually=f"{USUALLY:.0%}",
     )  # fmt: skip
 
 
@@ -56,8 +59,8 @@ def numbers(document: Mapping[str, Any]) -> str:
     """What came out and what was asked for, check by check."""
     if document.get("error"):
         return f"failed: {document['error']}"
-    labels = {"printed": "", "right": "corrected: ", "instead": "instead: ", "coherent": "and at once: "}
-    parts = [f"{label}{check['text']}" for group, label in labels.items() for check in document[group]]
+    shown = [group for group in GROUPS if group != "present" or document["verdict"] != str(Verdict.SYNTHETIC)]
+    parts = [f"{GROUPS[group]}{check['text']}" for group in shown for check in document[group]]
     needed, there = document["recordings"]
     if needed:
         parts.append(f"measured recordings: {there} of {needed} needed")
