@@ -100,8 +100,8 @@ def _list(rows: list[Row], as_json: bool) -> None:
 
 
 def select(only: list[str] | None) -> list[Row]:
-    """Rows by id, by one item of it ("Eq. 4.9", or "4.9" for whatever has that number), by its beginning, or by a part of
-    a chapter's title; capital letters and spaces around do not matter.
+    """Rows by id, by one item of it ("Eq. 4.9", or "4.9" for whatever has that number), by its beginning, or by a part
+    of a chapter's title; capital letters and spaces around do not matter.
 
     Raises:
         SettingError: a name that fits no row, or none at all.
