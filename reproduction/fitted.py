@@ -15,7 +15,7 @@ from fasbody.virtual_study import Plan, make
 from identification.estimate import Settings, fit
 from identification.study.loops import cycles
 from identification.study.means import mean_curve
-from identification.study.summary import cycle_table, fit_percents, tidy
+from identification.study.summary import cycle_table, fit_percents, outliers, tidy
 from identification.study.truth import Truth
 from reproduction.virtual import SECONDS
 
@@ -92,14 +92,26 @@ def fits() -> pd.DataFrame:
     return fit_percents(documents()[0])
 
 
-def chosen(parameter: str, load_kg: float | None = None) -> pd.DataFrame:
-    """Rows of one parameter on the branch that fitted best, under one load or all."""
+#: The branch that a fit names first, and the other. Where the odds are even the first is so by its name alone, and by
+#: that name it is the true one of these virtual subjects, whose ankles are stiff: nothing may rest on the first alone.
+BRANCHES = {True: "first branch", False: "its mirror image"}
+
+
+@cache
+def on_branch(parameter: str, first: bool) -> pd.DataFrame:
+    """Rows of one parameter on the first branch or on the mirror image where there is one, outliers marked there."""
     rows = table()
-    rows = rows[rows["chosen"] & (rows["parameter"] == parameter)]
-    return rows if load_kg is None else rows[rows["added_mass_kg"] == load_kg]
+    rows = rows[rows["parameter"] == parameter]
+    other = rows[~rows["chosen"]]
+    alone = rows["chosen"] & ~rows["key"].isin(other["key"])
+    rows = (rows[rows["chosen"]] if first else pd.concat([other, rows[alone]])).copy()
+    for _, group in rows.groupby(["added_mass_kg", "frequency_hz"]):
+        rows.loc[group.index, "outlier"] = outliers(group["value"].to_numpy())
+    return rows
 
 
-def mean_at(parameter: str, load_kg: float, frequencies_hz: np.ndarray) -> np.ndarray:
+def mean_at(parameter: str, load_kg: float, frequencies_hz: np.ndarray, first: bool) -> np.ndarray:
     """Spline-fitted mean over subjects without outliers, as in Figures 4.18 to 4.25, at some frequencies."""
-    curve = mean_curve(chosen(parameter, load_kg))
+    rows = on_branch(parameter, first)
+    curve = mean_curve(rows[rows["added_mass_kg"] == load_kg])
     return np.interp(frequencies_hz, curve.frequency_hz, curve.mean)

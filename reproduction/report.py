@@ -5,6 +5,7 @@ import platform
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from string import ascii_uppercase
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader
@@ -16,6 +17,8 @@ from reproduction.run import versions
 from reproduction.virtual import OTHER_SEEDS, USUALLY
 
 Results = Mapping[str, Mapping[str, Any]]
+#: A command of so many rows stands once on the page, and its letter in the rows.
+SHARED_BY = 5
 
 
 def machine() -> str:
@@ -46,10 +49,12 @@ def markdown(results: Results) -> str:
     )
     environment.filters["cell"] = cell
     thesis = [row for rows in CHAPTERS.values() for row in rows]
+    often = [command for command, n in Counter(row.command for row in thesis).most_common() if n >= SHARED_BY]
     return environment.get_template("report.md.j2").render(
         chapters=CHAPTERS, outside=OUTSIDE, results=results, machine=machine(), total=len(thesis),
         counts=counts(thesis, results), outside_counts=counts(OUTSIDE, results),
         by_chapter={title: counts(rows, results) for title, rows in CHAPTERS.items()},
+        letters=dict(zip(often, ascii_uppercase, strict=False)),
         verdicts=[str(verdict) for verdict in Verdict], numbers=numbers,
         seed=Plan().seed, other_seeds=OTHER_SEEDS, usually=f"{USUALLY:.0%}",
     )  # fmt: skip
