@@ -56,7 +56,7 @@ def markdown(results: Results) -> str:
         by_chapter={title: counts(rows, results) for title, rows in CHAPTERS.items()},
         letters=dict(zip(often, ascii_uppercase, strict=False)),
         verdicts=[str(verdict) for verdict in Verdict], numbers=numbers,
-        seed=Plan().seed, other_seeds=OTHER_SEEDS, usually=f"{USUALLY:.0%}",
+        seed=Plan().seed, other_seeds=OTHER_SEEDS, usually=f"{100 * USUALLY:g} %",
     )  # fmt: skip
 
 
