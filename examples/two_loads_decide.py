@@ -1,7 +1,9 @@
 """A second load tells a foot from its mirror image: `python examples/two_loads_decide.py [FIGURE.png]`.
 
-The foot is linear, so one load leaves the fit undecided. The same foot recorded with 4.5 kg on the knee as well
-is decided: the ratio a = m_S / (m_S + m_F) is another one, and only one foot fits both.
+The foot is linear, so one load leaves the fit undecided: the sentence gives both feet, and which of them is drawn first
+is a matter of the name. The same foot recorded with 4.5 kg on the knee as well is decided: the ratio
+a = m_S / (m_S + m_F) is another one, and only one foot fits both. That holds for constants that do not change with the
+load, as here; where they do, see docs/study_methods.md.
 """
 
 import sys
@@ -42,7 +44,8 @@ def main(picture: Path = Path("two_loads_decide.png")) -> dict[str, FitResult]:
     figure = Figure(figsize=(7.5, 3.2), layout="constrained")
     for ax, (name, result) in zip(figure.subplots(1, 2, sharey=True), results.items(), strict=True):
         misfit = [branch.chi_square / branch.dof for branch in result.branches]
-        bars = ax.bar([branch.name for branch in result.branches], misfit, width=0.6, color=["#55a868", "0.6"])
+        colours = ["#55a868" if branch in result.open else "0.6" for branch in result.branches]
+        bars = ax.bar([branch.name for branch in result.branches], misfit, width=0.6, color=colours)
         ax.bar_label(bars, [f"{value:.3g}" for value in misfit], padding=4)
         ax.axhline(1, color="k", lw=0.8, ls=":")
         ax.set_title(f"{name}: {result.verdict}", loc="left", fontsize=10)

@@ -15,6 +15,8 @@ from fasbody.two_dof import NAMES, TwoDof
 
 #: Odds of one branch over the other beyond which the matter is decided.
 DECISIVE_ODDS = 1000.0
+#: Log of the odds up to which branches are tied: rounding alone then orders them, and the name does it instead.
+TIE = 0.01
 #: Names of the branches by what is stiffer than its mirror image.
 STIFF_ANKLE, STIFF_PAD = "stiff ankle", "stiff pad"
 _NEEDED = ("k_T", "k_F", "c_11", "c_21")
@@ -66,6 +68,11 @@ class Verdict:
     log_likelihood_ratio: float
     sentence: str
 
+    @property
+    def tied(self) -> bool:
+        """Whether the branches are equally likely."""
+        return self.word == "undecided" and self.log_likelihood_ratio < TIE
+
     def __str__(self) -> str:
         return self.word
 
@@ -87,11 +94,13 @@ def judge(names: Sequence[str], deviances: Sequence[float], chi_square: float, d
     ratio_ = 0.5 * (deviances[1] - deviances[0]) / excess
     decided = ratio_ > np.log(DECISIVE_ODDS)
     odds = "more than a million" if ratio_ > np.log(1e6) else f"{np.exp(ratio_):.3g}"
+    both = " and ".join(sorted(names[:2]))
+    for_ = f"odds {odds} to 1 for {names[0]}" if ratio_ >= TIE else "even odds"
     if decided:
         text = f"The {names[0]} branch is favoured by odds of {odds} to 1 over its mirror image ({names[1]})."
     else:
         text = (
-            f"The data do not decide between {names[0]} and {names[1]} (odds {odds} to 1): both parameter sets "
-            "describe the recordings. Record a second load, or a second sensor on the foot bones."
+            f"The data do not decide between {both} ({for_}): both parameter sets "
+            "describe the recordings. A second load decides if the constants do not change with the load."
         )
     return Verdict("decided" if decided else "undecided", float(ratio_), text)

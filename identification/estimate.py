@@ -116,8 +116,11 @@ def fit(
         raise SimulationError(f"{foot.name}: the best parameter sets are all unstable over the recordings.")
     certified.sort(key=lambda c: c.deviance)
     built = [branch_of(route, c, space) for c in certified]
-    best = certified[0].run
     verdict = judge([b.name for b in built], [b.deviance for b in built], built[0].chi_square, built[0].dof)
+    if verdict.tied:
+        certified.sort(key=lambda c: c.name)
+        built.sort(key=lambda b: b.name)
+    best = certified[0].run
     left_out = [name for name in chosen if name not in {c.name for c in certified}]
     if not mirror or left_out:
         verdict = Verdict("not compared", 0.0, why_not or _LEFT_OUT.format(name=left_out[0]))

@@ -85,6 +85,13 @@ class Branch:
     dof: int
     p_value: float | None
 
+    def stiffness(self, named: bool = False) -> str:
+        """Springs with their 95 % intervals, or all parameters of a model without springs; `named`: with the name."""
+        p = self.parameters
+        parts = [f"{key.split('_n_')[0]} = {p[key].interval()}" for key in p if key.endswith("_n_per_m")]
+        text = f"{', '.join(parts)} N/m (95 %)" if parts else ", ".join(f"{key} {e.interval()}" for key, e in p.items())
+        return f"{text} on the {self.name} branch" if named else text
+
 
 @dataclass(frozen=True, eq=False)
 class RecordingFit:
@@ -122,8 +129,13 @@ class FitResult:
 
     @property
     def best(self) -> Branch:
-        """The likelier branch."""
+        """The likelier branch; of two that are equally likely, the first by name."""
         return self.branches[0]
+
+    @property
+    def open(self) -> tuple[Branch, ...]:
+        """The branches that the data leave open: both where they do not decide."""
+        return self.branches if self.verdict == "undecided" else self.branches[:1]
 
     @property
     def parameters(self) -> Mapping[str, Estimate]:
@@ -178,18 +190,17 @@ class FitResult:
         return "\n".join(rows) + "\n"
 
     def sentence(self) -> str:
-        """The result in one sentence."""
-        p = self.parameters
-        parts = [f"{key.split('_n_')[0]} = {p[key].interval()}" for key in p if key.endswith("_n_per_m")]
-        stiffness = ", ".join(parts)
-        start = f"{stiffness} N/m (95 %)" if parts else ", ".join(f"{key} {e.interval()}" for key, e in p.items())
+        """The result in one sentence, with the values of both branches where the data do not decide."""
+        values = " or ".join(branch.stiffness(len(self.open) > 1) for branch in self.open)
         chance = ""
         if self.domain == "periodic":
             per = f"chi-square {self.best.chi_square / max(1, self.best.dof):.2f} per degree of freedom"
             chance = f", {per}" if self.best.dof else ", no degrees of freedom left"
-        return f"{start}; fit {self.fit_percent:.1f} %{chance}; {self.verdict}."
+        return f"{values}; fit {self.fit_percent:.1f} %{chance}; {self.verdict}."
 
     def __str__(self) -> str:
         lines = [self.sentence(), self.reason]
-        lines += [f"  {key:>18} {e.interval()}  {e.identifiability}" for key, e in self.parameters.items()]
+        for branch in self.open:
+            lines += [f"{branch.name}:"] if len(self.open) > 1 else []
+            lines += [f"  {key:>18} {e.interval()}  {e.identifiability}" for key, e in branch.parameters.items()]
         return "\n".join(lines)

@@ -7,7 +7,7 @@ import typer
 from rich.table import Table
 
 from fasbody.console import command_line, console, make_folder, print_json, results, write_whole
-from fasbody.exceptions import SettingError
+from fasbody.exceptions import InputFileError, SettingError
 from reproduction.book import CHAPTERS, OUTSIDE, ROWS
 from reproduction.report import counts, markdown, numbers
 from reproduction.row import Row, Verdict
@@ -19,6 +19,7 @@ _COLOURS = {
     Verdict.REPRODUCED: "green",
     Verdict.CORRECTED: "cyan",
     Verdict.SYNTHETIC: "blue",
+    Verdict.CALIBRATED: "blue",
     Verdict.FAILED: "bold red",
 }
 
@@ -29,14 +30,20 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def main(
     only: Annotated[
         list[str] | None,
-        typer.Option(help="id, beginning of an id, or part of a chapter's title; repeat. No page is written then."),
+        typer.Option(
+            help="id, beginning of an id, number (4.11) or part of a chapter's title; repeat. No page is written then."
+        ),
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Run every row again, whatever is kept.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.", min=1, max=64)] = 2,
-    page: Annotated[Path, typer.Option(help="Page to write.", show_default="docs/reproduction.md")] = PAGE,
+    page: Annotated[
+        Path | None, typer.Option(help="Page to write, from all rows.", show_default="docs/reproduction.md")
+    ] = None,
     kept: Annotated[Path, typer.Option(help="Folder of kept results.", show_default="results/reproduction")] = KEPT,
     list_: Annotated[bool, typer.Option("--list", help="Print the ids and what they are; run nothing.")] = False,
-    json_: Annotated[bool, typer.Option("--json", help="The results as one JSON document on stdout.")] = False,
+    json_: Annotated[
+        bool, typer.Option("--json", help="The results, or the list, as one JSON document on stdout.")
+    ] = False,
 ) -> None:
     """Run every equation, table, figure and statement of the thesis and say what came of it. Some minutes.
 
@@ -53,10 +60,16 @@ def main(
       python -m reproduction --fresh
     """
     chosen = select(only)
+    if only is not None and page is not None:
+        raise SettingError("--page is written from all rows; leave out --only, or leave out --page.")
     if list_:
-        for row in chosen:
-            results.print(f"{row.id}: {row.what}", markup=False)
+        _list(chosen, json_)
         return
+    page = PAGE if page is None else page
+    if only is None:  # a wrong name is told before the work
+        make_folder(page.parent)
+        if page.is_dir():
+            raise InputFileError(page, "is a folder", "name a file for the page")
     make_folder(kept)
     found: dict[str, dict[str, Any]] = {}
     for document in run_rows(chosen, kept, fresh, jobs):
@@ -69,32 +82,52 @@ def main(
         show(chosen, ordered)
         results.print(", ".join(f"{count} {verdict}" for verdict, count in tally.items()))
         seconds = sum(document["cpu_seconds"] for document in ordered.values())
-        results.print(f"{len(ordered)} rows; they took {seconds:.0f} s of processor time when they ran.")
+        rows = "1 row; it" if len(ordered) == 1 else f"{len(ordered)} rows; they"
+        results.print(f"{rows} took {seconds:.0f} s of processor time to make.")
     if only is None:
         console.print(f"written: {write_whole(page, markdown(ordered))}", soft_wrap=True)
     if str(Verdict.FAILED) in tally:
         raise typer.Exit(1)
 
 
+def _list(rows: list[Row], as_json: bool) -> None:
+    """Ids and what they are."""
+    if as_json:
+        print_json([{"id": row.id, "what": row.what, "command": row.command} for row in rows])
+        return
+    for row in rows:
+        results.print(f"{row.id}: {row.what}", markup=False, soft_wrap=True)
+
+
 def select(only: list[str] | None) -> list[Row]:
-    """Rows by id, by the beginning of an id, by one item of it ("Eq. 4.9"), or by a part of a chapter's title.
+    """Rows by id, by one item of it ("Eq. 4.9", or "4.9" for whatever has that number), by its beginning, or by a part
+    of a chapter's title; capital letters and spaces around do not matter.
 
     Raises:
-        SettingError: a name that fits no row.
+        SettingError: a name that fits no row, or none at all.
     """
     if only is None:
         return ROWS
-    titles = {row.id: title for title, rows in CHAPTERS.items() for row in rows}
-    titles |= {row.id: "Outside data: validation" for row in OUTSIDE}
+    titles = {row.id: title.casefold() for title, rows in CHAPTERS.items() for row in rows}
+    titles |= {row.id: "outside data: validation" for row in OUTSIDE}
     wanted: set[str] = set()
-    for name in only:
-        fits = {row.id for row in ROWS if row.id == name or name in row.numbers}
-        low = name.casefold()
-        begin = {row.id for row in ROWS if row.id.casefold().startswith(low) or low in titles[row.id].casefold()}
-        if not fits | begin:
-            raise SettingError(f"no row is called {name!r}; `python -m reproduction --list` prints all ids.")
-        wanted |= fits or begin
+    for given in only:
+        name = " ".join(given.split()).casefold()
+        if not name:
+            raise SettingError("--only is empty; give an id, a number or a part of a chapter's title.")
+        fits = {row.id for row in ROWS if row.id.casefold() == name}
+        fits = fits or {row.id for row in ROWS if name in _names(row)}
+        fits = fits or {row.id for row in ROWS if row.id.casefold().startswith(name) or name in titles[row.id]}
+        if not fits:
+            raise SettingError(f"no row is called {given!r}; `python -m reproduction --list` prints all ids.")
+        wanted |= fits
     return [row for row in ROWS if row.id in wanted]
+
+
+def _names(row: Row) -> set[str]:
+    """What its items may be called: "eq. 4.9", and "4.9" alone where the number has a point."""
+    items = {item.casefold() for item in row.numbers}
+    return items | {number for item in items if "." in (number := item.split(" ", 1)[-1])}
 
 
 def show(rows: list[Row], found: dict[str, dict[str, Any]]) -> None:

@@ -9,14 +9,13 @@ from fasbody.arch import DAMPERS
 from fasbody.kinematics import arms
 from identification.blackbox import published
 from reproduction.arch_energies import mass_from_energy, only, printed_damping, velocity_terms_from_energy
-from reproduction.chapter3_findings import ALL, BLACK_BOX, SUBJECT, panels
+from reproduction.chapter3_findings import ALL, BLACK_BOX, PUBLISHED, SUBJECT, panels
 from reproduction.chapter4_arch import ARCH, pose
 from reproduction.chapter4_sensitivity import SENSITIVITY, draws
 from reproduction.row import Outcome, Rows, at_least, at_most, exactly, within
 from reproduction.virtual import PER_SUBJECT, measured_recordings
 
 ROWS = Rows()
-PUBLISHED = "python -c 'from identification.blackbox import published; print(published.table())'"
 
 for _number, _hertz in enumerate((30, 35, 40, 45, 50), 1):
     _what = f"output of subject 16 at {_hertz} Hz and of five models, three loads"

@@ -1,4 +1,4 @@
-"""Chapter 2: equations, Table 2.1 and figures; its statements are in chapter2_findings.py."""
+"""Chapter 2: equations, Table 2.1 and figures; its statements are in chapter2_findings.py and chapter2_trends.py."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -17,13 +17,13 @@ from fasbody.transmissibility.findings import LOADS, POSTURES
 from fasbody.transmissibility.table import Condition
 from reproduction.row import Outcome, Rows, at_least, at_most, exactly, near
 from reproduction.virtual import (
+    STUDY,
     STUDY_COMMAND,
     bundled,
     study_table,
 )
 
 ROWS = Rows()
-STUDY = "virtual study"
 
 
 @ROWS("Eq. 2.1", "transmissibility as the ratio of two peak-to-peak values after the 100 Hz filter")

@@ -13,6 +13,7 @@ from reproduction.virtual import PER_SUBJECT, bundled_series, loaded_series, mea
 
 ROWS = Rows()
 BLACK_BOX = "python -m identification.blackbox fasbody/studies/synthetic_subject_16"
+PUBLISHED = "python -c 'from identification.blackbox import published; print(published.table())'"
 SUBJECT = "synthetic subject"
 ALL = (*STRUCTURES, "ss")
 
@@ -102,52 +103,6 @@ for _number, _hertz in ((3, 10), (4, 15), (5, 20), (6, 25)):
 
 
 @ROWS(
-    "Finding 3.3, 1",
-    "fits of 60 to 98 % for all structures",
-    "python -c 'from identification.blackbox import published; print(published.table())'",
-)
-def range_of_fits() -> Outcome:
-    fits = published.table()[[f"{name}_fit" for name in ALL]].to_numpy()
-    return Outcome(
-        printed=[
-            at_least("least fit in Tables 3.2 and A.1-A.9", fits.min(), 60, "%"),
-            at_most("largest", fits.max(), 98, "%"),
-        ],
-        instead=[at_least("share of the printed fits below 60 %", float(np.mean(fits < 60)), 1e-4)],
-        note=f"{np.sum(fits < 60)} of {fits.size} printed fits lie below 60 %.",
-    )
-
-
-@ROWS(
-    "Finding 3.3, 2",
-    "output error fits best",
-    "python -c 'from identification.blackbox import published; print(published.plausibility())'",
-)
-def output_error_fits_best() -> Outcome:
-    share = published.plausibility().best_share
-    others = max(value for name, value in share.items() if name != "oe")
-    return Outcome(
-        printed=[
-            at_least("share of printed rows with OE first, less that of the next structure", share["oe"] - others, 0)
-        ]
-    )
-
-
-@ROWS(
-    "Finding 3.3, 3",
-    "orders 9-15, 1-12, 1-12 of n_a, n_b, n_k; 3 or 5 of n_c, n_d, n_f; 2-8 of the state space",
-    "python -c 'from identification.blackbox import published; print(published.table())'",
-)
-def range_of_orders() -> Outcome:
-    data = published.table()
-    low = {"arx_na": (9, 15), "arx_nb": (1, 12), "arx_nk": (1, 12), "ss_order": (2, 8)}
-    outside = {name: float(np.mean(~data[name].between(*limits))) for name, limits in low.items()}
-    return Outcome(
-        printed=[at_most(f"share of {name} outside of the stated range", share, 0.1) for name, share in outside.items()]
-    )
-
-
-@ROWS(
     "Finding 3.3, 4",
     "the orders found describe the foot and guide the order of its model",
     "python examples/single_sine.py",
@@ -165,26 +120,6 @@ def orders_describe_the_foot() -> Outcome:
             at_most("best less worst fit of five structures at 40 Hz", max(fits) - min(fits), 2, "points"),
         ],
         note="Every structure and order ties on one sine; only pooled frequencies tell them apart (docs/black_box.md).",
-    )
-
-
-@ROWS(
-    "Finding 3.3, 5",
-    "linear models fit worst at 10 and 15 Hz and best above",
-    "python -c 'from identification.blackbox import published; print(published.table())'",
-)
-def fits_by_frequency() -> Outcome:
-    data = published.table()
-    mean = data.assign(fit=data[[f"{name}_fit" for name in ALL]].mean(axis=1)).groupby("frequency_hz")["fit"].mean()
-    return Outcome(
-        printed=[
-            at_least(
-                "mean printed fit at 20-50 Hz less that at 10 and 15 Hz",
-                mean[mean.index >= 20].mean() - mean[mean.index < 20].mean(),
-                0,
-                "points",
-            )
-        ]
     )
 
 

@@ -1,13 +1,15 @@
 """Chapter 6: what the thesis concludes, each from rows of the chapters before."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fasbody.transmissibility.findings import LOADS
+from fasbody.transmissibility.table import Table
 from identification.blackbox import published
-from reproduction.chapter2_findings import STUDY
 from reproduction.chapter5 import GROUP, SWEEP, at_real_size, by_modulus, summary
-from reproduction.row import Outcome, Rows, at_least, at_most, exactly, near, within
-from reproduction.virtual import STUDY_COMMAND, study_table
+from reproduction.row import Check, Outcome, Rows, at_least, at_most, exactly, near, within
+from reproduction.virtual import STUDY, STUDY_COMMAND, judged
 
 ROWS = Rows()
 
@@ -19,28 +21,27 @@ ROWS = Rows()
     STUDY,
 )
 def load_and_resonance() -> Outcome:
-    curves = [study_table().curves("MB", *condition) for condition in LOADS]
-    tops = [float(c.frequency_hz[c.mean.argmax()]) for c in curves]
-    return Outcome(
-        printed=[
+    def judge(table: Table) -> Sequence[Check]:
+        curves = [table.curves("MB", *condition) for condition in LOADS]
+        tops = [float(c.frequency_hz[c.mean.argmax()]) for c in curves]
+        return [
             at_most("unloaded mean MB at 50 Hz over that at 10 Hz", float(curves[0].mean[-1] / curves[0].mean[0]), 1),
             within("highest mean with 2.3 kg", tops[1], 30, 40, "Hz"),
             within("highest mean with 4.5 kg", tops[2], 30, 40, "Hz"),
-        ],
-        synthetic=True,
-        note="In the virtual subject the peaks come from constants that rise with frequency; such a peak is no mode.",
-    )
+        ]
+
+    note = "In the virtual subject the peaks come from constants that rise with frequency; such a peak is no mode."
+    return judged(judge, note)
 
 
 @ROWS("Finding 6, 2", "more mass on the knee transmits more at 30-40 Hz", STUDY_COMMAND, STUDY)
 def more_mass_transmits_more() -> Outcome:
-    free, *heavy = (study_table().curves("MB", *condition).mean[4:7] for condition in LOADS)
-    return Outcome(
-        printed=[
-            at_least("least increase of mean MB at 30-40 Hz by a load", float(min(np.min(c - free) for c in heavy)), 0)
-        ],
-        synthetic=True,
-    )
+    def judge(table: Table) -> Sequence[Check]:
+        free, *heavy = (table.curves("MB", *condition).mean[4:7] for condition in LOADS)
+        least = float(min(np.min(c - free) for c in heavy))
+        return [at_least("least increase of mean MB at 30-40 Hz by a load", least, 0)]
+
+    return judged(judge)
 
 
 @ROWS(

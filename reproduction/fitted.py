@@ -15,7 +15,7 @@ from fasbody.virtual_study import Plan, make
 from identification.estimate import Settings, fit
 from identification.study.loops import cycles
 from identification.study.means import mean_curve
-from identification.study.summary import cycle_table, fit_percents, tidy
+from identification.study.summary import cycle_table, fit_percents, outliers, tidy
 from identification.study.truth import Truth
 from reproduction.virtual import SECONDS
 
@@ -27,27 +27,36 @@ STUDY_COMMAND = (
     "python -m identification.study S --posture midstance --starts 4"
 )
 GROUP = "fits of a virtual study"
+#: The subject whose traces and loops the thesis draws.
+DRAWN = "16"
+#: What `cycles` needs to know of a branch whose foot is given.
+TRUE = {"name": "true"}
 
 
 @cache
-def documents() -> tuple[list[dict[str, Any]], Truth | None]:
-    """One document a recording, as `python -m identification.study` keeps them, and the truth of the study."""
+def documents() -> tuple[list[dict[str, Any]], Truth]:
+    """One document a recording, as `python -m identification.study` keeps them, and the truth of the study.
+
+    Besides, "true_cycles": the energies of the foot that the recording was made from.
+    """
     foot, made = load("two_dof"), []
     conditions = tuple(("midstance", mass) for mass in ADDED_MASSES_KG)
     with tempfile.TemporaryDirectory() as folder:
         plan = Plan(subjects=SUBJECTS, seconds=SECONDS, conditions=conditions)
         study = StudyFolder.open(make(Path(folder) / "study", plan, processes=1))
         truth = Truth.read(Path(folder) / "study")
+        assert truth is not None, "a study just made has its truth"
         for number, trial in enumerate(study.trials):
             recording = study.read(trial)
             result = fit([recording], foot, Settings(starts=STARTS, threads=1)).document()
             condition = recording.condition
+            own = {"recordings": [{"file": recording.file, "foot": truth.constants[trial.file]}], "branches": [TRUE]}
             made.append({
                 "key": str(number), "mode": "per-recording", "subject": condition.subject,
                 "posture": condition.posture, "added_mass_kg": condition.added_mass_kg,
                 "frequency_hz": condition.frequency_hz, "files": [trial.file], "origin": study.origin,
                 "status": "done", "error": None, "seconds": 0.0, "result": result,
-                "cycles": cycles(result, foot, [recording]),
+                "cycles": cycles(result, foot, [recording]), "true_cycles": cycles(own, foot, [recording]),
             })  # fmt: skip
     return made, truth
 
@@ -66,19 +75,43 @@ def energies() -> pd.DataFrame:
 
 
 @cache
+def true_energies() -> pd.DataFrame:
+    """Energies of every cycle of the feet that the recordings were made from [J]."""
+    return cycle_table([{**document, "cycles": document["true_cycles"]} for document in documents()[0]])
+
+
+def losses(cycles: pd.DataFrame, load_kg: float) -> pd.DataFrame:
+    """The nine cycles of the drawn subject under one load, in the order of the frequencies."""
+    mine = cycles[(cycles["subject"] == DRAWN) & (cycles["added_mass_kg"] == load_kg)]
+    return mine.sort_values("frequency_hz")
+
+
+@cache
 def fits() -> pd.DataFrame:
     """Fit percentage of every recording."""
     return fit_percents(documents()[0])
 
 
-def chosen(parameter: str, load_kg: float | None = None) -> pd.DataFrame:
-    """Rows of one parameter on the branch that fitted best, under one load or all."""
+#: The branch that a fit names first, and the other. Where the odds are even the first is so by its name alone, and by
+#: that name it is the true one of these virtual subjects, whose ankles are stiff: nothing may rest on the first alone.
+BRANCHES = {True: "first branch", False: "its mirror image"}
+
+
+@cache
+def on_branch(parameter: str, first: bool) -> pd.DataFrame:
+    """Rows of one parameter on the first branch or on the mirror image where there is one, outliers marked there."""
     rows = table()
-    rows = rows[rows["chosen"] & (rows["parameter"] == parameter)]
-    return rows if load_kg is None else rows[rows["added_mass_kg"] == load_kg]
+    rows = rows[rows["parameter"] == parameter]
+    other = rows[~rows["chosen"]]
+    alone = rows["chosen"] & ~rows["key"].isin(other["key"])
+    rows = (rows[rows["chosen"]] if first else pd.concat([other, rows[alone]])).copy()
+    for _, group in rows.groupby(["added_mass_kg", "frequency_hz"]):
+        rows.loc[group.index, "outlier"] = outliers(group["value"].to_numpy())
+    return rows
 
 
-def mean_at(parameter: str, load_kg: float, frequencies_hz: np.ndarray) -> np.ndarray:
+def mean_at(parameter: str, load_kg: float, frequencies_hz: np.ndarray, first: bool) -> np.ndarray:
     """Spline-fitted mean over subjects without outliers, as in Figures 4.18 to 4.25, at some frequencies."""
-    curve = mean_curve(chosen(parameter, load_kg))
+    rows = on_branch(parameter, first)
+    curve = mean_curve(rows[rows["added_mass_kg"] == load_kg])
     return np.interp(frequencies_hz, curve.frequency_hz, curve.mean)

@@ -5,15 +5,20 @@ import platform
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from string import ascii_uppercase
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader
 
+from fasbody.virtual_study import Plan
 from reproduction.book import CHAPTERS, OUTSIDE
-from reproduction.row import Row, Verdict
+from reproduction.row import GROUPS, Row, Verdict
 from reproduction.run import versions
+from reproduction.virtual import OTHER_SEEDS, USUALLY
 
 Results = Mapping[str, Mapping[str, Any]]
+#: A command of so many rows stands once on the page, and its letter in the rows.
+SHARED_BY = 5
 
 
 def machine() -> str:
@@ -44,11 +49,14 @@ def markdown(results: Results) -> str:
     )
     environment.filters["cell"] = cell
     thesis = [row for rows in CHAPTERS.values() for row in rows]
+    often = [command for command, n in Counter(row.command for row in thesis).most_common() if n >= SHARED_BY]
     return environment.get_template("report.md.j2").render(
         chapters=CHAPTERS, outside=OUTSIDE, results=results, machine=machine(), total=len(thesis),
         counts=counts(thesis, results), outside_counts=counts(OUTSIDE, results),
         by_chapter={title: counts(rows, results) for title, rows in CHAPTERS.items()},
+        letters=dict(zip(often, ascii_uppercase, strict=False)),
         verdicts=[str(verdict) for verdict in Verdict], numbers=numbers,
+        seed=Plan().seed, other_seeds=OTHER_SEEDS, usually=f"{100 * USUALLY:g} %",
     )  # fmt: skip
 
 
@@ -56,8 +64,8 @@ def numbers(document: Mapping[str, Any]) -> str:
     """What came out and what was asked for, check by check."""
     if document.get("error"):
         return f"failed: {document['error']}"
-    labels = {"printed": "", "right": "corrected: ", "instead": "instead: ", "coherent": "and at once: "}
-    parts = [f"{label}{check['text']}" for group, label in labels.items() for check in document[group]]
+    shown = [group for group in GROUPS if group != "present" or document["verdict"] != str(Verdict.SYNTHETIC)]
+    parts = [f"{GROUPS[group]}{check['text']}" for group in shown for check in document[group]]
     needed, there = document["recordings"]
     if needed:
         parts.append(f"measured recordings: {there} of {needed} needed")

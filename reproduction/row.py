@@ -17,8 +17,10 @@ class Verdict(StrEnum):
     REPRODUCED = "reproduced"
     CORRECTED = "corrected (erratum)"
     SYNTHETIC = "shown on synthetic data"
+    UNRELIABLE = "not found reliably on synthetic data"
     UNMEASURED = "cannot be reproduced without the recordings"
     CONTRADICTED = "contradicted"
+    CALIBRATED = "calibrated to it"
     FAILED = "failed"
 
 
@@ -84,24 +86,37 @@ def exactly(what: str, value: float, wanted: float, unit: str = "") -> Check:
     return Check(what, float(value), wanted, wanted, unit)
 
 
+#: Groups of checks of an outcome, as its attributes are called, and how a reader is told which one a check is of.
+GROUPS = {
+    "printed": "", "calibrated": "calibration: ", "right": "corrected: ", "instead": "instead: ",
+    "coherent": "the text with itself: ", "present": "in the data: ",
+}  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Outcome:
     """The numbers of one row.
 
     Attributes:
         printed: what must hold if the thesis is right here.
+        calibrated: numbers that constants of the model were chosen by; that they come out is no evidence.
         right: what must hold if it is wrong and the correction that stands in docs/errata.md is right; empty if none.
         instead: numbers that came out where the thesis is wrong and no correction mends it; they must hold, too.
-        coherent: what must hold for the statement to be compatible with the thesis' own other statements.
+        coherent: the statement beside other statements of the thesis. No data may enter: if it fails, two statements
+            exclude each other, whatever anybody measures.
+        present: what must hold for the statement to be true of the synthetic data, by the constants they were made
+            from or by other draws of them; `printed` failing then is a failure of the analysis.
         synthetic: the data were made by a model, so agreement shows the method and is no evidence.
         recordings: measured recordings that the printed numbers need and those there are; (0, 0) if none.
         note: what a reader should know, a sentence at most.
     """
 
     printed: Sequence[Check] = ()
+    calibrated: Sequence[Check] = ()
     right: Sequence[Check] = ()
     instead: Sequence[Check] = ()
     coherent: Sequence[Check] = ()
+    present: Sequence[Check] = ()
     synthetic: bool = False
     recordings: tuple[int, int] = (0, 0)
     note: str = ""
@@ -109,31 +124,40 @@ class Outcome:
     @property
     def checks(self) -> list[Check]:
         """All of them."""
-        return [*self.printed, *self.right, *self.instead, *self.coherent]
+        return [check for group in GROUPS for check in getattr(self, group)]
 
     @property
     def verdict(self) -> Verdict:
         """What the numbers say."""
-        sound = all(check.holds for check in (*self.right, *self.instead))
-        if not self.checks or not sound or not all(math.isfinite(check.value) for check in self.checks):
+        if not self.checks or not _hold(self.right, self.instead):
             return Verdict.FAILED
-        if not all(check.holds for check in self.coherent):
+        if not all(math.isfinite(check.value) for check in self.checks):
+            return Verdict.FAILED
+        if not _hold(self.coherent):
             return Verdict.CONTRADICTED
         needed, there = self.recordings
         if there < needed:
             return Verdict.UNMEASURED
-        if all(check.holds for check in self.printed):
-            return Verdict.SYNTHETIC if self.synthetic else Verdict.REPRODUCED
+        if _hold(self.printed, self.calibrated):
+            met = Verdict.REPRODUCED if self.printed or not self.calibrated else Verdict.CALIBRATED
+            return Verdict.SYNTHETIC if self.synthetic else met
         if self.right:
             return Verdict.CORRECTED
-        return Verdict.UNMEASURED if self.synthetic else Verdict.CONTRADICTED
+        if not self.synthetic:
+            return Verdict.CONTRADICTED
+        return Verdict.UNRELIABLE if self.present and _hold(self.present) else Verdict.UNMEASURED
 
     def document(self) -> dict[str, Any]:
         """As plain data, with the verdict."""
         plain = asdict(self)
-        for group in ("printed", "right", "instead", "coherent"):
+        for group in GROUPS:
             plain[group] = [_finite(check) for check in getattr(self, group)]
         return plain | {"recordings": list(self.recordings), "verdict": str(self.verdict)}
+
+
+def _hold(*groups: Sequence[Check]) -> bool:
+    """Whether every check of every group holds."""
+    return all(check.holds for group in groups for check in group)
 
 
 def _finite(check: Check) -> dict[str, Any]:
@@ -166,12 +190,20 @@ class Row:
     @property
     def numbers(self) -> list[str]:
         """Every single item that the id covers: "Eq. 4.11-4.12" gives Eq. 4.11 and Eq. 4.12."""
-        return [item for part in self.id.split(", ") for item in _expand(part)]
+        if listed := re.fullmatch(r"(Finding \S+), (\d+)-(\d+)", self.id):
+            section, first, last = listed.groups()
+            return [section, *(f"{section}, {n}" for n in range(int(first), int(last) + 1))]
+        parts = (part for part in self.id.split(", ") if re.match(_KINDS, part))  # "Eq. 4.12, mass" is of Eq. 4.12
+        return [item for part in parts for item in _expand(part)]
 
     @property
     def file(self) -> str:
         """Name of the file that keeps the result."""
         return re.sub(r"[^a-z0-9]+", "-", self.id.lower()).strip("-") + ".json"
+
+
+#: How an item of the thesis, or a comparison with others' measurements, is called.
+_KINDS = r"(Eq\.|Table|Fig\.|Finding|Appendix|Validation) "
 
 
 def _expand(part: str) -> Iterator[str]:

@@ -1,4 +1,8 @@
-"""The models beside published measurements that the thesis did not use to build them; see docs/credibility.md."""
+"""The models beside measurements by others; see docs/credibility.md.
+
+The thesis used few of these numbers; this project's nominal constants were chosen by many of them (Arch.nominal), and
+what was chosen by a number cannot be validated by it. Such checks are marked as calibration.
+"""
 
 from functools import cache
 
@@ -34,12 +38,19 @@ def millimetres(what: str, value: float, measured: float, share: float) -> Check
 
 @ROWS("Validation 1", "Arangio 1998: sag of arches of 20 and 60 mm under 683 N, with and without fascia", STATIC)
 def arangio_sag() -> Outcome:
-    study, checks = sag(), []
+    study, calibrated, added = sag(), [], []
     for place, height in ((0, 0.02), (2, 0.06)):
         with_fascia, cut = ARANGIO_SAG[height]
-        checks.append(millimetres(f"{1e3 * height:.0f} mm arch", study.sag[place], with_fascia, 0.1))
-        checks.append(millimetres(f"{1e3 * height:.0f} mm arch, fascia cut", study.sag_cut[place], cut, 0.1))
-    return Outcome(printed=checks, note="k_2 to k_4 and k_11 were chosen with these four numbers in view: calibration.")
+        name = f"{1e3 * height:.0f} mm arch"
+        calibrated.append(millimetres(name, study.sag[place], with_fascia, 0.1))
+        calibrated.append(millimetres(f"{name}, fascia cut", study.sag_cut[place], cut, 0.1))
+        more = study.sag_cut[place] - study.sag[place]
+        added.append(millimetres(f"what cutting it adds, {name}", more, cut - with_fascia, 0.2))
+    return Outcome(
+        calibrated=[*calibrated, *added],
+        note="k_2 to k_4 and k_11 were chosen by these four numbers; that they come within 10 % hides that the fascia "
+        "of a low arch does next to nothing in the model.",
+    )
 
 
 @ROWS("Validation 2", "Arangio 1998: cutting the fascia of a 60 mm arch", STATIC)
@@ -48,35 +59,32 @@ def arangio_cut() -> Outcome:
     more_sag = study.sag_cut[2] / study.sag[2] - 1
     longer = study.elongation_cut[2] / study.elongation[2] - 1
     return Outcome(
-        printed=[
-            near("more sag (measured +36 %)", 100 * more_sag, 100 * ARANGIO_CUT[0], 5, "%"),
-            near("more elongation (measured +40 %)", 100 * longer, 100 * ARANGIO_CUT[1], 5, "%"),
-        ],
-        note="Not used to choose any constant; the sag of a high arch reacts too strongly.",
+        printed=[near("more elongation (measured +40 %)", 100 * longer, 100 * ARANGIO_CUT[1], 5, "%")],
+        calibrated=[near("more sag (measured +36 %)", 100 * more_sag, 100 * ARANGIO_CUT[0], 5, "%")],
+        note="+36 % is 7.5 over 5.5 mm, two of the numbers of Validation 1; the elongation chose no constant.",
     )
 
 
 @ROWS("Validation 3", "Kim & Voloshin: share of the fascia 14 %, of the heel 63 %", STATIC)
 def kim_voloshin() -> Outcome:
     return Outcome(
-        printed=[
-            near("share of the fascia at 40 mm (published 14 %)", 100 * sag().share[1], 14, 5, "%"),
-            near("share of the heel at 40 mm (published 63 %)", 100 * sag().heel[1], 100 * HEEL, 7, "%"),
-        ]
+        printed=[near("share of the heel at 40 mm (published 63 %)", 100 * sag().heel[1], 100 * HEEL, 7, "%")],
+        calibrated=[near("share of the fascia at 40 mm (published 14 %)", 100 * sag().share[1], 14, 5, "%")],
+        note="k_11 was chosen by the share of the fascia.",
     )
 
 
 @ROWS("Validation 4", "Wee & Voloshin 2013: resonance at 15-25, 30-35, 35 Hz under 0, 2.3, 4.5 kg", STATIC)
 def wee_voloshin() -> Outcome:
     ranges = {**MEASURED_HZ, 4.5: (35.0, 40.0)}
+    free, *loaded = [
+        within(f"peak of the nominal arch with {case.added_mass:g} kg", case.peak_hz, *ranges[case.added_mass], "Hz")
+        for case in loads().cases
+    ]
     return Outcome(
-        printed=[
-            within(
-                f"peak of the nominal arch with {case.added_mass:g} kg", case.peak_hz, *ranges[case.added_mass], "Hz"
-            )
-            for case in loads().cases
-        ],
-        note="Constants fixed: right without load, wrong with it. See the finding on load in Chapter 2.",
+        printed=loaded,
+        calibrated=[free],
+        note="c_2 to c_4 were chosen by the peak without load. See the finding on load in Chapter 2.",
     )
 
 
@@ -85,11 +93,9 @@ def goggins() -> Outcome:
     f = np.arange(5.0, 80.0, 0.1)
     T = np.abs(transmissibility(Arch.nominal(), f))
     return Outcome(
-        printed=[
-            within("peak of the nominal arch, seated, unloaded", f[T.argmax()], 16, 39, "Hz"),
-            within("its transmissibility there", T.max(), 1, 2),
-        ],
-        note="Standing people carry their weight, the model only its shank.",
+        calibrated=[within("peak of the nominal arch, seated, unloaded", f[T.argmax()], 16, 39, "Hz")],
+        note="The same peak as in Validation 4, chosen to lie at 15-25 Hz, most of which this range holds. Standing "
+        "people carry their weight, the model only its shank.",
     )
 
 
@@ -103,9 +109,9 @@ def aruin_zatsiorsky() -> Outcome:
     return Outcome(
         printed=[
             near("k_T of the virtual subject at 10 Hz (measured 14.9 +- 3.5)", subject["k_T"] / 1e3, 14.9, 7, "kN/m"),
-            near("c_T of the nominal arch (measured 430 +- 36)", arch.c_T, 430, 72, "N s/m"),
             near("c_11 of the virtual subject at 10 Hz (measured 430 +- 36)", subject["c_11"], 430, 72, "N s/m"),
         ],
+        calibrated=[near("c_T of the nominal arch (measured 430 +- 36)", arch.c_T, 430, 72, "N s/m")],
         note="c_T of the nominal arch was taken from this paper; limits of two standard deviations.",
     )
 
@@ -114,11 +120,10 @@ def aruin_zatsiorsky() -> Outcome:
 def gefen() -> Outcome:
     arch = Arch.nominal()
     return Outcome(
-        printed=[
-            near("k_11 + k_12, before the dashpot yields", (arch.k_11 + arch.k_12) / 1e3, 170, 45, "N/mm"),
-            near("k_11, after it has yielded", arch.k_11 / 1e3, 170, 45, "N/mm"),
-        ],
-        note="As a spring that never yields, 170 N/mm contradicts Arangio's sag (docs/load.md).",
+        printed=[near("k_11, after the dashpot has yielded", arch.k_11 / 1e3, 170, 45, "N/mm")],
+        calibrated=[near("k_11 + k_12, before it yields", (arch.k_11 + arch.k_12) / 1e3, 170, 45, "N/mm")],
+        note="k_12 is 170 N/mm less k_11 by choice. As a spring that never yields, 170 N/mm contradicts Arangio's sag "
+        "(docs/load.md).",
     )
 
 

@@ -6,6 +6,7 @@ import pytest
 
 from identification.branches import DECISIVE_ODDS, STIFF_ANKLE, STIFF_PAD, has_mirror, judge, mirrored, ratio, side
 
+NAMES = [STIFF_ANKLE, STIFF_PAD]
 A = oracle.MASSES["m_S"] / (oracle.MASSES["m_S"] + oracle.MASSES["m_F"])
 
 
@@ -43,7 +44,16 @@ def test_odds_of_a_thousand_decide(difference: float, decided: bool) -> None:
     verdict = judge([STIFF_ANKLE, STIFF_PAD], [100.0, 100.0 + difference], 40.0, 50)
     assert str(verdict) == ("decided" if decided else "undecided")
     assert verdict.log_likelihood_ratio == pytest.approx(difference / 2)
-    assert ("Record a second load" in verdict.sentence) is not decided
+    assert ("A second load decides" in verdict.sentence) is not decided
+    assert not verdict.tied
+
+
+def test_equal_likelihoods_are_tied_whichever_comes_first() -> None:
+    """Rounding alone orders them; a millionth of a unit of log likelihood is no odds."""
+    ankle_first, pad_first = (judge(names, [100.0, 100.0 + 1e-6], 40.0, 50) for names in (NAMES, NAMES[::-1]))
+    assert ankle_first.tied and pad_first.tied
+    assert ankle_first.sentence == pad_first.sentence
+    assert "even odds" in ankle_first.sentence
 
 
 def test_a_misfit_weakens_the_verdict() -> None:

@@ -49,6 +49,11 @@ def test_foot_bones_follow_the_base_at_low_frequency() -> None:
 def test_second_load_decides(picture: Path) -> None:
     results = two_loads_decide.main(picture)
     assert results["one load"].verdict == "undecided" and results["two loads"].verdict == "decided"
+    assert [branch.name for branch in results["one load"].branches] == ["stiff ankle", "stiff pad"]  # a tie: by name
+    truth, mirror = (branch.parameters["k_T_n_per_m"] for branch in results["one load"].branches)
+    for estimate in (truth, mirror):
+        assert f"k_T = {estimate.interval()}" in results["one load"].sentence()
+    assert truth.lower < two_loads_decide.TRUTH.k_T < truth.upper
     best = results["two loads"].parameters
     assert best["k_T_n_per_m"].value == pytest.approx(two_loads_decide.TRUTH.k_T, rel=0.01)
     assert best["k_F_n_per_m"].value == pytest.approx(two_loads_decide.TRUTH.k_F, rel=0.01)

@@ -8,13 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from fasbody.exceptions import SettingError
+from fasbody.virtual_study import PICKED_SEED
 from reproduction import run as running
-from reproduction.__main__ import select
-from reproduction.book import CHAPTERS, OUTSIDE, ROWS
+from reproduction.book import CHAPTERS, ROWS
+from reproduction.chapter2_findings import LISTS
 from reproduction.report import markdown
 from reproduction.row import Check, Outcome, Row, Verdict, at_most, exactly, near
 from reproduction.run import ROOT, execute, kept, key, run_rows
+from reproduction.virtual import OTHER_SEEDS, whatever_the_seed
 
 #: Number of the last table and figure of each chapter and appendix of the thesis.
 TABLES = {"2": 1, "3": 2, "4": 2, "5": 2, "A": 9}
@@ -86,10 +87,48 @@ def test_verdicts_follow_from_numbers() -> None:
     assert Outcome([bad], right=[bad]).verdict == Verdict.FAILED
     assert Outcome([bad], instead=[good]).verdict == Verdict.CONTRADICTED
     assert Outcome([good], coherent=[bad]).verdict == Verdict.CONTRADICTED
+    assert Outcome([bad], present=[good], synthetic=True).verdict == Verdict.UNRELIABLE
+    assert Outcome([bad], present=[bad], synthetic=True).verdict == Verdict.UNMEASURED
+    assert Outcome([good], present=[bad], synthetic=True).verdict == Verdict.SYNTHETIC
+    assert Outcome(calibrated=[good]).verdict == Verdict.CALIBRATED
+    assert Outcome([good], calibrated=[good]).verdict == Verdict.REPRODUCED
+    assert Outcome([good], calibrated=[bad]).verdict == Verdict.CONTRADICTED
     assert Outcome([good], recordings=(27, 0)).verdict == Verdict.UNMEASURED
     assert Outcome([good], recordings=(27, 27)).verdict == Verdict.REPRODUCED
     assert Outcome([at_most("a", math.nan, 1.0)]).verdict == Verdict.FAILED
     assert Outcome([]).verdict == Verdict.FAILED
+
+
+def test_a_statement_must_hold_with_most_seeds() -> None:
+    """What comes out with the picked seed alone is not shown; what comes out nowhere is not in the data."""
+    good, bad = exactly("a", 1, 1), exactly("a", 0, 1)
+    assert whatever_the_seed([good], [True] * 8 + [False] * 2).verdict == Verdict.SYNTHETIC
+    assert whatever_the_seed([good], [True] * 7 + [False] * 3).verdict == Verdict.UNRELIABLE
+    assert whatever_the_seed([good], [False] * 10).verdict == Verdict.UNRELIABLE
+    assert whatever_the_seed([bad], [True] * 10).verdict == Verdict.UNRELIABLE
+    assert whatever_the_seed([bad], [False] * 10).verdict == Verdict.UNMEASURED
+
+
+def test_the_picked_seed_is_none_of_the_others() -> None:
+    assert PICKED_SEED not in OTHER_SEEDS
+    assert len(OTHER_SEEDS) >= 20
+
+
+def test_what_chose_a_constant_is_marked_as_calibration() -> None:
+    """The fascia of the low arch, cut: the sag itself is within 10 %, what cutting adds is an order too small."""
+    outcome = by_id("Validation 1").run()
+    assert not outcome.printed and outcome.verdict == Verdict.CONTRADICTED
+    (low,) = [check for check in outcome.calibrated if check.what.startswith("what cutting it adds, 20 mm")]
+    assert low.value < 0.2 < 1.7 and low.low < 1.7 < low.high and not low.holds
+    assert by_id("Validation 5").run().verdict == Verdict.CALIBRATED
+    for name in (2, 3, 4, 6, 7):
+        assert by_id(f"Validation {name}").run().calibrated
+
+
+def test_contradictions_of_the_text_need_no_data() -> None:
+    outcome = by_id("Finding 2.3.1, 19-24")
+    assert {f"Finding 2.3.1, {n}" for n in range(19, 25)} <= set(outcome.numbers)
+    assert [len(set(range(10, 55, 5)) & set(range(a + 1, b + 1))) for a, b in LISTS.values()] == [2, 2, 1]
 
 
 def test_a_row_that_raises_has_failed() -> None:
@@ -124,31 +163,11 @@ def test_a_damaged_or_failed_result_is_not_kept(tmp_path: Path) -> None:
         assert kept(row, tmp_path) is None
 
 
-def test_selecting_by_id_item_and_title() -> None:
-    assert [row.id for row in select(["Eq. 2.5"])] == ["Eq. 2.5"]
-    assert [row.id for row in select(["Eq. 4.3"])] == ["Eq. 4.1-4.5"]
-    assert select(["validation"]) == OUTSIDE
-    assert select(["chapter 5"]) == CHAPTERS["Chapter 5: the cell"]
-    assert select(None) == ROWS
-    with pytest.raises(SettingError, match=r"no row is called 'Eq\. 9\.9'"):
-        select(["Eq. 9.9"])
-
-
-def test_the_command_prints_json_and_counts(command, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    done = command(
-        "reproduction", "--only", "Eq. 2.5", "--only", "Table A.2", "--jobs", "1", "--json", "--kept", str(tmp_path)
-    )
-    assert done.returncode == 0, done.stderr
-    document = json.loads(done.stdout)
-    assert document["counts"] == {str(Verdict.CORRECTED): 1, str(Verdict.UNMEASURED): 1}
-    assert {row["id"] for row in document["rows"]} == {"Eq. 2.5", "Table A.2"}
-    assert command("reproduction", "--only", "nothing").returncode == 2
-
-
 def test_the_page_has_a_line_a_row_and_its_verdict() -> None:
     outcome = Outcome([exactly("a|b", 1, 1)], note="note")
     results = {row.id: {"id": row.id, **outcome.document(), "error": None} for row in ROWS}
     lines = markdown(results).splitlines()
+    assert any(f"seed {PICKED_SEED}" in line and "picked" in line for line in lines)
     for row in ROWS:
         (line,) = (line for line in lines if line.startswith(f"| {row.id} |"))
         assert "| reproduced |" in line

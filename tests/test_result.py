@@ -2,6 +2,7 @@
 
 import csv
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -91,6 +92,17 @@ def test_sentence_and_truth() -> None:
     assert str(result()).startswith(text)
     assert result().truth_of("k_T_n_per_m") == 1.31e5
     assert result().truth_of("c_12_per_m") is None
+
+
+def test_an_undecided_sentence_gives_both_branches() -> None:
+    """One branch's value with its narrow interval would read as the answer, which is the other as likely as not."""
+    ankle = result().best
+    pad = replace(ankle, name="stiff pad", parameters={"k_T_n_per_m": estimate(71_570.0, 140.0)})
+    undecided = result(branches=(ankle, pad), verdict="undecided")
+    for text in (undecided.sentence(), str(undecided)):
+        assert "k_T = 131160 ± 300 N/m (95 %) on the stiff ankle branch or k_T = 71570 ± 140 N/m" in text
+    assert len(str(undecided).splitlines()) == 2 + 2 + len(ankle.parameters) + len(pad.parameters)
+    assert "71570" not in result(branches=(ankle, pad)).sentence()
 
 
 @pytest.mark.parametrize(
