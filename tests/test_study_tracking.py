@@ -1,7 +1,7 @@
 """Branches of a subject's fits: exact odds against enumeration, continuity, prior, a sensor on the foot bones."""
 
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import oracle
@@ -108,7 +108,7 @@ def test_sixteen_fits_at_one_frequency_are_a_chain_of_loads() -> None:
         ])  # fmt: skip
         return np.exp(-0.25 * (log + log[::-1, ::-1]) / usual)
 
-    T = [near(p, q) for p, q in zip(some, some[1:], strict=False)]
+    T = [near(p, q) for p, q in pairwise(some)]
     twice = [replace(fit, frequency_hz=f) for f in (20.0, 40.0) for fit in some]
     assert len(track(twice).choices) == 32
     for i, choice in enumerate(track(some).choices):

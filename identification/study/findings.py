@@ -86,12 +86,14 @@ class Findings:
         texts = [
             "The constants of one foot change smoothly with frequency and load, so all fits of a subject are weighed "
             "together: likelihood, continuity and, where given, a prior. A branch is chosen above 1000 to 1. "
-            "Continuity carries a decision to the neighbours and cannot make one. The last two columns keep to one "
-            "branch throughout.",
+            "Continuity carries a decision to the neighbours and cannot make one. Tables and figures show the branch "
+            "that is chosen here; undecided fits keep their own. The last two columns compare only the two assignments "
+            "that keep to one branch for all fits, not the mixed ones: high odds there stand beside undecided fits.",
             f"Prior: {self.prior}." if self.prior else "No prior was given (--prior).",
             *dict.fromkeys(s.said for s in self.subjects if s.said and s.tracking is None),
         ]
-        header = ["mode", "subject", "stiff ankle", "stiff pad", "undecided", "throughout", "odds"]
+        header = ["mode", "subject", "stiff ankle", "stiff pad", "undecided", "if one branch for all",
+                  "its odds over the other for all"]  # fmt: skip
         return Section("Branches over a subject", texts, Grid(header, rows))
 
     def _profiles(self) -> Section | None:

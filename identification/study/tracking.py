@@ -164,7 +164,7 @@ def _along(values: np.ndarray, axes: tuple[int, ...], ndim: int) -> np.ndarray:
 
 
 def _links(fits: Sequence[Fit], left: Sequence[int], right: Sequence[int]) -> Link:
-    """Tables of neighbouring frequencies under the same load, by places in their columns; a repeat links to a repeat."""
+    """Tables of neighbouring frequencies under the same load, by places in their columns; repeat goes with repeat."""
 
     def under(column: Sequence[int], load: float) -> list[int]:
         return [place for place, i in enumerate(column) if fits[i].added_mass_kg == load]
@@ -208,7 +208,7 @@ def _overall(
     Assignments that mix branches, which may be likelier than both, are not in it.
     """
     found = [[b.name for b in fit.branches] for fit in fits]
-    names = [n for n in dict.fromkeys(sum(found, [])) if all(n in own for own in found)]
+    names = [n for n in found[0] if all(n in own for own in found)]
     weights = []
     for name in names:
         k = [own.index(name) for own in found]
@@ -219,9 +219,9 @@ def _overall(
             total += sum(table[k[left[m]], k[right[n]]] for (m, n), table in link.items())
         weights.append(total)
     odds = {}
-    for k, name in enumerate(names):
-        rest = [w for i, w in enumerate(weights) if i != k]
-        odds[name] = float(np.exp(np.clip(weights[k] - logsumexp(rest), -700, 700))) if rest else float("inf")
+    for name, weight in zip(names, weights, strict=True):
+        rest = [w for other, w in zip(names, weights, strict=True) if other != name]
+        odds[name] = float(np.exp(np.clip(weight - logsumexp(rest), -700, 700))) if rest else float("inf")
     return odds
 
 
