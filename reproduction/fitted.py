@@ -15,7 +15,7 @@ from fasbody.virtual_study import Plan, make
 from identification.estimate import Settings, fit
 from identification.study.loops import cycles
 from identification.study.means import mean_curve
-from identification.study.summary import cycle_table, fit_percents, tidy
+from identification.study.summary import cycle_table, fit_percents, measured, tidy
 from identification.study.truth import Truth
 from reproduction.virtual import SECONDS
 
@@ -78,7 +78,15 @@ def chosen(parameter: str, load_kg: float | None = None) -> pd.DataFrame:
     return rows if load_kg is None else rows[rows["added_mass_kg"] == load_kg]
 
 
+def told(parameter: str, load_kg: float) -> pd.DataFrame:
+    """Those of `chosen` that have a standard error and are no outliers."""
+    rows = chosen(parameter, load_kg)
+    return rows[measured(rows) & ~rows["outlier"]]
+
+
 def mean_at(parameter: str, load_kg: float, frequencies_hz: np.ndarray) -> np.ndarray:
-    """Spline-fitted mean over subjects without outliers, as in Figures 4.18 to 4.25, at some frequencies."""
+    """Spline-fitted mean over subjects without outliers, as in Figures 4.18 to 4.25; NaN where too few tell."""
     curve = mean_curve(chosen(parameter, load_kg))
-    return np.interp(frequencies_hz, curve.frequency_hz, curve.mean)
+    if curve.mean.size == 0:
+        return np.full(frequencies_hz.shape, np.nan)
+    return np.interp(frequencies_hz, curve.frequency_hz, curve.mean, left=np.nan, right=np.nan)

@@ -184,7 +184,7 @@ def test_tracking_turns_what_is_shown(tmp_path: Path) -> None:
     assert set(energy.loc[energy["shown"], "ankle_j"]) == {5.0}
     ankle = motion.energies(summary.cycle_table(fits, found.tracked), "synthetic").axes[0]
     assert ankle.containers[0].lines[0].get_ydata() == pytest.approx([5e3] * 3)
-    subject, cycles, percents = report.example(fits, "per-recording", "midstance", found.tracked)
+    _, cycles, percents = report.example(fits, "per-recording", "midstance", found.tracked)
     assert {c["branch"] for c in cycles} == {"stiff pad"}
     assert len(cycles) == 6
     assert set(percents.values()) == {89.0}  # of the branch shown

@@ -86,8 +86,7 @@ def at(k_T: float, k_F: float, word: str = "identified", error: float | None = 1
 
 
 def test_recovery_counts_the_own_the_tracked_and_the_nearer_branch() -> None:
-    """Truth 100 and 50. Five fits: right; right within 3 errors only; the mirror chosen, and tracked; the mirror chosen
-    and undecided; one at a bound."""
+    """Truth 100 and 50. Right; within 3 errors only; the mirror, but tracked; the mirror, undecided; at a bound."""
     truth = Truth({}, {"k_T": 100.0, "k_F": 50.0}, {})
     mirror = at(43.0, 116.0)
     fits = [
