@@ -78,6 +78,7 @@ def test_page_says_what_the_fits_say(written: Path) -> None:
     assert "differ by 0.1 % at most" in page  # 0.01 of 8.01
     found = pd.read_csv(written / "recovery.csv").set_index("parameter").loc["all"]
     assert f"{found['chosen']:.0f} of 336 ({100 * found['chosen'] / 336:.0f} %)" in page
+    assert f"<td>{100 * found['chosen'] / 336:.0f} % of 336</td>" in page
     assert found["chosen"] == 320  # all but the two fits that are four times too high, eight parameters each
     assert "<td>91.5</td>" in page
 

@@ -183,6 +183,7 @@ def test_the_tracked_branch_is_shown_where_there_is_one() -> None:
     assert found == [(pad, "tracking"), (ankle, "undecided"), (ankle, "tracking"), (pad, "tracking"),
                      (ankle, "not compared"), (pad, "likelihood")]  # fmt: skip
     assert summary.shown(fits[0]) == (ankle, "undecided")
+    assert summary.shown(fit(7, "best", verdict="not compared")) == ("best", "no mirror")
     table = summary.tidy(fits, tracked=tracked)
     rows = table[table["shown"]]
     assert rows["subject"].tolist() == ["1", "2", "3", "4", "5", "6"]

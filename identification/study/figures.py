@@ -18,7 +18,7 @@ from identification.branches import DECISIVE_ODDS
 from identification.figures import STYLE, label_of, panels
 from identification.study.means import BAND, FEWEST, POSITIVE, mean_curve
 from identification.study.summary import FEWEST as FEWEST_OF_A_BOX
-from identification.study.summary import measured, quartiles
+from identification.study.summary import OPEN, measured, quartiles
 
 #: Colour-blind safe, and different in grey: the loads.
 _LOADS = ("#1b1b1b", "#d1495b", "#2e86ab", "#66a182", "#edae49")
@@ -99,7 +99,7 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
             axis.plot(mean.index, scale * mean, lw=1.1, ls=(0, (4, 2)), color=colour)
             dots = at[~at["outlier"] & measured(at)]
             f = dots["frequency_hz"] + 0.7 * (i - (len(loads) - 1) / 2)  # so that loads do not hide each other
-            told = dots["decided_by"] != "undecided"
+            told = ~dots["decided_by"].isin(OPEN)
             axis.plot(f[told], scale * dots.loc[told, "value"], "o", ms=2.2, mew=0, color=colour, alpha=0.55)
             axis.plot(f[~told], scale * dots.loc[~told, "value"], "o", ms=2.4, mew=0.4, mfc="none", mec=colour,
                       alpha=0.55)  # fmt: skip
@@ -109,7 +109,7 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
         axis.set_xlabel("frequency [Hz]")
     handles = [Line2D([], [], lw=2, color=colour_of(load, loads), label=f"{load:g} kg, mean") for load in loads]
     handles.append(Line2D([], [], marker="o", ls="", ms=3.5, mew=0, color=_GREY, label="estimate"))
-    handles.append(Line2D([], [], marker="o", ls="", ms=3.5, mfc="none", color=_GREY, label="branch undecided"))
+    handles.append(Line2D([], [], marker="o", ls="", ms=3.5, mfc="none", color=_GREY, label="branch not decided"))
     if rows["truth"].notna().any():
         handles.append(Line2D([], [], lw=1.1, ls=(0, (4, 2)), color=_GREY, label="truth, mean"))
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=8.5)

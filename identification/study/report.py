@@ -130,7 +130,7 @@ def example(
     for d in mine:
         if d["subject"] == subject:
             name, by = summary.shown(d, tracked)
-            cycles += [{**c, "decided": by != "undecided"} for c in d["cycles"] if c["branch"] == name]
+            cycles += [{**c, "decided": by not in summary.OPEN} for c in d["cycles"] if c["branch"] == name]
             recordings, own = d["result"]["recordings"], d["result"]["branches"][0]["name"] == name
             if own or len(recordings) == 1:
                 each = summary.shown_fit(d, tracked)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.result import symbol_and_unit
 from identification.study.truth import Truth
 
@@ -17,6 +18,9 @@ COLUMNS = (
 )  # fmt: skip
 #: What the subjects of one box have in common.
 GROUP = ["mode", "posture", "added_mass_kg", "frequency_hz", "parameter"]
+#: What may choose the branch that is shown, see `shown`; and those of them that leave it open.
+DECIDED_BY = ("tracking", "likelihood", "undecided", "not compared", "no mirror")
+OPEN = ("undecided", "not compared")
 #: Fewest values that make a box, and how many interquartile ranges its whiskers reach.
 FEWEST, _WHISKER = 4, 1.5
 
@@ -29,13 +33,16 @@ def shown(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None)
 
     Returns:
         Its name, and "tracking" where all fits of the subject together decide; else the fit's own likelier branch, and
-        "likelihood" where its data decide alone, "undecided" where nothing does, "not compared" where it has no other.
+        "likelihood" where its data decide alone, "undecided" where nothing does, "not compared" where it has no other
+        (out of bounds, unstable), "no mirror" where the model has none that is known.
     """
     names = [branch["name"] for branch in document["result"]["branches"]]
     told = (tracked or {}).get(document["key"], "")
     if told in names:
         return told, "tracking"
     verdict = told or document["result"]["verdict"]
+    if verdict == "not compared" and names[0] not in (STIFF_ANKLE, STIFF_PAD):
+        verdict = "no mirror"
     return names[0], "likelihood" if verdict == "decided" else verdict
 
 

@@ -11,8 +11,6 @@ from markupsafe import Markup
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.study import summary
 
-#: What may choose the branch that is shown, see `summary.shown`.
-DECIDED_BY = ("tracking", "likelihood", "undecided", "not compared")
 #: Imbalance of energy that a cycle may have.
 BALANCED = 0.005
 
@@ -50,14 +48,16 @@ def short(
             known = (own["verdict"] == "identified").mean()
             sentence = (
                 f"{row['mode'].capitalize()}: mean fit {row['fit_percent']:.1f} %, {_percent(known)} of estimates "
+                f"identified, mirror decided in {row['decided']} of {row['done']} alone."
             )
-            sentences.append(f"{sentence}identified, mirror decided in {row['decided']} of {row['done']} alone.")
-            sentences += [drawn(own)] if len(own) else []
-    for row in found[found["parameter"] == "all"].to_dict("records") if len(found) else []:
-        sentences.append(
-            f"Truth within three standard errors, {row['mode']}: {_of(row, 'chosen')} on each fit's own branch, "
-            f"{_of(row, 'tracked')} on the branch shown, {_of(row, 'either')} on the nearer one."
-        )
+            sentence += f" {drawn(own)}" if len(own) else ""
+            truth = found[(found["parameter"] == "all") & (found["mode"] == row["mode"])] if len(found) else found
+            for r in truth.to_dict("records"):
+                sentence += (
+                    f" Truth within three standard errors: {_of(r, 'chosen')} on each fit's own branch, "
+                    f"{_of(r, 'tracked')} on the branch shown, {_of(r, 'either')} on the nearer one."
+                )
+            sentences.append(sentence)
     return [*sentences, *([balance(energy)] if len(energy) else [])]
 
 
@@ -66,13 +66,14 @@ def drawn(rows: pd.DataFrame) -> str:
     fits = rows[rows["shown"]].drop_duplicates("key")
     by = fits["decided_by"]
     turned = int((by.eq("tracking") & ~fits["chosen"]).sum())
-    number = {word: int(by.eq(word).sum()) for word in DECIDED_BY}
+    number = {word: int(by.eq(word).sum()) for word in summary.DECIDED_BY}
     parts = {
         "tracking": "on the branch that all fits of a subject together decide"
         + (f" ({turned} of them against their own choice)" if turned else ""),
         "likelihood": "on the one that its data decide alone",
-        "undecided": "undecided, on its own likelier branch",
-        "not compared": "without another branch",
+        "undecided": "undecided and on their own likelier branch",
+        "not compared": "with one branch only",
+        "no mirror": "of a model without a known mirror",
     }
     said = ", ".join(f"{number[word]} {text}" for word, text in parts.items() if number[word])
     return f"Of {len(fits)} fits shown: {said}."
@@ -121,10 +122,10 @@ def branches(table: pd.DataFrame) -> Grid:
     rows = []
     for mode in dict.fromkeys(fits["mode"]):
         own = fits[fits["mode"] == mode]
-        number = [int((own["decided_by"] == word).sum()) for word in DECIDED_BY]
+        number = [int((own["decided_by"] == word).sum()) for word in summary.DECIDED_BY]
         sides = [int((own["branch"] == name).sum()) for name in (STIFF_ANKLE, STIFF_PAD)]
         rows.append([mode, *map(str, [*number, *sides])])
-    header = ["mode", "decided by tracking", "by its data alone", "undecided", "not compared"]
+    header = ["mode", "decided by tracking", "by its data alone", *summary.DECIDED_BY[2:]]
     return Grid([*header, f"shown: {STIFF_ANKLE}", f"shown: {STIFF_PAD}"], rows)
 
 
@@ -143,13 +144,18 @@ def outliers(table: pd.DataFrame) -> Grid:
 def recovery(found: pd.DataFrame) -> Grid:
     """`truth.recovery` for people."""
     ways = ("chosen", "tracked", "either")
-    header = ["", "estimates", "right: own branch", "shown", "nearer", "error: own", "shown", "nearer", "stated",
+    header = ["", "estimates", "right: own", "shown", "nearer", "error: own", "shown", "nearer", "stated",
               "identified, right"]  # fmt: skip
+
+    def share(row: Mapping[str, Any], name: str) -> str:
+        of = row[f"{name}_of"]
+        return f"{_percent(row[name] / of)} of {of}" if of else "none"
+
     rows = [
         [
             f"{r['mode']}, all" if r["parameter"] == "all" else r["parameter"], str(r["estimates"]),
-            *(_of(r, way) for way in ways), *(_percent(r[f"{way}_error"]) for way in ways), _percent(r["std_error"]),
-            _of(r, "identified"),
+            *(share(r, way) for way in ways), *(_percent(r[f"{way}_error"]) for way in ways), _percent(r["std_error"]),
+            share(r, "identified"),
         ]
         for r in found.to_dict("records")
     ]  # fmt: skip

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from identification.figures import panels
 from identification.study.figures import MARKERS, MEASURED, MODEL, colour_of, distinct, noted, styled
-from identification.study.summary import nominal
+from identification.study.summary import OPEN, nominal
 
 #: Circles of a trace at most, of all samples that are stored.
 _CIRCLES = 36
@@ -77,7 +77,7 @@ def loops(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
         row[0].xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))  # shared by the row
     bar = figure.colorbar(colour, ax=axes, label="frequency [Hz]", shrink=0.7, pad=0.02)
     bar.set_ticks(distinct(f) if len(set(f)) < 12 else [])
-    dashed = "; dashed: the branch is undecided" if not all(c.get("decided", True) for c in cycles) else ""
+    dashed = "; dashed: the branch is not decided" if not all(c.get("decided", True) for c in cycles) else ""
     text = f"model driven by the base of {origin} recordings; area = energy dissipated in one cycle{dashed}"
     return noted(figure, text)
 
@@ -110,7 +110,7 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
                 middle.index + shift, middle, yerr=[middle - low, high - middle], fmt=f"{marker}-", ms=3.8, lw=1.2,
                 elinewidth=0.8, capsize=1.5, color=colour, label=f"{load:g} kg added",
             )  # fmt: skip
-            open_ = (rows[at]["decided_by"] == "undecided").groupby(rows.loc[at, "frequency_hz"]).mean() > 0.5
+            open_ = rows[at]["decided_by"].isin(OPEN).groupby(rows.loc[at, "frequency_hz"]).mean() > 0.5
             axis.plot(middle.index[open_] + shift, middle[open_], marker, ms=3.8, mfc="white", color=colour, zorder=4)
         axis.set_title(title)
         axis.set_xlabel("frequency [Hz]")
@@ -119,5 +119,5 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
     axes[0, 2].set_ylim(0, 102)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(loads), fontsize=8)
-    text = "medians and quartiles over subjects; open: most branches undecided; medians of parts need not add up"
+    text = "medians and quartiles over subjects; open: most branches not decided; medians of parts need not add up"
     return noted(figure, f"{origin} data, n = {count}; {text}")
