@@ -57,7 +57,7 @@ def mean_curve(rows: pd.DataFrame) -> MeanCurve:
     Estimates at a bound or without a standard error say nothing of the foot, and are left out, as outliers are; so is
     a frequency where fewer than three subjects are left (or all, of fewer). The band is the jackknife over subjects,
     which is Student's interval of the mean where there is no gap, with the degrees of freedom of those subjects who
-    have an estimate at the next frequencies.
+    have an estimate there.
 
     Args:
         rows: with subject, parameter, frequency_hz, value, std_error and outlier.
@@ -77,8 +77,8 @@ def mean_curve(rows: pd.DataFrame) -> MeanCurve:
     subjects = np.unique(who)
     without = np.array([spline(f[who != s], y[who != s], at) for s in subjects])
     spread = np.sqrt((subjects.size - 1) * np.var(without, axis=0))
-    after = np.minimum(np.searchsorted(places, at), places.size - 1)
-    near = np.minimum(count.to_numpy()[np.maximum(after - (at != places[after]), 0)], count.to_numpy()[after])
-    half = np.where(near >= BAND, student.ppf(0.975, np.maximum(near, BAND) - 1) * spread, np.nan)
+    n = count.to_numpy()
+    factor = np.where(n >= BAND, student.ppf(0.975, np.maximum(n, BAND) - 1), np.nan)
+    half = np.interp(at, places, factor) * spread
     back = np.exp if logarithmic else np.asarray
     return MeanCurve(at, back(mean), back(mean - half), back(mean + half))
