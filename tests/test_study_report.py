@@ -15,6 +15,7 @@ from identification.study import figures, report, summary, tables
 from identification.study.evidence import Prior
 from identification.study.findings import gather
 from identification.study.motion import figures as motion
+from identification.study.quality import figures as quality
 from identification.study.truth import LIMITS, Truth
 
 KEYS = {
@@ -140,7 +141,7 @@ def test_loops_traces_and_energies_are_drawn_in_their_units() -> None:
 
 
 def test_verdicts_add_up() -> None:
-    axis = figures.verdicts(summary.tidy(study())).axes[0]
+    axis = quality.verdicts(summary.tidy(study())).axes[0]
     widths = np.array([[bar.get_width() for bar in group] for group in axis.containers])
     assert widths.sum(axis=0) == pytest.approx([100.0] * 8)
     assert widths[:, 0] == pytest.approx([100, 0, 0])
@@ -210,3 +211,17 @@ def test_boxes_leave_out_what_has_no_standard_error() -> None:
     curve = figures.curves(rows, "synthetic").axes[3]
     assert "30 of 42" in curve.get_title()
     assert min(line.get_ydata().min() for line in curve.lines if len(line.get_ydata())) > 60
+
+
+def test_waterfall_draws_quantiles_over_fits() -> None:
+    """Ends above the best of each fit: 0, then 1 to 9 and 100 to 900 over nine fits, a third of them mirrored."""
+    fits = study()[:9]
+    for i, d in enumerate(fits, 1):
+        costs = (50.0, 50.0 + i, 50.0 + 100 * i)
+        sides = ("stiff ankle", "stiff ankle", "stiff pad" if i % 3 == 0 else "stiff ankle")
+        d["result"]["starts"] = [{"cost": c, "branch": b} for c, b in zip(costs, sides, strict=True)]
+    above, other = quality.waterfall(fits).axes
+    assert above.lines[0].get_ydata() == pytest.approx([0.01, 5.0, 500.0])  # the median; 0.01 stands for none
+    bands = [collection.get_paths()[0].vertices[:, 1] for collection in above.collections]
+    assert [b.max() for b in bands] == pytest.approx([860.0, 700.0])  # 95 %, 75 %
+    assert [bar.get_height() for bar in other.patches] == pytest.approx([0, 0, 100 / 3])

@@ -1,6 +1,6 @@
 """Figures of a whole study in the manner of 4.6 to 4.25 and D.1 to D.3; every function returns a matplotlib Figure."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 from io import BytesIO
 from textwrap import fill
@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from identification.branches import DECISIVE_ODDS
 from identification.figures import STYLE, label_of, panels
 from identification.study.means import BAND, FEWEST, POSITIVE, mean_curve
 from identification.study.summary import FEWEST as FEWEST_OF_A_BOX
@@ -23,12 +22,9 @@ from identification.study.summary import OPEN, measured, quartiles
 #: Colour-blind safe, and different in grey: the loads.
 _LOADS = ("#1b1b1b", "#d1495b", "#2e86ab", "#66a182", "#edae49")
 MARKERS = ("o", "s", "^", "D", "v")
-_VERDICTS = {"identified": "#2e86ab", "weak": "#edae49", "not identifiable": "#c9c9c9"}
-MODEL, MEASURED, _TRUTH, _GREY = "#d1495b", "#2b2b2b", "#2e8b57", "#555555"
+MODEL, MEASURED, GREY = "#d1495b", "#2b2b2b", "#555555"
 #: The constants in the order of Figures 4.18 to 4.25.
 CONSTANTS = ("k_T", "c_11", "c_12", "c_13", "k_F", "c_21", "c_22", "c_23")
-#: Difference in the sum of squares that is none, and that 1000 to 1 odds need.
-_SAME, _TOLD_APART = 1e-2, round(2 * float(np.log(DECISIVE_ODDS)), 1)
 #: Letters of a remark to an inch of the figure's width.
 _LETTERS = 17
 #: Constants that differ by powers of ten, and get such an axis.
@@ -65,7 +61,7 @@ def colour_of(load: float, loads: Sequence[float]) -> str:
 
 def noted(figure: Figure, text: str) -> Figure:
     """Write a remark below a figure, in as many lines as its width asks for."""
-    figure.supxlabel(fill(text, int(_LETTERS * figure.get_figwidth())), fontsize=7.5, color=_GREY)
+    figure.supxlabel(fill(text, int(_LETTERS * figure.get_figwidth())), fontsize=7.5, color=GREY)
     return figure
 
 
@@ -108,10 +104,10 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
     for axis in axes[-1]:
         axis.set_xlabel("frequency [Hz]")
     handles = [Line2D([], [], lw=2, color=colour_of(load, loads), label=f"{load:g} kg, mean") for load in loads]
-    handles.append(Line2D([], [], marker="o", ls="", ms=3.5, mew=0, color=_GREY, label="estimate"))
-    handles.append(Line2D([], [], marker="o", ls="", ms=3.5, mfc="none", color=_GREY, label="branch not decided"))
+    handles.append(Line2D([], [], marker="o", ls="", ms=3.5, mew=0, color=GREY, label="estimate"))
+    handles.append(Line2D([], [], marker="o", ls="", ms=3.5, mfc="none", color=GREY, label="branch not decided"))
     if rows["truth"].notna().any():
-        handles.append(Line2D([], [], lw=1.1, ls=(0, (4, 2)), color=_GREY, label="truth, mean"))
+        handles.append(Line2D([], [], lw=1.1, ls=(0, (4, 2)), color=GREY, label="truth, mean"))
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=8.5)
     return noted(
         figure,
@@ -172,7 +168,7 @@ def boxes(table: pd.DataFrame, origin: str) -> Figure:
             flierprops={"marker": "o", "ms": 3.2, "mfc": MODEL, "mec": MODEL},
         )  # fmt: skip
         few = own[own.groupby("frequency_hz")["value"].transform("size") < FEWEST_OF_A_BOX]
-        axis.plot(few["frequency_hz"], scale * few["value"], "o", ms=2.6, mfc="none", mew=0.7, color=_GREY)
+        axis.plot(few["frequency_hz"], scale * few["value"], "o", ms=2.6, mfc="none", mew=0.7, color=GREY)
         count = int(own["outlier"].sum())
         axis.text(0.98, 0.97, f"{count} outlier{'' if count == 1 else 's'}", transform=axis.transAxes, ha="right",
                   va="top", fontsize=7, color=MODEL)  # fmt: skip
@@ -197,70 +193,3 @@ def _box(rows: pd.DataFrame, scale: float) -> dict[str, Any]:
     inside = values[~rows["outlier"].to_numpy()]
     return {"med": np.median(values), "q1": low, "q3": high, "whislo": min(inside.min(), low),
             "whishi": max(inside.max(), high), "fliers": values[rows["outlier"].to_numpy()]}  # fmt: skip
-
-
-@styled
-def waterfall(documents: Sequence[Mapping[str, Any]]) -> Figure:
-    """How far the starts ended above the best of their fit, best first: quantiles over fits, by mode.
-
-    Below, the share of these starts that ended on the other branch than the best start.
-    """
-    shown = [d for d in documents if d["status"] == "done" and d["result"].get("starts")]
-    modes = list(dict.fromkeys(d["mode"] for d in shown))
-    width = max(4.6, 3.0 * len(modes) + 0.6)
-    figure, axes = panels(2, max(1, len(modes)), width, 3.9, sharex="col", sharey="row", height_ratios=[2.6, 1])
-    for column, mode in zip(axes.T, modes, strict=False):
-        mine = [d["result"]["starts"] for d in shown if d["mode"] == mode]
-        ranks = range(max(len(starts) for starts in mine))
-        above = [np.array([max(s[k]["cost"] - s[0]["cost"], _SAME) for s in mine if len(s) > k]) for k in ranks]
-        other = [np.mean([s[k]["branch"] != s[0]["branch"] for s in mine if len(s) > k]) for k in ranks]
-        at = np.array(ranks) + 1
-        low, lower, middle, upper, high = np.array([np.quantile(a, (0.05, 0.25, 0.5, 0.75, 0.95)) for a in above]).T
-        column[0].fill_between(at, low, high, color=_LOADS[2], alpha=0.18, lw=0, label="90 % of the fits")
-        column[0].fill_between(at, lower, upper, color=_LOADS[2], alpha=0.35, lw=0, label="half of them")
-        column[0].plot(at, middle, "o-", lw=1.8, ms=3.5, color=_LOADS[2], label="median")
-        column[0].axhline(_TOLD_APART, lw=0.9, ls="--", color=_GREY, label="1000 to 1")
-        column[0].set_yscale("log")
-        column[0].set_title(f"{mode}, {len(mine)} fits")
-        column[1].bar(at, 100 * np.array(other), width=0.6, color=MODEL)
-        column[1].set_ylim(0, 100)
-        column[1].set_xlabel("start, best first")
-        column[1].xaxis.get_major_locator().set_params(integer=True)
-    axes[0, 0].set_ylabel("sum of squares\nabove the best")
-    axes[1, 0].set_ylabel("on the other\nbranch [%]")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=8, columnspacing=1.2)
-    return noted(
-        figure,
-        f"below the dashed line ({_TOLD_APART:g}) the data do not tell two ends apart; {_SAME:g} or less is drawn as "
-        f"{_SAME:g}",
-    )
-
-
-@styled
-def verdicts(table: pd.DataFrame) -> Figure:
-    """How many estimates of each parameter are identified, weak and not identifiable, by mode."""
-    rows = table[table["shown"]]
-    modes = list(dict.fromkeys(rows["mode"]))
-    found = list(dict.fromkeys(rows["parameter"]))
-    names = [n for n in CONSTANTS if n in found] + [n for n in found if n not in CONSTANTS]
-    figure, axes = panels(1, max(1, len(modes)), 2.9 * max(1, len(modes)) + 0.8, 0.27 * len(names) + 1.2, sharey=True)
-    for axis, mode in zip(axes[0], modes, strict=False):
-        own = rows[rows["mode"] == mode]
-        counts = pd.crosstab(own["parameter"], own["verdict"]).reindex(
-            index=names, columns=list(_VERDICTS), fill_value=0
-        )
-        share = 100 * counts.div(counts.sum(axis=1).replace(0, 1), axis=0)
-        left = np.zeros(len(names))
-        for verdict, colour in _VERDICTS.items():
-            axis.barh(range(len(names)), share[verdict], left=left, color=colour, label=verdict, height=0.72)
-            left = left + share[verdict].to_numpy()
-        axis.set_title(f"{mode} ({own['key'].nunique()} fits)")
-        axis.set_xlabel("share of estimates [%]")
-        axis.set_xlim(0, 100)
-        axis.grid(axis="y", visible=False)
-    axes[0, 0].set_yticks(range(len(names)), [label_of(n) for n in names])
-    axes[0, 0].invert_yaxis()
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=3, fontsize=8.5)
-    return figure

@@ -111,8 +111,8 @@ class Findings:
         departs = sum(r["departs"] for _, r in found)
         texts = [
             f"{len(found)} profiles; {departs} depart from the interval of their standard error by more than a tenth "
-            "of its width. Where there is a profile, the verdict above and in summary.csv is the profile's: an open "
-            "side means that the recordings set no limit there.",
+            "of its width. A profile is of the fit's own branch; where that is shown, the verdict above and in "
+            "summary.csv is the profile's. An open side means that the recordings set no limit there.",
             *_more(len(found)),
         ]
         header = ["mode", "fit", "parameter", "estimate", "95 % profile", "95 % by standard error", "departs",

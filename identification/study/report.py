@@ -75,11 +75,12 @@ def pictures(
     """Name -> (what draws it, caption) of every figure that these fits can fill."""
     from identification.study import figures
     from identification.study.motion import figures as motion
+    from identification.study.quality import figures as quality
 
     out: dict[str, tuple[Callable[[], Any], str]] = {}
     if table.empty:
         return out
-    out["verdicts"] = (partial(figures.verdicts, table), "Verdict on each parameter, on the branch shown.")
+    out["verdicts"] = (partial(quality.verdicts, table), "Verdict on each parameter, on the branch shown.")
     over = table[table["frequency_hz"].notna()]
     for (mode, posture), rows in over.groupby(["mode", "posture"], sort=False):
         name = f"curves_{mode}_{posture}"
@@ -108,7 +109,7 @@ def pictures(
             text = f"Energy dissipated in one cycle, and where: {mode}, {posture}. {tables.drawn(rows)}"
             out[f"energies_{mode}"] = (partial(motion.energies, rows, origin), text)
     if any(d["status"] == "done" and d["result"].get("starts") for d in documents):
-        out["waterfall"] = (partial(figures.waterfall, documents), "Where every start of every fit ended.")
+        out["waterfall"] = (partial(quality.waterfall, documents), "Where every start of every fit ended.")
     return out
 
 
