@@ -62,9 +62,7 @@ def main(
 ) -> None:
     """Fit every recording of a study and check the fits, computing only what is missing.
 
-    It may be stopped at any moment and started again with the same command.
-
-    Examples:
+    It may be stopped at any moment and started again with the same command. Examples:
       python -m identification.study my_study
 
       python -m identification.study my_study --mode pooled --subject 3 --subject 7
