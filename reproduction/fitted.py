@@ -15,7 +15,7 @@ from fasbody.virtual_study import Plan, make
 from identification.estimate import Settings, fit
 from identification.study.loops import cycles
 from identification.study.means import mean_curve
-from identification.study.summary import cycle_table, fit_percents, outliers, tidy
+from identification.study.summary import cycle_table, fit_percents, measured, outliers, tidy
 from identification.study.truth import Truth
 from reproduction.virtual import SECONDS
 
@@ -105,13 +105,16 @@ def on_branch(parameter: str, first: bool) -> pd.DataFrame:
     other = rows[~rows["chosen"]]
     alone = rows["chosen"] & ~rows["key"].isin(other["key"])
     rows = (rows[rows["chosen"]] if first else pd.concat([other, rows[alone]])).copy()
-    for _, group in rows.groupby(["added_mass_kg", "frequency_hz"]):
+    rows["outlier"] = False
+    for _, group in rows[measured(rows)].groupby(["added_mass_kg", "frequency_hz"]):
         rows.loc[group.index, "outlier"] = outliers(group["value"].to_numpy())
     return rows
 
 
 def mean_at(parameter: str, load_kg: float, frequencies_hz: np.ndarray, first: bool) -> np.ndarray:
-    """Spline-fitted mean over subjects without outliers, as in Figures 4.18 to 4.25, at some frequencies."""
+    """Spline-fitted mean over subjects without outliers, as in Figures 4.18 to 4.25; NaN where too few are measured."""
     rows = on_branch(parameter, first)
     curve = mean_curve(rows[rows["added_mass_kg"] == load_kg])
-    return np.interp(frequencies_hz, curve.frequency_hz, curve.mean)
+    if curve.mean.size == 0:
+        return np.full(frequencies_hz.shape, np.nan)
+    return np.interp(frequencies_hz, curve.frequency_hz, curve.mean, left=np.nan, right=np.nan)

@@ -47,6 +47,7 @@ def plain(
         {
             "name": name,
             "deviance": 10.0 + 2.0 * number,
+            "fit_percent": 90.0 - number,
             "parameters": {
                 key: {"value": v, "std_error": s, "lower": None, "upper": None, "identifiability": word}
                 for key, (v, s, word) in parameters.items()

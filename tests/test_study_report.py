@@ -12,8 +12,10 @@ import pytest
 from made_fits import failed, plain
 
 from identification.study import figures, report, summary, tables
+from identification.study.evidence import Prior
 from identification.study.findings import gather
 from identification.study.motion import figures as motion
+from identification.study.quality import figures as quality
 from identification.study.truth import LIMITS, Truth
 
 KEYS = {
@@ -71,12 +73,13 @@ def test_page_says_what_the_fits_say(written: Path) -> None:
     page = (written / "report.html").read_text()
     assert "synthetic data: nobody was measured" in page
     assert "42 of 43 fits done, 1 failed." in page
-    assert "mean fit 90.0 %, 50 % of estimates identified, mirror decided in 0 of 42" in page
+    assert "mean fit 90.0 %, 50 % of estimates identified, mirror decided in 0 of 42 alone" in page
     assert "s6.csv: malleolus is &lt;b&gt;dead&lt;/b&gt;" in page
     assert LIMITS[:60] in page
     assert "differ by 0.1 % at most" in page  # 0.01 of 8.01
     found = pd.read_csv(written / "recovery.csv").set_index("parameter").loc["all"]
     assert f"{found['chosen']:.0f} of 336 ({100 * found['chosen'] / 336:.0f} %)" in page
+    assert f"<td>{100 * found['chosen'] / 336:.0f} % of 336</td>" in page
     assert found["chosen"] == 320  # all but the two fits that are four times too high, eight parameters each
     assert "<td>91.5</td>" in page
 
@@ -101,7 +104,7 @@ def test_figures_are_whole_and_the_same_each_time(written: Path, tmp_path: Path)
     for name in names:
         assert ET.parse(written / "figures" / f"{name}.svg").getroot().tag.endswith("svg")
         assert (written / "figures" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
-    again = report.pictures(study(), summary.tidy(study(), TRUTH), summary.cycle_table(study()), "synthetic")
+    again = report.pictures(study(), summary.tidy(study(), TRUTH), summary.cycle_table(study()), "synthetic", {})
     for name in ("loops_per-recording", "verdicts"):
         assert figures.save(again[name][0](), "svg") == (written / "figures" / f"{name}.svg").read_bytes()
 
@@ -138,7 +141,7 @@ def test_loops_traces_and_energies_are_drawn_in_their_units() -> None:
 
 
 def test_verdicts_add_up() -> None:
-    axis = figures.verdicts(summary.tidy(study())).axes[0]
+    axis = quality.verdicts(summary.tidy(study())).axes[0]
     widths = np.array([[bar.get_width() for bar in group] for group in axis.containers])
     assert widths.sum(axis=0) == pytest.approx([100.0] * 8)
     assert widths[:, 0] == pytest.approx([100, 0, 0])
@@ -159,3 +162,66 @@ def test_measured_and_lonely_and_hopeless_studies(tmp_path: Path) -> None:
     assert "0 of 1 fits done, 1 failed." in page
     assert "data of unstated origin" in page
     assert (tmp_path / "none" / "summary.csv").read_text() == ",".join(summary.COLUMNS) + "\n"
+
+
+def test_tracking_turns_what_is_shown(tmp_path: Path) -> None:
+    """All fits prefer the stiff ankle a little; a prior for the pad turns them, in tables, figures and loops alike."""
+    fits = study()[:-1]
+    for d in fits:  # loops of both branches, as a study stores them
+        other = dict(d["cycles"][0]) | {"branch": "stiff pad", "chosen": False}
+        other |= {part: {**other[part], "dissipated_j": 5.0} for part in ("ankle", "fat_pad")}
+        d["cycles"].append(other)
+        for b, k_T in zip(d["result"]["branches"], (3e5, 2e4), strict=True):
+            b["parameters"]["k_T_n_per_m"]["value"] = k_T
+    found = gather(fits, (), Prior.read(["k_T<k_F"]), "k_T<k_F")
+    assert set(found.tracked.values()) == {"stiff pad"}
+    report.write(tmp_path, fits, "turned", "synthetic", None, found)
+    page = (tmp_path / "report.html").read_text()
+    said = "Of 42 fits shown: 42 on the branch that all fits of a subject together decide (42 of them against their own"
+    assert said in page
+    table = pd.read_csv(tmp_path / "summary.csv")
+    shown = table[table["shown"]]
+    assert set(shown.loc[shown["parameter"] == "k_T", "value"]) == {2e4}
+    energy = pd.read_csv(tmp_path / "energy.csv")
+    assert set(energy.loc[energy["shown"], "ankle_j"]) == {5.0}
+    ankle = motion.energies(summary.cycle_table(fits, found.tracked), "synthetic").axes[0]
+    assert ankle.containers[0].lines[0].get_ydata() == pytest.approx([5e3] * 3)
+    _, cycles, percents = report.example(fits, "per-recording", "midstance", found.tracked)
+    assert {c["branch"] for c in cycles} == {"stiff pad"}
+    assert len(cycles) == 6
+    assert set(percents.values()) == {89.0}  # of the branch shown
+    assert all(c["decided"] for c in cycles)
+    undecided = report.example(fits, "per-recording", "midstance", {})[1]
+    assert not any(c["decided"] for c in undecided)
+    styles = [
+        {line.get_linestyle() for line in motion.loops(c, "synthetic").axes[0].lines} for c in (cycles, undecided)
+    ]
+    assert styles == [{"-"}, {"--"}]
+
+
+def test_boxes_leave_out_what_has_no_standard_error() -> None:
+    fits = study()[:-1]
+    for d in fits[:12]:  # the first two subjects rest on a bound
+        d["result"]["branches"][0]["parameters"]["c_13_per_m"] |= {"value": 0.0, "std_error": None}
+    rows = summary.tidy(fits)
+    axis = figures.boxes(rows[rows["added_mass_kg"] == 0], "synthetic").axes[3]
+    assert "15 of 21" in axis.get_title()
+    lowest = min(path.get_path().vertices[:, 1].min() for path in axis.patches)
+    assert lowest > 60
+    curve = figures.curves(rows, "synthetic").axes[3]
+    assert "30 of 42" in curve.get_title()
+    assert min(line.get_ydata().min() for line in curve.lines if len(line.get_ydata())) > 60
+
+
+def test_waterfall_draws_quantiles_over_fits() -> None:
+    """Ends above the best of each fit: 0, then 1 to 9 and 100 to 900 over nine fits, a third of them mirrored."""
+    fits = study()[:9]
+    for i, d in enumerate(fits, 1):
+        costs = (50.0, 50.0 + i, 50.0 + 100 * i)
+        sides = ("stiff ankle", "stiff ankle", "stiff pad" if i % 3 == 0 else "stiff ankle")
+        d["result"]["starts"] = [{"cost": c, "branch": b} for c, b in zip(costs, sides, strict=True)]
+    above, other = quality.waterfall(fits).axes
+    assert above.lines[0].get_ydata() == pytest.approx([0.01, 5.0, 500.0])  # the median; 0.01 stands for none
+    bands = [collection.get_paths()[0].vertices[:, 1] for collection in above.collections]
+    assert [b.max() for b in bands] == pytest.approx([860.0, 700.0])  # 95 %, 75 %
+    assert [bar.get_height() for bar in other.patches] == pytest.approx([0, 0, 100 / 3])

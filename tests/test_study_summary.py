@@ -1,7 +1,6 @@
 """The tidy table, outliers by the thesis' quartiles, energies, and the spline curves with their bands."""
 
 from io import StringIO
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -9,9 +8,8 @@ import pytest
 from made_fits import failed, plain
 from scipy import stats
 
-from fasbody.exceptions import InputFileError
 from identification.study import summary
-from identification.study.means import mean_curve, spline
+from identification.study.means import BAND, mean_curve, spline
 
 
 def one(value: float, other: float = 1.0, word: str = "weak") -> dict[str, dict[str, tuple[float, float | None, str]]]:
@@ -80,7 +78,8 @@ def test_csv_comes_back() -> None:
 
 def test_counts_and_energies() -> None:
     good = [plain("per-recording", str(i), 0.0, 10.02, one(1.0)) for i in range(3)]
-    good[0]["result"] |= {"verdict": "decided", "fit_percent": 60.0}
+    good[0]["result"] |= {"verdict": "decided"}
+    good[0]["result"]["branches"][0]["fit_percent"] = 60.0
     counts = summary.counts([*good, failed("8", "broken"), plain("pooled", "1", 0.0, None, one(1.0))])
     first, second = counts.to_dict("records")
     assert (first["fits"], first["done"], first["failed"], first["recordings"]) == (4, 3, 1, 3)
@@ -92,43 +91,118 @@ def test_counts_and_energies() -> None:
     assert energy["fat_pad_j"].to_numpy() == pytest.approx(3 * energy["ankle_j"].to_numpy())
 
 
-def test_a_broken_fit_is_named(tmp_path: Path) -> None:
-    (tmp_path / "a.json").write_text('{"status": "done", "mode": "pooled"}')
-    assert summary.read_fits(tmp_path) == [{"status": "done", "mode": "pooled"}]
-    (tmp_path / "b.json").write_text('{"status": ')
-    with pytest.raises(InputFileError, match=r"b\.json.*not a fit"):
-        summary.read_fits(tmp_path)
-
-
 def test_spline_reproduces_a_cubic_and_smooths_noise() -> None:
     f, at = np.arange(10.0, 55.0, 5.0), np.linspace(10, 50, 33)
     cubic = np.polynomial.Polynomial([3.0, -0.2, 0.01, -1e-4])
     assert spline(f[::-1], cubic(f)[::-1], at) == pytest.approx(cubic(at), rel=1e-9)
-    assert spline(f[:3], cubic(f[:3]), at)[:3] == pytest.approx(np.polyval(np.polyfit(f[:3], cubic(f[:3]), 2), at[:3]))
+    few = np.array([10.0, 15.0, 20.0, 25.0])  # a parabola, not the cubic through all four
+    assert spline(few, cubic(few), at)[:9] == pytest.approx(np.polyval(np.polyfit(few, cubic(few), 2), at[:9]))
+    assert spline(few[:3], cubic(few[:3]), at)[:3] == pytest.approx(
+        np.polyval(np.polyfit(few[:3], cubic(few[:3]), 1), at[:3])
+    )
+    twice = spline(np.tile(f, 2), np.concatenate([cubic(f) + 1, cubic(f) - 3]), at)
+    assert twice == pytest.approx(cubic(at) - 1, rel=1e-9)  # of all estimates, which is that of the means
     assert np.isnan(spline(f[2:], cubic(f[2:]), at)[at < 20]).all()  # never beyond a subject's own frequencies
     noise = np.random.default_rng(0).normal(0, 1, f.size)
     assert np.std(spline(f, noise, f)) < 0.9 * np.std(noise)
 
 
+def curve_rows(parameter: str, values: dict[str, np.ndarray], f: np.ndarray) -> pd.DataFrame:
+    """Estimates of one parameter, subject -> value at each frequency."""
+    rows = [(subject, parameter, x, v, 1.0, False) for subject, own in values.items()
+            for x, v in zip(f, own, strict=True)]  # fmt: skip
+    return pd.DataFrame(rows, columns=["subject", "parameter", "frequency_hz", "value", "std_error", "outlier"])
+
+
+F = np.arange(10.0, 55.0, 5.0)
+SHAPE = np.polynomial.Polynomial([100.0, 2.0, -0.01])
+OFFSETS = np.array([-9.0, 4.0, 1.0, 7.0, 2.0])
+
+
 def test_band_is_students_interval_of_the_subjects() -> None:
-    f = np.arange(10.0, 55.0, 5.0)
-    shape = np.polynomial.Polynomial([100.0, 2.0, -0.01])
-    offsets = np.array([-9.0, 4.0, 1.0, 7.0, 2.0])
-    rows = pd.DataFrame(
-        [(str(s), x, shape(x) + o, False) for s, o in enumerate(offsets) for x in f]
-        + [("wild", x, 1e9, True) for x in f],
-        columns=["subject", "frequency_hz", "value", "outlier"],
-    )
-    c = mean_curve(rows)
-    low, high = stats.t.interval(0.95, 4, loc=offsets.mean(), scale=stats.sem(offsets))
-    assert c.mean == pytest.approx(shape(c.frequency_hz) + offsets.mean())
-    assert c.lower == pytest.approx(shape(c.frequency_hz) + low)
-    assert c.upper == pytest.approx(shape(c.frequency_hz) + high)
-    two = mean_curve(rows[rows["subject"].isin(["0", "1"])])
-    assert np.isnan(two.lower).all()  # two subjects have a mean, but no interval worth showing
-    assert two.mean == pytest.approx(shape(two.frequency_hz) + offsets[:2].mean())
+    rows = curve_rows("c_22", {str(s): SHAPE(F) + o for s, o in enumerate(OFFSETS)}, F)
+    wild = curve_rows("c_22", {"wild": np.full(F.size, 1e9)}, F).assign(outlier=True)
+    c = mean_curve(pd.concat([rows, wild]))
+    low, high = stats.t.interval(0.95, 4, loc=OFFSETS.mean(), scale=stats.sem(OFFSETS))
+    assert c.mean == pytest.approx(SHAPE(c.frequency_hz) + OFFSETS.mean())
+    assert c.lower == pytest.approx(SHAPE(c.frequency_hz) + low)
+    assert c.upper == pytest.approx(SHAPE(c.frequency_hz) + high)
+    three = mean_curve(rows[rows["subject"].isin(["0", "1", "2"])])
+    assert np.isnan(three.lower).all()  # a mean, but no interval worth showing
+    assert three.mean == pytest.approx(SHAPE(three.frequency_hz) + OFFSETS[:3].mean())
     gap = mean_curve(rows[~((rows["subject"] == "0") & (rows["frequency_hz"] == 10))])
-    without = shape(10.0) + offsets[1:].mean()
-    assert abs(gap.mean[0] - without) < abs(gap.mean[0] - shape(10.0) - offsets.mean())  # a gap moves its own end only
+    without = SHAPE(10.0) + OFFSETS[1:].mean()
+    assert abs(gap.mean[0] - without) < abs(gap.mean[0] - SHAPE(10.0) - OFFSETS.mean())  # a gap moves its end only
     assert gap.mean[-1] == pytest.approx(c.mean[-1], abs=0.1)
-    assert mean_curve(rows[rows["outlier"]]).mean.size == 0
+    # four subjects are left at 10 Hz: Student's factor there is that of four
+    assert gap.upper[0] - gap.mean[0] > stats.t.ppf(0.975, 3) * 0.8 * stats.sem(OFFSETS[1:])
+    assert mean_curve(wild).mean.size == 0
+
+
+def test_what_cannot_be_negative_has_the_curve_of_its_logarithm() -> None:
+    """Geometric mean and Student's interval of the logarithms; straight means of such estimates fall below zero."""
+    factors = np.exp([-2.0, 0.3, 0.1, 1.2, -0.7])
+    values = {str(s): k * np.array([300, 200, 90, 30, 8, 2, 1, 4, 60.0]) for s, k in enumerate(factors)}
+    rows = curve_rows("c_13", values, F)
+    c = mean_curve(rows)
+    log = np.array([spline(F, np.log(v), c.frequency_hz) for v in values.values()])
+    low, high = stats.t.interval(0.95, 4, loc=log.mean(axis=0), scale=stats.sem(log, axis=0))
+    assert c.mean == pytest.approx(np.exp(log.mean(axis=0)))
+    assert c.lower == pytest.approx(np.exp(low))
+    assert c.upper == pytest.approx(np.exp(high))
+    assert c.lower.min() > 0
+    assert mean_curve(rows.assign(parameter="c_12")).mean.min() < 0  # either sign
+
+
+def test_estimates_at_a_bound_enter_no_mean() -> None:
+    rows = curve_rows("k_T", {str(s): SHAPE(F) * (1 + s / 100) for s in range(8)}, F)
+    bound = rows["subject"].isin(["5", "6"]) | ((rows["frequency_hz"] > 30) & (rows["subject"] > "2"))
+    rows.loc[bound, "value"], rows.loc[bound, "std_error"] = 1e6, np.nan
+    c, same = mean_curve(rows), mean_curve(rows[~bound])
+    assert c.mean == pytest.approx(same.mean)
+    assert c.mean.max() < 1.1 * SHAPE(F).max()
+    assert np.isfinite(c.upper[c.frequency_hz < 30]).all()
+    assert BAND == 4
+    assert np.isnan(c.upper[c.frequency_hz > 30]).all()  # three subjects are left there
+    rows.loc[rows["frequency_hz"] > 30, "std_error"] = np.nan
+    assert mean_curve(rows).frequency_hz[-1] == 30.0
+
+
+def test_the_tracked_branch_is_shown_where_there_is_one() -> None:
+    def fit(number: int, *names: str, verdict: str = "undecided") -> dict[str, object]:
+        e = {"k_T_n_per_m": (100.0 * number, 2.0, "weak")}
+        made = plain("per-recording", str(number), 0.0, 10.0, dict.fromkeys(names, e))
+        made["result"]["verdict"] = verdict
+        return made
+
+    ankle, pad = "stiff ankle", "stiff pad"
+    fits = [fit(1, ankle, pad), fit(2, ankle, pad), fit(3, pad, ankle, verdict="decided"), fit(4, pad, ankle),
+            fit(5, ankle, verdict="not compared"), fit(6, pad, ankle, verdict="decided")]  # fmt: skip
+    tracked = dict(zip((d["key"] for d in fits), (pad, "undecided", ankle, pad), strict=False))
+    found = [summary.shown(d, tracked) for d in fits]
+    assert found == [(pad, "tracking"), (ankle, "undecided"), (ankle, "tracking"), (pad, "tracking"),
+                     (ankle, "not compared"), (pad, "likelihood")]  # fmt: skip
+    assert summary.shown(fits[0]) == (ankle, "undecided")
+    assert summary.shown(fit(7, "best", verdict="not compared")) == ("best", "no mirror")
+    table = summary.tidy(fits, tracked=tracked)
+    rows = table[table["shown"]]
+    assert rows["subject"].tolist() == ["1", "2", "3", "4", "5", "6"]
+    assert rows["branch"].tolist() == [name for name, _ in found]
+    assert rows["decided_by"].tolist() == [by for _, by in found]
+    assert rows["chosen"].tolist() == [False, True, False, True, True, True]
+    energy = summary.cycle_table(fits, tracked)
+    assert energy["shown"].tolist() == [False, True, False, True, True, True]  # these fits have one cycle, their own
+    assert [summary.shown_fit(d, tracked) for d in fits] == [89.0, 90.0, 89.0, 90.0, 90.0, 90.0]
+
+
+def test_outliers_are_sought_among_what_is_shown_and_measured() -> None:
+    """The best branches agree; the tracked ones have one far off, and one at a bound that counts for nothing."""
+    fits = [plain("per-recording", str(i), 0.0, 10.0, one(100.0 + i, other=10.0 + i)) for i in range(8)]
+    for d in fits:
+        d["result"]["branches"][1]["parameters"]["k_T_n_per_m"]["std_error"] = 1.0
+    far, bound = (fits[i]["result"]["branches"][1]["parameters"]["k_T_n_per_m"] for i in (3, 5))
+    far["value"] = 60.0
+    bound |= {"value": 1e6, "std_error": None}
+    table = summary.tidy(fits, tracked={d["key"]: "stiff pad" for d in fits})
+    assert table.loc[table["outlier"], "value"].tolist() == [60.0]
+    assert not summary.tidy(fits)["outlier"].any()

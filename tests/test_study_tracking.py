@@ -1,7 +1,7 @@
 """Branches of a subject's fits: exact odds against enumeration, continuity, prior, a sensor on the foot bones."""
 
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import oracle
@@ -56,6 +56,69 @@ def test_odds_are_those_of_all_assignments(monkeypatch: pytest.MonkeyPatch) -> N
         p = [np.logaddexp.reduce([w for s, w in weights.items() if s[i] == k]) for k in (0, 1)]
         assert np.log(choice.odds) == pytest.approx(abs(p[0] - p[1]), rel=1e-9)
         assert choice.likelier == some[i].branches[int(p[1] > p[0])].name
+
+
+def test_repeats_and_missing_loads_are_enumerated_too() -> None:
+    """Two trials under one load here, three there, a load without partner: 9 fits against all 512 assignments."""
+    rng = np.random.default_rng(4)
+    places = [(10.0, 0.0), (10.0, 2.3), (10.0, 2.3), (20.0, 4.5), (20.0, 2.3), (20.0, 2.3), (20.0, 2.3), (30.0, 4.5),
+              (30.0, 0.0)]  # fmt: skip
+    some = []
+    for f, m in places:
+        ankle, pad = fits((f,), (m,), lambda f, m: (0.0, 0.0))[0].branches
+        scale = {n: v * float(np.exp(rng.normal(0, 0.4))) for n, v in ankle.values.items()}
+        some.append(Fit(f, m, (BranchFit(STIFF_ANKLE, scale, SIZES, rng.normal(0, 4)), replace(pad, deviance=0.0))))
+    # neighbours: loads of one frequency in ascending order, then equal loads of the next frequency, trial by trial
+    near = [(0, 1), (1, 2), (4, 5), (5, 6), (6, 3), (8, 7), (1, 4), (2, 5), (3, 7)]
+
+    def smooth(p: Fit, i: int, q: Fit, j: int) -> float:
+        u, w = p.branches[i].values, q.branches[j].values
+        v = (PER_LOG_FREQUENCY * np.log(p.frequency_hz / q.frequency_hz)) ** 2 + 2 * BETWEEN_TRIALS**2
+        v += (PER_KG * (p.added_mass_kg - q.added_mass_kg)) ** 2 + 2 * 0.03**2
+        return -0.5 * sum(np.log(u[n] / w[n]) ** 2 / v + np.log(v) for n in CURVES)
+
+    states = np.array(list(product((0, 1), repeat=9)))
+    weights = np.zeros(len(states))
+    for i, fit in enumerate(some):
+        weights -= 0.5 * np.array([b.deviance for b in fit.branches])[states[:, i]]
+    for a, b in near:
+        each = np.array([[smooth(some[a], i, some[b], j) for j in (0, 1)] for i in (0, 1)])
+        weights += 0.5 * (each + each[::-1, ::-1])[states[:, a], states[:, b]]
+    told = track(some)
+    for i, choice in enumerate(told.choices):
+        p = [np.logaddexp.reduce(weights[states[:, i] == k]) for k in (0, 1)]
+        assert np.log(choice.odds) == pytest.approx(abs(p[0] - p[1]), rel=1e-9)
+        assert choice.likelier == some[i].branches[int(p[1] > p[0])].name
+    assert np.log(told.overall[STIFF_ANKLE]) == pytest.approx(weights[0] - weights[-1], rel=1e-9)
+
+
+def test_sixteen_fits_at_one_frequency_are_a_chain_of_loads() -> None:
+    """One frequency alone is a chain: products of 2 x 2 matrices, where tables of pairs of states would be 4^16."""
+    rng = np.random.default_rng(5)
+    loads = tuple(np.linspace(0, 4.5, 16))
+    deviances = {m: tuple(rng.normal(0, 3, 2)) for m in loads}
+    some = fits((20.0,), loads, lambda f, m: deviances[m])
+    some = [fit if fit.branches[0].name == STIFF_ANKLE else replace(fit, branches=fit.branches[::-1]) for fit in some]
+    alone = [np.exp([-0.5 * b.deviance for b in fit.branches]) for fit in some]
+    usual = 2 * BETWEEN_TRIALS**2 + (PER_KG * (loads[1] - loads[0])) ** 2 + 2 * 0.03**2
+
+    def near(p: Fit, q: Fit) -> np.ndarray:
+        log = np.array([
+            [sum(np.log(u.values[n] / w.values[n]) ** 2 for n in CURVES) for w in q.branches] for u in p.branches
+        ])  # fmt: skip
+        return np.exp(-0.25 * (log + log[::-1, ::-1]) / usual)
+
+    T = [near(p, q) for p, q in pairwise(some)]
+    twice = [replace(fit, frequency_hz=f) for f in (20.0, 40.0) for fit in some]
+    assert len(track(twice).choices) == 32
+    for i, choice in enumerate(track(some).choices):
+        left, right = np.ones(2), np.ones(2)
+        for k in range(i):
+            left = (left * alone[k]) @ T[k]
+        for k in range(15, i, -1):
+            right = T[k - 1] @ (right * alone[k])
+        p = left * alone[i] * right
+        assert np.log(choice.odds) == pytest.approx(abs(np.log(p[0] / p[1])), rel=1e-8)
 
 
 def test_one_clear_fit_carries_the_others() -> None:
@@ -134,8 +197,8 @@ def test_documents_are_read() -> None:
 def test_what_cannot_be_tracked() -> None:
     with pytest.raises(SettingError, match="needs a fit"):
         track([])
-    with pytest.raises(SettingError, match="valid: up to 12"):
-        track(fits((20.0,), tuple(np.linspace(0, 4.5, 13))))
+    with pytest.raises(SettingError, match="valid: up to 16"):
+        track(fits((20.0,), tuple(np.linspace(0, 4.5, 17))))
     with pytest.raises(SettingError, match="has no fit"):
         track(fits(), bones=[FootBone(99.0, 0.0, 1.0, 0.1)])
 

@@ -225,3 +225,20 @@ def test_an_unstable_branch_is_said_to_be_unstable(foot: Foot, monkeypatch: pyte
     refused.append("stiff pad")
     with pytest.raises(SimulationError, match="became unstable"):
         fit_trend(recordings, foot, settings, order=Order(2, 0, 1), scatter=False, certify=False)
+
+
+def test_curves_that_misfit_decide_nothing(foot: Foot) -> None:
+    """k_F that jumps between frequencies by a factor of four: odds of such curves exceed 1000 to 1 and mean nothing."""
+
+    def jumping(f: float, load: float) -> dict[str, float]:
+        values = power_laws(f, load)
+        return values | {"k_F": values["k_F"] * {10.0: 2.2, 15.0: 0.5, 20.0: 1.6, 30.0: 0.5}[f]}
+
+    recordings = study(jumping, (10.0, 15.0, 20.0, 30.0), (0.0,))
+    found = fit_trend(recordings, foot, Settings(starts=1, threads=1), order=Order(2, 0, 1), certify=False)
+    assert max(found.best.scatter.values()) > 0.3
+    assert found.log_likelihood_ratio > np.log(1000)  # what would have been called decided
+    assert found.verdict == "undecided"
+    assert found.reason.startswith("The recordings lie off the curves by")
+    assert "mean nothing" in found.reason
+    assert any(text.endswith("the curves describe them poorly.") for text in found.warnings)

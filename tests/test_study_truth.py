@@ -85,25 +85,29 @@ def at(k_T: float, k_F: float, word: str = "identified", error: float | None = 1
     return {"k_T_n_per_m": (k_T, error, word), "k_F_n_per_m": (k_F, error, "weak")}
 
 
-def test_recovery_counts_the_chosen_branch_and_the_nearer_one() -> None:
-    """Truth 100 and 50. Four fits: right, right within 3 errors only, the mirror chosen, and one at a bound."""
+def test_recovery_counts_the_own_the_tracked_and_the_nearer_branch() -> None:
+    """Truth 100 and 50. Right; within 3 errors only; the mirror, but tracked; the mirror, undecided; at a bound."""
     truth = Truth({}, {"k_T": 100.0, "k_F": 50.0}, {})
     mirror = at(43.0, 116.0)
     fits = [
         plain("per-recording", "1", 0.0, 10.0, {"stiff ankle": at(101, 50), "stiff pad": mirror}),
         plain("per-recording", "2", 0.0, 10.0, {"stiff ankle": at(103, 46), "stiff pad": mirror}),
         plain("per-recording", "3", 0.0, 10.0, {"stiff pad": mirror, "stiff ankle": at(98, 51)}),
-        plain("per-recording", "4", 0.0, 10.0, {"stiff ankle": at(100, 50, "not identifiable", None)}),
+        plain("per-recording", "4", 0.0, 10.0, {"stiff pad": mirror, "stiff ankle": at(99, 52)}),
+        plain("per-recording", "5", 0.0, 10.0, {"stiff ankle": at(100, 50, "not identifiable", None)}),
     ]
-    rows = recovery(summary.tidy(fits, truth)).set_index("parameter")
+    tracked = {fits[0]["key"]: "stiff ankle", fits[2]["key"]: "stiff ankle", fits[3]["key"]: "undecided"}
+    rows = recovery(summary.tidy(fits, truth, tracked)).set_index("parameter")
     k_T, k_F, total = rows.loc["k_T"], rows.loc["k_F"], rows.loc["all"]
-    assert (k_T["estimates"], k_T["no_error"]) == (4, 1)
-    assert (k_T["chosen"], k_T["chosen_of"], k_T["either"], k_T["either_of"]) == (2, 3, 3, 3)
-    assert (k_F["chosen"], k_F["either"]) == (1, 2)  # 46 is four standard errors off
-    assert (k_T["identified_chosen"], k_T["identified_chosen_of"]) == (2, 3)
-    assert (total["chosen"], total["chosen_of"], total["either"], total["either_of"]) == (3, 6, 5, 6)
-    assert k_T["error"] == pytest.approx(np.median([0.01, 0.03, 0.57, 0.0]))
-    assert k_T["std_error"] == pytest.approx(np.median([1 / 101, 1 / 103, 1 / 43]))
+    assert (k_T["estimates"], total["estimates"]) == (5, 10)
+    assert [(k_T[way], k_T[f"{way}_of"]) for way in ("chosen", "tracked", "either")] == [(2, 4), (3, 4), (4, 4)]
+    assert [k_F[way] for way in ("chosen", "tracked", "either")] == [1, 2, 3]  # 46 is four standard errors off
+    assert (k_T["identified"], k_T["identified_of"]) == (3, 4)
+    assert [(total[way], total[f"{way}_of"]) for way in ("chosen", "tracked", "either")] == [(3, 8), (5, 8), (7, 8)]
+    assert k_T["chosen_error"] == pytest.approx(np.median([0.01, 0.03, 0.57, 0.57, 0.0]))
+    assert k_T["tracked_error"] == pytest.approx(np.median([0.01, 0.03, 0.02, 0.57, 0.0]))
+    assert k_F["either_error"] == pytest.approx(np.median([0, 0.08, 0.02, 0.04, 0]))
+    assert k_T["std_error"] == pytest.approx(np.median([1 / 101, 1 / 103, 1 / 98, 1 / 43]))
 
 
 def test_recovery_of_honest_errors_is_997_in_a_thousand() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.signal import resample
 
 #: Points of a stored loop.
-POINTS = 64
+POINTS = 48
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,9 @@
 """Figures of a whole study in the manner of 4.6 to 4.25 and D.1 to D.3; every function returns a matplotlib Figure."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 from io import BytesIO
+from textwrap import fill
 from typing import Any
 
 import matplotlib
@@ -11,21 +12,23 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from identification.branches import DECISIVE_ODDS
 from identification.figures import STYLE, label_of, panels
-from identification.study.means import FEWEST, mean_curve
-from identification.study.summary import quartiles
+from identification.study.means import BAND, FEWEST, POSITIVE, mean_curve
+from identification.study.summary import FEWEST as FEWEST_OF_A_BOX
+from identification.study.summary import OPEN, measured, quartiles
 
 #: Colour-blind safe, and different in grey: the loads.
 _LOADS = ("#1b1b1b", "#d1495b", "#2e86ab", "#66a182", "#edae49")
 MARKERS = ("o", "s", "^", "D", "v")
-_VERDICTS = {"identified": "#2e86ab", "weak": "#edae49", "not identifiable": "#c9c9c9"}
-MODEL, MEASURED, _TRUTH, _GREY = "#d1495b", "#2b2b2b", "#2e8b57", "#555555"
+MODEL, MEASURED, GREY = "#d1495b", "#2b2b2b", "#555555"
 #: The constants in the order of Figures 4.18 to 4.25.
 CONSTANTS = ("k_T", "c_11", "c_12", "c_13", "k_F", "c_21", "c_22", "c_23")
-#: Difference in the sum of squares that is none, and that 1000 to 1 odds need.
-_SAME, _TOLD_APART = 1e-2, round(2 * float(np.log(DECISIVE_ODDS)), 1)
+#: Letters of a remark to an inch of the figure's width.
+_LETTERS = 17
+#: Constants that differ by powers of ten, and get such an axis.
+_WIDE = ("k_T", "k_F", "c_11", "c_21")
 _SCALE = {"N/m": (1e-3, "kN/m"), "s": (1e3, "ms")}
 
 
@@ -57,8 +60,8 @@ def colour_of(load: float, loads: Sequence[float]) -> str:
 
 
 def noted(figure: Figure, text: str) -> Figure:
-    """Write a remark below a figure."""
-    figure.supxlabel(text, fontsize=7.5, color=_GREY)
+    """Write a remark below a figure, in as many lines as its width asks for."""
+    figure.supxlabel(fill(text, int(_LETTERS * figure.get_figwidth())), fontsize=7.5, color=GREY)
     return figure
 
 
@@ -69,44 +72,74 @@ def distinct(values: Iterable[float]) -> list[float]:
 
 @styled
 def curves(table: pd.DataFrame, origin: str) -> Figure:
-    """Figures 4.18 to 4.25: spline-fitted means over frequency by load with 95 % bands, subjects thin.
+    """Figures 4.18 to 4.25: spline-fitted means over frequency by load with 95 % bands, estimates as dots.
 
     Args:
         table: tidy rows of one mode and posture. origin: of the data.
     """
-    rows = table[table["chosen"]]
+    rows = table[table["shown"]]
     loads, count = distinct(rows["added_mass_kg"]), rows["subject"].nunique()
     figure, axes = panels(2, 4, 10.4, 5.4, sharex=True)
     for axis, name in zip(axes.flat, CONSTANTS, strict=True):
         own = rows[rows["parameter"] == name]
         scale = _title(axis, own, name)
-        for load in loads:
+        ends = []
+        for i, load in enumerate(loads):
             at, colour = own[own["added_mass_kg"] == load], colour_of(load, loads)
             c = mean_curve(at)
-            for _, subject in at[~at["outlier"]].groupby("subject"):
-                each = subject.sort_values("frequency_hz")
-                axis.plot(each["frequency_hz"], scale * each["value"], lw=0.5, color=colour, alpha=0.35)
             axis.fill_between(c.frequency_hz, scale * c.lower, scale * c.upper, color=colour, alpha=0.18, lw=0)
             axis.plot(c.frequency_hz, scale * c.mean, lw=2, color=colour)
-            true = at.dropna(subset=["truth"]).groupby("frequency_hz")["truth"].mean()
-            axis.plot(true.index, scale * true, lw=1.1, ls=(0, (4, 2)), color=colour)
+            true = at[at["truth"] > 0] if name in POSITIVE else at.dropna(subset=["truth"])
+            of = true.groupby("frequency_hz")["truth"]
+            mean = of.agg(lambda v: np.exp(np.log(v).mean())) if name in POSITIVE else of.mean()
+            axis.plot(mean.index, scale * mean, lw=1.1, ls=(0, (4, 2)), color=colour)
+            dots = at[~at["outlier"] & measured(at)]
+            f = dots["frequency_hz"] + 0.7 * (i - (len(loads) - 1) / 2)  # so that loads do not hide each other
+            told = ~dots["decided_by"].isin(OPEN)
+            axis.plot(f[told], scale * dots.loc[told, "value"], "o", ms=2.2, mew=0, color=colour, alpha=0.55)
+            axis.plot(f[~told], scale * dots.loc[~told, "value"], "o", ms=2.4, mew=0.4, mfc="none", mec=colour,
+                      alpha=0.55)  # fmt: skip
+            ends += [*(scale * dots["value"]), *(scale * mean), *(scale * c.mean)]
+        _limit(axis, np.array(ends, float), name)
     for axis in axes[-1]:
         axis.set_xlabel("frequency [Hz]")
     handles = [Line2D([], [], lw=2, color=colour_of(load, loads), label=f"{load:g} kg, mean") for load in loads]
-    handles.append(Line2D([], [], lw=0.5, color=_GREY, label="subjects"))
+    handles.append(Line2D([], [], marker="o", ls="", ms=3.5, mew=0, color=GREY, label="estimate"))
+    handles.append(Line2D([], [], marker="o", ls="", ms=3.5, mfc="none", color=GREY, label="branch not decided"))
     if rows["truth"].notna().any():
-        handles.append(Line2D([], [], lw=1.1, ls=(0, (4, 2)), color=_GREY, label="truth, mean"))
+        handles.append(Line2D([], [], lw=1.1, ls=(0, (4, 2)), color=GREY, label="truth, mean"))
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=8.5)
-    band = f"bands: 95 % of the mean ({FEWEST} subjects or more)"
-    return noted(figure, f"{origin} data, n = {count}; outliers beyond 1.5 IQR left out; {band}")
+    return noted(
+        figure,
+        f"{origin} data, n = {count}; means (geometric, of c_12 and c_22 arithmetic) of the estimates with a standard "
+        f"error within 1.5 IQR, where {FEWEST} subjects or more have one; bands: 95 % of the mean, jackknife over "
+        f"{BAND} subjects or more; in the titles how many of the estimates are drawn",
+    )
+
+
+def _limit(axis: Axes, values: np.ndarray, name: str) -> None:
+    """Ordinate over estimates and curves: a band from three subjects may be far wider and would hide them."""
+    shown = values[np.isfinite(values)]
+    if not shown.size:
+        return
+    low, high = float(shown.min()), float(shown.max())
+    if name in _WIDE and low > 0:
+        axis.set_yscale("log")
+        axis.set_ylim(low / 1.3, high * 1.3)
+        axis.yaxis.set_major_locator(LogLocator(subs=(1.0,) if high > 100 * low else (1.0, 2.0, 5.0)))
+        axis.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.yaxis.set_minor_formatter(NullFormatter())
+    else:
+        margin = 0.06 * (high - low or abs(high) or 1.0)
+        axis.set_ylim(0 if name in POSITIVE and low >= 0 else low - margin, high + margin)
 
 
 def _title(axis: Axes, rows: pd.DataFrame, name: str) -> float:
-    """Title of a parameter's panel with its unit and the share identified; returns what to multiply values by."""
+    """Title of a parameter's panel with its unit and how many are drawn; returns what to multiply values by."""
     unit = rows["unit"].iloc[0] if len(rows) else ""
     scale, shown = _SCALE.get(unit, (1.0, unit))
-    share = f"{100 * (rows['verdict'] == 'identified').mean():.0f} % identified" if len(rows) else "not estimated"
-    axis.set_title(f"{label_of(name)} [{shown}], {share}")
+    number = f"{int(measured(rows).sum())} of {len(rows)}" if len(rows) else "not estimated"
+    axis.set_title(f"{label_of(name)} [{shown}], {number}")
     return scale
 
 
@@ -117,13 +150,14 @@ def boxes(table: pd.DataFrame, origin: str) -> Figure:
     Args:
         table: tidy rows of one mode, posture and load. origin: of the data.
     """
-    rows = table[table["chosen"] & table["value"].notna()]
+    rows = table[table["shown"]]
     f = distinct(rows["frequency_hz"].dropna())
     width = 0.55 * min(np.diff(f)) if len(f) > 1 else 1.0
     figure, axes = panels(2, 4, 10.4, 5.2, sharex=True)
     for axis, name in zip(axes.flat, CONSTANTS, strict=True):
         own = rows[rows["parameter"] == name]
         scale = _title(axis, own, name)
+        own = own[measured(own)]
         stats = [_box(own[own["frequency_hz"] == at], scale) for at in f]
         drawn = [(s, at) for s, at in zip(stats, f, strict=True) if s]
         axis.bxp(
@@ -133,6 +167,8 @@ def boxes(table: pd.DataFrame, origin: str) -> Figure:
             whiskerprops={"lw": 0.8}, capprops={"lw": 0.8},
             flierprops={"marker": "o", "ms": 3.2, "mfc": MODEL, "mec": MODEL},
         )  # fmt: skip
+        few = own[own.groupby("frequency_hz")["value"].transform("size") < FEWEST_OF_A_BOX]
+        axis.plot(few["frequency_hz"], scale * few["value"], "o", ms=2.6, mfc="none", mew=0.7, color=GREY)
         count = int(own["outlier"].sum())
         axis.text(0.98, 0.97, f"{count} outlier{'' if count == 1 else 's'}", transform=axis.transAxes, ha="right",
                   va="top", fontsize=7, color=MODEL)  # fmt: skip
@@ -140,77 +176,20 @@ def boxes(table: pd.DataFrame, origin: str) -> Figure:
     for axis in axes[-1]:
         axis.set_xlabel("frequency [Hz]")
         axis.set_xticks(f if len(f) < 12 else f[::2])
-    text = "boxes: quartiles as medians of the halves; whiskers: farthest within 1.5 IQR; red: beyond"
+    text = (
+        f"boxes: quartiles as medians of the halves; whiskers: farthest within 1.5 IQR; red: beyond; grey: fewer than "
+        f"{FEWEST_OF_A_BOX}; in the titles how many estimates are drawn: those at a bound or without a standard error "
+        "are not"
+    )
     return noted(figure, f"{origin} data, n = {rows['subject'].nunique()}; {text}")
 
 
 def _box(rows: pd.DataFrame, scale: float) -> dict[str, Any]:
     """What matplotlib wants to know of one box, by the thesis' quartiles."""
     values = scale * rows["value"].to_numpy()
-    if values.size < 2:
+    if values.size < FEWEST_OF_A_BOX:
         return {}
     low, high = quartiles(values)
     inside = values[~rows["outlier"].to_numpy()]
     return {"med": np.median(values), "q1": low, "q3": high, "whislo": min(inside.min(), low),
             "whishi": max(inside.max(), high), "fliers": values[rows["outlier"].to_numpy()]}  # fmt: skip
-
-
-@styled
-def waterfall(documents: Sequence[Mapping[str, Any]]) -> Figure:
-    """How far every start ended above the best of its fit, best first, one line a fit, by mode."""
-    shown = [d for d in documents if d["status"] == "done" and d["result"].get("starts")]
-    modes = list(dict.fromkeys(d["mode"] for d in shown))
-    figure, axes = panels(1, max(1, len(modes)), 3.3 * max(1, len(modes)) + 0.3, 2.9, sharey=True)
-    for axis, mode in zip(axes[0], modes, strict=False):
-        mine = [d["result"]["starts"] for d in shown if d["mode"] == mode]
-        for starts in mine:
-            above = np.maximum([s["cost"] - starts[0]["cost"] for s in starts], _SAME)
-            same = np.array([s["branch"] == starts[0]["branch"] for s in starts])
-            order = np.arange(1, above.size + 1)
-            axis.plot(order, above, lw=0.5, color="#bbbbbb", zorder=1)
-            axis.plot(order[same], above[same], "o", ms=3, color=_LOADS[2], zorder=3)
-            axis.plot(order[~same], above[~same], "^", ms=3.4, color=MODEL, zorder=2)
-        axis.axhline(_TOLD_APART, lw=0.8, ls="--", color=_GREY)
-        axis.set_yscale("log")
-        axis.set_title(f"{mode}, {len(mine)} fits")
-        axis.set_xlabel("start, best first")
-        axis.xaxis.get_major_locator().set_params(integer=True)
-    axes[0, 0].set_ylabel("sum of squares above the best")
-    handles = [
-        Line2D([], [], marker="o", ls="", ms=4, color=_LOADS[2], label="branch of the best start"),
-        Line2D([], [], marker="^", ls="", ms=4, color=MODEL, label="its mirror branch"),
-    ]
-    figure.legend(handles=handles, loc="outside upper center", ncols=2, fontsize=8)
-    return noted(
-        figure,
-        f"below the dashed line ({_TOLD_APART:g}) the data do not tell two ends apart; {_SAME:g} or less: the same",
-    )
-
-
-@styled
-def verdicts(table: pd.DataFrame) -> Figure:
-    """How many estimates of each parameter are identified, weak and not identifiable, by mode."""
-    rows = table[table["chosen"]]
-    modes = list(dict.fromkeys(rows["mode"]))
-    found = list(dict.fromkeys(rows["parameter"]))
-    names = [n for n in CONSTANTS if n in found] + [n for n in found if n not in CONSTANTS]
-    figure, axes = panels(1, max(1, len(modes)), 2.9 * max(1, len(modes)) + 0.8, 0.27 * len(names) + 1.2, sharey=True)
-    for axis, mode in zip(axes[0], modes, strict=False):
-        own = rows[rows["mode"] == mode]
-        counts = pd.crosstab(own["parameter"], own["verdict"]).reindex(
-            index=names, columns=list(_VERDICTS), fill_value=0
-        )
-        share = 100 * counts.div(counts.sum(axis=1).replace(0, 1), axis=0)
-        left = np.zeros(len(names))
-        for verdict, colour in _VERDICTS.items():
-            axis.barh(range(len(names)), share[verdict], left=left, color=colour, label=verdict, height=0.72)
-            left = left + share[verdict].to_numpy()
-        axis.set_title(f"{mode} ({own['key'].nunique()} fits)")
-        axis.set_xlabel("share of estimates [%]")
-        axis.set_xlim(0, 100)
-        axis.grid(axis="y", visible=False)
-    axes[0, 0].set_yticks(range(len(names)), [label_of(n) for n in names])
-    axes[0, 0].invert_yaxis()
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=3, fontsize=8.5)
-    return figure

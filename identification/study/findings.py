@@ -86,12 +86,14 @@ class Findings:
         texts = [
             "The constants of one foot change smoothly with frequency and load, so all fits of a subject are weighed "
             "together: likelihood, continuity and, where given, a prior. A branch is chosen above 1000 to 1. "
-            "Continuity carries a decision to the neighbours and cannot make one. The last two columns keep to one "
-            "branch throughout.",
+            "Continuity carries a decision to the neighbours and cannot make one. Tables and figures show the branch "
+            "that is chosen here; undecided fits keep their own. The last two columns compare only the two assignments "
+            "that keep to one branch for all fits, not the mixed ones: high odds there stand beside undecided fits.",
             f"Prior: {self.prior}." if self.prior else "No prior was given (--prior).",
             *dict.fromkeys(s.said for s in self.subjects if s.said and s.tracking is None),
         ]
-        header = ["mode", "subject", "stiff ankle", "stiff pad", "undecided", "throughout", "odds"]
+        header = ["mode", "subject", "stiff ankle", "stiff pad", "undecided", "if one branch for all",
+                  "its odds over the other for all"]  # fmt: skip
         return Section("Branches over a subject", texts, Grid(header, rows))
 
     def _profiles(self) -> Section | None:
@@ -109,8 +111,8 @@ class Findings:
         departs = sum(r["departs"] for _, r in found)
         texts = [
             f"{len(found)} profiles; {departs} depart from the interval of their standard error by more than a tenth "
-            "of its width. Where there is a profile, the verdict above and in summary.csv is the profile's: an open "
-            "side means that the recordings set no limit there.",
+            "of its width. A profile is of the fit's own branch; where that is shown, the verdict above and in "
+            "summary.csv is the profile's. An open side means that the recordings set no limit there.",
             *_more(len(found)),
         ]
         header = ["mode", "fit", "parameter", "estimate", "95 % profile", "95 % by standard error", "departs",

@@ -25,7 +25,7 @@ from identification.study.cycle import Cycle, Loop, short
 from identification.study.parts import CLOSED, mujoco_cycle
 
 #: Periods and samples of a stored trace at most.
-_PERIODS, _SAMPLES = 3, 300
+_PERIODS, _SAMPLES = 2, 120
 #: Newton steps to a closed orbit.
 _PASSES = 30
 
@@ -78,7 +78,10 @@ def _loop(x: np.ndarray, x_dot: np.ndarray, force: np.ndarray, e: Excitation) ->
 def cycles(
     result: Mapping[str, Any], foot: Foot, recordings: Sequence[Recording | Line], twin: bool | None = None
 ) -> list[dict[str, Any]]:
-    """The cycles of a fit as plain data: one entry a recording and branch, loops and traces of the best branch only.
+    """The cycles of a fit as plain data: one entry a recording and branch.
+
+    Loops and traces are of both branches, as all fits of a subject together may decide for the other one later; of a
+    trend, which is not weighed together with others, of the best branch only.
 
     Args:
         result: `FitResult.document()`, or that of a trend, with parameters a point in each branch ("points"), and the
@@ -88,8 +91,8 @@ def cycles(
 
     Returns:
         Entries with file, frequency_hz, added_mass_kg, branch, chosen, ankle, fat_pad, dissipated_j, shaker_work_j,
-        imbalance and, for the chosen branch, trace (time_s, measured_m_s2, model_m_s2). Recordings that are not
-        periodic have none.
+        imbalance and, where loops are kept, their points and trace (time_s, measured_m_s2, model_m_s2). Recordings
+        that are not periodic have no entry.
     """
     twin = twin_applies(foot) if twin is None else twin
     step = min(LONGEST_STEP, foot.step)
@@ -105,13 +108,14 @@ def cycles(
             own = feet.get(line.recording.file) if number == 0 else None
             values = own or values_of(branch, foot, line.base.frequency_hz, condition.added_mass_kg)
             found = cycle(foot, e, {**foot.values(), **values}, twin)
+            points = number == 0 or "parameters" in branch
             entry: dict[str, Any] = {
                 "file": line.recording.file, "frequency_hz": line.base.frequency_hz,
                 "added_mass_kg": condition.added_mass_kg, "branch": branch["name"], "chosen": number == 0,
-                "ankle": found.ankle.document(number == 0), "fat_pad": found.fat_pad.document(number == 0),
+                "ankle": found.ankle.document(points), "fat_pad": found.fat_pad.document(points),
                 "dissipated_j": found.dissipated_j, "shaker_work_j": found.shaker_work_j, "imbalance": found.imbalance,
             }  # fmt: skip
-            if number == 0:
+            if points:
                 entry["trace"] = _trace(line, found, values.get(DELAY.name, 0.0))
             entries.append(entry)
     return entries

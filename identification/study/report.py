@@ -46,9 +46,10 @@ def write(
     """
     findings = findings or gather(documents)
     table = summary.tidy(documents, truth, findings.tracked, findings.profiles)
-    energy = summary.cycle_table(documents)
+    energy = summary.cycle_table(documents, findings.tracked)
     found = recovery(table) if truth else pd.DataFrame()
-    drawn = {name: (draw(), caption) for name, (draw, caption) in pictures(documents, table, energy, origin).items()}
+    wanted = pictures(documents, table, energy, origin, findings.tracked)
+    drawn = {name: (draw(), caption) for name, (draw, caption) in wanted.items()}
     from identification.study import figures  # late: matplotlib takes a second
 
     files, inline = {}, {}
@@ -68,28 +69,32 @@ def write(
 
 
 def pictures(
-    documents: Sequence[Mapping[str, Any]], table: pd.DataFrame, energy: pd.DataFrame, origin: str
-) -> dict[str, tuple[Callable[[], Any], str]]:
+    documents: Sequence[Mapping[str, Any]], table: pd.DataFrame, energy: pd.DataFrame, origin: str,
+    tracked: Mapping[str, str],
+) -> dict[str, tuple[Callable[[], Any], str]]:  # fmt: skip
     """Name -> (what draws it, caption) of every figure that these fits can fill."""
     from identification.study import figures
     from identification.study.motion import figures as motion
+    from identification.study.quality import figures as quality
 
     out: dict[str, tuple[Callable[[], Any], str]] = {}
     if table.empty:
         return out
-    out["verdicts"] = (partial(figures.verdicts, table), "Verdict on each parameter, chosen branch.")
+    out["verdicts"] = (partial(quality.verdicts, table), "Verdict on each parameter, on the branch shown.")
     over = table[table["frequency_hz"].notna()]
     for (mode, posture), rows in over.groupby(["mode", "posture"], sort=False):
         name = f"curves_{mode}_{posture}"
-        text = f"Spline-fitted means over frequency, {mode}, {posture} (in the manner of Figures 4.18 to 4.25)."
+        text = f"Spline-fitted means over frequency, {mode}, {posture} (in the manner of Figures 4.18 to 4.25). "
+        text += tables.drawn(rows)
         out[name] = (partial(figures.curves, rows, origin), text)
     for (mode, posture, load), rows in over.groupby(["mode", "posture", "added_mass_kg"], sort=False):
         if mode == "per-recording" and rows["subject"].nunique() >= summary.FEWEST:
-            text = f"Estimates of all subjects with {load:g} kg added, {mode}, {posture} (as Figures D.1 to D.3)."
+            text = f"Estimates of all subjects with {load:g} kg added, {mode}, {posture} (as Figures D.1 to D.3). "
+            text += tables.drawn(rows)
             out[f"boxes_{mode}_{posture}_{load:g}kg"] = (partial(figures.boxes, rows, origin), text)
     for place, mode in enumerate(m for m in _TRUSTED if m in set(energy["mode"])):
         posture = energy.loc[energy["mode"] == mode, "posture"].iloc[0]
-        subject, cycles, fits = example(documents, mode, posture)
+        subject, cycles, fits = example(documents, mode, posture, tracked)
         said = f"subject {subject}, {mode}, {posture}"
         if place == 0 or mode == "per-recording":
             out[f"traces_{mode}"] = (
@@ -101,25 +106,37 @@ def pictures(
                 f"Force against relative displacement: {said} (in the manner of Figures 4.15 to 4.17).",
             )
             rows = energy[(energy["mode"] == mode) & (energy["posture"] == posture)]
-            text = f"Energy dissipated in one cycle, and where: {mode}, {posture}."
+            text = f"Energy dissipated in one cycle, and where: {mode}, {posture}. {tables.drawn(rows)}"
             out[f"energies_{mode}"] = (partial(motion.energies, rows, origin), text)
     if any(d["status"] == "done" and d["result"].get("starts") for d in documents):
-        out["waterfall"] = (partial(figures.waterfall, documents), "Where every start of every fit ended.")
+        out["waterfall"] = (partial(quality.waterfall, documents), "Where every start of every fit ended.")
     return out
 
 
 def example(
-    documents: Sequence[Mapping[str, Any]], mode: str, posture: str
+    documents: Sequence[Mapping[str, Any]], mode: str, posture: str, tracked: Mapping[str, str]
 ) -> tuple[str, list[Mapping[str, Any]], dict[str, float]]:
-    """One subject's cycles of the chosen branch, and the fit percentage of its files: subject 16, else the fullest."""
+    """One subject's cycles of the branch shown, and the fit percentage of its files: subject 16, else the fullest.
+
+    Each entry says whether its branch is decided. A fit of several recordings has a percentage a file on its own branch
+    only.
+    """
     mine = [d for d in documents if (d["mode"], d["posture"], d["status"]) == (mode, posture, "done")]
     counts = {d["subject"]: 0 for d in mine}
     for d in mine:
-        counts[d["subject"]] += sum(c["chosen"] for c in d["cycles"])
+        counts[d["subject"]] += len({c["file"] for c in d["cycles"]})
     subject = _EXAMPLE if counts.get(_EXAMPLE) else max(counts, key=lambda s: counts[s])
-    own = [d for d in mine if d["subject"] == subject]
-    cycles = [c for d in own for c in d["cycles"] if c["chosen"]]
-    return subject, cycles, {r["file"]: r["fit_percent"] for d in own for r in d["result"]["recordings"]}
+    cycles: list[Mapping[str, Any]] = []
+    fits: dict[str, float] = {}
+    for d in mine:
+        if d["subject"] == subject:
+            name, by = summary.shown(d, tracked)
+            cycles += [{**c, "decided": by not in summary.OPEN} for c in d["cycles"] if c["branch"] == name]
+            recordings, own = d["result"]["recordings"], d["result"]["branches"][0]["name"] == name
+            if own or len(recordings) == 1:
+                each = summary.shown_fit(d, tracked)
+                fits |= {r["file"]: r["fit_percent"] if own else each for r in recordings}
+    return str(subject), cycles, fits
 
 
 def _trusted(energy: pd.DataFrame) -> pd.DataFrame:
@@ -159,10 +176,11 @@ def _page(
         subjects=len({d["subject"] for d in documents}),
         recordings=len({file for d in documents for file in d["files"]}),
         contents=[(anchor, name) for anchor, name in contents if anchor != "truth" or len(found)],
-        short=tables.short(documents, table, energy, found),
+        short=tables.short(documents, table, energy, found, findings.tracked),
         modes_text=" ".join(f"Mode {m}: {_MODES[m]}." for m in modes if m in _MODES),
-        counts=tables.counts(documents), failures=failed[:_LISTED], more_failures=max(0, len(failed) - _LISTED),
-        verdicts=tables.verdicts(table), branches=tables.branches(documents), outliers=tables.outliers(table),
+        counts=tables.counts(documents, findings.tracked),
+        failures=failed[:_LISTED], more_failures=max(0, len(failed) - _LISTED),
+        verdicts=tables.verdicts(table), branches=tables.branches(table), outliers=tables.outliers(table),
         recovery=tables.recovery(found) if len(found) else None, energies=tables.energies(_trusted(energy)),
         balance=tables.balance(energy),
         named=lambda start: [name for name in inline if name.startswith(start)],

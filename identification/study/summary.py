@@ -1,44 +1,54 @@
 """The fits of a study as one tidy table: a row a parameter, branch and condition, and which of them are outliers."""
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from fasbody.exceptions import InputFileError
+from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.result import symbol_and_unit
 from identification.study.truth import Truth
 
 #: Columns of summary.csv.
 COLUMNS = (
     "mode", "subject", "posture", "added_mass_kg", "frequency_hz", "branch", "chosen", "parameter", "unit", "value",
-    "std_error", "lower", "upper", "verdict", "outlier", "truth", "key", "tracked",
+    "std_error", "lower", "upper", "verdict", "outlier", "truth", "key", "tracked", "shown", "decided_by",
     "profile_lower", "profile_upper",
 )  # fmt: skip
 #: What the subjects of one box have in common.
 GROUP = ["mode", "posture", "added_mass_kg", "frequency_hz", "parameter"]
+#: What may choose the branch that is shown, see `shown`; and those of them that leave it open.
+DECIDED_BY = ("tracking", "likelihood", "undecided", "not compared", "no mirror")
+OPEN = ("undecided", "not compared")
 #: Fewest values that make a box, and how many interquartile ranges its whiskers reach.
 FEWEST, _WHISKER = 4, 1.5
 
 
-def read_fits(folder: Path) -> list[dict[str, Any]]:
-    """Every fit of `OUT/fits`, in the order of their names.
+def shown(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None) -> tuple[str, str]:
+    """The branch of a fit that every table and figure shows, and what chose it.
 
-    Raises:
-        InputFileError: a file is not a fit.
+    Args:
+        document: a fit that is done. tracked: key of a fit -> its branch among all of the subject, or "undecided".
+
+    Returns:
+        Its name, and "tracking" where all fits of the subject together decide; else the fit's own likelier branch, and
+        "likelihood" where its data decide alone, "undecided" where nothing does, "not compared" where it has no other
+        (out of bounds, unstable), "no mirror" where the model has none that is known.
     """
-    documents = []
-    for file in sorted(folder.glob("*.json")):
-        try:
-            document = json.loads(file.read_text())
-            document["status"], document["mode"]
-        except (ValueError, KeyError, TypeError):
-            raise InputFileError(file, "is not a fit of a study", "delete it and run again") from None
-        documents.append(document)
-    return documents
+    names = [branch["name"] for branch in document["result"]["branches"]]
+    told = (tracked or {}).get(document["key"], "")
+    if told in names:
+        return told, "tracking"
+    verdict = told or document["result"]["verdict"]
+    if verdict == "not compared" and names[0] not in (STIFF_ANKLE, STIFF_PAD):
+        verdict = "no mirror"
+    return names[0], "likelihood" if verdict == "decided" else verdict
+
+
+def measured(rows: pd.DataFrame) -> pd.Series:
+    """Which estimates have a standard error: not those at a bound, nor those that the recording does not determine."""
+    return rows["value"].notna() & np.isfinite(rows["std_error"])
 
 
 def tidy(
@@ -50,23 +60,24 @@ def tidy(
     """The table of summary.csv; failed fits have no row.
 
     Args:
-        documents: fits as `OUT/fits` has them. truth: of a synthetic study. tracked: key of a fit -> its branch among
-            all of the subject, or "undecided". profiles: (key of a fit, parameter's key) -> profile of its chosen
-            branch, whose verdict replaces that of the standard error, and whose open sides are empty.
+        documents: fits as `OUT/fits` has them. truth: of a synthetic study. tracked: see `shown`. profiles: (key of a
+            fit, parameter's key) -> profile of its chosen branch, whose verdict replaces that of the standard error,
+            and whose open sides are empty.
     """
-    rows = [
-        row for document in documents if document["status"] == "done" for row in _rows(document, truth, profiles or {})
-    ]
-    for row in rows:
-        row["tracked"] = (tracked or {}).get(row["key"], "")
+    rows = []
+    for document in documents:
+        if document["status"] == "done":
+            name, by = shown(document, tracked)
+            told = {"tracked": (tracked or {}).get(document["key"], ""), "decided_by": by}
+            each = _rows(document, truth, profiles or {})
+            rows += [{**row, **told, "shown": row["branch"] == name} for row in each]
     table = pd.DataFrame(rows, columns=[c for c in COLUMNS if c != "outlier"])
     numbers = ["added_mass_kg", "frequency_hz", "value", "std_error", "lower", "upper", "truth"]
     numbers += ["profile_lower", "profile_upper"]
     table[numbers] = table[numbers].astype(float)
-    table["chosen"] = table["chosen"].astype(bool)
+    table = table.astype({"chosen": bool, "shown": bool})
     table["outlier"] = False
-    chosen = table[table["chosen"]]
-    for _, group in chosen.groupby(GROUP, dropna=False):
+    for _, group in table[table["shown"] & measured(table)].groupby(GROUP, dropna=False):
         table.loc[group.index, "outlier"] = outliers(group["value"].to_numpy())
     return table[list(COLUMNS)]
 
@@ -124,24 +135,33 @@ def fit_percents(documents: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["mode", "subject", "posture", *_OF_RECORDING])
 
 
+def shown_fit(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None) -> float:
+    """Fit percentage of the branch that is shown, the mean over its recordings."""
+    name, _ = shown(document, tracked)
+    return float(next(b["fit_percent"] for b in document["result"]["branches"] if b["name"] == name))
+
+
 _OF_RECORDING = ("file", "added_mass_kg", "frequency_hz", "fit_percent")
 
 
-def cycle_table(documents: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+def cycle_table(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
     """Energies of every cycle [J], one row a recording and branch: mode, subject, condition, parts, work, imbalance."""
+    told = {d["key"]: shown(d, tracked) for d in documents if d["status"] == "done"}
     rows = [
         {
             **{name: d[name] for name in ("mode", "subject", "posture", "key")},
             **{name: c[name] for name in ("file", "added_mass_kg", "branch", "chosen", "shaker_work_j", "imbalance")},
             "frequency_hz": nominal(c["frequency_hz"]),
             "ankle_j": c["ankle"]["dissipated_j"], "fat_pad_j": c["fat_pad"]["dissipated_j"],
+            "shown": c["branch"] == told[d["key"]][0], "decided_by": told[d["key"]][1],
         }
         for d in documents
         for c in d.get("cycles") or []
     ]  # fmt: skip
     columns = ["mode", "subject", "posture", "key", "file", "added_mass_kg", "frequency_hz", "branch", "chosen"]
-    table = pd.DataFrame(rows, columns=[*columns, "ankle_j", "fat_pad_j", "shaker_work_j", "imbalance"])
-    return table.astype({"chosen": bool})
+    table = pd.DataFrame(rows, columns=[*columns, "ankle_j", "fat_pad_j", "shaker_work_j", "imbalance", "shown",
+                                         "decided_by"])  # fmt: skip
+    return table.astype({"chosen": bool, "shown": bool})
 
 
 def nominal(frequency_hz: float) -> float:
@@ -154,14 +174,14 @@ def csv(table: pd.DataFrame) -> str:
     return table.to_csv(index=False, float_format="%.8g", lineterminator="\n")
 
 
-def counts(documents: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """One row a mode: fits, done, failed, recordings, mean fit [%], branches decided and undecided, seconds."""
+def counts(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
+    """One row a mode: fits, done, failed, recordings, mean fit [%] of the branch shown, verdicts alone, seconds."""
     rows = []
     for mode in dict.fromkeys(d["mode"] for d in documents):
         mine = [d for d in documents if d["mode"] == mode]
         done = [d["result"] for d in mine if d["status"] == "done"]
         verdicts = [r.get("verdict", "") for r in done]
-        fits = [r["fit_percent"] for r in done]
+        fits = [shown_fit(d, tracked) for d in mine if d["status"] == "done"]
         rows.append({
             "mode": mode, "fits": len(mine), "done": len(done), "failed": len(mine) - len(done),
             "recordings": sum(len(r["recordings"]) for r in done),

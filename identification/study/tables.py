@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.study import summary
 
 #: Imbalance of energy that a cycle may have.
@@ -33,26 +34,49 @@ class Section:
 
 
 def short(
-    documents: Sequence[Mapping[str, Any]], table: pd.DataFrame, energy: pd.DataFrame, found: pd.DataFrame
-) -> list[str]:
+    documents: Sequence[Mapping[str, Any]], table: pd.DataFrame, energy: pd.DataFrame, found: pd.DataFrame,
+    tracked: Mapping[str, str] | None = None,
+) -> list[str]:  # fmt: skip
     """The study in a few sentences."""
-    totals = summary.counts(documents)
+    totals = summary.counts(documents, tracked)
     done, failed = int(totals["done"].sum()), int(totals["failed"].sum())
     sentences = [f"{done} of {done + failed} fits done{f', {failed} failed' if failed else ''}."]
-    chosen = table[table["chosen"]]
+    rows = table[table["shown"]]
     for row in totals.to_dict("records"):
         if row["done"]:
-            known = (chosen.loc[chosen["mode"] == row["mode"], "verdict"] == "identified").mean()
+            own = rows[rows["mode"] == row["mode"]]
+            known = (own["verdict"] == "identified").mean()
             sentence = (
                 f"{row['mode'].capitalize()}: mean fit {row['fit_percent']:.1f} %, {_percent(known)} of estimates "
+                f"identified, mirror decided in {row['decided']} of {row['done']} alone."
             )
-            sentences.append(f"{sentence}identified, mirror decided in {row['decided']} of {row['done']}.")
-    for row in found[found["parameter"] == "all"].to_dict("records") if len(found) else []:
-        sentences.append(
-            f"Truth within three standard errors, {row['mode']}: {_of(row, 'chosen')} on the chosen branch, "
-            f"{_of(row, 'either')} on the nearer one."
-        )
+            sentence += f" {drawn(own)}" if len(own) else ""
+            truth = found[(found["parameter"] == "all") & (found["mode"] == row["mode"])] if len(found) else found
+            for r in truth.to_dict("records"):
+                sentence += (
+                    f" Truth within three standard errors: {_of(r, 'chosen')} on each fit's own branch, "
+                    f"{_of(r, 'tracked')} on the branch shown, {_of(r, 'either')} on the nearer one."
+                )
+            sentences.append(sentence)
     return [*sentences, *([balance(energy)] if len(energy) else [])]
+
+
+def drawn(rows: pd.DataFrame) -> str:
+    """Which branches are shown, in a sentence: of rows of the tidy table, or of energies, of one mode."""
+    fits = rows[rows["shown"]].drop_duplicates("key")
+    by = fits["decided_by"]
+    turned = int((by.eq("tracking") & ~fits["chosen"]).sum())
+    number = {word: int(by.eq(word).sum()) for word in summary.DECIDED_BY}
+    parts = {
+        "tracking": "on the branch that all fits of a subject together decide"
+        + (f" ({turned} of them against their own choice)" if turned else ""),
+        "likelihood": "on the one that its data decide alone",
+        "undecided": "undecided and on their own likelier branch",
+        "not compared": "with one branch only",
+        "no mirror": "of a model without a known mirror",
+    }
+    said = ", ".join(f"{number[word]} {text}" for word, text in parts.items() if number[word])
+    return f"Of {len(fits)} fits shown: {said}."
 
 
 def _percent(share: float) -> str:
@@ -64,11 +88,11 @@ def _of(row: Mapping[str, Any], name: str) -> str:
     return f"{row[name]} of {of} ({_percent(row[name] / of)})" if of else "none"
 
 
-def counts(documents: Sequence[Mapping[str, Any]]) -> Grid:
+def counts(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> Grid:
     """What was fitted, done and failed, a row a mode."""
     header = ["mode", "fits", "done", "failed", "recordings", "mean fit [%]", "computing time [s]"]
     rows = []
-    for r in summary.counts(documents).to_dict("records"):
+    for r in summary.counts(documents, tracked).to_dict("records"):
         fit = f"{r['fit_percent']:.2f}" if r["done"] else "–"
         rows.append(
             [r["mode"], *(str(r[k]) for k in ("fits", "done", "failed", "recordings")), fit, f"{r['seconds']:.0f}"]
@@ -77,12 +101,12 @@ def counts(documents: Sequence[Mapping[str, Any]]) -> Grid:
 
 
 def verdicts(table: pd.DataFrame) -> Grid:
-    """Shares of verdicts, a row a parameter."""
-    chosen = table[table["chosen"]]
-    modes = list(dict.fromkeys(chosen["mode"]))
+    """Shares of verdicts on the branch shown, a row a parameter."""
+    shown = table[table["shown"]]
+    modes = list(dict.fromkeys(shown["mode"]))
     rows = []
-    for parameter in dict.fromkeys(chosen["parameter"]):
-        own = chosen[chosen["parameter"] == parameter]
+    for parameter in dict.fromkeys(shown["parameter"]):
+        own = shown[shown["parameter"] == parameter]
         cells = []
         for mode in modes:
             verdict = own.loc[own["mode"] == mode, "verdict"]
@@ -92,24 +116,25 @@ def verdicts(table: pd.DataFrame) -> Grid:
     return Grid(["identified / weak / not", *modes], rows)
 
 
-def branches(documents: Sequence[Mapping[str, Any]]) -> Grid:
-    """Which branches were chosen, and whether the data decided, a row a mode."""
+def branches(table: pd.DataFrame) -> Grid:
+    """What chose the branches, and which they are, a row a mode."""
+    fits = table[table["shown"]].drop_duplicates("key")
     rows = []
-    for mode in dict.fromkeys(d["mode"] for d in documents):
-        results = [d["result"] for d in documents if d["mode"] == mode and d["status"] == "done"]
-        words = [r["verdict"] for r in results]
-        first = [r["branches"][0]["name"] for r in results]
-        counts = [words.count(w) for w in ("decided", "undecided", "not compared")]
-        rows.append([mode, *map(str, counts), *(str(first.count(name)) for name in ("stiff ankle", "stiff pad"))])
-    return Grid(["mode", "decided", "undecided", "not compared", "chosen: stiff ankle", "chosen: stiff pad"], rows)
+    for mode in dict.fromkeys(fits["mode"]):
+        own = fits[fits["mode"] == mode]
+        number = [int((own["decided_by"] == word).sum()) for word in summary.DECIDED_BY]
+        sides = [int((own["branch"] == name).sum()) for name in (STIFF_ANKLE, STIFF_PAD)]
+        rows.append([mode, *map(str, [*number, *sides])])
+    header = ["mode", "decided by tracking", "by its data alone", *summary.DECIDED_BY[2:]]
+    return Grid([*header, f"shown: {STIFF_ANKLE}", f"shown: {STIFF_PAD}"], rows)
 
 
 def outliers(table: pd.DataFrame) -> Grid:
-    """Outliers by parameter, a row a mode and load."""
-    chosen = table[table["chosen"]]
-    parameters = list(dict.fromkeys(chosen["parameter"]))
+    """Outliers among the estimates with a standard error, by parameter, a row a mode and load."""
+    shown = table[table["shown"] & summary.measured(table)]
+    parameters = list(dict.fromkeys(table["parameter"]))
     rows = []
-    for (mode, load), group in chosen.groupby(["mode", "added_mass_kg"], sort=False):
+    for (mode, load), group in shown.groupby(["mode", "added_mass_kg"], sort=False):
         counts = [group[group["parameter"] == p] for p in parameters]
         cells = [f"{int(c['outlier'].sum())} of {len(c)}" if len(c) else "–" for c in counts]
         rows.append([f"{mode}, {load:g} kg", *cells])
@@ -118,13 +143,19 @@ def outliers(table: pd.DataFrame) -> Grid:
 
 def recovery(found: pd.DataFrame) -> Grid:
     """`truth.recovery` for people."""
-    header = ["mode", "parameter", "estimates", "at a bound", "right", "right, nearer branch",
-              "said identified, and right", "median error", "median standard error"]  # fmt: skip
+    ways = ("chosen", "tracked", "either")
+    header = ["", "estimates", "right: own", "shown", "nearer", "error: own", "shown", "nearer", "stated",
+              "identified, right"]  # fmt: skip
+
+    def share(row: Mapping[str, Any], name: str) -> str:
+        of = row[f"{name}_of"]
+        return f"{_percent(row[name] / of)} of {of}" if of else "none"
+
     rows = [
         [
-            r["mode"] if r["parameter"] == "all" else "", r["parameter"], str(r["estimates"]), str(r["no_error"]),
-            _of(r, "chosen"), _of(r, "either"), _of(r, "identified_chosen"), _percent(r["error"]),
-            _percent(r["std_error"]),
+            f"{r['mode']}, all" if r["parameter"] == "all" else r["parameter"], str(r["estimates"]),
+            *(share(r, way) for way in ways), *(_percent(r[f"{way}_error"]) for way in ways), _percent(r["std_error"]),
+            share(r, "identified"),
         ]
         for r in found.to_dict("records")
     ]  # fmt: skip
@@ -132,20 +163,12 @@ def recovery(found: pd.DataFrame) -> Grid:
 
 
 def energies(energy: pd.DataFrame) -> Grid:
-    """Median energies of the chosen branch, a row a condition."""
-    header = [
-        "mode",
-        "posture",
-        "added mass [kg]",
-        "frequency [Hz]",
-        "cycles",
-        "ankle [mJ]",
-        "fat pad [mJ]",
-        "shaker [mJ]",
-    ]
-    chosen = energy[energy["chosen"]]
+    """Median energies of the branch shown, a row a condition."""
+    header = ["mode", "posture", "added mass [kg]", "frequency [Hz]", "cycles", "median ankle [mJ]",
+              "median fat pad [mJ]", "median shaker [mJ]"]  # fmt: skip
+    shown = energy[energy["shown"]]
     rows = []
-    for (mode, posture, load, f), g in chosen.groupby(["mode", "posture", "added_mass_kg", "frequency_hz"]):
+    for (mode, posture, load, f), g in shown.groupby(["mode", "posture", "added_mass_kg", "frequency_hz"]):
         middles = [f"{1e3 * g[column].median():.3g}" for column in ("ankle_j", "fat_pad_j", "shaker_work_j")]
         rows.append([mode, posture, f"{load:g}", f"{f:g}", str(len(g)), *middles])
     return Grid(header, rows)

@@ -8,12 +8,12 @@ probability of every assignment is
 
 with the deviances D of the fits and d = sum over curves of (difference of logarithms)^2 / variance. Smoothness cannot
 tell all-of-one-branch from all-of-the-other, as the mirror image of a smooth curve is smooth; likelihood, prior or a
-second sensor must. Marginal odds are exact: a forward-backward pass over frequencies, all loads of one as a state.
+second sensor must. Marginal odds are exact: a forward-backward pass over frequencies, all fits of one as a state.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from itertools import product
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,10 @@ from identification.study.evidence import CURVES, Fit, FootBone, Prior, log_weig
 
 #: Change of a constant's logarithm that is usual: for a factor e of frequency, for a kilogram of load, between trials.
 PER_LOG_FREQUENCY, PER_KG, BETWEEN_TRIALS = 1.5, 0.4, 0.1
-_STATES = 4096
+#: States of one frequency at most: memory, and 16 fits.
+_STATES = 2**16
+#: Tables of two neighbouring columns by places in them.
+Link = Mapping[tuple[int, int], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -45,8 +48,8 @@ class Tracking:
     """What all fits say together.
 
     Attributes:
-        choices: one a fit. overall: odds of each branch being the right one for all fits, over all other assignments
-            that keep to one branch. sentence: for people.
+        choices: one a fit. overall: odds of each branch for all fits, over the other one for all; of assignments
+            that mix branches it says nothing. sentence: for people.
     """
 
     choices: tuple[Choice, ...]
@@ -73,35 +76,30 @@ def track(fits: Sequence[Fit], *, prior: Prior | None = None, bones: Sequence[Fo
         SettingError: no fit, one without branches, too many at one frequency, or a foot-bone response without its fit.
     """
     _check(fits, bones)
-    alone = [[log_weight(fit, b, prior or Prior(), bones) for b in fit.branches] for fit in fits]
+    alone = [np.array([log_weight(fit, b, prior or Prior(), bones) for b in fit.branches]) for fit in fits]
     columns: list[list[int]] = []
-    for f in sorted({fit.frequency_hz for fit in fits}, key=lambda f: f or 0.0):
+    for f in sorted({fit.frequency_hz for fit in fits}, key=lambda f: -np.inf if f is None else f):
         at = [i for i, fit in enumerate(fits) if fit.frequency_hz == f]
         columns.append(sorted(at, key=lambda i: fits[i].added_mass_kg))
-    states = [list(product(*(range(len(fits[i].branches)) for i in column))) for column in columns]
-    if max(len(s) for s in states) > _STATES:
+    if max(np.prod([len(fits[i].branches) for i in column]) for column in columns) > _STATES:
         raise SettingError(
-            f"too many fits at one frequency for exact odds ({max(map(len, columns))}; valid: up to 12)."
+            f"too many fits at one frequency for exact odds ({max(map(len, columns))}; valid: up to 16)."
         )
-    inside = [_inside(fits, alone, column, choices) for column, choices in zip(columns, states, strict=True)]
-    links = [
-        _links(fits, columns[n], states[n], columns[n + 1], states[n + 1]) for n in range(len(columns) - 1)
-    ]  # fmt: skip
+    inside = [_inside(fits, alone, column) for column in columns]
+    links = [_links(fits, left, right) for left, right in pairwise(columns)]
     forward = [inside[0]]
     for own, link in zip(inside[1:], links, strict=True):
-        forward.append(own + logsumexp(forward[-1][:, None] + link, axis=0))
-    backward = [np.zeros(len(states[-1]))]
-    for own, link in zip(inside[:0:-1], links[::-1], strict=True):
-        backward.insert(0, logsumexp(link + (own + backward[0])[None], axis=1))
+        forward.append(own + _carry(forward[-1], link, own.ndim))
+    backward = [np.zeros_like(inside[-1])]
+    for before, own, link in zip(inside[-2::-1], inside[:0:-1], links[::-1], strict=True):
+        back = {(n, m): table.T for (m, n), table in link.items()}
+        backward.insert(0, _carry(own + backward[0], back, before.ndim) + np.zeros_like(before))
     choices: list[Choice | None] = [None] * len(fits)
-    for column, choice, a, b in zip(columns, states, forward, backward, strict=True):
+    for column, a, b in zip(columns, forward, backward, strict=True):
         for place, i in enumerate(column):
-            log_p = np.array([
-                logsumexp([w for w, c in zip(a + b, choice, strict=True) if c[place] == k])
-                for k in range(len(fits[i].branches))
-            ])  # fmt: skip
-            choices[i] = _decide(fits[i], log_p)
-    overall = _overall(fits, columns, states, inside, links)
+            others = tuple(axis for axis in range(len(column)) if axis != place)
+            choices[i] = _decide(fits[i], logsumexp(a + b, axis=others))
+    overall = _overall(fits, alone, columns, links)
     return Tracking(tuple(c for c in choices if c is not None), overall, _sentence(choices, overall))
 
 
@@ -145,32 +143,52 @@ def _smooth(a: Fit, i: int, b: Fit, j: int) -> float:
     return total
 
 
-def _inside(
-    fits: Sequence[Fit], alone: Sequence[Sequence[float]], column: Sequence[int], states: Sequence[tuple[int, ...]]
-) -> np.ndarray:
-    """Log weight of each state of one frequency: every fit alone, and neighbouring loads together."""
-    pairs = list(zip(range(len(column) - 1), range(1, len(column)), strict=True))
-    return np.array([
-        sum(alone[i][k] for i, k in zip(column, state, strict=True))
-        + sum(_step(fits[column[a]], state[a], fits[column[b]], state[b]) for a, b in pairs)
-        for state in states
-    ])  # fmt: skip
+def _table(a: Fit, b: Fit) -> np.ndarray:
+    """Log weight (branches of a, branches of b) of two neighbours: all that a link ever needs."""
+    return np.array([[_step(a, i, b, j) for j in range(len(b.branches))] for i in range(len(a.branches))])
 
 
-def _links(
-    fits: Sequence[Fit], left: Sequence[int], a: Sequence[tuple[int, ...]], right: Sequence[int],
-    b: Sequence[tuple[int, ...]],
-) -> np.ndarray:  # fmt: skip
-    """Log weight (states, states) of neighbouring frequencies under the same load; a repeat links to a repeat."""
+def _inside(fits: Sequence[Fit], alone: Sequence[np.ndarray], column: Sequence[int]) -> np.ndarray:
+    """Log weight of the states of one frequency, an axis a fit: every fit alone, and neighbouring loads together."""
+    total = np.zeros([len(fits[i].branches) for i in column])
+    for place, i in enumerate(column):
+        total = total + _along(alone[i], (place,), total.ndim)
+    for place, (i, j) in enumerate(pairwise(column)):
+        total = total + _along(_table(fits[i], fits[j]), (place, place + 1), total.ndim)
+    return total
+
+
+def _along(values: np.ndarray, axes: tuple[int, ...], ndim: int) -> np.ndarray:
+    """Values whose axes are those of a larger array, in ascending order, made to broadcast to it."""
+    return np.expand_dims(values, tuple(axis for axis in range(ndim) if axis not in axes))
+
+
+def _links(fits: Sequence[Fit], left: Sequence[int], right: Sequence[int]) -> Link:
+    """Tables of neighbouring frequencies under the same load, by places in their columns; repeat goes with repeat."""
 
     def under(column: Sequence[int], load: float) -> list[int]:
         return [place for place, i in enumerate(column) if fits[i].added_mass_kg == load]
 
     loads = sorted({fits[i].added_mass_kg for i in left})
     same = [pair for load in loads for pair in zip(under(left, load), under(right, load), strict=False)]
-    return np.array([
-        [sum(_step(fits[left[m]], x[m], fits[right[n]], y[n]) for m, n in same) for y in b] for x in a
-    ])  # fmt: skip
+    return {(m, n): _table(fits[left[m]], fits[right[n]]) for m, n in same}
+
+
+def _carry(message: np.ndarray, link: Link, ndim: int) -> np.ndarray:
+    """Sum a message over the states of its own column, for each state of the next, which has `ndim` fits.
+
+    A link is a sum over pairs of fits, so that one fit after the other is summed out: n 2^n terms where the pairs of
+    states are 4^n. Fits without a partner are summed out, and the message does not depend on the next column's others.
+    """
+    tables = {m: table for (m, _), table in link.items()}
+    for m in range(message.ndim):
+        table = tables.get(m, np.zeros((message.shape[m], 1)))
+        moved = np.moveaxis(message, m, -1)[..., :, None] + table
+        message = np.moveaxis(logsumexp(moved, axis=-2), -1, m)
+    lone = tuple(m for m in range(message.ndim) if m not in tables)
+    order = [n for _, n in sorted(link)]
+    message = message.squeeze(lone).transpose(np.argsort(order))
+    return _along(message, tuple(sorted(order)), ndim)
 
 
 def _decide(fit: Fit, log_p: np.ndarray) -> Choice:
@@ -183,24 +201,28 @@ def _decide(fit: Fit, log_p: np.ndarray) -> Choice:
 
 
 def _overall(
-    fits: Sequence[Fit], columns: Sequence[Sequence[int]], states: Sequence[Sequence[tuple[int, ...]]],
-    inside: Sequence[np.ndarray], links: Sequence[np.ndarray],
-) -> dict[str, float]:  # fmt: skip
-    """Odds of keeping to one branch throughout, for each branch that every fit has, against keeping to another."""
-    names = [n for n in dict.fromkeys(b.name for fit in fits for b in fit.branches)
-             if all(n in [b.name for b in fit.branches] for fit in fits)]  # fmt: skip
+    fits: Sequence[Fit], alone: Sequence[np.ndarray], columns: Sequence[Sequence[int]], links: Sequence[Link]
+) -> dict[str, float]:
+    """Odds of keeping to one branch throughout, for each branch that every fit has, against keeping to another.
+
+    Assignments that mix branches, which may be likelier than both, are not in it.
+    """
+    found = [[b.name for b in fit.branches] for fit in fits]
+    names = [n for n in found[0] if all(n in own for own in found)]
     weights = []
     for name in names:
-        path = []
-        for column, choice in zip(columns, states, strict=True):
-            path.append(choice.index(tuple([b.name for b in fits[i].branches].index(name) for i in column)))
-        total = sum(own[k] for own, k in zip(inside, path, strict=True))
-        weights.append(total + sum(link[a, b] for link, a, b in zip(links, path, path[1:], strict=False)))
-    found = {}
-    for k, name in enumerate(names):
-        rest = [w for i, w in enumerate(weights) if i != k]
-        found[name] = float(np.exp(np.clip(weights[k] - logsumexp(rest), -700, 700))) if rest else float("inf")
-    return found
+        k = [own.index(name) for own in found]
+        total = sum(float(alone[i][k[i]]) for i in range(len(fits)))
+        for column in columns:
+            total += sum(_step(fits[i], k[i], fits[j], k[j]) for i, j in pairwise(column))
+        for (left, right), link in zip(pairwise(columns), links, strict=True):
+            total += sum(table[k[left[m]], k[right[n]]] for (m, n), table in link.items())
+        weights.append(total)
+    odds = {}
+    for name, weight in zip(names, weights, strict=True):
+        rest = [w for other, w in zip(names, weights, strict=True) if other != name]
+        odds[name] = float(np.exp(np.clip(weight - logsumexp(rest), -700, 700))) if rest else float("inf")
+    return odds
 
 
 def _sentence(choices: Sequence[Choice | None], overall: Mapping[str, float]) -> str:
@@ -212,7 +234,7 @@ def _sentence(choices: Sequence[Choice | None], overall: Mapping[str, float]) ->
     if overall:
         name, odds = max(overall.items(), key=lambda item: item[1])
         shown = "more than a million" if odds > 1e6 else f"{odds:.3g}"
-        text += f" One branch throughout: {name}, odds {shown} to 1."
+        text += f" If it is one branch throughout: {name}, odds {shown} to 1."
         if odds <= DECISIVE_ODDS:
             text += " That is undecided: a second load, a prior or a sensor on the foot bones must tell."
     return text

@@ -1,7 +1,7 @@
 """The trend: all recordings of one subject and posture as smooth functions of frequency and load, estimated jointly."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +27,8 @@ from identification.study.trend_search import Frame, State, both_ways, explore_t
 #: Parameters that are functions of frequency and load; the others are constants of the subject.
 CURVES = ("k_T", "k_F", "c_11", "c_21")
 _ROUNDS = 3
+#: Scatter about a curve (of the logarithm) beyond which it does not describe the recordings.
+_POOR = 0.3
 #: Evaluations in MuJoCo at most: the twin is already there, and differs by rounding.
 _CERTIFYING = 8
 
@@ -100,6 +102,8 @@ def fit_trend(
         verdict = Verdict("not compared", 0.0, why_not)
     elif unstable:
         verdict = Verdict("not compared", 0.0, _lost(next(iter(unstable)), branches[0].name))
+    elif verdict.word == "decided" and poor(best_branch.scatter):
+        verdict = Verdict("undecided", verdict.log_likelihood_ratio, _meaningless(best_branch.scatter))
     warnings += _advice(best_branch, frame)
     return TrendResult(
         source=source or data[0].file,
@@ -177,10 +181,23 @@ def _advice(best: TrendBranch, frame: Frame) -> list[str]:
         )
     if best.crosses:
         texts.append("k_T crosses its mirror image a k_F: near there the two branches cannot be told apart.")
-    weak = [f"{100 * t:.0f} % in {n}" for n, t in best.scatter.items() if t > 0.3]
-    if weak:
-        texts.append(f"The recordings lie off the curves by {', '.join(weak)}: the curves describe them poorly.")
+    if poor(best.scatter):
+        texts.append(f"{_off(best.scatter)}: the curves describe them poorly.")
     return texts
+
+
+def poor(scatter: Mapping[str, float]) -> dict[str, float]:
+    """Those curves that recordings lie off by more than a placement of the foot would explain."""
+    return {name: tau for name, tau in scatter.items() if tau > _POOR}
+
+
+def _off(scatter: Mapping[str, float]) -> str:
+    by = ", ".join(f"{100 * tau:.0f} % in {name}" for name, tau in poor(scatter).items())
+    return f"The recordings lie off the curves by {by}"
+
+
+def _meaningless(scatter: Mapping[str, float]) -> str:
+    return f"{_off(scatter)}: odds between curves that do not describe the recordings mean nothing, so it is undecided."
 
 
 @dataclass(frozen=True, eq=False)

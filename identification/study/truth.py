@@ -93,17 +93,18 @@ class Truth:
 
 
 def recovery(table: pd.DataFrame) -> pd.DataFrame:
-    """How many estimates are within three standard errors of the truth, by mode and parameter.
+    """How many estimates are within three standard errors of the truth, and how far off, by mode and parameter.
 
     Args:
         table: the tidy table of `summary.tidy`, with truth.
 
     Returns:
-        One row a mode and parameter, and one of all parameters: `estimates` (of the chosen branch, with a truth),
-        `no_error` (of them: no standard error, so at a bound or not seen), `chosen` and `either` (of the rest: within
-        three standard errors on the chosen branch, and on the branch nearer to the truth), `identified` (how many say
-        so of themselves) with `identified_chosen` and `identified_either`, and the median relative `error` and
-        `std_error` of the chosen branch.
+        One row a mode and parameter, and one of all parameters: `estimates` (with a truth, one a fit), and for each way
+        of taking a branch, `chosen` (the fit's own), `tracked` (that of the subject's fits together where they decide,
+        else the fit's own: what is shown) and `either` (the nearer to the truth, which nobody can choose without it):
+        WAY, how many are within three standard errors, of WAY_of that have one (the others are at a bound or not
+        seen), and WAY_error, the median relative error of all. Of `tracked` also `identified` and `identified_of`
+        (those that say so of themselves), and the median relative `std_error`.
     """
     known = table[table["truth"].notna() & table["value"].notna()].copy()
     if known.empty:
@@ -129,16 +130,14 @@ def _nearer(known: pd.DataFrame) -> pd.Series:
 
 
 def _counts(group: pd.DataFrame) -> dict[str, float]:
-    chosen, either = group[group["chosen"]], group[group["nearer"]]
-    counts: dict[str, float] = {"estimates": len(chosen), "no_error": int((~chosen["has_error"]).sum())}
-    for prefix, a, b in (
-        ("", chosen, either),
-        ("identified_", *(rows[rows["verdict"] == "identified"] for rows in (chosen, either))),
-    ):
-        for name, rows in (("chosen", a), ("either", b)):
-            counts[f"{prefix}{name}"] = int(rows.loc[rows["has_error"], "right"].sum())
-            counts[f"{prefix}{name}_of"] = int(rows["has_error"].sum())
+    found: dict[str, float] = {"estimates": int(group["shown"].sum())}
+    for name, column in (("chosen", "chosen"), ("tracked", "shown"), ("either", "nearer")):
+        rows = group[group[column]]
+        found |= {name: int(rows["right"].sum()), f"{name}_of": int(rows["has_error"].sum())}
+        found[f"{name}_error"] = float((rows["value"] / rows["truth"].where(rows["truth"] != 0) - 1).abs().median())
+    rows = group[group["shown"] & group["has_error"]]
+    sure = rows[rows["verdict"] == "identified"]
+    found |= {"identified": int(sure["right"].sum()), "identified_of": len(sure)}
     with np.errstate(divide="ignore", invalid="ignore"):
-        counts["error"] = float(((chosen["value"] - chosen["truth"]) / chosen["truth"]).abs().median())
-        counts["std_error"] = float((chosen["std_error"] / chosen["value"].abs()).median())
-    return counts
+        found["std_error"] = float((rows["std_error"] / rows["value"].abs()).median())
+    return found
