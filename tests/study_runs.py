@@ -13,7 +13,7 @@ import pytest
 
 from fasbody.console import command_line
 from fasbody.virtual_study import Plan, make
-from identification.study.__main__ import app
+from identification.study.command import app
 
 ROOT = Path(__file__).parent.parent
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200", "OMP_NUM_THREADS": "1"}

@@ -6,7 +6,8 @@ from functools import partial
 from typing import Any
 
 from fasbody.checks import checked
-from fasbody.exceptions import FasError, RecordingError
+from fasbody.exceptions import FasError, RecordingError, SimulationError
+from fasbody.model import Foot
 from fasbody.recording import Recording
 from identification.estimate import fit
 from identification.study.checks import check

@@ -1,4 +1,4 @@
-"""`python -m identification.study`: fit a whole study, resumably, here or on a Dask cluster."""
+"""The command `python -m identification.study`: fit a whole study, resumably, here or on a Dask cluster."""
 
 import contextlib
 import os
@@ -10,7 +10,8 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from fasbody.console import command_line, console, print_json, progress_bar, results
+from fasbody.console import console, print_json, progress_bar, results
+from fasbody.exceptions import Stopped
 from fasbody.model import load
 from fasbody.recording import StudyFolder
 from identification import options
@@ -62,7 +63,9 @@ def main(
 ) -> None:
     """Fit every recording of a study and check the fits, computing only what is missing.
 
-    It may be stopped at any moment and started again with the same command. Examples:
+    It may be stopped at any moment and started again with the same command. Exit code 1 if no fit at all could be done.
+
+    Examples:
       python -m identification.study my_study
 
       python -m identification.study my_study --mode pooled --subject 3 --subject 7
@@ -78,11 +81,11 @@ def main(
     )
     believed = Prior.read(prior or ())
     foot = load(model)
-    profiled = options.names(profile) or ()
+    profiled = tuple(dict.fromkeys(options.names(profile) or ()))
     space = ensure(mode, settings, foot, profiled, agreement)
     plan = Plan(folder, filters.choose(folder.trials), settings, Model.of(foot))
     out = out or Path("results") / f"{study.resolve().name}_study"
-    fits, checks = Store.open(out), Store.open(out, "checks")
+    fits, checks = Store(out / "fits"), Store(out / "checks")
     jobs = plan.jobs(mode)
     checking = [job for name in profiled for job in plan.jobs(mode, "profile", name)]
     checking += plan.jobs(mode, "validation") if validate else []
@@ -95,11 +98,10 @@ def main(
         checked = complete(lambda job: plan.work(job, found.get(job.trials)), checking, checks, scheduler, workers)
     except KeyboardInterrupt:
         kept = len(fits.documents(job.key for job in jobs)) + len(checks.documents(job.key for job in checking))
-        console.print(
+        raise Stopped(
             f"stopped with {kept} of {len(jobs) + len(checking)} fits and checks in {out}; the same command goes on "
-            "from there.", soft_wrap=True,
-        )  # fmt: skip
-        raise typer.Exit(130) from None
+            "from there."
+        ) from None
     seconds = time.perf_counter() - began
     documents = [d for each in MODES for d in fits.documents(job.key for job in plan.jobs(each))]
     every = [(kind, "") for kind in KINDS[2:]] + [("profile", item.name) for item in space.free]
@@ -107,9 +109,13 @@ def main(
     findings = gather(documents, made, believed, ", ".join(prior or ()))
     if page:
         report.write(out, documents, folder.name, folder.origin, Truth.read(study), findings)
-    show(documents, findings, {"out": out, "computed": computed, "checked": checked, "seconds": seconds}, json_)
+    done = sum(map(_done, fits.documents(job.key for job in jobs)))
+    run = {"out": out, "computed": computed, "checked": checked, "wanted": len(jobs), "done": done, "seconds": seconds}
+    show(documents, findings, run, json_)
     if page:
         console.print(f"report: [bold]{out / 'report.html'}[/], with summary.csv and figures beside it", soft_wrap=True)
+    if not done:
+        raise typer.Exit(1)
 
 
 def _done(document: Document | None) -> bool:
@@ -119,7 +125,11 @@ def _done(document: Document | None) -> bool:
 def complete(
     work: Callable[[Job], Work], jobs: Sequence[Job], store: Store, scheduler: str | None, workers: int
 ) -> int:
-    """Do what is missing or failed before; returns how many jobs that were."""
+    """Do what is missing or failed before; returns how many jobs that were.
+
+    Raises:
+        SettingError: no scheduler or worker where one is named. InputFileError: the folder cannot be written.
+    """
     missing = []
     for job in jobs:
         found, problem = store.read(job.key)
@@ -129,8 +139,9 @@ def complete(
             missing.append(job)
     if not missing:
         return 0
-    began = time.perf_counter()
     with crew(len(missing), scheduler, workers) as do, progress_bar() as progress:
+        store.make()  # not before someone is there to fill it
+        began = time.perf_counter()
         what = "fitting" if jobs[0].kind == KINDS[0] else "checking"
         bar = progress.add_task(what, total=len(jobs), completed=len(jobs) - len(missing))
         for done, document in enumerate(do(work(job) for job in missing), 1):
@@ -148,7 +159,8 @@ def crew(count: int, scheduler: str | None, workers: int) -> Iterator[Crew]:
         with cluster.remote(scheduler) as do:
             yield do
     elif cores == 1 or (not workers and (count < cluster.FEW or not cluster.installed())):
-        yield cluster.here
+        with cluster.here() as do:
+            yield do
     else:
         with cluster.local(cores) as do:
             yield do
@@ -162,8 +174,9 @@ def show(documents: Sequence[Document], findings: Findings, run: Mapping[str, An
         failures = [{name: d[name] for name in ("mode", "kind", "parameter", "files", "error")} for d in failed]
         print_json({**run, "modes": counted, "failed": failures, **findings.document()})
     else:
-        done = f"{run['computed']} fits and {run['checked']} checks" if run["checked"] else f"{run['computed']} fits"
-        table = Table(title=f"{done} computed in {run['seconds']:.0f} s", title_justify="left")
+        what = f"{run['computed']} fits and {run['checked']} checks" if run["checked"] else f"{run['computed']} fits"
+        title = f"{what} computed in {run['seconds']:.0f} s; {run['done']} of {run['wanted']} fits done"
+        table = Table(title=title, title_justify="left")
         for name in counted[0]:
             table.add_column(name.replace("_", " "), justify="left" if name == "mode" else "right")
         for row in counted:
@@ -177,7 +190,3 @@ def show(documents: Sequence[Document], findings: Findings, run: Mapping[str, An
     for document in documents:
         for sentence in document["left_out"] if document["status"] == "done" else ():
             console.print(f"left out: {sentence}", markup=False, soft_wrap=True)
-
-
-if __name__ == "__main__":
-    command_line(app)
