@@ -12,7 +12,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from fasbody.exceptions import FasError, MissingPackageError, SettingError
-from fasbody.interrupt import held, heeded, once
+from fasbody.interrupt import heeded, held, once
 from identification.study import job, plan
 from identification.study.job import Document
 from identification.study.plan import Work
@@ -30,7 +30,7 @@ _QUIET = {"distributed.worker.daemon": True, "distributed.comm.timeouts.connect"
 
 @contextlib.contextmanager
 def here() -> Iterator[Crew]:
-    """This process; Ctrl-C ends the job that it meets, whose document is not given."""
+    """One after another in this process; Ctrl-C ends the job that it meets, whose document is not given."""
 
     def do(works: Iterable[Work]) -> Iterator[Document]:
         for work in works:
