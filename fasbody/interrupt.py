@@ -14,15 +14,17 @@ from types import FrameType
 
 #: Signals that come within this time were one key press [s].
 _TOGETHER_S = 0.5
-#: When Ctrl-C was pressed, on the monotonic clock.
+#: When Ctrl-C was pressed, on the monotonic clock; and how many blocks now want to end before they hear of it.
 _pressed: list[float] = []
+_holding = 0
 
 
 def _press(number: int, frame: FrameType | None) -> None:
     again = bool(_pressed) and time.monotonic() - _pressed[-1] < _TOGETHER_S
     if not again:
         _pressed.append(time.monotonic())
-        raise KeyboardInterrupt
+        if not _holding:
+            raise KeyboardInterrupt
 
 
 @contextmanager
@@ -60,6 +62,21 @@ def heeded() -> Iterator[None]:
 @contextmanager
 def held() -> Iterator[None]:
     """Ctrl-C comes when the block has ended; processes and threads started in it never see it."""
+    global _holding
+    with once():
+        before, _holding = len(_pressed), _holding + 1
+        try:
+            with _deaf_children():
+                yield
+        finally:
+            _holding -= 1
+        if len(_pressed) > before:
+            raise KeyboardInterrupt
+
+
+@contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Block the signal in this thread: its children inherit that. Another thread may still take it for this process."""
     if sys.platform == "win32":
         yield
         return
