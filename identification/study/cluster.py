@@ -55,7 +55,8 @@ def local(processes: int) -> Iterator[Crew]:
     with dask.config.set({**_QUIET, "distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1}):
         with held():  # by the thread that starts processes, and so by these, now and in the place of lost ones
             cluster = distributed.LocalCluster(
-                n_workers=processes, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
+                n_workers=processes, threads_per_worker=1, processes=True, host="127.0.0.1",
+                dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},  # its port is of no use here
                 memory_limit=0, silence_logs=50,
             )  # fmt: skip
             client = distributed.Client(cluster)
