@@ -158,7 +158,8 @@ def main(
 ) -> None:
     """Speed of a study from its first to its last fit; some ten minutes on two idle cores.
 
-    Example: python -m benchmarks.study --subjects 1 --count-time 4 --scipy-points 1
+    Examples:
+      python -m benchmarks.study --subjects 1 --count-time 4 --scipy-points 1
     """
     report("study", measure(subjects, subset, count_time, scipy_recordings, scipy_points), json_)
 
