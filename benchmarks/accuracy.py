@@ -119,7 +119,8 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def main(json_: JsonOption = False) -> None:
     """Errors of MuJoCo and twin against DOP853.
 
-    Example: python -m benchmarks.accuracy
+    Examples:
+      python -m benchmarks.accuracy
     """
     report("accuracy", measure(), json_)
 

@@ -6,7 +6,6 @@ Each is printed beside what is required; everything but the fuzz run goes throug
 import contextlib
 import json
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -19,15 +18,15 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from benchmarks.fuzz_parsers import HELLO, counts_of, fuzz
 from benchmarks.rows import Row, at_most, report
 from fasbody.acquire.bench import Bench
 from fasbody.acquire.board import Board
 from fasbody.acquire.capture import Capture, read
 from fasbody.acquire.conversion import convert, replay
-from fasbody.acquire.frames import LONGEST_WIRE, FrameReader, encode_data, encode_hello, wrap
+from fasbody.acquire.frames import FrameReader, encode_data, encode_hello
 from fasbody.acquire.line import Line, corrupt
-from fasbody.acquire.lines import LONGEST_LINE, LineReader, encode_header, encode_line
-from fasbody.acquire.messages import Block, Channel, Hello
+from fasbody.acquire.messages import Block
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.port import Port
 from fasbody.acquire.session import Session
@@ -37,7 +36,6 @@ from fasbody.console import command_line, console
 from fasbody.recording import Condition
 
 BAUD = 921600
-HELLO = Hello("noisy", 4000.0, tuple(Channel(r, 39.2, 1024.0) for r in ("base", "malleolus", "tuberosity")), 16, 16, 1)
 
 
 def transfer(seconds: float) -> list[Row]:
@@ -60,12 +58,6 @@ def transfer(seconds: float) -> list[Row]:
         Row(f"3 channels at 4 kHz for {seconds:g} s", text, "none lost", holds=lost == 0),
         Row("CPU share of the recording process, conversion included", f"{100 * share:.1f} % of a core", ""),
     ]
-
-
-def counts_of(frame: int) -> np.ndarray:
-    """Counts of a frame, a function of its number, so that each sample received can be checked."""
-    index = np.arange(frame * 16, frame * 16 + 16)
-    return ((index[:, None] * 7919 + np.arange(3) * 104729) % 60013 - 30006).astype(np.int32)
 
 
 def noisy_line(accepted: int) -> list[Row]:
@@ -165,48 +157,6 @@ def killed(times: int) -> list[Row]:
     return [
         at_most(f"kill -9 of {times} sessions: longest missing end", 1e3 * worst, 100, "ms"),
         Row("recordings recovered from them, usable", f"{usable} of {times}", "all", holds=usable == times),
-    ]
-
-
-def fuzz(strings: int) -> list[Row]:
-    """Random, damaged and almost right byte strings into both parsers."""
-    rng = np.random.default_rng(2)
-    good = [encode_hello(HELLO), *(encode_data(i, 4000 * i, counts_of(i), 16) for i in range(4))]
-    header = encode_header("fuzz", 1000.0, ("base", "malleolus"), 39.2)
-    good += [header, *(encode_line(1000 * i, rng.normal(size=2)) for i in range(4))]
-    letters = np.frombuffer(b"0123456789.,-+eE*ABCDEFnaift_us# \n\r\0=", np.uint8)
-    frames, lines = FrameReader(), LineReader()
-    lines.feed(header)
-    failures, longest, passed = 0, 0, 0
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    for number in range(strings):
-        kind = number % 6
-        if kind == 0:
-            data = rng.bytes(int(rng.integers(0, 200)))
-        elif kind == 1:
-            data = corrupt(good[int(rng.integers(len(good)))], 0.05, rng)
-        elif kind == 2:
-            data = good[int(rng.integers(len(good)))][int(rng.integers(0, 40)) :]
-        elif kind == 3:  # sound frames of senseless content
-            data = wrap(rng.choice([b"H", b"D"]) + rng.bytes(int(rng.integers(0, 150))))
-        elif kind == 4:  # nothing that ends a frame or a line
-            data = rng.integers(11, 256, int(rng.integers(0, 600)), dtype=np.uint8).tobytes()
-        else:
-            data = letters[rng.integers(0, letters.size, int(rng.integers(0, 120)))].tobytes()
-        try:
-            passed += len(frames.feed(data)) + len(lines.feed(data))
-        except Exception as error:  # counted: this is what the run looks for
-            failures += 1
-            console.print(repr(error), repr(data))
-        longest = max(longest, frames.kept, lines.kept)
-        if frames.hello is None:
-            frames.feed(good[0])
-    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
-    return [
-        Row(f"{strings:,} byte strings into both parsers: exceptions", f"{failures}", "none", holds=failures == 0),
-        at_most("bytes kept between strings", longest, max(LONGEST_WIRE, LONGEST_LINE)),
-        at_most("memory grown by the run", grown, 50, "MB"),
-        Row("messages made of them", f"{passed:,}", ""),
     ]
 
 

@@ -95,7 +95,8 @@ def main(
 ) -> None:
     """Error, cost and stability of the stepped arch.
 
-    Example: python -m benchmarks.arch --draws 60
+    Examples:
+      python -m benchmarks.arch --draws 60
     """
     report("arch", measure(draws), json_)
 

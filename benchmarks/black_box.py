@@ -171,7 +171,8 @@ def main(
 ) -> None:
     """Black-box estimators against the truth, the plain way and their peers; some minutes.
 
-    Example: OMP_NUM_THREADS=1 python -m benchmarks.black_box --no-peers
+    Examples:
+      OMP_NUM_THREADS=1 python -m benchmarks.black_box --no-peers
     """
     rows = [*accuracy(seeds), *grid(), *loaded_foot(), *coverage(intervals)]
     report("black-box models", rows + (list(peers(timeout)) if with_peers else []), json_)

@@ -85,7 +85,8 @@ def main(
 ) -> None:
     """Cost of the callbacks and gain of a second thread.
 
-    Example: python -m benchmarks.callbacks --repeats 100
+    Examples:
+      python -m benchmarks.callbacks --repeats 100
     """
     report("callbacks", measure(repeats), json_)
 

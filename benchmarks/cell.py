@@ -91,7 +91,8 @@ def main(
 ) -> None:
     """Time and memory of the cell's modes, solver by solver.
 
-    Example: OMP_NUM_THREADS=1 python -m benchmarks.cell --large
+    Examples:
+      OMP_NUM_THREADS=1 python -m benchmarks.cell --large
     """
     if way:
         print_json(run(way, size))

@@ -201,7 +201,8 @@ def main(
 ) -> None:
     """Coverage of the confidence intervals, distribution of chi-square, and verdicts.
 
-    Example: python -m benchmarks.coverage --seeds 200
+    Examples:
+      python -m benchmarks.coverage --seeds 200
     """
     report("coverage", measure(seeds, jobs), json_)
 

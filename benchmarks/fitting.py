@@ -175,7 +175,8 @@ def main(
 ) -> None:
     """Fits side by side; scipy takes minutes.
 
-    Example: python -m benchmarks.fitting --scipy-limit 3
+    Examples:
+      python -m benchmarks.fitting --scipy-limit 3
     """
     report("fitting", measure(scipy_limit=scipy_limit), json_)
 

@@ -95,12 +95,16 @@ def table(seeds: int) -> Table:
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-@app.command(epilog="Example: python -m benchmarks.peak_to_peak --seeds 100")
+@app.command()
 def main(
-    seeds: Annotated[int, typer.Option(min=2, help="Recordings at each frequency.")] = 100,
-    json_: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    seeds: Annotated[int, typer.Option(min=2, help="recordings at each frequency")] = 100,
+    json_: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
-    """Sine fit and peak to peak on signals whose answer is known."""
+    """Sine fit and peak to peak on signals whose answer is known.
+
+    Examples:
+      python -m benchmarks.peak_to_peak --seeds 100
+    """
     with console.status("fitting"):
         rows = measure(seeds)
         every = None if json_ else table(seeds)

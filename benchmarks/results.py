@@ -15,8 +15,9 @@ _TOPIC = re.compile(r"(\w+) (\d{4}-\d\d-\d\d) \(load ([\d.]+)\)")
 _TEXT = """# Benchmarks
 
 Printed by `make bench`; each topic runs alone, too: `python -m benchmarks.accuracy`; `python -m benchmarks accuracy`
-puts its rows here. The ratio says how many times better than required, or how many times faster. Times are CPU times
-unless they say otherwise, so other programs disturb them little, though not by nothing.
+puts its rows here. *Times better* compares two measurements: how many times faster or more accurate than the other way
+named before it. *Margin* compares with a requirement that we set ourselves: 1 just meets it, below 1 is a NO. Times are
+CPU times unless they say otherwise, so other programs disturb them little, though not by nothing.
 
 """
 
@@ -60,7 +61,7 @@ def markdown(topics: Mapping[str, Topic], where: str) -> str:
     measured = ", ".join(f"{topic.name} {topic.when} (load {topic.load:.1f})" for topic in topics.values())
     lines = [
         f"Machine: {where}.", "", f"Measured, with the load average before: {measured}.", "",
-        "| topic | " + " | ".join(HEADER) + " |", "|---|---|---|---|---:|---|",
+        "| topic | " + " | ".join(HEADER) + " |", "|---|---|---|---|---:|---:|---|",
         *("| " + " | ".join([topic.name, *row]) + " |" for topic in topics.values() for row in topic.rows), "",
     ]  # fmt: skip
     return _TEXT + "\n".join(lines)

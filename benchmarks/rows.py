@@ -1,4 +1,4 @@
-"""Rows of the benchmark table: what was measured, what it must reach or is compared with, and the ratio of the two."""
+"""Rows of the benchmark table: what was measured, what it must reach or is compared with, and by how much."""
 
 import os
 import time
@@ -19,8 +19,9 @@ class Row:
 
     Attributes:
         what: the claim's subject. measured: what came out, with its unit. against: the requirement, or what it is
-            compared with. ratio: how many times better than that, None where it makes no sense.
+            compared with. ratio: how many times better than something else that was measured, too.
         holds: whether the requirement is met, None where nothing is required.
+        margin: how many times better than the requirement: limit over value, or value over least.
     """
 
     what: str
@@ -28,30 +29,32 @@ class Row:
     against: str
     ratio: float | None = None
     holds: bool | None = None
+    margin: float | None = None
 
     @property
-    def cells(self) -> tuple[str, str, str, str, str]:
-        """The row as text."""
-        ratio = "" if self.ratio is None else f"{self.ratio:.3g}"
-        return self.what, self.measured, self.against, ratio, {None: "", True: "yes", False: "NO"}[self.holds]
+    def cells(self) -> tuple[str, ...]:
+        """The row as text, by `HEADER`."""
+        ratio, margin = ("" if value is None else f"{value:.3g}" for value in (self.ratio, self.margin))
+        return self.what, self.measured, self.against, ratio, margin, {None: "", True: "yes", False: "NO"}[self.holds]
 
 
 #: The option that every topic has.
 JsonOption = Annotated[bool, typer.Option("--json", help="print the rows on stdout")]
 #: Load average, as a share of the cores, beyond which they are not idle; one program alone makes at most one.
 BUSY = 0.75
-HEADER = ("what", "measured", "required or compared with", "ratio", "met")
+HEADER = ("what", "measured", "required or compared with", "times better", "margin", "met")
 
 
 def at_most(what: str, value: float, limit: float, unit: str = "") -> Row:
-    """A number that must not exceed a limit; its ratio is limit over value."""
-    return Row(what, _number(value, unit), f"at most {_number(limit, unit)}", _over(limit, value), bool(value <= limit))
+    """A number that must not exceed a limit; its margin is limit over value."""
+    holds, against = bool(value <= limit), f"at most {_number(limit, unit)}"
+    return Row(what, _number(value, unit), against, holds=holds, margin=_over(limit, value))
 
 
 def at_least(what: str, value: float, limit: float, unit: str = "") -> Row:
-    """A number that must reach a limit; its ratio is value over limit."""
-    holds = bool(value >= limit)
-    return Row(what, _number(value, unit), f"at least {_number(limit, unit)}", _over(value, limit), holds)
+    """A number that must reach a limit; its margin is value over limit."""
+    holds, against = bool(value >= limit), f"at least {_number(limit, unit)}"
+    return Row(what, _number(value, unit), against, holds=holds, margin=_over(value, limit))
 
 
 def between(what: str, value: float, low: float, high: float, unit: str = "") -> Row:
@@ -114,7 +117,7 @@ def table(title: str, rows: Sequence[Row]) -> Table:
     """A table for the terminal."""
     out = Table(title=title, title_justify="left")
     for name in HEADER:
-        out.add_column(name, justify="right" if name == "ratio" else "left")
+        out.add_column(name, justify="right" if name in ("times better", "margin") else "left")
     for row in rows:
         out.add_row(*row.cells, style="bold red" if row.holds is False else None)
     return out

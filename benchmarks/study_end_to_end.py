@@ -68,12 +68,16 @@ def measure(file_format: str = "h5", subjects: tuple[int, int] = _SUBJECTS, seco
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-@app.command(epilog="Example: python -m benchmarks.study_end_to_end --format csv")
+@app.command()
 def main(
     file_format: Annotated[str, typer.Option("--format", help="csv, mat, h5, uff or tdms")] = "h5",
-    json_: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    json_: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
-    """540 recordings from the laboratory to the figures: time and memory."""
+    """540 recordings from the laboratory to the figures: time and memory.
+
+    Examples:
+      python -m benchmarks.study_end_to_end --format csv
+    """
     with console.status("making and analysing two studies"):
         rows = measure(file_format)
     report("Studies end to end", rows, json_)

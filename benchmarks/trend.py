@@ -142,7 +142,8 @@ def main(
 ) -> None:
     """Coverage of the curves' intervals, separation of the mirror branches, held-out errors; a few minutes.
 
-    Example: python -m benchmarks.trend --seeds 30
+    Examples:
+      python -m benchmarks.trend --seeds 30
     """
     foot = load("two_dof")
     start = fit_trend(

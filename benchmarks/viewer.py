@@ -137,12 +137,16 @@ def measure(minutes: float = 0.5) -> list[Row]:
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-@app.command(epilog="Example: python -m benchmarks.viewer --minutes 30")
+@app.command()
 def main(
-    minutes: Annotated[float, typer.Option(help="Length of the memory run.")] = 0.5,
-    json_: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    minutes: Annotated[float, typer.Option(help="length of the memory run")] = 0.5,
+    json_: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
-    """Frames a second, slider to picture, memory."""
+    """Frames a second, slider to picture, memory.
+
+    Examples:
+      python -m benchmarks.viewer --minutes 30
+    """
     with console.status("measuring the viewer"):
         rows: Any = measure(minutes)
     report("The viewer", rows, json_)

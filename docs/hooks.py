@@ -6,10 +6,12 @@ are no pages become plain text.
 
 import importlib
 import re
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import typer
+from markdown.extensions.toc import slugify
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -27,25 +29,43 @@ ELSEWHERE = {
     "changelog.md": "CHANGELOG.md",
 }
 PAGES = {file: page for page, file in ELSEWHERE.items()}
-#: Pages of the Python reference: title and the folder whose modules it lists.
-PACKAGES = {
+#: Pages of the Python reference: title, and the folder whose modules it lists, or those of fasbody/ by name.
+PACKAGES: dict[str, str | list[str]] = {
     "Models as data": "mjcf",
-    "Physics": "fasbody",
+    "Models and their motion": [
+        "model", "parameters", "simulate", "shaker", "damper", "two_dof", "response", "sdof", "resonance", "engine",
+    ],
+    "The five-body arch": [
+        "arch", "arch_model", "kinematics", "lagrange", "linear", "arch_statics", "static_load", "arch_ode",
+        "arch_motion", "arch_assumptions", "sensitivity", "direct_differential", "reduction", "crosscheck",
+        "tree_engines", "printed", "figures",
+    ],
+    "Recordings and studies": [
+        "recording", "condition", "trials", "description", "channels", "units", "readers", "text", "checks",
+        "conversion", "subjects", "spectra", "filters", "statistics",
+    ],
+    "Virtual laboratory": [
+        "laboratory", "virtual_subject", "virtual_recording", "virtual_study", "instrument",
+    ],
     "Recordings' formats": "fasbody/formats",
     "Transmissibility": "fasbody/transmissibility",
     "Acquisition": "fasbody/acquire",
-    "Cell": "fasbody/cell",
     "Identification": "identification",
     "Black-box models": "identification/blackbox",
-    "Studies": "identification/study",
+    "Many recordings": "identification/study",
+    "Cell": "fasbody/cell",
     "Viewer": "viz",
-}
+    "What all commands share": "fasbody",  # what no page above has
+}  # fmt: skip
+NAMED = {name for names in PACKAGES.values() if isinstance(names, list) for name in names}
+#: Pages of wide tables: no columns beside them.
+WIDE = ("reproduction.md", "benchmarks.md")
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s#]*)(#[^)\s]*)?\)")
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Leave out pages that do not exist yet, and fill in those of the Python reference."""
-    listed = [{title: _page_of(folder)} for title, folder in PACKAGES.items() if _modules(folder)]
+    listed = [{title: _page_of(title)} for title in PACKAGES if _modules(title)]
     config.nav = _existing(config.nav or [], listed)
     return config
 
@@ -70,15 +90,19 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         if (ROOT / file).is_file():
             files.append(File.generated(config, page, content=(ROOT / file).read_text(encoding="utf-8")))
     files.append(File.generated(config, "commands.md", content=command_reference()))
-    for title, folder in PACKAGES.items():
-        if modules := _modules(folder):
+    for title in PACKAGES:
+        if modules := _modules(title):
             text = f"# {title}\n\n" + "\n".join(f"::: {module}\n" for module in modules)
-            files.append(File.generated(config, _page_of(folder), content=text))
+            files.append(File.generated(config, _page_of(title), content=text))
     return files
 
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
-    """Turn links between files of the repository into links between pages."""
+    """Turn links between files of the repository into links between pages; give wide tables the whole page."""
+    if page.file.src_uri in WIDE:
+        page.meta["hide"] = ["navigation", "toc"]
+        for title in re.findall(r"^## (.+)$", markdown, re.MULTILINE):  # the table at the top leads to its chapters
+            markdown = markdown.replace(f"\n| {title} |", f"\n| [{title}](#{slugify(title, '-')}) |", 1)
     here = (ROOT / ELSEWHERE.get(page.file.src_uri, f"docs/{page.file.src_uri}")).parent
 
     def turned(match: re.Match[str]) -> str:
@@ -92,37 +116,50 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     return LINK.sub(turned, markdown)
 
 
-def _modules(folder: str) -> list[str]:
-    """Documented modules of a folder, its own docstring first."""
-    files = [file for file in (ROOT / folder).glob("*.py") if file.stem not in ("__init__", "__main__")]
+def on_page_content(html: str, page: Page, **_: Any) -> str:
+    """Mark the page of rows for docs/styles/wide.css."""
+    return f'<div class="rows">{html}</div>' if page.file.src_uri == "reproduction.md" else html
+
+
+def _modules(title: str) -> list[str]:
+    """Modules of a page of the Python reference; a package without any is its own."""
+    folder = PACKAGES[title]
+    if isinstance(folder, list):
+        return [f"fasbody.{name}" for name in folder]
+    apart = {"__init__", "__main__"} | (NAMED if folder == "fasbody" else set())
+    files = [file for file in (ROOT / folder).glob("*.py") if file.stem not in apart]
     return [".".join(file.relative_to(ROOT).with_suffix("").parts) for file in sorted(files)] or (
         [folder.replace("/", ".")] if (ROOT / folder / "__init__.py").is_file() else []
     )
 
 
-def _page_of(folder: str) -> str:
-    return f"python_{folder.replace('/', '_')}.md"
+def _page_of(title: str) -> str:
+    return f"python_{re.sub(r'[^a-z]+', '_', title.lower())}.md"
 
 
 def command_reference() -> str:
     """Every command with its help and its options."""
     head = "# Commands\n\n`python -m fasbody` prints this list; every command has `--help`.\n"
-    return "\n".join([head, *map(_section, commands())])
+    groups = groupby(commands(), lambda command: command.group)
+    return "\n".join([head, *("\n".join([f"## {title}\n", *map(_section, group)]) for title, group in groups)])
 
 
 def _section(command: Command) -> str:
     click = typer.main.get_command(importlib.import_module(command.home).app)
     found = getattr(click, "commands", {}).get(command.name, click)
-    first, _, rest = re.sub(r"\[(/|/?bold)\]", "", found.help or command.does).strip().partition("\n")
+    text, _, examples = (found.help or command.does).strip().partition("Examples:\n")
     rows = [_row(parameter) for parameter in found.params if not getattr(parameter, "hidden", False)]
-    table = "\n".join(["| | | default |", "|---|---|---|", *(row for row in rows if "`--help`" not in row)])
-    more = ["```text\n" + rest.strip("\n") + "\n```"] if rest else []
-    return "\n\n".join([f"## {command.call}", first, *more, table]) + "\n"
+    rows = [row for row in rows if "`--help`" not in row]
+    table = "\n".join(["| option | what | default |", "|---|---|---|", *rows]) if rows else ""
+    lines = [line.strip() for line in examples.splitlines() if line.strip()]
+    shell = ["```shell\n" + "\n".join(lines) + "\n```"] if lines else []
+    return "\n\n".join([f"### {command.call.removeprefix('python -m ')}", text.strip(), *shell, table]) + "\n"
 
 
 def _row(parameter: Any) -> str:
     names = parameter.opts + parameter.secondary_opts if parameter.param_type_name == "option" else [parameter.name]
     default = parameter.default
-    shown = "" if default is None or callable(default) or default in (False, (), [], "") else f"`{default}`"
+    nothing = default is None or default is False or callable(default) or default in ((), [], "")
+    shown = "" if nothing else f"`{default}`"
     text = re.sub(r"\\(?=\[)", "", getattr(parameter, "help", "") or "").replace("|", "\\|")
     return f"| {', '.join(f'`{name}`' for name in names)} | {text} | {'required' if parameter.required else shown} |"

@@ -1,6 +1,5 @@
 """Which column of a file is which channel, and what turns its numbers into m/s^2: units, sensitivity, sign, delay."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,26 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.exceptions import InputFileError, unknown
+from fasbody.exceptions import InputFileError
 from fasbody.text import shown
+from fasbody.units import ACCELERATIONS, TIME_UNITS, VOLTAGES, factor, name_and_unit, volts_per_m_s2
 
 Channels = dict[str, np.ndarray]
 
 #: The accelerometers of section 2.2.2; the first two are needed.
 NAMES = ("base", "malleolus", "tuberosity")
-_G = 9.80665
-#: Units that a CSV header or a board may carry behind a channel's name, and what they are in SI.
-UNITS = {"m_s2": 1.0, "g": _G, "mm_s2": 1e-3, "cm_s2": 1e-2}
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
-#: The same with what else instruments write into their files.
-ACCELERATIONS = UNITS | {
-    "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "gn": _G, "mm/s^2": 1e-3, "cm/s^2": 1e-2,
-}  # fmt: skip
-VOLTAGES = {"v": 1.0, "mv": 1e-3}
-KNOWN_UNITS = frozenset(ACCELERATIONS | VOLTAGES | TIME_UNITS)
-_SENSITIVITY = re.compile(
-    r"\s*([-+.\deE]+)\s*(m?V)\s*/\s*(?P<open>\()?\s*(g|m\s*/\s*s(?:(?:\^|\*\*)?2|²))\s*(?(open)\))\s*", re.IGNORECASE
-)
 _KEYS = ("unit", "sign", "sensitivity", "delay_s", "column", "gain_std", "delay_std_s")
 
 
@@ -85,7 +72,7 @@ class Layout:
     def known(self, names: Sequence[str]) -> int:
         """How many of a file's columns are channels by their names."""
         told = {c.column.strip().lower() for c in self.channels.values() if c.column}
-        return sum(name.strip().lower() in told or _split(name)[0] in ("time", *NAMES) for name in names)
+        return sum(name.strip().lower() in told or name_and_unit(name)[0] in ("time", *NAMES) for name in names)
 
     def find(
         self,
@@ -117,7 +104,7 @@ class Layout:
         for channel in ("time", *NAMES):
             told = self.channels.get(channel, Channel())
             for index, (name, unit) in enumerate(zip(names, units, strict=True)):
-                stem, behind = _split(name)
+                stem, behind = name_and_unit(name)
                 if name.strip().lower() == told.column.strip().lower() if told.column else stem == channel:
                     found = told.unit or unit or (behind if stem == channel else "")
                     if told.unit and (unit or behind) and stem == channel:
@@ -145,7 +132,7 @@ class Layout:
 
     def _factor(self, file: Path, key: str, unit: str, line: int | None) -> float:
         if key == "time_s":
-            return _known(file, "time", unit, TIME_UNITS, line)
+            return factor(file, "time", unit, TIME_UNITS, line)
         channel = key.removesuffix("_m_s2")
         told = self.channels.get(channel, Channel())
         if not unit:
@@ -158,7 +145,7 @@ class Layout:
                 )
             scale = VOLTAGES[unit.lower()] if told.volts else 1.0
         else:
-            scale = _known(file, channel, unit, ACCELERATIONS, line)
+            scale = factor(file, channel, unit, ACCELERATIONS, line)
             if told.volts:
                 raise InputFileError(file, f"{channel} is in {unit}, and study.toml gives a sensitivity in volts")
         return told.sign * scale / told.sensitivity
@@ -209,22 +196,6 @@ _LONGEST_DELAY = 0.1
 _HELP = "units may also be g or ms, and study.toml can name the column: [channels.base] column = ..."
 
 
-def _split(name: str) -> tuple[str, str]:
-    """Name and unit of a heading such as ``base_m_s2``, ``base [m/s^2]``, ``Base (g)``."""
-    text = name.strip().strip('"').lower()
-    match = re.fullmatch(r"([a-z]+)\s*[\[(]\s*([^\])]*?)\s*[\])]", text)
-    if match:
-        return match[1], match[2]
-    stem, _, unit = text.partition("_")
-    return stem, unit
-
-
-def _known(file: Path, channel: str, unit: str, valid: Mapping[str, float], line: int | None) -> float:
-    if unit.lower() not in valid:
-        raise InputFileError(file, unknown(f"unit of the column {channel!r}:", shown(unit), valid), line=line)
-    return valid[unit.lower()]
-
-
 def _channel(file: Path, name: str, table: Mapping[str, Any]) -> Channel:
     for key, value in table.items():
         text = key in ("column", "unit") or (key == "sensitivity" and isinstance(value, str))
@@ -238,12 +209,12 @@ def _channel(file: Path, name: str, table: Mapping[str, Any]) -> Channel:
                 file, f"channels.{name}.{key} = {value!r}", f"valid: {', '.join(_KEYS)}, with finite numbers"
             )
     given = table.get("sensitivity", 1.0)
-    sensitivity, volts = (_volts(file, name, given), True) if isinstance(given, str) else (float(given), False)
+    sensitivity, volts = (volts_per_m_s2(file, name, given), True) if isinstance(given, str) else (float(given), False)
     if sensitivity == 0:
         raise InputFileError(file, f"channels.{name}.sensitivity is zero", "give recorded unit per m/s^2")
     unit = str(table.get("unit", ""))
     if unit:
-        _known(file, name, unit, TIME_UNITS if name == "time" else ACCELERATIONS | VOLTAGES, None)
+        factor(file, name, unit, TIME_UNITS if name == "time" else ACCELERATIONS | VOLTAGES)
     return Channel(
         str(table.get("column", "")), unit, float(table.get("sign", 1.0)), sensitivity, volts,
         float(table.get("delay_s", 0.0)), float(table.get("gain_std", 0.0)), float(table.get("delay_std_s", 0.0)),
@@ -252,14 +223,3 @@ def _channel(file: Path, name: str, table: Mapping[str, Any]) -> Channel:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _volts(file: Path, name: str, text: str) -> float:
-    """Sensitivity in V per m/s^2 from a data sheet's "100 mV/g"."""
-    match = _SENSITIVITY.fullmatch(text)
-    try:
-        assert match is not None
-        return float(match[1]) * VOLTAGES[match[2].lower()] / (_G if match[4].lower() == "g" else 1.0)
-    except (AssertionError, ValueError):
-        place = f"channels.{name}.sensitivity = {text!r}"
-        raise InputFileError(file, place, 'valid: a number (unit per m/s^2), "100 mV/g" or "10.2 mV/(m/s^2)"') from None

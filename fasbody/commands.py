@@ -10,8 +10,21 @@ from pathlib import Path
 
 import fasbody
 
-#: Where commands live, in the order of the map; those of a checkout only are skipped where they are not installed.
-PACKAGES = ("identification", "fasbody", "viz", "reproduction", "benchmarks")
+#: Where commands live; those of a checkout only are skipped where they are not installed.
+PACKAGES = ("fasbody", "identification", "viz", "reproduction", "benchmarks")
+#: The map: what for, and the modules in the order in which one meets them; a package stands for all of its modules.
+GROUPS = {
+    "A foot from its recordings": (
+        "identification.fit", "fasbody.recording", "fasbody.transmissibility", "identification.study",
+        "identification.blackbox", "fasbody.laboratory", "fasbody.acquire",
+    ),
+    "The models": (
+        "viz.foot", "fasbody.sensitivity", "fasbody.reduction", "fasbody.static_load", "fasbody.crosscheck",
+        "fasbody.cell", "viz.cell", "viz.anatomy",
+    ),
+    "What holds it together": ("fasbody", "reproduction", "benchmarks"),
+}  # fmt: skip
+_ORDER = [module for modules in GROUPS.values() for module in modules]
 
 
 @dataclass(frozen=True)
@@ -33,15 +46,28 @@ class Command:
         """What to type."""
         return f"python -m {self.module} {self.name}".rstrip()
 
+    @property
+    def place(self) -> int:
+        """Where the map has it: that of its module, or else of the package around it."""
+        around = self.module
+        while around not in _ORDER:
+            around = around.rpartition(".")[0]
+        return _ORDER.index(around)
+
+    @property
+    def group(self) -> str:
+        """What it is for, one of `GROUPS`."""
+        return next(title for title, modules in GROUPS.items() if _ORDER[self.place] in modules)
+
     def __str__(self) -> str:
         return f"{self.call}: {self.does}"
 
 
 def commands(root: Path | None = None) -> list[Command]:
-    """Every command of the packages below `root`, by default those installed beside `fasbody`."""
+    """Every command of the packages below `root`, by default those installed beside `fasbody`, in the map's order."""
     root = root or Path(fasbody.__file__).parent.parent
     files = [file for package in PACKAGES for file in sorted((root / package).rglob("*.py"))]
-    return [command for file in files for command in _of(file, root)]
+    return sorted((command for file in files for command in _of(file, root)), key=lambda command: command.place)
 
 
 def _of(file: Path, root: Path) -> Iterator[Command]:

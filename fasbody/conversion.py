@@ -26,7 +26,8 @@ _Study = Annotated[Path | None, typer.Option("--study", help="study.toml that ma
 def main() -> None:
     """Recordings: check what was understood of a file, convert it.
 
-    Example: python -m fasbody.recording check my_study
+    Examples:
+      python -m fasbody.recording check my_study
     """
 
 
@@ -38,9 +39,10 @@ def check(
 ) -> None:
     """Tell what was understood of a recording or a study, and what is wrong with it.
 
-    Example: python -m fasbody.recording check measured.tdms --study study.toml --json
-
     Exit code 2 if any recording cannot serve.
+
+    Examples:
+      python -m fasbody.recording check measured.tdms --study study.toml --json
     """
     rows: list[dict[str, Any]] = []
     if path.is_dir():
@@ -101,10 +103,12 @@ def convert(
 ) -> None:
     """Write a recording in another format, in m/s^2, signs, sensitivities and delays applied.
 
-    Example: python -m fasbody.recording convert measured.tdms measured.csv --study study.toml
-             python -m fasbody.recording convert measured.csv measured.mat --matlab 7.3
-
     A recording that no analysis would use is converted all the same, and it is said what is wrong with it.
+
+    Examples:
+      python -m fasbody.recording convert measured.tdms measured.csv --study study.toml
+
+      python -m fasbody.recording convert measured.csv measured.mat --matlab 7.3
     """
     if target.exists():
         raise InputFileError(target, "exists", "name a new file")

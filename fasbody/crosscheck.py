@@ -186,17 +186,21 @@ def _pairs(values: dict[str, Array]) -> dict[str, float]:
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-@app.command(epilog="Example: python -m fasbody.crosscheck --model my_arch.xml --samples 200")
+@app.command()
 def main(
-    model: Annotated[str, typer.Option(help="Shipped arch or MJCF file.")] = "foot_arch",
-    samples: Annotated[int, typer.Option(help="Random configurations.", min=1)] = 1000,
-    seed: Annotated[int, typer.Option(help="Of the random numbers.", min=0)] = 0,
+    model: Annotated[str, typer.Option(help="shipped arch or MJCF file")] = "foot_arch",
+    samples: Annotated[int, typer.Option(help="random configurations", min=1)] = 1000,
+    seed: Annotated[int, typer.Option(help="of the random numbers", min=0)] = 0,
     dynamics: Annotated[
-        bool, typer.Option("--dynamics", help="Also step the model against the integrated equations, 10-50 Hz.")
+        bool, typer.Option("--dynamics", help="also step the model against the integrated equations, 10-50 Hz")
     ] = False,
-    json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
-    """Mass matrix and velocity terms of the arch from the equations, Pinocchio and MuJoCo; exit 1 on disagreement."""
+    """Mass matrix and velocity terms of the arch from the equations, Pinocchio and MuJoCo; exit 1 on disagreement.
+
+    Examples:
+      python -m fasbody.crosscheck --model my_arch.xml --samples 200
+    """
     result = crosscheck(model, samples, seed, dynamics)
     table = Table(title=f"{result.model}: largest relative difference, {samples} random configurations, seed {seed}")
     table.add_column("pair")

@@ -155,8 +155,10 @@ def main(
 ) -> None:
     """Make a synthetic study with known truth.
 
-    Example: python -m fasbody.laboratory my_study --subjects 20
-             python -m fasbody.laboratory one_foot --added-mass 0 --added-mass 2.3 --seconds 10
+    Examples:
+      python -m fasbody.laboratory my_study --subjects 20
+
+      python -m fasbody.laboratory one_foot --added-mass 0 --added-mass 2.3 --seconds 10
     """
     if (study / "recordings.csv").exists() and not (study / "truth.json").exists():
         raise SettingError(f"{study} holds a study that was not made here; name another folder.")

@@ -133,7 +133,7 @@ def kinetic(arch: Arch, q: Array, q_dot: Array, v_B: float | Array = 0.0) -> Arr
 
 
 def dissipated_power(arch: Arch, q: Array, q_dot: Array) -> Array:
-    """2 D [W], the power lost in all six dampers, shape (...)."""
+    """2 D [W], the power lost in all six dampers, shape (...); D is the dissipation of Eq. (4.9)."""
     g = gradients(arch, q)
     rates = (np.einsum("...i,...i->...", d, q_dot) for d in (g.d_2, g.d_3, g.d_4))
     constants = (arch.c_2, arch.c_3, arch.c_4)

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from fasbody.channels import KNOWN_UNITS, Channels, Layout
+from fasbody.channels import Channels, Layout
 from fasbody.exceptions import InputFileError
 from fasbody.text import COMMENT, header, lines, number, offset, read_text, rows, shown, split
+from fasbody.units import KNOWN_UNITS
 
 
 def read_csv(file: Path, layout: Layout | None = None) -> Channels:

@@ -65,15 +65,19 @@ def reduce(
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-@app.command(epilog="Example: python -m fasbody.reduction --draws 200 --figure reduction.png")
+@app.command()
 def main(
-    model: Annotated[str, typer.Option(help="Shipped arch or MJCF file; the draws keep its bones.")] = "foot_arch",
-    draws: Annotated[int, typer.Option(help="Random arches from Table 4.2 for each reading.", min=1)] = 30,
-    seed: Annotated[int, typer.Option(help="Of the random numbers.", min=0)] = 0,
-    figure: Annotated[Path | None, typer.Option(help="PNG to write.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    model: Annotated[str, typer.Option(help="shipped arch or MJCF file; the draws keep its bones")] = "foot_arch",
+    draws: Annotated[int, typer.Option(help="random arches from Table 4.2 for each reading", min=1)] = 30,
+    seed: Annotated[int, typer.Option(help="of the random numbers", min=0)] = 0,
+    figure: Annotated[Path | None, typer.Option(help="PNG to write")] = None,
+    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
-    """What the reduction of the five-body arch to two masses costs at the malleolus, 1-100 Hz."""
+    """What the reduction of the five-body arch to two masses costs at the malleolus, 1-100 Hz.
+
+    Examples:
+      python -m fasbody.reduction --draws 200 --figure reduction.png
+    """
     if figure is not None:
         make_folder(figure.parent)
         if figure.is_dir():

@@ -90,22 +90,28 @@ def study(
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-@app.command(epilog="Examples: python -m fasbody.sensitivity --seed 3 | ... --lever-arm 0.015 --lever-arm 0.1 --json")
+@app.command()
 def main(
-    model: Annotated[str, typer.Option(help="Shipped arch or MJCF file whose bones every draw has.")] = "foot_arch",
-    draws: Annotated[int, typer.Option(help="Random arches from Table 4.2.", min=1)] = 30,
-    seed: Annotated[int, typer.Option(help="Of the random numbers.", min=0)] = 0,
+    model: Annotated[str, typer.Option(help="shipped arch or MJCF file whose bones every draw has")] = "foot_arch",
+    draws: Annotated[int, typer.Option(help="random arches from Table 4.2", min=1)] = 30,
+    seed: Annotated[int, typer.Option(help="of the random numbers", min=0)] = 0,
     lever_arm: Annotated[
         list[float] | None,
-        typer.Option(help="Also with the rotational constants read as N/m at this arm [m]; may be repeated."),
+        typer.Option(help=r"also with the rotational constants read as N/m at this arm \[m]; may be repeated"),
     ] = None,
     trajectory: Annotated[
-        float | None, typer.Option(help="Also along nonlinear trajectories at this frequency [Hz], 1 s a draw.")
+        float | None, typer.Option(help="also along nonlinear trajectories at this frequency [Hz], 1 s a draw")
     ] = None,
-    figures: Annotated[Path | None, typer.Option(help="Folder for the charts like Figures 4.3 and C.1.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    figures: Annotated[Path | None, typer.Option(help="folder for the charts like Figures 4.3 and C.1")] = None,
+    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
-    """Do only k_T, c_T, k_F, c_F matter? Relative sensitivity of the five-body arch to all 13 constants."""
+    """Do only k_T, c_T, k_F, c_F matter? Relative sensitivity of the five-body arch to all 13 constants.
+
+    Examples:
+      python -m fasbody.sensitivity --seed 3
+
+      python -m fasbody.sensitivity --lever-arm 0.015 --lever-arm 0.1 --json
+    """
     if trajectory is not None and not 1 <= trajectory <= 1000:
         raise SettingError(f"--trajectory is {trajectory:g} Hz, but must be between 1 and 1000 Hz.")
     if figures is not None:

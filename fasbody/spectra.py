@@ -37,14 +37,6 @@ def cross_spectrum(x: np.ndarray, y: np.ndarray, rate_hz: float, frequency_hz: f
     return complex(np.mean(C * np.exp(-2j * np.pi * frequency_hz * k / rate_hz)) * C.size / N)  # Eq. (2.2)
 
 
-def phase_delay(frequency_hz: np.ndarray, H: np.ndarray) -> np.ndarray:
-    """Delay [s] of each frequency from the phase unwrapped along ascending frequencies, (n,).
-
-    The first phase is taken as it is, so the lowest frequency must lag by less than half a period.
-    """
-    return -np.unwrap(np.angle(H)) / (2 * np.pi * np.asarray(frequency_hz))
-
-
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
     """H1 estimate for broadband excitation.

@@ -109,14 +109,18 @@ def _factor(arch: Arch, wanted_hz: float) -> float:
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-@app.command(epilog="Example: python -m fasbody.static_load --figures docs/figures")
+@app.command()
 def main(
-    model: Annotated[str, typer.Option(help="Shipped arch or MJCF file.")] = "foot_arch",
-    load: Annotated[float, typer.Option(help="Static load on the arch [N].")] = ARANGIO_LOAD,
-    figures: Annotated[Path | None, typer.Option(help="Folder for sag.png and load.png.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    model: Annotated[str, typer.Option(help="shipped arch or MJCF file")] = "foot_arch",
+    load: Annotated[float, typer.Option(help="static load on the arch [N]")] = ARANGIO_LOAD,
+    figures: Annotated[Path | None, typer.Option(help="folder for sag.png and load.png")] = None,
+    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
-    """Sag of the arch under a static load, and its resonance under the added masses of Chapter 2."""
+    """Sag of the arch under a static load, and its resonance under the added masses of Chapter 2.
+
+    Examples:
+      python -m fasbody.static_load --figures docs/figures
+    """
     if not 0 < load < 1e5:
         raise SettingError(f"--load is {load:g} N, but must be above 0 and below 100000 N.")
     if figures is not None:

@@ -99,11 +99,6 @@ class VirtualSubject:
         return TwoDof(**values, **_NONLINEAR, m_S=m_S, m_F=foot_mass(self.mass_kg))
 
 
-def mean_subject() -> VirtualSubject:
-    """The subject without scatter."""
-    return VirtualSubject(0, MEAN_MASS_KG, dict.fromkeys(BETWEEN, 1.0))
-
-
 def panel(count: int, rng: np.random.Generator) -> Sequence[VirtualSubject]:
     """So many subjects with the body masses of Table 2.1 (from the start again after the twentieth)."""
     people = []

@@ -3,8 +3,9 @@
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import oracle
@@ -75,3 +76,12 @@ def run(*arguments: str, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
 @pytest.fixture(scope="session")
 def command() -> Callable[..., subprocess.CompletedProcess[str]]:
     return run
+
+
+@pytest.fixture
+def feeder(tmp_path: Path) -> Iterator[Any]:
+    """A `feeder.Feeder`, the board made of a thread."""
+    from feeder import Feeder
+
+    with Feeder(tmp_path) as made:
+        yield made

@@ -11,8 +11,12 @@ from fasbody.acquire.frames import encode_data, encode_hello
 from fasbody.acquire.line import corrupt
 from fasbody.acquire.messages import Channel, Hello
 from fasbody.acquire.port import Port
+from fasbody.acquire.shaken import BODY_MASS_KG
 from fasbody.exceptions import AcquisitionError
+from fasbody.recording import Condition
 
+BAUD = 921600
+CONDITION = Condition("16", "midstance", 0.0, BODY_MASS_KG)
 RANGE = 39.2
 COUNTS = 1024.0  # a power of two: nothing is rounded on the way
 

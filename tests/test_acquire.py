@@ -33,12 +33,6 @@ def bench() -> Iterator[Bench]:
         yield made
 
 
-@pytest.fixture
-def feeder(tmp_path: Path) -> Iterator[Feeder]:
-    with Feeder(tmp_path) as made:
-        yield made
-
-
 def test_commands_refuse_in_one_sentence(tmp_path: Path) -> None:
     hidden = "import sys, runpy; sys.modules['serial'] = None; runpy.run_module('fasbody.acquire', run_name='__main__')"
     done = subprocess.run([sys.executable, "-c", hidden], env=ENVIRONMENT, capture_output=True, text=True)
@@ -120,7 +114,7 @@ def test_interrupted_sweep_keeps_what_it_has(tmp_path: Path, bench: Bench) -> No
         assert time.monotonic() < deadline and run.poll() is None
         time.sleep(0.02)
     run.send_signal(signal.SIGINT)
-    _, told = run.communicate(timeout=30)
+    _, told = run.communicate(timeout=120)
     assert run.returncode == 130 and "interrupted" in told
     assert output_of(bench) == "0"
     assert "30hz_0kg.fascap --longest" in told and "go on with --frequency 30" in told

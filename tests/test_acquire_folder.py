@@ -6,19 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from feeder import hello
+from feeder import CONDITION, hello
 
 from fasbody.acquire import folder
 from fasbody.acquire.capture import Capture
 from fasbody.acquire.conversion import convert
 from fasbody.acquire.frames import FrameReader, encode_data, encode_hello
 from fasbody.acquire.plan import Plan
-from fasbody.acquire.shaken import BODY_MASS_KG
 from fasbody.checks import checked
 from fasbody.exceptions import InputFileError, RecordingError
 from fasbody.recording import Condition, Recording, Study
-
-CONDITION = Condition("16", "midstance", 0.0, BODY_MASS_KG)
 
 
 def capture_of(

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from feeder import Feeder, output_of
+from feeder import BAUD, CONDITION, Feeder, output_of
 
 from fasbody.acquire.bench import Bench
 from fasbody.acquire.board import Board, Watch
@@ -19,14 +19,11 @@ from fasbody.acquire.generator import Generator
 from fasbody.acquire.level import Safety, peak_to_peak, reach
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.probe import probe
-from fasbody.acquire.shaken import BODY_MASS_KG, GAIN, Shaker
+from fasbody.acquire.shaken import GAIN, Shaker
 from fasbody.exceptions import AcquisitionError, SettingError
-from fasbody.recording import Condition
 
 ROOT = Path(__file__).parent.parent
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
-BAUD = 921600
-CONDITION = Condition("16", "midstance", 0.0, BODY_MASS_KG)
 
 
 @pytest.fixture(scope="module")
@@ -40,12 +37,6 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a machine with many other processes a second without a sample is no fault of the board."""
     monkeypatch.setattr("fasbody.acquire.board.BLIND_S", 20.0)
     monkeypatch.setattr("fasbody.acquire.board.STALLED_S", 20.0)
-
-
-@pytest.fixture
-def feeder(tmp_path: Path) -> Iterator[Feeder]:
-    with Feeder(tmp_path) as made:
-        yield made
 
 
 DRIVER = """
@@ -70,7 +61,7 @@ def test_output_goes_off_when_the_driver_dies(bench: Bench, number: signal.Signa
     driver.send_signal(number)
     driver.wait()
     driver.stdout.close()
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 120
     while output_of(bench) != "0":
         assert time.monotonic() < deadline
         time.sleep(0.2)

@@ -1,8 +1,6 @@
 """A foot stands on the shaker: sensors that clip or show too little, and a base that is not at rest yet."""
 
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -119,12 +117,6 @@ def test_shaker_rings_down_before_it_is_blamed_and_the_watch_knows_its_real_rest
     with pytest.raises(AcquisitionError, match="is another source driving the shaker"):
         other.reach()
     assert not other.was_on and 4.0 < other.now < 6.0
-
-
-@pytest.fixture
-def feeder(tmp_path: Path) -> Iterator[Feeder]:
-    with Feeder(tmp_path) as made:
-        yield made
 
 
 def test_any_sensor_over_range_while_the_shaker_is_on_ends_it(feeder: Feeder, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,15 +1,17 @@
 """`python -m fasbody` knows every command, and says what its own help says."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from rich.text import Text
 from typer_apps import HOMES, click_command, sub_commands
 
 from fasbody.__main__ import main
-from fasbody.commands import PACKAGES, commands
+from fasbody.commands import GROUPS, PACKAGES, Command, commands
 
 ROOT = Path(__file__).parent.parent
 
@@ -40,11 +42,36 @@ def test_map_says_what_the_command_says(module: str) -> None:
     assert mapped == said
 
 
+@pytest.mark.parametrize("command", commands(), ids=lambda command: command.call)
+def test_help_ends_with_examples_that_name_the_command(command: Command) -> None:
+    app, subs = click_command(command.module), sub_commands(command.module)
+    found = subs.get(command.name, app)
+    _, heading, examples = found.help.partition("\n\nExamples:\n")
+    assert heading, "no examples"
+    for line in filter(None, examples.splitlines()):
+        assert re.match(rf"  (\w+=\S+ )?python -m {re.escape(command.module)}", line), line
+    for parameter in found.params:
+        shown = getattr(parameter, "help", None) or ""
+        assert Text.from_markup(shown).plain == shown.replace("\\[", "["), (
+            f"{parameter.name}: part of {shown!r} is hidden"
+        )
+        assert shown or getattr(parameter, "hidden", False), f"{parameter.name}: no help"
+
+
 def test_command_prints_the_map(capsys: pytest.CaptureFixture[str]) -> None:
     main(json_=False)
     printed = capsys.readouterr().out
+    places = [printed.index(f"\n{title}") if number else 0 for number, title in enumerate(GROUPS)]
+    assert places == sorted(places)
     for command in commands():
         assert command.call in printed
+    for target in re.findall(r"^(\w+):.*##", (ROOT / "Makefile").read_text(), re.MULTILINE):
+        assert re.search(rf"make [\w, ]*\b{target}\b", printed)
+
+
+def test_groups_name_only_what_there_is() -> None:
+    known = {command.module for command in commands()} | set(PACKAGES) | {"fasbody.acquire"}
+    assert {module for modules in GROUPS.values() for module in modules} <= known
 
 
 def test_map_needs_no_extra_and_is_json_when_asked() -> None:

@@ -10,7 +10,9 @@ import importlib.util
 import io
 import json
 import re
+import runpy
 import shutil
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -32,12 +34,13 @@ NOT_RUN = {
     r"-m viz\.(foot|cell)": "tests/test_viz_page.py and test_viz_cell.py do it",
     r"-m mujoco\.viewer": "needs a screen",
     r"-m benchmarks|benchmarks/": "takes minutes",
-    r"-m (reproduction|identification\.study)\b": "takes minutes",
-    r"^python examples/": "tests/test_examples.py runs them all",
-    r"cell (sweep|verify|shake)": "tests/test_cell_command.py runs them",
+    r"-m reproduction\b|-m identification\.study chapter4": "takes minutes",
+    r"-m identification\.study .*--(mode|scheduler)": "takes minutes or a scheduler; tests/test_study_*.py do it",
+    r"cell verify": "takes a minute; tests/test_cell_verification.py does it",
 }
 SHORTER = {
     r"identification\.fit\b": ["--starts", "1"],
+    r"identification\.study\b": ["--starts", "1", "--workers", "1", "--frequency", "20", "--added-mass", "0"],
     r"laboratory\b.*--subjects": ["--subjects", "2", "--seconds", "1", "--frequency", "20", "--jobs", "1"],
     r"laboratory\b": ["--seconds", "1", "--frequency", "10", "--frequency", "20"],
     r"(sensitivity|reduction)\b": ["--draws", "2"],
@@ -156,6 +159,10 @@ def test_shell_block(block: Block, desk: Path, tmp_path: Path, monkeypatch: pyte
             continue
         if arguments[0] == "-c":
             exec(compile(arguments[1], command, "exec"), {})
+            continue
+        if arguments[0].endswith(".py"):
+            monkeypatch.setattr("sys.argv", [str(ROOT / arguments[0]), *arguments[1:]])
+            runpy.run_path(sys.argv[0], run_name="__main__")
             continue
         run([*arguments, *next((extra for pattern, extra in SHORTER.items() if re.search(pattern, text)), [])])
 

@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 from fasbody import sdof
 from fasbody.exceptions import SettingError
 from fasbody.response import fit_harmonics
+from fasbody.transmissibility import figures
 
 
 def test_response_is_the_steady_state_of_the_equation_of_motion() -> None:
@@ -60,3 +61,15 @@ def test_region_holds_the_truth_and_shrinks_with_more_frequencies() -> None:
     assert "no single mass" in str(sdof.region(f, T * [1, 2, 1, 1], np.full(4, 0.001)))
     with pytest.raises(SettingError):
         sdof.region(f, T, np.zeros(4))
+
+
+def test_every_number_of_the_single_mass_plane_stands_on_its_line() -> None:
+    figure = figures.single_mass(measured={10.0: (1.3, 0.1)}, origin="synthetic mean MB, midstance, 2.3 kg")
+    assert "agrees with the synthetic mean MB, midstance, 2.3 kg (95 %)" in figure.get_supxlabel()
+    for axis, f in zip(figure.axes, (10, 20, 30, 40), strict=True):
+        assert len(axis.texts) >= 5
+        assert "1" in {text.get_text() for text in axis.texts}
+        for text in axis.texts:
+            k, c = text.get_position()
+            T = float(sdof.transmissibility(2 * np.pi * f, sdof.MASS_KG, c, 1e3 * k))
+            assert pytest.approx(float(text.get_text()), rel=0.03) == T

@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from fasbody.exceptions import RecordingError
 from fasbody.response import fit_harmonics
-from fasbody.spectra import cross_covariance, cross_spectrum, h1, phase_delay
+from fasbody.spectra import cross_covariance, cross_spectrum, h1
 
 
 def test_cross_covariance_is_the_printed_sum() -> None:
@@ -56,8 +56,3 @@ def test_h1_finds_a_known_system_and_its_uncertainty_covers() -> None:
 def test_h1_needs_three_segments() -> None:
     with pytest.raises(RecordingError, match="too short"):
         h1(np.ones(1000), np.ones(1000), 1000.0, 1.0)
-
-
-def test_delay_from_unwrapped_phase() -> None:
-    f = np.arange(5.0, 60, 5)
-    assert phase_delay(f, np.exp(-2j * np.pi * f * 0.03)) == pytest.approx(np.full(f.size, 0.03), rel=1e-9)

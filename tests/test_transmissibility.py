@@ -1,8 +1,5 @@
-"""Transmissibility of recordings and studies: signals of known answer, the table, the command, the figures."""
+"""Transmissibility of recordings and studies: signals of known answer, the table, the figures."""
 
-import json
-import subprocess
-import sys
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -12,36 +9,16 @@ import pandas as pd
 import pytest
 import xarray
 from matplotlib.figure import Figure
+from transmissibility_cases import five_subjects, recording
 
-from fasbody import sdof
 from fasbody.channels import Channel
-from fasbody.exceptions import RecordingError
-from fasbody.recording import Condition, Recording, StudyFolder
+from fasbody.recording import StudyFolder
 from fasbody.transmissibility import figures
 from fasbody.transmissibility.comparisons import against_unity, between, resonances
 from fasbody.transmissibility.estimate import Row, rows, unwrapped
 from fasbody.transmissibility.findings import LOADS, findings, judged, summary
 from fasbody.transmissibility.table import Table
 from fasbody.virtual_study import Plan, make
-
-KEYS = {
-    "file", "subject", "posture", "added_mass_kg", "frequency_hz", "pair", "transmissibility", "transmissibility_std",
-    "phase_deg", "phase_std_deg", "transmissibility_peak_to_peak",
-}  # fmt: skip
-
-
-def recording(f: float = 20.0, seed: int = 0, noise: float = 0.02, second: float = 0.2) -> Recording:
-    """Known MB 1.3 at -40 degrees, TB 1.1 at -75 degrees; 10 s, noise and second harmonic as shares."""
-    t, rng = np.arange(10_000) / 1000, np.random.default_rng(seed)
-    turn = 8.95 * np.exp(2j * np.pi * f * t + 1j)
-    H = {"base": 1.0, "malleolus": 1.3 * np.exp(-1j * np.radians(40)), "tuberosity": 1.1 * np.exp(-1j * np.radians(75))}
-    channels = {
-        f"{name}_m_s2": (h * turn).real
-        + (second * abs(h) * turn**2 / 8.95).real * (name != "base")
-        + noise * 8.95 * rng.normal(size=t.size)
-        for name, h in H.items()
-    }
-    return Recording(t, **channels, condition=Condition("7", "midstance", 2.3, 70.0, f), file=f"{f:g}.csv")
 
 
 def by_pair(found: list[Row]) -> dict[str, Row]:
@@ -74,8 +51,7 @@ def test_unwrapping_passes_over_gaps() -> None:
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    plan = Plan(subjects=5, seconds=1.0, file_format="h5")
-    return make(tmp_path_factory.mktemp("made") / "study", plan, processes=1)
+    return five_subjects(tmp_path_factory.mktemp("made"))
 
 
 @pytest.fixture(scope="module")
@@ -202,18 +178,6 @@ def test_figures_tell_what_is_shown_beyond_chance_from_what_is_not(table: Table)
         assert not figure.axes[0].get_legend()  # one condition: its name is the title
 
 
-def test_every_number_of_the_single_mass_plane_stands_on_its_line() -> None:
-    figure = figures.single_mass(measured={10.0: (1.3, 0.1)}, origin="synthetic mean MB, midstance, 2.3 kg")
-    assert "agrees with the synthetic mean MB, midstance, 2.3 kg (95 %)" in figure.get_supxlabel()
-    for axis, f in zip(figure.axes, (10, 20, 30, 40), strict=True):
-        assert len(axis.texts) >= 5
-        assert "1" in {text.get_text() for text in axis.texts}
-        for text in axis.texts:
-            k, c = text.get_position()
-            T = float(sdof.transmissibility(2 * np.pi * f, sdof.MASS_KG, c, 1e3 * k))
-            assert pytest.approx(float(text.get_text()), rel=0.03) == T
-
-
 def test_findings_take_the_nine_frequencies_from_among_others(table: Table) -> None:
     more = table.frame[table.frame["frequency_hz"] == 10].assign(frequency_hz=12.5)
     more["file"] += "x"
@@ -274,95 +238,3 @@ def test_the_virtual_studys_truth_lies_within_what_it_states(study: Path, table:
                         / frame["transmissibility_std"]])  # fmt: skip
     assert 0.5 < np.sqrt(np.mean(z**2)) < 1.2
     assert "gains and delays" in table.covers
-
-
-def command(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "fasbody.transmissibility", *arguments], capture_output=True, text=True, timeout=600
-    )
-
-
-def test_command_writes_tables_and_figures_and_prints_one_json_list(study: Path, tmp_path: Path) -> None:
-    done = command(str(study), "--json", "--out", str(tmp_path / "out"), "--jobs", "1")
-    assert done.returncode == 0, done.stderr
-    document = json.loads(done.stdout)
-    assert len(document) == 675 and set(document[0]) == KEYS
-    for name in ("transmissibility.csv", "transmissibility.nc", "resonances.csv", "findings.csv", "against_unity.csv"):
-        assert (tmp_path / "out" / name).stat().st_size > 100
-    figures = sorted(p.name for p in (tmp_path / "out").glob("*.png"))
-    assert figures == sorted(
-        [f"{s}_{p}.png" for s in ("loads", "postures") for p in ("MB", "TB", "TM", "mean")] + ["single_mass.png"]
-    )
-
-
-def test_a_folder_that_cannot_be_written_is_refused_before_the_work(study: Path, tmp_path: Path) -> None:
-    (tmp_path / "out").write_text("a file")
-    done = command(str(study), "--out", str(tmp_path / "out"), "--jobs", "1")
-    assert done.returncode == 2 and "is a file; name a folder" in done.stderr.replace("\n", " ")
-    assert done.stdout == ""
-
-
-def test_one_recording_of_a_study_is_corrected_as_its_study_says(study: Path) -> None:
-    printed = command(str(study / "recordings" / "s01_midstance_2.3kg_30hz.h5"), "--out", str(study / "one")).stdout
-    assert "[kg]" in printed and "[deg]" in printed  # brackets are no markup
-    done = command(str(study / "recordings" / "s01_midstance_2.3kg_30hz.h5"), "--json")
-    document = json.loads(done.stdout)
-    assert {row["added_mass_kg"] for row in document} == {2.3}
-    assert "gains and delays that study.toml states (malleolus, tuberosity)" in done.stderr
-
-
-def test_one_recording_and_no_tuberosity(tmp_path: Path) -> None:
-    r = recording()
-    Recording(r.time_s, r.base_m_s2, r.malleolus_m_s2).write(tmp_path / "20hz.csv")
-    done = command(str(tmp_path / "20hz.csv"), "--json")
-    (row,) = json.loads(done.stdout)
-    assert row["pair"] == "MB" and row["transmissibility"] == pytest.approx(1.3, rel=1e-3)
-
-
-def test_unusable_recordings_are_named_and_the_others_used(study: Path, tmp_path: Path) -> None:
-    import shutil
-
-    shutil.copytree(study, tmp_path / "s")
-    (tmp_path / "s" / "recordings" / "s01_midstance_0kg_10hz.h5").write_bytes(b"nothing")
-    done = command(str(tmp_path / "s"), "--json", "--jobs", "1")
-    assert done.returncode == 2
-    assert "1 of 225 recordings could not be used" in done.stderr and "s01_midstance_0kg_10hz.h5" in done.stderr
-    assert "Traceback" not in done.stderr
-    assert len(json.loads(done.stdout)) == 672
-
-
-def test_a_study_without_any_usable_recording(tmp_path: Path) -> None:
-    (tmp_path / "study.toml").write_text("")
-    (tmp_path / "subjects.csv").write_text("subject,mass_kg\n1,70\n")
-    (tmp_path / "recordings.csv").write_text("file,subject,added_mass_kg\nmissing.csv,1,0\n")
-    with pytest.raises(RecordingError, match=r"missing.csv: no such file"):
-        Table.of(StudyFolder.open(tmp_path))
-
-
-def test_check_and_convert(tmp_path: Path) -> None:
-    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run([sys.executable, "-m", "fasbody.recording", *arguments], capture_output=True, text=True)
-
-    recording().write(tmp_path / "a.csv")
-    assert run("convert", str(tmp_path / "a.csv"), str(tmp_path / "b.tdms")).returncode == 0
-    told = run("check", str(tmp_path / "b.tdms"), "--json")
-    (row,) = json.loads(told.stdout)["recordings"]
-    assert (told.returncode, row["samples"], row["frequency_hz"]) == (0, 10_000, pytest.approx(20, abs=1e-3))
-    silence = "".join(f"{i / 1000},0,0\n" for i in range(99))
-    (tmp_path / "c.csv").write_text("time_s,base_m_s2,malleolus_m_s2\n" + silence)
-    told = run("check", str(tmp_path / "c.csv"))
-    assert told.returncode == 2 and "is dead" in told.stderr and "Traceback" not in told.stderr
-    again = run("convert", str(tmp_path / "a.csv"), str(tmp_path / "b.tdms"))
-    assert again.returncode == 2 and "exists" in again.stderr
-    told = run("convert", str(tmp_path / "c.csv"), str(tmp_path / "c.mat"), "--matlab", "7.3")
-    assert told.returncode == 0 and "warning: It cannot be used as it is. c.csv: base_m_s2 is dead" in told.stderr
-    assert (tmp_path / "c.mat").read_bytes().startswith(b"MATLAB 7.3")
-    told = run("convert", str(tmp_path / "c.csv"), str(tmp_path / "c2.csv"), "--matlab", "7.3")
-    assert told.returncode == 2 and "--matlab 7.3 is for .mat files" in told.stderr
-    assert not (tmp_path / "c2.csv").exists()
-    backwards = "".join(f"{1 - i / 1000},{i % 9},{i % 7}\n" for i in range(99))
-    (tmp_path / "d.csv").write_text("time_s,base_m_s2,malleolus_m_s2\n" + backwards)
-    told = run("convert", str(tmp_path / "d.csv"), str(tmp_path / "d.tdms"))
-    assert told.returncode == 2 and "this recording's time is not uniform; write .csv or .h5" in told.stderr
-    told = run("convert", str(tmp_path / "d.csv"), str(tmp_path / "d.h5"))
-    assert told.returncode == 0 and "time runs backwards" in told.stderr

@@ -18,15 +18,17 @@ from fasbody.response import fit_harmonics
 from fasbody.transmissibility.estimate import rows
 from fasbody.virtual_recording import moving, steady
 from fasbody.virtual_study import Plan, make
-from fasbody.virtual_subject import BETWEEN, Tuberosity, constants, mean_subject, panel
+from fasbody.virtual_subject import BETWEEN, MEAN_MASS_KG, Tuberosity, VirtualSubject, constants, panel
 
+#: A subject without scatter.
+MEAN = VirtualSubject(0, MEAN_MASS_KG, dict.fromkeys(BETWEEN, 1.0))
 CLEAN = Instrument(noise_base=0.0, noise_malleolus=0.0, bits=40, delay_s=0.0)
 
 
 @pytest.mark.parametrize(("f", "mass"), [(10.0, 0.0), (30.0, 2.3), (50.0, 4.5)])
 def test_orbit_and_tuberosity_equal_dop853(f: float, mass: float) -> None:
     """One integration of foot and tuberosity together, by another method, from rest to steady state."""
-    foot, tuberosity = mean_subject().foot(f, mass), Tuberosity.under(mass)
+    foot, tuberosity = MEAN.foot(f, mass), Tuberosity.under(mass)
     recording, truth = steady(foot, tuberosity, f, 1.0, CLEAN, np.random.default_rng(3))
     U = fit_harmonics(recording.time_s, recording.base_m_s2, f, 3).amplitudes
     motion = shaker.harmonics(f, U, 3.0)
@@ -48,7 +50,7 @@ def test_orbit_and_tuberosity_equal_dop853(f: float, mass: float) -> None:
 
 
 def test_broadband_trajectory_has_the_steady_response_of_its_lines() -> None:
-    foot, tuberosity = mean_subject().foot(25.0), Tuberosity.under(0.0)
+    foot, tuberosity = MEAN.foot(25.0), Tuberosity.under(0.0)
     motion = shaker.sine(25.0, 4.0)
     recording = moving(foot, tuberosity, motion, 2.0, CLEAN, np.random.default_rng(1), settle=1.5)
     _, truth = steady(foot, tuberosity, 25.0, 2.0, Instrument(distortion=(0.0, 0.0)), np.random.default_rng(1))

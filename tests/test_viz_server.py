@@ -1,82 +1,27 @@
-"""The server: loopback only, refuses strangers, answers nonsense with a sentence, ends when told."""
+"""The server: refuses strangers, answers nonsense with a sentence, stays while pages come and go."""
 
 import asyncio
 import json
-import signal
-import sys
-from collections.abc import Callable, Coroutine
-from typing import Any
 
 import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
-psutil = pytest.importorskip("psutil", reason="pip install 'fasbody[dev]'")
 
-import tornado.httpclient  # noqa: E402
-import tornado.websocket  # noqa: E402
-from typer.testing import CliRunner  # noqa: E402
-from viewer import viewer  # noqa: E402
+import tornado.httpclient
+import tornado.websocket
+from page_client import WAIT, ask, documents, leave, serve, status, upgrade
 
-from fasbody.exceptions import FasError, SettingError  # noqa: E402
-from identification.fit import BUNDLED  # noqa: E402
-from viz import foot as command  # noqa: E402
-from viz.server import Server, settings_from  # noqa: E402
-from viz.show import Show  # noqa: E402
+from fasbody.exceptions import SettingError
+from identification.fit import BUNDLED
+from viz.server import Server, settings_from
+from viz.show import Show
 
 RECORDED = str(BUNDLED / "recordings" / "20hz_0kg.csv")
-#: Only keeps a hung test from hanging the suite [s].
-WAIT = 300.0
-Client = Callable[[Server], Coroutine[Any, Any, None]]
 
 
 @pytest.fixture(scope="module")
 def show() -> Show:
     return Show(["two_dof"])
-
-
-def serve(show: Show, client: Client) -> None:
-    """Run a client against a server, then stop it; the server must end by itself."""
-
-    async def both() -> None:
-        server = Server(show)
-        running = asyncio.create_task(server.run())
-        try:
-            await asyncio.wait_for(client(server), WAIT)
-        finally:
-            server.stop()
-            await asyncio.wait_for(running, WAIT)
-
-    asyncio.run(both())
-
-
-async def status(url: str, **headers: str) -> tornado.httpclient.HTTPResponse:
-    client = tornado.httpclient.AsyncHTTPClient(force_instance=True)
-    try:
-        return await client.fetch(url, headers=headers, raise_error=False)
-    finally:
-        client.close()
-
-
-async def upgrade(server: Server, **headers: str) -> tornado.websocket.WebSocketClientConnection:
-    request = tornado.httpclient.HTTPRequest(server.url.replace("http", "ws") + "stream", headers=headers)
-    return await tornado.websocket.websocket_connect(request)
-
-
-async def documents(socket: tornado.websocket.WebSocketClientConnection, kind: str) -> dict[str, Any]:
-    """The next JSON document of a kind, the scene's messages passed over."""
-    while True:
-        message = await asyncio.wait_for(socket.read_message(), WAIT)
-        assert message is not None
-        if isinstance(message, str) and json.loads(message)["type"] == kind:
-            return dict(json.loads(message))
-
-
-async def leave(socket: tornado.websocket.WebSocketClientConnection) -> None:
-    """Close a page and wait until the server has let go of it."""
-    socket.close()
-    while await asyncio.wait_for(socket.read_message(), WAIT) is not None:
-        pass
-    await asyncio.sleep(0.2)
 
 
 def test_strangers_are_refused(show: Show) -> None:
@@ -184,67 +129,6 @@ def test_settings_from_the_page() -> None:
             settings_from(good | wrong)
 
 
-def test_help_keeps_its_units() -> None:
-    text = CliRunner().invoke(command.app, ["--help"]).output
-    assert "[m/s^2]" in text
-    assert "[kg]" in text
-
-
-def test_process_listens_on_the_loopback_only_and_ends_on_ctrl_c() -> None:
-    with viewer("--model", "two_dof") as (url, process):
-        connections = psutil.Process(process.pid).net_connections(kind="inet")
-        listening = [c.laddr for c in connections if c.status == psutil.CONN_LISTEN]
-        assert [address.ip for address in listening] == ["127.0.0.1"]
-        assert str(listening[0].port) in url
-        process.send_signal(signal.SIGINT)
-        assert process.wait(WAIT) == 0
-
-
-async def ask(url: str, requests: int) -> tornado.websocket.WebSocketClientConnection:
-    """A page that asks for motions and reads none."""
-    request = tornado.httpclient.HTTPRequest(url.replace("http", "ws") + "stream", headers={"Origin": url.rstrip("/")})
-    socket = await tornado.websocket.websocket_connect(request)
-    await documents(socket, "model")
-    for number in range(requests):
-        asked = {"type": "simulate", "frequency": 5, "peak_to_peak": 17.9, "added_mass": 0, "request": number}
-        await socket.write_message(json.dumps(asked))
-    return socket
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ends_in_the_middle_of_simulations(number: signal.Signals) -> None:
-    """With a page open, its requests queued: the connection is closed and the command ends by itself."""
-
-    async def client(url: str, process: Any) -> None:
-        socket = await ask(url, 300)
-        process.send_signal(number)
-        while await asyncio.wait_for(socket.read_message(), WAIT) is not None:
-            pass
-        assert socket.close_code == 1001
-        assert await asyncio.get_running_loop().run_in_executor(None, process.wait, WAIT) == 0
-        socket.close()
-        await asyncio.sleep(0.2)  # the connection is seen to end
-
-    with viewer("--model", "foot_arch") as (url, process):
-        asyncio.run(client(url, process))
-
-
-@pytest.mark.parametrize("starting", [0, 4])
-def test_closed_browser_ends_the_command_that_opened_it(starting: int) -> None:
-    """A reload, gone for less than the time of grace, does not; nor does it matter whose start is told first."""
-
-    async def client(url: str) -> None:
-        await leave(await ask(url, 1))
-        second = await ask(url, 1)
-        assert (await documents(second, "motion"))["request"] == 0
-        await leave(second)
-
-    opener = f"{sys.executable} -c 'import time; time.sleep({starting})' %s"
-    with viewer("--model", "two_dof", opener=opener) as (url, process):
-        asyncio.run(client(url))
-        assert process.wait(WAIT) == 0
-
-
 def test_without_a_browser_of_its_own_it_stays(show: Show, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("viz.server.GRACE", 0.3)
 
@@ -255,59 +139,3 @@ def test_without_a_browser_of_its_own_it_stays(show: Show, monkeypatch: pytest.M
             await asyncio.sleep(1)
 
     serve(show, client)
-
-
-def test_browser_that_never_comes_back_holds_nothing_up() -> None:
-    """One in a terminal does so; the page is served meanwhile, and Ctrl-C ends the command."""
-
-    async def client(url: str) -> None:
-        socket = await ask(url, 1)
-        assert (await documents(socket, "motion"))["request"] == 0
-        await leave(socket)
-
-    sleeper = f"{sys.executable} -c 'import time; time.sleep(3600)' %s"
-    with viewer("--model", "two_dof", opener=sleeper) as (url, process):
-        asyncio.run(client(url))
-        children = psutil.Process(process.pid).children()
-        try:
-            process.send_signal(signal.SIGINT)
-            assert process.wait(WAIT) == 0
-        finally:
-            for child in children:
-                child.kill()
-
-
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        (["--model", "foot_arc"], "no such model"),
-        (["--model", "foot_arch@high"], "no number in mm"),
-        (["--model", "foot_arch@300"], "bones reach"),
-        (["--model", "two_dof@25"], "five-body arch needs it"),
-        (["--watch"], "file of your own"),
-        (["--frequency", "0"], "must be between"),
-        (["--slow", "0"], "--slow"),
-        (["--port", "99999"], "between 0 (a free one) and 65535"),
-        (["--port", "-3"], "between 0 (a free one) and 65535"),
-        (["--sweep", "--recording", "x.csv"], "exclude each other"),
-        (["--recording", "nowhere.csv"], "nowhere.csv"),
-        (["--result", "nowhere.json"], "nowhere.json"),
-        (["--export", "foot.avi"], "ending must be one of"),
-        (["--recording", RECORDED, "--seconds", "1e-9"], "20hz_0kg.csv: has 1 of its"),
-        (["--recording", "nowhere.csv"], "give a recording"),
-        (["--recording", RECORDED, "--frequency", "20"], "leave it out with --recording"),
-        (["--sweep", "--peak-to-peak", "5"], "leave it out with --sweep"),
-        (["--seconds", "2"], "a sine is shown for one period"),
-        (["--watch", "--export", "foot.html"], "exclude each other"),
-        (["--model", ""], "a model needs a name: one of"),
-        (["--export", ""], "without a file name: the ending must be"),
-        (["--model", "foot_arch@0"], "more than 0 and less than 79 mm"),
-        (["--result", "."], "give the result.json"),
-        (["--sweep", "--export", "foot.gif"], "ask for --seconds"),
-        (["--sweep", "--slow", "2", "--seconds", "0.2", "--export", "foot.gif"], "ask for --slow"),
-    ],
-)
-def test_bad_options_are_one_sentence(options: list[str], sentence: str) -> None:
-    run = CliRunner().invoke(command.app, options)
-    assert isinstance(run.exception, FasError)
-    assert sentence in str(run.exception)

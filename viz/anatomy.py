@@ -135,12 +135,16 @@ def _weights(name: str, p: Array, groups: list[list[Shape]]) -> Array:
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-@app.command(epilog="Example: python -m viz.anatomy --folder mjcf/assets")
+@app.command()
 def main(
-    folder: Annotated[Path, typer.Option(help="Where to write the assets.")] = mjcf.asset(""),
-    json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+    folder: Annotated[Path, typer.Option(help="where to write the assets")] = mjcf.asset(""),
+    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
-    """Make the meshes of the foot from their shapes, check that they are closed, and write them as assets."""
+    """Make the meshes of the foot from their shapes, check that they are closed, and write them as assets.
+
+    Examples:
+      python -m viz.anatomy --folder mjcf/assets
+    """
     try:
         import trimesh
     except ImportError:

@@ -18,21 +18,25 @@ USUAL = Path("results/cell/cell.npz")
 QUICK = 5.0
 
 
-@app.command(
-    epilog="Examples: python -m viz.cell · python -m viz.cell results/cell --mode 3 · "
-    "python -m viz.cell results/cell --export cell.html"
-)
+@app.command()
 def main(
-    result: Annotated[Path | None, typer.Argument(help="Folder of python -m fasbody.cell --out, or cell.npz.")] = None,
-    mode: Annotated[int, typer.Option(help="Mode that is shown first.")] = 1,
-    export: Annotated[Path | None, typer.Option(help="Write .html, .png, .gif or .mp4 and end.")] = None,
-    port: Annotated[int, typer.Option(help="0 takes a free one.")] = 0,
-    browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
-    json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout: address or file.")] = False,
+    result: Annotated[Path | None, typer.Argument(help="folder of python -m fasbody.cell --out, or cell.npz")] = None,
+    mode: Annotated[int, typer.Option(help="mode that is shown first")] = 1,
+    export: Annotated[Path | None, typer.Option(help="write .html, .png, .gif or .mp4 and end")] = None,
+    port: Annotated[int, typer.Option(help="0 takes a free one")] = 0,
+    browser: Annotated[bool, typer.Option(help="open the browser")] = True,
+    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout: address or file")] = False,
 ) -> None:
     """Watch the mode shapes of a cell in slow motion; the page follows when the result is written again.
 
     Without a result it shows results/cell, or a quick one that it computes.
+
+    Examples:
+      python -m viz.cell
+
+      python -m viz.cell results/cell --mode 3
+
+      python -m viz.cell results/cell --export cell.html
     """
     if mode < 1:  # before a result is computed for it
         raise SettingError(f"--mode is {mode}, but the first mode of a result is 1.")

@@ -13,36 +13,43 @@ from fasbody.console import command_line, console
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.parameters import Parameter
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-@app.command(
-    epilog="Examples: python -m viz.foot · python -m viz.foot --model my_foot.xml --watch · "
-    "python -m viz.foot --compare foot_arch@25 · python -m viz.foot --export foot.html"
-)
+@app.command()
 def main(
-    model: Annotated[str, typer.Option(help="Model or MJCF file; foot_arch@25 is an arch 25 mm high.")] = "foot_arch",
-    compare: Annotated[str, typer.Option(help="A second model, shown as a ghost.")] = "",
-    frequency: Annotated[float | None, typer.Option(help="Of the shaker [Hz]; 20 unless given.")] = None,
+    model: Annotated[str, typer.Option(help="model or MJCF file; foot_arch@25 is an arch 25 mm high")] = "foot_arch",
+    compare: Annotated[str, typer.Option(help="a second model, shown as a ghost")] = "",
+    frequency: Annotated[float | None, typer.Option(help="of the shaker [Hz]; 20 unless given")] = None,
     peak_to_peak: Annotated[
-        float | None, typer.Option(help="Acceleration of the table [m/s^2]; 17.9 unless given.")
+        float | None, typer.Option(help=r"acceleration of the table \[m/s^2]; 17.9 unless given")
     ] = None,
-    added_mass: Annotated[float, typer.Option(help="On the knee [kg].")] = 0.0,
-    sweep: Annotated[bool, typer.Option(help="A swept sine, 5 to 50 Hz in 4 s, in place of the sine.")] = False,
-    recording: Annotated[Path | None, typer.Option(help="Drive the table by it; its ankle is a ghost.")] = None,
+    added_mass: Annotated[float, typer.Option(help=r"on the knee \[kg]")] = 0.0,
+    sweep: Annotated[bool, typer.Option(help="a swept sine, 5 to 50 Hz in 4 s, in place of the sine")] = False,
+    recording: Annotated[Path | None, typer.Option(help="drive the table by it; its ankle is a ghost")] = None,
     seconds: Annotated[
-        float | None, typer.Option(help="How much of the recording, 1 unless given, or length of the sweep, 4 [s].")
+        float | None, typer.Option(help=r"how much of the recording, 1 unless given, or length of the sweep, 4 \[s]")
     ] = None,
-    result: Annotated[Path | None, typer.Option(help="Parameters of a fit, result.json.")] = None,
-    slow: Annotated[float, typer.Option(help="Slow motion, times.")] = 20.0,
-    amplify: Annotated[float, typer.Option(help="Motion shown larger, times.")] = 10.0,
-    watch: Annotated[bool, typer.Option(help="Load the model again whenever its file is saved.")] = False,
-    export: Annotated[Path | None, typer.Option(help="Write .html, .png, .gif or .mp4 and end.")] = None,
-    port: Annotated[int, typer.Option(help="0 takes a free one.")] = 0,
-    browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
-    json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout: address or file.")] = False,
+    result: Annotated[Path | None, typer.Option(help="parameters of a fit, result.json")] = None,
+    slow: Annotated[float, typer.Option(help="slow motion, times")] = 20.0,
+    amplify: Annotated[float, typer.Option(help="motion shown larger, times")] = 10.0,
+    watch: Annotated[bool, typer.Option(help="load the model again whenever its file is saved")] = False,
+    export: Annotated[Path | None, typer.Option(help="write .html, .png, .gif or .mp4 and end")] = None,
+    port: Annotated[int, typer.Option(help="0 takes a free one")] = 0,
+    browser: Annotated[bool, typer.Option(help="open the browser")] = True,
+    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout: address or file")] = False,
 ) -> None:
-    """Watch a foot on the shaker in slow motion; move a slider and the real model runs again."""
+    """Watch a foot on the shaker in slow motion; move a slider and the real model runs again.
+
+    Examples:
+      python -m viz.foot
+
+      python -m viz.foot --model my_foot.xml --watch
+
+      python -m viz.foot --compare foot_arch@25
+
+      python -m viz.foot --export foot.html
+    """
     for name, value in (("--slow", slow), ("--amplify", amplify), ("--seconds", seconds)):
         if value is not None and not 0 < value < 1e4:
             raise SettingError(f"{name} is {value:g}, but must be between 0 and 10000.")

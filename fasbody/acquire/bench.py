@@ -33,21 +33,31 @@ FRAME_SAMPLES = 16
 _STARTS_WITHIN_S = 60.0
 _FOLDER = "fas_bench_"
 
+LinkArgument = Annotated[Path, typer.Argument(help="name of the port to make, a link to a terminal")]
+CableArgument = Annotated[Path, typer.Argument(help="socket from the generator to the board, made by the board")]
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command()
 def board(
-    link: Path,
-    cable: Path,
-    rate: float = 1000.0,
-    channels: int = 2,
-    bits: int = 16,
-    added_mass: float = 0.0,
-    seed: int = 1,
+    link: LinkArgument,
+    cable: CableArgument,
+    rate: Annotated[float, typer.Option(help="samples a second")] = 1000.0,
+    channels: Annotated[int, typer.Option(help="2, or 3 with the tuberosity")] = 2,
+    bits: Annotated[int, typer.Option(help="of a sample in a frame; 0 for text lines")] = 16,
+    added_mass: Annotated[float, typer.Option(help="on the knee in kg")] = 0.0,
+    seed: Annotated[int, typer.Option(help="seed of noise and damage")] = 1,
     damage: Annotated[float, typer.Option(help="share of bytes that arrive wrong")] = 0.0,
 ) -> None:
-    """The accelerometer board: samples the shaken foot and sends frames (or, with --bits 0, text lines)."""
+    """The accelerometer board: samples the shaken foot and sends frames (or, with --bits 0, text lines).
+
+    Runs until its standard input is closed.
+
+    Examples:
+      python -m fasbody.acquire.bench board /tmp/board /tmp/cable
+
+      python -m fasbody.acquire.bench board /tmp/board /tmp/cable --rate 4000 --channels 3 --damage 0.01
+    """
     rng = np.random.default_rng(seed)
     foot = Shaken(rate, added_mass, rng)
     roles = ("base", "malleolus", "tuberosity")[:channels]
@@ -113,8 +123,14 @@ def _fault(order: dict[str, Any], line: Line, stalled: bool) -> bool:
 
 
 @app.command()
-def generator(link: Path, cable: Path) -> None:
-    """The function generator: a small SCPI instrument whose output drives the shaker."""
+def generator(link: LinkArgument, cable: CableArgument) -> None:
+    """The function generator: a small SCPI instrument whose output drives the shaker.
+
+    Runs until its standard input is closed.
+
+    Examples:
+      python -m fasbody.acquire.bench generator /tmp/generator /tmp/cable
+    """
     line = Line(link)
     line.plug()
     instrument = Shaker()

@@ -17,7 +17,7 @@ import numpy as np
 from fasbody.acquire.frames import crc_ccitt
 from fasbody.acquire.messages import ROLES, Block, Channel, Damage, Hello, Message
 from fasbody.acquire.pieces import PieceReader
-from fasbody.channels import TIME_UNITS, UNITS
+from fasbody.units import TIME_UNITS, UNITS
 
 #: Longest line [bytes]; what is longer is damage, so memory stays bounded.
 LONGEST_LINE = 256

@@ -27,7 +27,7 @@ from fasbody.console import command_line, console, print_json, progress_bar, to_
 if TYPE_CHECKING:
     from fasbody.cell.analysis import Analysis
 
-app = typer.Typer(pretty_exceptions_enable=False, add_completion=False, rich_markup_mode=None)
+app = typer.Typer(pretty_exceptions_enable=False, add_completion=False)
 
 
 @app.callback(invoke_without_command=True)
@@ -38,20 +38,20 @@ def analyse_cell(
     modulus: ModulusOption = None,
     modes: ModesOption = 10,
     size: SizeOption = 3.5,
-    height: Annotated[float | None, typer.Option(help="Height of the dome [um].")] = None,
-    profile: Annotated[str, typer.Option(help="ellipsoid or cap.")] = "ellipsoid",
-    nucleus_centre: Annotated[float, typer.Option(help="Height of the nucleus' centre [um].")] = 4.5,
-    no_nucleus: Annotated[bool, typer.Option("--no-nucleus", help="Leave the nucleus out.")] = False,
-    nucleus_modulus: Annotated[float | None, typer.Option(help="Young's modulus of the nucleus [Pa].")] = None,
-    poisson: Annotated[float | None, typer.Option(help="Poisson's ratio of both.")] = None,
-    density: Annotated[float | None, typer.Option(help="Density of both [kg/m^3].")] = None,
-    membrane: Annotated[bool, typer.Option("--membrane", help="Add the elastic membrane of Table 5.1.")] = False,
-    filaments: Annotated[float, typer.Option(help="Add a tensegrity with this many filaments per bar.")] = 0.0,
-    mesh: Annotated[Path | None, typer.Option(help="Your own cell: .vtu, .msh or closed .stl, y up.")] = None,
-    um_per_unit: Annotated[float, typer.Option(help="Micrometres in one length unit of --mesh.")] = 1.0,
-    nucleus_tag: Annotated[int, typer.Option(help="Region number of the nucleus in --mesh.")] = 1,
-    nucleus_surface: Annotated[Path | None, typer.Option(help="Closed .stl of the nucleus, for an .stl cell.")] = None,
-    solver: Annotated[str | None, typer.Option(help="pardiso, superlu or multigrid; default: the fastest.")] = None,
+    height: Annotated[float | None, typer.Option(help=r"height of the dome \[um]")] = None,
+    profile: Annotated[str, typer.Option(help="ellipsoid or cap")] = "ellipsoid",
+    nucleus_centre: Annotated[float, typer.Option(help=r"height of the nucleus' centre \[um]")] = 4.5,
+    no_nucleus: Annotated[bool, typer.Option("--no-nucleus", help="leave the nucleus out")] = False,
+    nucleus_modulus: Annotated[float | None, typer.Option(help="Young's modulus of the nucleus [Pa]")] = None,
+    poisson: Annotated[float | None, typer.Option(help="Poisson's ratio of both")] = None,
+    density: Annotated[float | None, typer.Option(help=r"density of both \[kg/m^3]")] = None,
+    membrane: Annotated[bool, typer.Option("--membrane", help="add the elastic membrane of Table 5.1")] = False,
+    filaments: Annotated[float, typer.Option(help="add a tensegrity with this many filaments per bar")] = 0.0,
+    mesh: Annotated[Path | None, typer.Option(help="your own cell: .vtu, .msh or closed .stl, y up")] = None,
+    um_per_unit: Annotated[float, typer.Option(help="micrometres in one length unit of --mesh")] = 1.0,
+    nucleus_tag: Annotated[int, typer.Option(help="region number of the nucleus in --mesh")] = 1,
+    nucleus_surface: Annotated[Path | None, typer.Option(help="closed .stl of the nucleus, for an .stl cell")] = None,
+    solver: Annotated[str | None, typer.Option(help="pardiso, superlu or multigrid; default: the fastest")] = None,
     as_json: JsonOption = False,
     out: OutOption = None,
 ) -> None:
@@ -113,7 +113,7 @@ def sweep(
 ) -> None:
     """Figures 5.9 (four shapes), 5.10 (seven moduli) and 5.11 (power law with both ways of fitting).
 
-    Example:
+    Examples:
       python -m fasbody.cell sweep --preset as-printed --out results/cell
     """
     chosen = preset(preset_name)
@@ -155,7 +155,7 @@ def sweep(
 def verify(preset_name: PresetOption = "as-reproduced", as_json: JsonOption = False) -> None:
     """Known bodies: free sphere, clamped beam, scaling laws; and the cell's mesh convergence. Takes about a minute.
 
-    Example:
+    Examples:
       python -m fasbody.cell verify
     """
     from fasbody.cell.verification import check_cantilever, check_scaling, check_sphere, convergence
@@ -176,12 +176,12 @@ def shake(
     preset_name: PresetOption = "si",
     shape_text: ShapeOption = "100x40",
     modulus: ModulusOption = None,
-    modes: Annotated[int, typer.Option("--modes", help="Modes in the basis; the highest ends the range.")] = 40,
+    modes: Annotated[int, typer.Option("--modes", help="modes in the basis; the highest ends the range")] = 40,
     size: SizeOption = 3.5,
-    g: Annotated[float, typer.Option(help="Relaxing share of stiffness: instantaneous / rest - 1.")] = 0.5,
-    tau: Annotated[float, typer.Option(help="Relaxation time [s].")] = 2e-5,
-    nucleus_g: Annotated[float | None, typer.Option(help="The same for the nucleus.")] = None,
-    nucleus_tau: Annotated[float | None, typer.Option(help="The same for the nucleus [s].")] = None,
+    g: Annotated[float, typer.Option(help="relaxing share of stiffness: instantaneous / rest - 1")] = 0.5,
+    tau: Annotated[float, typer.Option(help=r"relaxation time \[s]")] = 2e-5,
+    nucleus_g: Annotated[float | None, typer.Option(help="the same for the nucleus")] = None,
+    nucleus_tau: Annotated[float | None, typer.Option(help=r"the same for the nucleus \[s]")] = None,
     as_json: JsonOption = False,
     out: OutOption = None,
 ) -> None:

@@ -1,21 +1,17 @@
 """Conforming two-material meshes of 10-node tetrahedra (the SOLID187 of section 5.2), by gmsh."""
 
-import hashlib
-import io
-import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fasbody.cell.cache import place, read, write
 from fasbody.cell.dome import Dome
 from fasbody.cell.meshsize import PER_CUBE, PER_SQUARE, MeshSize, refuse_above_limit, unknowns
 from fasbody.cell.tetmesh import CYTOPLASM, EDGES, NUCLEUS, TetMesh
-from fasbody.console import write_whole
 from fasbody.exceptions import MeshError, MissingPackageError
 
 if TYPE_CHECKING:
@@ -26,7 +22,6 @@ TO_VTK = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
 TET10 = 11  # gmsh's element type
 #: Elements whose smallest det J is below this share of their mean are straightened, halfway at most so many times.
 SQUASHED, UNBENDING = 0.2, 8
-FORMAT = 2  # counts up when meshes of old caches must not be used any more
 
 
 def dome_mesh(dome: Dome, size: MeshSize | None = None, *, cache: Path | None = None) -> TetMesh:
@@ -42,22 +37,14 @@ def dome_mesh(dome: Dome, size: MeshSize | None = None, *, cache: Path | None = 
         MissingPackageError: gmsh is not installed.
     """
     size = size or MeshSize()
-    identity = repr((FORMAT, astuple(dome), astuple(size)))
-    file = (cache or cache_folder()) / f"{hashlib.sha256(identity.encode()).hexdigest()[:24]}.npz"
-    stored = _read(file)
+    file = place(dome, size, cache)
+    stored = read(file)
     if stored is not None:
         return stored
     refuse_above_limit(lambda factor: unknowns(dome, size.coarser(factor)), size.size)
     mesh = _mesh_patiently(dome, size)
-    memory = io.BytesIO()
-    np.savez_compressed(memory, points_um=mesh.points_um, tets=mesh.tets, region=mesh.region)
-    write_whole(file, memory.getvalue())
+    write(file, mesh)
     return mesh
-
-
-def cache_folder() -> Path:
-    """Where finished meshes are kept."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fasbody" / "cell"
 
 
 def surface_mesh(
@@ -236,14 +223,6 @@ def _gmsh() -> Iterator[Any]:
         raise MeshError(f"gmsh cannot mesh this cell ({str(error).strip()}): try another element size.") from error
     finally:
         gmsh.finalize()
-
-
-def _read(file: Path) -> TetMesh | None:
-    try:
-        with np.load(file, allow_pickle=False) as stored:
-            return TetMesh(stored["points_um"], stored["tets"], stored["region"])
-    except (OSError, ValueError, KeyError, EOFError):  # not there, or damaged: mesh again
-        return None
 
 
 def _open_edges(surface: "trimesh.Trimesh") -> int:

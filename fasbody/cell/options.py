@@ -14,13 +14,13 @@ from fasbody.exceptions import SettingError
 if TYPE_CHECKING:
     from fasbody.cell.meshsize import MeshSize
 
-PresetOption = Annotated[str, typer.Option("--preset", help="as-printed, as-reproduced or si.")]
-ShapeOption = Annotated[str, typer.Option("--shape", help="Base axes, long x short [um].")]
-SizeOption = Annotated[float, typer.Option("--size", help="Element size [um]; finer at nucleus and rim.")]
-ModesOption = Annotated[int, typer.Option("--modes", help="Number of modes.")]
-ModulusOption = Annotated[float | None, typer.Option("--modulus", help="Young's modulus of the cytoplasm [Pa].")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
-OutOption = Annotated[Path | None, typer.Option("--out", help="Folder for results and figures.")]
+PresetOption = Annotated[str, typer.Option("--preset", help="as-printed, as-reproduced or si")]
+ShapeOption = Annotated[str, typer.Option("--shape", help=r"base axes, long x short \[um]")]
+SizeOption = Annotated[float, typer.Option("--size", help=r"element size \[um]; finer at nucleus and rim")]
+ModesOption = Annotated[int, typer.Option("--modes", help="number of modes")]
+ModulusOption = Annotated[float | None, typer.Option("--modulus", help="Young's modulus of the cytoplasm [Pa]")]
+JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON document")]
+OutOption = Annotated[Path | None, typer.Option("--out", help="folder for results and figures")]
 
 #: Parameters that only a dome, only a mesh of the user's own, or only a closed surface has.
 OF_DOME = {"shape_text", "height", "profile", "nucleus_centre", "no_nucleus"}

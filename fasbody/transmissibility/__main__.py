@@ -31,10 +31,12 @@ def main(
 ) -> None:
     """Transmissibility and phase for MB, TB and TM by load and posture, with statistics and figures.
 
-    Example: python -m fasbody.transmissibility my_study --out results/my_study
-             python -m fasbody.transmissibility 20hz.csv --json
-
     Exit code 2 if a recording cannot be used; the results of the others are written all the same.
+
+    Examples:
+      python -m fasbody.transmissibility my_study --out results/my_study
+
+      python -m fasbody.transmissibility 20hz.csv --json
     """
     if figure_format not in _ENDINGS:
         raise SettingError(f"figures cannot be {figure_format!r} (valid: {', '.join(_ENDINGS)}).")

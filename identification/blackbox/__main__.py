@@ -13,7 +13,7 @@ from fasbody.exceptions import SettingError, unknown
 from . import csvfile, report
 from .identify import ALL, DEFAULT, Report, identify
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 EXAMPLES = """
 Linear and Hammerstein-Wiener models of recordings with one input and one output.
@@ -21,8 +21,7 @@ Linear and Hammerstein-Wiener models of recordings with one input and one output
 Works on a study folder, on recordings (time_s, base_m_s2, malleolus_m_s2) and on any CSV with two signals. Orders are
 ranked by free simulation of held-out data; warnings say what the input did not excite.
 
-[bold]Examples[/]
-
+Examples:
   python -m identification.blackbox recording.csv
 
   python -m identification.blackbox motor.csv --input volts --output speed --sample-time 0.01
@@ -35,18 +34,18 @@ ranked by free simulation of held-out data; warnings say what the input did not 
 
 @app.command(help=EXAMPLES)
 def main(
-    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="CSV files or study folders.")],
-    input: Annotated[str, typer.Option(help="Input column, by name or number from 1.")] = "",
-    output: Annotated[str, typer.Option(help="Output column, by name or number from 1.")] = "",
-    sample_time: Annotated[float | None, typer.Option(help=r"Sample time \[s] when there is no time column.")] = None,
-    structures: Annotated[str, typer.Option(help=f"Of {', '.join(ALL)}, separated by commas.")] = ",".join(DEFAULT),
+    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="CSV files or study folders")],
+    input: Annotated[str, typer.Option(help="input column, by name or number from 1")] = "",
+    output: Annotated[str, typer.Option(help="output column, by name or number from 1")] = "",
+    sample_time: Annotated[float | None, typer.Option(help=r"sample time \[s] when there is no time column")] = None,
+    structures: Annotated[str, typer.Option(help=f"of {', '.join(ALL)}, separated by commas")] = ",".join(DEFAULT),
     orders: Annotated[
         str, typer.Option(help='"auto", or orders as in Table 3.2: "oe=4,4,1;ss=4" (others are selected).')
     ] = "auto",
-    split: Annotated[float, typer.Option(help="Fraction used for estimation; the rest is held out.")] = 0.5,
-    pool: Annotated[bool, typer.Option("--pool", help="One model of all recordings, an initial state each.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for result.json, models.csv and figures.")] = None,
+    split: Annotated[float, typer.Option(help="fraction used for estimation; the rest is held out")] = 0.5,
+    pool: Annotated[bool, typer.Option("--pool", help="one model of all recordings, an initial state each")] = False,
+    json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+    out: Annotated[Path | None, typer.Option(help="folder for result.json, models.csv and figures")] = None,
 ) -> None:
     """Identify, report, draw."""
     chosen = tuple(name.strip().lower() for name in structures.split(",") if name.strip())

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from fasbody.channels import TIME_UNITS
 from fasbody.exceptions import InputFileError, RecordingError, unknown
 from fasbody.recording import Study
+from fasbody.units import TIME_UNITS
 
 from .data import INPUT_OUTPUT, Series, find_fault, find_problem, from_recording
 

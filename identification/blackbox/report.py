@@ -74,6 +74,7 @@ def model(report: Report, found: Found) -> dict[str, Any]:
         "fpe": best.fpe,
         "bic": best.bic,
         "loss": estimate.loss,
+        "noise_variance": getattr(estimate, "noise_variance", None),  # of e(t), polynomial models only
         "parameters": estimate.parameters,
         "coefficients": coefficients(estimate),
         "poles": [[p.real, p.imag] for p in np.asarray(estimate.poles(), dtype=complex)],

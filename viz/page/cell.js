@@ -9,7 +9,7 @@ const stage = new Stage(byId("pane"), CAMERAS);
 stage.addGround(-0.055);
 const state = { mode: 1, amplitude: 1, slow: 1, opacity: 0.55, lines: true };
 const stats = { frames: 0, motions: 0 };
-let cell = null, parts = [];
+let cell = null, parts = [], meshButton = null;
 const chosen = () => cell.modes[state.mode - 1], length = () => 1 / chosen().hz, stepping = () => 48;
 
 // ---- controls -------------------------------------------------------------------------------------------------------
@@ -26,7 +26,8 @@ function buildControls() {
   slider(picture, "slow", "Slow motion", "× slower", 0.2 * first, 20 * first, state.slow, v => { state.slow = v; fresh = true; }, { log: true, nominal: 2 * first });
   slider(picture, "opacity", "Cell's opacity", "", 0.1, 1, state.opacity, v => { state.opacity = v; fresh = true; }, { step: 0.01, nominal: 0.55 });
   const looks = rowIn(picture);
-  button(looks, "Mesh", b => showLines(!state.lines, b), "M").setAttribute("aria-pressed", state.lines);
+  meshButton = button(looks, "Mesh", () => showLines(!state.lines), "M");
+  meshButton.setAttribute("aria-pressed", state.lines);
   button(looks, "Save PNG", () => stage.save(`cell-mode-${state.mode}.png`));
 }
 
@@ -42,9 +43,9 @@ function choose(number) {
   fresh = true;
 }
 
-function showLines(shown, b = byId("showing").querySelector("button")) {
+function showLines(shown) {
   state.lines = shown;
-  b.setAttribute("aria-pressed", shown);
+  meshButton.setAttribute("aria-pressed", shown);
   fresh = true;
 }
 

@@ -222,36 +222,7 @@ class Feet extends Stage {
 // What is coloured: parts, loop whose force it is, ramp, and which way the force points.
 const PAINTED = [[["heel_pad", "forefoot_pad"], "fat pad", "pressure", -1], [["aponeurosis"], "fascia", "tension", 1]];
 
-// Largest change of a loop's force in any foot.
-function largest(motion, loop) {
-  if (!motion.tops) motion.tops = {};
-  if (!(loop in motion.tops)) {
-    const forces = Object.values(motion.feet).flatMap(f => (f.loops[loop] ? f.loops[loop].force : []));
-    motion.tops[loop] = forces.reduce((m, v) => Math.max(m, Math.abs(v)), 0);
-  }
-  return motion.tops[loop];
-}
-
 // A ghost lets the foot be seen that it lies over; beside it there is no need for that.
 function solid(mesh, on, faint) {
   if (mesh && mesh.material) Object.assign(mesh.material, { opacity: on ? 0.9 : faint, depthWrite: on });
-}
-
-function vector(pose) { return new THREE.Vector3(pose[0], pose[1], pose[2]); }
-function quaternion(pose) { return new THREE.Quaternion(pose[4], pose[5], pose[6], pose[3]); }
-
-// Displacement and rotation vector of one body between two frames.
-function blend(shown, at, body) {
-  const n = shown.frames, width = shown.bodies.length / n, k = Math.floor(at) % n, u = at - Math.floor(at);
-  const next = shown.periodic ? (k + 1) % n : Math.min(k + 1, n - 1), out = [];
-  for (let j = 0; j < 6; j++) {
-    const a = shown.bodies[k * width + 6 * body + j], b = shown.bodies[next * width + 6 * body + j];
-    out.push(a + (b - a) * u);
-  }
-  return out;
-}
-
-function sample(values, shown, at) {
-  const n = shown.frames, k = Math.floor(at) % n, u = at - Math.floor(at), next = shown.periodic ? (k + 1) % n : Math.min(k + 1, n - 1);
-  return values[k] + (values[next] - values[k]) * u;
 }
