@@ -18,7 +18,7 @@ from fasbody.console import command_line, console, print_json, write_whole
 RESULTS = Path(__file__).with_name("RESULTS.md")
 #: Topics in the order of the table; each is a module with a command, run in a process of its own on one thread.
 TOPICS = (
-    "accuracy", "callbacks", "arch", "fitting", "coverage", "black_box", "cell", "study", "viewer", "acquire",
+    "accuracy", "callbacks", "arch", "fitting", "coverage", "black_box", "cell", "study", "trend", "viewer", "acquire",
     "peak_to_peak", "study_end_to_end",
 )  # fmt: skip
 
@@ -64,7 +64,7 @@ def main(
             raise typer.BadParameter(f"{name!r} is none of {', '.join(TOPICS)}")
     options = {
         "fitting": ["--scipy-limit", f"{scipy_limit}"], "coverage": ["--seeds", f"{seeds}", "--jobs", f"{jobs}"],
-        "study": ["--scipy-limit", f"{scipy_limit}"], "black_box": ["--peers" if with_peers else "--no-peers"],
+        "black_box": ["--peers" if with_peers else "--no-peers"],
     }  # fmt: skip
     where, when = machine(), datetime.now(UTC).strftime("%Y-%m-%d")
     known = read(out.read_text(), where) if out.is_file() else {}

@@ -1,130 +1,147 @@
-"""How long a whole study takes: fits a second, beside scipy on the same recordings, and two workers beside one.
+"""How long a whole study takes, beside scipy on the same recordings, two workers beside one, and in the time domain.
 
-Recordings of the virtual study (`python -m fasbody.laboratory FOLDER --subjects 20 --posture midstance`: 540 of 10 s at
-1 kHz), each fitted alone from ten starts, both branches, certified in MuJoCo. A few subjects are fitted and the CPU
-time of a fit extrapolated; CPU times, as other programs disturb them little.
+The virtual study (`python -m fasbody.laboratory FOLDER --subjects 20 --posture midstance`: 540 recordings of 10 s at
+1 kHz), each recording fitted alone from ten starts, both branches, certified in MuJoCo. Wall times, so the cores must
+be idle; what is extrapolated says from how many recordings.
 """
 
+import json
 import os
 import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 
 from benchmarks import plain_scipy
-from benchmarks.rows import Row, at_least, at_most, faster, report
+from benchmarks.rows import JsonOption, Row, at_least, at_most, faster, judged_if_idle, report
 from fasbody.checks import checked
-from fasbody.console import command_line, progress_bar
+from fasbody.console import command_line, console
 from fasbody.model import load
 from fasbody.recording import StudyFolder
 from fasbody.virtual_study import Plan as Virtual
 from fasbody.virtual_study import make
 from identification.estimate import Settings
 from identification.routes import TimeRoute
+from identification.search import descend
 from identification.space import space_of
-from identification.study import job
-from identification.study.plan import Model, Plan
+from identification.study import cluster
+from identification.study.job import Document
+from identification.study.plan import Job, Model, Plan
 
-#: The study that is meant, and a load average beyond which two processes cannot show what they do.
-_RECORDINGS, _IDLE = 540, 0.5
 _LOADS = (("midstance", 0.0), ("midstance", 2.3), ("midstance", 4.5))
+#: Recordings of a subject: three loads at nine frequencies.
+_EACH = 27
+#: A study of 540 recordings in steady state and in the time domain on two cores [min].
+_WANTED_MIN, _WANTED_TIME_MIN, _MEANT = 2.0, 10.0, 540
 
 
-def fits(study: StudyFolder, count: int, domain: str, starts: int) -> float:
-    """CPU time of one fit [s]: reading, fitting, both branches in MuJoCo, cycles; mean of recordings spread evenly."""
-    plan = Plan(study, study.trials, Settings(starts=starts, domain=domain, threads=1), Model.of(load("two_dof")))
-    jobs = plan.jobs("per-recording")
-    chosen = [jobs[i] for i in np.linspace(0, len(jobs) - 1, count).round().astype(int)]
-    job.run(plan.work(jobs[0]))  # compiles
-    began = time.process_time()
-    for one in chosen:
-        assert job.run(plan.work(one))["status"] == "done"
-    return (time.process_time() - began) / len(chosen)
+def spread(items: Sequence[Any], count: int) -> list[Any]:
+    """So many of them, evenly."""
+    return [items[i] for i in np.linspace(0, len(items) - 1, min(count, len(items))).round().astype(int)]
 
 
-def by_scipy(study: StudyFolder, count: int, evaluations: int) -> float:
-    """CPU time of one fit of a recording from one start by `solve_ivp` and `least_squares` [s]."""
-    foot, times = load("two_dof"), []
+def whole(folder: Path, starts: int) -> tuple[float, dict[str, Any]]:
+    """Wall time [s] of the command on a study, without its page, and the line of its JSON document about the fits."""
+    out = folder.with_name("results")
+    how = ["--starts", str(starts), "--workers", str(_cores()), "--no-report", "--json", "--out", str(out)]
+    command = [sys.executable, "-m", "identification.study", str(folder), *how]
+    began = time.perf_counter()
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+    return time.perf_counter() - began, json.loads(done.stdout)["modes"][0]
+
+
+def on_workers(plan: Plan, jobs: Sequence[Job], workers: int) -> float:
+    """Wall time [s] of jobs on so many local Dask workers, whose start and first two jobs each are not counted."""
+    with cluster.local(workers) as do:
+        _all_done(do(plan.work(job) for job in jobs[: 2 * workers]))
+        began = time.perf_counter()
+        _all_done(do(plan.work(job) for job in jobs))
+        return time.perf_counter() - began
+
+
+def _all_done(documents: Any) -> None:
+    failed: list[Document] = [document for document in documents if document["status"] != "done"]
+    assert not failed, failed[0]["error"]
+
+
+def by_scipy(study: StudyFolder, count: int, evaluations: int) -> tuple[float, float]:
+    """CPU time [s] of one start by `solve_ivp` and `least_squares`, and the trial points taken for it, means.
+
+    So many trial points are timed on each recording and scaled to those that our own descent takes on the same
+    problem from the same start, for scipy needs minutes to converge.
+    """
+    foot, seconds, points = load("two_dof"), [], []
     space = space_of(foot, delay=False)
-    with progress_bar() as progress:
-        for i in progress.track(np.linspace(0, len(study.trials) - 1, count).round().astype(int), description="scipy"):
-            recording = checked(study.read(study.trials[i]))
-            problem = TimeRoute(foot, [recording], space, twin=True, threads=1).explorer()
-            began = time.process_time()
-            plain_scipy.fit(problem, problem.start(space.to_q(space.theta(foot.values()))), evaluations)
-            times.append(time.process_time() - began)
-    return float(np.mean(times))
-
-
-def scaling(folder: Path) -> tuple[float, float]:
-    """Wall times [s] of the fits of a study by one local Dask worker and by two, starting them not included."""
-    times = []
-    for workers in (1, 2):
-        code = (
-            "import sys, time; from pathlib import Path; from fasbody.model import load;"
-            "from fasbody.recording import StudyFolder; from identification.estimate import Settings;"
-            "from identification.study import cluster; from identification.study.plan import Model, Plan\n"
-            "if __name__ == '__main__':\n"
-            "    study = StudyFolder.open(sys.argv[1])\n"
-            "    plan = Plan(study, study.trials, Settings(starts=10, threads=1), Model.of(load('two_dof')))\n"
-            "    jobs = plan.jobs('per-recording')\n"
-            "    with cluster.local(int(sys.argv[2])) as do:\n"
-            "        list(do(plan.work(job) for job in jobs[:4]))\n"
-            "        began = time.perf_counter()\n"
-            "        list(do(plan.work(job) for job in jobs))\n"
-            "        print(time.perf_counter() - began)\n"
-        )
-        with tempfile.TemporaryDirectory() as place:
-            script = Path(place) / "scaling.py"  # a file, as its worker processes import it again
-            script.write_text(code)
-            environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
-            done = subprocess.run(
-                [sys.executable, str(script), str(folder), str(workers)], capture_output=True, text=True, check=True,
-                env=environment,
-            )  # fmt: skip
-        times.append(float(done.stdout))
-    return times[0], times[1]
+    for trial in spread(study.trials, count):
+        problem = TimeRoute(foot, [checked(study.read(trial))], space, twin=True, threads=1).explorer()
+        q0 = space.to_q(space.theta(foot.values()))
+        ours = descend(problem, q0, "model").evaluations
+        began = time.process_time()
+        plain_scipy.fit(problem, problem.start(q0), evaluations)
+        seconds.append((time.process_time() - began) / evaluations * ours)
+        points.append(ours)
+    return float(np.mean(seconds)), float(np.mean(points))
 
 
 def measure(
-    subjects: int = 1, count: int = 27, count_time: int = 9, scipy_recordings: int = 5, scipy_limit: int = 200,
-    starts: int = 10, workers: bool = True,
+    subjects: int = 20, subset: int = 81, count_time: int = 36, scipy_recordings: int = 5, evaluations: int = 2,
+    starts: int = 10,
 ) -> list[Row]:  # fmt: skip
     """All rows; the defaults are those of `make bench`."""
+    busy, rows = os.getloadavg()[0], []
+    recordings, cores = subjects * _EACH, _cores()
+
+    def say(what: str) -> None:
+        console.print(f"  {time.strftime('%H:%M:%S')} {what}", markup=False, soft_wrap=True)
+
+    def judged(row: Row) -> None:
+        rows.append(judged_if_idle(row, busy))
+
     with tempfile.TemporaryDirectory() as place:
+        say(f"making {recordings} recordings")
         folder = make(Path(place) / "study", Virtual(subjects=subjects, conditions=_LOADS))
-        study = StudyFolder.open(folder)
-        steady = fits(study, count, "auto", starts)
-        timed = fits(study, count_time, "time", starts)
-        scipy = by_scipy(study, scipy_recordings, scipy_limit)
-        rows = [
-            at_most(f"steady-state fit, {starts} starts, both branches in MuJoCo, mean of {count}", steady, 0.44, "s"),
-            at_most(f"study of {_RECORDINGS}, two idle cores, extrapolated", _RECORDINGS * steady / 120, 2.0, "min"),
-            at_least("fits a second on one idle core", 1 / steady, 540 / 240),
-            at_most(f"the same in the time domain, mean of {count_time}", _RECORDINGS * timed / 120, 10.0, "min"),
-            faster("steady-state fit, ten starts", steady, scipy,
-                   f"scipy, one start, {scipy_limit} trial points allowed, mean of {scipy_recordings} recordings"),
-            faster("time-domain fit, ten starts", timed, scipy, "the same"),
-        ]  # fmt: skip
-        if workers:
-            rows.append(two_workers(folder))
+        study, model = StudyFolder.open(folder), Model.of(load("two_dof"))
+        steady = Plan(study, study.trials, Settings(starts=starts, threads=1), model)
+        timed = Plan(study, study.trials, Settings(starts=starts, domain="time", threads=1), model)
+
+        say(f"fitting all of them on {cores} processes")
+        wall, fits = whole(folder, starts)
+        each = fits["seconds"] / fits["fits"]
+        what = f"study of {recordings}, {starts} starts, both branches in MuJoCo, {cores} processes, wall time"
+        judged(at_most(what, wall / 60, _WANTED_MIN * recordings / _MEANT, "min"))
+        judged(at_least("its fits a second", fits["fits"] / wall, _MEANT / _WANTED_MIN / 60))
+        rows.append(at_least("its recordings that are fitted", 100 * fits["done"] / fits["fits"], 100.0, "%"))
+
+        say(f"scipy: {evaluations} trial points on each of {scipy_recordings} recordings")
+        start, points = by_scipy(study, scipy_recordings, evaluations)
+        other = (
+            f"scipy solve_ivp and least_squares, {starts} starts of {points:.3g} trial points (as many as our descent "
+            f"takes), from {evaluations} timed on each of {scipy_recordings} recordings"
+        )
+        rows.append(faster(f"one of its fits, {starts} starts, time of one process", each, starts * start, other))
+
+        jobs = spread(steady.jobs("per-recording"), subset)
+        say(f"{len(jobs)} recordings on one Dask worker, then on two")
+        one, two = (on_workers(steady, jobs, workers) for workers in (1, 2))
+        what = f"two local Dask workers beside one, {len(jobs)} recordings, wall time"
+        judged(at_least(what, one / two, 1.8, "times"))
+
+        jobs = spread(timed.jobs("per-recording"), count_time)
+        say(f"{len(jobs)} recordings in the time domain on {cores} processes")
+        in_time = on_workers(timed, jobs, cores) / len(jobs)
+        what = f"study of {recordings} in the time domain, {cores} processes, wall time, extrapolated from {len(jobs)}"
+        judged(at_most(what, recordings * in_time / 60, _WANTED_TIME_MIN * recordings / _MEANT, "min"))
     return rows
 
 
-def two_workers(folder: Path) -> Row:
-    """Two local Dask workers beside one; not judged on a busy machine."""
-    load_before = os.getloadavg()[0]
-    one, two = scaling(folder)
-    row = at_least("two local Dask workers beside one, wall time", one / two, 1.8, "times")
-    if load_before > _IDLE or len(os.sched_getaffinity(0)) < 2:
-        row = replace(row, against=f"{row.against} on idle cores; not judged, load was {load_before:.1f}", holds=None)
-    return row
+def _cores() -> int:
+    return len(os.sched_getaffinity(0))
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -132,18 +149,19 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def main(
-    count: Annotated[int, typer.Option(min=1, help="recordings fitted in steady state")] = 27,
-    count_time: Annotated[int, typer.Option(min=1, help="recordings fitted in the time domain")] = 9,
+    subjects: Annotated[int, typer.Option(min=1, help=f"subjects of the whole study, {_EACH} recordings each")] = 20,
+    subset: Annotated[int, typer.Option(min=2, help="recordings on one and on two workers")] = 81,
+    count_time: Annotated[int, typer.Option(min=1, help="recordings fitted in the time domain")] = 36,
     scipy_recordings: Annotated[int, typer.Option(min=1, help="recordings fitted by scipy")] = 5,
-    scipy_limit: Annotated[int, typer.Option(min=1, help="trial points allowed to scipy")] = 200,
-    json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout")] = False,
+    scipy_points: Annotated[int, typer.Option(min=1, help="trial points of scipy on each")] = 2,
+    json_: JsonOption = False,
 ) -> None:
-    """Speed of a study; scipy takes minutes.
+    """Speed of a study from its first to its last fit; some ten minutes on two idle cores.
 
     Examples:
-      python -m benchmarks.study --scipy-limit 3
+      python -m benchmarks.study --subjects 1 --count-time 4 --scipy-points 1
     """
-    report("study", measure(1, count, count_time, scipy_recordings, scipy_limit), json_)
+    report("study", measure(subjects, subset, count_time, scipy_recordings, scipy_points), json_)
 
 
 if __name__ == "__main__":

@@ -6,20 +6,21 @@ prints what docs/study_methods.md quotes.
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
-from rich.table import Table
 
+from benchmarks.rows import JsonOption, Row, between, report
 from fasbody.checks import checked
-from fasbody.console import command_line, print_json, progress_bar, results
+from fasbody.console import command_line, console, progress_bar
 from fasbody.instrument import Instrument
 from fasbody.model import Foot, load
 from fasbody.recording import Condition, Recording
 from fasbody.two_dof import TwoDof
 from fasbody.virtual_study import steady
 from fasbody.virtual_subject import Tuberosity
+from identification.branches import STIFF_ANKLE
 from identification.estimate import Settings
 from identification.study.curves import Order
 from identification.study.trend import CURVES, fit_trend, refit
@@ -60,8 +61,8 @@ def study(law: Law, loads: tuple[float, ...], seed: int, scatter: float = 0.0) -
     return made
 
 
-def coverage(foot: Foot, start: TrendBranch, seeds: int, scatter: float) -> dict[str, Any]:
-    """Share of 95 % intervals of the curves that hold the truth, and median relative standard errors."""
+def coverage(foot: Foot, start: TrendBranch, seeds: int, scatter: float) -> list[Row]:
+    """Share of 95 % intervals of the curves that hold the truth, and what is learnt of the scatter."""
     space = replace(start.space, scatter=scatter > 0)
     begin = replace(start, space=space, scatter=dict.fromkeys(CURVES, 0.1))
     inside: list[bool] = []
@@ -77,18 +78,28 @@ def coverage(foot: Foot, start: TrendBranch, seeds: int, scatter: float) -> dict
                     if name in CURVES:
                         inside.append(e.lower <= power_laws(f, m)[name] <= e.upper)
                         errors.append(e.std_error / e.value)
-    return {
-        "scatter_percent": 100 * scatter, "seeds": seeds, "coverage_percent": 100 * float(np.mean(inside)),
-        "median_error_percent": 100 * float(np.median(errors)), "learnt_scatter_percent": 100 * float(np.median(tau)),
-    }  # fmt: skip
+    about = f"scatter {100 * scatter:g} %, {seeds} seeds"
+    rows = [
+        between(f"95 % interval of a curve holds the truth, {about}", 100 * float(np.mean(inside)), 92.0, 98.0, "%"),
+        Row(f"median standard error of a curve, {about}", f"{100 * float(np.median(errors)):.2g} %", ""),
+    ]
+    if scatter:
+        learnt = 100 * float(np.median(tau))
+        rows.append(between(f"scatter learnt, median, {about}", learnt, 80 * scatter, 120 * scatter, "%"))
+    return rows
 
 
-def branches(foot: Foot) -> list[dict[str, Any]]:
+#: Damping, loads, powers of the load in curves and truth, and whether the loads and the damping then tell the branches.
+CASES = (
+    (STRONG, LOADS_KG[:1], 0, True), (FLAT, LOADS_KG[:1], 0, False), (FLAT, LOADS_KG[::2], 0, True),
+    (FLAT, LOADS_KG[::2], 1, False), (FLAT, LOADS_KG, 1, True), (FLAT, LOADS_KG, 2, False),
+)  # fmt: skip
+
+
+def branches(foot: Foot) -> list[Row]:
     """By how much the mirror branch is worse, for damping, loads and orders of the curves in the load."""
-    rows: list[dict[str, Any]] = []
-    cases = [(STRONG, LOADS_KG[:1], 0), (FLAT, LOADS_KG[:1], 0), (FLAT, LOADS_KG[::2], 0), (FLAT, LOADS_KG[::2], 1),
-             (FLAT, LOADS_KG, 1), (FLAT, LOADS_KG, 2)]  # fmt: skip
-    for bend, loads, order in cases:
+    rows: list[Row] = []
+    for bend, loads, order, told in CASES:
 
         def law(f: float, m: float, bend: dict[str, float] = bend, fixed: bool = order == 0) -> dict[str, float]:
             return power_laws(f, 0.0 if fixed else m, bend)
@@ -98,23 +109,26 @@ def branches(foot: Foot) -> list[dict[str, Any]]:
             certify=False,
         )  # fmt: skip
         apart = result.branches[1].deviance - result.best.deviance if len(result.branches) > 1 else float("nan")
-        rows.append({
-            "damping": "nonlinear" if bend is STRONG else "nearly linear", "loads": len(loads), "powers_of_load": order,
-            "deviance_difference": float(apart), "best": result.best.name, "verdict": result.verdict,
-        })  # fmt: skip
+        damping = "nonlinear" if bend is STRONG else "nearly linear"
+        what = f"other branch worse by (-2 log L), {damping} damping, {len(loads)} loads, load to the power of {order}"
+        right = result.best.name == STIFF_ANKLE or result.verdict == "undecided"
+        holds = right and result.verdict == ("decided" if told else "undecided")
+        ahead = "" if result.best.name == STIFF_ANKLE else ", wrong branch ahead"
+        rows.append(Row(what.replace("1 loads", "1 load"), f"{apart:.3g}, {result.verdict}{ahead}",
+                        "decided, rightly" if told else "undecided", None, holds))  # fmt: skip
     return rows
 
 
-def held_out(foot: Foot, start: TrendBranch) -> list[dict[str, Any]]:
+def held_out(foot: Foot, start: TrendBranch) -> list[Row]:
     """Held-out errors of the three modes on one subject with two loads."""
     data = study(power_laws, LOADS_KG[::2], 1)
     settings = Settings(starts=1, threads=1)
-    rows: list[dict[str, Any]] = []
+    rows: list[Row] = []
     for mode in ("per-recording", "pooled", "trend"):
         branch = start if mode == "trend" else None
         found = leave_one_frequency_out(data, foot, mode, settings, branch=branch)
-        rows.append({"mode": mode, "median_error_percent": found.percent,
-                     "chi_square_per_number": found.chi_square_per_number})  # fmt: skip
+        text = f"{found.percent:.2g} %, chi-square a number {found.chi_square_per_number:.3g}"
+        rows.append(Row(f"error of a frequency left out, median, {mode}", text, ""))
     return rows
 
 
@@ -123,10 +137,10 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def main(
-    seeds: Annotated[int, typer.Option(min=2, help="noise seeds for the coverage")] = 30,
-    json_: Annotated[bool, typer.Option("--json", help="print the tables on stdout")] = False,
+    seeds: Annotated[int, typer.Option(min=2, help="noise seeds for the coverage")] = 25,
+    json_: JsonOption = False,
 ) -> None:
-    """Coverage of the curves' intervals, separation of the mirror branches, held-out errors.
+    """Coverage of the curves' intervals, separation of the mirror branches, held-out errors; a few minutes.
 
     Examples:
       python -m benchmarks.trend --seeds 30
@@ -136,18 +150,9 @@ def main(
         study(power_laws, LOADS_KG, 99), foot, Settings(starts=1, threads=1), order=Order(2, 1, 1), scatter=False,
         certify=False,
     ).best  # fmt: skip
-    document: dict[str, list[dict[str, Any]]] = {
-        "coverage": [coverage(foot, start, seeds, scatter) for scatter in (0.0, 0.05)],
-        "branches": branches(foot), "held_out": held_out(foot, start),
-    }  # fmt: skip
-    if json_:
-        print_json(document)
-        return
-    for title, rows in document.items():
-        table = Table(*rows[0], title=title.replace("_", " "), title_justify="left")
-        for row in rows:
-            table.add_row(*(f"{v:.3g}" if isinstance(v, float) else str(v) for v in row.values()))
-        results.print(table)
+    rows = [row for scatter in (0.0, 0.05) for row in coverage(foot, start, seeds, scatter)]
+    console.print("branches, then held-out errors")
+    report("trend", [*rows, *branches(foot), *held_out(foot, start)], json_)
 
 
 if __name__ == "__main__":

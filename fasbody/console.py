@@ -12,7 +12,8 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from fasbody.exceptions import FasError, InputFileError
+from fasbody.exceptions import FasError, InputFileError, Stopped
+from fasbody.interrupt import once
 
 #: Everything for people goes to stderr, so that ``--json`` leaves one clean document on stdout.
 console = Console(stderr=True, highlight=False)
@@ -22,15 +23,22 @@ results = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
 
 def command_line(app: Callable[[], object]) -> None:
     """Run a Typer app (any callable): exit 0 done, 2 bad input (one sentence, no traceback), 130 interrupted, 1 bug."""
-    try:
-        app()
-    except FasError as error:
-        console.print(f"[bold red]error:[/] {_escape(str(error))}", soft_wrap=True)
-        sys.exit(2)
-    except SystemExit as stop:
-        if stop.code == 130:  # what Typer makes of Ctrl-C
+    with once():
+        try:
+            app()
+        except FasError as error:
+            console.print(f"[bold red]error:[/] {_escape(str(error))}", soft_wrap=True)
+            sys.exit(2)
+        except Stopped as stop:
+            console.print(str(stop), markup=False, soft_wrap=True)
+            sys.exit(130)
+        except KeyboardInterrupt:
             console.print("interrupted")
-        raise
+            sys.exit(130)
+        except SystemExit as stop:
+            if stop.code == 130:  # what Typer makes of Ctrl-C
+                console.print("interrupted")
+            raise
 
 
 def print_json(document: Any) -> None:

@@ -9,6 +9,10 @@ class FasError(Exception):
     """Base of all errors whose cause is the input; commands print it and exit with 2."""
 
 
+class Stopped(Exception):
+    """Ctrl-C, with a sentence on what is kept; commands print it and exit with 130."""
+
+
 class InputFileError(FasError):
     """A file or folder cannot be used as asked.
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -78,12 +79,12 @@ class Space:
         """Whether the channel delay is estimated."""
         return self.free[-1].name == DELAY.name
 
-    @property
+    @cached_property
     def scale(self) -> np.ndarray:
         """(p,) size of one unit of q for the linear parameters; 1 for the logarithmic ones."""
         return np.array([1.0 if item.logarithmic else _unit(item) for item in self.free])
 
-    @property
+    @cached_property
     def _log(self) -> np.ndarray:
         return np.array([item.logarithmic for item in self.free])
 

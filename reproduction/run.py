@@ -14,6 +14,7 @@ from typing import Any
 import mjcf
 import reproduction
 from fasbody.console import to_json, write_whole
+from fasbody.interrupt import heeded
 from fasbody.parallel import run
 from reproduction.book import ROWS
 from reproduction.row import Outcome, Row, Verdict
@@ -66,7 +67,8 @@ def execute(row: Row) -> dict[str, Any]:
     about = {"id": row.id, "what": row.what, "command": row.command}
     began = time.process_time()
     try:
-        outcome = row.run().document() | {"error": None}
+        with heeded():
+            outcome = row.run().document() | {"error": None}
     except Exception as error:  # a row that raises is a result, too
         outcome = Outcome().document() | {"error": f"{type(error).__name__}: {error}"}
     return about | outcome | {"cpu_seconds": time.process_time() - began}

@@ -20,6 +20,7 @@ from benchmarks import (
     plain_scipy,
     results,
     rows,
+    study,
     study_end_to_end,
 )  # fmt: skip
 from benchmarks.__main__ import TOPICS
@@ -111,6 +112,11 @@ def test_memory_and_time_of_a_command_are_its_own(tmp_path: Path) -> None:
         with pytest.raises(RuntimeError, match="nowhere ended with 1"):
             study_end_to_end.measured("nowhere")
     assert large > 190 and small < 100  # though the larger one ran first
+
+
+def test_a_subset_of_a_study_is_spread_over_it() -> None:
+    assert study.spread(range(540), 5) == [0, 135, 270, 404, 539]
+    assert study.spread(range(3), 81) == [0, 1, 2]
 
 
 def test_busy_cores_give_no_verdict_on_threads() -> None:

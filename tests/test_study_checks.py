@@ -112,7 +112,7 @@ def test_both_domains_on_one_fit(study: Path, tmp_path: Path) -> None:
 
 def test_a_check_that_cannot_be_is_said_and_stops_nothing(study: Path, tmp_path: Path) -> None:
     two = ("--frequency", "10", "--frequency", "20")
-    found = fitted(study, tmp_path, *ONE_LOAD, *two, "--validate", "--profile", "k_T", "--report")
+    found = fitted(study, tmp_path, *ONE_LOAD, *two, "--validate", "--profile", "k_T,k_T", "--report")
     assert (found["computed"], found["checked"]) == (2, 3)
     (failure,) = found["failed"]
     assert failure["kind"] == "validation" and "three or more frequencies" in failure["error"]

@@ -88,8 +88,7 @@ def test_local_processes_give_the_same(study: Path, serial: dict, tmp_path: Path
 def test_no_scheduler(study: Path, tmp_path: Path) -> None:
     said = elsewhere(study, tmp_path, "--scheduler", "tcp://127.0.0.1:9", expect=2)["said"]
     assert "no Dask scheduler answers at tcp://127.0.0.1:9" in said and "Traceback" not in said
-    said = elsewhere(study, tmp_path, "--scheduler", "nonsense://", expect=2)["said"]
-    assert "no Dask scheduler answers at nonsense://" in said and "Traceback" not in said
+    assert not list(tmp_path.iterdir())
 
 
 def test_missing_package(study: Path, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Running a study: failures, resumption after kill -9, broken documents, one sentence on bad input."""
 
 import json
+import os
 import signal
 import subprocess
 import time
@@ -10,11 +11,12 @@ import numpy as np
 import pytest
 from study_runs import ENVIRONMENT, arguments, documents, done, fitted, small
 
+from fasbody import interrupt
 from fasbody.console import to_json
 from fasbody.model import load
 from fasbody.recording import StudyFolder
 from identification.estimate import Settings, fit
-from identification.study import job
+from identification.study import cluster, job
 from identification.study.plan import Model, Plan
 
 
@@ -37,23 +39,37 @@ def test_a_job_is_the_fit(study: Path) -> None:
 
 
 def test_interrupt_within_compiled_code_is_no_failed_fit(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """numba turns a KeyboardInterrupt into a SystemError whose cause it is; other errors are told in the document."""
+    """What compiled code makes of Ctrl-C, a SystemError, is no document; other bugs are one, with their traceback."""
     opened = StudyFolder.open(study)
     plan = Plan(opened, opened.trials, Settings(starts=1, threads=1), Model.of(load("two_dof")))
     work = plan.work(plan.jobs("per-recording")[0])
+    monkeypatch.setattr(interrupt, "_pressed", [])
 
-    def broken(cause: BaseException | None) -> None:
-        def fails(*arguments: object) -> None:
-            raise SystemError("returned a result with an exception set") from cause
+    def compiled(pressed: bool) -> None:
+        try:
+            if pressed:
+                os.kill(os.getpid(), signal.SIGINT)
+                time.sleep(1.0)
+        finally:
+            raise SystemError("returned a result with an exception set")
 
-        monkeypatch.setattr(job, "_done", fails)
+    monkeypatch.setattr(job, "_done", lambda *_: compiled(pressed=True))
+    with cluster.here() as do, pytest.raises(KeyboardInterrupt):
+        list(do([work]))
+    monkeypatch.setattr(job, "_done", lambda *_: compiled(pressed=False))
+    with cluster.here() as do:
+        (found,) = do([work])
+    assert found["status"] == "failed" and found["result"] is None and found["cycles"] == []
+    assert "SystemError" in found["error"] and "\n" not in found["error"]
+    assert "in compiled" in found["traceback"] and found["traceback"].count("\n") > 3
 
-    broken(KeyboardInterrupt())
-    with pytest.raises(KeyboardInterrupt):
-        job.run(work)
-    broken(None)
-    found = job.run(work)
-    assert found["status"] == "failed" and "SystemError" in found["error"]
+
+def test_nothing_done_is_exit_code_one(tmp_path: Path) -> None:
+    study = small(tmp_path / "study")
+    for file in (study / "recordings").glob("*.csv"):
+        file.unlink()
+    found = fitted(study, tmp_path / "out", "--workers", "1", expect=1)
+    assert (found["computed"], found["done"], found["wanted"]) == (4, 0, 4)
 
 
 def test_failures_are_kept_and_tried_again(tmp_path: Path) -> None:
@@ -106,21 +122,36 @@ def test_killed_and_resumed(study: Path, tmp_path: Path) -> None:
     assert fitted(study, out, "--workers", "1")["computed"] == 0
 
 
-def test_interrupted(study: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("workers", "presses"), [("1", 1), ("1", 2), ("2", 2)])
+def test_interrupted(study: Path, tmp_path: Path, workers: str, presses: int) -> None:
+    """As a terminal does it, to the whole group; `timeout` signals twice."""
     process = subprocess.Popen(
-        arguments(study, tmp_path, "--workers", "1"), env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        text=True,
+        arguments(study, tmp_path, "--workers", workers, "--starts", "20"), env=ENVIRONMENT, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
     while not list((tmp_path / "fits").glob("*.json")) and process.poll() is None:
         time.sleep(0.005)
-    process.send_signal(signal.SIGINT)
-    _, said = process.communicate()
+    for _ in range(presses):
+        os.killpg(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=120)
     if process.returncode == 0:
         pytest.skip("it had ended before")
     assert process.returncode == 130
-    assert "the same command goes on from there" in said and "Traceback" not in said
+    assert "the same command goes on from there" in said and said.count("\n") == 1, said
+    assert not list((tmp_path / "fits").glob(".*"))
     for document in documents(tmp_path).values():
+        assert document["status"] == "done"
         assert not [text for text in document["result"]["warnings"] if "Interrupted" in text]
+
+
+def test_interrupted_while_it_is_imported(study: Path, tmp_path: Path) -> None:
+    """A module in the place of a late import presses Ctrl-C: one word, and no traceback."""
+    (tmp_path / "mujoco.py").write_text("import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(9)\n")
+    environment = {**ENVIRONMENT, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ENVIRONMENT['PYTHONPATH']}"}
+    done = subprocess.run(
+        arguments(study, tmp_path / "out"), env=environment, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (130, "interrupted\n")
 
 
 def test_broken_and_foreign_documents_are_computed_again(study: Path, tmp_path: Path) -> None:
@@ -163,10 +194,17 @@ def test_aperiodic_recordings_are_fitted_in_the_time_domain(tmp_path: Path) -> N
         (("--subject", "77"), "unknown subject '77'"),
         (("--model", "three_dof"), "no such model"),
         (("--starts", "0"), "the number of starts is 0"),
+        (("--mode", "trendy"), "unknown mode 'trendy'"),
+        (("--scheduler", "foo"), "--scheduler foo is not tcp://HOST:PORT"),
+        (("--scheduler", "tcp://127.0.0.1:seven"), "is not tcp://HOST:PORT"),
+        (("--prior", "k_T>k_Q"), "is not NAME=LOWER:UPPER, for example k_F=3e3:1e6, nor an order: k_T>k_F or k_T<k_F."),
+        (("--profile", "delay"), "one frequency cannot tell the delay"),
     ],
 )
 def test_bad_input_is_one_sentence(study: Path, tmp_path: Path, more: tuple[str, ...], said: str) -> None:
-    document = fitted(study, tmp_path, *more, expect=2)
+    out = tmp_path / "out"
+    document = fitted(study, out, *more, expect=2)
+    assert not out.exists()
     assert said in document["said"] and document["said"].count("error:") == 1 and "Traceback" not in document["said"]
 
 

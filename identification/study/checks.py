@@ -12,7 +12,7 @@ from identification.estimate import Settings
 from identification.orbits import twin_applies
 from identification.routes import PeriodicRoute
 from identification.search import descend
-from identification.space import Space, space_of
+from identification.space import DELAY, Space, space_of
 from identification.study.agreement import agreement
 from identification.study.damping import NONLINEAR, compare_damping
 from identification.study.plan import KINDS, Work
@@ -34,6 +34,8 @@ def ensure(mode: str, settings: Settings, foot: Foot, profile: Sequence[str], ag
     for name in profile:
         if name not in free:
             raise SettingError(f"{unknown('parameter to profile', name, free)}.")
+    if mode == "per-recording" and DELAY.name in profile:
+        raise SettingError("one frequency cannot tell the delay, which per-recording fits hold; profile it in pooled.")
     if mode == "trend" and (profile or agreement):
         wanted = "--profile" if profile else "--agreement"
         raise SettingError(f"{wanted} checks per-recording and pooled fits; a trend has --validate.")

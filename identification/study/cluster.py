@@ -9,8 +9,10 @@ import contextlib
 import uuid
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
+from urllib.parse import urlsplit
 
 from fasbody.exceptions import FasError, MissingPackageError, SettingError
+from fasbody.interrupt import heeded, held, once
 from identification.study import job, plan
 from identification.study.job import Document
 from identification.study.plan import Work
@@ -26,14 +28,23 @@ _PATIENCE_S = 15
 _QUIET = {"distributed.worker.daemon": True, "distributed.comm.timeouts.connect": f"{_PATIENCE_S}s"}
 
 
-def here(works: Iterable[Work]) -> Iterator[Document]:
-    """Do the jobs in this process."""
-    return map(job.run, works)
+@contextlib.contextmanager
+def here() -> Iterator[Crew]:
+    """One after another in this process; Ctrl-C ends the job that it meets, whose document is not given."""
+
+    def do(works: Iterable[Work]) -> Iterator[Document]:
+        for work in works:
+            with heeded():
+                document = job.run(work)
+            yield document
+
+    with once():
+        yield do
 
 
 @contextlib.contextmanager
 def local(processes: int) -> Iterator[Crew]:
-    """So many local processes, one thread each, that talk over 127.0.0.1 and end with this one.
+    """So many local processes, one thread each, that talk over 127.0.0.1, end with this one and leave Ctrl-C to it.
 
     Raises:
         MissingPackageError: distributed is not installed.
@@ -41,15 +52,20 @@ def local(processes: int) -> Iterator[Crew]:
     distributed = _distributed()
     import dask
 
-    with (
-        dask.config.set({**_QUIET, "distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1}),
-        distributed.LocalCluster(
-            n_workers=processes, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
-            memory_limit=0, silence_logs=50,
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):  # fmt: skip
-        yield lambda works: _on(client, works)
+    with dask.config.set({**_QUIET, "distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1}):
+        with held():  # by the thread that starts processes, and so by these, now and in the place of lost ones
+            cluster = distributed.LocalCluster(
+                n_workers=processes, threads_per_worker=1, processes=True, host="127.0.0.1",
+                dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},  # its port is of no use here
+                memory_limit=0, silence_logs=50,
+            )  # fmt: skip
+            client = distributed.Client(cluster)
+        try:
+            yield lambda works: _on(client, works)
+        finally:
+            with held():  # closed by half, it would wait for its processes
+                client.close()
+                cluster.close()
 
 
 @contextlib.contextmanager
@@ -64,6 +80,7 @@ def remote(address: str) -> Iterator[Crew]:
     import dask
 
     with dask.config.set(_QUIET):
+        _ensure(address)
         try:
             client = distributed.Client(address, timeout=_PATIENCE_S)
         except (OSError, ValueError, TimeoutError) as error:
@@ -79,6 +96,17 @@ def remote(address: str) -> Iterator[Crew]:
                 ) from None
             _same_program(client, address)
             yield lambda works: _on(client, works)
+
+
+def _ensure(address: str) -> None:
+    """The address is one, whoever lives there."""
+    try:
+        parts = urlsplit(address)
+        meant = parts.scheme in ("tcp", "tls") and parts.hostname and parts.port
+    except ValueError:  # a port that is no number
+        meant = False
+    if not meant:
+        raise SettingError(f"--scheduler {address} is not tcp://HOST:PORT, for example tcp://127.0.0.1:8786.")
 
 
 def _same_program(client: Any, address: str) -> None:
@@ -134,7 +162,7 @@ def _lost(work: Work, error: BaseException) -> Document:
     """What is written of a job whose worker ended, each time it was tried."""
     died = type(error).__name__ == "KilledWorker"
     why = "the worker doing it ended, several times over; memory may be short" if died else " ".join(str(error).split())
-    return job.document(work.job, "failed", f"{work.job}: {why.rstrip('.')}.", 0.0)
+    return job.document(work.job, {"status": "failed", "error": f"{work.job}: {why.rstrip('.')}."})
 
 
 def _distributed() -> Any:

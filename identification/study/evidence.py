@@ -87,7 +87,10 @@ class Prior:
         """
         odds = {"k_T>k_F": BELIEVED, "k_F<k_T": BELIEVED, "k_T<k_F": 1 / BELIEVED, "k_F>k_T": 1 / BELIEVED}
         plain = [text.replace(" ", "") for text in texts]
-        ranges = limits([text for text in plain if text not in odds], "--prior")
+        try:
+            ranges = limits([text for text in plain if text not in odds], "--prior")
+        except SettingError as problem:
+            raise SettingError(f"{str(problem).rstrip('.')}, nor an order: k_T>k_F or k_T<k_F.") from None
         for name, (low, high) in ranges.items():
             if name not in CURVES:
                 raise SettingError(f"{unknown('parameter with a prior', name, CURVES)}, or k_T>k_F, k_T<k_F.")

@@ -26,12 +26,12 @@ MODES = ("per-recording", "pooled", "trend")
 KINDS = ("fit", "profile", "validation", "agreement")
 #: Our sources that cannot change a result: those of the packages, and of this one. All others can.
 _SILENT = (
-    "console.py", "figures.py", "fit.py", "laboratory.py", "options.py", "report.py", "virtual_study.py",
-    "virtual_subject.py",
+    "console.py", "figures.py", "fit.py", "interrupt.py", "laboratory.py", "options.py", "report.py",
+    "virtual_study.py", "virtual_subject.py",
 )  # fmt: skip
 _SHOWING = (
-    "__init__.py", "__main__.py", "cluster.py", "evidence.py", "figures.py", "filters.py", "findings.py", "means.py",
-    "report.py", "store.py", "summary.py", "tables.py", "tracking.py", "truth.py",
+    "__init__.py", "__main__.py", "cluster.py", "command.py", "evidence.py", "figures.py", "filters.py",
+    "findings.py", "means.py", "report.py", "store.py", "summary.py", "tables.py", "tracking.py", "truth.py",
 )  # fmt: skip
 
 

@@ -21,19 +21,16 @@ class Store:
 
     folder: Path
 
-    @classmethod
-    def open(cls, out: Path, name: str = "fits") -> "Store":
-        """Make the folder of that name, and clear away what a killed run left half written.
+    def make(self) -> None:
+        """Make the folder, and clear away what a killed run left half written.
 
         Raises:
             InputFileError: it cannot be made or written.
         """
-        folder = out / name
-        make_folder(folder)
-        for left in folder.glob(".*.json.*"):
+        make_folder(self.folder)
+        for left in self.folder.glob(".*.json.*"):
             if time.time() - left.stat().st_mtime > _STALE:
                 left.unlink(missing_ok=True)
-        return cls(folder)
 
     def path(self, key: str) -> Path:
         """Where the document of a key is or will be."""
@@ -48,7 +45,7 @@ class Store:
         file = self.path(key)
         try:
             found = json.loads(file.read_bytes())
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return None, ""
         except (ValueError, OSError):
             return None, f"{file}: is broken and is computed again."

@@ -22,7 +22,7 @@ from identification.study.curves import CurveSpace, Order
 from identification.study.levenberg import descend_fast
 from identification.study.orders import choose
 from identification.study.trend_result import TrendBranch, TrendResult
-from identification.study.trend_search import Frame, State, both_ways, explore_trend, grown, settled
+from identification.study.trend_search import Candidate, Frame, both_ways, explore_trend, grown, settled
 
 #: Parameters that are functions of frequency and load; the others are constants of the subject.
 CURVES = ("k_T", "k_F", "c_11", "c_21")
@@ -131,7 +131,7 @@ def _lost(name: str, kept: str) -> str:
     return f"The {name} branch ends where the foot is unstable in MuJoCo, so {kept} was compared with nothing."
 
 
-def _certify(frame: Frame, name: str, state: State, certify: bool) -> tuple[TrendBranch, Replay]:
+def _certify(frame: Frame, name: str, state: Candidate, certify: bool) -> tuple[TrendBranch, Replay]:
     """Converge on the MuJoCo rollout, run the recordings, and gather what is reported."""
     route, problem, descent = state.route, state.problem, state.descent
     final = problem
@@ -222,7 +222,7 @@ def refit(branch: TrendBranch, recordings: Sequence[Recording], foot: Foot, thre
     old = branch.space
     frame = Frame(foot, list(recordings), old.feet, old.curves, old.scatter, twin_applies(foot), threads)
     tau = np.array([max(branch.scatter[n], 1e-3) for n in old.curves]) if old.scatter else None
-    route = frame.route(old.order, tau=tau)
+    route = frame.route(old.order, tau)
     space = route.explorer().curves
     B = old.design(space.frequencies_hz, space.loads_kg)
     state = settled(route, space.project(list(B @ branch.beta)))

@@ -50,7 +50,9 @@ class TrendBranch:
         std_q = np.sqrt(np.maximum(0.0, np.einsum("pn,nm,pm->p", B, np.nan_to_num(self.covariance), B)))
         known = ~np.isnan(np.diag(self.covariance))
         theta = feet.to_theta(q)
-        low, high = feet.to_theta(q - _Z95 * std_q), feet.to_theta(q + _Z95 * std_q)
+        lower, upper = feet.bounds  # limits beyond them say no more, and their exponentials outgrow all numbers
+        low = feet.to_theta(np.maximum(q - _Z95 * std_q, np.minimum(q, lower)))
+        high = feet.to_theta(np.minimum(q + _Z95 * std_q, np.maximum(q, upper)))
         found = {}
         for i, item in enumerate(feet.free):
             held = not known[np.abs(B[i]) > 1e-9].any()

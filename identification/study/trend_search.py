@@ -1,7 +1,8 @@
 """The search of a trend: rough descents from many starts, down to the noise, grown to the order that is wanted."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import count, islice
 from typing import Any
 
 import numpy as np
@@ -23,13 +24,14 @@ _TEMPERS = (0.1, 0.03, 0.01)
 _FIRST_ORDER = Order(2, 1, 1)
 #: Tolerance of the search far from the answer.
 _ROUGH = 1e-4
-#: Rough ends a branch that are followed to the noise.
-_CANDIDATES = 2
+#: Rough ends of a branch that are followed to the noise: with a tenth of the fundamental as its error the second best
+#: is often the better one in truth. Each takes two seconds.
+_FOLLOWED = 2
 
 
-@dataclass
-class State:
-    """A branch while it is sought."""
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One end of the search for a branch: where the coefficients came to rest, and with which weights and scatter."""
 
     route: TrendRoute
     problem: TrendProblem
@@ -48,7 +50,7 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """What all steps need."""
+    """What all steps need: the foot and its recordings, which parameters are curves, and whether recordings lie off."""
 
     foot: Foot
     data: list[Recording]
@@ -81,10 +83,9 @@ class Frame:
         masses = [{**self.foot.values(), **r.condition.masses} for r in self.data]
         return np.array([m["m_S"] / (m["m_S"] + m["m_F"]) for m in masses])
 
-    def route(self, order: Order, scatter: bool | None = None, tau: np.ndarray | None = None) -> TrendRoute:
+    def route(self, order: Order, tau: np.ndarray | None = None) -> TrendRoute:
         """The route of a fit with curves of this order."""
-        on = self.scatter if scatter is None else scatter
-        space = CurveSpace(self.feet, self.curves, order, self._f, self._loads, on)
+        space = CurveSpace(self.feet, self.curves, order, self._f, self._loads, self.scatter)
         return TrendRoute(self.foot, self.data, space, self.twin, self.threads, tau)
 
     def first_order(self) -> Order:
@@ -109,47 +110,63 @@ class Frame:
 
 def explore_trend(
     frame: Frame, settings: Settings, mirror: bool, advance: Callable[[str, int, int], None]
-) -> tuple[dict[str, State], list[dict[str, Any]]]:
-    """Rough descents without offsets from all starts; the best of each branch is brought down to the noise."""
-    rough = frame.route(frame.first_order(), scatter=False)
+) -> tuple[dict[str, Candidate], list[dict[str, Any]]]:
+    """Rough descents without offsets from all starts; the best of each branch are brought down to the noise."""
+    rough = replace(frame, scatter=False).route(frame.first_order())
     space = rough.explorer().curves
     model = space.project([frame.feet.to_q(frame.feet.theta(frame.foot.values()))] * len(frame.data))
-    starts = [("model", model)] + ([("mirror of the model", frame.image(space, model))] if mirror else [])
-    rng = np.random.default_rng(settings.seed)
-    for i in range(settings.starts):
-        starts.append((f"random {i + 1}", space.project([frame.feet.random(rng)] * len(frame.data))))
-    ends, rows = [], []
-    wanted = starts[: max(settings.starts, 2 if mirror else 1)]
-    for number, (label, z0) in enumerate(wanted):
+    wanted = max(settings.starts, 2 if mirror else 1)
+    ends: dict[str, list[Descent]] = {}
+    rows: list[dict[str, Any]] = []
+    for number, (label, z0) in enumerate(islice(_starts(frame, space, model, settings.seed, mirror), wanted), 1):
         problem = rough.explorer()
         problem.temper(_TEMPERS[0], model)
         problem.start(z0)
-        d = descend_fast(problem, z0, label, _ROUGH)
-        name = frame.side(space, d.z) if mirror else "best"
-        ends.append((d.cost, name, d))
-        rows.append({"start": label, "cost": d.cost, "evaluations": d.evaluations, "converged": d.converged,
+        end = descend_fast(problem, z0, label, _ROUGH)
+        name = frame.side(space, end.z) if mirror else "best"
+        ends.setdefault(name, []).append(end)
+        rows.append({"start": label, "cost": end.cost, "evaluations": end.evaluations, "converged": end.converged,
                      "branch": name})  # fmt: skip
-        advance("exploring starts", number + 1, len(wanted))
-    ends.sort(key=lambda e: e[0])
-    states: dict[str, State] = {}
-    for name in (STIFF_ANKLE, STIFF_PAD) if mirror else ("best",):
-        for d in [d for _, n, d in ends if n == name][:_CANDIDATES]:
-            keep(states, frame, _down(frame, frame.route(frame.first_order()), d.z, model), mirror)
-    if not states:
+        advance("exploring starts", number, wanted)
+    best = [end for near in ends.values() for end in sorted(near, key=lambda end: end.cost)[:_FOLLOWED]]
+    followed = [_down(frame.route(frame.first_order()), end.z, model) for end in best]
+    found = likeliest(_named(frame, followed, mirror))
+    if not found:
         raise SimulationError(f"{frame.foot.name}: no start of the trend led to a stable motion; check the bounds.")
-    return (both_ways(frame, states) if mirror else states), sorted(rows, key=lambda row: float(row["cost"]))
+    return (both_ways(frame, found) if mirror else found), sorted(rows, key=lambda row: float(row["cost"]))
 
 
-def keep(states: dict[str, State], frame: Frame, state: State | None, mirror: bool = True) -> None:
-    """Put a state among those of each branch, if it is the best of its own."""
-    if state is None:
-        return
-    name = frame.side(state.space, state.descent.z) if mirror else "best"
-    if name not in states or state.deviance < states[name].deviance:
-        states[name] = state
+def _starts(
+    frame: Frame, space: CurveSpace, model: np.ndarray, seed: int, mirror: bool
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Names and coefficients: the model's, their mirror image, then random ones without end."""
+    yield "model", model
+    if mirror:
+        yield "mirror of the model", frame.image(space, model)
+    rng = np.random.default_rng(seed)
+    for number in count(1):
+        yield f"random {number}", space.project([frame.feet.random(rng)] * len(frame.data))
 
 
-def _down(frame: Frame, route: TrendRoute, z: np.ndarray, anchor: np.ndarray) -> State | None:
+def likeliest(candidates: Iterable[tuple[str, Candidate]]) -> dict[str, Candidate]:
+    """The best candidate of each branch."""
+    found: dict[str, Candidate] = {}
+    for name, candidate in candidates:
+        if name not in found or candidate.deviance < found[name].deviance:
+            found[name] = candidate
+    return found
+
+
+def _named(
+    frame: Frame, candidates: Iterable[Candidate | None], mirror: bool = True
+) -> Iterator[tuple[str, Candidate]]:
+    """Candidates, where there are any, with the branch on which each ended."""
+    for each in candidates:
+        if each is not None:
+            yield (frame.side(each.space, each.descent.z) if mirror else "best"), each
+
+
+def _down(route: TrendRoute, z: np.ndarray, anchor: np.ndarray) -> Candidate | None:
     """From coefficients of a rough descent to the noise, with offsets."""
     problem = route.explorer()
     n = problem.curves.weights.shape[2]
@@ -161,38 +178,37 @@ def _down(frame: Frame, route: TrendRoute, z: np.ndarray, anchor: np.ndarray) ->
     return settled(route, z)
 
 
-def settled(route: TrendRoute, z: np.ndarray) -> State | None:
+def settled(route: TrendRoute, z: np.ndarray) -> Candidate | None:
     """The descent from z to its end, None if the motion becomes unstable."""
     try:
-        problem, descent = route.settle(z)
+        candidate = Candidate(route, *route.settle(z))
     except SimulationError:
         return None
-    state = State(route, problem, descent)
-    return state if np.isfinite(state.deviance) else None
+    return candidate if np.isfinite(candidate.deviance) else None
 
 
 def grown(
-    frame: Frame, states: Mapping[str, State], order: Order, advance: Callable[[str, int, int], None]
-) -> dict[str, State]:
+    frame: Frame, branches: Mapping[str, Candidate], order: Order, advance: Callable[[str, int, int], None]
+) -> dict[str, Candidate]:
     """The same branches with other curves: each recording's foot stays, and the curves go through what they can."""
     found = {}
-    for number, (name, state) in enumerate(states.items()):
-        advance(f"curves with {order}", number, len(states))
-        route = frame.route(order, tau=state.problem.tau)
-        space, old = route.explorer().curves, state.space
-        on_curve = [B[:, : old.size] @ state.descent.z[: old.size] for B in old.weights]
+    for number, (name, branch) in enumerate(branches.items()):
+        advance(f"curves with {order}", number, len(branches))
+        route = frame.route(order, branch.problem.tau)
+        space, old = route.explorer().curves, branch.space
+        on_curve = [B[:, : old.size] @ branch.descent.z[: old.size] for B in old.weights]
         z = space.project(on_curve)
-        z[space.size :] = state.descent.z[old.size :]
-        grown = settled(route, z)
-        if grown is not None:
-            found[name] = grown
-    return found or dict(states)
+        z[space.size :] = branch.descent.z[old.size :]
+        end = settled(route, z)
+        if end is not None:
+            found[name] = end
+    return found or dict(branches)
 
 
-def both_ways(frame: Frame, states: dict[str, State]) -> dict[str, State]:
+def both_ways(frame: Frame, branches: Mapping[str, Candidate]) -> dict[str, Candidate]:
     """Enter each branch from the mirror image of the other too, and keep the better end."""
-    found = dict(states)
-    for state in states.values():
-        image = frame.image(state.space, state.descent.z)[: state.space.size]
-        keep(found, frame, _down(frame, frame.route(state.space.order), image, image))
-    return found
+    entered = []
+    for branch in branches.values():
+        image = frame.image(branch.space, branch.descent.z)[: branch.space.size]
+        entered.append(_down(frame.route(branch.space.order), image, image))
+    return likeliest([*branches.items(), *_named(frame, entered)])
