@@ -169,7 +169,7 @@ def crew(count: int, scheduler: str | None, workers: int) -> Iterator[Crew]:
 def show(documents: Sequence[Document], findings: Findings, run: Mapping[str, Any], as_json: bool) -> None:
     """What is in the folder now, for people or as JSON: counts by mode, findings, and what failed."""
     failed = [d for d in (*documents, *findings.checks) if d["status"] == "failed"]
-    counted = counts(documents).to_dict("records")
+    counted = counts(documents, findings.tracked).to_dict("records")
     if as_json:
         failures = [{name: d[name] for name in ("mode", "kind", "parameter", "files", "error")} for d in failed]
         print_json({**run, "modes": counted, "failed": failures, **findings.document()})
