@@ -36,15 +36,20 @@ class Certified:
 
 
 def settle(route: Route, descent: Descent) -> tuple[Any, Descent]:
-    """Bring the weights up to date at a descent's end and go on from there: the problem so weighted, and the end."""
+    """Bring weights and time step up to date at a descent's end and go on: the problem so weighted, and the end."""
     problem = route.explorer()
     q = route.space.to_q(descent.theta)
     z = descent.z if descent.z.size == problem.bounds[0].size else problem.start(q)  # explored in the other domain
-    for _ in range(_REWEIGH if route.chi_square else 1):  # without chi-square the weights stay
-        route.reweigh(problem, descent)
-        descent = descend(problem, route.space.to_q(descent.theta), descent.label, z0=z, tight=True)
-        z = descent.z
-    return problem, descent
+    finer = route.refined(z)
+    while True:
+        problem, route = problem if finer is route else finer.explorer(), finer
+        for _ in range(_REWEIGH if route.chi_square else 1):  # without chi-square the weights stay
+            route.reweigh(problem, descent)
+            descent = descend(problem, route.space.to_q(descent.theta), descent.label, z0=z, tight=True)
+            z = descent.z
+        finer = route.refined(z)
+        if finer is route:
+            return problem, descent
 
 
 def standard_errors(problem: Any, descent: Descent, dof: int, chi_square: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -61,6 +66,7 @@ def _certify(route: Route, name: str, descent: Descent) -> Certified:
         SimulationError: the motion is unstable over whole recordings.
     """
     problem, descent = settle(route, descent)
+    route = route.refined(descent.z)
     final = route.certifier(problem)
     descent = descend(final, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
     starts = [route.initial_states(final, descent, number) for number in range(len(route.recordings))]

@@ -7,7 +7,7 @@ the parameters. No initial states are estimated: the model's orbit is periodic t
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -199,9 +199,7 @@ class PeriodicProblem:
             for direction in np.concatenate([np.eye(line.count), 1j * np.eye(line.count)]):
                 nudge = 1e-4 * abs(U[0])
                 for sign in (1, -1):
-                    nudged.append(
-                        Excitation(line.base.frequency_hz, U + sign * nudge * direction, line.excitation.masses)
-                    )
+                    nudged.append(replace(self.engine.excitations[i], amplitudes=U + sign * nudge * direction))
                 sizes.append(2 * nudge)
                 whose += [i, i]
         engine = engine_of(nudged)

@@ -132,24 +132,25 @@ class TrendRoute(PeriodicRoute):
 
     def explorer(self) -> TrendProblem:
         """See `Route`."""
-        return self._problem(self.twin)
+        return self._problem(self._engine(self._excitations, self.twin))
 
     def certifier(self, explored: PeriodicProblem) -> TrendProblem:
         """See `Route`."""
-        problem = self._problem(twin=False)
+        problem = self._problem(self._engine(self._excitations, twin=False))
         problem.tolerance = 1e-7
         problem.weigh_as(explored)
         return problem
 
-    def _problem(self, twin: bool) -> TrendProblem:
+    def _problem(self, engine: Engine) -> TrendProblem:
         space = cast(CurveSpace, self.space)
         tau = np.full(len(space.places), FIRST) if self.tau is None else self.tau
-        return TrendProblem(self.lines, self._engine([line.excitation for line in self.lines], twin), space, tau)
+        return TrendProblem(self.lines, engine, space, tau)
 
     def settle(self, z: np.ndarray) -> tuple[TrendProblem, Descent]:
-        """Bring weights and scatter up to date, and go on, until the scatter stays."""
+        """Bring weights, scatter and time step up to date, and go on, until the scatter stays."""
         problem = self.explorer()
         for number in range(_ROUNDS):
+            problem = self._finer(problem, z)
             with suppress(
                 SimulationError
             ):  # too far from the answer to have orbits with sharper input: as weighted so far
@@ -160,6 +161,18 @@ class TrendRoute(PeriodicRoute):
                 break
             if number and descent.cost > _HOPELESS * problem.size:
                 return problem, descent
+        problem = self._finer(problem, z)
         self.tau = problem.tau
         # the surer method, for the end of a long valley
         return problem, descend(problem, z, "settled", z0=z, tight=True)
+
+    def _finer(self, problem: TrendProblem, z: np.ndarray) -> TrendProblem:
+        """The problem, or the same one with the time step that its feet ask for, which this route then has too."""
+        finer = self.refined(z)
+        if finer is self:
+            return problem
+        self.foot = finer.foot
+        found = self.explorer()
+        found.weigh_as(problem)
+        found.tau = problem.tau
+        return found
