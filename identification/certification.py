@@ -53,8 +53,14 @@ def settle(route: Route, descent: Descent) -> tuple[Any, Descent]:
 
 
 def standard_errors(problem: Any, descent: Descent, dof: int, chi_square: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Standard errors (p,) and covariance (p, p) of q; a misfit beyond the noise widens the former, NaN at a bound."""
-    covariance = problem.covariance(descent.z, ~problem.space.at_bound(descent.theta))
+    """Standard errors (p,) and covariance (p, p) of q; a misfit beyond the noise widens the former, NaN at a bound.
+
+    What rests on a bound has no standard error of its own, but is not known to lie there: the others' errors hold for
+    any value it may have, not for the bound's alone.
+    """
+    at_bound = problem.space.at_bound(descent.theta)
+    covariance = problem.covariance(descent.z, np.ones(at_bound.size, bool))
+    covariance[at_bound] = covariance[:, at_bound] = np.nan
     excess = max(1.0, descent.cost / dof) if chi_square and dof else 1.0
     return np.sqrt(np.diag(covariance) * excess), covariance
 

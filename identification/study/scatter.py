@@ -90,7 +90,7 @@ class TrendProblem(PeriodicProblem):
         return np.append(r, (z - self._anchor)[held]), np.vstack([J, np.eye(z.size)[held]])
 
     def by_foot(self, z: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Whitened residual (2 H,) of each recording and its derivatives (2 H, p) to the foot's search variable."""
+        """Residual (2 H,) of each recording over its noise, its derivatives (2 H, p) to the foot's search variable."""
         found = []
         for i, line in enumerate(self.lines):
             Y, D, _ = self.response(i, z)
@@ -100,16 +100,19 @@ class TrendProblem(PeriodicProblem):
         return found
 
     def deviance(self, z: np.ndarray) -> float:
-        """-2 log likelihood, offsets integrated out: cost + sum of log det S_i + log det(I + T G_i' S_i^-1 G_i T)."""
+        """-2 log likelihood, offsets integrated out: cost + log det of S + G T^2 G' + V V', over all recordings."""
         r = self.residual(z)
         if (r == UNSTABLE).all():
             return float("inf")
-        total = float(r @ r) + self.log_determinant
-        if self.curves.scatter:
-            for _, G in self.by_foot(z):
-                A = G[:, self.curves.places] * self.tau
-                total += float(np.linalg.slogdet(np.eye(A.shape[1]) + A.T @ A)[1])
-        return total
+        if not self.curves.scatter:
+            return float(r @ r) + self.log_determinant
+        total, shared = float(r @ r) + self._noise_log_determinant, np.eye(self._shared.shape[1])
+        for (_, G), V in zip(self.by_foot(z), self.shared_errors(), strict=True):
+            A = G[:, self.curves.places] * self.tau
+            K = np.eye(A.shape[0]) + A @ A.T
+            total += float(np.linalg.slogdet(K)[1])
+            shared += V.T @ np.linalg.solve(K, V)
+        return total + float(np.linalg.slogdet(shared)[1])
 
     def learn(self, z: np.ndarray) -> float:
         """Update tau to sum u^2 / effective number of offsets (MacKay 1992); returns the largest relative change."""
