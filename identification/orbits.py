@@ -6,8 +6,8 @@ gap after one period (shooting), start from the last orbit moved along its deriv
 first-order correction, so that a fit costs about one period of simulation for each evaluation.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import mujoco
@@ -20,12 +20,9 @@ from fasbody.two_dof import NAMES, STATES, periodic
 from identification.columns import Columns
 
 #: Longest time step of an orbit [s], and fewest steps a period, to begin with. RK4 then errs by 1e-5 of the peak in
-#: the median of fitted feet, but by 2 % where a damper is at its bound under 4.5 kg: `resolved` halves the step there.
+#: the median of fitted feet, but by 2 % where a damper is at its bound under 4.5 kg: resolution.py halves it there.
 LONGEST_STEP = 5e-4
 FEWEST_STEPS = 48
-#: Share of the peak by which halving the step may change an orbit, and halvings at most.
-RESOLVED = 1e-4
-_HALVINGS = 4
 #: Most passes of Newton's method.
 PASSES = 12
 #: Relative gap after one period beyond which there is no orbit.
@@ -175,52 +172,6 @@ class Rollouts(_Memory):
         dx = np.linalg.solve(monodromy, d.x_by_parameter)
         self._keep(number, x, dx, theta, gap)
         return d.y + d.y_by_state @ step, d.y_by_parameter + d.y_by_state @ dx
-
-
-def resolved(excitation: Excitation, foot: Foot, values: Mapping[str, float], twin: bool) -> Excitation:
-    """The excitation with a step at which halving it once more leaves the orbit of these values as it is (RESOLVED).
-
-    A damper that nearly stops a part sets a time constant far below the period, m / c, which the parameters decide and
-    the frequency does not. A first-order integrator's step is the model's own affair: halving would never end.
-
-    Args:
-        excitation: with the step to begin with. foot: the model. values: its parameters, all that are free.
-            twin: the compiled two-mass model is this model.
-    """
-    if foot.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
-        return excitation
-
-    def orbit(times: int) -> np.ndarray | None:
-        e = _halved(excitation, times)
-        engine = Twin([e]) if twin else Rollouts(foot, [e], ())
-        try:
-            return engine.orbit(0, values, (), 1e-7)[0][:: 2**times]
-        except SimulationError:  # beyond the integrator's stability there is no orbit, which a finer step may mend
-            return None
-
-    return _halved(excitation, halvings(orbit))
-
-
-def _halved(e: Excitation, times: int) -> Excitation:
-    return replace(e, longest_step=e.step / 2**times) if times else e
-
-
-def halvings(output: Callable[[int], np.ndarray | None]) -> int:
-    """How often a step must be halved until halving it once more changes the output by less than RESOLVED of its peak.
-
-    Args:
-        output: what follows from the step halved so many times, always at the same moments; None if nothing does.
-
-    Returns:
-        The number; 0 if no step tried is fine enough, for then another thing is wrong than the step.
-    """
-    coarse = output(0)
-    for times in range(_HALVINGS):
-        fine = output(times + 1)
-        if coarse is not None and fine is not None and np.abs(fine - coarse).max() <= RESOLVED * np.abs(fine).max():
-            return times
-        coarse = fine
-    return 0
 
 
 def twin_applies(foot: Foot) -> bool:

@@ -12,8 +12,9 @@ from fasbody.exceptions import SettingError
 from fasbody.model import Foot
 from fasbody.recording import Recording
 from identification.hybrid import CertifiedOrbits, CertifiedRuns
-from identification.orbits import LONGEST_STEP, Engine, Excitation, Rollouts, Twin, halvings, resolved
+from identification.orbits import LONGEST_STEP, Engine, Excitation, Rollouts, Twin
 from identification.periodic import Line, PeriodicProblem
+from identification.resolution import halvings, resolved
 from identification.search import Descent
 from identification.space import SearchSpace, Space
 from identification.time_domain import TimeEngine, TimeProblem, TimeRollouts, TimeTwin, grid

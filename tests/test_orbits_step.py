@@ -13,7 +13,8 @@ from fasbody.model import Foot, load
 from fasbody.recording import Recording
 from fasbody.two_dof import TwoDof
 from identification.certification import certify_first
-from identification.orbits import RESOLVED, Excitation, Rollouts, Twin, halvings, resolved
+from identification.orbits import Excitation, Rollouts, Twin
+from identification.resolution import RESOLVED, halvings, resolved
 from identification.routes import PeriodicRoute, TimeRoute
 from identification.search import descend
 from identification.space import space_of

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.model import Foot
-from identification.orbits import Rollouts, Twin, resolved
+from identification.orbits import Rollouts, Twin
 from identification.periodic import Line, split
+from identification.resolution import resolved
 from identification.space import DELAY
 
 _TOLERANCE = 1e-6
