@@ -36,20 +36,31 @@ class Certified:
 
 
 def settle(route: Route, descent: Descent) -> tuple[Any, Descent]:
-    """Bring the weights up to date at a descent's end and go on from there: the problem so weighted, and the end."""
+    """Bring weights and time step up to date at a descent's end and go on: the problem so weighted, and the end."""
     problem = route.explorer()
     q = route.space.to_q(descent.theta)
     z = descent.z if descent.z.size == problem.bounds[0].size else problem.start(q)  # explored in the other domain
-    for _ in range(_REWEIGH if route.chi_square else 1):  # without chi-square the weights stay
-        route.reweigh(problem, descent)
-        descent = descend(problem, route.space.to_q(descent.theta), descent.label, z0=z, tight=True)
-        z = descent.z
-    return problem, descent
+    finer = route.refined(z)
+    while True:
+        problem, route = problem if finer is route else finer.explorer(), finer
+        for _ in range(_REWEIGH if route.chi_square else 1):  # without chi-square the weights stay
+            route.reweigh(problem, descent)
+            descent = descend(problem, route.space.to_q(descent.theta), descent.label, z0=z, tight=True)
+            z = descent.z
+        finer = route.refined(z)
+        if finer is route:
+            return problem, descent
 
 
 def standard_errors(problem: Any, descent: Descent, dof: int, chi_square: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Standard errors (p,) and covariance (p, p) of q; a misfit beyond the noise widens the former, NaN at a bound."""
-    covariance = problem.covariance(descent.z, ~problem.space.at_bound(descent.theta))
+    """Standard errors (p,) and covariance (p, p) of q; a misfit beyond the noise widens the former, NaN at a bound.
+
+    What rests on a bound has no standard error of its own, but is not known to lie there: the others' errors hold for
+    any value it may have, not for the bound's alone.
+    """
+    at_bound = problem.space.at_bound(descent.theta)
+    covariance = problem.covariance(descent.z, np.ones(at_bound.size, bool))
+    covariance[at_bound] = covariance[:, at_bound] = np.nan
     excess = max(1.0, descent.cost / dof) if chi_square and dof else 1.0
     return np.sqrt(np.diag(covariance) * excess), covariance
 
@@ -61,6 +72,7 @@ def _certify(route: Route, name: str, descent: Descent) -> Certified:
         SimulationError: the motion is unstable over whole recordings.
     """
     problem, descent = settle(route, descent)
+    route = route.refined(descent.z)
     final = route.certifier(problem)
     descent = descend(final, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
     starts = [route.initial_states(final, descent, number) for number in range(len(route.recordings))]

@@ -33,13 +33,14 @@ class Compiled:
 
     Args:
         twin: its excitations and inputs. space: what is free. measured: complex harmonics (H,) of each recording.
-        whiten: (2 H, 2 H) of each.
+        whiten: (2 H, 2 H) of each. shared: (k, n) what all of them share (correlation.projection).
     """
 
     twin: Twin
     space: Space
     measured: list[np.ndarray]
     whiten: list[np.ndarray]
+    shared: np.ndarray
 
     def descend(self, q0: np.ndarray, tolerance: float, gap: float, most: int) -> tuple[np.ndarray, float, int, bool]:
         """Minimise from q0.
@@ -61,13 +62,14 @@ class Compiled:
             np.array([values[name] for name in NAMES]), float(values.get(DELAY.name, 0.0)),
             np.array([[m["m_S"], m["m_F"], e.frequency_hz, e.step] for m, e in zip(masses, excitations, strict=True)]),
             np.array([e.steps for e in excitations]), np.concatenate(self.twin.inputs), counts,
-            np.concatenate(self.measured), np.concatenate([W.ravel() for W in self.whiten]), tolerance, gap, most,
+            np.concatenate(self.measured), np.concatenate([W.ravel() for W in self.whiten]), self.shared,
+            tolerance, gap, most,
         )  # fmt: skip
 
 
 @njit(nogil=True, error_model="numpy")
 def _residual(  # type: ignore[no-untyped-def]
-    q, logarithmic, scale, column, fixed, delay, about, steps, inputs, counts, measured, whiten, gap,
+    q, logarithmic, scale, column, fixed, delay, about, steps, inputs, counts, measured, whiten, shared, gap,
     last_x, last_dx, last_p, r, J,
 ):  # fmt: skip
     """Whitened residual r (n,) and Jacobian J (n, p) at q; returns whether every recording has an orbit."""
@@ -111,13 +113,17 @@ def _residual(  # type: ignore[no-untyped-def]
         r[row : row + 2 * H] = W @ plain
         J[row : row + 2 * H] = W @ D
         at_input, at_line, at_whiten, row = at_input + 2 * n + 1, at_line + H, at_whiten + 4 * H * H, row + 2 * H
+    for k in range(shared.shape[0]):
+        along = shared[k]
+        r -= along * (along @ r)
+        J -= np.outer(along, along @ J)
     last_p[:] = p
     return bool(np.isfinite(r).all() and np.isfinite(J).all())
 
 
 @njit(nogil=True, error_model="numpy")
 def _descend(  # type: ignore[no-untyped-def]
-    q0, low, high, logarithmic, scale, column, fixed, delay, about, steps, inputs, counts, measured, whiten,
+    q0, low, high, logarithmic, scale, column, fixed, delay, about, steps, inputs, counts, measured, whiten, shared,
     tolerance, gap, most,
 ):  # fmt: skip
     """The method of scipy's `trf_bounds` with its exact solver and x_scale="jac"; names as there."""
@@ -126,7 +132,7 @@ def _descend(  # type: ignore[no-untyped-def]
     last_p = fixed.copy()
     f, J, x = np.empty(rows), np.empty((rows, p)), q0.copy()
     f_new, J_new = np.empty(rows), np.empty((rows, p))
-    data = (logarithmic, scale, column, fixed, delay, about, steps, inputs, counts, measured, whiten, gap)
+    data = (logarithmic, scale, column, fixed, delay, about, steps, inputs, counts, measured, whiten, shared, gap)
     if not _residual(x, *data, last_x, last_dx, last_p, f, J):
         return x, np.inf, 1, False
     cost, evaluations, alpha = 0.5 * (f @ f), 1, 0.0

@@ -2,12 +2,13 @@
 
 Following Pintelon and Schoukens, a periodic recording is worth its harmonics: 2 H numbers with known variances. The
 residual is whitened by the noise of the output harmonics and of the input harmonics seen through the model,
-S = S_y + G S_u G^T, so that its sum of squares is chi-square distributed, with 2 H degrees of freedom a recording less
-the parameters. No initial states are estimated: the model's orbit is periodic too.
+S = S_y + G S_u G^T, and by what the channels' gain and delay are uncertain (correlation.py), so that its sum of squares
+is chi-square distributed, with 2 H degrees of freedom a recording less the parameters. No initial states are estimated:
+the model's orbit is periodic too.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from fasbody.exceptions import RecordingError, SimulationError
 from fasbody.recording import Recording
 from fasbody.response import Harmonics, fit_harmonics, harmonic_count
 from identification.compiled import Compiled
+from identification.correlation import projection, shared_errors
 from identification.orbits import Engine, Excitation, Twin
 from identification.search import UNSTABLE
 from identification.space import DELAY, SearchSpace, Space
@@ -79,6 +81,7 @@ class PeriodicProblem:
     def __init__(self, lines: Sequence[Line], engine: Engine, space: SearchSpace, tolerance: float = 1e-3) -> None:
         self.lines, self.engine, self.space, self.tolerance = list(lines), engine, space, tolerance
         self._whiten = [self._first_whitening(line) for line in self.lines]
+        self._shared = self._shared_errors([line.malleolus.amplitudes for line in self.lines])
         self.evaluations = 0
         self._cache: tuple[bytes, np.ndarray, np.ndarray] | None = None
 
@@ -109,8 +112,27 @@ class PeriodicProblem:
 
     @property
     def log_determinant(self) -> float:
-        """Sum over recordings of log det S; -2 log likelihood is the sum of squares plus this."""
+        """Log det of the covariance; -2 log likelihood is the sum of squares plus this."""
+        V = np.concatenate(self.shared_errors())
+        return self._noise_log_determinant + float(np.linalg.slogdet(np.eye(V.shape[1]) + V.T @ V)[1])
+
+    @property
+    def _noise_log_determinant(self) -> float:
         return float(-2 * sum(np.linalg.slogdet(W)[1] for W in self._whiten))
+
+    def shared_errors(self) -> list[np.ndarray]:
+        """(2 H, k) of each recording: its whitened harmonics under a standard deviation of each error they share."""
+        starts = np.cumsum([2 * line.count for line in self.lines])[:-1]
+        return [W @ V for W, V in zip(self._whiten, np.split(self._shared, starts), strict=True)]
+
+    @property
+    def _projection(self) -> np.ndarray:
+        return projection(np.concatenate(self.shared_errors()))
+
+    def _shared_errors(self, amplitudes: Sequence[np.ndarray]) -> np.ndarray:
+        frequencies = [line.base.frequency_hz for line in self.lines]
+        recordings = [line.recording for line in self.lines]
+        return shared_errors(recordings, frequencies, amplitudes, delay=not self.space.has_delay)
 
     def residual(self, q: np.ndarray) -> np.ndarray:
         """Whitened residual (n,) at the search variable q."""
@@ -124,7 +146,10 @@ class PeriodicProblem:
         """The whole descent as compiled code, where the engine is the twin and all recordings are of one foot."""
         if not (isinstance(self.engine, Twin) and isinstance(self.space, Space)):
             return None
-        return Compiled(self.engine, self.space, [line.malleolus.amplitudes for line in self.lines], self._whiten)
+        measured = [line.malleolus.amplitudes for line in self.lines]
+        return Compiled(
+            self.engine, self.space, measured, self._whiten, projection(np.concatenate(self.shared_errors()))
+        )
 
     def predict(self, q: np.ndarray) -> list[np.ndarray]:
         """Model harmonics (H,) of each recording, delayed like the measurement."""
@@ -143,6 +168,8 @@ class PeriodicProblem:
                     rows = slice(row, row + 2 * line.count)
                     r[rows], J[rows] = W @ split(Y - line.malleolus.amplitudes), W @ split(DY) @ slope
                     row = rows.stop
+                P = self._projection
+                r, J = r - P.T @ (P @ r), J - P.T @ (P @ J)
             except SimulationError:
                 r[:], J[:] = UNSTABLE, 0.0
             if not (np.isfinite(r).all() and np.isfinite(J).all()):
@@ -174,7 +201,7 @@ class PeriodicProblem:
         return np.maximum(channel.std, _NOISE_FLOOR * abs(channel.amplitudes[0]))
 
     def noise(self, number: int) -> np.ndarray:
-        """Covariance (2 H, 2 H) of one recording's residual, as weighted now."""
+        """Covariance (2 H, 2 H) of one recording's residual, as weighted now, without the errors that all share."""
         return np.linalg.inv(self._whiten[number].T @ self._whiten[number])
 
     def widen(self, number: int, extra: np.ndarray) -> None:
@@ -184,7 +211,7 @@ class PeriodicProblem:
 
     def weigh_as(self, other: "PeriodicProblem") -> None:
         """Take over the weights of another problem with the same recordings."""
-        self._whiten = other._whiten
+        self._whiten, self._shared = other._whiten, other._shared
 
     def reweigh(self, q: np.ndarray, engine_of: Callable[[Sequence[Excitation]], Engine]) -> None:
         """Exact whitening at q (p,): the input's noise through the derivative of the orbit to each input harmonic.
@@ -199,9 +226,7 @@ class PeriodicProblem:
             for direction in np.concatenate([np.eye(line.count), 1j * np.eye(line.count)]):
                 nudge = 1e-4 * abs(U[0])
                 for sign in (1, -1):
-                    nudged.append(
-                        Excitation(line.base.frequency_hz, U + sign * nudge * direction, line.excitation.masses)
-                    )
+                    nudged.append(replace(self.engine.excitations[i], amplitudes=U + sign * nudge * direction))
                 sizes.append(2 * nudge)
                 whose += [i, i]
         engine = engine_of(nudged)
@@ -217,4 +242,5 @@ class PeriodicProblem:
             G = np.column_stack(columns)
             S = np.diag(np.tile(self._std(line.malleolus) ** 2, 2)) + (G * np.tile(self._std(line.base) ** 2, 2)) @ G.T
             self._whiten[i] = np.linalg.inv(np.linalg.cholesky(S))
+        self._shared = self._shared_errors(self.predict(q))
         self._cache = None

@@ -1,9 +1,11 @@
 """The two ways to compare model and recordings, with the two engines each: steady state and time domain."""
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
+import mujoco
 import numpy as np
 
 from fasbody.exceptions import SettingError
@@ -12,9 +14,10 @@ from fasbody.recording import Recording
 from identification.hybrid import CertifiedOrbits, CertifiedRuns
 from identification.orbits import LONGEST_STEP, Engine, Excitation, Rollouts, Twin
 from identification.periodic import Line, PeriodicProblem
+from identification.resolution import halvings, resolved
 from identification.search import Descent
 from identification.space import SearchSpace, Space
-from identification.time_domain import TimeEngine, TimeProblem, TimeRollouts, TimeTwin
+from identification.time_domain import TimeEngine, TimeProblem, TimeRollouts, TimeTwin, grid
 
 #: Scatter of the fundamental between parts of a recording beyond which it is not steady.
 STEADY = 0.05
@@ -77,6 +80,9 @@ class Route(Protocol):
     def space(self) -> SearchSpace:
         """What is searched."""
 
+    def refined(self, z: np.ndarray) -> Self:
+        """Itself, or a copy whose foot has so fine a step that the motion at z is right to 1e-4 of its peak."""
+
     def explorer(self) -> Any:
         """A fresh problem on the fastest engine that fits the model."""
 
@@ -104,14 +110,26 @@ class PeriodicRoute:
     def __post_init__(self) -> None:
         self.lines = [Line.of(recording) for recording in self.recordings]
 
-    def _engine(self, excitations: Sequence[Excitation], twin: bool) -> Engine:
+    @property
+    def _excitations(self) -> list[Excitation]:
         longest = min(LONGEST_STEP, self.foot.step)
-        excitations = [replace(e, longest_step=longest) for e in excitations]
+        return [replace(line.excitation, longest_step=longest) for line in self.lines]
+
+    def refined(self, z: np.ndarray) -> Self:
+        """See `Route`."""
+        steps = []
+        for number, e in enumerate(self._excitations):
+            values = self.space.values(self.space.at(number, z)[0])
+            found = resolved(e, self.foot, values, self.twin)
+            steps += [found.step] if found.step < e.step else []
+        return _with_step(self, min(steps)) if steps else self
+
+    def _engine(self, excitations: Sequence[Excitation], twin: bool) -> Engine:
         return Twin(excitations) if twin else Rollouts(self.foot, excitations, self.space.names, self.threads)
 
     def explorer(self) -> PeriodicProblem:
         """See `Route`."""
-        engine = self._engine([line.excitation for line in self.lines], self.twin)
+        engine = self._engine(self._excitations, self.twin)
         return PeriodicProblem(self.lines, engine, self.space)
 
     def certifier(self, explored: PeriodicProblem) -> PeriodicProblem:
@@ -119,8 +137,7 @@ class PeriodicRoute:
         if not self.twin:
             explored.tolerance = 1e-7
             return explored
-        longest = min(LONGEST_STEP, self.foot.step)
-        engine = CertifiedOrbits(self.foot, [replace(line.excitation, longest_step=longest) for line in self.lines])
+        engine = CertifiedOrbits(self.foot, self._excitations)
         problem = PeriodicProblem(self.lines, engine, self.space, tolerance=1e-7)
         problem.weigh_as(explored)
         return problem
@@ -136,6 +153,13 @@ class PeriodicRoute:
         return problem.engine.start(number)
 
 
+def _with_step(route: Any, step: float) -> Any:
+    """A copy of a route, what it has read included, whose foot is simulated with another step [s]."""
+    finer = copy.copy(route)
+    finer.foot = route.foot.with_values({}, step=step)
+    return finer
+
+
 @dataclass
 class TimeRoute:
     """Every sample of whole recordings."""
@@ -147,12 +171,30 @@ class TimeRoute:
     threads: int = 0
     chi_square = False
 
+    def refined(self, z: np.ndarray) -> Self:
+        """See `Route`."""
+        if self.foot.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
+            return self
+        problem = self.explorer()
+        values = self.space.values(self.space.to_theta(z[: self.space.lower.size]))
+        step = min(grid(recording, self.foot)[0] for recording in self.recordings)
+
+        def output(times: int) -> np.ndarray | None:
+            engine = _with_step(self, step / 2**times)._engine(())
+            runs = [engine.run(i, values, (), problem.states(z, i))[0] for i in range(len(self.recordings))]
+            return np.concatenate(runs) if all(np.isfinite(y).all() for y in runs) else None
+
+        times = halvings(output)
+        return _with_step(self, step / 2**times) if times else self
+
     def explorer(self) -> TimeProblem:
         """See `Route`."""
-        engine: TimeEngine = TimeTwin(self.foot, self.recordings)
-        if not self.twin:
-            engine = TimeRollouts(self.foot, self.recordings, self.space.names, self.threads)
-        return TimeProblem(self.recordings, engine, self.space)
+        return TimeProblem(self.recordings, self._engine(self.space.names), self.space)
+
+    def _engine(self, names: Sequence[str]) -> TimeEngine:
+        if self.twin:
+            return TimeTwin(self.foot, self.recordings)
+        return TimeRollouts(self.foot, self.recordings, names, self.threads)
 
     def certifier(self, explored: TimeProblem) -> TimeProblem:
         """See `Route`."""

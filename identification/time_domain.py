@@ -16,6 +16,7 @@ from fasbody.exceptions import SimulationError
 from fasbody.model import Foot
 from fasbody.recording import Recording
 from fasbody.shaker import BaseMotion, samples
+from fasbody.shared_error import gain_and_delay
 from fasbody.two_dof import NAMES, trajectory
 from identification.columns import Columns
 from identification.orbits import twin_order
@@ -185,18 +186,23 @@ class TimeProblem:
         """Covariance (p, p) of q for coloured residuals: (J^T J)^-1 J^T R J (J^T J)^-1, R from their autocorrelation.
 
         The noise of the base sensor comes through the foot and is not white; ignoring that would make the standard
-        errors wrong. The autocorrelation is tapered (Bartlett) over 5 % of the recording.
+        errors wrong. The autocorrelation is tapered (Bartlett) over 5 % of the recording. R has the uncertain gain and
+        delay of the channels too (correlation.py), which all samples of all recordings share.
 
         Args:
             z: full search variable. active: (p,) which parameters vary; the others rest on a bound and get NaN.
         """
         p, total = self.space.lower.size, z.size
         varied = np.concatenate([active, np.ones(total - p, bool)])
-        middle = np.zeros((total, total))
-        for i in range(len(self.recordings)):
-            _, r, J = self.rows(z, i)
+        middle, shared = np.zeros((total, total)), np.zeros((total, 2))
+        for i, recording in enumerate(self.recordings):
+            y, r, J = self.rows(z, i)
             columns = self._columns(i)
             middle[np.ix_(columns, columns)] += J.T @ _correlated(r, J)
+            gain_std, delay_std_s = gain_and_delay(recording, "malleolus", "base")
+            late = np.gradient(y, 1 / recording.rate_hz) * (0.0 if self.space.has_delay else delay_std_s)
+            shared[columns] += J.T @ np.column_stack([gain_std * y, late]) / self.sigma[i]
+        middle += shared @ shared.T
         bread = inverse_of_gram(self.jacobian(z)[:, varied])
         blind = np.isinf(np.diag(bread))
         bread[blind] = bread[:, blind] = 0.0

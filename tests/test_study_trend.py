@@ -76,17 +76,18 @@ def test_jacobian_by_the_chain_rule_against_differences(foot: Foot) -> None:
 
 
 def test_marginal_deviance_of_the_linear_model_is_the_gaussian_one(foot: Foot) -> None:
-    """Offsets integrated out: r ~ N(-G B beta, I + G T^2 G'), by scipy's density of the stacked residual."""
+    """Offsets and shared errors integrated out: r ~ N(-G B beta, I + G T^2 G' + V V'), by scipy's density of it all."""
     rng = np.random.default_rng(3)
     space = curve_space(foot, Order(2, 1, 1))
-    local = [(rng.normal(size=12), rng.normal(size=(12, len(space.feet.free)))) for _ in space.loads_kg]
+    sizes = (12, len(space.feet.free)), (12, 2)
+    local = [(rng.normal(size=12), *(rng.normal(size=size) for size in sizes)) for _ in space.loads_kg]
     have, tau = linear_deviance(local, space, np.full(4, 0.5))
-    G = [g[:, space.places] * tau for _, g in local]
-    X = np.vstack([g @ B for (_, g), B in zip(local, space.weights, strict=True)])
-    r = np.concatenate([r for r, _ in local])
-    S = np.zeros((r.size, r.size))
+    G = [g[:, space.places] * tau for _, g, _ in local]
+    X = np.vstack([g @ B for (_, g, _), B in zip(local, space.weights, strict=True)])
+    r, V = np.concatenate([r for r, *_ in local]), np.vstack([v for *_, v in local])
+    S = V @ V.T
     for i, g in enumerate(G):
-        S[12 * i : 12 * i + 12, 12 * i : 12 * i + 12] = np.eye(12) + g @ g.T
+        S[12 * i : 12 * i + 12, 12 * i : 12 * i + 12] += np.eye(12) + g @ g.T
     beta = -np.linalg.lstsq(np.linalg.solve(L := np.linalg.cholesky(S), X), np.linalg.solve(L, r), rcond=None)[0]
     want = -2 * multivariate_normal(cov=S).logpdf(r + X @ beta) - r.size * np.log(2 * np.pi)
     assert have == pytest.approx(want, rel=1e-9)
@@ -101,7 +102,7 @@ def test_linearised_criteria_find_the_order_and_the_scatter(foot: Foot) -> None:
         G = 50 * rng.normal(size=(8, len(true.feet.free)))
         q = B @ beta
         q[true.places] += 0.1 * rng.normal(size=4)
-        local.append((rng.normal(size=8) - G @ q, G))
+        local.append((rng.normal(size=8) - G @ q, G, np.zeros((8, 0))))
     bic = {}
     for order in orders_for(true):
         space = CurveSpace(true.feet, CURVES, order, f.ravel(), m.ravel())

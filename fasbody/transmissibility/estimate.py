@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.channels import Channel
 from fasbody.checks import checked
 from fasbody.filters import CUTOFF_HZ, peak_to_peak
 from fasbody.recording import Recording
 from fasbody.response import Harmonics, fit_harmonics
+from fasbody.shared_error import gain_and_delay
 from fasbody.spectra import excited, h1
 
 #: Output and input channel of each pair.
@@ -81,22 +81,13 @@ def _by_peaks(recording: Recording, out: np.ndarray, into: np.ndarray) -> float:
 
 def _row(recording: Recording, f: float, pair: str, H: complex, std: float, by_peaks: float) -> Row:
     c = recording.condition
-    gain, delay_s = systematic(recording, pair)
+    gain, delay_s = gain_and_delay(recording, *PAIRS[pair])
     noise_deg = np.degrees(std / abs(H)) if abs(H) else np.nan
     T_std, phase_std = np.hypot(std, abs(H) * gain), np.hypot(noise_deg, 360 * f * delay_s)
     return Row(
         recording.file, c.subject, c.posture, c.added_mass_kg, float(f), pair, abs(H), float(T_std),
         float(np.degrees(np.angle(H))), float(phase_std), by_peaks,
     )  # fmt: skip
-
-
-def systematic(recording: Recording, pair: str) -> tuple[float, float]:
-    """Standard uncertainty of a pair's relative gain, and of its delay [s], as study.toml states them of its channels.
-
-    The channels are taken for independent. Repeating a recording with the same sensors does not make these smaller.
-    """
-    a, b = (recording.calibration.get(name, Channel()) for name in PAIRS[pair])
-    return float(np.hypot(a.gain_std, b.gain_std)), float(np.hypot(a.delay_std_s, b.delay_std_s))
 
 
 def _broadband(

@@ -8,6 +8,7 @@ import numpy as np
 from fasbody.model import Foot
 from identification.orbits import Rollouts, Twin
 from identification.periodic import Line, split
+from identification.resolution import resolved
 from identification.space import DELAY
 
 _TOLERANCE = 1e-6
@@ -34,7 +35,8 @@ class HeldOut:
 
 def predicted(line: Line, foot: Foot, values: Mapping[str, float], twin: bool) -> np.ndarray:
     """Malleolus harmonics (H,) of a foot on the measured base, delayed like the measurement [m/s^2]."""
-    engine = Twin([line.excitation]) if twin else Rollouts(foot, [line.excitation], ())
+    excitation = resolved(line.excitation, foot, values, twin)
+    engine = Twin([excitation]) if twin else Rollouts(foot, [excitation], ())
     y, _ = engine.orbit(0, values, (), _TOLERANCE)
     h = np.arange(1, line.count + 1)
     turn = np.exp(-2j * np.pi * line.base.frequency_hz * h * values.get(DELAY.name, 0.0))

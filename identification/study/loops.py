@@ -20,6 +20,7 @@ from fasbody.recording import Recording
 from fasbody.two_dof import TwoDof, path, periodic
 from identification.orbits import LONGEST_STEP, Excitation, twin_applies
 from identification.periodic import Line
+from identification.resolution import resolved
 from identification.space import DELAY
 from identification.study.cycle import Cycle, Loop, short
 from identification.study.parts import CLOSED, mujoco_cycle
@@ -36,6 +37,7 @@ def cycle(foot: Foot, excitation: Excitation, values: Mapping[str, float], twin:
     Raises:
         SimulationError: no periodic motion. ModelError: the model has no ankle or no fat pad by these names.
     """
+    excitation = resolved(excitation, foot, values, twin)
     return _twin_cycle(excitation, values) if twin else mujoco_cycle(foot, excitation, values)
 
 

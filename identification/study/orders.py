@@ -48,8 +48,9 @@ def choose(problem: TrendProblem, z: np.ndarray, criterion: str) -> tuple[Order,
         raise SettingError(f"{unknown('criterion', criterion, ('aic', 'bic'))}.")
     space = problem.curves
     q = [B @ z for B in space.weights]
-    local = [(r - G @ at, G) for (r, G), at in zip(problem.by_foot(z), q, strict=True)]
-    harmonics = sum(r.size for r, _ in local)
+    feet = zip(problem.by_foot(z), problem.shared_errors(), q, strict=True)
+    local = [(r - G @ at, G, V) for (r, G), V, at in feet]
+    harmonics = sum(r.size for r, *_ in local)
     rows = []
     for order in orders_for(space):
         other = replace(space, order=order, scatter=False)
@@ -64,25 +65,27 @@ def choose(problem: TrendProblem, z: np.ndarray, criterion: str) -> tuple[Order,
 
 
 def linear_deviance(
-    local: Sequence[tuple[np.ndarray, np.ndarray]], space: CurveSpace, tau: np.ndarray | None
+    local: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], space: CurveSpace, tau: np.ndarray | None
 ) -> tuple[float, np.ndarray]:
     """-2 log likelihood of the linearised model at its best, up to the noise's constant, and the scatter there.
 
     Args:
-        local: (r, G) of each recording: r + G q is its whitened residual. space: the curves, without offsets.
+        local: (r, G, V) of each recording: r + G q + V e is its residual over its noise, e the unit errors that all
+            recordings share (`PeriodicProblem.shared_errors`). space: the curves, without offsets.
         tau: scatter to begin with, None for no scatter. It is learnt by MacKay's rule, as in `TrendProblem.learn`.
     """
-    places = space.places
+    places, errors = space.places, local[0][2].shape[1]
+    prior = np.diag([1e-9] * space.size + [1.0] * errors)
     new = start = np.zeros(0) if tau is None else tau
     for _ in range(_PASSES):
         start = new
-        A, b = 1e-9 * np.eye(space.size), np.zeros(space.size)
+        A, b = prior.copy(), np.zeros(space.size + errors)
         whitened = []
         total = 0.0
-        for (r, G), B in zip(local, space.weights, strict=True):
+        for (r, G, V), B in zip(local, space.weights, strict=True):
             U = G[:, places[: start.size]] * start
             L = np.linalg.cholesky(np.eye(r.size) + U @ U.T)
-            X, y = np.linalg.solve(L, G @ B), np.linalg.solve(L, r)
+            X, y = np.linalg.solve(L, np.hstack([G @ B, V])), np.linalg.solve(L, r)
             whitened.append((X, y, np.linalg.solve(L, U)))
             A += X.T @ X
             b -= X.T @ y
@@ -90,6 +93,8 @@ def linear_deviance(
         C = np.linalg.inv(A)
         beta = C @ b
         total += sum(float(np.sum((y + X @ beta) ** 2)) for X, y, _ in whitened)
+        shared = slice(space.size, None)  # integrated out
+        total += float(beta[shared] @ beta[shared]) + float(np.linalg.slogdet(A[shared, shared])[1])
         if tau is None:
             return total, start
         effective, squares = np.zeros(start.size), np.zeros(start.size)

@@ -90,7 +90,7 @@ class TrendProblem(PeriodicProblem):
         return np.append(r, (z - self._anchor)[held]), np.vstack([J, np.eye(z.size)[held]])
 
     def by_foot(self, z: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Whitened residual (2 H,) of each recording and its derivatives (2 H, p) to the foot's search variable."""
+        """Residual (2 H,) of each recording over its noise, its derivatives (2 H, p) to the foot's search variable."""
         found = []
         for i, line in enumerate(self.lines):
             Y, D, _ = self.response(i, z)
@@ -100,16 +100,19 @@ class TrendProblem(PeriodicProblem):
         return found
 
     def deviance(self, z: np.ndarray) -> float:
-        """-2 log likelihood, offsets integrated out: cost + sum of log det S_i + log det(I + T G_i' S_i^-1 G_i T)."""
+        """-2 log likelihood, offsets integrated out: cost + log det of S + G T^2 G' + V V', over all recordings."""
         r = self.residual(z)
         if (r == UNSTABLE).all():
             return float("inf")
-        total = float(r @ r) + self.log_determinant
-        if self.curves.scatter:
-            for _, G in self.by_foot(z):
-                A = G[:, self.curves.places] * self.tau
-                total += float(np.linalg.slogdet(np.eye(A.shape[1]) + A.T @ A)[1])
-        return total
+        if not self.curves.scatter:
+            return float(r @ r) + self.log_determinant
+        total, shared = float(r @ r) + self._noise_log_determinant, np.eye(self._shared.shape[1])
+        for (_, G), V in zip(self.by_foot(z), self.shared_errors(), strict=True):
+            A = G[:, self.curves.places] * self.tau
+            K = np.eye(A.shape[0]) + A @ A.T
+            total += float(np.linalg.slogdet(K)[1])
+            shared += V.T @ np.linalg.solve(K, V)
+        return total + float(np.linalg.slogdet(shared)[1])
 
     def learn(self, z: np.ndarray) -> float:
         """Update tau to sum u^2 / effective number of offsets (MacKay 1992); returns the largest relative change."""
@@ -132,24 +135,25 @@ class TrendRoute(PeriodicRoute):
 
     def explorer(self) -> TrendProblem:
         """See `Route`."""
-        return self._problem(self.twin)
+        return self._problem(self._engine(self._excitations, self.twin))
 
     def certifier(self, explored: PeriodicProblem) -> TrendProblem:
         """See `Route`."""
-        problem = self._problem(twin=False)
+        problem = self._problem(self._engine(self._excitations, twin=False))
         problem.tolerance = 1e-7
         problem.weigh_as(explored)
         return problem
 
-    def _problem(self, twin: bool) -> TrendProblem:
+    def _problem(self, engine: Engine) -> TrendProblem:
         space = cast(CurveSpace, self.space)
         tau = np.full(len(space.places), FIRST) if self.tau is None else self.tau
-        return TrendProblem(self.lines, self._engine([line.excitation for line in self.lines], twin), space, tau)
+        return TrendProblem(self.lines, engine, space, tau)
 
     def settle(self, z: np.ndarray) -> tuple[TrendProblem, Descent]:
-        """Bring weights and scatter up to date, and go on, until the scatter stays."""
+        """Bring weights, scatter and time step up to date, and go on, until the scatter stays."""
         problem = self.explorer()
         for number in range(_ROUNDS):
+            problem = self._finer(problem, z)
             with suppress(
                 SimulationError
             ):  # too far from the answer to have orbits with sharper input: as weighted so far
@@ -160,6 +164,18 @@ class TrendRoute(PeriodicRoute):
                 break
             if number and descent.cost > _HOPELESS * problem.size:
                 return problem, descent
+        problem = self._finer(problem, z)
         self.tau = problem.tau
         # the surer method, for the end of a long valley
         return problem, descend(problem, z, "settled", z0=z, tight=True)
+
+    def _finer(self, problem: TrendProblem, z: np.ndarray) -> TrendProblem:
+        """The problem, or the same one with the time step that its feet ask for, which this route then has too."""
+        finer = self.refined(z)
+        if finer is self:
+            return problem
+        self.foot = finer.foot
+        found = self.explorer()
+        found.weigh_as(problem)
+        found.tau = problem.tau
+        return found

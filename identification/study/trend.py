@@ -141,7 +141,7 @@ def _certify(frame: Frame, name: str, state: Candidate, certify: bool) -> tuple[
     space, z = state.space, descent.z
     if certify:
         states = [route.initial_states(final, descent, i) for i in range(len(frame.data))]
-        run = replay(frame.foot, frame.data, space.feet_of(z), states, frame.twin)
+        run = replay(route.foot, frame.data, space.feet_of(z), states, frame.twin)
     else:
         run = Replay([r.malleolus_m_s2 for r in frame.data], [float("nan")] * len(frame.data), float("nan"), None)
     harmonics = sum(2 * line.count for line in problem.lines)
