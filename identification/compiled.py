@@ -17,14 +17,11 @@ from fasbody import two_dof
 from fasbody.two_dof import NAMES, STATES, periodic
 from identification import trust_region
 from identification.orbits import LOST, PASSES, Twin
+from identification.search import UNSTABLE, ZERO
 from identification.space import DELAY, Space
 from identification.trust_region import reflected, restrained, scaling
 
 _P = len(NAMES)
-#: A chi-square below this share of the number of residuals is zero to any noise.
-_ZERO = 1e-9
-#: Every residual where there is no orbit, as in search.py.
-_UNSTABLE = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +146,7 @@ def _descend(  # type: ignore[no-untyped-def]
         if radius < 0.0:
             start = x * inverse / np.sqrt(v)
             radius = max(np.sqrt(start @ start), 1e-300)
-        if steep < tolerance or 2.0 * cost <= _ZERO * rows:
+        if steep < tolerance or 2.0 * cost <= ZERO * rows:
             return x, 2.0 * cost, evaluations, True
         d, diagonal = np.sqrt(v) / inverse, g * dv / inverse
         g_h = d * g
@@ -175,7 +172,7 @@ def _descend(  # type: ignore[no-untyped-def]
             evaluations += 1
             there = _residual(new, *data, last_x, last_dx, last_p, f_new, J_new)
             size = np.sqrt(step_h @ step_h)
-            cost_new = 0.5 * (f_new @ f_new) if there else 0.5 * rows * _UNSTABLE**2
+            cost_new = 0.5 * (f_new @ f_new) if there else 0.5 * rows * UNSTABLE**2
             gain = cost - cost_new
             ratio = gain / expected if expected > 0.0 else 0.0
             before = radius

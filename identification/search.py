@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from identification.space import SearchSpace
 
@@ -50,6 +50,8 @@ class Problem(Protocol):
 
 #: Every residual of a parameter set whose motion is unstable.
 UNSTABLE = 1e6
+#: A chi-square below this share of the number of residuals is zero to any noise.
+ZERO = 1e-9
 #: Evaluations after which a descent is given up.
 _MOST = 200
 #: So many samples have a cost as large, of which 1e-7 is a thousandth of what a standard error changes.
@@ -98,12 +100,18 @@ def descend(
         cost = problem.size * UNSTABLE**2 if unstable else cost
     else:
         before = problem.evaluations
+
+        def ended(intermediate_result: OptimizeResult) -> None:  # a valley of zeros is as flat as it is long
+            if 2 * intermediate_result.cost <= ZERO * problem.size:
+                raise StopIteration
+
         found = least_squares(
             problem.residual, inside, problem.jacobian, bounds=(low, high), method="trf", x_scale="jac",
-            ftol=tolerance, xtol=tolerance, gtol=tolerance, max_nfev=_MOST,
+            ftol=tolerance, xtol=tolerance, gtol=tolerance, max_nfev=_MOST, callback=ended,
         )  # fmt: skip
         z, cost, evaluations = found.x, 2 * float(found.cost), problem.evaluations - before
-        converged, unstable = bool(found.success), bool((found.fun == UNSTABLE).all())
+        converged = bool(found.success) or cost <= ZERO * problem.size
+        unstable = bool((found.fun == UNSTABLE).all())
     return Descent(
         label=label,
         theta0=problem.space.to_theta(inside[:p]),
