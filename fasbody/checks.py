@@ -1,5 +1,6 @@
 """Is a recording fit for identification? Each problem gets one sentence: the file, the place and the remedy."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +25,7 @@ _IMPOSSIBLE = 1e6
 _UNLIKELY = 500.0
 
 
+@functools.lru_cache(maxsize=32)  # a study's job looks for what cannot serve, and its fit checks again
 def checked(recording: Recording) -> Recording:
     """The recording with its excitation frequency found, offsets removed and warnings listed.
 

@@ -19,7 +19,7 @@ from fasbody.parameters import Parameters, declared, names
 REQUIRED = {"joint": ("base",), "actuator": ("shaker",), "sensor": ("base", "malleolus"), "site": ("malleolus",)}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Foot:
     """A compiled model with the places that the commands use.
 

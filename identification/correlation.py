@@ -13,6 +13,9 @@ import numpy as np
 from fasbody.recording import Recording
 from fasbody.shared_error import gain_and_delay
 
+#: Rounds of the misfit's iteration, which contracts.
+_ROUNDS = 20
+
 
 def shared_errors(
     recordings: Sequence[Recording], frequencies_hz: Sequence[float], amplitudes: Sequence[np.ndarray], delay: bool
@@ -34,6 +37,23 @@ def shared_errors(
         columns.append(np.concatenate([errors.real, errors.imag]))
     V = np.concatenate(columns)
     return V[:, np.any(V != 0.0, axis=0)]
+
+
+def misfit(r: np.ndarray, V: np.ndarray, dof: int) -> float:
+    """How much larger than stated the noise must be to explain what shared errors leave of a residual, at least 1.
+
+    Where the model misses by more than the noise, shared errors at their stated size would cost nothing beside the
+    misfit, and a gain of any size would be believed. So noise and shared errors are weighed against each other after
+    the noise has been raised to what is left: S x + V V^T with x = (r^T (I + V V^T / x)^-1 r) / dof, by iteration.
+
+    Args:
+        r: residual (n,) and V: shared errors (n, k), both whitened by the noise alone. dof: degrees of freedom.
+    """
+    x = max(1.0, float(r @ r) / dof) if dof else 1.0
+    for _ in range(_ROUNDS if dof else 0):
+        left = np.linalg.solve(np.eye(V.shape[1]) + V.T @ V / x, V.T @ r)
+        x = max(1.0, float(r @ r - (V.T @ r) @ left / x) / dof)
+    return x
 
 
 def projection(V: np.ndarray) -> np.ndarray:

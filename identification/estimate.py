@@ -93,6 +93,7 @@ def fit(
     scout = route
     if domain == "time" and steady(data):  # the same foot is found a hundred times sooner on the harmonics
         scout = PeriodicRoute(foot, data, space, twin, settings.threads)
+    scout = scout.exploring()
     problem = scout.explorer()
     counter = iter(range(1, len(starts) + 1))
     descents, interrupted = explore(problem, starts, lambda: advance("exploring starts", next(counter), len(starts)))
@@ -103,6 +104,7 @@ def fit(
     if descents[0].unstable:
         raise SimulationError(f"{foot.name}: every start was unstable; check the bounds and the model's parameters.")
 
+    route = route.weighed(descents[0].z)  # both branches beside the same misfit, or their odds would mean nothing
     chosen = _a_branch_each(scout, descents, space, a) if mirror else {"best": descents}
     certified = []
     for number, (name, candidates) in enumerate(chosen.items()):

@@ -6,6 +6,7 @@ gap after one period (shooting), start from the last orbit moved along its deriv
 first-order correction, so that a fit costs about one period of simulation for each evaluation.
 """
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -174,6 +175,7 @@ class Rollouts(_Memory):
         return d.y + d.y_by_state @ step, d.y_by_parameter + d.y_by_state @ dx
 
 
+@functools.lru_cache(maxsize=8)  # a study asks twice for each of its fits
 def twin_applies(foot: Foot) -> bool:
     """Whether the compiled two-mass model is this model: the same accelerations at random states and parameters."""
     from fasbody.engine import callbacks

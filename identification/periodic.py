@@ -7,6 +7,7 @@ is chi-square distributed, with 2 H degrees of freedom a recording less the para
 the model's orbit is periodic too.
 """
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -34,6 +35,7 @@ class Line:
     malleolus: Harmonics
 
     @classmethod
+    @functools.lru_cache(maxsize=32)  # choosing the domain, fitting and drawing loops need the same harmonics
     def of(cls, recording: Recording) -> "Line":
         """Fit the harmonics of a checked recording with a known excitation frequency."""
         frequency = recording.condition.frequency_hz
@@ -76,10 +78,15 @@ class PeriodicProblem:
     Args:
         lines: the measured harmonics. engine: finds the orbits. space: the free parameters.
         tolerance: relative gap at which an orbit is accepted with a first-order correction.
+        excess: of the misfit over the noise, beside which shared errors are weighed (correlation.misfit); infinite
+            leaves them out.
     """
 
-    def __init__(self, lines: Sequence[Line], engine: Engine, space: SearchSpace, tolerance: float = 1e-3) -> None:
+    def __init__(
+        self, lines: Sequence[Line], engine: Engine, space: SearchSpace, tolerance: float = 1e-3, excess: float = 1.0
+    ) -> None:
         self.lines, self.engine, self.space, self.tolerance = list(lines), engine, space, tolerance
+        self._excess = excess
         self._whiten = [self._first_whitening(line) for line in self.lines]
         self._shared = self._shared_errors([line.malleolus.amplitudes for line in self.lines])
         self.evaluations = 0
@@ -132,7 +139,8 @@ class PeriodicProblem:
     def _shared_errors(self, amplitudes: Sequence[np.ndarray]) -> np.ndarray:
         frequencies = [line.base.frequency_hz for line in self.lines]
         recordings = [line.recording for line in self.lines]
-        return shared_errors(recordings, frequencies, amplitudes, delay=not self.space.has_delay)
+        V = shared_errors(recordings, frequencies, amplitudes, delay=not self.space.has_delay)
+        return V / np.sqrt(self._excess)
 
     def residual(self, q: np.ndarray) -> np.ndarray:
         """Whitened residual (n,) at the search variable q."""

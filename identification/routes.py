@@ -11,6 +11,7 @@ import numpy as np
 from fasbody.exceptions import SettingError
 from fasbody.model import Foot
 from fasbody.recording import Recording
+from identification.correlation import misfit
 from identification.hybrid import CertifiedOrbits, CertifiedRuns
 from identification.orbits import LONGEST_STEP, Engine, Excitation, Rollouts, Twin
 from identification.periodic import Line, PeriodicProblem
@@ -83,6 +84,12 @@ class Route(Protocol):
     def refined(self, z: np.ndarray) -> Self:
         """Itself, or a copy whose foot has so fine a step that the motion at z is right to 1e-4 of its peak."""
 
+    def exploring(self) -> Self:
+        """A copy that weighs by the noise alone, for starts that are far from any foot."""
+
+    def weighed(self, z: np.ndarray) -> Self:
+        """A copy that weighs what the recordings share beside the misfit at z, where exploring ended."""
+
     def explorer(self) -> Any:
         """A fresh problem on the fastest engine that fits the model."""
 
@@ -98,13 +105,14 @@ class Route(Protocol):
 
 @dataclass
 class PeriodicRoute:
-    """Steady state, on harmonics of one period."""
+    """Steady state, on harmonics of one period; `excess` of the misfit over the noise as `PeriodicProblem` takes it."""
 
     foot: Foot
     recordings: list[Recording]
     space: SearchSpace
     twin: bool
     threads: int = 0
+    excess: float = 1.0
     chi_square = True
 
     def __post_init__(self) -> None:
@@ -124,13 +132,23 @@ class PeriodicRoute:
             steps += [found.step] if found.step < e.step else []
         return _with_step(self, min(steps)) if steps else self
 
+    def exploring(self) -> Self:
+        """See `Route`."""
+        return _copy(self, excess=np.inf)
+
+    def weighed(self, z: np.ndarray) -> Self:
+        """See `Route`."""
+        r = self.exploring().explorer().residual(z)
+        V = np.concatenate(_copy(self, excess=1.0).explorer().shared_errors())
+        return _copy(self, excess=misfit(r, V, max(0, r.size - z.size)))
+
     def _engine(self, excitations: Sequence[Excitation], twin: bool) -> Engine:
         return Twin(excitations) if twin else Rollouts(self.foot, excitations, self.space.names, self.threads)
 
     def explorer(self) -> PeriodicProblem:
         """See `Route`."""
         engine = self._engine(self._excitations, self.twin)
-        return PeriodicProblem(self.lines, engine, self.space)
+        return PeriodicProblem(self.lines, engine, self.space, excess=self.excess)
 
     def certifier(self, explored: PeriodicProblem) -> PeriodicProblem:
         """See `Route`."""
@@ -153,11 +171,16 @@ class PeriodicRoute:
         return problem.engine.start(number)
 
 
+def _copy(route: Any, **changes: Any) -> Any:
+    """A copy of a route, what it has read included, with other attributes."""
+    made = copy.copy(route)
+    vars(made).update(changes)
+    return made
+
+
 def _with_step(route: Any, step: float) -> Any:
-    """A copy of a route, what it has read included, whose foot is simulated with another step [s]."""
-    finer = copy.copy(route)
-    finer.foot = route.foot.with_values({}, step=step)
-    return finer
+    """A copy of a route whose foot is simulated with another step [s]."""
+    return _copy(route, foot=route.foot.with_values({}, step=step))
 
 
 @dataclass
@@ -186,6 +209,14 @@ class TimeRoute:
 
         times = halvings(output)
         return _with_step(self, step / 2**times) if times else self
+
+    def exploring(self) -> Self:
+        """See `Route`: what recordings share is in the covariance alone."""
+        return self
+
+    def weighed(self, z: np.ndarray) -> Self:
+        """See `Route`."""
+        return self
 
     def explorer(self) -> TimeProblem:
         """See `Route`."""

@@ -14,7 +14,8 @@ from fasbody.model import Foot
 from fasbody.recording import Recording
 from fasbody.shared_error import gain_and_delay
 from identification.certification import settle, standard_errors
-from identification.correlation import projection, shared_errors
+from identification.correlation import misfit, projection, shared_errors
+from identification.estimate import Settings, fit
 from identification.orbits import Twin
 from identification.periodic import Line, PeriodicProblem, split
 from identification.routes import PeriodicRoute, TimeRoute
@@ -176,3 +177,27 @@ def test_the_time_domain_widens_its_errors_by_what_gain_and_delay_do(
     want = np.sqrt(noise**2 + (10 * (larger - here)) ** 2 + (10 * (late - here)) ** 2)
     assert std == pytest.approx(want, rel=0.05)
     assert (std > 1.5 * noise).all()
+
+
+def test_misfit_is_where_noise_and_shared_errors_explain_what_is_left() -> None:
+    rng = np.random.default_rng(3)
+    V, r = rng.normal(size=(40, 2)) * [50.0, 20.0], 30.0 * rng.normal(size=40)
+    x = misfit(r, V, 35)
+    whole = np.linalg.inv(np.eye(40) + V @ V.T / x)
+    assert x == pytest.approx(r @ whole @ r / 35, rel=1e-6) and x > 100
+    assert misfit(V[:, 0] + 0.5 * rng.normal(size=40), V, 35) == 1.0  # a gain error as stated, and little noise
+    assert misfit(r, V, 0) == 1.0
+
+
+def test_a_model_that_misses_believes_no_gain(foot: Foot, trial: Callable[..., Recording]) -> None:
+    """Stiffness that doubles from 10 to 40 Hz: fitted as one number, it must not turn to a wrong gain for help."""
+    stiffer = [dict(oracle.TRUTH, k_F=k) for k in (6e4, 9.4e4, 1.4e5)]
+    data = [trial(truth, f) for truth, f in zip(stiffer, (10.0, 20.0, 40.0), strict=True)]
+    settings = Settings(free=("k_F", "c_21"), starts=2, threads=1)
+    plain = fit(data, foot, settings).branches[0]
+    told = fit([stated(each) for each in data], foot, settings).branches[0]
+    assert plain.chi_square / plain.dof > 1000
+    for name in ("k_F_n_per_m", "c_21_n_s_per_m"):
+        a, b = plain.parameters[name], told.parameters[name]
+        assert abs(a.value - b.value) < a.std_error
+        assert b.std_error == pytest.approx(a.std_error, rel=0.5)

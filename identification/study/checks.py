@@ -61,9 +61,9 @@ def _profile(work: Work, recordings: Sequence[Recording], foot: Foot) -> dict[st
     space = space_of(foot, work.settings.free, work.settings.bounds, "delay_s" in values)
     data = [checked(recording) for recording in recordings]
     route = PeriodicRoute(foot, data, space, twin_applies(foot), work.settings.threads)
-    problem = route.explorer()
     q = space.to_q(space.theta({item.name: values[item.key]["value"] for item in space.free}))
-    problem, end = settle(route, descend(problem, q, best["name"], tight=True))
+    route = route.weighed(q)
+    problem, end = settle(route, descend(route.explorer(), q, best["name"], tight=True))
     (found,) = profiles(problem, space, end, max(0, problem.size - end.z.size), (work.job.parameter,))
     return {"fit": work.basis["key"] if work.basis else "", "branch": best["name"], **found.document()}
 

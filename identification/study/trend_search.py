@@ -86,7 +86,7 @@ class Frame:
     def route(self, order: Order, tau: np.ndarray | None = None) -> TrendRoute:
         """The route of a fit with curves of this order."""
         space = CurveSpace(self.feet, self.curves, order, self._f, self._loads, self.scatter)
-        return TrendRoute(self.foot, self.data, space, self.twin, self.threads, tau)
+        return TrendRoute(self.foot, self.data, space, self.twin, self.threads, tau=tau)
 
     def first_order(self) -> Order:
         """The order to begin with."""

@@ -93,10 +93,10 @@ def quick_fit(recordings: Sequence[Recording], foot: Foot, settings: Settings, t
     rng = np.random.default_rng(settings.seed)
     starts = [("model", space.to_q(space.theta(foot.values())))]
     starts += [(f"random {i}", space.random(rng)) for i in range(1, settings.starts)]
-    descents, _ = explore(route.explorer(), starts)
+    descents, _ = explore(route.exploring().explorer(), starts)
     if descents[0].unstable:
         raise SimulationError(f"{foot.name}: every start was unstable; check the bounds and the model's parameters.")
-    problem, d = settle(route, descents[0])
+    problem, d = settle(route.weighed(descents[0].z), descents[0])
     return QuickFit(space, d.z, d.cost, d.cost + problem.log_determinant, problem.size)
 
 
