@@ -61,7 +61,7 @@ def standard_errors(problem: Any, descent: Descent, dof: int, chi_square: bool) 
     at_bound = problem.space.at_bound(descent.theta)
     covariance = problem.covariance(descent.z, np.ones(at_bound.size, bool))
     covariance[at_bound] = covariance[:, at_bound] = np.nan
-    excess = max(1.0, descent.cost / dof) if chi_square and dof else 1.0
+    excess = max(1.0, descent.cost / max(1, dof)) if chi_square else 1.0
     return np.sqrt(np.diag(covariance) * excess), covariance
 
 

@@ -47,10 +47,12 @@ def misfit(r: np.ndarray, V: np.ndarray, dof: int) -> float:
     the noise has been raised to what is left: S x + V V^T with x = (r^T (I + V V^T / x)^-1 r) / dof, by iteration.
 
     Args:
-        r: residual (n,) and V: shared errors (n, k), both whitened by the noise alone. dof: degrees of freedom.
+        r: residual (n,) and V: shared errors (n, k), both whitened by the noise alone. dof: degrees of freedom; where
+            none is left, a residual that is not zero is the end of a descent that went astray, and is judged by one.
     """
-    x = max(1.0, float(r @ r) / dof) if dof else 1.0
-    for _ in range(_ROUNDS if dof else 0):
+    dof = max(1, dof)
+    x = max(1.0, float(r @ r) / dof)
+    for _ in range(_ROUNDS):
         left = np.linalg.solve(np.eye(V.shape[1]) + V.T @ V / x, V.T @ r)
         x = max(1.0, float(r @ r - (V.T @ r) @ left / x) / dof)
     return x

@@ -136,8 +136,8 @@ def covered(foot: Foot, trial: Callable[..., Recording]) -> dict[bool, tuple[np.
             data = checked(stated(replace(made, malleolus_m_s2=exact), STATED if told else {}))
             route = PeriodicRoute(foot, [data], space, twin=True, threads=1)
             problem, end = settle(route, descend(route.explorer(), space.to_q(truth), "truth"))
-            std, _ = standard_errors(problem, end, 0, True)
-            low, high = space.interval(end.theta, std)
+            _, covariance = standard_errors(problem, end, 0, True)  # not widened by the misfit
+            low, high = space.interval(end.theta, np.sqrt(np.diag(covariance)))
             found[told][0].append((low <= truth) & (truth <= high))
             found[told][1].append(end.cost)
     return {told: (np.array(a), np.array(b)) for told, (a, b) in found.items()}
@@ -186,7 +186,7 @@ def test_misfit_is_where_noise_and_shared_errors_explain_what_is_left() -> None:
     whole = np.linalg.inv(np.eye(40) + V @ V.T / x)
     assert x == pytest.approx(r @ whole @ r / 35, rel=1e-6) and x > 100
     assert misfit(V[:, 0] + 0.5 * rng.normal(size=40), V, 35) == 1.0  # a gain error as stated, and little noise
-    assert misfit(r, V, 0) == 1.0
+    assert misfit(0.0 * r, V, 0) == 1.0 and misfit(r, V, 0) > 1000  # all parameters cannot miss but astray
 
 
 def test_a_model_that_misses_believes_no_gain(foot: Foot, trial: Callable[..., Recording]) -> None:

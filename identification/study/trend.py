@@ -147,7 +147,7 @@ def _certify(frame: Frame, name: str, state: Candidate, certify: bool) -> tuple[
     harmonics = sum(2 * line.count for line in problem.lines)
     dof = max(0, harmonics - space.size)
     free = ~space.at_bound(z)
-    excess = max(1.0, descent.cost / dof) if dof else 1.0
+    excess = max(1.0, descent.cost / max(1, dof))
     covariance = excess * final.covariance(z, free)[: space.size, : space.size]
     deviance = final.deviance(z)
     count = space.size + (len(space.places) if space.scatter else 0)
