@@ -33,8 +33,13 @@ def advice(
         texts.append(f"The model's base misses the prescribed acceleration by {run.base_error:.1e} of its peak.")
     if best.dof == 0:
         texts.append(
-            f"The recordings hold no more numbers than the {len(space.free)} free parameters: they are fitted exactly "
-            "whatever the truth, so goodness of fit says nothing. Pool several frequencies or free fewer (--free)."
+            f"The recordings hold no more numbers than the {len(space.free)} free parameters"
+            + (
+                ": they are fitted exactly whatever the truth, so goodness of fit says nothing."
+                if best.chi_square <= 1
+                else ", which could follow them exactly and do not: the best end was not found, or is out of bounds."
+            )
+            + " Pool several frequencies or free fewer (--free)."
         )
     if rank < len(space.free):
         texts.append(

@@ -19,7 +19,8 @@ DECISIVE_ODDS = 1000.0
 TIE = 0.01
 #: Names of the branches by what is stiffer than its mirror image.
 STIFF_ANKLE, STIFF_PAD = "stiff ankle", "stiff pad"
-_NEEDED = ("k_T", "k_F", "c_11", "c_21")
+#: What a foot and its mirror image exchange.
+EXCHANGED = ("k_T", "k_F", "c_11", "c_21")
 
 
 def ratio(masses: Sequence[Mapping[str, float]], values: Mapping[str, float]) -> float:
@@ -48,10 +49,19 @@ def has_mirror(free: Sequence[str], declared: Container[str]) -> str:
     """
     if not all(name in declared for name in (*NAMES, "m_S", "m_F")):
         return "This model has no mirror solution that is known in closed form; one solution is reported."
-    held = [name for name in _NEEDED if name not in free]
+    held = [name for name in EXCHANGED if name not in free]
     if held:
         return f"The mirror solution was not compared, as it needs {', '.join(held)} free; one solution is reported."
     return ""
+
+
+def pinned(at_bound: Mapping[str, bool]) -> list[str]:
+    """Which of the exchanged constants rest on a bound.
+
+    Args:
+        at_bound: parameter's key ("k_F_n_per_m") -> whether it does.
+    """
+    return [name for name in EXCHANGED if any(rests for key, rests in at_bound.items() if key.startswith(name))]
 
 
 @dataclass(frozen=True)
@@ -77,7 +87,9 @@ class Verdict:
         return self.word
 
 
-def judge(names: Sequence[str], deviances: Sequence[float], chi_square: float, dof: int) -> Verdict:
+def judge(
+    names: Sequence[str], deviances: Sequence[float], chi_square: float, dof: int, rests: Sequence[str] = ()
+) -> Verdict:
     """Compare branches by -2 log likelihood.
 
     Args:
@@ -85,18 +97,24 @@ def judge(names: Sequence[str], deviances: Sequence[float], chi_square: float, d
         deviances: -2 log likelihood of each.
         chi_square: misfit of the best, for dof degrees of freedom: where the model does not fit to the noise, the
             difference is scaled down by the reduced chi-square.
-        dof: see chi_square.
+        dof: see chi_square. rests: stiffness and damping of the second branch that rest on their bounds (`pinned`). It
+            would fit better beyond, so that the bounds and not the data may speak against it: nothing is decided.
     """
     if len(names) < 2:
         text = "The mirror image of this solution lies outside the bounds or leads back here, so nothing was compared."
         return Verdict("not compared", 0.0, text)
     excess = max(1.0, chi_square / max(1, dof))
     ratio_ = 0.5 * (deviances[1] - deviances[0]) / excess
-    decided = ratio_ > np.log(DECISIVE_ODDS)
+    decided = ratio_ > np.log(DECISIVE_ODDS) and not rests
     odds = "more than a million" if ratio_ > np.log(1e6) else f"{np.exp(ratio_):.3g}"
     both = " and ".join(sorted(names[:2]))
     for_ = f"odds {odds} to 1 for {names[0]}" if ratio_ >= TIE else "even odds"
-    if decided:
+    if rests and ratio_ > np.log(DECISIVE_ODDS):
+        text = (
+            f"The {names[0]} branch fits better, but the {names[1]} branch rests on the bound of {', '.join(rests)}: "
+            "the bounds, and not the data, may speak against it. Wider ones (--bounds) or a second load can decide."
+        )
+    elif decided:
         text = f"The {names[0]} branch is favoured by odds of {odds} to 1 over its mirror image ({names[1]})."
     else:
         text = (

@@ -11,15 +11,19 @@ from fasbody.exceptions import SettingError, SimulationError
 from fasbody.model import Foot
 from fasbody.recording import UNSTATED, Recording
 from identification.advice import advice
-from identification.branches import STIFF_ANKLE, STIFF_PAD, Verdict, has_mirror, judge, mirrored, ratio, side
+from identification.branches import STIFF_ANKLE, STIFF_PAD, Verdict, has_mirror, judge, mirrored, pinned, ratio, side
 from identification.certification import branch_of, certify_first
 from identification.excitation import excitation_rank
 from identification.orbits import twin_applies
 from identification.result import FitResult, RecordingFit
 from identification.routes import PeriodicRoute, Route, TimeRoute, choose_domain, steady
-from identification.search import Descent, descend, explore
+from identification.search import ZERO, Descent, descend, explore
 from identification.space import MASSES, Space, space_of
 
+#: Rounds of as many random starts again, while a recording that the parameters can follow exactly is not followed.
+_MORE_ROUNDS = 3
+#: Ends of a branch whose mirror images are entered, and by which share of the cost they must differ.
+_IMAGES, _APART = 4, 1e-2
 _LEFT_OUT = "The {name} branch is left out: the motions at its best ends do not last in MuJoCo."
 _PASSED_OVER = "The best end of the {name} branch was passed over: its motion does not last in MuJoCo."
 
@@ -89,7 +93,8 @@ def fit(
     why_not = has_mirror(space.names, foot.parameters)
     mirror = not why_not
     a = ratio(masses, foot.values()) if mirror else 1.0
-    starts = _starts(space, foot, settings, a if mirror else None)
+    rng = np.random.default_rng(settings.seed)
+    starts = _starts(space, foot, settings, a if mirror else None, rng)
     scout = route
     if domain == "time" and steady(data):  # the same foot is found a hundred times sooner on the harmonics
         scout = PeriodicRoute(foot, data, space, twin, settings.threads)
@@ -99,6 +104,12 @@ def fit(
     descents, interrupted = explore(problem, starts, lambda: advance("exploring starts", next(counter), len(starts)))
     if interrupted and not interruptible:
         raise KeyboardInterrupt
+    for more in range(_MORE_ROUNDS):
+        if interrupted or not _astray(descents[0], problem.size, space):
+            break
+        again = [(f"random {more + 1}.{i + 1}", space.random(rng)) for i in range(settings.starts)]
+        others, interrupted = explore(problem, again)
+        descents = sorted([*descents, *others], key=lambda d: d.cost)
     if interrupted:
         warnings.append(f"Interrupted after {len(descents)} of {len(starts)} starts; the result rests on those.")
     if descents[0].unstable:
@@ -118,7 +129,8 @@ def fit(
         raise SimulationError(f"{foot.name}: the best parameter sets are all unstable over the recordings.")
     certified.sort(key=lambda c: c.deviance)
     built = [branch_of(route, c, space) for c in certified]
-    verdict = judge([b.name for b in built], [b.deviance for b in built], built[0].chi_square, built[0].dof)
+    rests = pinned({key: e.at_bound for key, e in built[-1].parameters.items()})
+    verdict = judge([b.name for b in built], [b.deviance for b in built], built[0].chi_square, built[0].dof, rests)
     if verdict.tied:
         certified.sort(key=lambda c: c.name)
         built.sort(key=lambda b: b.name)
@@ -157,30 +169,47 @@ def _tells_delay(data: Sequence[Recording]) -> bool:
     return len(found) > 1 or None in found
 
 
-def _starts(space: Space, foot: Foot, settings: Settings, a: float | None) -> list[tuple[str, np.ndarray]]:
+def _astray(best: Descent, numbers: int, space: Space) -> bool:
+    """Whether the best end misses by more than the noise, though the parameters can follow so few numbers exactly."""
+    return numbers <= space.lower.size and best.cost > numbers
+
+
+def _starts(
+    space: Space, foot: Foot, settings: Settings, a: float | None, rng: np.random.Generator
+) -> list[tuple[str, np.ndarray]]:
     """The model's own values, their mirror image, and random points."""
     values = foot.values()
     starts = [("model", space.to_q(space.theta(values)))]
     if a is not None:
         starts.append(("mirror of the model", space.to_q(space.theta(mirrored(values, a)))))
-    rng = np.random.default_rng(settings.seed)
     starts += [(f"random {i + 1}", space.random(rng)) for i in range(settings.starts)]
     return starts[: max(settings.starts, 1)]
 
 
 def _a_branch_each(route: Route, descents: Sequence[Descent], space: Space, a: float) -> dict[str, list[Descent]]:
-    """The descents of each branch, best first; the mirror image of the other's best is entered, too."""
+    """The descents of each branch, best first; mirror images of the other's best ends are entered, too."""
     found: dict[str, list[Descent]] = {}
     for descent in descents:
         found.setdefault(side(space.values(descent.theta), a), []).append(descent)
     problem = route.explorer()
+    entered: dict[str, list[Descent]] = {}
     for name, other in ((STIFF_ANKLE, STIFF_PAD), (STIFF_PAD, STIFF_ANKLE)):
-        if other in found:
-            image = mirrored(space.values(found[other][0].theta), a)
-            entered = descend(problem, space.to_q(space.theta(image)), f"mirror of {other}")
-            if side(space.values(entered.theta), a) == name:
-                found[name] = sorted([*found.get(name, []), entered], key=lambda d: d.cost)
-    return found
+        for end in _distinct(found.get(other, [])):
+            image = mirrored(space.values(end.theta), a)
+            there = descend(problem, space.to_q(space.theta(image)), f"mirror of {other}")
+            if side(space.values(there.theta), a) == name:
+                entered.setdefault(name, []).append(there)
+    names = [*found, *(name for name in entered if name not in found)]
+    return {name: sorted([*found.get(name, []), *entered.get(name, [])], key=lambda d: d.cost) for name in names}
+
+
+def _distinct(descents: Sequence[Descent]) -> list[Descent]:
+    """The best few that end at different costs."""
+    kept: list[Descent] = []
+    for descent in descents:
+        if len(kept) < _IMAGES and all(abs(descent.cost - k.cost) > _APART * k.cost + ZERO for k in kept):
+            kept.append(descent)
+    return kept
 
 
 def _start_row(descent: Descent, space: Space, a: float | None) -> dict[str, object]:

@@ -4,7 +4,17 @@ import numpy as np
 import oracle
 import pytest
 
-from identification.branches import DECISIVE_ODDS, STIFF_ANKLE, STIFF_PAD, has_mirror, judge, mirrored, ratio, side
+from identification.branches import (
+    DECISIVE_ODDS,
+    STIFF_ANKLE,
+    STIFF_PAD,
+    has_mirror,
+    judge,
+    mirrored,
+    pinned,
+    ratio,
+    side,
+)
 
 NAMES = [STIFF_ANKLE, STIFF_PAD]
 A = oracle.MASSES["m_S"] / (oracle.MASSES["m_S"] + oracle.MASSES["m_F"])
@@ -65,3 +75,11 @@ def test_a_misfit_weakens_the_verdict() -> None:
 
 def test_without_a_second_branch_nothing_is_decided() -> None:
     assert judge(["a"], [0.0], 1.0, 1).word == "not compared"
+
+
+def test_a_branch_on_its_bound_is_not_decided_against() -> None:
+    """Its likelihood is the bound's: beyond, it would fit better."""
+    verdict = judge(NAMES, [100.0, 500.0], 40.0, 50, ["k_F"])
+    assert str(verdict) == "undecided" and verdict.log_likelihood_ratio == pytest.approx(200)
+    assert "the stiff pad branch rests on the bound of k_F" in verdict.sentence
+    assert pinned({"k_F_n_per_m": True, "k_T_n_per_m": False, "c_12_per_m": True, "c_11_n_s_per_m": False}) == ["k_F"]

@@ -179,3 +179,12 @@ def test_end_that_does_not_last_gives_way_to_the_next(
         fit(light, foot, Settings(starts=4))
     costs = [descent.cost for descent in tried]
     assert len(costs) == len({round(cost, 4) for cost in costs})  # the same end is tried once
+
+
+def test_a_recording_that_can_be_followed_exactly_gets_more_starts(foot: Foot, trial: Trial) -> None:
+    """Four numbers for eight constants: an end that misses them is a start's fault, and others are tried."""
+    stiff = {**TRUTH, "k_T": 3.1e6, "k_F": 3.2e5, "c_11": 1612.0, "c_21": 1892.0}
+    found = fit([trial(stiff, 50.0, added=4.5)], foot, Settings(starts=1, bounds={"k_T": (1e4, 1e7)}))
+    costs = {str(row["start"]): float(str(row["cost"])) for row in found.starts}
+    assert found.best.dof == 0 and costs["model"] > 100
+    assert min(costs, key=costs.__getitem__).startswith("random") and found.best.chi_square < 1e-3

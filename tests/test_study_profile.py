@@ -147,3 +147,14 @@ def test_one_frequency_leaves_the_ankles_damping_open(foot: Foot) -> None:
 def test_an_unknown_parameter_is_said(foot: Foot) -> None:
     with pytest.raises(SettingError, match="unknown parameter to profile 'k_X'"):
         foot_profiles(foot, (10.0, 20.0), ("k_X",))
+
+
+def test_no_profile_identifies_where_numbers_are_no_more_than_parameters(plane: Space) -> None:
+    q0 = plane.to_q(np.array([1e5, 9e4]))
+    A = np.array([[80.0, 3.0], [1.0, 90.0], [2.0, -4.0]])
+    verdicts = []
+    for rows in (3, 2):
+        problem = Analytic(plane, lambda q, n=rows: A[:n] @ (q - q0), lambda q, n=rows: A[:n])  # type: ignore[misc]
+        problem.size = rows
+        verdicts.append([p.verdict for p in profiles(problem, plane, ended(problem, q0 + 0.01), rows - 2)])
+    assert verdicts == [["identified"] * 2, ["not identifiable"] * 2]

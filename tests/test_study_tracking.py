@@ -248,3 +248,21 @@ def test_images_that_are_not_exact_decide_nothing() -> None:
     told = track(spoilt)
     assert told.overall[STIFF_ANKLE] == pytest.approx(1.0)
     assert [c.odds for c in told.choices] == pytest.approx([1.0] * len(spoilt))
+
+
+def test_a_branch_on_its_bound_has_nothing_against_it() -> None:
+    def estimate(value: float, rests: bool = False) -> dict[str, object]:
+        return {"value": value, "std_error": None if rests else 0.03 * value, "at_bound": rests}
+
+    def document(rests: bool) -> dict[str, object]:
+        near = {f"{n}_unit": estimate(v) for n, v in power_laws(20.0, 0.0).items()}
+        far = {f"{n}_unit": estimate(v) for n, v in mirrored(power_laws(20.0, 0.0), A).items()}
+        far["k_F_unit"] = estimate(1e6, rests)
+        branches = [{"name": STIFF_ANKLE, "parameters": near, "deviance": 3.0},
+                    {"name": STIFF_PAD, "parameters": far, "deviance": 90.0}]  # fmt: skip
+        result = {"branches": branches, "goodness_of_fit": {"chi_square": 2.0, "dof": 4}}
+        return {"frequency_hz": 20.0, "added_mass_kg": 0.0, "key": "a", "result": result}
+
+    (free,), (held,) = (track([Fit.from_document(document(rests))]).choices for rests in (False, True))
+    assert free.branch == STIFF_ANKLE and np.log(free.odds) == pytest.approx(43.5)
+    assert held.branch == "undecided" and held.odds == pytest.approx(1.0)

@@ -8,10 +8,11 @@ import numpy as np
 
 from fasbody.exceptions import SettingError, unknown
 from fasbody.two_dof import TwoDof
+from identification.branches import EXCHANGED, pinned
 from identification.options import limits
 
 #: Curves whose continuity counts.
-CURVES = ("k_T", "k_F", "c_11", "c_21")
+CURVES = EXCHANGED
 #: Odds that a believed order of the stiffnesses is given in each fit.
 BELIEVED = 1e4
 #: A value outside a prior's range costs one standard deviation for this change of its logarithm.
@@ -47,12 +48,13 @@ class Fit:
     def from_document(cls, document: Mapping[str, Any], masses: Mapping[str, float] | None = None) -> "Fit":
         """From a fit's JSON document with `result`, as a study stores it.
 
-        Where the model misfits, the deviances are scaled by the reduced chi-square as in branches.judge.
+        Where the model misfits, the deviances are scaled by the reduced chi-square as in branches.judge, and as there
+        nothing speaks against a branch whose stiffness or damping rests on a bound: it would fit better beyond.
         """
         result = document["result"]
         goodness = result["goodness_of_fit"]
         excess = max(1.0, goodness["chi_square"] / max(1, goodness["dof"]))
-        found = []
+        found, least = [], min(branch["deviance"] for branch in result["branches"])
         for branch in result["branches"]:
             values, errors = {}, {}
             for key, e in branch["parameters"].items():
@@ -60,7 +62,9 @@ class Fit:
                 values[name] = e["value"]
                 if e["std_error"] is not None and np.isfinite(e["std_error"]) and e["value"]:
                     errors[name] = abs(e["std_error"] / e["value"])
-            found.append(BranchFit(branch["name"], values, errors, branch["deviance"] / excess))
+            rests = pinned({key: bool(e["at_bound"]) for key, e in branch["parameters"].items()})
+            deviance = least if rests else branch["deviance"]
+            found.append(BranchFit(branch["name"], values, errors, deviance / excess))
         f = document["frequency_hz"]
         place = None if f is None else round(f, 1), document["added_mass_kg"]
         return cls(*place, tuple(found), masses, document.get("key", ""))

@@ -3,7 +3,8 @@
 The parameter is moved away from its estimate and held, the others are fitted again, from where they were at the last
 place. Twice the fall of the log likelihood is chi-square with one degree of freedom, so the 95 % limits are where the
 deviance has risen by 3.84. Unlike the Wald interval (estimate and standard error) this sees curved valleys and limits
-that do not exist.
+that do not exist. It sees one valley and what leads out of it, though, so its verdict may lower that of the standard
+error and not raise it.
 """
 
 from collections.abc import Sequence
@@ -25,6 +26,10 @@ RISE = float(chi2.ppf(0.95, 1))
 _Z95 = 1.959963984540054
 #: First step in Wald standard errors, its growth, and steps a side at most.
 _FIRST, _GROWTH, _STEPS = 0.5, 1.3, 40
+#: Shares of the range by which parameters are moved off their bounds before the others are fitted again.
+_OFF_BOUND = (1e-9, 0.02)
+#: Verdicts, from what is known best.
+_ORDER = ("identified", "weak", "not identifiable")
 #: Steps to the limit at most, and the error of the rise there that is none.
 _REFINED, _CLOSE = 15, 0.01
 #: Share of its width by which an interval may miss the Wald interval and still agree with it.
@@ -40,7 +45,8 @@ class Profile:
         rises: deviance there above the least, over the reduced chi-square where the model misfits. lower, upper: 95 %
         limits. open_below, open_above: the deviance does not rise enough before the bound. wald: the Wald interval.
         departs: the limits miss the Wald interval's by more than 10 % of its width. verdict: identified / weak / not
-        identifiable, by the profile. better: a lower deviance was met, so the estimate was not the best.
+        identifiable, the worse of profile and standard error; the last where there are no more numbers than parameters.
+        better: a lower deviance was met, so the estimate was not the best.
     """
 
     key: str
@@ -116,11 +122,18 @@ def _profile(problem: Problem, space: Space, descent: Descent, j: int, std: floa
     as_std = (value(upper) - value(lower)) / (2 * _Z95)
     if item.logarithmic and (open_below or open_above):
         as_std = np.inf
+    told = (
+        identifiability(value(best), as_std, size, at_bound=open_below and open_above),
+        identifiability(
+            value(best), std * float(space.slope(space.to_theta(descent.z[: space.lower.size]))[j]), size, False
+        ),
+        _ORDER[2 if problem.size <= space.lower.size else 0],
+    )
     return Profile(
         key=item.key, value=value(best), values=tuple(value(q) for q, _ in points), rises=tuple(r for _, r in points),
         lower=value(lower), upper=value(upper), open_below=open_below, open_above=open_above,
         wald=(value(wald[0]), value(wald[1])), departs=bool(departs),
-        verdict=identifiability(value(best), as_std, size, at_bound=open_below and open_above),
+        verdict=max(told, key=_ORDER.index),
         better=bool(min(r for _, r in points) < -0.01),
     )  # fmt: skip
 
@@ -175,7 +188,7 @@ def _cost(problem: Problem, z: np.ndarray) -> float:
 
 
 def _refit(problem: Problem, z: np.ndarray, j: int, q: float) -> np.ndarray:
-    """All others at their best with z[j] held at q."""
+    """All others at their best with z[j] held at q: from where they are, and from off the bounds that they rest on."""
     others = np.delete(np.arange(z.size), j)
     low, high = (limit[others] for limit in problem.bounds)
 
@@ -186,9 +199,14 @@ def _refit(problem: Problem, z: np.ndarray, j: int, q: float) -> np.ndarray:
 
     if not others.size:
         return whole(np.empty(0))
-    inside = np.clip(z[others], low + 1e-9 * (high - low), high - 1e-9 * (high - low))
-    found = least_squares(
-        lambda part: problem.residual(whole(part)), inside, lambda part: problem.jacobian(whole(part))[:, others],
-        bounds=(low, high), method="trf", x_scale="jac", ftol=1e-9, xtol=1e-9, gtol=1e-9, max_nfev=60,
-    )  # fmt: skip
-    return whole(found.x)
+    starts = [np.clip(z[others], low + off * (high - low), high - off * (high - low)) for off in _OFF_BOUND]
+    if np.abs(starts[1] - starts[0]).max() == 0.0:
+        starts.pop()
+    found = [
+        least_squares(
+            lambda part: problem.residual(whole(part)), start, lambda part: problem.jacobian(whole(part))[:, others],
+            bounds=(low, high), method="trf", x_scale="jac", ftol=1e-9, xtol=1e-9, gtol=1e-9, max_nfev=60,
+        )
+        for start in starts
+    ]  # fmt: skip
+    return whole(min(found, key=lambda each: float(each.cost)).x)

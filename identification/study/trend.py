@@ -11,7 +11,7 @@ from fasbody.checks import checked
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.model import Foot
 from fasbody.recording import Recording
-from identification.branches import Verdict, has_mirror, judge
+from identification.branches import EXCHANGED, Verdict, has_mirror, judge
 from identification.estimate import Settings
 from identification.orbits import twin_applies
 from identification.replay import Replay, replay
@@ -25,7 +25,7 @@ from identification.study.trend_result import TrendBranch, TrendResult
 from identification.study.trend_search import Candidate, Frame, both_ways, explore_trend, grown, settled
 
 #: Parameters that are functions of frequency and load; the others are constants of the subject.
-CURVES = ("k_T", "k_F", "c_11", "c_21")
+CURVES = EXCHANGED
 _ROUNDS = 3
 #: Scatter about a curve (of the logarithm) beyond which it does not describe the recordings.
 _POOR = 0.3
