@@ -65,9 +65,9 @@ def arangio_cut() -> Outcome:
             near("more elongation over more sag (measured 1.11)", longer / more_sag, 40 / 36, 0.17),
         ],
         calibrated=[near("more sag (measured +36 %)", 100 * more_sag, 100 * ARANGIO_CUT[0], 5, "%")],
-        note="+36 % is 7.5 over 5.5 mm, two of the numbers of Validation 1. The elongation chose no constant, but geometry "
-        "ties it to the sag whatever the springs: a k_11 that meets +36 % of sag misses +40 % of elongation. So the "
-        "ratio is the independent number.",
+        note="+36 % is 7.5 over 5.5 mm, two of the numbers of Validation 1. The elongation chose no constant, but "
+        "geometry ties it to the sag whatever the springs: a k_11 that meets +36 % of sag misses +40 % of elongation. "
+        "So the ratio is the independent number.",
     )
 
 
@@ -76,8 +76,8 @@ def kim_voloshin() -> Outcome:
     return Outcome(
         printed=[near("share of the heel at 40 mm (published 63 %)", 100 * sag().heel[1], 100 * HEEL, 7, "%")],
         calibrated=[near("share of the fascia at 40 mm (published 14 %)", 100 * sag().share[1], 14, 5, "%")],
-        note="k_11 was chosen by the share of the fascia. The share of the heel is a lever: it tests the lengths of Table "
-        "4.1 and none of the springs.",
+        note="k_11 was chosen by the share of the fascia. The share of the heel is a lever: it tests the lengths of "
+        "Table 4.1 and none of the springs.",
     )
 
 

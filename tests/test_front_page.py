@@ -44,12 +44,13 @@ def test_verdicts_are_those_of_the_reproduction() -> None:
     thesis, others = (ROOT / "docs" / "reproduction.md").read_text().split("\n## Outside data")
     said = []
     for part, what in (
-        (thesis, "rows, everything that the thesis numbers or finds"), (others, "comparisons with measurements by others"),
-    ):  # fmt: skip
+        (thesis, "rows, everything that the thesis numbers or finds"),
+        (others, "comparisons with measurements by others"),
+    ):
         counts = re.findall(r"^- \*\*(\d+)\*\* (.+)$", part, re.MULTILINE)
         assert len(counts) > 1
         said.append(f"of {sum(int(n) for n, _ in counts)} {what}: {', '.join(map(' '.join, counts))}")
-    line = ("; ".join(said)).replace("of", "Of", 1)
+    line = "; ".join(said).replace("of", "Of", 1)
     assert line in " ".join(README.split()), f"README.md should say: {line}"
 
 

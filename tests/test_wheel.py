@@ -98,8 +98,8 @@ def test_map_of_commands_is_in_the_wheel(installed: Path, tmp_path: Path) -> Non
 def test_what_the_packages_import_is_declared(wheel: Path) -> None:
     """The tests above see the environment around them; this one reads what a bare install would lack.
 
-    What is imported at once must come with `fasbody` itself, unless a whole module belongs to an extra; what is imported
-    inside a function must at least be of some extra.
+    What is imported at once must come with `fasbody` itself, unless a whole module belongs to an extra; what a function
+    imports must at least be of some extra.
     """
     inside = zipfile.ZipFile(wheel)
     (name,) = (name for name in inside.namelist() if name.endswith(".dist-info/METADATA"))
