@@ -157,6 +157,7 @@ PYTHON_FILES = [file for file in DOCUMENTS if any(block.language == "python" for
 @pytest.mark.parametrize("block", SHELL_BLOCKS)
 def test_shell_block(block: Block, desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The lines of a block run one after the other in one folder."""
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))  # for the virtual bench, a process of its own
     shutil.copytree(desk, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     for command in block.commands:
