@@ -98,7 +98,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def main(
     seeds: Annotated[int, typer.Option(min=2, help="recordings at each frequency")] = 100,
-    json_: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Sine fit and peak to peak on signals whose answer is known.
 

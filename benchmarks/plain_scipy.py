@@ -15,7 +15,8 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from fasbody.two_dof import STATES, TwoDof
-from identification.time_domain import TimeProblem, TimeTwin
+from identification.time_domain import TimeProblem
+from identification.time_engines import TimeTwin
 
 _DIFF_STEP, _RTOL, _ATOL = 1e-4, 1e-6, 1e-9
 

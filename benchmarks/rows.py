@@ -39,7 +39,7 @@ class Row:
 
 
 #: The option that every topic has.
-JsonOption = Annotated[bool, typer.Option("--json", help="print the rows on stdout")]
+JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
 #: Load average, as a share of the cores, beyond which they are not idle; one program alone makes at most one.
 BUSY = 0.75
 HEADER = ("what", "measured", "required or compared with", "times better", "margin", "met")

@@ -17,7 +17,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command()
-def main(json_: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False) -> None:
+def main(json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False) -> None:
     """Show what there is: every command of the project, and what it does.
 
     Examples:

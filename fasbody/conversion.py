@@ -35,7 +35,7 @@ def main() -> None:
 def check(
     path: Annotated[Path, typer.Argument(help="a recording (CSV, MAT, HDF5, UFF, TDMS) or a study folder")],
     study: _Study = None,
-    json_: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Tell what was understood of a recording or a study, and what is wrong with it.
 

@@ -194,7 +194,7 @@ def main(
     dynamics: Annotated[
         bool, typer.Option("--dynamics", help="also step the model against the integrated equations, 10-50 Hz")
     ] = False,
-    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
+    json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Mass matrix and velocity terms of the arch from the equations, Pinocchio and MuJoCo; exit 1 on disagreement.
 

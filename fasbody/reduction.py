@@ -71,7 +71,7 @@ def main(
     draws: Annotated[int, typer.Option(help="random arches from Table 4.2 for each reading", min=1)] = 30,
     seed: Annotated[int, typer.Option(help="of the random numbers", min=0)] = 0,
     figure: Annotated[Path | None, typer.Option(help="PNG to write")] = None,
-    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
+    json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """What the reduction of the five-body arch to two masses costs at the malleolus, 1-100 Hz.
 

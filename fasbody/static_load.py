@@ -114,7 +114,7 @@ def main(
     model: Annotated[str, typer.Option(help="shipped arch or MJCF file")] = "foot_arch",
     load: Annotated[float, typer.Option(help="static load on the arch [N]")] = ARANGIO_LOAD,
     figures: Annotated[Path | None, typer.Option(help="folder for sag.png and load.png")] = None,
-    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
+    json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Sag of the arch under a static load, and its resonance under the added masses of Chapter 2.
 

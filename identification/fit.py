@@ -40,7 +40,7 @@ def main(
     starts: Annotated[int, typer.Option(help="starts of the search")] = 8,
     seed: Annotated[int, typer.Option(min=0, help="seed of the random starts")] = 0,
     domain: Annotated[str, typer.Option(help="auto, periodic (steady state) or time")] = "auto",
-    json_: Annotated[bool, typer.Option("--json", help="print result.json on stdout")] = False,
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
     out: Annotated[Path | None, typer.Option(help="folder for result.json, parameters.csv, report.html")] = None,
 ) -> None:
     """Estimate the parameters of a foot from recordings of its vibration.

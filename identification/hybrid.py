@@ -17,7 +17,7 @@ from fasbody.simulate import Batch
 from fasbody.two_dof import NAMES, STATES, trajectory
 from identification.columns import Coordinates
 from identification.orbits import LOST, PASSES, Excitation, Twin, twin_order
-from identification.time_domain import TimeTwin, grid
+from identification.time_engines import TimeTwin, grid
 
 
 class _Single:

@@ -13,7 +13,7 @@ from fasbody.simulate import Batch
 from identification.blackbox.criteria import fit_percent
 from identification.columns import Coordinates
 from identification.space import DELAY
-from identification.time_domain import TimeTwin, grid
+from identification.time_engines import TimeTwin, grid
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,12 +13,14 @@ from fasbody.model import Foot
 from fasbody.recording import Recording
 from identification.correlation import misfit
 from identification.hybrid import CertifiedOrbits, CertifiedRuns
+from identification.line import Line
 from identification.orbits import LONGEST_STEP, Engine, Excitation, Rollouts, Twin
-from identification.periodic import Line, PeriodicProblem
+from identification.periodic import PeriodicProblem
 from identification.resolution import halvings, resolved
 from identification.search import Descent
 from identification.space import SearchSpace, Space
-from identification.time_domain import TimeEngine, TimeProblem, TimeRollouts, TimeTwin, grid
+from identification.time_domain import TimeProblem
+from identification.time_engines import TimeEngine, TimeRollouts, TimeTwin, grid
 
 #: Scatter of the fundamental between parts of a recording beyond which it is not steady.
 STEADY = 0.05

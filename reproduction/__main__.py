@@ -41,9 +41,7 @@ def main(
     ] = None,
     kept: Annotated[Path, typer.Option(help="Folder of kept results.", show_default="results/reproduction")] = KEPT,
     list_: Annotated[bool, typer.Option("--list", help="Print the ids and what they are; run nothing.")] = False,
-    json_: Annotated[
-        bool, typer.Option("--json", help="The results, or the list, as one JSON document on stdout.")
-    ] = False,
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Run every equation, table, figure and statement of the thesis and say what came of it. Some minutes.
 

@@ -16,8 +16,9 @@ from fasbody.shared_error import gain_and_delay
 from identification.certification import settle, standard_errors
 from identification.correlation import misfit, projection, shared_errors
 from identification.estimate import Settings, fit
+from identification.line import Line
 from identification.orbits import Twin
-from identification.periodic import Line, PeriodicProblem, split
+from identification.periodic import PeriodicProblem, split
 from identification.routes import PeriodicRoute, TimeRoute
 from identification.search import descend
 from identification.space import space_of

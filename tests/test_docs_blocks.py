@@ -9,9 +9,11 @@ import contextlib
 import importlib.util
 import io
 import json
+import os
 import re
 import runpy
 import shutil
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -29,16 +31,15 @@ from identification.result import symbol_and_unit
 NOT_RUN = {
     r"^(make|pip|git|source)\b": "changes the environment; `make test` is what runs this",
     r"--port|--probe|--list|acquire recover": "needs a board, or a capture of one",
-    r"acquire --simulate": "runs in real time; examples/acquire_virtual_bench.py is a test",
-    r"-m viz\.(foot|cell)(?!.*--export \S+\.html)": "serves a page, or needs Chromium",
-    r"-m viz\.(foot|cell)": "tests/test_viz_page.py and test_viz_cell.py do it",
+    r"-m viz\.(foot|cell)\b(?!.*--export \S+\.html)": "serves a page, or needs Chromium",
     r"-m mujoco\.viewer": "needs a screen",
     r"-m benchmarks|benchmarks/": "takes minutes",
-    r"-m reproduction\b|-m identification\.study chapter4": "takes minutes",
+    r"-m reproduction\b(?!.*--only \"?(Eq|Table))|-m identification\.study chapter4": "takes minutes",
     r"-m identification\.study .*--(mode|scheduler)": "takes minutes or a scheduler; tests/test_study_*.py do it",
     r"cell verify": "takes a minute; tests/test_cell_verification.py does it",
 }
 SHORTER = {
+    r"acquire --simulate": ["--sweep", "20:30:10", "--seconds", "0.5", "--out", "virtual_bench"],
     r"identification\.fit\b": ["--starts", "1"],
     r"identification\.study\b": ["--starts", "1", "--workers", "1", "--frequency", "20", "--added-mass", "0"],
     r"laboratory\b.*--subjects": ["--subjects", "2", "--seconds", "1", "--frequency", "20", "--jobs", "1"],
@@ -48,6 +49,13 @@ SHORTER = {
     r"fasbody\.cell\b": ["--size", "9", "--modes", "5"],
     r"blackbox\b": ["--structures", "oe", "--orders", "oe=4,4,1"],
 }
+PLAUSIBILITY = "from identification.blackbox import published; print(published.plausibility())"
+#: Text blocks that a quick command prints: page, what the block begins with, command.
+PRINTED = (
+    ("black_box.md", "270 recordings", f"python -c '{PLAUSIBILITY}'"),
+    ("black_box.md", "model  ", "python examples/single_sine.py"),
+    ("cell.md", "mode  1", "python -m fasbody.cell shake"),
+)  # fmt: skip
 INPUTS = ("20hz.csv", "30hz.csv", "40hz.csv")
 
 
@@ -149,6 +157,7 @@ PYTHON_FILES = [file for file in DOCUMENTS if any(block.language == "python" for
 @pytest.mark.parametrize("block", SHELL_BLOCKS)
 def test_shell_block(block: Block, desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The lines of a block run one after the other in one folder."""
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))  # for the virtual bench, a process of its own
     shutil.copytree(desk, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     for command in block.commands:
@@ -165,6 +174,24 @@ def test_shell_block(block: Block, desk: Path, tmp_path: Path, monkeypatch: pyte
             runpy.run_path(sys.argv[0], run_name="__main__")
             continue
         run([*arguments, *next((extra for pattern, extra in SHORTER.items() if re.search(pattern, text)), [])])
+
+
+@pytest.mark.parametrize(("page", "begins", "command"), PRINTED)
+def test_text_block_is_what_the_command_prints(
+    page: str, begins: str, command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each line of the block is one of those printed, or the beginning of one."""
+    monkeypatch.chdir(tmp_path)
+    (block,) = (block for block in blocks(ROOT / "docs" / page) if block.text.lstrip().startswith(begins))
+    _, *arguments = words(command)
+    if arguments[0].endswith(".py"):
+        arguments[0] = str(ROOT / arguments[0])
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "300", "OMP_NUM_THREADS": "1"}
+    done = subprocess.run([sys.executable, *arguments], env=environment, capture_output=True, text=True, check=True)
+    printed = (done.stdout + done.stderr).splitlines()
+    for line in filter(str.strip, block.text.splitlines()):
+        found = [" ".join(other.split()[: len(line.split())]) for other in printed]
+        assert any(same(other, line) for other in found), f"{page}:{block.line} has {line!r}; printed now:\n{found}"
 
 
 @pytest.mark.parametrize("file", PYTHON_FILES, ids=lambda f: f.stem)

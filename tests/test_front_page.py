@@ -1,4 +1,4 @@
-"""The front page says what the rest of the project says: benchmark rows, citation, version."""
+"""The front page says what the rest of the project says: benchmark rows, verdicts, citation, version."""
 
 import re
 import tomllib
@@ -38,6 +38,20 @@ def test_coverage_is_that_of_the_pages() -> None:
     assert (low, high) == (min(map(float, seeds)), max(map(float, seeds)))
     for share, page in re.findall(r"three standard errors in (\d+) % \| \[[^]]*\]\((\S+)\)", section):
         assert f"({share} %" in (ROOT / page).read_text(), f"{share} % is not in {page}"
+
+
+def test_verdicts_are_those_of_the_reproduction() -> None:
+    thesis, others = (ROOT / "docs" / "reproduction.md").read_text().split("\n## Outside data")
+    said = []
+    for part, what in (
+        (thesis, "rows, everything that the thesis numbers or finds"),
+        (others, "comparisons with measurements by others"),
+    ):
+        counts = re.findall(r"^- \*\*(\d+)\*\* (.+)$", part, re.MULTILINE)
+        assert len(counts) > 1
+        said.append(f"of {sum(int(n) for n, _ in counts)} {what}: {', '.join(map(' '.join, counts))}")
+    line = "; ".join(said).replace("of", "Of", 1)
+    assert line in " ".join(README.split()), f"README.md should say: {line}"
 
 
 def test_citation_is_complete_and_agrees_with_the_package() -> None:

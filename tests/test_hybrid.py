@@ -12,7 +12,7 @@ from fasbody.subjects import foot_mass, shank_mass
 from fasbody.two_dof import NAMES
 from identification.hybrid import CertifiedOrbits, CertifiedRuns
 from identification.orbits import Excitation, Rollouts
-from identification.time_domain import TimeRollouts
+from identification.time_engines import TimeRollouts
 
 MASSES = {"m_S": shank_mass(72.57, 2.3), "m_F": foot_mass(72.57)}
 EXCITATIONS = [Excitation(f, np.array([8.0, 0.6 - 0.4j, 0.2j]), MASSES) for f in (12.0, 35.0)]

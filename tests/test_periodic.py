@@ -11,8 +11,9 @@ from fasbody.checks import checked
 from fasbody.exceptions import RecordingError
 from fasbody.model import Foot
 from fasbody.recording import Recording
+from identification.line import Line
 from identification.orbits import Twin
-from identification.periodic import Line, PeriodicProblem, inverse_of_gram, split
+from identification.periodic import PeriodicProblem, inverse_of_gram, split
 from identification.space import space_of
 
 FREQUENCIES = (10.0, 20.0, 30.0, 50.0)

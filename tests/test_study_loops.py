@@ -16,8 +16,8 @@ from fasbody.exceptions import ModelError
 from fasbody.model import Foot, load
 from fasbody.recording import Condition, Recording
 from fasbody.two_dof import TwoDof
+from identification.line import Line
 from identification.orbits import Excitation
-from identification.periodic import Line
 from identification.study import loops
 from identification.study.cycle import POINTS
 

@@ -10,7 +10,7 @@ from fasbody.checks import checked
 from fasbody.exceptions import SettingError
 from fasbody.model import Foot
 from identification.estimate import Settings
-from identification.periodic import Line
+from identification.line import Line
 from identification.study.curves import Order
 from identification.study.damping import compare_damping
 from identification.study.heldout import compare, interpolated, predicted

@@ -11,7 +11,8 @@ from fasbody.model import Foot
 from fasbody.recording import Condition, Recording
 from identification.estimate import Settings, fit
 from identification.space import space_of
-from identification.time_domain import TimeProblem, TimeRollouts, TimeTwin, _correlated, grid, noise_floor
+from identification.time_domain import TimeProblem, _correlated, noise_floor
+from identification.time_engines import TimeRollouts, TimeTwin, grid
 
 TRUTH = {name: float(value) for name, value in oracle.TRUTH.items()}
 

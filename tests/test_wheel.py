@@ -1,15 +1,20 @@
 """The built wheel holds code, models, templates and data, and runs from another folder."""
 
+import ast
 import json
 import os
+import re
 import subprocess
 import sys
 import zipfile
+from collections.abc import Iterator
+from importlib import metadata
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parent.parent
+OURS = {"fasbody", "identification", "mjcf", "viz"}
 
 
 @pytest.fixture(scope="module")
@@ -88,3 +93,63 @@ def test_map_of_commands_is_in_the_wheel(installed: Path, tmp_path: Path) -> Non
     done = run(installed, tmp_path, "-m", "fasbody")
     assert done.returncode == 0, done.stderr
     assert "python -m identification.fit" in done.stdout and "python -m viz.foot" in done.stdout
+
+
+def test_what_the_packages_import_is_declared(wheel: Path) -> None:
+    """The tests above see the environment around them; this one reads what a bare install would lack.
+
+    What is imported at once must come with `fasbody` itself, unless a whole module belongs to an extra; what a function
+    imports must at least be of some extra.
+    """
+    inside = zipfile.ZipFile(wheel)
+    (name,) = (name for name in inside.namelist() if name.endswith(".dist-info/METADATA"))
+    required = re.findall(r"^Requires-Dist: ([\w.-]+)[^;\n]*(;.*extra.*)?$", inside.read(name).decode(), re.MULTILINE)
+    core = {_plain(distribution) for distribution, extra in required if not extra}
+    extras = {_plain(distribution) for distribution, extra in required if extra}
+    assert core >= {"numpy", "mujoco"} and extras >= {"gmsh", "pyserial"}
+    providers = {module: {_plain(d) for d in names} for module, names in metadata.packages_distributions().items()}
+    providers |= BROUGHT_BY
+    missing, nowhere = [], []
+    for file in (name for name in inside.namelist() if name.endswith(".py")):
+        for imported, at_import in _imports(ast.parse(inside.read(file))):
+            module = imported.partition(".")[0]
+            if module in sys.stdlib_module_names:
+                continue
+            needs_extra = imported in OF_EXTRA if module in OURS else not providers.get(module, {module}) & core
+            if at_import and needs_extra and file.removesuffix(".py").replace("/", ".") not in OF_EXTRA:
+                missing.append(f"{file}: {imported}")
+            if module not in OURS | USED_IF_THERE and not providers.get(module, {module}) & (core | extras):
+                nowhere.append(f"{file}: {imported}")
+    assert not missing, f"imported at once, but not among the dependencies: {missing}"
+    assert not nowhere, f"in no extra: {nowhere}"
+
+
+#: Modules that are imported inside functions only, as they need the extra `view`.
+OF_EXTRA = {"viz.handlers", "viz.server"}
+#: Modules whose distribution has another name, or brings them as its own dependency.
+BROUGHT_BY = {"pinocchio": {"pin"}, "dask": {"distributed"}, "umsgpack": {"meshcat"}}
+#: Faster where a user has it, never needed.
+USED_IF_THERE = {"pypardiso"}
+
+
+def _plain(distribution: str) -> str:
+    return re.sub(r"[-_.]+", "-", distribution).lower()
+
+
+def _imports(tree: ast.Module) -> Iterator[tuple[str, bool]]:
+    """Dotted name of all that is imported, and whether that happens as soon as the file is imported."""
+    late = {
+        inner
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Try)
+        or (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test))
+        for inner in ast.walk(node)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            names = [f"{node.module}", *(f"{node.module}.{alias.name}" for alias in node.names)]
+        else:
+            continue
+        yield from ((name, node not in late) for name in names)

@@ -137,8 +137,8 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def main(
-    folder: Annotated[Path, typer.Option(help="where to write the assets")] = mjcf.asset(""),
-    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
+    folder: Annotated[Path, typer.Option(help="for the assets", show_default="mjcf/assets")] = mjcf.asset(""),
+    json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Make the meshes of the foot from their shapes, check that they are closed, and write them as assets.
 

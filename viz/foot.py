@@ -37,7 +37,7 @@ def main(
     export: Annotated[Path | None, typer.Option(help="write .html, .png, .gif or .mp4 and end")] = None,
     port: Annotated[int, typer.Option(help="0 takes a free one")] = 0,
     browser: Annotated[bool, typer.Option(help="open the browser")] = True,
-    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout: address or file")] = False,
+    json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Watch a foot on the shaker in slow motion; move a slider and the real model runs again.
 

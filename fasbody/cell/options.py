@@ -19,7 +19,7 @@ ShapeOption = Annotated[str, typer.Option("--shape", help=r"base axes, long x sh
 SizeOption = Annotated[float, typer.Option("--size", help=r"element size \[um]; finer at nucleus and rim")]
 ModesOption = Annotated[int, typer.Option("--modes", help="number of modes")]
 ModulusOption = Annotated[float | None, typer.Option("--modulus", help="Young's modulus of the cytoplasm [Pa]")]
-JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON document")]
+JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
 OutOption = Annotated[Path | None, typer.Option("--out", help="folder for results and figures")]
 
 #: Parameters that only a dome, only a mesh of the user's own, or only a closed surface has.

@@ -23,7 +23,7 @@ def main(
     study: Annotated[Path, typer.Argument(help="study folder, or one recording")],
     out: Annotated[Path | None, typer.Option(help="folder for tables and figures (default results/NAME)")] = None,
     json_: Annotated[
-        bool, typer.Option("--json", help="the rows as one JSON list on stdout; files only with --out")
+        bool, typer.Option("--json", help="print one JSON document on stdout; files only with --out")
     ] = False,
     figure_format: Annotated[str, typer.Option("--figures", help="svg, png or pdf")] = "png",
     resolution: Annotated[float, typer.Option(help="distance of frequencies in Hz, for broadband excitation")] = 1.0,

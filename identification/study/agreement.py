@@ -10,7 +10,7 @@ from fasbody.checks import checked
 from fasbody.model import Foot
 from fasbody.recording import Recording
 from identification.estimate import Settings, fit
-from identification.periodic import Line
+from identification.line import Line
 from identification.result import FitResult
 from identification.routes import STEADY
 

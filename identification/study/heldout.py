@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.model import Foot
+from identification.line import Line
 from identification.orbits import Rollouts, Twin
-from identification.periodic import Line, split
+from identification.periodic import split
 from identification.resolution import resolved
 from identification.space import DELAY
 

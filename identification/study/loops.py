@@ -18,8 +18,8 @@ from fasbody.exceptions import SimulationError
 from fasbody.model import Foot
 from fasbody.recording import Recording
 from fasbody.two_dof import TwoDof, path, periodic
+from identification.line import Line
 from identification.orbits import LONGEST_STEP, Excitation, twin_applies
-from identification.periodic import Line
 from identification.resolution import resolved
 from identification.space import DELAY
 from identification.study.cycle import Cycle, Loop, short

@@ -17,8 +17,8 @@ from fasbody.model import Foot
 from fasbody.recording import Recording
 from identification.certification import settle
 from identification.estimate import Settings
+from identification.line import Line
 from identification.orbits import twin_applies
-from identification.periodic import Line
 from identification.routes import PeriodicRoute
 from identification.search import explore
 from identification.space import Space, space_of
