@@ -66,9 +66,8 @@ def numbers(document: Mapping[str, Any]) -> str:
         return f"failed: {document['error']}"
     shown = [group for group in GROUPS if group != "present" or document["verdict"] != str(Verdict.SYNTHETIC)]
     parts = [f"{GROUPS[group]}{check['text']}" for group in shown for check in document[group]]
-    needed, there = document["recordings"]
-    if needed:
-        parts.append(f"measured recordings: {there} of {needed} needed")
+    if document["missing"]:
+        parts.append(f"not there: {document['missing']}")
     text = "; ".join(parts)
     return f"{text}. {document['note']}" if document["note"] else text
 

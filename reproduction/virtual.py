@@ -92,12 +92,6 @@ def bundled_series() -> tuple[Series, ...]:
     return tuple(from_recording(recording) for recording in bundled())
 
 
-def measured_recordings() -> int:
-    """Recordings of people among the studies that come with the package: the thesis' own were never published."""
-    folders = [file.parent for file in BUNDLED.parent.rglob("study.toml")]
-    return sum(len(s.trials) for s in map(StudyFolder.open, folders) if s.origin == "measured")
-
-
 #: Recordings of one subject behind a table of Chapter 3: nine frequencies under three loads.
 PER_SUBJECT = len(FREQUENCIES_HZ) * len(ADDED_MASSES_KG)
 

@@ -173,6 +173,7 @@ def test_published_tables() -> None:
     said = published.plausibility()
     assert said.fewest_parameters > published.SINE_RANK
     assert said.above_rank == 1.0
+    assert 0.9 < said.above_harmonics < 1.0
     assert max(said.best_share, key=lambda name: said.best_share[name]) == "oe"
     assert "270 recordings" in str(said)
 

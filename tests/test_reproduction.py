@@ -1,5 +1,6 @@
 """The rows of the thesis: complete, uniquely named, really run, and judged by their numbers alone."""
 
+import inspect
 import json
 import math
 import re
@@ -67,7 +68,7 @@ def test_cheap_rows_run_and_flip_when_a_number_moves(name: str) -> None:
         assert moved.verdict == Verdict.CONTRADICTED
     else:
         met = [replace(check, low=-math.inf, high=math.inf) for check in outcome.printed]
-        assert replace(outcome, printed=met, recordings=(0, 0)).verdict == Verdict.REPRODUCED
+        assert replace(outcome, printed=met, missing="").verdict == Verdict.REPRODUCED
 
 
 def _missed(check: Check) -> Check:
@@ -93,10 +94,28 @@ def test_verdicts_follow_from_numbers() -> None:
     assert Outcome(calibrated=[good]).verdict == Verdict.CALIBRATED
     assert Outcome([good], calibrated=[good]).verdict == Verdict.REPRODUCED
     assert Outcome([good], calibrated=[bad]).verdict == Verdict.CONTRADICTED
-    assert Outcome([good], recordings=(27, 0)).verdict == Verdict.UNMEASURED
-    assert Outcome([good], recordings=(27, 27)).verdict == Verdict.REPRODUCED
+    assert Outcome([good], missing="recordings").verdict == Verdict.UNMEASURED
+    assert Outcome([bad], instead=[good], missing="recordings").verdict == Verdict.UNMEASURED
     assert Outcome([at_most("a", math.nan, 1.0)]).verdict == Verdict.FAILED
     assert Outcome([]).verdict == Verdict.FAILED
+
+
+@pytest.mark.parametrize("group", ["coherent", "right", "instead", "present"])
+def test_nothing_is_reproduced_where_nothing_was_asked(group: str) -> None:
+    """A correction that holds, or a text that agrees with itself, is no evidence that what is printed came out."""
+    good, bad = near("a", 1.0, 1.0, 0.1), near("a", 2.0, 1.0, 0.1)
+    for value in ([good], [bad]):
+        excluded = group == "coherent" and value == [bad]
+        wanted = Verdict.CONTRADICTED if excluded else Verdict.FAILED
+        assert Outcome(**{group: value}).verdict == wanted  # type: ignore[arg-type]
+        assert Outcome(**{group: value}, synthetic=True).verdict == wanted  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["Table 3.2", *(f"Table A.{n}" for n in range(1, 10))])
+def test_a_transcription_reproduces_no_table(name: str) -> None:
+    """No check of these reads a recording of a person, so no study that is added can make them come out."""
+    source = inspect.getsource(getattr(by_id(name).run, "func", by_id(name).run))
+    assert "missing=" in source and "measured" not in source
 
 
 def test_a_statement_must_hold_with_most_seeds() -> None:
