@@ -15,7 +15,7 @@ from fasbody.subjects import SUBJECTS
 from fasbody.transmissibility import figures
 from fasbody.transmissibility.findings import LOADS, POSTURES
 from fasbody.transmissibility.table import Condition
-from reproduction.row import Outcome, Rows, at_least, at_most, exactly, near
+from reproduction.row import TRANSCRIBED, Outcome, Rows, at_least, at_most, exactly, near
 from reproduction.virtual import (
     STUDY,
     STUDY_COMMAND,
@@ -53,6 +53,7 @@ def cross_spectrum_phase() -> Outcome:
     return Outcome(
         printed=[exactly("symbols in the equation that the text does not define", len(used - defined), 0)],
         right=[near("phase with omega_0 for alpha_0, lag of 0.7 rad", phase, -0.7, 1e-6, "rad")],
+        note=TRANSCRIBED,
     )
 
 

@@ -125,9 +125,9 @@ def orders_describe_the_foot() -> Outcome:
             )
         ],
         missing=RANK_UNKNOWN,
-        note=f"Of the printed models {counts.above_rank:.0%} have more than the {published.SINE_RANK} coefficients of a "
-        f"pure sine, {counts.above_harmonics:.0%} more than {published.HARMONICS_RANK}. On the synthetic series five "
-        f"structures end within {max(fits) - min(fits):.1f} points; pooled frequencies tell them apart "
+        note=f"Of the printed models {counts.above_rank:.0%} have more than the {published.SINE_RANK} coefficients of "
+        f"a pure sine, {counts.above_harmonics:.0%} more than {published.HARMONICS_RANK}. On the synthetic series "
+        f"five structures end within {max(fits) - min(fits):.1f} points; pooled frequencies tell them apart "
         "(docs/black_box.md).",
     )
 

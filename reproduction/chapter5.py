@@ -127,7 +127,8 @@ def literature() -> Outcome:
             within("first frequency with the table's membrane, over that without", skin / plain, 1, 1.01),
             within("the same with its microtubules and filaments as a tensegrity", bars / plain, 1.01, 1.1),
         ],
-        note="Struts and cables are bars, without Poisson's ratio. The thesis lists these values and leaves membrane and cytoskeleton out of its model.",
+        note="Struts and cables are bars, without Poisson's ratio. The thesis lists these values and leaves "
+        "membrane and cytoskeleton out of its model.",
     )
 
 

@@ -119,7 +119,7 @@ def damping_is_negligible() -> Outcome:
     return Outcome(
         printed=[at_most(f"fall of f1 by its damping ratio alone, most of {times} us", max(by_damping), 2, "%")],
         missing="the relaxation time of a cell at kilohertz",
-        note="An assumption of the thesis (section 5.3), which computes nothing of it. With a solid half as stiff again "
-        f"when fast (assumed, too) f1 rises by {', '.join(f'{shift:.2g}' for shift in shifts)} % at {times} us: "
+        note="An assumption of the thesis (section 5.3), which computes nothing of it. With a solid half as stiff "
+        f"again when fast (assumed, too) f1 rises by {', '.join(f'{shift:.2g}' for shift in shifts)} % at {times} us: "
         "that is stiffening, not damping.",
     )

@@ -14,7 +14,7 @@ from fasbody.virtual_study import Plan
 from reproduction.book import CHAPTERS, OUTSIDE
 from reproduction.row import GROUPS, Row, Verdict
 from reproduction.run import versions
-from reproduction.virtual import OTHER_SEEDS, USUALLY
+from reproduction.virtual import LARGE, OTHER_SEEDS, USUALLY
 
 Results = Mapping[str, Mapping[str, Any]]
 #: A command of so many rows stands once on the page, and its letter in the rows.
@@ -56,7 +56,7 @@ def markdown(results: Results) -> str:
         by_chapter={title: counts(rows, results) for title, rows in CHAPTERS.items()},
         letters=dict(zip(often, ascii_uppercase, strict=False)),
         verdicts=[str(verdict) for verdict in Verdict], numbers=numbers,
-        seed=Plan().seed, other_seeds=OTHER_SEEDS, usually=f"{100 * USUALLY:g} %",
+        seed=Plan().seed, other_seeds=OTHER_SEEDS, large=LARGE, usually=f"{100 * USUALLY:g} %",
     )  # fmt: skip
 
 

@@ -1,7 +1,8 @@
 """One row: what the thesis has there, the function that runs it, the numbers that came out and the verdict they give.
 
-No verdict is written down: `Outcome.verdict` follows from comparing numbers with the limits of each check. Where the thing
-to be judged is wording or a list, the row compares its own transcription of the print, and its note says so (`TRANSCRIBED`).
+No verdict is written down: `Outcome.verdict` follows from comparing numbers with the limits of each check. Where the
+thing to be judged is wording or a list, the row compares its own transcription of the print, and its note says so
+(`TRANSCRIBED`).
 """
 
 import math
@@ -10,7 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
-
 
 #: Begins the note of a row that holds two printed things against each other: the numbers are typed in the row.
 TRANSCRIBED = "Compares transcriptions of the print."
@@ -108,9 +108,9 @@ class Outcome:
         right: what must hold if it is wrong and the correction that stands in docs/errata.md is right; empty if none.
         instead: numbers that came out where the thesis is wrong and no correction mends it; they must hold, too.
         coherent: the statement beside other statements of the thesis. No data may enter: if it fails, two statements
-            exclude each other, whatever anybody measures. That it holds reproduces nothing: `printed` must ask something.
+            exclude each other, whatever anybody measures. That it holds alone reproduces nothing.
         present: what must hold for the statement to be true of the synthetic data, by the constants they were made
-            from or by other draws of them; `printed` failing then is a failure of the analysis.
+            from or by a large draw of them; `printed` failing then is a failure of the analysis.
         synthetic: the data were made by a model, so agreement shows the method and is no evidence.
         missing: a measurement that the statement rests on and no check of the row reads, in words; "" if none.
         note: what a reader should know, a sentence at most.

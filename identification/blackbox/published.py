@@ -60,8 +60,9 @@ class Plausibility:
         return (
             f"{self.rows} recordings printed; the smallest plant has {self.fewest_parameters} coefficients, and "
             f"{100 * self.above_rank:.0f} % of the printed models have more than the {SINE_RANK} numbers that one pure "
-            f"sine determines, {100 * self.above_harmonics:.0f} % more than the {HARMONICS_RANK} of a sine with its second "
-            f"and third harmonics; what the recordings determine is not known.\nHighest printed fit: {best}.\nMedian difference between the best and the worst structure: "
+            f"sine determines, {100 * self.above_harmonics:.0f} % more than the {HARMONICS_RANK} of a sine with its "
+            f"second and third harmonics; what the recordings determine is not known.\nHighest printed fit: {best}.\n"
+            "Median difference between the best and the worst structure: "
             f"{self.spread_median:.1f} points.\nThe delay n_k of one subject scatters by {self.delays:.1f} samples "
             "from recording to recording; a travel time through a foot would not. The printed orders describe the "
             "selection procedure and the harmonics of each recording, not the plant."
