@@ -162,7 +162,7 @@ def foot_dominates() -> Outcome:
         MB = np.array([table.curves("MB", *c).mean for c in LOADS])
         above = against_unity(table, "TM", LOADS, 10).count("above")
         return [
-            exactly(f"of {MB.size} means of MB, above 1", np.sum(MB > 1), MB.size),
+            exactly(f"of {MB.size} means of MB, above 1", float(np.sum(MB > 1)), MB.size),
             exactly(f"of {MB.size} t tests of TM against 1, above", above, 0),
         ]
 

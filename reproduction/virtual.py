@@ -47,6 +47,12 @@ def other_tables() -> tuple[Table, ...]:
 
 
 @cache
+def exact_table() -> Table:
+    """The default study once more, of transfer functions alone: what its recordings should have given."""
+    return study(Plan().seed)
+
+
+@cache
 def large_table() -> Table:
     """One study of so many virtual subjects that chance hardly moves its means."""
     return study(LARGE_SEED, LARGE)
@@ -70,9 +76,7 @@ def findings_elsewhere() -> tuple[dict[str, bool], ...]:
     return tuple({finding.says: finding.holds is True for finding in findings(table)} for table in other_tables())
 
 
-def whatever_the_seed(
-    checks: Sequence[Check], elsewhere: Sequence[bool], in_large: bool, note: str = ""
-) -> Outcome:
+def whatever_the_seed(checks: Sequence[Check], elsewhere: Sequence[bool], in_large: bool, note: str = "") -> Outcome:
     """A statement on the virtual study that must hold in most studies with other seeds, too.
 
     Args:
