@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from fasbody.exceptions import FasError, SettingError
-from identification.blackbox import figures, pem, published, report
+from identification.blackbox import excitation, figures, pem, published, report
 from identification.blackbox.__main__ import app, parse_orders
 from identification.blackbox.data import Series
 from identification.blackbox.identify import identify
@@ -163,6 +163,14 @@ def test_automatic_orders_on_a_short_record() -> None:
     text = str(found)
     assert "lag: rank" in text
     assert report.csv_text([found]).count("\n") == 6
+
+
+def test_small_harmonics_raise_the_rank_of_a_sine() -> None:
+    time = np.arange(5000) / 1000
+    pure = np.sin(80 * np.pi * time)
+    harmonics = 0.01 * (np.sin(160 * np.pi * time) + np.sin(240 * np.pi * time))
+    for base, rank in ((pure, published.SINE_RANK), (pure + harmonics, published.HARMONICS_RANK)):
+        assert excitation.examine(Series(base, 2 * base, 1e-3)).rank == rank
 
 
 def test_published_tables() -> None:
