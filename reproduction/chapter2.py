@@ -149,8 +149,8 @@ def curves_of_subjects(pair: str, conditions: Sequence[Condition]) -> Outcome:
     checks = [
         exactly("curves drawn", sum(len(c.subjects) for c in shown), 20 * len(conditions)),
         exactly("points missing", missing, 0),
-        at_most("median gap to the transfer functions of the same subjects", 100 * np.median(gaps), 1, "%"),
-        at_most("95th percentile of the gap in phase", np.percentile(turns, 95), 5, "degrees"),
+        at_most("median gap to the transfer functions of the same subjects", 100 * np.median(gaps), 0.2, "%"),
+        at_most("95th percentile of the gap in phase", np.percentile(turns, 95), 0.5, "degrees"),
         at_least("figure drawn, size", len(picture) / 1e3, 20, "kB"),
     ]
     return Outcome(printed=checks, synthetic=True)
@@ -182,8 +182,8 @@ def mean_curves(conditions: Sequence[Condition]) -> Outcome:
     picture = figures.save(figures.means(table, conditions), "svg")
     return Outcome(
         printed=[
-            at_most("largest gap of a mean to the transfer functions of the same subjects", 100 * gap, 2, "%"),
-            at_most("largest gap in phase", turn, 3, "degrees"),
+            at_most("largest gap of a mean to the transfer functions of the same subjects", 100 * gap, 0.5, "%"),
+            at_most("largest gap in phase", turn, 0.5, "degrees"),
             at_least("figure drawn, size", len(picture) / 1e3, 20, "kB"),
         ],
         synthetic=True,

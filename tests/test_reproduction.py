@@ -55,6 +55,12 @@ def test_every_equation_table_and_figure_has_a_row() -> None:
     assert {item for item in wanted if item not in there} == set()
 
 
+def test_rows_do_not_rest_on_benchmarks() -> None:
+    """What a row computes is hashed with the packages; a file beside them would not be."""
+    for file in (ROOT / "reproduction").glob("*.py"):
+        assert not re.search(r"^\s*(from|import) benchmarks", file.read_text(), re.MULTILINE), file
+
+
 def test_a_range_in_an_id_is_each_of_its_numbers() -> None:
     row = Row("Eq. 3.15-3.16, Fig. 3.1", "", Outcome, "", "")
     assert row.numbers == ["Eq. 3.15", "Eq. 3.16", "Fig. 3.1"]
