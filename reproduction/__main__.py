@@ -1,5 +1,6 @@
 """`python -m reproduction`: run the rows, print them, write docs/reproduction.md."""
 
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,6 +27,13 @@ _COLOURS = {
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
+def _named(given: str | Path) -> Path:
+    """The path; an empty one would be the current folder, which nobody who types nothing means."""
+    if not str(given).strip():  # the default, a path already, comes by here, too
+        raise typer.BadParameter("is empty; name a place.")
+    return Path(given)
+
+
 @app.command()
 def main(
     only: Annotated[
@@ -37,9 +45,17 @@ def main(
     fresh: Annotated[bool, typer.Option("--fresh", help="Run every row again, whatever is kept.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.", min=1, max=64)] = 2,
     page: Annotated[
-        Path | None, typer.Option(help="Page to write, from all rows.", show_default="docs/reproduction.md")
+        Path | None,
+        typer.Option(
+            help="Page to write, from all rows.", show_default="docs/reproduction.md", parser=_named, metavar="PATH"
+        ),
     ] = None,
-    kept: Annotated[Path, typer.Option(help="Folder of kept results.", show_default="results/reproduction")] = KEPT,
+    kept: Annotated[
+        Path,
+        typer.Option(
+            help="Folder of kept results.", show_default="results/reproduction", parser=_named, metavar="PATH"
+        ),
+    ] = KEPT,
     list_: Annotated[bool, typer.Option("--list", help="Print the ids and what they are; run nothing.")] = False,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
@@ -117,9 +133,17 @@ def select(only: list[str] | None) -> list[Row]:
         fits = fits or {row.id for row in ROWS if name in _names(row)}
         fits = fits or {row.id for row in ROWS if row.id.casefold().startswith(name) or name in titles[row.id]}
         if not fits:
-            raise SettingError(f"no row is called {given!r}; `python -m reproduction --list` prints all ids.")
+            meant = _near(name)
+            raise SettingError(f"no row is called {given!r}{meant}; `python -m reproduction --list` prints all ids.")
         wanted |= fits
     return [row for row in ROWS if row.id in wanted]
+
+
+def _near(name: str) -> str:
+    """What the name that fits no row may have meant."""
+    known = {item.casefold(): item for row in ROWS for item in (row.id, *row.numbers)}
+    near = get_close_matches(name, known, n=1)
+    return f", did you mean {known[near[0]]!r}?" if near else ""
 
 
 def _names(row: Row) -> set[str]:

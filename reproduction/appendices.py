@@ -13,7 +13,7 @@ from reproduction.chapter3_findings import ALL, BLACK_BOX, PUBLISHED, SUBJECT, p
 from reproduction.chapter4_arch import ARCH, pose
 from reproduction.chapter4_sensitivity import SENSITIVITY, draws
 from reproduction.row import Outcome, Rows, at_least, at_most, exactly, within
-from reproduction.virtual import PER_SUBJECT, measured_recordings
+from reproduction.virtual import PER_SUBJECT
 
 ROWS = Rows()
 
@@ -34,7 +34,7 @@ def other_subject(subject: int) -> Outcome:
             within("largest fit", fits.max(), 0, 100, "%"),
             at_least("plant coefficients of the smallest model", counts.min(), 1),
         ],
-        recordings=(PER_SUBJECT, measured_recordings()),
+        missing=f"the recordings of subject {subject}; the checks count what was transcribed",
     )
 
 

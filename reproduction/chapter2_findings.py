@@ -3,8 +3,15 @@
 import math
 from functools import partial
 
-from reproduction.row import Outcome, Rows, exactly
-from reproduction.virtual import STUDY, STUDY_COMMAND, findings_elsewhere, study_findings, whatever_the_seed
+from reproduction.row import TRANSCRIBED, Outcome, Rows, exactly
+from reproduction.virtual import (
+    STUDY,
+    STUDY_COMMAND,
+    findings_elsewhere,
+    large_findings,
+    study_findings,
+    whatever_the_seed,
+)
 
 ROWS = Rows()
 
@@ -14,7 +21,8 @@ def stated(says: str) -> Outcome:
     finding = study_findings()[says]
     came_out = math.nan if finding.holds is None else float(finding.holds)  # None: not tested
     holds = exactly("statement holds (1) or not (0) by its tests at p < 0.05", came_out, 1)
-    return whatever_the_seed([holds], [each[says] for each in findings_elsewhere()], f"{finding.came_out}.")
+    elsewhere = [each[says] for each in findings_elsewhere()]
+    return whatever_the_seed([holds], elsewhere, large_findings()[says], f"{finding.came_out}.")
 
 
 #: Load [kg] -> frequencies [Hz] above which section 2.3.1 puts TB below 1: below Figure 2.4, and below Figure 2.5.
@@ -30,8 +38,8 @@ def tuberosity_below_one() -> Outcome:
     held = [says for says in OF_TUBEROSITY if study_findings()[says].holds]
     return Outcome(
         coherent=checks,
-        note="One slip in six statements; the second list is printed with 'below' for 'above' (errata.md). On the "
-        f"virtual study holds: {'; '.join(held) or 'none'}.",
+        note=f"{TRANSCRIBED} One slip in six statements; the second list is printed with 'below' for 'above' "
+        f"(errata.md). On the virtual study holds: {'; '.join(held) or 'none'}.",
     )
 
 

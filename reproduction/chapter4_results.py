@@ -171,7 +171,7 @@ def boxes(load: float) -> Outcome:
                 0.0,
                 0.25,
             ),
-            at_least("size of the figure", len(picture) / 1e3, 20, "kB"),
+            at_least("figure drawn, size", len(picture) / 1e3, 20, "kB"),
         ],
         synthetic=True,
     )

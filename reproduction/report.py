@@ -14,7 +14,7 @@ from fasbody.virtual_study import Plan
 from reproduction.book import CHAPTERS, OUTSIDE
 from reproduction.row import GROUPS, Row, Verdict
 from reproduction.run import versions
-from reproduction.virtual import OTHER_SEEDS, USUALLY
+from reproduction.virtual import LARGE, OTHER_SEEDS, USUALLY
 
 Results = Mapping[str, Mapping[str, Any]]
 #: A command of so many rows stands once on the page, and its letter in the rows.
@@ -56,7 +56,7 @@ def markdown(results: Results) -> str:
         by_chapter={title: counts(rows, results) for title, rows in CHAPTERS.items()},
         letters=dict(zip(often, ascii_uppercase, strict=False)),
         verdicts=[str(verdict) for verdict in Verdict], numbers=numbers,
-        seed=Plan().seed, other_seeds=OTHER_SEEDS, usually=f"{100 * USUALLY:g} %",
+        seed=Plan().seed, other_seeds=OTHER_SEEDS, large=LARGE, usually=f"{100 * USUALLY:g} %",
     )  # fmt: skip
 
 
@@ -66,9 +66,8 @@ def numbers(document: Mapping[str, Any]) -> str:
         return f"failed: {document['error']}"
     shown = [group for group in GROUPS if group != "present" or document["verdict"] != str(Verdict.SYNTHETIC)]
     parts = [f"{GROUPS[group]}{check['text']}" for group in shown for check in document[group]]
-    needed, there = document["recordings"]
-    if needed:
-        parts.append(f"measured recordings: {there} of {needed} needed")
+    if document["missing"]:
+        parts.append(f"not there: {document['missing']}")
     text = "; ".join(parts)
     return f"{text}. {document['note']}" if document["note"] else text
 

@@ -1,6 +1,8 @@
 """One row: what the thesis has there, the function that runs it, the numbers that came out and the verdict they give.
 
-No verdict is written down anywhere: `Outcome.verdict` follows from comparing numbers with the limits of each check.
+No verdict is written down: `Outcome.verdict` follows from comparing numbers with the limits of each check. Where the
+thing to be judged is wording or a list, the row compares its own transcription of the print, and its note says so
+(`TRANSCRIBED`).
 """
 
 import math
@@ -9,6 +11,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
+
+#: Begins the note of a row that holds two printed things against each other: the numbers are typed in the row.
+TRANSCRIBED = "Compares transcriptions of the print."
 
 
 class Verdict(StrEnum):
@@ -103,11 +108,11 @@ class Outcome:
         right: what must hold if it is wrong and the correction that stands in docs/errata.md is right; empty if none.
         instead: numbers that came out where the thesis is wrong and no correction mends it; they must hold, too.
         coherent: the statement beside other statements of the thesis. No data may enter: if it fails, two statements
-            exclude each other, whatever anybody measures.
+            exclude each other, whatever anybody measures. That it holds alone reproduces nothing.
         present: what must hold for the statement to be true of the synthetic data, by the constants they were made
-            from or by other draws of them; `printed` failing then is a failure of the analysis.
+            from or by a large draw of them; `printed` failing then is a failure of the analysis.
         synthetic: the data were made by a model, so agreement shows the method and is no evidence.
-        recordings: measured recordings that the printed numbers need and those there are; (0, 0) if none.
+        missing: a measurement that the statement rests on and no check of the row reads, in words; "" if none.
         note: what a reader should know, a sentence at most.
     """
 
@@ -118,7 +123,7 @@ class Outcome:
     coherent: Sequence[Check] = ()
     present: Sequence[Check] = ()
     synthetic: bool = False
-    recordings: tuple[int, int] = (0, 0)
+    missing: str = ""
     note: str = ""
 
     @property
@@ -135,11 +140,12 @@ class Outcome:
             return Verdict.FAILED
         if not _hold(self.coherent):
             return Verdict.CONTRADICTED
-        needed, there = self.recordings
-        if there < needed:
+        if not (self.printed or self.calibrated):
+            return Verdict.FAILED  # nothing was asked of the statement itself
+        if self.missing:
             return Verdict.UNMEASURED
         if _hold(self.printed, self.calibrated):
-            met = Verdict.REPRODUCED if self.printed or not self.calibrated else Verdict.CALIBRATED
+            met = Verdict.REPRODUCED if self.printed else Verdict.CALIBRATED
             return Verdict.SYNTHETIC if self.synthetic else met
         if self.right:
             return Verdict.CORRECTED
@@ -152,7 +158,7 @@ class Outcome:
         plain = asdict(self)
         for group in GROUPS:
             plain[group] = [_finite(check) for check in getattr(self, group)]
-        return plain | {"recordings": list(self.recordings), "verdict": str(self.verdict)}
+        return plain | {"verdict": str(self.verdict)}
 
 
 def _hold(*groups: Sequence[Check]) -> bool:

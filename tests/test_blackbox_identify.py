@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from fasbody.exceptions import FasError, SettingError
-from identification.blackbox import figures, pem, published, report
+from identification.blackbox import excitation, figures, pem, published, report
 from identification.blackbox.__main__ import app, parse_orders
 from identification.blackbox.data import Series
 from identification.blackbox.identify import identify
@@ -165,6 +165,14 @@ def test_automatic_orders_on_a_short_record() -> None:
     assert report.csv_text([found]).count("\n") == 6
 
 
+def test_small_harmonics_raise_the_rank_of_a_sine() -> None:
+    time = np.arange(5000) / 1000
+    pure = np.sin(80 * np.pi * time)
+    harmonics = 0.01 * (np.sin(160 * np.pi * time) + np.sin(240 * np.pi * time))
+    for base, rank in ((pure, published.SINE_RANK), (pure + harmonics, published.HARMONICS_RANK)):
+        assert excitation.examine(Series(base, 2 * base, 1e-3)).rank == rank
+
+
 def test_published_tables() -> None:
     data = published.table()
     assert len(data) == 270 and data["subject"].nunique() == 10
@@ -173,6 +181,7 @@ def test_published_tables() -> None:
     said = published.plausibility()
     assert said.fewest_parameters > published.SINE_RANK
     assert said.above_rank == 1.0
+    assert 0.9 < said.above_harmonics < 1.0
     assert max(said.best_share, key=lambda name: said.best_share[name]) == "oe"
     assert "270 recordings" in str(said)
 

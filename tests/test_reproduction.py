@@ -1,5 +1,6 @@
 """The rows of the thesis: complete, uniquely named, really run, and judged by their numbers alone."""
 
+import inspect
 import json
 import math
 import re
@@ -8,14 +9,16 @@ from pathlib import Path
 
 import pytest
 
+from fasbody.transmissibility.findings import findings
 from fasbody.virtual_study import PICKED_SEED
+from fasbody.virtual_transfer import study
 from reproduction import run as running
 from reproduction.book import CHAPTERS, ROWS
 from reproduction.chapter2_findings import LISTS
 from reproduction.report import markdown
 from reproduction.row import Check, Outcome, Row, Verdict, at_most, exactly, near
 from reproduction.run import ROOT, execute, kept, key, run_rows
-from reproduction.virtual import OTHER_SEEDS, whatever_the_seed
+from reproduction.virtual import LARGE, LARGE_SEED, OTHER_SEEDS, large_findings, whatever_the_seed
 
 #: Number of the last table and figure of each chapter and appendix of the thesis.
 TABLES = {"2": 1, "3": 2, "4": 2, "5": 2, "A": 9}
@@ -24,7 +27,8 @@ FIGURES = {"2": 10, "3": 6, "4": 25, "5": 11, "A": 5, "C": 1, "D": 3}
 CHEAP = {
     "Eq. 2.5": Verdict.CORRECTED, "Eq. 2.4, Fig. 2.9": Verdict.REPRODUCED, "Table 2.1": Verdict.CORRECTED,
     "Eq. 3.19": Verdict.CORRECTED, "Eq. 3.17-3.18": Verdict.REPRODUCED, "Appendix B, A": Verdict.CORRECTED,
-    "Eq. 4.24-4.25": Verdict.REPRODUCED, "Finding 4.5, 1": Verdict.CONTRADICTED, "Table A.1": Verdict.UNMEASURED,
+    "Eq. 4.24-4.25": Verdict.REPRODUCED, "Finding 4.5, 1": Verdict.REPRODUCED,
+    "Finding 3.3, 1": Verdict.CONTRADICTED, "Table A.1": Verdict.UNMEASURED,
     "Eq. 4.12, damping": Verdict.CORRECTED, "Validation 3": Verdict.REPRODUCED,
 }  # fmt: skip
 
@@ -48,6 +52,12 @@ def test_every_equation_table_and_figure_has_a_row() -> None:
     assert {item for item in wanted if item not in there} == set()
 
 
+def test_rows_do_not_rest_on_benchmarks() -> None:
+    """What a row computes is hashed with the packages; a file beside them would not be."""
+    for file in (ROOT / "reproduction").glob("*.py"):
+        assert not re.search(r"^\s*(from|import) benchmarks", file.read_text(), re.MULTILINE), file
+
+
 def test_a_range_in_an_id_is_each_of_its_numbers() -> None:
     row = Row("Eq. 3.15-3.16, Fig. 3.1", "", Outcome, "", "")
     assert row.numbers == ["Eq. 3.15", "Eq. 3.16", "Fig. 3.1"]
@@ -67,7 +77,7 @@ def test_cheap_rows_run_and_flip_when_a_number_moves(name: str) -> None:
         assert moved.verdict == Verdict.CONTRADICTED
     else:
         met = [replace(check, low=-math.inf, high=math.inf) for check in outcome.printed]
-        assert replace(outcome, printed=met, recordings=(0, 0)).verdict == Verdict.REPRODUCED
+        assert replace(outcome, printed=met, missing="").verdict == Verdict.REPRODUCED
 
 
 def _missed(check: Check) -> Check:
@@ -93,20 +103,47 @@ def test_verdicts_follow_from_numbers() -> None:
     assert Outcome(calibrated=[good]).verdict == Verdict.CALIBRATED
     assert Outcome([good], calibrated=[good]).verdict == Verdict.REPRODUCED
     assert Outcome([good], calibrated=[bad]).verdict == Verdict.CONTRADICTED
-    assert Outcome([good], recordings=(27, 0)).verdict == Verdict.UNMEASURED
-    assert Outcome([good], recordings=(27, 27)).verdict == Verdict.REPRODUCED
+    assert Outcome([good], missing="recordings").verdict == Verdict.UNMEASURED
+    assert Outcome([bad], instead=[good], missing="recordings").verdict == Verdict.UNMEASURED
     assert Outcome([at_most("a", math.nan, 1.0)]).verdict == Verdict.FAILED
     assert Outcome([]).verdict == Verdict.FAILED
 
 
+@pytest.mark.parametrize("group", ["coherent", "right", "instead", "present"])
+def test_nothing_is_reproduced_where_nothing_was_asked(group: str) -> None:
+    """A correction that holds, or a text that agrees with itself, is no evidence that what is printed came out."""
+    good, bad = near("a", 1.0, 1.0, 0.1), near("a", 2.0, 1.0, 0.1)
+    for value in ([good], [bad]):
+        excluded = group == "coherent" and value == [bad]
+        wanted = Verdict.CONTRADICTED if excluded else Verdict.FAILED
+        assert Outcome(**{group: value}).verdict == wanted  # type: ignore[arg-type]
+        assert Outcome(**{group: value}, synthetic=True).verdict == wanted  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["Table 3.2", *(f"Table A.{n}" for n in range(1, 10))])
+def test_a_transcription_reproduces_no_table(name: str) -> None:
+    """No check of these reads a recording of a person, so no study that is added can make them come out."""
+    source = inspect.getsource(getattr(by_id(name).run, "func", by_id(name).run))
+    assert "missing=" in source and "measured" not in source
+
+
 def test_a_statement_must_hold_with_most_seeds() -> None:
-    """What comes out with the picked seed alone is not shown; what comes out nowhere is not in the data."""
+    """What comes out with the picked seed alone is not shown; what is missed counts if it is true of many subjects."""
     good, bad = exactly("a", 1, 1), exactly("a", 0, 1)
-    assert whatever_the_seed([good], [True] * 8 + [False] * 2).verdict == Verdict.SYNTHETIC
-    assert whatever_the_seed([good], [True] * 7 + [False] * 3).verdict == Verdict.UNRELIABLE
-    assert whatever_the_seed([good], [False] * 10).verdict == Verdict.UNRELIABLE
-    assert whatever_the_seed([bad], [True] * 10).verdict == Verdict.UNRELIABLE
-    assert whatever_the_seed([bad], [False] * 10).verdict == Verdict.UNMEASURED
+    assert whatever_the_seed([good], [True] * 8 + [False] * 2, True).verdict == Verdict.SYNTHETIC
+    for checks, others in (([good], [True] * 7 + [False] * 3), ([good], [False] * 10), ([bad], [True] * 10)):
+        assert whatever_the_seed(checks, others, True).verdict == Verdict.UNRELIABLE
+        untrue = whatever_the_seed(checks, others, False, "n.")
+        assert untrue.verdict == Verdict.UNMEASURED
+        assert untrue.note == "n. Not true of 400 virtual subjects."
+
+
+def test_what_the_large_study_says_is_not_chance() -> None:
+    """Two large draws agree on nine statements of ten; twenty subjects disagree with them more often."""
+    other = {finding.says: finding.holds is True for finding in findings(study(LARGE_SEED + 1, LARGE))}
+    assert large_findings().keys() == other.keys()
+    agree = sum(large_findings()[says] == holds for says, holds in other.items())
+    assert agree >= 0.85 * len(other)
 
 
 def test_the_picked_seed_is_none_of_the_others() -> None:

@@ -33,6 +33,22 @@ def test_a_bare_number_is_whatever_has_it() -> None:
         select(["42"])
 
 
+@pytest.mark.parametrize(
+    "name, meant", [("Eq. 25", "Eq. 2.5"), ("Tabel 4.2", "Table 4.2"), ("finding 5.4,2", "Finding 5.4, 2")]
+)
+def test_an_unknown_name_gets_the_closest(name: str, meant: str) -> None:
+    with pytest.raises(SettingError, match=f"did you mean '{meant}'"):
+        select([name])
+
+
+@pytest.mark.parametrize("option", ["--kept", "--page"])
+def test_an_empty_place_is_refused(command, tmp_path: Path, option: str) -> None:  # type: ignore[no-untyped-def]
+    done = command("reproduction", "--only", "Eq. 2.5", option, "")
+    assert done.returncode == 2, done.stderr
+    assert option in done.stderr and "empty" in done.stderr
+    assert not Path("eq-2-5.json").exists()
+
+
 @pytest.mark.parametrize("name", ["", "  "])
 def test_an_empty_name_is_no_row(name: str) -> None:
     with pytest.raises(SettingError, match="--only is empty"):

@@ -11,7 +11,9 @@ import pandas as pd
 from .polynomial import STRUCTURES
 
 NAMES = STRUCTURES
+#: Coefficients that a sine without harmonics determines, and one with its second and third, as the bundled series have.
 SINE_RANK = 2
+HARMONICS_RANK = 6
 
 
 def table() -> pd.DataFrame:
@@ -36,7 +38,8 @@ class Plausibility:
     Attributes:
         rows: number of recordings.
         fewest_parameters: least number of plant coefficients over all printed models.
-        above_rank: share of printed models with more plant coefficients than one sine determines.
+        above_rank: share of printed models with more plant coefficients than one pure sine determines.
+        above_harmonics: the same share, of a sine with its second and third harmonics.
         best_share: structure -> share of the recordings in which it has the highest printed fit (ties count for all).
         median_fit: structure -> median printed fit in percent.
         spread_median: median over recordings of best minus worst linear fit, in points.
@@ -46,6 +49,7 @@ class Plausibility:
     rows: int
     fewest_parameters: int
     above_rank: float
+    above_harmonics: float
     best_share: dict[str, float]
     median_fit: dict[str, float]
     spread_median: float
@@ -55,8 +59,10 @@ class Plausibility:
         best = ", ".join(f"{name.upper()} {100 * share:.0f} %" for name, share in self.best_share.items())
         return (
             f"{self.rows} recordings printed; the smallest plant has {self.fewest_parameters} coefficients, and "
-            f"{100 * self.above_rank:.0f} % of the printed models have more than the {SINE_RANK} numbers that one sine "
-            f"determines.\nHighest printed fit: {best}.\nMedian difference between the best and the worst structure: "
+            f"{100 * self.above_rank:.0f} % of the printed models have more than the {SINE_RANK} numbers that one pure "
+            f"sine determines, {100 * self.above_harmonics:.0f} % more than the {HARMONICS_RANK} of a sine with its "
+            f"second and third harmonics; what the recordings determine is not known.\nHighest printed fit: {best}.\n"
+            "Median difference between the best and the worst structure: "
             f"{self.spread_median:.1f} points.\nThe delay n_k of one subject scatters by {self.delays:.1f} samples "
             "from recording to recording; a travel time through a foot would not. The printed orders describe the "
             "selection procedure and the harmonics of each recording, not the plant."
@@ -74,6 +80,7 @@ def plausibility() -> Plausibility:
         rows=len(data),
         fewest_parameters=int(counts.min()),
         above_rank=float(np.mean(counts > SINE_RANK)),
+        above_harmonics=float(np.mean(counts > HARMONICS_RANK)),
         best_share={name: float(best[:, k].mean()) for k, name in enumerate(structures)},
         median_fit={name: float(np.median(fits[:, k])) for k, name in enumerate(structures)},
         spread_median=float(np.median(fits.max(axis=1) - fits.min(axis=1))),
