@@ -41,6 +41,7 @@ def short(
     totals = summary.counts(documents, tracked)
     done, failed = int(totals["done"].sum()), int(totals["failed"].sum())
     sentences = [f"{done} of {done + failed} fits done{f', {failed} failed' if failed else ''}."]
+    sentences += [said] if (said := summary.poor_sentence(documents, tracked)) else []
     rows = table[table["shown"]]
     for row in totals.to_dict("records"):
         if row["done"]:
@@ -166,7 +167,7 @@ def energies(energy: pd.DataFrame) -> Grid:
     """Median energies of the branch shown, a row a condition."""
     header = ["mode", "posture", "added mass [kg]", "frequency [Hz]", "cycles", "median ankle [mJ]",
               "median fat pad [mJ]", "median shaker [mJ]"]  # fmt: skip
-    shown = energy[energy["shown"]]
+    shown = energy[energy["shown"] & summary.follows(energy["fit_percent"])]
     rows = []
     for (mode, posture, load, f), g in shown.groupby(["mode", "posture", "added_mass_kg", "frequency_hz"]):
         middles = [f"{1e3 * g[column].median():.3g}" for column in ("ankle_j", "fat_pad_j", "shaker_work_j")]
