@@ -133,6 +133,7 @@ def test_a_check_that_cannot_be_is_said_and_stops_nothing(study: Path, tmp_path:
         (("--bounds", "k_T=1e4"), "is not NAME=LOWER:UPPER"),
         (("--bounds", "k_X=1:2"), "k_X"),
         (("--prior", "k_T"), "--prior 'k_T' is not"),
+        (("--prior", "k_T>k_F", "--prior", "k_T<k_F"), "orders k_T and k_F 2 times (k_T>k_F, k_T<k_F); give one order"),
     ],
 )
 def test_what_cannot_be_asked(study: Path, tmp_path: Path, more: tuple[str, ...], said: str) -> None:

@@ -227,6 +227,27 @@ def test_waterfall_draws_quantiles_over_fits() -> None:
     assert [bar.get_height() for bar in other.patches] == pytest.approx([0, 0, 100 / 3])
 
 
+def test_a_trend_says_why_its_branch_is_open(tmp_path: Path) -> None:
+    point = {"frequency_hz": 10.0, "added_mass_kg": 0.0, "parameters": {}}
+    trend = plain("trend", "4", None, None, {"stiff ankle": {}}, cycles=[])
+    trend["result"]["branches"][0] |= {"points": [point]}
+    trend["result"] |= {"verdict": "undecided", "verdict_reason": "Recordings lie off a curve by 37 % & more."}
+    report.write(tmp_path, [trend, *study()[:2]], "two modes", "synthetic")
+    page = (tmp_path / "report.html").read_text()
+    cells = ("subject 4, midstance", "undecided", "Recordings lie off a curve by 37 % &amp; more.")
+    assert f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>" in page
+
+
+def test_two_subjects_make_no_curve() -> None:
+    rows = summary.tidy([d for d in study()[:-1] if d["subject"] in ("1", "2")])
+    figure = figures.curves(rows, "synthetic")
+    assert "0 kg" in [text.get_text() for text in figure.legends[0].get_texts()]
+    sizes = [len(line.get_xdata()) for line in figure.axes[0].lines if line.get_linewidth() == 2]
+    assert sizes == [0, 0]
+    three = summary.tidy([d for d in study()[:-1] if d["subject"] in ("1", "2", "3")])
+    assert len(figures.curves(three, "synthetic").axes[0].lines[0].get_xdata()) > 100
+
+
 def test_fits_that_do_not_follow_are_said_and_left_out(tmp_path: Path) -> None:
     """One fit at 37 %: named at the top, dotted in loops and traces, and in no mean, box or energy."""
     fits = study()[:-1]

@@ -132,6 +132,7 @@ def test_band_is_students_interval_of_the_subjects() -> None:
     assert c.upper == pytest.approx(SHAPE(c.frequency_hz) + high)
     three = mean_curve(rows[rows["subject"].isin(["0", "1", "2"])])
     assert np.isnan(three.lower).all()  # a mean, but no interval worth showing
+    assert mean_curve(rows[rows["subject"].isin(["0", "1"])]).mean.size == 0  # two make no mean
     assert three.mean == pytest.approx(SHAPE(three.frequency_hz) + OFFSETS[:3].mean())
     gap = mean_curve(rows[~((rows["subject"] == "0") & (rows["frequency_hz"] == 10))])
     without = SHAPE(10.0) + OFFSETS[1:].mean()

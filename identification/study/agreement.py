@@ -205,7 +205,7 @@ def _sentence(differences: Sequence[Difference], behaviour: Sequence[Steadiness]
             f"(chi-square {best.chi_square / best.dof:.3g} per degree of freedom), which both weigh differently."
         )
     return (
-        f"{text} The recordings are steady and the model fits. The time domain also sees what lies between and above the "
-        "harmonics compared (a strap's resonance, the colour of the noise), and in a flat valley each route stops "
+        f"{text} The recordings are steady and the model fits. The time domain also sees what lies between and above "
+        "the harmonics compared (a strap's resonance, the colour of the noise), and in a flat valley each route stops "
         "elsewhere; in measured data look for an offset, a drifting mean or a wrong clock, too."
     )

@@ -114,22 +114,22 @@ class Findings:
         if not found:
             return None
         rows = []
-        for d, r in found[:_LISTED]:
+        for d, r in sorted(found, key=lambda pair: not pair[1]["departs"])[:_LISTED]:
             low = "open" if r["open_below"] else f"{r['lower']:.4g}"
             high = "open" if r["open_above"] else f"{r['upper']:.4g}"
             wald = " to ".join(f"{x:.4g}" for x in r["wald"])
             note = "; a better fit was met" if r["better"] else ""
-            rows.append([d["mode"], place(d), symbol_and_unit(r["key"])[0], f"{r['value']:.4g}",
-                         f"{low} to {high}", wald, "yes" if r["departs"] else "no", r["verdict"] + note])  # fmt: skip
-        departs = sum(r["departs"] for _, r in found)
+            departs = "departs" if r["departs"] else ""
+            rows.append([f"{place(d)} ({d['mode']})", symbol_and_unit(r["key"])[0], r["verdict"] + note, departs,
+                         f"{r['value']:.4g}", f"{low} to {high}", wald])  # fmt: skip
+        count = sum(r["departs"] for _, r in found)
         texts = [
-            f"{len(found)} profiles; {departs} depart from the interval of their standard error by more than a tenth "
-            "of its width. A profile is of the fit's own branch; where that is shown, the verdict above and in "
-            "summary.csv is the profile's. An open side means that the recordings set no limit there.",
+            f"{len(found)} profiles; {count} depart from the interval of their standard error by more than a tenth "
+            "of its width, and come first. A profile is of the fit's own branch; where that is shown, the verdict above "
+            "and in summary.csv is the profile's. An open side means that the recordings set no limit there.",
             *_more(len(found)),
         ]
-        header = ["mode", "fit", "parameter", "estimate", "95 % profile", "95 % by standard error", "departs",
-                  "verdict"]  # fmt: skip
+        header = ["fit", "parameter", "verdict", "from Wald's", "estimate", "95 % profile", "95 % by standard error"]
         return Section("Profile likelihood", texts, Grid(header, rows))
 
     def _held_out(self) -> Section | None:
@@ -184,9 +184,9 @@ class Findings:
         if not found:
             return None
         answers = [r["agrees"] for _, r in found]
-        alike, known = answers.count(True), len(answers) - answers.count(None)
-        texts = [f"{alike} of {known} fits agree within three joint standard errors in all parameters."]
-        texts += [f"In {len(found) - known} more there is nothing to compare."] if known < len(found) else []
+        alike, none = answers.count(True), answers.count(None)
+        texts = [f"{alike} of {len(found) - none} fits agree within three joint standard errors in all parameters."]
+        texts += [f"In {none} more there is nothing to compare."] if none else []
         rows = []
         for d, r in sorted(found, key=lambda pair: _ORDER.index(pair[1]["agrees"]))[:_LISTED]:
             known = [abs(x["z"]) for x in r["differences"] if x["z"] is not None and np.isfinite(x["z"])]

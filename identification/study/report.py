@@ -195,6 +195,7 @@ def _page(
         counts=tables.counts(documents, findings.tracked),
         failures=failed[:_LISTED], more_failures=max(0, len(failed) - _LISTED),
         verdicts=tables.verdicts(table), branches=tables.branches(table), outliers=tables.outliers(table),
+        reasons=tables.reasons(documents),
         recovery=tables.recovery(found) if len(found) else None, energies=tables.energies(_trusted(energy)),
         balance=tables.balance(energy),
         named=lambda start: [name for name in inline if name.startswith(start)],

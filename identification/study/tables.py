@@ -130,6 +130,13 @@ def branches(table: pd.DataFrame) -> Grid:
     return Grid([*header, f"shown: {STIFF_ANKLE}", f"shown: {STIFF_PAD}"], rows)
 
 
+def reasons(documents: Sequence[Mapping[str, Any]]) -> Grid:
+    """The verdict of each trend on its mirror and why it is so; trends are not weighed together with other fits."""
+    trends = [d for d in documents if d["mode"] == "trend" and d["status"] == "done"]
+    rows = [[summary.place(d), d["result"]["verdict"], d["result"].get("verdict_reason", "")] for d in trends]
+    return Grid(["trend of", "verdict", "why"], rows)
+
+
 def outliers(table: pd.DataFrame) -> Grid:
     """Outliers among the estimates with a standard error, by parameter, a row a mode and load."""
     shown = table[table["shown"] & summary.measured(table)]
