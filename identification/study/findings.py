@@ -125,8 +125,8 @@ class Findings:
         count = sum(r["departs"] for _, r in found)
         texts = [
             f"{len(found)} profiles; {count} depart from the interval of their standard error by more than a tenth "
-            "of its width, and come first. A profile is of the fit's own branch; where that is shown, the verdict above "
-            "and in summary.csv is the profile's. An open side means that the recordings set no limit there.",
+            "of its width, and come first. A profile is of the fit's own branch; where that is shown, the verdict "
+            "above and in summary.csv is the profile's. An open side means that the recordings set no limit there.",
             *_more(len(found)),
         ]
         header = ["fit", "parameter", "verdict", "from Wald's", "estimate", "95 % profile", "95 % by standard error"]
