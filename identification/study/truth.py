@@ -29,8 +29,8 @@ LIMITS = (
     "the dampers leaves in the few harmonics below 100 Hz. Two numbers are known well, and eight constants are asked "
     "for. So one frequency knows neither the delay between the channels (it looks like damping) nor, where the "
     "response is nearly linear, which of the two mirror solutions is the foot, as both move the malleolus alike. Noise "
-    "decides which one a fit takes; its standard errors belong to the branch, not to the choice. A fit percentage tells "
-    "neither."
+    "decides which one a fit takes; its standard errors belong to the branch, not to the choice. A fit percentage "
+    "tells neither."
 )
 
 
