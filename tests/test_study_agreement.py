@@ -11,6 +11,7 @@ from fasbody.recording import Recording
 from identification.estimate import Settings, fit
 from identification.result import FitResult
 from identification.study.agreement import Agreement, agreement, steadiness
+from identification.study.findings import Findings
 
 
 def shaped(envelope, seconds: float = 10.0) -> Recording:  # type: ignore[no-untyped-def]
@@ -88,9 +89,35 @@ def test_a_disagreement_is_explained_by_the_data(both, foot: Foot) -> None:  # t
     unexplained = agreement(data, foot, results=apart)
     assert not unexplained.agrees
     assert "disagree in 1 of 3" in unexplained.sentence
-    assert "The recordings are steady" in unexplained.sentence
+    assert "The recordings are steady" in unexplained.sentence and "a strap's resonance" in unexplained.sentence
     t = data[1].time_s - data[1].time_s[0]
     drifting = [data[0], replace(data[1], malleolus_m_s2=data[1].malleolus_m_s2 * (1 + 0.04 * t / t[-1])), data[2]]
     explained = agreement(drifting, foot, results=apart)
     assert "20hz_0kg.csv shows drift: its amplitude changes by" in explained.sentence
     assert explained.sentence.endswith("Trust the time domain.")
+
+
+def test_nothing_to_compare_is_no_agreement(both, foot: Foot) -> None:  # type: ignore[no-untyped-def]
+    """Neither route knows a standard error: the third answer, on the page as in the document."""
+    data, (steady, timed), _ = both
+    found = agreement(data, foot, results=(steady, blind(timed)))
+    assert (found.agrees, found.document()["agrees"]) == (None, None)
+    assert found.sentence.startswith("Nothing to compare") and "nan" not in found.sentence
+    one = {"mode": "per-recording", "subject": "1", "posture": "midstance", "added_mass_kg": 0.0, "frequency_hz": 30.0}
+    one |= {"kind": "agreement", "status": "done", "files": ["a.csv"]}
+    results = [found.document(), agreement(data, foot, results=(steady, timed)).document()]
+    (section,) = Findings(checks=[{**one, "result": r} for r in results]).sections()
+    assert section.texts[:2] == [
+        "1 of 1 fits agree within three joint standard errors in all parameters.",
+        "In 1 more there is nothing to compare.",
+    ]
+    assert section.table is not None and [row[3] for row in section.table.rows] == ["yes", "nothing to compare"]
+
+
+def blind(result: FitResult) -> FitResult:
+    """The same result without any standard error."""
+    branches = [
+        replace(b, parameters={key: replace(e, std_error=float("nan")) for key, e in b.parameters.items()})
+        for b in result.branches
+    ]
+    return replace(result, branches=tuple(branches))

@@ -38,16 +38,21 @@ def _dask(*words: str) -> "subprocess.Popen[str]":
 
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    file = tmp_path_factory.mktemp("scheduler") / "address.json"
+    process, address = _scheduler(tmp_path_factory.mktemp("scheduler"))
+    yield address
+    process.kill()
+    process.wait()
+
+
+def _scheduler(folder: Path) -> "tuple[subprocess.Popen[str], str]":
+    file = folder / "address.json"
     process = _dask(
         "dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)
     )
     while not file.exists() or not file.read_text().endswith("}"):
         assert process.poll() is None, "the scheduler did not start"
         time.sleep(0.05)
-    yield str(json.loads(file.read_text())["address"])
-    process.kill()
-    process.wait()
+    return process, str(json.loads(file.read_text())["address"])
 
 
 def _worker(scheduler: str, folder: Path) -> "subprocess.Popen[str]":
@@ -78,6 +83,29 @@ def test_a_killed_worker_loses_nothing(study: Path, serial: dict, scheduler: str
         for worker in workers:
             worker.kill()
             worker.wait()
+
+
+def test_a_lost_scheduler_is_one_sentence(study: Path, tmp_path: Path) -> None:
+    """Killed midway: no traceback of Dask's above the sentence, and what was done is kept."""
+    process, address = _scheduler(tmp_path)
+    worker = _worker(address, tmp_path / "worker")
+    out = tmp_path / "out"
+    try:
+        run = subprocess.Popen(
+            arguments(study, out, "--scheduler", address, "--starts", "6"), env=ENVIRONMENT, stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        while not list((out / "fits").glob("[!.]*.json")) and run.poll() is None:
+            time.sleep(0.01)
+        process.kill()
+        _, said = run.communicate()
+        assert run.returncode == 2, said
+        assert said == "error: the connection to the scheduler is lost; the same command goes on from here.\n"
+        assert list((out / "fits").glob("*.json"))
+    finally:
+        for each in (worker, process):
+            each.kill()
+            each.wait()
 
 
 def test_local_processes_give_the_same(study: Path, serial: dict, tmp_path: Path) -> None:  # type: ignore[type-arg]

@@ -225,3 +225,57 @@ def test_waterfall_draws_quantiles_over_fits() -> None:
     bands = [collection.get_paths()[0].vertices[:, 1] for collection in above.collections]
     assert [b.max() for b in bands] == pytest.approx([860.0, 700.0])  # 95 %, 75 %
     assert [bar.get_height() for bar in other.patches] == pytest.approx([0, 0, 100 / 3])
+
+
+def test_a_trend_says_why_its_branch_is_open(tmp_path: Path) -> None:
+    point = {"frequency_hz": 10.0, "added_mass_kg": 0.0, "parameters": {}}
+    trend = plain("trend", "4", None, None, {"stiff ankle": {}}, cycles=[])
+    trend["result"]["branches"][0] |= {"points": [point]}
+    trend["result"] |= {"verdict": "undecided", "verdict_reason": "Recordings lie off a curve by 37 % & more."}
+    report.write(tmp_path, [trend, *study()[:2]], "two modes", "synthetic")
+    page = (tmp_path / "report.html").read_text()
+    cells = ("subject 4, midstance", "undecided", "Recordings lie off a curve by 37 % &amp; more.")
+    assert f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>" in page
+
+
+def test_two_subjects_make_no_curve() -> None:
+    rows = summary.tidy([d for d in study()[:-1] if d["subject"] in ("1", "2")])
+    figure = figures.curves(rows, "synthetic")
+    assert "0 kg" in [text.get_text() for text in figure.legends[0].get_texts()]
+    sizes = [len(line.get_xdata()) for line in figure.axes[0].lines if line.get_linewidth() == 2]
+    assert sizes == [0, 0]
+    three = summary.tidy([d for d in study()[:-1] if d["subject"] in ("1", "2", "3")])
+    assert len(figures.curves(three, "synthetic").axes[0].lines[0].get_xdata()) > 100
+
+
+def test_fits_that_do_not_follow_are_said_and_left_out(tmp_path: Path) -> None:
+    """One fit at 37 %: named at the top, dotted in loops and traces, and in no mean, box or energy."""
+    fits = study()[:-1]
+    bad = fits[2]
+    assert (bad["subject"], bad["added_mass_kg"], bad["frequency_hz"]) == ("1", 0.0, 30.0)
+    before = summary.tidy(fits)
+    for branch in bad["result"]["branches"]:
+        branch["fit_percent"] = 37.2
+    for part in ("ankle", "fat_pad"):
+        bad["cycles"][0][part]["dissipated_j"] = 1e3
+    report.write(tmp_path, fits, "a bad one", "synthetic")
+    page = (tmp_path / "report.html").read_text()
+    said = "1 of 42 fits follow their recordings to less than 85 % "
+    said += "(per-recording, subject 1, midstance, 0 kg, 30 Hz: 37 %)"
+    assert said in page and page.index(said) < page.index("<nav>")
+    assert summary.poor_sentence(study()) == ""
+    table, energy = summary.tidy(fits), summary.cycle_table(fits)
+    lost = before[summary.measured(before)].index.difference(table[summary.measured(table)].index)
+    assert set(table.loc[lost, "key"]) == {bad["key"]} and len(lost) == 16
+    row = next(r for r in tables.energies(energy).rows if r[2:4] == ["0", "30"])
+    assert (row[4], float(row[5])) == ("6", pytest.approx(2e3 * np.pi, rel=1e-2))
+    assert "41 of 42" in figures.curves(table, "synthetic").axes[0].get_title()
+    cycles = report.example(fits, "per-recording", "midstance", {})[1]
+    assert [c["follows"] for c in cycles] == [True, True, False, True, True, True]
+    drawn = motion.loops(cycles, "synthetic")
+    assert [line.get_linestyle() for line in drawn.axes[0].lines] == ["--", "--", ":"]
+    assert "less than 85 %" in drawn.get_supxlabel()
+    bad["result"]["branches"][0]["fit_percent"] = 84.0
+    alone = report.pictures([bad], summary.tidy([bad]), summary.cycle_table([bad]), "synthetic", {})
+    assert "energies_per-recording" not in alone
+    assert alone["loops_per-recording"][0]().axes

@@ -16,7 +16,7 @@ from fasbody.console import to_json
 from fasbody.model import load
 from fasbody.recording import StudyFolder
 from identification.estimate import Settings, fit
-from identification.study import cluster, job
+from identification.study import cluster, command, job
 from identification.study.plan import Model, Plan
 
 
@@ -210,3 +210,31 @@ def test_bad_input_is_one_sentence(study: Path, tmp_path: Path, more: tuple[str,
 
 def test_no_study(tmp_path: Path) -> None:
     assert "study.toml" in fitted(tmp_path / "nowhere", tmp_path, expect=2)["said"]
+
+
+def test_what_other_settings_left_is_said_and_its_figures_go(study: Path, tmp_path: Path) -> None:
+    narrow = ("--workers", "1", "--frequency", "20")
+    first = fitted(study, tmp_path, *narrow, "--report")
+    assert (first["unshown"], "not shown" in first["said"]) == (0, False)
+    figures = tmp_path / "figures"
+    (figures / "mine.png").write_bytes(b"a user's own")
+    (tmp_path / "fits" / "notes.json").write_text("not ours")
+    assert (figures / "loops_per-recording.svg").is_file()
+    other = fitted(study, tmp_path, *narrow, "--bounds", "k_T=1e4:1e7", "--mode", "pooled", "--report")
+    assert other["unshown"] == 2
+    said = "2 documents in this folder were made with other settings, recordings or program, and are not shown."
+    assert said in other["said"] and said in (tmp_path / "report.html").read_text()
+    assert not list(figures.glob("*_per-recording*"))
+    assert (figures / "mine.png").is_file() and (figures / "loops_pooled.png").is_file()
+
+
+def test_failures_are_said_once_with_their_places() -> None:
+    from made_fits import failed
+
+    same = [failed(str(s), "there are three or more frequencies needed.") for s in range(1, 6)]
+    every = command.failures_said([*same, failed("9", "s9.csv: is dead.")])
+    where = "; ".join(f"subject {s}, midstance, 0 kg, 10 Hz" for s in (1, 2, 3))
+    assert every == [
+        f"{where} and 2 more: there are three or more frequencies needed.",
+        "subject 9, midstance, 0 kg, 10 Hz: s9.csv: is dead.",
+    ]

@@ -62,7 +62,9 @@ def test_points_of_a_trend_are_rows_with_their_condition() -> None:
         return {"frequency_hz": f, "added_mass_kg": load, "parameters": {"c_11_n_s_per_m": e}}
 
     document = plain("trend", "3", None, None, {"stiff ankle": {}})
-    document["result"]["branches"] = [{"name": "stiff ankle", "points": [point(10, 0, 5), point(20, 2.3, 7)]}]
+    document["result"]["branches"] = [
+        {"name": "stiff ankle", "fit_percent": 99.0, "points": [point(10, 0, 5), point(20, 2.3, 7)]}
+    ]
     table = summary.tidy([document])
     assert table[["added_mass_kg", "frequency_hz", "value"]].to_numpy().tolist() == [[0, 10, 5], [2.3, 20, 7]]
     assert set(table["unit"]) == {"N s/m"}
@@ -111,7 +113,8 @@ def curve_rows(parameter: str, values: dict[str, np.ndarray], f: np.ndarray) -> 
     """Estimates of one parameter, subject -> value at each frequency."""
     rows = [(subject, parameter, x, v, 1.0, False) for subject, own in values.items()
             for x, v in zip(f, own, strict=True)]  # fmt: skip
-    return pd.DataFrame(rows, columns=["subject", "parameter", "frequency_hz", "value", "std_error", "outlier"])
+    columns = ["subject", "parameter", "frequency_hz", "value", "std_error", "outlier"]
+    return pd.DataFrame(rows, columns=columns).assign(fit_percent=99.0)
 
 
 F = np.arange(10.0, 55.0, 5.0)
@@ -129,6 +132,7 @@ def test_band_is_students_interval_of_the_subjects() -> None:
     assert c.upper == pytest.approx(SHAPE(c.frequency_hz) + high)
     three = mean_curve(rows[rows["subject"].isin(["0", "1", "2"])])
     assert np.isnan(three.lower).all()  # a mean, but no interval worth showing
+    assert mean_curve(rows[rows["subject"].isin(["0", "1"])]).mean.size == 0  # two make no mean
     assert three.mean == pytest.approx(SHAPE(three.frequency_hz) + OFFSETS[:3].mean())
     gap = mean_curve(rows[~((rows["subject"] == "0") & (rows["frequency_hz"] == 10))])
     without = SHAPE(10.0) + OFFSETS[1:].mean()

@@ -6,6 +6,7 @@ port can run programs as you (docs/study.md).
 """
 
 import contextlib
+import logging
 import uuid
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
@@ -79,7 +80,7 @@ def remote(address: str) -> Iterator[Crew]:
     distributed = _distributed()
     import dask
 
-    with dask.config.set(_QUIET):
+    with dask.config.set(_QUIET), _silent("distributed.client"):
         _ensure(address)
         try:
             client = distributed.Client(address, timeout=_PATIENCE_S)
@@ -96,6 +97,18 @@ def remote(address: str) -> Iterator[Crew]:
                 ) from None
             _same_program(client, address)
             yield lambda works: _on(client, works)
+
+
+@contextlib.contextmanager
+def _silent(logger: str) -> Iterator[None]:
+    """Keep a logger quiet: of a scheduler that is lost it prints a traceback above our own sentence."""
+    log = logging.getLogger(logger)
+    level = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
 
 
 def _ensure(address: str) -> None:

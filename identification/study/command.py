@@ -4,6 +4,7 @@ import contextlib
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,7 +12,7 @@ import typer
 from rich.table import Table
 
 from fasbody.console import console, print_json, progress_bar, results
-from fasbody.exceptions import Stopped
+from fasbody.exceptions import SettingError, Stopped
 from fasbody.model import load
 from fasbody.recording import StudyFolder
 from identification import options
@@ -25,8 +26,11 @@ from identification.study.findings import Findings, gather
 from identification.study.job import Document
 from identification.study.plan import KINDS, MODES, Job, Model, Plan, Work
 from identification.study.store import Store
-from identification.study.summary import counts
+from identification.study.summary import counts, place, poor_fits, poor_sentence
 from identification.study.truth import Truth
+
+#: Places of a failure that are named.
+_NAMED = 3
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -79,7 +83,7 @@ def main(
     settings = Settings(
         free=options.names(free), bounds=options.limits(bounds), starts=starts, seed=seed, domain=domain, threads=1
     )
-    believed = Prior.read(prior or ())
+    believed = one_order(prior or ())
     foot = load(model)
     profiled = tuple(dict.fromkeys(options.names(profile) or ()))
     space = ensure(mode, settings, foot, profiled, agreement)
@@ -94,7 +98,7 @@ def main(
     try:
         computed = complete(plan.work, jobs, fits, scheduler, workers)
         found = {job.trials: fits.read(job.key)[0] for job in jobs}
-        checking = [job for job in checking if job.kind != "profile" or _done(found[job.trials])]
+        checking = [job for job in checking if job.kind == "validation" or _done(found[job.trials])]
         checked = complete(lambda job: plan.work(job, found.get(job.trials)), checking, checks, scheduler, workers)
     except KeyboardInterrupt:
         kept = len(fits.documents(job.key for job in jobs)) + len(checks.documents(job.key for job in checking))
@@ -106,7 +110,8 @@ def main(
     documents = [d for each in MODES for d in fits.documents(job.key for job in plan.jobs(each))]
     every = [(kind, "") for kind in KINDS[2:]] + [("profile", item.name) for item in space.free]
     made = [d for each in MODES for what in every for d in checks.documents(job.key for job in plan.jobs(each, *what))]
-    findings = gather(documents, made, believed, ", ".join(prior or ()))
+    unshown = fits.others(d["key"] for d in documents) + checks.others(d["key"] for d in made)
+    findings = replace(gather(documents, made, believed, ", ".join(prior or ())), unshown=unshown)
     if page:
         report.write(out, documents, folder.name, folder.origin, Truth.read(study), findings)
     done = sum(map(_done, fits.documents(job.key for job in jobs)))
@@ -166,13 +171,39 @@ def crew(count: int, scheduler: str | None, workers: int) -> Iterator[Crew]:
             yield do
 
 
+def one_order(texts: Sequence[str]) -> Prior | None:
+    """The prior of the command line, with one order of the stiffnesses at most.
+
+    Raises:
+        SettingError: it orders them twice, or is no prior.
+    """
+    believed = Prior.read(texts)
+    orders = [text for text in texts if "<" in text or ">" in text]
+    if len(orders) > 1:
+        raise SettingError(f"--prior orders k_T and k_F {len(orders)} times ({', '.join(orders)}); give one order.")
+    return believed
+
+
+def failures_said(failed: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Each sentence once, with the places that it was said of."""
+    places: dict[str, list[str]] = {}
+    for d in failed:
+        places.setdefault(d["error"], []).append(place(d))
+    return [
+        f"{'; '.join(where[:_NAMED])}{f' and {len(where) - _NAMED} more' if len(where) > _NAMED else ''}: {error}"
+        for error, where in places.items()
+    ]
+
+
 def show(documents: Sequence[Document], findings: Findings, run: Mapping[str, Any], as_json: bool) -> None:
     """What is in the folder now, for people or as JSON: counts by mode, findings, and what failed."""
     failed = [d for d in (*documents, *findings.checks) if d["status"] == "failed"]
     counted = counts(documents, findings.tracked).to_dict("records")
     if as_json:
         failures = [{name: d[name] for name in ("mode", "kind", "parameter", "files", "error")} for d in failed]
-        print_json({**run, "modes": counted, "failed": failures, **findings.document()})
+        poor = [{**{name: d[name] for name in ("mode", "files")}, "fit_percent": fit}
+                for d, fit in poor_fits(documents, findings.tracked)]  # fmt: skip
+        print_json({**run, "modes": counted, "failed": failures, "poor": poor, **findings.document()})
     else:
         what = f"{run['computed']} fits and {run['checked']} checks" if run["checked"] else f"{run['computed']} fits"
         title = f"{what} computed in {run['seconds']:.0f} s; {run['done']} of {run['wanted']} fits done"
@@ -185,8 +216,12 @@ def show(documents: Sequence[Document], findings: Findings, run: Mapping[str, An
         for subject in findings.subjects:
             results.print(f"subject {subject.subject}, {subject.posture}, {subject.mode}: {subject.said}",
                           markup=False, soft_wrap=True)  # fmt: skip
-    for document in failed:
-        console.print(f"failed: {document['error']}", markup=False, soft_wrap=True)
+    if said := poor_sentence(documents, findings.tracked):
+        console.print(said, style="yellow", markup=False, soft_wrap=True)
+    if findings.elsewhere:
+        console.print(findings.elsewhere, style="yellow", markup=False, soft_wrap=True)
+    for sentence in failures_said(failed):
+        console.print(f"failed: {sentence}", markup=False, soft_wrap=True)
     for document in documents:
         for sentence in document["left_out"] if document["status"] == "done" else ():
             console.print(f"left out: {sentence}", markup=False, soft_wrap=True)

@@ -103,7 +103,8 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
         _limit(axis, np.array(ends, float), name)
     for axis in axes[-1]:
         axis.set_xlabel("frequency [Hz]")
-    handles = [Line2D([], [], lw=2, color=colour_of(load, loads), label=f"{load:g} kg, mean") for load in loads]
+    mean_ = ", mean" if count >= FEWEST else ""
+    handles = [Line2D([], [], lw=2, color=colour_of(load, loads), label=f"{load:g} kg{mean_}") for load in loads]
     handles.append(Line2D([], [], marker="o", ls="", ms=3.5, mew=0, color=GREY, label="estimate"))
     handles.append(Line2D([], [], marker="o", ls="", ms=3.5, mfc="none", color=GREY, label="branch not decided"))
     if rows["truth"].notna().any():

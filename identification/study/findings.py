@@ -9,11 +9,15 @@ import numpy as np
 from fasbody.exceptions import SettingError
 from identification.result import symbol_and_unit
 from identification.study.evidence import Fit, Prior
+from identification.study.summary import place
 from identification.study.tables import Grid, Section
 from identification.study.tracking import Tracking, track
 
 _TRACKED_MODES = ("per-recording", "pooled")
 _LISTED = 40
+#: Whether two domains agree, in words, in the order of the table.
+_ANSWER = {False: "no", True: "yes", None: "nothing to compare"}
+_ORDER = list(_ANSWER)
 Document = Mapping[str, Any]
 
 
@@ -34,13 +38,22 @@ class Findings:
 
     Attributes:
         subjects: tracked ones. checks: documents of the checks that are done. prior: that the tracking had, in words.
-        more: further sections of the page.
+        more: further sections of the page. unshown: documents in the folder that are of other settings or recordings.
     """
 
     subjects: Sequence[Subject] = ()
     checks: Sequence[Document] = ()
     prior: str = ""
     more: Sequence[Section] = ()
+    unshown: int = 0
+
+    @property
+    def elsewhere(self) -> str:
+        """What is in the folder and not shown, in a sentence; empty where nothing is."""
+        one = self.unshown == 1
+        made = f"{self.unshown} document{'' if one else 's'} in this folder {'was' if one else 'were'} made with"
+        text = f"{made} other settings, recordings or program, and {'is' if one else 'are'} not shown."
+        return text if self.unshown else ""
 
     @property
     def tracked(self) -> dict[str, str]:
@@ -64,7 +77,7 @@ class Findings:
         return {
             "tracking": [{**asdict(s), "tracking": s.tracking and s.tracking.document()} for s in self.subjects],
             "prior": self.prior, "profiles": listed("profile"), "validation": listed("validation"),
-            "agreement": listed("agreement"),
+            "agreement": listed("agreement"), "unshown": self.unshown,
         }  # fmt: skip
 
     def sections(self) -> list[Section]:
@@ -101,22 +114,22 @@ class Findings:
         if not found:
             return None
         rows = []
-        for d, r in found[:_LISTED]:
+        for d, r in sorted(found, key=lambda pair: not pair[1]["departs"])[:_LISTED]:
             low = "open" if r["open_below"] else f"{r['lower']:.4g}"
             high = "open" if r["open_above"] else f"{r['upper']:.4g}"
             wald = " to ".join(f"{x:.4g}" for x in r["wald"])
             note = "; a better fit was met" if r["better"] else ""
-            rows.append([d["mode"], _name(d), symbol_and_unit(r["key"])[0], f"{r['value']:.4g}",
-                         f"{low} to {high}", wald, "yes" if r["departs"] else "no", r["verdict"] + note])  # fmt: skip
-        departs = sum(r["departs"] for _, r in found)
+            departs = "departs" if r["departs"] else ""
+            rows.append([f"{place(d)} ({d['mode']})", symbol_and_unit(r["key"])[0], r["verdict"] + note, departs,
+                         f"{r['value']:.4g}", f"{low} to {high}", wald])  # fmt: skip
+        count = sum(r["departs"] for _, r in found)
         texts = [
-            f"{len(found)} profiles; {departs} depart from the interval of their standard error by more than a tenth "
-            "of its width. A profile is of the fit's own branch; where that is shown, the verdict above and in "
-            "summary.csv is the profile's. An open side means that the recordings set no limit there.",
+            f"{len(found)} profiles; {count} depart from the interval of their standard error by more than a tenth "
+            "of its width, and come first. A profile is of the fit's own branch; where that is shown, the verdict "
+            "above and in summary.csv is the profile's. An open side means that the recordings set no limit there.",
             *_more(len(found)),
         ]
-        header = ["mode", "fit", "parameter", "estimate", "95 % profile", "95 % by standard error", "departs",
-                  "verdict"]  # fmt: skip
+        header = ["fit", "parameter", "verdict", "from Wald's", "estimate", "95 % profile", "95 % by standard error"]
         return Section("Profile likelihood", texts, Grid(header, rows))
 
     def _held_out(self) -> Section | None:
@@ -150,7 +163,7 @@ class Findings:
         for d, r in found[:_LISTED]:
             linear, bent = r["linear"], r["nonlinear"]
             errors = " / ".join(f"{c['held_out_percent']:.3g}" for c in (linear, bent))
-            rows.append([d["mode"], _name(d), f"{linear['aic'] - bent['aic']:.4g}",
+            rows.append([d["mode"], place(d), f"{linear['aic'] - bent['aic']:.4g}",
                          f"{linear['bic'] - bent['bic']:.4g}", errors, *r["preferred"].values()])  # fmt: skip
         header = [
             "mode",
@@ -170,12 +183,14 @@ class Findings:
         found = self._of("agreement")
         if not found:
             return None
-        agree = sum(r["agrees"] for _, r in found)
-        texts = [f"{agree} of {len(found)} fits agree within three joint standard errors in all parameters."]
+        answers = [r["agrees"] for _, r in found]
+        alike, none = answers.count(True), answers.count(None)
+        texts = [f"{alike} of {len(found) - none} fits agree within three joint standard errors in all parameters."]
+        texts += [f"In {none} more there is nothing to compare."] if none else []
         rows = []
-        for d, r in sorted(found, key=lambda pair: pair[1]["agrees"])[:_LISTED]:
+        for d, r in sorted(found, key=lambda pair: _ORDER.index(pair[1]["agrees"]))[:_LISTED]:
             known = [abs(x["z"]) for x in r["differences"] if x["z"] is not None and np.isfinite(x["z"])]
-            rows.append([d["mode"], _name(d), r["branch"], "yes" if r["agrees"] else "no",
+            rows.append([d["mode"], place(d), r["branch"], _ANSWER[r["agrees"]],
                          f"{max(known):.2g}" if known else "–", r["sentence"]])  # fmt: skip
         header = ["mode", "fit", "branch", "agrees", "largest difference [joint errors]", "why"]
         return Section("Steady state and time domain", [*texts, *_more(len(found))], Grid(header, rows))
@@ -207,12 +222,6 @@ def _tracked(mode: str, subject: str, posture: str, documents: Sequence[Document
     except SettingError as problem:
         return Subject(mode, subject, posture, None, f"Subject {subject}, {mode}: {problem}")
     return Subject(mode, subject, posture, found, found.sentence)
-
-
-def _name(d: Document) -> str:
-    place = [f"{d['added_mass_kg']:g} kg"] if d["added_mass_kg"] is not None else []
-    place += [f"{d['frequency_hz']:g} Hz"] if d["frequency_hz"] is not None else []
-    return ", ".join([f"subject {d['subject']}", d["posture"], *place])
 
 
 def _median(values: Iterable[float]) -> str:

@@ -54,17 +54,17 @@ def spline(f: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
 def mean_curve(rows: pd.DataFrame) -> MeanCurve:
     """The curve of rows of the tidy table that share parameter and condition.
 
-    Estimates at a bound or without a standard error say nothing of the foot, and are left out, as outliers are; so is
-    a frequency where fewer than three subjects are left (or all, of fewer). The band is the jackknife over subjects,
-    which is Student's interval of the mean where there is no gap, with the degrees of freedom of those subjects who
-    have an estimate there.
+    Estimates at a bound or without a standard error, and of fits that do not follow their recordings, say nothing of
+    the foot, and are left out, as outliers are; so is a frequency where fewer than three subjects are left, which make
+    no mean. The band is the jackknife over subjects, which is Student's interval of the mean where there is no gap,
+    with the degrees of freedom of those subjects who have an estimate there.
 
     Args:
         rows: with subject, parameter, frequency_hz, value, std_error and outlier.
     """
     kept = rows[~rows["outlier"] & measured(rows) & rows["frequency_hz"].notna()]
     count = kept.groupby("frequency_hz")["subject"].nunique()
-    count = count[count >= min(FEWEST, rows["subject"].nunique())]
+    count = count[count >= FEWEST]
     kept = kept[kept["frequency_hz"].isin(count.index)]
     places, who = count.index.to_numpy(float), kept["subject"].to_numpy()
     if places.size == 0:

@@ -1,6 +1,7 @@
 """summary.csv, the figures and report.html of a study, from its fits alone."""
 
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
 from datetime import date
 from functools import partial
 from pathlib import Path
@@ -18,6 +19,8 @@ from identification.study.truth import LIMITS, Truth, recovery
 #: The subject whose traces and loops are shown where there is one of that name, as in the thesis.
 _EXAMPLE = "16"
 _LISTED = 20
+#: Names of the figures that `pictures` gives.
+_OURS = re.compile(r"(verdicts|waterfall|(curves|boxes|traces|loops|energies)_.+)\.(svg|png)")
 _MODES = {
     "per-recording": "each recording alone, as in the thesis",
     "pooled": "each load of a subject over all frequencies, with constants that do not depend on frequency",
@@ -64,8 +67,17 @@ def write(
     if len(found):
         files["recovery.csv"] = summary.csv(found).encode()
     page = _page(documents, table, energy, found, inline, title=title, origin=origin, findings=findings)
+    clear(out, files)
     written = [console.write_whole(out / name, content) for name, content in files.items()]
     return [console.write_whole(out / "report.html", page), *written]
+
+
+def clear(out: Path, files: Collection[str]) -> None:
+    """Remove what an earlier report of this program left in the folder and this one does not have."""
+    stale = [f"figures/{file.name}" for file in (out / "figures").glob("*") if _OURS.fullmatch(file.name)]
+    for name in ("recovery.csv", *stale):
+        if name not in files:
+            (out / name).unlink(missing_ok=True)
 
 
 def pictures(
@@ -107,7 +119,8 @@ def pictures(
             )
             rows = energy[(energy["mode"] == mode) & (energy["posture"] == posture)]
             text = f"Energy dissipated in one cycle, and where: {mode}, {posture}. {tables.drawn(rows)}"
-            out[f"energies_{mode}"] = (partial(motion.energies, rows, origin), text)
+            if summary.follows(rows.loc[rows["shown"], "fit_percent"]).any():
+                out[f"energies_{mode}"] = (partial(motion.energies, rows, origin), text)
     if any(d["status"] == "done" and d["result"].get("starts") for d in documents):
         out["waterfall"] = (partial(quality.waterfall, documents), "Where every start of every fit ended.")
     return out
@@ -118,8 +131,8 @@ def example(
 ) -> tuple[str, list[Mapping[str, Any]], dict[str, float]]:
     """One subject's cycles of the branch shown, and the fit percentage of its files: subject 16, else the fullest.
 
-    Each entry says whether its branch is decided. A fit of several recordings has a percentage a file on its own branch
-    only.
+    Each entry says whether its branch is decided, and whether it follows its recordings. A fit of several recordings
+    has a percentage a file on its own branch only.
     """
     mine = [d for d in documents if (d["mode"], d["posture"], d["status"]) == (mode, posture, "done")]
     counts = {d["subject"]: 0 for d in mine}
@@ -131,10 +144,11 @@ def example(
     for d in mine:
         if d["subject"] == subject:
             name, by = summary.shown(d, tracked)
-            cycles += [{**c, "decided": by not in summary.OPEN} for c in d["cycles"] if c["branch"] == name]
+            each = summary.shown_fit(d, tracked)
+            marks = {"decided": by not in summary.OPEN, "follows": bool(summary.follows(each))}
+            cycles += [{**c, **marks} for c in d["cycles"] if c["branch"] == name]
             recordings, own = d["result"]["recordings"], d["result"]["branches"][0]["name"] == name
             if own or len(recordings) == 1:
-                each = summary.shown_fit(d, tracked)
                 fits |= {r["file"]: r["fit_percent"] if own else each for r in recordings}
     return str(subject), cycles, fits
 
@@ -176,11 +190,12 @@ def _page(
         subjects=len({d["subject"] for d in documents}),
         recordings=len({file for d in documents for file in d["files"]}),
         contents=[(anchor, name) for anchor, name in contents if anchor != "truth" or len(found)],
-        short=tables.short(documents, table, energy, found, findings.tracked),
+        short=tables.short(documents, table, energy, found, findings.tracked), elsewhere=findings.elsewhere,
         modes_text=" ".join(f"Mode {m}: {_MODES[m]}." for m in modes if m in _MODES),
         counts=tables.counts(documents, findings.tracked),
         failures=failed[:_LISTED], more_failures=max(0, len(failed) - _LISTED),
         verdicts=tables.verdicts(table), branches=tables.branches(table), outliers=tables.outliers(table),
+        reasons=tables.reasons(documents),
         recovery=tables.recovery(found) if len(found) else None, energies=tables.energies(_trusted(energy)),
         balance=tables.balance(energy),
         named=lambda start: [name for name in inline if name.startswith(start)],

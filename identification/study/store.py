@@ -1,6 +1,7 @@
 """The fits of a study on disk: one JSON document each, there whole or not at all, found again by its key."""
 
 import json
+import re
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ from fasbody.console import make_folder, to_json, write_whole
 _NEEDED = {"key", "mode", "subject", "posture", "files", "status", "error", "result", "cycles"}
 #: Age of an unfinished file that no running study can still be writing [s].
 _STALE = 3600.0
+#: What the name of a document looks like.
+_KEY = re.compile("[0-9a-f]{24}")
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,11 @@ class Store:
         if found["status"] not in ("done", "failed") or (found["result"] is None) == (found["status"] == "done"):
             return None, f"{file}: has no result and is computed again."
         return found, ""
+
+    def others(self, keys: Iterable[str]) -> int:
+        """How many documents are there that are not of these keys: made with other settings, recordings or program."""
+        known = set(keys)
+        return sum(bool(_KEY.fullmatch(file.stem)) and file.stem not in known for file in self.folder.glob("*.json"))
 
     def documents(self, keys: Iterable[str]) -> list[dict[str, Any]]:
         """The documents of those keys that are there."""

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from identification.advice import _POOR_FIT as POOR_FIT
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.result import symbol_and_unit
 from identification.study.truth import Truth
@@ -14,7 +15,7 @@ from identification.study.truth import Truth
 COLUMNS = (
     "mode", "subject", "posture", "added_mass_kg", "frequency_hz", "branch", "chosen", "parameter", "unit", "value",
     "std_error", "lower", "upper", "verdict", "outlier", "truth", "key", "tracked", "shown", "decided_by",
-    "profile_lower", "profile_upper",
+    "profile_lower", "profile_upper", "fit_percent",
 )  # fmt: skip
 #: What the subjects of one box have in common.
 GROUP = ["mode", "posture", "added_mass_kg", "frequency_hz", "parameter"]
@@ -23,6 +24,8 @@ DECIDED_BY = ("tracking", "likelihood", "undecided", "not compared", "no mirror"
 OPEN = ("undecided", "not compared")
 #: Fewest values that make a box, and how many interquartile ranges its whiskers reach.
 FEWEST, _WHISKER = 4, 1.5
+#: Poor fits that are named, and the mode that is expected to have some.
+_LISTED, _POOLED = 10, "pooled"
 
 
 def shown(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None) -> tuple[str, str]:
@@ -47,8 +50,16 @@ def shown(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None)
 
 
 def measured(rows: pd.DataFrame) -> pd.Series:
-    """Which estimates have a standard error: not those at a bound, nor those that the recording does not determine."""
-    return rows["value"].notna() & np.isfinite(rows["std_error"])
+    """Which estimates count in means, bands and boxes: those with a standard error, of a fit that follows its data.
+
+    Without one are those at a bound, and those that the recording does not determine.
+    """
+    return rows["value"].notna() & np.isfinite(rows["std_error"]) & follows(rows["fit_percent"])
+
+
+def follows(fit_percent: Any) -> Any:
+    """Whether a fit follows its recordings; one that does not fails to fit, and says nothing of the foot."""
+    return ~np.less(fit_percent, POOR_FIT)
 
 
 def tidy(
@@ -73,7 +84,7 @@ def tidy(
             rows += [{**row, **told, "shown": row["branch"] == name} for row in each]
     table = pd.DataFrame(rows, columns=[c for c in COLUMNS if c != "outlier"])
     numbers = ["added_mass_kg", "frequency_hz", "value", "std_error", "lower", "upper", "truth"]
-    numbers += ["profile_lower", "profile_upper"]
+    numbers += ["profile_lower", "profile_upper", "fit_percent"]
     table[numbers] = table[numbers].astype(float)
     table = table.astype({"chosen": bool, "shown": bool})
     table["outlier"] = False
@@ -100,6 +111,7 @@ def _rows(
                     profile = {}
                 yield {
                     **shared, **at, "branch": branch["name"], "chosen": number == 0, "parameter": symbol, "unit": unit,
+                    "fit_percent": branch["fit_percent"],
                     **{name: e[name] for name in ("value", "std_error", "lower", "upper")},
                     "verdict": profile.get("verdict", e["identifiability"]), "truth": known.get(symbol),
                     "profile_lower": None if profile.get("open_below") else profile.get("lower"),
@@ -141,6 +153,37 @@ def shown_fit(document: Mapping[str, Any], tracked: Mapping[str, str] | None = N
     return float(next(b["fit_percent"] for b in document["result"]["branches"] if b["name"] == name))
 
 
+def place(document: Mapping[str, Any]) -> str:
+    """Subject, posture, load and frequency of a fit or check, as far as its recordings share them."""
+    words = [f"subject {document['subject']}", document["posture"]]
+    words += [f"{document['added_mass_kg']:g} kg"] if document["added_mass_kg"] is not None else []
+    words += [f"{document['frequency_hz']:g} Hz"] if document["frequency_hz"] is not None else []
+    return ", ".join(words)
+
+
+def poor_fits(
+    documents: Iterable[Mapping[str, Any]], tracked: Mapping[str, str] | None = None
+) -> list[tuple[Mapping[str, Any], float]]:
+    """Fits whose shown branch does not follow its recordings, with its fit percentage, the poorest first."""
+    fits = [(d, shown_fit(d, tracked)) for d in documents if d["status"] == "done"]
+    return sorted(((d, fit) for d, fit in fits if not follows(fit)), key=lambda pair: pair[1])
+
+
+def poor_sentence(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> str:
+    """How many fits failed to fit, and which; empty where none did."""
+    poor, done = poor_fits(documents, tracked), sum(d["status"] == "done" for d in documents)
+    if not poor:
+        return ""
+    modes = {d["mode"] for d, _ in poor}
+    listed = "; ".join(f"{d['mode']}, {place(d)}: {fit:.0f} %" for d, fit in poor[:_LISTED])
+    more = f"; and {len(poor) - _LISTED} more" if len(poor) > _LISTED else ""
+    return (
+        f"{len(poor)} of {done} fits follow their recordings to less than {POOR_FIT:g} % ({listed}{more}). They are "
+        "left out of means, bands, boxes and energies; more --starts or wider --bounds may find better ones."
+        + (" A pooled fit misfits a foot whose constants change with frequency." if _POOLED in modes else "")
+    )
+
+
 _OF_RECORDING = ("file", "added_mass_kg", "frequency_hz", "fit_percent")
 
 
@@ -153,6 +196,7 @@ def cycle_table(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, st
             **{name: c[name] for name in ("file", "added_mass_kg", "branch", "chosen", "shaker_work_j", "imbalance")},
             "frequency_hz": nominal(c["frequency_hz"]),
             "ankle_j": c["ankle"]["dissipated_j"], "fat_pad_j": c["fat_pad"]["dissipated_j"],
+            "fit_percent": next(b["fit_percent"] for b in d["result"]["branches"] if b["name"] == c["branch"]),
             "shown": c["branch"] == told[d["key"]][0], "decided_by": told[d["key"]][1],
         }
         for d in documents
@@ -160,7 +204,7 @@ def cycle_table(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, st
     ]  # fmt: skip
     columns = ["mode", "subject", "posture", "key", "file", "added_mass_kg", "frequency_hz", "branch", "chosen"]
     table = pd.DataFrame(rows, columns=[*columns, "ankle_j", "fat_pad_j", "shaker_work_j", "imbalance", "shown",
-                                         "decided_by"])  # fmt: skip
+                                         "decided_by", "fit_percent"])  # fmt: skip
     return table.astype({"chosen": bool, "shown": bool})
 
 

@@ -41,6 +41,7 @@ def short(
     totals = summary.counts(documents, tracked)
     done, failed = int(totals["done"].sum()), int(totals["failed"].sum())
     sentences = [f"{done} of {done + failed} fits done{f', {failed} failed' if failed else ''}."]
+    sentences += [said] if (said := summary.poor_sentence(documents, tracked)) else []
     rows = table[table["shown"]]
     for row in totals.to_dict("records"):
         if row["done"]:
@@ -129,6 +130,13 @@ def branches(table: pd.DataFrame) -> Grid:
     return Grid([*header, f"shown: {STIFF_ANKLE}", f"shown: {STIFF_PAD}"], rows)
 
 
+def reasons(documents: Sequence[Mapping[str, Any]]) -> Grid:
+    """The verdict of each trend on its mirror and why it is so; trends are not weighed together with other fits."""
+    trends = [d for d in documents if d["mode"] == "trend" and d["status"] == "done"]
+    rows = [[summary.place(d), d["result"]["verdict"], d["result"].get("verdict_reason", "")] for d in trends]
+    return Grid(["trend of", "verdict", "why"], rows)
+
+
 def outliers(table: pd.DataFrame) -> Grid:
     """Outliers among the estimates with a standard error, by parameter, a row a mode and load."""
     shown = table[table["shown"] & summary.measured(table)]
@@ -166,7 +174,7 @@ def energies(energy: pd.DataFrame) -> Grid:
     """Median energies of the branch shown, a row a condition."""
     header = ["mode", "posture", "added mass [kg]", "frequency [Hz]", "cycles", "median ankle [mJ]",
               "median fat pad [mJ]", "median shaker [mJ]"]  # fmt: skip
-    shown = energy[energy["shown"]]
+    shown = energy[energy["shown"] & summary.follows(energy["fit_percent"])]
     rows = []
     for (mode, posture, load, f), g in shown.groupby(["mode", "posture", "added_mass_kg", "frequency_hz"]):
         middles = [f"{1e3 * g[column].median():.3g}" for column in ("ankle_j", "fat_pad_j", "shaker_work_j")]

@@ -28,9 +28,9 @@ LIMITS = (
     "A recording of one frequency is worth its harmonics: amplitude and phase of the fundamental, and what the bend of "
     "the dampers leaves in the few harmonics below 100 Hz. Two numbers are known well, and eight constants are asked "
     "for. So one frequency knows neither the delay between the channels (it looks like damping) nor, where the "
-    "response is nearly linear, which of the two mirror solutions is the foot: k_T' = a k_F, k_F' = k_T / a, "
-    "c_11' = a c_21, c_21' = c_11 / a with a = m_S / (m_S + m_F) move the malleolus alike. Noise decides which one a "
-    "fit takes; its standard errors belong to the branch, not to the choice. A fit percentage tells neither."
+    "response is nearly linear, which of the two mirror solutions is the foot, as both move the malleolus alike. Noise "
+    "decides which one a fit takes; its standard errors belong to the branch, not to the choice. A fit percentage "
+    "tells neither."
 )
 
 

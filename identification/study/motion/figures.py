@@ -12,10 +12,18 @@ from matplotlib.ticker import MaxNLocator
 
 from identification.figures import panels
 from identification.study.figures import MARKERS, MEASURED, MODEL, colour_of, distinct, noted, styled
-from identification.study.summary import OPEN, nominal
+from identification.study.summary import OPEN, POOR_FIT, follows, nominal
 
 #: Circles of a trace at most, of all samples that are stored.
 _CIRCLES = 36
+#: Line of a model that does not follow its recording.
+_POOR = ":"
+
+
+def _poor(cycles: Sequence[Mapping[str, Any]]) -> str:
+    """What the dotted lines are, where there are any."""
+    some = not all(c.get("follows", True) for c in cycles)
+    return f"; dotted: the model follows its recording to less than {POOR_FIT:g} %" if some else ""
 
 
 @styled
@@ -29,17 +37,20 @@ def traces(cycles: Sequence[Mapping[str, Any]], fits: Mapping[str, float], origi
     figure, axes = panels(len(f), len(loads), 2.5 * len(loads) + 0.4, 1.25 * len(f) + 0.7, sharex=True, sharey="row")
     for axis in axes.flat:
         axis.set_visible(False)
+    plain = axes.flat[0].title.get_color()
     for c in cycles:
         axis = axes[f.index(nominal(c["frequency_hz"])), loads.index(c["added_mass_kg"])]
         axis.set_visible(True)
         t = np.array(c["trace"]["time_s"]) * c["frequency_hz"]
-        axis.plot(t, c["trace"]["model_m_s2"], lw=1.3, color=MODEL, label="model", zorder=3)
+        good = c.get("follows", True)
+        axis.plot(t, c["trace"]["model_m_s2"], lw=1.3, ls="-" if good else _POOR, color=MODEL, label="model", zorder=3)
         axis.plot(
             t, c["trace"]["measured_m_s2"], "o", ms=3, mfc="none", mew=0.6, color=MEASURED, label=origin,
             markevery=max(1, round(t.size / _CIRCLES)),
         )  # fmt: skip
         fit = f": fit {fits[c['file']]:.1f} %" if c["file"] in fits else ""
-        axis.set_title(f"{nominal(c['frequency_hz']):g} Hz, {c['added_mass_kg']:g} kg{fit}", fontsize=8, pad=3)
+        axis.set_title(f"{nominal(c['frequency_hz']):g} Hz, {c['added_mass_kg']:g} kg{fit}", fontsize=8, pad=3,
+                       color=plain if good else MODEL)  # fmt: skip
         axis.tick_params(labelsize=7)
     for axis in axes[-1]:
         axis.set_xlabel("time [periods]")
@@ -48,7 +59,7 @@ def traces(cycles: Sequence[Mapping[str, Any]], fits: Mapping[str, float], origi
     figure.supylabel("malleolus acceleration [m/s²]", fontsize=9)
     handles, labels = next(axis for axis in axes.flat if axis.lines).get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=2, fontsize=8, markerscale=1.6)
-    return noted(figure, "circles: some of the samples")
+    return noted(figure, f"circles: some of the samples{_poor(cycles)}")
 
 
 @styled
@@ -56,7 +67,8 @@ def loops(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
     """Figures 4.15 to 4.17: force against displacement of ankle and fat pad, a loop a frequency, a column a load.
 
     Args:
-        cycles: entries with points of their loops; where `decided` is False they are dashed. origin: of the data.
+        cycles: entries with points of their loops; where `decided` is False they are dashed, where
+            `follows` is dotted. origin: of the data.
     """
     loads = distinct(c["added_mass_kg"] for c in cycles)
     figure, axes = panels(2, len(loads), 2.5 * len(loads) + 1.0, 5.0, sharex="row", sharey="row")
@@ -67,6 +79,7 @@ def loops(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
             x, F = (np.append(c[part][key], c[part][key][0]) for key in ("displacement_m", "force_n"))
             axis = axes[row, loads.index(c["added_mass_kg"])]
             style = "-" if c.get("decided", True) else (0, (2.5, 1.5))
+            style = style if c.get("follows", True) else _POOR
             axis.plot(1e3 * x, F, lw=1.1, ls=style, color=colour.to_rgba(np.array(nominal(c["frequency_hz"]))))
     for column, load in enumerate(loads):
         axes[0, column].set_title(f"talocrural joint, {load:g} kg")
@@ -78,8 +91,8 @@ def loops(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
     bar = figure.colorbar(colour, ax=axes, label="frequency [Hz]", shrink=0.7, pad=0.02)
     bar.set_ticks(distinct(f) if len(set(f)) < 12 else [])
     dashed = "; dashed: the branch is not decided" if not all(c.get("decided", True) for c in cycles) else ""
-    text = f"model driven by the base of {origin} recordings; area = energy dissipated in one cycle{dashed}"
-    return noted(figure, text)
+    text = f"model driven by the base of {origin} recordings; area = energy dissipated in one cycle"
+    return noted(figure, text + dashed + _poor(cycles))
 
 
 @styled
@@ -89,7 +102,7 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
     Args:
         table: `summary.cycle_table`, rows of one mode. origin: of the data.
     """
-    rows = table[table["shown"]]
+    rows = table[table["shown"] & follows(table["fit_percent"])]
     loads, count = distinct(rows["added_mass_kg"]), rows["subject"].nunique()
     share = 100 * rows["fat_pad_j"] / (rows["fat_pad_j"] + rows["ankle_j"])
     shown = (
