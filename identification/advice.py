@@ -9,7 +9,7 @@ from identification.result import Branch
 from identification.space import Space
 
 #: Fit below which something is wrong [%], and error of the base above which the shaker is.
-_POOR_FIT, _BASE_ERROR = 85.0, 1e-4
+POOR_FIT, _BASE_ERROR = 85.0, 1e-4
 
 
 def advice(
@@ -22,7 +22,7 @@ def advice(
         verdict: on the branches.
     """
     texts = []
-    poor = [(fit, r.file) for fit, r in zip(run.fits, data, strict=True) if fit < _POOR_FIT]
+    poor = [(fit, r.file) for fit, r in zip(run.fits, data, strict=True) if fit < POOR_FIT]
     if poor:
         fit, file = min(poor)
         texts.append(

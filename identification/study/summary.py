@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from identification.advice import _POOR_FIT as POOR_FIT
+from identification.advice import POOR_FIT
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.result import symbol_and_unit
 from identification.study.truth import Truth
