@@ -91,6 +91,9 @@ def test_counts_and_energies() -> None:
     assert len(energy) == 3
     assert set(energy["frequency_hz"]) == {10.0}  # what was set, not what was found
     assert energy["fat_pad_j"].to_numpy() == pytest.approx(3 * energy["ankle_j"].to_numpy())
+    assert energy["fit_percent"].tolist() == [60.0, *(d["result"]["branches"][0]["fit_percent"] for d in good[1:])]
+    unfitted = {**good[0], "cycles": [{**c, "branch": "true"} for c in good[0]["cycles"]]}
+    assert summary.cycle_table([unfitted])["fit_percent"].isna().all()
 
 
 def test_spline_reproduces_a_cubic_and_smooths_noise() -> None:

@@ -188,7 +188,10 @@ _OF_RECORDING = ("file", "added_mass_kg", "frequency_hz", "fit_percent")
 
 
 def cycle_table(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
-    """Energies of every cycle [J], one row a recording and branch: mode, subject, condition, parts, work, imbalance."""
+    """Energies of every cycle [J], one row a recording and branch: mode, subject, condition, parts, work, imbalance.
+
+    Cycles may be of a foot that is no branch of the fit, such as the one a synthetic recording was made from.
+    """
     told = {d["key"]: shown(d, tracked) for d in documents if d["status"] == "done"}
     rows = [
         {
@@ -196,7 +199,7 @@ def cycle_table(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, st
             **{name: c[name] for name in ("file", "added_mass_kg", "branch", "chosen", "shaker_work_j", "imbalance")},
             "frequency_hz": nominal(c["frequency_hz"]),
             "ankle_j": c["ankle"]["dissipated_j"], "fat_pad_j": c["fat_pad"]["dissipated_j"],
-            "fit_percent": next(b["fit_percent"] for b in d["result"]["branches"] if b["name"] == c["branch"]),
+            "fit_percent": {b["name"]: b["fit_percent"] for b in d["result"]["branches"]}.get(c["branch"], np.nan),
             "shown": c["branch"] == told[d["key"]][0], "decided_by": told[d["key"]][1],
         }
         for d in documents
