@@ -19,7 +19,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def main(studies: Annotated[int, typer.Argument(help="Studies, with seeds from 0.", min=1)] = 100) -> None:
     """Print how often each finding holds.
 
-    Example:
+    Examples:
       python -m benchmarks.findings_by_seed 20
     """
     held: Counter[str] = Counter()

@@ -49,7 +49,14 @@ def plain(
             "deviance": 10.0 + 2.0 * number,
             "fit_percent": 90.0 - number,
             "parameters": {
-                key: {"value": v, "std_error": s, "lower": None, "upper": None, "identifiability": word}
+                key: {
+                    "value": v,
+                    "std_error": s,
+                    "lower": None,
+                    "upper": None,
+                    "at_bound": False,
+                    "identifiability": word,
+                }
                 for key, (v, s, word) in parameters.items()
             },
         }
