@@ -125,7 +125,12 @@ def branch_of(route: Route, certified: Certified, space: Space) -> Branch:
         fit_percent=float(np.mean(run.fits)),
         parameters={
             item.key: Estimate(
-                float(v), float(s), float(lo), float(hi), bool(b), identifiability(v, s, _size(item), bool(b))
+                float(v),
+                float(s),
+                float(lo),
+                float(hi),
+                bool(b),
+                identifiability(v, s, size_that_matters(item), bool(b)),
             )
             for item, v, s, lo, hi, b in zip(space.free, theta, std, low, high, at_bound, strict=True)
         },
@@ -136,6 +141,6 @@ def branch_of(route: Route, certified: Certified, space: Space) -> Branch:
     )
 
 
-def _size(item: Parameter) -> float:
+def size_that_matters(item: Parameter) -> float:
     """A value that matters of a parameter that may be zero: a tenth of the way to its bound."""
     return 0.0 if item.logarithmic else 0.1 * max(abs(item.lower), abs(item.upper))

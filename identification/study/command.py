@@ -12,7 +12,7 @@ import typer
 from rich.table import Table
 
 from fasbody.console import console, print_json, progress_bar, results
-from fasbody.exceptions import SettingError, Stopped
+from fasbody.exceptions import Stopped
 from fasbody.model import load
 from fasbody.recording import StudyFolder
 from identification import options
@@ -83,7 +83,7 @@ def main(
     settings = Settings(
         free=options.names(free), bounds=options.limits(bounds), starts=starts, seed=seed, domain=domain, threads=1
     )
-    believed = one_order(prior or ())
+    believed = Prior.read(prior or ())
     foot = load(model)
     profiled = tuple(dict.fromkeys(options.names(profile) or ()))
     space = ensure(mode, settings, foot, profiled, agreement)
@@ -169,19 +169,6 @@ def crew(count: int, scheduler: str | None, workers: int) -> Iterator[Crew]:
     else:
         with cluster.local(cores) as do:
             yield do
-
-
-def one_order(texts: Sequence[str]) -> Prior | None:
-    """The prior of the command line, with one order of the stiffnesses at most.
-
-    Raises:
-        SettingError: it orders them twice, or is no prior.
-    """
-    believed = Prior.read(texts)
-    orders = [text for text in texts if "<" in text or ">" in text]
-    if len(orders) > 1:
-        raise SettingError(f"--prior orders k_T and k_F {len(orders)} times ({', '.join(orders)}); give one order.")
-    return believed
 
 
 def failures_said(failed: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -87,10 +87,11 @@ class Prior:
         """From the command line: "k_T>k_F", "k_T<k_F", or ranges such as "k_F=5e4:2e5"; None of nothing.
 
         Raises:
-            SettingError: none of these.
+            SettingError: none of these, or more than one order.
         """
         odds = {"k_T>k_F": BELIEVED, "k_F<k_T": BELIEVED, "k_T<k_F": 1 / BELIEVED, "k_F>k_T": 1 / BELIEVED}
         plain = [text.replace(" ", "") for text in texts]
+        orders = [text for text in texts if "<" in text or ">" in text]
         try:
             ranges = limits([text for text in plain if text not in odds], "--prior")
         except SettingError as problem:
@@ -100,8 +101,10 @@ class Prior:
                 raise SettingError(f"{unknown('parameter with a prior', name, CURVES)}, or k_T>k_F, k_T<k_F.")
             if not 0 < low < high:
                 raise SettingError(f"--prior {name}={low:g}:{high:g} is not a range; give 0 < lower < upper.")
-        both = float(np.prod([odds[text] for text in plain if text in odds]))
-        return cls(ranges, both) if texts else None
+        if len(orders) > 1:
+            raise SettingError(f"--prior orders k_T and k_F {len(orders)} times ({', '.join(orders)}); give one order.")
+        order = next((odds[text] for text in plain if text in odds), 1.0)
+        return cls(ranges, order) if texts else None
 
     def log(self, values: Mapping[str, float]) -> float:
         """Log prior up to a constant."""

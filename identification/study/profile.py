@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from fasbody.exceptions import SettingError, unknown
-from identification.certification import standard_errors
+from identification.certification import size_that_matters, standard_errors
 from identification.result import identifiability
 from identification.search import Descent, Problem
 from identification.space import Space
@@ -118,15 +118,14 @@ def _profile(problem: Problem, space: Space, descent: Descent, j: int, std: floa
     open_below, open_above = sides[0].open, sides[1].open
     departs = open_below or open_above or max(abs(lower - wald[0]), abs(upper - wald[1])) > DEPARTURE * width
     item = space.free[j]
-    size = 0.0 if item.logarithmic else 0.1 * max(abs(item.lower), abs(item.upper))
+    size = size_that_matters(item)
     as_std = (value(upper) - value(lower)) / (2 * _Z95)
     if item.logarithmic and (open_below or open_above):
         as_std = np.inf
+    own = std * float(space.slope(space.to_theta(descent.z[: space.lower.size]))[j])
     told = (
         identifiability(value(best), as_std, size, at_bound=open_below and open_above),
-        identifiability(
-            value(best), std * float(space.slope(space.to_theta(descent.z[: space.lower.size]))[j]), size, False
-        ),
+        identifiability(value(best), own, size, at_bound=False),
         _ORDER[2 if problem.size <= space.lower.size else 0],
     )
     return Profile(
