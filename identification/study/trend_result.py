@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
+from identification.certification import size_that_matters
 from identification.result import Estimate, RecordingFit, identifiability
 from identification.study.curves import CurveSpace, Order
 
@@ -57,7 +58,7 @@ class TrendBranch:
         for i, item in enumerate(feet.free):
             held = not known[np.abs(B[i]) > 1e-9].any()
             std = float("nan") if held else float(std_q[i] * feet.slope(theta)[i])
-            size = 0.0 if item.logarithmic else 0.1 * max(abs(item.lower), abs(item.upper))
+            size = size_that_matters(item)
             word = identifiability(theta[i], std, size, held)
             found[item.key] = Estimate(float(theta[i]), std, float(low[i]), float(high[i]), held, word)
         return found
