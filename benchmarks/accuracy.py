@@ -12,11 +12,11 @@ import typer
 from scipy.integrate import solve_ivp
 
 from benchmarks.rows import JsonOption, Row, at_least, at_most, report
-from fasbody import shaker
 from fasbody.console import command_line, progress_bar
-from fasbody.model import Foot, load
-from fasbody.simulate import simulate
-from fasbody.two_dof import TwoDof, trajectory
+from fasbody.foot import shaker
+from fasbody.foot.model import Foot, load
+from fasbody.foot.simulate import simulate
+from fasbody.foot.two_dof import TwoDof, trajectory
 
 RATE_HZ = 1000
 STEPS = (1e-3, 5e-4, 2.5e-4)

@@ -20,20 +20,17 @@ import typer
 
 from benchmarks.fuzz_parsers import HELLO, counts_of, fuzz
 from benchmarks.rows import Row, at_most, report
-from fasbody.acquire.bench import Bench
+from fasbody.acquire.bench import BODY_MASS_KG, TRUTH, Bench, Line, corrupt
 from fasbody.acquire.board import Board
 from fasbody.acquire.capture import Capture, read
 from fasbody.acquire.conversion import convert, replay
-from fasbody.acquire.frames import FrameReader, encode_data, encode_hello
-from fasbody.acquire.line import Line, corrupt
-from fasbody.acquire.messages import Block
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.port import Port
 from fasbody.acquire.session import Session
-from fasbody.acquire.shaken import BODY_MASS_KG, TRUTH
 from fasbody.acquire.timeline import Timeline
+from fasbody.acquire.wire import Block, FrameReader, encode_data, encode_hello
 from fasbody.console import command_line, console
-from fasbody.recording import Condition
+from fasbody.recording.recording import Condition
 
 BAUD = 921600
 

@@ -12,13 +12,13 @@ import typer
 
 from benchmarks.callbacks import thread_gain
 from benchmarks.rows import JsonOption, Row, at_least, at_most, judged_if_idle, report
-from fasbody import arch_ode
-from fasbody.arch import Arch
-from fasbody.arch_motion import move, with_constants
+from fasbody.arch import ode as arch_ode
+from fasbody.arch.bones import Arch
+from fasbody.arch.motion import move, with_constants
 from fasbody.console import command_line, progress_bar
 from fasbody.exceptions import SimulationError
-from fasbody.model import load
-from fasbody.shaker import BaseMotion, sine
+from fasbody.foot.model import load
+from fasbody.foot.shaker import BaseMotion, sine
 
 FREQUENCIES_HZ = (10.0, 20.0, 30.0, 40.0, 50.0)
 _SECONDS = 0.2

@@ -16,10 +16,10 @@ import typer
 
 from benchmarks.rows import JsonOption, Row, at_least, at_most, faster, interleaved, judged_if_idle, report
 from fasbody.console import command_line, progress_bar
-from fasbody.engine import Callbacks, callbacks, native, python_twin
-from fasbody.model import load
-from fasbody.shaker import sine
-from fasbody.simulate import Batch
+from fasbody.foot.engine import Callbacks, callbacks, native, python_twin
+from fasbody.foot.model import load
+from fasbody.foot.shaker import sine
+from fasbody.foot.simulate import Batch
 
 _STEPS = 2000
 _BATCH, _BATCH_STEPS = 8, 4000

@@ -23,18 +23,20 @@ from rich.progress import Progress
 from scipy.stats import chi2, kstest
 
 from benchmarks.rows import JsonOption, Row, at_least, between, report
-from fasbody.checks import checked
 from fasbody.console import command_line, console, progress_bar
 from fasbody.exceptions import SettingError
-from fasbody.laboratory import FREQUENCIES_HZ, TRUTH, Instrument, exact
-from fasbody.model import load
-from fasbody.recording import Condition, Recording
-from fasbody.subjects import SUBJECTS
-from fasbody.two_dof import TwoDof
+from fasbody.foot.model import load
+from fasbody.foot.two_dof import TwoDof
+from fasbody.laboratory.foot import TRUTH, exact
+from fasbody.laboratory.instrument import Instrument
+from fasbody.laboratory.study import FREQUENCIES_HZ
+from fasbody.recording.checks import checked
+from fasbody.recording.condition import SUBJECTS
+from fasbody.recording.recording import Condition, Recording
 from identification.branches import judge, mirrored, ratio, side
 from identification.certification import settle, standard_errors
+from identification.domains import PeriodicRoute
 from identification.periodic import PeriodicProblem
-from identification.routes import PeriodicRoute
 from identification.search import Descent, descend
 from identification.space import space_of
 

@@ -1,6 +1,6 @@
 """In how many virtual studies does each finding of section 2.3 come out? `python -m benchmarks.findings_by_seed`.
 
-The studies are those of fasbody/virtual_transfer.py: a hundred of twenty subjects take a minute or two.
+The studies are those of reproduction/virtual_transfer.py: a hundred of twenty subjects take a minute or two.
 """
 
 from collections import Counter
@@ -10,7 +10,7 @@ import typer
 
 from fasbody.console import command_line, progress_bar
 from fasbody.transmissibility.findings import findings
-from fasbody.virtual_transfer import study
+from reproduction.virtual_transfer import study
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -38,9 +38,7 @@ def main(studies: Annotated[int, typer.Argument(help="Studies, with seeds from 0
     typer.echo(f"share of {studies} virtual studies of 20 subjects in which each statement comes out")
     for says, n in held.items():
         typer.echo(f"{100 * n / studies:5.0f} %  {says}")
-    typer.echo(
-        "what the rule of section 2.3.1 finds, and what is shown beyond chance (fasbody/resonance.py), % of studies"
-    )
+    typer.echo("what the rule of section 2.3.1 finds, and what is shown beyond chance (resonance.py), % of studies")
     for title, counts in rules.items():
         cells = (", ".join(f"{kind} {100 * n / studies:.0f}" for kind, n in c.most_common()) for c in counts)
         typer.echo(f"{title:26} {next(cells):36} | {next(cells)}")

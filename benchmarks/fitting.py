@@ -14,19 +14,21 @@ import typer
 
 from benchmarks import plain_scipy
 from benchmarks.rows import JsonOption, Row, at_least, at_most, faster, report
-from fasbody import shaker
-from fasbody.checks import checked
 from fasbody.console import command_line, progress_bar
-from fasbody.laboratory import TRUTH, Instrument, record
-from fasbody.model import load
-from fasbody.recording import Condition, Recording, Study
-from fasbody.subjects import SUBJECTS
-from fasbody.two_dof import TwoDof
+from fasbody.foot import shaker
+from fasbody.foot.model import load
+from fasbody.foot.two_dof import TwoDof
+from fasbody.laboratory.foot import TRUTH, record
+from fasbody.laboratory.instrument import Instrument
+from fasbody.recording.checks import checked
+from fasbody.recording.condition import SUBJECTS
+from fasbody.recording.recording import Condition, Recording
+from fasbody.recording.study import Study
 from identification.branches import mirrored, ratio
+from identification.domains import PeriodicRoute, TimeRoute
+from identification.engines.orbits import Rollouts
 from identification.fit import BUNDLED
-from identification.orbits import Rollouts
 from identification.periodic import PeriodicProblem
-from identification.routes import PeriodicRoute, TimeRoute
 from identification.search import Descent, Problem, descend
 from identification.space import space_of
 

@@ -5,10 +5,20 @@ import resource
 import numpy as np
 
 from benchmarks.rows import Row, at_most
-from fasbody.acquire.frames import LONGEST_WIRE, FrameReader, encode_data, encode_hello, wrap
-from fasbody.acquire.line import corrupt
-from fasbody.acquire.lines import LONGEST_LINE, LineReader, encode_header, encode_line
-from fasbody.acquire.messages import Channel, Hello
+from fasbody.acquire.bench import corrupt
+from fasbody.acquire.wire import (
+    LONGEST_LINE,
+    LONGEST_WIRE,
+    Channel,
+    FrameReader,
+    Hello,
+    LineReader,
+    encode_data,
+    encode_header,
+    encode_hello,
+    encode_line,
+    wrap,
+)
 from fasbody.console import console
 
 HELLO = Hello("noisy", 4000.0, tuple(Channel(r, 39.2, 1024.0) for r in ("base", "malleolus", "tuberosity")), 16, 16, 1)

@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fasbody import formats
 from fasbody.exceptions import FasError
+from fasbody.recording import formats
 
 ENDINGS = ("csv", "excel.csv", "logger.csv", "mat", "h5", "uff", "tdms", "v73.mat")
 _EXTREMES = (
@@ -111,7 +111,7 @@ def fuzz(ending: str, count: int, seed: int = 0, advance: Callable[[], None] = l
 def main() -> None:
     """Print what each reader made of its mutated files."""
     from fasbody.console import progress_bar
-    from fasbody.formats import reader
+    from fasbody.recording.formats import reader
 
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
     for ending in ENDINGS:

@@ -13,9 +13,8 @@ from rich.table import Table
 
 from benchmarks.rows import Row, at_most, report
 from fasbody.console import command_line, console, results
-from fasbody.filters import peak_to_peak
-from fasbody.response import fit_harmonics
-from fasbody.spectra import cross_spectrum
+from fasbody.recording.harmonics import fit_harmonics
+from fasbody.transmissibility.spectra import cross_spectrum, peak_to_peak
 
 RATE_HZ, SECONDS, TRUE = 1000.0, 10.0, 1.3 * np.exp(-0.7j)
 FREQUENCIES_HZ = (10.0, 20.0, 35.0, 50.0)

@@ -14,9 +14,9 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from fasbody.two_dof import STATES, TwoDof
+from fasbody.foot.two_dof import STATES, TwoDof
+from identification.engines.runs import TimeTwin
 from identification.time_domain import TimeProblem
-from identification.time_engines import TimeTwin
 
 _DIFF_STEP, _RTOL, _ATOL = 1e-4, 1e-6, 1e-9
 

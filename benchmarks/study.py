@@ -20,14 +20,14 @@ import typer
 
 from benchmarks import plain_scipy
 from benchmarks.rows import JsonOption, Row, at_least, at_most, faster, judged_if_idle, report
-from fasbody.checks import checked
 from fasbody.console import command_line, console
-from fasbody.model import load
-from fasbody.recording import StudyFolder
-from fasbody.virtual_study import Plan as Virtual
-from fasbody.virtual_study import make
+from fasbody.foot.model import load
+from fasbody.laboratory.study import Plan as Virtual
+from fasbody.laboratory.study import make
+from fasbody.recording.checks import checked
+from fasbody.recording.study import StudyFolder
+from identification.domains import TimeRoute
 from identification.estimate import Settings
-from identification.routes import TimeRoute
 from identification.search import descend
 from identification.space import space_of
 from identification.study import cluster

@@ -12,14 +12,14 @@ import numpy as np
 import typer
 
 from benchmarks.rows import JsonOption, Row, between, report
-from fasbody.checks import checked
 from fasbody.console import command_line, console, progress_bar
-from fasbody.instrument import Instrument
-from fasbody.model import Foot, load
-from fasbody.recording import Condition, Recording
-from fasbody.two_dof import TwoDof
-from fasbody.virtual_study import steady
-from fasbody.virtual_subject import Tuberosity
+from fasbody.foot.model import Foot, load
+from fasbody.foot.two_dof import TwoDof
+from fasbody.laboratory.instrument import Instrument
+from fasbody.laboratory.study import steady
+from fasbody.laboratory.subject import Tuberosity
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Condition, Recording
 from identification.branches import STIFF_ANKLE
 from identification.estimate import Settings
 from identification.study.curves import Order

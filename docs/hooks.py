@@ -29,35 +29,25 @@ ELSEWHERE = {
     "changelog.md": "CHANGELOG.md",
 }
 PAGES = {file: page for page, file in ELSEWHERE.items()}
-#: Pages of the Python reference: title, and the folder whose modules it lists, or those of fasbody/ by name.
-PACKAGES: dict[str, str | list[str]] = {
+#: Pages of the Python reference: title, and the folder whose modules it lists.
+PACKAGES: dict[str, str] = {
     "Models as data": "mjcf",
-    "Models and their motion": [
-        "model", "parameters", "simulate", "shaker", "damper", "two_dof", "response", "sdof", "resonance", "engine",
-    ],
-    "The five-body arch": [
-        "arch", "arch_model", "kinematics", "lagrange", "linear", "arch_statics", "static_load", "arch_ode",
-        "arch_motion", "arch_assumptions", "sensitivity", "direct_differential", "reduction", "crosscheck",
-        "tree_engines", "printed", "figures",
-    ],
-    "Recordings and studies": [
-        "recording", "condition", "trials", "description", "channels", "units", "readers", "text", "checks",
-        "conversion", "subjects", "spectra", "filters", "statistics",
-    ],
-    "Virtual laboratory": [
-        "laboratory", "virtual_subject", "virtual_recording", "virtual_study", "instrument",
-    ],
-    "Recordings' formats": "fasbody/formats",
+    "Models and their motion": "fasbody/foot",
+    "The five-body arch": "fasbody/arch",
+    "Recordings and studies": "fasbody/recording",
+    "Recordings' formats": "fasbody/recording/formats",
+    "Virtual laboratory": "fasbody/laboratory",
     "Transmissibility": "fasbody/transmissibility",
     "Acquisition": "fasbody/acquire",
     "Identification": "identification",
+    "Engines": "identification/engines",
     "Black-box models": "identification/blackbox",
     "Many recordings": "identification/study",
     "Cell": "fasbody/cell",
     "Viewer": "viz",
-    "What all commands share": "fasbody",  # what no page above has
-}  # fmt: skip
-NAMED = {name for names in PACKAGES.values() if isinstance(names, list) for name in names}
+    "Anatomy": "viz/anatomy",
+    "What all commands share": "fasbody",
+}
 #: Pages of wide tables: no columns beside them.
 WIDE = ("reproduction.md", "benchmarks.md")
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s#]*)(#[^)\s]*)?\)")
@@ -124,10 +114,7 @@ def on_page_content(html: str, page: Page, **_: Any) -> str:
 def _modules(title: str) -> list[str]:
     """Modules of a page of the Python reference; a package without any is its own."""
     folder = PACKAGES[title]
-    if isinstance(folder, list):
-        return [f"fasbody.{name}" for name in folder]
-    apart = {"__init__", "__main__"} | (NAMED if folder == "fasbody" else set())
-    files = [file for file in (ROOT / folder).glob("*.py") if file.stem not in apart]
+    files = [file for file in (ROOT / folder).glob("*.py") if file.stem not in ("__init__", "__main__")]
     return [".".join(file.relative_to(ROOT).with_suffix("").parts) for file in sorted(files)] or (
         [folder.replace("/", ".")] if (ROOT / folder / "__init__.py").is_file() else []
     )

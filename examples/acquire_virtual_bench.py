@@ -11,7 +11,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from fasbody.recording import Study
+from fasbody.recording.study import Study
 
 
 def main(picture: Path = Path("acquire_virtual_bench.png"), seconds: float = 2.0) -> Study:

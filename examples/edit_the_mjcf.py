@@ -13,10 +13,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import mjcf
-from fasbody.model import Foot, load
-from fasbody.response import fit_harmonics
-from fasbody.shaker import sine
-from fasbody.simulate import simulate
+from fasbody.foot.model import Foot, load
+from fasbody.foot.shaker import sine
+from fasbody.foot.simulate import simulate
+from fasbody.recording.harmonics import fit_harmonics
 
 FREQUENCIES_HZ = np.r_[6:25:0.5, 25:61:2.5]  # finer where the peaks are
 SOLE = """

@@ -12,11 +12,11 @@ import numpy as np
 from linear_foot import BODY_MASS, FOOT
 from matplotlib.figure import Figure
 
-from fasbody.instrument import Instrument
-from fasbody.laboratory import record
-from fasbody.model import load
-from fasbody.recording import Condition
-from fasbody.shaker import sweep
+from fasbody.foot.model import load
+from fasbody.foot.shaker import sweep
+from fasbody.laboratory.foot import record
+from fasbody.laboratory.instrument import Instrument
+from fasbody.recording.recording import Condition
 from identification.estimate import Settings, fit
 from identification.result import FitResult
 

@@ -11,12 +11,12 @@ import numpy as np
 from linear_foot import BODY_MASS
 from matplotlib.figure import Figure
 
-from fasbody.laboratory import TRUTH
-from fasbody.model import load
-from fasbody.shaker import sine
-from fasbody.simulate import simulate
-from fasbody.subjects import foot_mass, shank_mass
-from fasbody.two_dof import TwoDof
+from fasbody.foot.model import load
+from fasbody.foot.shaker import sine
+from fasbody.foot.simulate import simulate
+from fasbody.foot.two_dof import TwoDof
+from fasbody.laboratory.foot import TRUTH
+from fasbody.recording.condition import foot_mass, shank_mass
 
 FREQUENCIES_HZ = (10.0, 20.0, 40.0)
 

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.signal import lfilter, max_len_seq, ss2tf
 
-from fasbody import shaker
-from fasbody.subjects import foot_mass, shank_mass
-from fasbody.two_dof import TwoDof, trajectory
+from fasbody.foot import shaker
+from fasbody.foot.two_dof import TwoDof, trajectory
+from fasbody.recording.condition import foot_mass, shank_mass
 
 BODY_MASS = 70.7  # kg, mean of Table 2.1
 FOOT = TwoDof(

@@ -13,7 +13,7 @@ import numpy as np
 from linear_foot import FOOT
 from matplotlib.figure import Figure
 
-from fasbody.two_dof import TwoDof
+from fasbody.foot.two_dof import TwoDof
 
 F = np.linspace(2, 60, 400)  # Hz
 LOAD = 4.5  # kg

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from fasbody.arch_motion import move
-from fasbody.model import load
-from fasbody.shaker import sine
+from fasbody.arch.motion import move
+from fasbody.foot.model import load
+from fasbody.foot.shaker import sine
 
 FREQUENCIES_HZ = (8.0, 20.0, 50.0)
 

@@ -7,10 +7,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from fasbody.recording import StudyFolder
+from fasbody.laboratory.study import Plan, make
+from fasbody.recording.study import StudyFolder
 from fasbody.transmissibility import figures
 from fasbody.transmissibility.table import Table
-from fasbody.virtual_study import Plan, make
 
 
 def main(study: Path | None = None, figure: Path = Path("loads_mean.png")) -> Table:

@@ -14,10 +14,10 @@ import numpy as np
 from linear_foot import BODY_MASS, FOOT
 from matplotlib.figure import Figure
 
-from fasbody.instrument import Instrument
-from fasbody.laboratory import record
-from fasbody.model import load
-from fasbody.recording import Condition, Recording
+from fasbody.foot.model import load
+from fasbody.laboratory.foot import record
+from fasbody.laboratory.instrument import Instrument
+from fasbody.recording.recording import Condition, Recording
 from identification.estimate import Settings, fit
 from identification.result import FitResult
 

@@ -77,3 +77,9 @@ def unknown(kind: str, name: str, valid: Iterable[str]) -> str:
     hint = f", did you mean {near[0]!r}?" if near else ""
     listed = ", ".join(choices) if choices else "none"
     return f"unknown {kind} {name!r}{hint} (valid: {listed})"
+
+
+def shown(text: str) -> str:
+    """A cell or a list of names for a message: printable and short."""
+    clean = "".join(c if c.isprintable() else "?" for c in text)
+    return clean if len(clean) <= 120 else clean[:117] + "..."

@@ -8,9 +8,8 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import TypeVar
 
-from fasbody.console import progress_bar
+from fasbody.console import held, progress_bar
 from fasbody.exceptions import FasError
-from fasbody.interrupt import held
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")

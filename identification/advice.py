@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from fasbody.recording import Recording
+from fasbody.recording.recording import Recording
 from identification.branches import Verdict
-from identification.replay import Replay
+from identification.certification import Replay
 from identification.result import Branch
 from identification.space import Space
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fasbody.two_dof import NAMES, TwoDof
+from fasbody.foot.two_dof import NAMES, TwoDof
 
 #: Odds of one branch over the other beyond which the matter is decided.
 DECISIVE_ODDS = 1000.0

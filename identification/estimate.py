@@ -6,17 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fasbody.checks import checked
 from fasbody.exceptions import SettingError, SimulationError
-from fasbody.model import Foot
-from fasbody.recording import UNSTATED, Recording
+from fasbody.foot.model import Foot
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import UNSTATED, Recording
 from identification.advice import advice
 from identification.branches import STIFF_ANKLE, STIFF_PAD, Verdict, has_mirror, judge, mirrored, pinned, ratio, side
 from identification.certification import branch_of, certify_first
+from identification.domains import PeriodicRoute, Route, TimeRoute, choose_domain, steady
+from identification.engines.orbits import twin_applies
 from identification.excitation import excitation_rank
-from identification.orbits import twin_applies
 from identification.result import FitResult, RecordingFit
-from identification.routes import PeriodicRoute, Route, TimeRoute, choose_domain, steady
 from identification.search import ZERO, Descent, descend, explore
 from identification.space import MASSES, Space, space_of
 

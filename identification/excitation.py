@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fasbody.recording import Recording
-from fasbody.response import fit_harmonics, harmonic_count
+from fasbody.recording.harmonics import fit_harmonics, harmonic_count
+from fasbody.recording.recording import Recording
 
 #: A line counts if its amplitude exceeds this share of the largest one, and five times its noise.
 _SHARE, _NOISE = 1e-3, 5.0

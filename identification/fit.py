@@ -12,8 +12,9 @@ from rich.table import Table
 
 from fasbody.console import command_line, console, make_folder, print_json, progress_bar, results
 from fasbody.exceptions import InputFileError
-from fasbody.model import load
-from fasbody.recording import Recording, Study, read_file, with_masses
+from fasbody.foot.model import load
+from fasbody.recording.recording import Recording, with_masses
+from fasbody.recording.study import Study, read_file
 from identification import options
 from identification.estimate import Settings, fit
 from identification.report import write

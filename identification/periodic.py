@@ -1,4 +1,13 @@
-"""Steady-state identification: harmonics of measured and modelled periodic motion, weighted by their noise.
+"""Errors that all harmonics share: an uncertain gain and delay of the channels, common to all recordings of a fit.
+
+The residual of all recordings has the covariance S + V V^T: S the noise, recording by recording, and V (n, k) what one
+standard deviation of each shared error does to the harmonics, k two or fewer. With S whitened away, V becomes W V =
+U s Q^T, and I + W V V^T W^T is whitened by I - sum over k of (1 - 1 / sqrt(1 + s^2)) u u^T: a few inner products.
+A nuisance parameter with a normal prior, integrated out, has the same likelihood.
+
+The harmonics of one periodic recording: what it is worth to the steady-state fit.
+
+Steady-state identification: harmonics of measured and modelled periodic motion, weighted by their noise.
 
 Following Pintelon and Schoukens, a periodic recording is worth its harmonics: 2 H numbers with known variances. The
 residual is whitened by the noise of the output harmonics and of the input harmonics seen through the model,
@@ -7,19 +16,103 @@ is chi-square distributed, with 2 H degrees of freedom a recording less the para
 the model's orbit is periodic too.
 """
 
+import functools
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fasbody.exceptions import SimulationError
-from fasbody.response import Harmonics
-from identification.compiled import Compiled
-from identification.correlation import projection, shared_errors
-from identification.line import Line
-from identification.orbits import Engine, Excitation, Twin
+from fasbody.exceptions import RecordingError, SimulationError
+from fasbody.recording.harmonics import Harmonics, fit_harmonics, harmonic_count
+from fasbody.recording.recording import Recording, gain_and_delay
+from identification.engines.compiled import Compiled
+from identification.engines.orbits import Engine, Excitation, Twin
 from identification.search import UNSTABLE
 from identification.space import DELAY, SearchSpace, Space
+
+#: Rounds of the misfit's iteration, which contracts.
+_ROUNDS = 20
+
+
+def shared_errors(
+    recordings: Sequence[Recording], frequencies_hz: Sequence[float], amplitudes: Sequence[np.ndarray], delay: bool
+) -> np.ndarray:
+    """V (n, k): real, then imaginary parts of each recording's harmonics, under one standard deviation of each error.
+
+    Nothing is known of how much of a gain's uncertainty belongs to the sensor and how much to its mounting, so it is
+    the same error in all recordings: then more recordings do not make it smaller.
+
+    Args:
+        recordings: with their calibration. frequencies_hz: of their fundamentals. amplitudes: (H,) malleolus harmonics
+            of each [m/s^2]. delay: whether the delay is an error; not where it is estimated.
+    """
+    columns = []
+    for recording, f, Y in zip(recordings, frequencies_hz, amplitudes, strict=True):
+        gain_std, delay_std_s = gain_and_delay(recording, "malleolus", "base")
+        by_delay = -2j * np.pi * f * np.arange(1, Y.size + 1) * Y
+        errors = np.column_stack([gain_std * Y, (delay_std_s if delay else 0.0) * by_delay])
+        columns.append(np.concatenate([errors.real, errors.imag]))
+    V = np.concatenate(columns)
+    return V[:, np.any(V != 0.0, axis=0)]
+
+
+def misfit(r: np.ndarray, V: np.ndarray, dof: int) -> float:
+    """How much larger than stated the noise must be to explain what shared errors leave of a residual, at least 1.
+
+    Where the model misses by more than the noise, shared errors at their stated size would cost nothing beside the
+    misfit, and a gain of any size would be believed. So noise and shared errors are weighed against each other after
+    the noise has been raised to what is left: S x + V V^T with x = (r^T (I + V V^T / x)^-1 r) / dof, by iteration.
+
+    Args:
+        r: residual (n,) and V: shared errors (n, k), both whitened by the noise alone. dof: degrees of freedom; where
+            none is left, a residual that is not zero is the end of a descent that went astray, and is judged by one.
+    """
+    dof = max(1, dof)
+    x = max(1.0, float(r @ r) / dof)
+    for _ in range(_ROUNDS):
+        left = np.linalg.solve(np.eye(V.shape[1]) + V.T @ V / x, V.T @ r)
+        x = max(1.0, float(r @ r - (V.T @ r) @ left / x) / dof)
+    return x
+
+
+def projection(V: np.ndarray) -> np.ndarray:
+    """P (k, n) of the whitener I - P^T P of I + V V^T; its rows are orthogonal."""
+    if not V.size:
+        return np.zeros((0, V.shape[0]))
+    U, s, _ = np.linalg.svd(V, full_matrices=False)
+    return np.ascontiguousarray((U * np.sqrt(1 - 1 / np.sqrt(1 + s**2))).T)
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """The harmonics of one recording: base U and malleolus Y."""
+
+    recording: Recording
+    base: Harmonics
+    malleolus: Harmonics
+
+    @classmethod
+    @functools.lru_cache(maxsize=32)  # choosing the domain, fitting and drawing loops need the same harmonics
+    def of(cls, recording: Recording) -> "Line":
+        """Fit the harmonics of a checked recording with a known excitation frequency."""
+        frequency = recording.condition.frequency_hz
+        if frequency is None:
+            raise RecordingError(f"{recording.file}: is not periodic, so it has no harmonics; use the time domain.")
+        count = harmonic_count(frequency, recording.rate_hz)
+        time = recording.time_s - recording.time_s[0]  # phases count from the first sample, where rollouts start
+        channels = (recording.base_m_s2, recording.malleolus_m_s2)
+        return cls(recording, *(fit_harmonics(time, c, frequency, count) for c in channels))
+
+    @property
+    def excitation(self) -> Excitation:
+        """What drives the model."""
+        return Excitation(self.base.frequency_hz, self.base.amplitudes, self.recording.condition.masses)
+
+    @property
+    def count(self) -> int:
+        """Harmonics compared."""
+        return self.base.amplitudes.size
+
 
 #: Noise below this share of the amplitude is not believed: clocks and models are not that good.
 _NOISE_FLOOR = 1e-7

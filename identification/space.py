@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 
 from fasbody.exceptions import SettingError, unknown
-from fasbody.model import Foot
-from fasbody.parameters import Parameter
+from fasbody.foot.model import Foot
+from fasbody.foot.parameters import Parameter
 
 #: Delay of the malleolus channel behind the base channel: a parameter of the instrument, so of no model.
 DELAY = Parameter("delay", "s", -2e-3, 2e-3, (), "channels of a multiplexed converter are sampled one after another")

@@ -12,12 +12,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from fasbody.exceptions import SimulationError
-from fasbody.recording import Recording
-from fasbody.shared_error import gain_and_delay
+from fasbody.recording.recording import Recording, gain_and_delay
+from identification.engines.runs import TimeEngine
 from identification.periodic import inverse_of_gram
 from identification.search import UNSTABLE
 from identification.space import DELAY, Space
-from identification.time_engines import TimeEngine
 
 #: Bound of the scaled initial states.
 _WIDE = 1e3

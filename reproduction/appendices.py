@@ -4,9 +4,9 @@ from functools import partial
 
 import numpy as np
 
-from fasbody import lagrange, printed
-from fasbody.arch import DAMPERS
-from fasbody.kinematics import arms
+from fasbody.arch import lagrange, printed
+from fasbody.arch.bones import DAMPERS
+from fasbody.arch.kinematics import arms
 from identification.blackbox import published
 from reproduction.arch_energies import mass_from_energy, only, printed_damping, velocity_terms_from_energy
 from reproduction.chapter3_findings import ALL, BLACK_BOX, PUBLISHED, SUBJECT, panels

@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from fasbody import lagrange
-from fasbody.arch import DAMPERS, SPRINGS, Arch
-from fasbody.arch_ode import initial_state, split, state_rate
-from fasbody.kinematics import Array, X, arms, centres, closing_angle, rest
+from fasbody.arch import lagrange
+from fasbody.arch.bones import DAMPERS, SPRINGS, Arch
+from fasbody.arch.kinematics import Array, X, arms, centres, closing_angle, rest
+from fasbody.arch.ode import initial_state, split, state_rate
 
 _STEP = 1e-30
 #: Coordinates with mass: all but x.

@@ -6,14 +6,12 @@ from functools import partial
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from fasbody import sdof
-from fasbody.filters import lowpass, peak_to_peak
-from fasbody.response import fit_harmonics
-from fasbody.shaker import PEAK_TO_PEAK
-from fasbody.spectra import cross_covariance, cross_spectrum
-from fasbody.subjects import SUBJECTS
-from fasbody.transmissibility import figures
+from fasbody.foot.shaker import PEAK_TO_PEAK
+from fasbody.recording.condition import SUBJECTS
+from fasbody.recording.harmonics import fit_harmonics
+from fasbody.transmissibility import figures, sdof
 from fasbody.transmissibility.findings import LOADS, POSTURES
+from fasbody.transmissibility.spectra import cross_covariance, cross_spectrum, lowpass, peak_to_peak
 from fasbody.transmissibility.table import Condition
 from reproduction.row import TRANSCRIBED, Outcome, Rows, at_least, at_most, exactly, near
 from reproduction.virtual import (

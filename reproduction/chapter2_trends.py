@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fasbody.arch import Arch
-from fasbody.static_load import MEASURED_HZ, load_study
-from fasbody.statistics import ALPHA, one_sample, paired
+from fasbody.arch.bones import Arch
+from fasbody.arch.load import MEASURED_HZ, load_study
 from fasbody.transmissibility.findings import LOADS, POSTURES
+from fasbody.transmissibility.statistics import ALPHA, one_sample, paired
 from fasbody.transmissibility.table import Condition, Table
 from reproduction.row import Check, Outcome, Rows, at_least, at_most, exactly, within
 from reproduction.virtual import STUDY, STUDY_COMMAND, judged, study_table
@@ -131,7 +131,7 @@ def dorsiflexion() -> Outcome:
     return judged(judge)
 
 
-@ROWS("Finding 2.4, 41", "the arch stiffens under load, which raises the resonance", "python -m fasbody.static_load")
+@ROWS("Finding 2.4, 41", "the arch stiffens under load, which raises the resonance", "python -m fasbody.arch.load")
 def stiffening_by_load() -> Outcome:
     free, *heavy = load_study(Arch.nominal()).cases
     stiffer = [case.arch_stiffness / free.arch_stiffness for case in heavy]

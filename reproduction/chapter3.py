@@ -6,8 +6,8 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.signal import lfilter, max_len_seq, ss2tf
 
-from fasbody.subjects import foot_mass, shank_mass
-from fasbody.two_dof import TwoDof
+from fasbody.foot.two_dof import TwoDof
+from fasbody.recording.condition import foot_mass, shank_mass
 from identification.blackbox import criteria, pem, selection, subspace
 from identification.blackbox.data import Series
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel

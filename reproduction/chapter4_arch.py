@@ -6,11 +6,11 @@ from inspect import signature
 
 import numpy as np
 
-from fasbody import lagrange, printed
-from fasbody.arch import DAMPERS, Arch
-from fasbody.crosscheck import Crosscheck, compare_motion, crosscheck
-from fasbody.kinematics import Array, absolute, centres, closing_angle, relative, rest
-from fasbody.model import load
+from fasbody.arch import lagrange, printed
+from fasbody.arch.bones import DAMPERS, Arch
+from fasbody.arch.crosscheck import Crosscheck, compare_motion, crosscheck
+from fasbody.arch.kinematics import Array, absolute, centres, closing_angle, relative, rest
+from fasbody.foot.model import load
 from reproduction.arch_energies import (
     energy_drift,
     mass_from_energy,
@@ -20,7 +20,7 @@ from reproduction.arch_energies import (
 from reproduction.row import Outcome, Rows, at_least, at_most, exactly, near
 
 ROWS = Rows()
-CROSSCHECK = "python -m fasbody.crosscheck"
+CROSSCHECK = "python -m fasbody.arch.crosscheck"
 BODIES = ("tibia", "calcaneus_talus", "navicular", "cuneiforms", "metatarsals")
 ARCH = Arch.draw(np.random.default_rng(0))
 

@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from fasbody.subjects import ADDED_MASSES_KG
+from fasbody.recording.condition import ADDED_MASSES_KG
 from identification.study import figures
-from identification.study.motion import figures as motion
+from identification.study import figures as motion
 from reproduction.chapter4_results import F, true_means
 from reproduction.fitted import (
     BRANCHES,

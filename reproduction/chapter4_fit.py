@@ -6,10 +6,10 @@ from functools import cache
 import numpy as np
 from scipy.optimize import brentq, least_squares
 
-from fasbody.model import load
-from fasbody.shaker import samples
-from fasbody.subjects import SUBJECTS, foot_mass, shank_mass
-from fasbody.two_dof import TwoDof, trajectory
+from fasbody.foot.model import load
+from fasbody.foot.shaker import samples
+from fasbody.foot.two_dof import TwoDof, trajectory
+from fasbody.recording.condition import SUBJECTS, foot_mass, shank_mass
 from identification.blackbox.criteria import fit_percent
 from identification.estimate import Settings, fit
 from identification.fit import BUNDLED, gather

@@ -3,10 +3,10 @@
 import numpy as np
 from scipy.integrate import quad, solve_ivp
 
-from fasbody import damper, shaker
-from fasbody.model import load
-from fasbody.simulate import simulate
-from fasbody.two_dof import TwoDof, trajectory
+from fasbody.foot import damper, shaker
+from fasbody.foot.model import load
+from fasbody.foot.simulate import simulate
+from fasbody.foot.two_dof import TwoDof, trajectory
 from reproduction.row import Outcome, Rows, at_most, exactly, near
 
 ROWS = Rows()

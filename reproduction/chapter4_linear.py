@@ -5,10 +5,10 @@ from functools import partial
 import numpy as np
 
 import mjcf
-from fasbody import lagrange, linear, printed
-from fasbody.arch import DAMPERS, SPRINGS, Arch
-from fasbody.arch_ode import malleolus_acceleration, solve
-from fasbody.kinematics import arms, rest
+from fasbody.arch import lagrange, linear, printed
+from fasbody.arch.bones import DAMPERS, SPRINGS, Arch
+from fasbody.arch.kinematics import arms, rest
+from fasbody.arch.ode import malleolus_acceleration, solve
 from reproduction.arch_energies import (
     differing,
     mass_from_energy,

@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 from scipy.stats import f_oneway, spearmanr
 
-from fasbody.statistics import ALPHA
-from fasbody.subjects import ADDED_MASSES_KG
-from fasbody.virtual_study import FREQUENCIES_HZ
+from fasbody.laboratory.study import FREQUENCIES_HZ
+from fasbody.recording.condition import ADDED_MASSES_KG
+from fasbody.transmissibility.statistics import ALPHA
 from identification.study import figures
 from identification.study.summary import measured
 from reproduction.fitted import BRANCHES, DRAWN, GROUP, STUDY_COMMAND, documents, fits, mean_at, on_branch, table

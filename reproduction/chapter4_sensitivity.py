@@ -5,21 +5,22 @@ from functools import cache
 
 import numpy as np
 
-from fasbody.arch import DAMPERS, PARAMETERS, SPRINGS, Arch
-from fasbody.arch_ode import STATES, jacobian, solve, state_rate
-from fasbody.direct_differential import (
+from fasbody.arch.bones import DAMPERS, PARAMETERS, SPRINGS, Arch
+from fasbody.arch.ode import STATES, jacobian, solve, state_rate
+from fasbody.arch.reduction import reduce
+from fasbody.arch.sensitivity import (
     OUTPUTS,
+    Study,
     linear_sensitivity,
     parameter_jacobian,
     sensitivity_along,
+    study,
     trajectory_sensitivity,
 )
-from fasbody.reduction import reduce
-from fasbody.sensitivity import Study, study
 from reproduction.row import TRANSCRIBED, Outcome, Rows, at_least, at_most, exactly, near, within
 
 ROWS = Rows()
-SENSITIVITY = "python -m fasbody.sensitivity --lever-arm 0.015 --lever-arm 0.1"
+SENSITIVITY = "python -m fasbody.arch.sensitivity --lever-arm 0.015 --lever-arm 0.1"
 
 
 @ROWS("Eq. 4.15-4.16", "states, constants, and the arch in state-space form")
@@ -181,7 +182,7 @@ def arch_does_not_matter() -> Outcome:
     )
 
 
-@ROWS("Finding 4.4, 2", "the five bodies may be replaced by two masses", "python -m fasbody.reduction")
+@ROWS("Finding 4.4, 2", "the five bodies may be replaced by two masses", "python -m fasbody.arch.reduction")
 def reduction() -> Outcome:
     result = reduce()
     medians = {arm: float(np.median(values)) for arm, values in result.differences.items()}

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from fasbody.model import load
-from fasbody.recording import StudyFolder
-from fasbody.subjects import ADDED_MASSES_KG
-from fasbody.virtual_study import Plan, make
+from fasbody.foot.model import load
+from fasbody.laboratory.study import Plan, make
+from fasbody.recording.condition import ADDED_MASSES_KG
+from fasbody.recording.study import StudyFolder
 from identification.estimate import Settings, fit
 from identification.study.loops import cycles
 from identification.study.means import mean_curve

@@ -10,7 +10,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader
 
-from fasbody.virtual_study import Plan
+from fasbody.laboratory.study import Plan
 from reproduction.book import CHAPTERS, OUTSIDE
 from reproduction.row import GROUPS, Row, Verdict
 from reproduction.run import versions

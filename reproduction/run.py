@@ -13,8 +13,7 @@ from typing import Any
 
 import mjcf
 import reproduction
-from fasbody.console import to_json, write_whole
-from fasbody.interrupt import heeded
+from fasbody.console import heeded, to_json, write_whole
 from fasbody.parallel import run
 from reproduction.book import ROWS
 from reproduction.row import Outcome, Row, Verdict

@@ -10,14 +10,14 @@ from functools import cache
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from fasbody.arch import Arch
-from fasbody.linear import linearise, response, transmissibility
-from fasbody.static_load import ARANGIO_CUT, ARANGIO_SAG, HEEL, MEASURED_HZ, LoadStudy, SagStudy, load_study, sag_study
-from fasbody.virtual_subject import constants
+from fasbody.arch.bones import Arch
+from fasbody.arch.linear import linearise, response, transmissibility
+from fasbody.arch.load import ARANGIO_CUT, ARANGIO_SAG, HEEL, MEASURED_HZ, LoadStudy, SagStudy, load_study, sag_study
+from fasbody.laboratory.subject import constants
 from reproduction.row import Check, Outcome, Rows, near, within
 
 ROWS = Rows()
-STATIC = "python -m fasbody.static_load"
+STATIC = "python -m fasbody.arch.load"
 
 
 @cache

@@ -7,17 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from fasbody import shaker
-from fasbody.recording import Recording, Study, StudyFolder
-from fasbody.subjects import ADDED_MASSES_KG, foot_mass, shank_mass
+from fasbody.foot import shaker
+from fasbody.foot.two_dof import TwoDof, trajectory
+from fasbody.laboratory.study import FREQUENCIES_HZ, Plan, make
+from fasbody.recording.condition import ADDED_MASSES_KG, foot_mass, shank_mass
+from fasbody.recording.recording import Recording
+from fasbody.recording.study import Study, StudyFolder
 from fasbody.transmissibility.findings import Finding, findings
 from fasbody.transmissibility.table import Table
-from fasbody.two_dof import TwoDof, trajectory
-from fasbody.virtual_study import FREQUENCIES_HZ, Plan, make
-from fasbody.virtual_transfer import study
 from identification.blackbox.data import Series, from_recording
 from identification.fit import BUNDLED
 from reproduction.row import Check, Outcome, at_least, exactly
+from reproduction.virtual_transfer import study
 
 #: Seconds of each virtual recording: 20 periods at 10 Hz; `python -m fasbody.laboratory` makes 10 s by default.
 SECONDS = 2.0

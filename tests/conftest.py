@@ -13,8 +13,8 @@ import pytest
 from hypothesis import settings
 
 import mjcf
-from fasbody.model import Foot, load
-from fasbody.recording import Condition, Recording
+from fasbody.foot.model import Foot, load
+from fasbody.recording.recording import Condition, Recording
 
 ROOT = Path(__file__).parent.parent
 

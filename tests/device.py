@@ -5,7 +5,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from fasbody.acquire.line import Line
+from fasbody.acquire.bench import Line
 
 
 class Device:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from symbolic_arch import poses
 
-from fasbody.arch import DAMPERS, SPRINGS, Arch
-from fasbody.kinematics import rest
+from fasbody.arch.bones import DAMPERS, SPRINGS, Arch
+from fasbody.arch.kinematics import rest
 
 ARCH = Arch.draw(np.random.default_rng(0))
 REST = rest(ARCH)

@@ -6,14 +6,11 @@ from pathlib import Path
 import numpy as np
 from device import Device
 
-from fasbody.acquire.bench import FRAME_SAMPLES, Bench
-from fasbody.acquire.frames import encode_data, encode_hello
-from fasbody.acquire.line import corrupt
-from fasbody.acquire.messages import Channel, Hello
+from fasbody.acquire.bench import BODY_MASS_KG, FRAME_SAMPLES, Bench, corrupt
 from fasbody.acquire.port import Port
-from fasbody.acquire.shaken import BODY_MASS_KG
+from fasbody.acquire.wire import Channel, Hello, encode_data, encode_hello
 from fasbody.exceptions import AcquisitionError
-from fasbody.recording import Condition
+from fasbody.recording.recording import Condition
 
 BAUD = 921600
 CONDITION = Condition("16", "midstance", 0.0, BODY_MASS_KG)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from device import Device
 
-from fasbody.acquire.shaken import Shaker
+from fasbody.acquire.bench import Shaker
 
 
 class Instrument(Device):

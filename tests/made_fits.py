@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.checks import checked
 from fasbody.console import to_json
-from fasbody.model import load
-from fasbody.recording import Recording
+from fasbody.foot.model import load
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Recording
 from identification.estimate import Settings, fit
 from identification.study.loops import cycles
 

@@ -4,11 +4,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from fasbody.instrument import Instrument
-from fasbody.recording import Condition, Recording
-from fasbody.two_dof import TwoDof
-from fasbody.virtual_study import steady
-from fasbody.virtual_subject import Tuberosity
+from fasbody.foot.two_dof import TwoDof
+from fasbody.laboratory.instrument import Instrument
+from fasbody.laboratory.study import steady
+from fasbody.laboratory.subject import Tuberosity
+from fasbody.recording.recording import Condition, Recording
 
 BODY_KG = 70.0
 NONLINEAR = {"c_12": 60.0, "c_13": 120.0, "c_22": -80.0, "c_23": 160.0}

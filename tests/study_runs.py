@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from fasbody.console import command_line
-from fasbody.virtual_study import Plan, make
+from fasbody.laboratory.study import Plan, make
 from identification.study.command import app
 
 ROOT = Path(__file__).parent.parent

@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 import sympy as sp
 
-from fasbody.arch import Arch
+from fasbody.arch.bones import Arch
 
 Q = sp.symbols("z_F z_T theta_2 theta_3 theta_4 x", real=True)
 V = sp.symbols("v_F v_T w_2 w_3 w_4 v_x", real=True)

@@ -12,12 +12,11 @@ from pathlib import Path
 import pytest
 from feeder import Feeder, number_of, output_of
 
-from fasbody.acquire.bench import Bench
+from fasbody.acquire.bench import TRUTH, Bench
 from fasbody.acquire.conversion import convert, replay
-from fasbody.acquire.shaken import TRUTH
-from fasbody.checks import checked
 from fasbody.exceptions import FasError
-from fasbody.recording import Study
+from fasbody.recording.checks import checked
+from fasbody.recording.study import Study
 
 ROOT = Path(__file__).parent.parent
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}

@@ -11,11 +11,12 @@ from feeder import CONDITION, hello
 from fasbody.acquire import folder
 from fasbody.acquire.capture import Capture
 from fasbody.acquire.conversion import convert
-from fasbody.acquire.frames import FrameReader, encode_data, encode_hello
 from fasbody.acquire.plan import Plan
-from fasbody.checks import checked
+from fasbody.acquire.wire import FrameReader, encode_data, encode_hello
 from fasbody.exceptions import InputFileError, RecordingError
-from fasbody.recording import Condition, Recording, Study
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Condition, Recording
+from fasbody.recording.study import Study
 
 
 def capture_of(

@@ -10,8 +10,18 @@ from feeder import COUNTS, counts_of, hello
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fasbody.acquire.frames import LONGEST_WIRE, FrameReader, crc_ccitt, crc_modbus, encode_data, encode_hello
-from fasbody.acquire.messages import Block, Channel, Damage, Hello
+from fasbody.acquire.wire import (
+    LONGEST_WIRE,
+    Block,
+    Channel,
+    Damage,
+    FrameReader,
+    Hello,
+    crc_ccitt,
+    crc_modbus,
+    encode_data,
+    encode_hello,
+)
 
 DOCS = Path(__file__).parent.parent / "docs" / "acquisition.md"
 DEMO = Hello("demo", 1000.0, (Channel("base", 39.2, 800.0), Channel("malleolus", 39.2, 800.0)), 16, 2, 7)

@@ -13,13 +13,12 @@ import numpy as np
 import pytest
 from feeder import BAUD, CONDITION, Feeder, output_of
 
-from fasbody.acquire.bench import Bench
+from fasbody.acquire.bench import GAIN, Bench, Shaker
 from fasbody.acquire.board import Board, Watch
 from fasbody.acquire.generator import Generator
 from fasbody.acquire.level import Safety, peak_to_peak, reach
 from fasbody.acquire.plan import Plan
-from fasbody.acquire.probe import probe
-from fasbody.acquire.shaken import GAIN, Shaker
+from fasbody.acquire.port import probe
 from fasbody.exceptions import AcquisitionError, SettingError
 
 ROOT = Path(__file__).parent.parent

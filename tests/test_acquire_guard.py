@@ -16,8 +16,7 @@ from instrument import Instrument
 from fasbody.acquire.bench import Bench
 from fasbody.acquire.generator import Generator
 from fasbody.acquire.interruption import terminated
-from fasbody.acquire.port import Port, Unplugged
-from fasbody.acquire.probe import is_identity
+from fasbody.acquire.port import Port, Unplugged, is_identity
 from fasbody.exceptions import AcquisitionError
 
 ROOT = Path(__file__).parent.parent

@@ -8,11 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fasbody.acquire.decoder import Decoder
-from fasbody.acquire.line import corrupt
-from fasbody.acquire.lines import LONGEST_LINE, LineReader, encode_header, encode_line
-from fasbody.acquire.messages import Block, Damage, Hello
+from fasbody.acquire.bench import corrupt
 from fasbody.acquire.timeline import Timeline
+from fasbody.acquire.wire import LONGEST_LINE, Block, Damage, Decoder, Hello, LineReader, encode_header, encode_line
 
 DOCS = Path(__file__).parent.parent / "docs" / "acquisition.md"
 HEADER = encode_header("uno", 1000.0, ("base", "malleolus"), 39.2)
@@ -141,7 +139,7 @@ def test_header_that_says_too_little(head: bytes) -> None:
 def test_the_format_is_found_by_listening() -> None:
     from feeder import counts_of, hello
 
-    from fasbody.acquire.frames import encode_data, encode_hello
+    from fasbody.acquire.wire import encode_data, encode_hello
 
     text, binary = Decoder(), Decoder()
     assert text.feed(b"garbage\0\0\xff\n") == []

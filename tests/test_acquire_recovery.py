@@ -16,7 +16,8 @@ from fasbody.acquire.conversion import convert
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.recovery import grouped
 from fasbody.exceptions import AcquisitionError, InputFileError
-from fasbody.recording import Recording, Study
+from fasbody.recording.recording import Recording
+from fasbody.recording.study import Study
 
 
 def rest_of(file: Path, host: float, wire: bytes) -> Path:

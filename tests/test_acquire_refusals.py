@@ -7,17 +7,16 @@ import pytest
 from feeder import Feeder, hello
 from test_acquire_folder import CONDITION, capture_of, sine_frames
 
-from fasbody.acquire.bench import Bench
+from fasbody.acquire.bench import Bench, Line
 from fasbody.acquire.commands import app
 from fasbody.acquire.conversion import convert
 from fasbody.acquire.excitation import absent
-from fasbody.acquire.frames import encode_hello
 from fasbody.acquire.generator import Generator
-from fasbody.acquire.line import Line
 from fasbody.acquire.port import Port
-from fasbody.acquire.quality import Gap, Limits, Quality
+from fasbody.acquire.timeline import Gap, Limits, Quality
+from fasbody.acquire.wire import encode_hello
 from fasbody.exceptions import AcquisitionError, FasError
-from fasbody.recording import Recording
+from fasbody.recording.recording import Recording
 
 
 def refusal(*words: str) -> str:

@@ -18,10 +18,10 @@ from fasbody.acquire.display import bar, render, sparkline
 from fasbody.acquire.generator import Generator
 from fasbody.acquire.level import Level
 from fasbody.acquire.plan import Plan
-from fasbody.acquire.reader import Arrival
+from fasbody.acquire.port import Arrival
 from fasbody.acquire.session import Session
 from fasbody.exceptions import AcquisitionError, InputFileError
-from fasbody.recording import Study
+from fasbody.recording.study import Study
 
 
 def test_three_channels_at_4_khz_arrive_whole_and_as_sent(tmp_path: Path) -> None:

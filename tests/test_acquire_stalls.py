@@ -12,12 +12,12 @@ from feeder import BAUD, CONDITION, Feeder, hello
 from fasbody.acquire.bench import Bench
 from fasbody.acquire.board import Board, Stalled, Watch
 from fasbody.acquire.conversion import convert
-from fasbody.acquire.frames import encode_data, encode_hello
 from fasbody.acquire.plan import Plan
-from fasbody.acquire.quality import Quality
 from fasbody.acquire.session import Session
+from fasbody.acquire.timeline import Quality
+from fasbody.acquire.wire import encode_data, encode_hello
 from fasbody.exceptions import AcquisitionError, InputFileError
-from fasbody.recording import Study
+from fasbody.recording.study import Study
 
 
 def test_shaking_blindly_is_an_error(feeder: Feeder) -> None:

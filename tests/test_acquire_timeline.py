@@ -8,9 +8,8 @@ from feeder import COUNTS, counts_of, hello
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fasbody.acquire.messages import Block, Damage, Hello
-from fasbody.acquire.quality import Limits
-from fasbody.acquire.timeline import Timeline
+from fasbody.acquire.timeline import Limits, Timeline
+from fasbody.acquire.wire import Block, Damage, Hello
 
 N = 16
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fasbody.arch import DAMPERS, PARAMETERS, ROTATIONAL, SPRINGS, Arch
+from fasbody.arch.bones import DAMPERS, PARAMETERS, ROTATIONAL, SPRINGS, Arch
 from fasbody.exceptions import ModelError
 
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fasbody import shaker
-from fasbody.arch import Arch
-from fasbody.model import load
-from fasbody.recording import Condition, Recording
-from fasbody.simulate import simulate
+from fasbody.arch.bones import Arch
+from fasbody.foot import shaker
+from fasbody.foot.model import load
+from fasbody.foot.simulate import simulate
+from fasbody.recording.recording import Condition, Recording
 from identification.estimate import Settings, fit
 
 

@@ -8,14 +8,15 @@ import pytest
 from arch_copies import XML, compiled, high_arch
 from symbolic_arch import evaluate, poses
 
-from fasbody import arch_model, lagrange
-from fasbody.arch import Arch
-from fasbody.arch_statics import under_weight
+from fasbody.arch import lagrange
+from fasbody.arch import mjcf as arch_model
+from fasbody.arch.bones import Arch
+from fasbody.arch.kinematics import rest
+from fasbody.arch.load import under_weight
 from fasbody.exceptions import ModelError
-from fasbody.kinematics import rest
-from fasbody.model import check
-from fasbody.shaker import harmonics
-from fasbody.simulate import simulate
+from fasbody.foot.model import check
+from fasbody.foot.shaker import harmonics
+from fasbody.foot.simulate import simulate
 
 
 def engine(model: mujoco.MjModel, arch: Arch, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -6,12 +6,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fasbody import arch_ode, linear
-from fasbody.arch import PARAMETERS, Arch
-from fasbody.arch_motion import move, with_constants
+from fasbody.arch import linear
+from fasbody.arch import ode as arch_ode
+from fasbody.arch.bones import PARAMETERS, Arch
+from fasbody.arch.motion import move, with_constants
 from fasbody.exceptions import SimulationError
-from fasbody.model import load
-from fasbody.shaker import harmonics
+from fasbody.foot.model import load
+from fasbody.foot.shaker import harmonics
 
 FOOT = load("foot_arch")
 DURATION = 0.1

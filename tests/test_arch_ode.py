@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fasbody import arch_ode, lagrange, linear
-from fasbody.arch import DAMPERS, Arch
+from fasbody.arch import lagrange, linear
+from fasbody.arch import ode as arch_ode
+from fasbody.arch.bones import DAMPERS, Arch
 
 NOMINAL = Arch.nominal()
 

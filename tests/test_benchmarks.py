@@ -24,11 +24,11 @@ from benchmarks import (
     study_end_to_end,
 )  # fmt: skip
 from benchmarks.__main__ import TOPICS
-from fasbody.model import can_be_constrained, load
-from fasbody.shaker import sine
-from fasbody.simulate import simulate
-from fasbody.two_dof import TwoDof
-from identification.routes import TimeRoute
+from fasbody.foot.model import can_be_constrained, load
+from fasbody.foot.shaker import sine
+from fasbody.foot.simulate import simulate
+from fasbody.foot.two_dof import TwoDof
+from identification.domains import TimeRoute
 from identification.space import space_of
 from identification.time_domain import TimeProblem
 

@@ -7,9 +7,9 @@ import numpy as np
 import oracle
 import pytest
 
-from fasbody.checks import checked
 from fasbody.exceptions import RecordingError
-from fasbody.recording import Condition, Recording
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Condition, Recording
 
 RATE, N = 1000.0, 2000
 T = np.arange(N) / RATE

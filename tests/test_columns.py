@@ -4,10 +4,10 @@ import numpy as np
 import oracle
 import pytest
 
-from fasbody.model import Foot
-from fasbody.shaker import sine
-from fasbody.two_dof import NAMES, TwoDof, trajectory
-from identification.columns import Columns, Coordinates
+from fasbody.foot.model import Foot
+from fasbody.foot.shaker import sine
+from fasbody.foot.two_dof import NAMES, TwoDof, trajectory
+from identification.engines.orbits import Columns, Coordinates
 
 
 def test_jacobian_equals_the_exact_sensitivities(foot: Foot) -> None:

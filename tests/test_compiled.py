@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from fasbody.checks import checked
-from fasbody.laboratory import TRUTH
-from fasbody.model import Foot
+from fasbody.foot.model import Foot
+from fasbody.laboratory.foot import TRUTH
+from fasbody.recording.checks import checked
+from identification.domains import PeriodicRoute
 from identification.periodic import PeriodicProblem
-from identification.routes import PeriodicRoute
 from identification.space import space_of
 
 

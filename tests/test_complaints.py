@@ -6,7 +6,7 @@ import pytest
 from arch_copies import XML, edited
 
 from fasbody.exceptions import InputFileError
-from fasbody.model import load
+from fasbody.foot.model import load
 
 FASCIA = XML[XML.index('    <spatial name="plantar_aponeurosis"') : XML.index("  </tendon>")]
 PAD = next(line for line in XML.splitlines() if '<spatial name="heel_pad"' in line)

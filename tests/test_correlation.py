@@ -8,18 +8,15 @@ import oracle
 import pytest
 from scipy.stats import binom, chi2, multivariate_normal
 
-from fasbody.channels import Channel
-from fasbody.checks import checked
-from fasbody.model import Foot
-from fasbody.recording import Recording
-from fasbody.shared_error import gain_and_delay
+from fasbody.foot.model import Foot
+from fasbody.recording.channels import Channel
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Recording, gain_and_delay
 from identification.certification import settle, standard_errors
-from identification.correlation import misfit, projection, shared_errors
+from identification.domains import PeriodicRoute, TimeRoute
+from identification.engines.orbits import Twin
 from identification.estimate import Settings, fit
-from identification.line import Line
-from identification.orbits import Twin
-from identification.periodic import PeriodicProblem, split
-from identification.routes import PeriodicRoute, TimeRoute
+from identification.periodic import Line, PeriodicProblem, misfit, projection, shared_errors, split
 from identification.search import descend
 from identification.space import space_of
 

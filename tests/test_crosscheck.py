@@ -10,13 +10,12 @@ import pytest
 from arch_copies import compiled, edited, high_arch, high_arch_xml
 from typer.testing import CliRunner
 
-from fasbody import crosscheck as module
-from fasbody import lagrange
-from fasbody.arch import Arch
-from fasbody.crosscheck import ENGINES, app, crosscheck, random_poses
+from fasbody.arch import crosscheck as module
+from fasbody.arch import lagrange
+from fasbody.arch.bones import Arch
+from fasbody.arch.crosscheck import ENGINES, app, build_pinocchio, crosscheck, random_poses
 from fasbody.exceptions import FasError, ModelError
-from fasbody.model import check
-from fasbody.tree_engines import build_pinocchio
+from fasbody.foot.model import check
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import exp1
 
-from fasbody import damper
-from fasbody.damper import algebraic_force, damping
+from fasbody.foot import damper
+from fasbody.foot.damper import algebraic_force, damping
 
 PAD = np.array([4.22, 40.0, 5.0, 0.8, 0.004, 1.5, 0.02, 0.2])
 

@@ -25,7 +25,7 @@ from typer_apps import HOMES, click_command, sub_commands
 
 import mjcf
 from docs import DOCUMENTS, ROOT, Block, blocks, inline_commands, words
-from fasbody.laboratory import make_study
+from fasbody.laboratory.foot import make_study
 from identification.result import symbol_and_unit
 
 NOT_RUN = {

@@ -56,7 +56,12 @@ def test_site_has_every_document_and_every_module(site: Path) -> None:
     for file in (ROOT / "docs").glob("*.md"):
         assert (site / f"{file.stem}.html").is_file(), file.name
     reference = "".join(page.read_text(encoding="utf-8") for page in site.glob("python_*.html"))
-    for name in ("fasbody.simulate.simulate", "identification.estimate.fit", "fasbody.cell.modal.solve", "mjcf.path"):
+    for name in (
+        "fasbody.foot.simulate.simulate",
+        "identification.estimate.fit",
+        "fasbody.cell.modal.solve",
+        "mjcf.path",
+    ):
         assert f'id="{name}"' in reference, name
     commands = re.sub(r"<[^>]+>", "", (site / "commands.html").read_text(encoding="utf-8"))
     assert "python -m identification.fit my_study --starts 20" in commands

@@ -4,11 +4,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from fasbody import engine, layout
-from fasbody.engine import Callbacks, callbacks, native, python_twin, self_test
 from fasbody.exceptions import EngineError
-from fasbody.model import Foot
-from fasbody.shaker import sine
+from fasbody.foot import engine
+from fasbody.foot import engine as layout
+from fasbody.foot.engine import Callbacks, callbacks, native, python_twin, self_test
+from fasbody.foot.model import Foot
+from fasbody.foot.shaker import sine
 
 
 def installed() -> list[object]:

@@ -1,4 +1,4 @@
-"""Misprints of Appendix B: printed formulas (fasbody/printed.py) against SymPy's derivation, entry by entry.
+"""Misprints of Appendix B: printed formulas (fasbody/arch/printed.py) against SymPy's derivation, entry by entry.
 
 Exactly the listed entries differ, and each differs as listed.
 """
@@ -8,9 +8,9 @@ import pytest
 from errata_arch import ARCH, POSE, REST, UNIT, differing, only
 from symbolic_arch import evaluate
 
-from fasbody import lagrange, printed
-from fasbody.arch import DAMPERS
-from fasbody.kinematics import arms
+from fasbody.arch import lagrange, printed
+from fasbody.arch.bones import DAMPERS
+from fasbody.arch.kinematics import arms
 
 
 def test_A_55_is_the_only_wrong_entry_of_the_mass_matrix() -> None:

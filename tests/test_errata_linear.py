@@ -5,9 +5,9 @@ import pytest
 from errata_arch import ARCH, REST, differing, only
 from symbolic_arch import evaluate
 
-from fasbody import lagrange, printed
-from fasbody.arch import DAMPERS, SPRINGS, Arch
-from fasbody.kinematics import arms
+from fasbody.arch import lagrange, printed
+from fasbody.arch.bones import DAMPERS, SPRINGS, Arch
+from fasbody.arch.kinematics import arms
 
 
 def test_wrong_entries_of_the_linear_damping() -> None:

@@ -8,13 +8,13 @@ import oracle
 import pytest
 
 from fasbody.exceptions import RecordingError, SettingError, SimulationError
-from fasbody.model import Foot, load
-from fasbody.recording import Condition, Recording
+from fasbody.foot.model import Foot, load
+from fasbody.recording.recording import Condition, Recording
 from identification import certification
 from identification.branches import STIFF_ANKLE, STIFF_PAD
+from identification.domains import Route
 from identification.estimate import Settings, fit
 from identification.result import FitResult
-from identification.routes import Route
 from identification.search import Descent
 
 Trial = Callable[..., Recording]

@@ -15,8 +15,8 @@ import shake_the_arch
 import transmissibility_figure
 import two_loads_decide
 
-from fasbody.laboratory import TRUTH
-from fasbody.two_dof import TwoDof
+from fasbody.foot.two_dof import TwoDof
+from fasbody.laboratory.foot import TRUTH
 
 ROOT = Path(__file__).parent.parent
 
@@ -76,7 +76,7 @@ def test_shoe_lowers_the_resonance(picture: Path) -> None:
 
 
 def test_shipped_foot_of_the_shoe_example_is_nearly_the_linear_one() -> None:
-    from fasbody.model import load
+    from fasbody.foot.model import load
 
     foot = load("two_dof")
     linear = np.abs(TwoDof.from_values(foot.values()).transmissibility(edit_the_mjcf.FREQUENCIES_HZ))

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fasbody.checks import checked
-from fasbody.recording import Condition, Recording
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Condition, Recording
 from identification.excitation import excitation_rank
 
 T = np.arange(2000) / 1000

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import butter, freqz
 
 from fasbody.exceptions import SettingError
-from fasbody.filters import lowpass, peak_to_peak
+from fasbody.transmissibility.spectra import lowpass, peak_to_peak
 
 T = np.arange(10_000) / 1000
 

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from fasbody import console
-from fasbody.recording import Recording
+from fasbody.recording.recording import Recording
 from identification.fit import BUNDLED, app
 
 

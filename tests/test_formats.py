@@ -11,9 +11,10 @@ import pyuff
 from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
-from fasbody.channels import Layout
 from fasbody.exceptions import InputFileError
-from fasbody.recording import HEADER, Recording, StudyFolder
+from fasbody.recording.channels import Layout
+from fasbody.recording.recording import HEADER, Recording
+from fasbody.recording.study import StudyFolder
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
 from fuzz_readers import sound

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from fasbody import formats
 from fasbody.exceptions import InputFileError, SettingError
-from fasbody.formats import reader
-from fasbody.recording import Recording
+from fasbody.recording import formats
+from fasbody.recording.formats import reader
+from fasbody.recording.recording import Recording
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
 from fuzz_readers import ENDINGS, fuzz, sound

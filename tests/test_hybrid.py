@@ -5,14 +5,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from fasbody.checks import checked
-from fasbody.laboratory import TRUTH
-from fasbody.model import Foot
-from fasbody.subjects import foot_mass, shank_mass
-from fasbody.two_dof import NAMES
-from identification.hybrid import CertifiedOrbits, CertifiedRuns
-from identification.orbits import Excitation, Rollouts
-from identification.time_engines import TimeRollouts
+from fasbody.foot.model import Foot
+from fasbody.foot.two_dof import NAMES
+from fasbody.laboratory.foot import TRUTH
+from fasbody.recording.checks import checked
+from fasbody.recording.condition import foot_mass, shank_mass
+from identification.engines.certified import CertifiedOrbits, CertifiedRuns
+from identification.engines.orbits import Excitation, Rollouts
+from identification.engines.runs import TimeRollouts
 
 MASSES = {"m_S": shank_mass(72.57, 2.3), "m_F": foot_mass(72.57)}
 EXCITATIONS = [Excitation(f, np.array([8.0, 0.6 - 0.4j, 0.2j]), MASSES) for f in (12.0, 35.0)]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from study_runs import ENVIRONMENT
 
-from fasbody import interrupt
+from fasbody import console as interrupt
 
 
 @pytest.fixture(autouse=True)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from symbolic_arch import poses
 
-from fasbody import kinematics
-from fasbody.arch import Arch
+from fasbody.arch import kinematics
+from fasbody.arch.bones import Arch
 from fasbody.exceptions import SimulationError
 
 ARCH = Arch.nominal()

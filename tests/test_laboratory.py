@@ -9,11 +9,12 @@ import oracle
 import pytest
 import thesis
 
-from fasbody import shaker
 from fasbody.exceptions import SettingError
-from fasbody.laboratory import FREQUENCIES_HZ, TRUTH, Instrument, make_study, record
-from fasbody.recording import Study
-from fasbody.two_dof import TwoDof
+from fasbody.foot import shaker
+from fasbody.foot.two_dof import TwoDof
+from fasbody.laboratory import FREQUENCIES_HZ, Instrument
+from fasbody.laboratory.foot import TRUTH, make_study, record
+from fasbody.recording.study import Study
 from identification.fit import BUNDLED
 
 SILENT = Instrument(noise_base=0.0, noise_malleolus=0.0, bits=30, delay_s=0.0)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from symbolic_arch import evaluate, poses
 
-from fasbody import kinematics, lagrange
-from fasbody.arch import PARAMETERS, Arch
+from fasbody.arch import kinematics, lagrange
+from fasbody.arch.bones import PARAMETERS, Arch
 
 STEP = 1e-30
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from symbolic_arch import evaluate
 
-from fasbody import linear
-from fasbody.arch import Arch
-from fasbody.arch_ode import initial_state, jacobian
-from fasbody.kinematics import rest
+from fasbody.arch import linear
+from fasbody.arch.bones import Arch
+from fasbody.arch.kinematics import rest
+from fasbody.arch.ode import initial_state, jacobian
 
 FREQUENCY = np.geomspace(1, 100, 25)
 

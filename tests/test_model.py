@@ -12,10 +12,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import mjcf
-from fasbody import shaker
 from fasbody.exceptions import InputFileError, ModelError, SettingError
-from fasbody.model import Foot, load
-from fasbody.simulate import simulate
+from fasbody.foot import shaker
+from fasbody.foot.model import Foot, load
+from fasbody.foot.simulate import simulate
 
 PAD_JOINT = '<joint name="fat_pad" stiffness="1.0e5" user="4.25 800 -50 100"/>'
 BARE_PAD = '<joint name="fat_pad"/>'

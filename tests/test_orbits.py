@@ -8,8 +8,8 @@ import oracle
 import pytest
 
 from fasbody.exceptions import SimulationError
-from fasbody.model import Foot, load
-from identification.orbits import Excitation, Rollouts, Twin, twin_applies
+from fasbody.foot.model import Foot, load
+from identification.engines.orbits import Excitation, Rollouts, Twin, twin_applies
 
 EXCITATIONS = [Excitation(f, np.array([-8.95j, 0.1]), oracle.MASSES) for f in (10.0, 30.0, 50.0)]
 VALUES = {**oracle.TRUTH, **oracle.MASSES}

@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fasbody.checks import checked
-from fasbody.condition import Condition
-from fasbody.model import Foot, load
-from fasbody.recording import Recording
-from fasbody.two_dof import TwoDof
+from fasbody.foot.model import Foot, load
+from fasbody.foot.two_dof import TwoDof
+from fasbody.recording.checks import checked
+from fasbody.recording.condition import Condition
+from fasbody.recording.recording import Recording
 from identification.certification import certify_first
-from identification.orbits import Excitation, Rollouts, Twin
-from identification.resolution import RESOLVED, halvings, resolved
-from identification.routes import PeriodicRoute, TimeRoute
+from identification.domains import RESOLVED, PeriodicRoute, TimeRoute, halvings, resolved
+from identification.engines.orbits import Excitation, Rollouts, Twin
 from identification.search import descend
 from identification.space import space_of
 from identification.study import loops

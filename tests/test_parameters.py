@@ -10,12 +10,12 @@ import thesis
 from arch_copies import edited as edited_arch
 
 import mjcf
-from fasbody.arch import Arch
-from fasbody.arch_motion import with_constants
+from fasbody.arch.bones import Arch
+from fasbody.arch.motion import with_constants
 from fasbody.exceptions import ModelError, SettingError
-from fasbody.model import Foot, load
-from fasbody.shaker import sine
-from fasbody.simulate import simulate
+from fasbody.foot.model import Foot, load
+from fasbody.foot.shaker import sine
+from fasbody.foot.simulate import simulate
 
 KEYS = (
     "k_T_n_per_m", "k_F_n_per_m", "c_11_n_s_per_m", "c_12_per_m", "c_13_per_m", "c_21_n_s_per_m", "c_22_per_m",

@@ -7,13 +7,12 @@ import oracle
 import pytest
 from scipy.stats import chi2
 
-from fasbody.checks import checked
 from fasbody.exceptions import RecordingError
-from fasbody.model import Foot
-from fasbody.recording import Recording
-from identification.line import Line
-from identification.orbits import Twin
-from identification.periodic import PeriodicProblem, inverse_of_gram, split
+from fasbody.foot.model import Foot
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Recording
+from identification.engines.orbits import Twin
+from identification.periodic import Line, PeriodicProblem, inverse_of_gram, split
 from identification.space import space_of
 
 FREQUENCIES = (10.0, 20.0, 30.0, 50.0)

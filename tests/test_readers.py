@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fasbody.channels import Layout
 from fasbody.exceptions import InputFileError
-from fasbody.readers import column, read_csv, read_table
+from fasbody.recording.channels import Layout
+from fasbody.recording.csv import column, read_csv, read_table
 
 ROWS = np.array([[0.0, 1.5, -2.25], [0.001, 2.5, -3.25], [0.002, -1e-3, 4.0]])
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from fasbody.exceptions import InputFileError, RecordingError
-from fasbody.recording import Condition, Recording, Study, StudyFolder, read_file, with_masses
-from fasbody.trials import posture_remarks
+from fasbody.recording.recording import Condition, Recording, with_masses
+from fasbody.recording.study import Study, StudyFolder, read_file
+from fasbody.recording.trials import posture_remarks
 
 T = np.arange(300) / 1000
 

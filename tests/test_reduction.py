@@ -6,9 +6,9 @@ import numpy as np
 from arch_copies import high_arch, high_arch_xml
 from typer.testing import CliRunner
 
-from fasbody.arch import Arch
-from fasbody.linear import state_space, two_mass_state_space
-from fasbody.reduction import app, reduce
+from fasbody.arch.bones import Arch
+from fasbody.arch.linear import state_space, two_mass_state_space
+from fasbody.arch.reduction import app, reduce
 
 
 def test_differences_against_state_space_responses() -> None:

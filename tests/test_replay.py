@@ -4,10 +4,10 @@ import numpy as np
 import oracle
 import pytest
 
-from fasbody.checks import checked
-from fasbody.model import Foot
-from fasbody.recording import Condition, Recording
-from identification.replay import fit_percent, replay
+from fasbody.foot.model import Foot
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Condition, Recording
+from identification.certification import fit_percent, replay
 
 
 def test_fit_percentage() -> None:

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from fasbody.laboratory.study import PICKED_SEED
 from fasbody.transmissibility.findings import findings
-from fasbody.virtual_study import PICKED_SEED
-from fasbody.virtual_transfer import study
 from reproduction import run as running
 from reproduction.book import CHAPTERS, ROWS
 from reproduction.chapter2_findings import LISTS
@@ -19,6 +18,7 @@ from reproduction.report import markdown
 from reproduction.row import Check, Outcome, Row, Verdict, at_most, exactly, near
 from reproduction.run import ROOT, execute, kept, key, run_rows
 from reproduction.virtual import LARGE, LARGE_SEED, OTHER_SEEDS, large_findings, whatever_the_seed
+from reproduction.virtual_transfer import study
 
 #: Number of the last table and figure of each chapter and appendix of the thesis.
 TABLES = {"2": 1, "3": 2, "4": 2, "5": 2, "A": 9}

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fasbody.resonance import MARGIN, Resonance, _p_values, by_thesis, shown
-from fasbody.statistics import paired
+from fasbody.transmissibility.resonance import MARGIN, Resonance, _p_values, by_thesis, shown
+from fasbody.transmissibility.statistics import paired
 
 F = np.arange(10.0, 55, 5)
 PEAK = np.array([1.0, 1.1, 1.2, 1.3, 1.4, 1.399, 1.3, 1.2, 1.1])

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fasbody.exceptions import RecordingError
-from fasbody.response import find_frequency, fit_harmonics, harmonic_count, sine_share
+from fasbody.recording.harmonics import find_frequency, fit_harmonics, harmonic_count, sine_share
 
 T = np.arange(1000) / 500.0
 

@@ -7,10 +7,10 @@ import numpy as np
 import oracle
 import pytest
 
-from fasbody.checks import checked
 from fasbody.exceptions import SettingError
-from fasbody.recording import Recording
-from identification.routes import choose_domain
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Recording
+from identification.domains import choose_domain
 
 Trial = Callable[..., Recording]
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fasbody import sdof
 from fasbody.exceptions import SettingError
-from fasbody.response import fit_harmonics
-from fasbody.transmissibility import figures
+from fasbody.recording.harmonics import fit_harmonics
+from fasbody.transmissibility import figures, sdof
 
 
 def test_response_is_the_steady_state_of_the_equation_of_motion() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from fasbody.model import Foot
+from fasbody.foot.model import Foot
 from identification.search import descend, explore
 from identification.space import space_of
 

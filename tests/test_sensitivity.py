@@ -8,11 +8,18 @@ import pytest
 from arch_copies import high_arch, high_arch_xml
 from typer.testing import CliRunner
 
-from fasbody import linear
-from fasbody.arch import PARAMETERS, Arch
-from fasbody.arch_ode import solve
-from fasbody.direct_differential import OUTPUTS, linear_sensitivity, sensitivity_along, trajectory_sensitivity
-from fasbody.sensitivity import Study, app, study
+from fasbody.arch import linear
+from fasbody.arch.bones import PARAMETERS, Arch
+from fasbody.arch.ode import solve
+from fasbody.arch.sensitivity import (
+    OUTPUTS,
+    Study,
+    app,
+    linear_sensitivity,
+    sensitivity_along,
+    study,
+    trajectory_sensitivity,
+)
 
 NOMINAL = Arch.nominal()
 

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
-from fasbody import shaker
 from fasbody.exceptions import SettingError
+from fasbody.foot import shaker
 
 MOTIONS = {
     "sine": shaker.sine(30.0, 1.0),

@@ -5,11 +5,11 @@ import oracle
 import pytest
 import thesis
 
-from fasbody import shaker
 from fasbody.exceptions import SettingError, SimulationError
-from fasbody.model import Foot
-from fasbody.simulate import Batch, simulate
-from fasbody.two_dof import NAMES, TwoDof, trajectory
+from fasbody.foot import shaker
+from fasbody.foot.model import Foot
+from fasbody.foot.simulate import Batch, simulate
+from fasbody.foot.two_dof import NAMES, TwoDof, trajectory
 
 SECONDS = 0.3
 ALL = list(oracle.FEET.values())

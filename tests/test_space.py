@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fasbody.exceptions import SettingError
-from fasbody.model import Foot
+from fasbody.foot.model import Foot
 from identification.space import DELAY, space_of
 
 NAMES = ("k_T", "k_F", "c_11", "c_12", "c_13", "c_21", "c_22", "c_23")

@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import lfilter
 
 from fasbody.exceptions import RecordingError
-from fasbody.response import fit_harmonics
-from fasbody.spectra import cross_covariance, cross_spectrum, h1
+from fasbody.recording.harmonics import fit_harmonics
+from fasbody.transmissibility.spectra import cross_covariance, cross_spectrum, h1
 
 
 def test_cross_covariance_is_the_printed_sum() -> None:

@@ -10,19 +10,12 @@ from arch_copies import compiled, high_arch, high_arch_xml
 from scipy.optimize import minimize
 from typer.testing import CliRunner
 
-from fasbody import lagrange, linear
-from fasbody.arch import Arch
-from fasbody.arch_model import tree_position
-from fasbody.arch_ode import solve
-from fasbody.arch_statics import equilibrium, loaded
+from fasbody.arch import lagrange, linear
+from fasbody.arch.bones import Arch
+from fasbody.arch.load import ARANGIO_SAG, MEASURED_HZ, app, equilibrium, load_study, loaded, sag_study
+from fasbody.arch.mjcf import tree_position
+from fasbody.arch.ode import solve
 from fasbody.exceptions import SimulationError
-from fasbody.static_load import (
-    ARANGIO_SAG,
-    MEASURED_HZ,
-    app,
-    load_study,
-    sag_study,
-)
 
 NOMINAL = Arch.nominal()
 

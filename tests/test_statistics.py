@@ -8,8 +8,8 @@ from scipy import stats
 from statsmodels.stats.anova import anova_lm
 from statsmodels.stats.multitest import multipletests
 
-from fasbody import statistics
 from fasbody.exceptions import RecordingError
+from fasbody.transmissibility import statistics
 
 RNG = np.random.default_rng(5)
 LEVELS = RNG.normal(1.2, 0.1, (20, 1)) + np.array([0.0, 0.03, 0.08]) + RNG.normal(0, 0.05, (20, 3))

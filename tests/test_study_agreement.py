@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from study_cases import power_laws, record, study
 
-from fasbody.model import Foot
-from fasbody.recording import Recording
+from fasbody.foot.model import Foot
+from fasbody.recording.recording import Recording
 from identification.estimate import Settings, fit
 from identification.result import FitResult
 from identification.study.agreement import Agreement, agreement, steadiness

@@ -9,8 +9,8 @@ import pytest
 from study_runs import fitted, small
 
 from fasbody.exceptions import SettingError
-from fasbody.model import Foot
-from fasbody.recording import StudyFolder
+from fasbody.foot.model import Foot
+from fasbody.recording.study import StudyFolder
 from identification.estimate import Settings
 from identification.study import job
 from identification.study.checks import ensure

@@ -11,13 +11,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import mjcf
-from fasbody.checks import checked
 from fasbody.exceptions import ModelError
-from fasbody.model import Foot, load
-from fasbody.recording import Condition, Recording
-from fasbody.two_dof import TwoDof
-from identification.line import Line
-from identification.orbits import Excitation
+from fasbody.foot.model import Foot, load
+from fasbody.foot.two_dof import TwoDof
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Condition, Recording
+from identification.engines.orbits import Excitation
+from identification.periodic import Line
 from identification.study import loops
 from identification.study.cycle import POINTS
 

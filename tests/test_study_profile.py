@@ -6,9 +6,9 @@ from scipy.stats import chi2
 from study_cases import power_laws, study
 
 from fasbody.exceptions import SettingError
-from fasbody.model import Foot
-from identification.orbits import twin_applies
-from identification.routes import PeriodicRoute
+from fasbody.foot.model import Foot
+from identification.domains import PeriodicRoute
+from identification.engines.orbits import twin_applies
 from identification.search import Descent, descend
 from identification.space import Space, space_of
 from identification.study.profile import RISE, Profile, profiles

@@ -12,10 +12,10 @@ import pytest
 from made_fits import failed, plain
 
 from identification.study import figures, report, summary, tables
+from identification.study import figures as motion
+from identification.study import figures as quality
 from identification.study.evidence import Prior
 from identification.study.findings import gather
-from identification.study.motion import figures as motion
-from identification.study.quality import figures as quality
 from identification.study.truth import LIMITS, Truth
 
 KEYS = {

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from study_runs import ENVIRONMENT, arguments, documents, done, fitted, small
 
-from fasbody import interrupt
+from fasbody import console as interrupt
 from fasbody.console import to_json
-from fasbody.model import load
-from fasbody.recording import StudyFolder
+from fasbody.foot.model import load
+from fasbody.recording.study import StudyFolder
 from identification.estimate import Settings, fit
 from identification.study import cluster, command, job
 from identification.study.plan import Model, Plan
@@ -172,8 +172,8 @@ def test_broken_and_foreign_documents_are_computed_again(study: Path, tmp_path: 
 
 def test_aperiodic_recordings_are_fitted_in_the_time_domain(tmp_path: Path) -> None:
     """A sweep has no frequency in the table."""
-    from fasbody.virtual_study import Plan as Virtual
-    from fasbody.virtual_study import make
+    from fasbody.laboratory.study import Plan as Virtual
+    from fasbody.laboratory.study import make
 
     study = make(
         tmp_path / "study",

@@ -11,10 +11,10 @@ from scipy.stats import multivariate_normal
 from study_cases import NONLINEAR, power_laws, record, study
 
 from fasbody.exceptions import SettingError, SimulationError
-from fasbody.model import Foot
+from fasbody.foot.model import Foot
+from identification.engines.orbits import Twin
 from identification.estimate import Settings
-from identification.line import Line
-from identification.orbits import Twin
+from identification.periodic import Line
 from identification.space import space_of
 from identification.study import trend, trend_search
 from identification.study.curves import CurveSpace, Order, natural_spline

@@ -11,10 +11,10 @@ import pytest
 from made_fits import plain
 
 from fasbody.exceptions import InputFileError
-from fasbody.recording import Study
-from fasbody.response import fit_harmonics
-from fasbody.two_dof import NAMES
-from fasbody.virtual_study import STUDY_INSTRUMENT, Plan, make
+from fasbody.foot.two_dof import NAMES
+from fasbody.laboratory.study import STUDY_INSTRUMENT, Plan, make
+from fasbody.recording.harmonics import fit_harmonics
+from fasbody.recording.study import Study
 from identification.study import summary
 from identification.study.truth import Truth, recovery
 

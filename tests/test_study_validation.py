@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from study_cases import NONLINEAR, power_laws, record, study
 
-from fasbody.checks import checked
 from fasbody.exceptions import SettingError
-from fasbody.model import Foot
+from fasbody.foot.model import Foot
+from fasbody.recording.checks import checked
 from identification.estimate import Settings
-from identification.line import Line
+from identification.periodic import Line
 from identification.study.curves import Order
 from identification.study.damping import compare_damping
 from identification.study.heldout import compare, interpolated, predicted

@@ -3,8 +3,8 @@
 import numpy as np
 import thesis
 
-from fasbody import subjects
-from fasbody.recording import Condition
+from fasbody.recording import condition as subjects
+from fasbody.recording.recording import Condition
 
 
 def test_every_row_of_table_2_1() -> None:

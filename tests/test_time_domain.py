@@ -5,14 +5,14 @@ import oracle
 import pytest
 from scipy.linalg import toeplitz
 
-from fasbody import shaker
-from fasbody.checks import checked
-from fasbody.model import Foot
-from fasbody.recording import Condition, Recording
+from fasbody.foot import shaker
+from fasbody.foot.model import Foot
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Condition, Recording
+from identification.engines.runs import TimeRollouts, TimeTwin, grid
 from identification.estimate import Settings, fit
 from identification.space import space_of
 from identification.time_domain import TimeProblem, _correlated, noise_floor
-from identification.time_engines import TimeRollouts, TimeTwin, grid
 
 TRUTH = {name: float(value) for name, value in oracle.TRUTH.items()}
 

@@ -11,14 +11,14 @@ import xarray
 from matplotlib.figure import Figure
 from transmissibility_cases import five_subjects, recording
 
-from fasbody.channels import Channel
-from fasbody.recording import StudyFolder
+from fasbody.laboratory.study import Plan, make
+from fasbody.recording.channels import Channel
+from fasbody.recording.study import StudyFolder
 from fasbody.transmissibility import figures
 from fasbody.transmissibility.comparisons import against_unity, between, resonances
 from fasbody.transmissibility.estimate import Row, rows, unwrapped
 from fasbody.transmissibility.findings import LOADS, findings, judged, summary
 from fasbody.transmissibility.table import Table
-from fasbody.virtual_study import Plan, make
 
 
 def by_pair(found: list[Row]) -> dict[str, Row]:

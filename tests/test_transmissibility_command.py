@@ -9,7 +9,8 @@ import pytest
 from transmissibility_cases import KEYS, five_subjects, recording
 
 from fasbody.exceptions import RecordingError
-from fasbody.recording import Recording, StudyFolder
+from fasbody.recording.recording import Recording
+from fasbody.recording.study import StudyFolder
 from fasbody.transmissibility.table import Table
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import oracle
 import pytest
 
-from fasbody import shaker
-from fasbody.two_dof import NAMES, TwoDof, periodic, trajectory
+from fasbody.foot import shaker
+from fasbody.foot.two_dof import NAMES, TwoDof, periodic, trajectory
 
 
 def foot_of(p: dict[str, float]) -> TwoDof:

@@ -10,15 +10,15 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
-from fasbody import shaker
 from fasbody.exceptions import SettingError
-from fasbody.instrument import Instrument
-from fasbody.recording import StudyFolder
-from fasbody.response import fit_harmonics
+from fasbody.foot import shaker
+from fasbody.laboratory.instrument import Instrument
+from fasbody.laboratory.recording import moving, steady
+from fasbody.laboratory.study import Plan, make
+from fasbody.laboratory.subject import BETWEEN, MEAN_MASS_KG, Tuberosity, VirtualSubject, constants, panel
+from fasbody.recording.harmonics import fit_harmonics
+from fasbody.recording.study import StudyFolder
 from fasbody.transmissibility.estimate import rows
-from fasbody.virtual_recording import moving, steady
-from fasbody.virtual_study import Plan, make
-from fasbody.virtual_subject import BETWEEN, MEAN_MASS_KG, Tuberosity, VirtualSubject, constants, panel
 
 #: A subject without scatter.
 MEAN = VirtualSubject(0, MEAN_MASS_KG, dict.fromkeys(BETWEEN, 1.0))

@@ -6,12 +6,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import mjcf
-from fasbody.arch import Arch
-from fasbody.model import load
-from viz import assets, bones
-from viz.field import ellipsoid, mesh, round_cone, union
+from fasbody.arch.bones import Arch
+from fasbody.foot.model import load
+from viz.anatomy import assets, bones
+from viz.anatomy.field import ellipsoid, mesh, round_cone, union
+from viz.anatomy.rest import SEGMENT_BODIES, carried, segment_bodies
 from viz.load import load_foot
-from viz.rest import SEGMENT_BODIES, carried, segment_bodies
 
 trimesh = pytest.importorskip("trimesh", reason="needs the extra: pip install 'fasbody[view]'")
 
@@ -78,7 +78,7 @@ def test_anatomy_is_where_it_belongs(parts: dict[str, assets.Part]) -> None:
 
 
 def test_skin_holds_every_bone(parts: dict[str, assets.Part]) -> None:
-    from viz import tissue
+    from viz.anatomy import tissue
 
     skin = tissue.skin()
     for part in parts.values():

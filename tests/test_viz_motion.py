@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from fasbody.arch import Arch
+from fasbody.arch.bones import Arch
+from fasbody.arch.linear import transmissibility
 from fasbody.exceptions import SettingError, SimulationError
-from fasbody.linear import transmissibility
-from fasbody.model import load
-from fasbody.shaker import PEAK_TO_PEAK, harmonics, sweep
-from fasbody.two_dof import TwoDof, periodic
-from viz.discrete import discretise
-from viz.motion import CURVE, Motion, displacement, periodic_motion, transient_motion
+from fasbody.foot.model import load
+from fasbody.foot.shaker import PEAK_TO_PEAK, harmonics, sweep
+from fasbody.foot.two_dof import TwoDof, periodic
+from viz.motion import CURVE, Motion, discretise, displacement, periodic_motion, transient_motion
 from viz.settings import Settings
 
 

@@ -11,7 +11,7 @@ import pytest
 from viewer import HIDE, Watched, bone_share, browser, changed_share, viewer
 
 import mjcf
-from fasbody.model import load
+from fasbody.foot.model import load
 from viz.motion import periodic_motion
 from viz.settings import Settings
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fasbody.recording import Condition, Recording
-from fasbody.virtual_study import Plan, make
+from fasbody.laboratory.study import Plan, make
+from fasbody.recording.recording import Condition, Recording
 
 KEYS = {
     "file", "subject", "posture", "added_mass_kg", "frequency_hz", "pair", "transmissibility", "transmissibility_std",

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fasbody.exceptions import InputFileError
-from fasbody.recording import Recording
-from fasbody.shaker import BaseMotion, samples, sweep
+from fasbody.foot.shaker import BaseMotion, samples, sweep
+from fasbody.recording.recording import Recording
 
 #: Length of the swept sine and of what is shown of a recording [s], unless asked for; ends of the sweep [Hz].
 SWEEP_S, RECORDED_S, SWEEP_HZ = 4.0, 1.0, (5.0, 50.0)

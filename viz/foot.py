@@ -11,7 +11,7 @@ import typer
 
 from fasbody.console import command_line, console
 from fasbody.exceptions import InputFileError, SettingError
-from fasbody.parameters import Parameter
+from fasbody.foot.parameters import Parameter
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 

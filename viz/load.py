@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 
 import mjcf
-from fasbody.arch import Arch
+from fasbody.arch.bones import Arch
 from fasbody.exceptions import SettingError
-from fasbody.model import Foot, check, load
+from fasbody.foot.model import Foot, check, load
 
 _INCLUDE = re.compile(r"""<include\s[^>]*file\s*=\s*["']([^"']+)["']""")
 

@@ -1,6 +1,10 @@
-"""What the viewer shows of one foot: a periodic motion under a sine, or a transient under any base motion.
+"""Force over extension of fat pad, ankle and fascia in a state of the model: the points of the page's loops.
 
-Works for every MJCF that the commands accept. The linear model of one step (`viz.discrete`) gives the transmissibility
+The linear model of one step of any MJCF, from one batched step with perturbed states; see `discretise`.
+
+What the viewer shows of one foot: a periodic motion under a sine, or a transient under any base motion.
+
+Works for every MJCF that the commands accept. The linear model of one step (`viz.motion`) gives the transmissibility
 and the start of the periodic motion; MuJoCo then runs whole periods until the motion repeats itself.
 """
 
@@ -12,17 +16,109 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fasbody.engine import callbacks
-from fasbody.exceptions import SimulationError
-from fasbody.model import Foot
-from fasbody.shaker import BaseMotion, harmonics
-from fasbody.simulate import Batch, Simulation
-from viz.discrete import discretise
-from viz.loops import loop_point, watched
-from viz.rest import frames as rest_frames
+from fasbody.exceptions import SettingError, SimulationError
+from fasbody.foot.damper import algebraic_force
+from fasbody.foot.engine import SHAKER_CONTROLS, callbacks
+from fasbody.foot.model import Foot
+from fasbody.foot.parameters import names
+from fasbody.foot.shaker import BaseMotion, harmonics
+from fasbody.foot.simulate import Batch, Simulation
+from viz.anatomy.rest import frames as rest_frames
 from viz.settings import Settings
 
+#: Joints and tendons whose force loop is worth a plot, by what they stand for.
+LOOPS = {"fat pad": ("fat_pad", "heel_pad"), "ankle": ("talocrural",), "fascia": ("plantar_aponeurosis",)}
+
+
+def watched(model: mujoco.MjModel) -> dict[str, list[tuple[str, int]]]:
+    """What a model has of `LOOPS`: label -> kind ("joint" or "tendon") and number of each element."""
+    found: dict[str, list[tuple[str, int]]] = {}
+    for label, wanted in LOOPS.items():
+        for kind in ("joint", "tendon"):
+            there = names(model, kind)
+            found.setdefault(label, []).extend((kind, getattr(model, kind)(n).id) for n in wanted if n in there)
+    return {label: elements for label, elements in found.items() if elements}
+
+
+def loop_point(model: mujoco.MjModel, data: mujoco.MjData, kind: str, i: int) -> tuple[float, float]:
+    """Extension [m] and tensile force [N] of a joint's or tendon's spring, native damper and law together."""
+    if kind == "joint":
+        q, v = model.jnt_qposadr[i], model.jnt_dofadr[i]
+        x, x_dot = data.qpos[q] - model.qpos_spring[q], data.qvel[v]
+        stiffness, native, user = model.jnt_stiffness, model.dof_damping.reshape(model.nv, -1)[v, 0], model.jnt_user
+    else:
+        x, x_dot = data.ten_length[i] - model.tendon_length0[i], data.ten_velocity[i]
+        stiffness, user = model.tendon_stiffness, model.tendon_user
+        native = model.tendon_damping.reshape(model.ntendon, -1)[i, 0]
+    force = stiffness.reshape(len(user), -1)[i, 0] * x + native * x_dot
+    if user.shape[1]:
+        force -= algebraic_force(user[i], x, x_dot, native)
+    if kind == "tendon":  # an actuator on the tendon pulls too, such as the branch of the aponeurosis
+        on = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (model.actuator_trnid[:, 0] == i)
+        force -= float(np.sum(data.actuator_force[on]))
+    return float(x), float(force)
+
+
 Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Discrete:
+    """x_(k+1) = A x_k + B c_k of one step about rest: x = (q, q', act), c = (a_0, ..., a_3) of the base acceleration.
+
+    `malleolus` (states,) gives the vertical velocity of the malleolus.
+    """
+
+    step: float
+    A: Array
+    B: Array
+    malleolus: Array
+
+    def controls(self, frequency_hz: Array) -> Array:
+        """(n, 4) coefficients c of a base acceleration exp(i w t) at t = 0, as `BaseMotion.controls` makes them."""
+        w = 2j * np.pi * np.asarray(frequency_hz, float)
+        a, b = np.ones_like(w), np.exp(w * self.step)
+        rise, j, k = (b - a) / self.step, w * a, w * b
+        return np.stack([a, j, (3 * rise - 2 * j - k) / self.step, (j + k - 2 * rise) / self.step**2], -1)
+
+    def states(self, frequency_hz: Array) -> Array:
+        """(n, states) complex steady states at t = 0 under a base acceleration exp(i w t)."""
+        z = np.exp(2j * np.pi * np.asarray(frequency_hz, float) * self.step)
+        force = self.controls(frequency_hz) @ self.B.T
+        return np.linalg.solve(z[:, None, None] * np.eye(len(self.A)) - self.A, force[..., None])[..., 0]
+
+    def transmissibility(self, frequency_hz: Array) -> Array:
+        """(n,) complex malleolus over base acceleration."""
+        return 2j * np.pi * np.asarray(frequency_hz) * (self.states(frequency_hz) @ self.malleolus)
+
+
+def discretise(foot: Foot) -> Discrete:
+    """The linear model of one step, by central differences of one batched step.
+
+    Raises:
+        SettingError: the model has ball or free joints.
+    """
+    model = foot.model
+    if model.nq != model.nv:
+        raise SettingError(f"{foot.name}: the viewer needs joints that are slides or hinges, not balls or free ones.")
+    n, n_act = model.nv, model.na
+    # Large enough for MuJoCo's constraint solver, which stops at an absolute gain and would see nothing in small ones.
+    size = np.concatenate([np.full(n, 1e-4), np.full(n, 1e-2), np.full(n_act, 1.0), [1.0, 1e2, 1e4, 1e6]])
+    states, count = 2 * n + n_act, len(size)
+    push = np.concatenate([np.diag(size), -np.diag(size)])
+    controls = np.zeros((2 * count, 1, SHAKER_CONTROLS))
+    controls[:, 0, 1:] = push[:, states:]
+    start = np.concatenate([model.qpos0, np.zeros(n + n_act)]) + push[:, :states]
+    out = Batch(foot, 2 * count, threads=1).run(controls, foot.step, *np.split(start, [n, 2 * n], axis=1))
+    after = np.concatenate([out.qpos[:, -1], out.qvel[:, -1], out.act[:, -1]], axis=1)
+    slope = (after[:count] - after[count:]) / (2 * size[:, None])
+    data, jacobian = mujoco.MjData(model), np.zeros((3, n))
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_jacSite(model, data, jacobian, None, model.site("malleolus").id)
+    row = np.concatenate([np.zeros(n), jacobian[1], np.zeros(n_act)])
+    return Discrete(foot.step, slope[:states].T, slope[states:].T, row)
+
 
 #: Frames of one shown period; a transient has at least `RATE` frames a second: 12 a cycle at `HIGHEST` [Hz].
 FRAMES = 64

@@ -21,10 +21,10 @@ try:
 except ImportError:
     raise SettingError("the viewer needs meshcat: pip install 'fasbody[view]'.") from None
 
-from viz.assets import Part, colour
-from viz.bones import SEGMENTS, TABLE
+from viz.anatomy.assets import Part, colour
+from viz.anatomy.bones import SEGMENTS, TABLE
+from viz.anatomy.rest import Frame
 from viz.hub import Hub
-from viz.rest import Frame
 
 Array = np.ndarray
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fasbody.exceptions import SettingError
-from fasbody.model import Foot
-from fasbody.parameters import Parameter
-from fasbody.shaker import PEAK_TO_PEAK
+from fasbody.foot.model import Foot
+from fasbody.foot.parameters import Parameter
+from fasbody.foot.shaker import PEAK_TO_PEAK
 
 #: Parameters that an added mass on the knee raises.
 CARRIERS = ("m_S", "m_T")

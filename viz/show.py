@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import FasError
-from fasbody.model import Foot
-from viz import assets, scene
-from viz.bones import SEGMENTS
+from fasbody.foot.model import Foot
+from viz import scene
+from viz.anatomy import assets
+from viz.anatomy.bones import SEGMENTS
+from viz.anatomy.rest import Carried, Frame, carried, frames, segment_bodies
 from viz.excitation import Excitation
 from viz.hub import Hub
 from viz.load import files_of, load_foot
 from viz.motion import CURVE, Motion, displacement, periodic_motion, transient_motion
-from viz.rest import Carried, Frame, carried, frames, segment_bodies
 from viz.settings import CARRIERS, Settings
 from viz.words import WORDS
 

@@ -1,4 +1,8 @@
-"""A virtual bench: an accelerometer board and a function generator as processes of their own on pseudo-terminals.
+"""A serial line without hardware: the far end of a pseudo-terminal that can be unplugged, and noise for its bytes.
+
+What the virtual bench is made of: an SCPI instrument, a shaker, and a MuJoCo foot stepped piece by piece.
+
+A virtual bench: an accelerometer board and a function generator as processes of their own on pseudo-terminals.
 
 They speak the same bytes as real ones. Behind the board stands the MuJoCo foot in real time, shaken by what the
 generator process says over a local socket, the cable of this bench. `Bench` starts both and can pull the plug.
@@ -6,6 +10,7 @@ generator process says over a local socket, the cable of this bench. `Bench` sta
 
 import contextlib
 import json
+import os
 import select
 import signal
 import socket
@@ -13,20 +18,207 @@ import subprocess
 import sys
 import tempfile
 import time
+import tty
+from collections import deque
 from pathlib import Path
 from types import TracebackType
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import typer
 
-from fasbody.acquire.frames import encode_data, encode_hello
-from fasbody.acquire.line import Line, corrupt
-from fasbody.acquire.lines import encode_header, encode_line
-from fasbody.acquire.messages import Channel, Hello
-from fasbody.acquire.shaken import Shaken, Shaker
+from fasbody.acquire.wire import Channel, Hello, encode_data, encode_header, encode_hello, encode_line
 from fasbody.console import command_line
 from fasbody.exceptions import AcquisitionError
+from fasbody.foot.model import load
+from fasbody.foot.shaker import BaseMotion
+from fasbody.foot.simulate import Batch
+from fasbody.laboratory.foot import TRUTH
+from fasbody.recording.condition import SUBJECTS, foot_mass, shank_mass
+
+#: How late a host may be [s]: Linux keeps 640 kB of a real port for it, of a pseudo-terminal only some kB, so the
+#: bench keeps the rest. Nothing is kept for a host that is not there.
+LATE_S = 2.0
+
+
+class Line:
+    """The host's end of a serial line: a pseudo-terminal under a name that stays the same when it is replugged."""
+
+    def __init__(self, link: Path) -> None:
+        self.link = link
+        self.master = self._slave = -1
+        self._waiting, self._taken = b"", 0.0
+
+    def plug(self) -> None:
+        """Make the port appear."""
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+        spare = self.link.with_name(f".{self.link.name}")
+        spare.symlink_to(os.ttyname(slave))
+        spare.replace(self.link)
+        self._waiting = b""
+        self.master, self._slave = master, slave  # last: another thread may use it at once, and must not block in it
+
+    def unplug(self) -> None:
+        """Make it vanish."""
+        self.link.unlink(missing_ok=True)
+        master, self.master = self.master, -1
+        self._waiting = b""
+        os.close(self._slave)
+        os.close(master)
+
+    def send(self, data: bytes) -> None:
+        """What the host does not begin to fetch within LATE_S is lost, as on a real line."""
+        if self.master < 0:
+            return
+        now = time.monotonic()
+        self._waiting = self._waiting + data if now - self._taken < LATE_S else data
+        with contextlib.suppress(OSError):
+            done = os.write(self.master, self._waiting)
+            self._waiting = self._waiting[done:]
+            self._taken = now
+
+    def receive(self) -> bytes:
+        """What the host sent."""
+        try:
+            return os.read(self.master, 4096) if self.master >= 0 else b""
+        except OSError:
+            return b""
+
+
+def corrupt(data: bytes, share: float, rng: np.random.Generator) -> bytes:
+    """Replace a share of the bytes by other ones."""
+    raw = np.frombuffer(data, np.uint8).copy()
+    hit = rng.random(raw.size) < share
+    raw[hit] ^= rng.integers(1, 256, int(hit.sum()), dtype=np.uint8)
+    return raw.tobytes()
+
+
+#: The subject whose masses the virtual foot has.
+SUBJECT = 16
+BODY_MASS_KG = SUBJECTS[SUBJECT].mass_kg
+#: Base acceleration a volt at the amplifier's gain [m/s^2 per V], its lag [s], harmonics of the shaker over the first.
+GAIN, LAG_S, DISTORTION = 14.0, 0.03, ((2, 0.015, 0.7), (3, 0.008, 1.9))
+NOISE_BASE, NOISE_MALLEOLUS = 0.03, 0.05
+
+
+class Shaker:
+    """State of the SCPI generator. `do` takes one command and returns the answer to a query."""
+
+    LIMITS: ClassVar = {"FREQ": (1e-3, 1e6), "VOLT": (0.0, 20.0), "VOLT:OFFS": (-10.0, 10.0)}
+
+    def __init__(self) -> None:
+        self.errors: deque[str] = deque(maxlen=20)
+        self._reset()
+
+    def _reset(self) -> None:
+        self.values = {"FREQ": 1000.0, "VOLT": 0.1, "VOLT:OFFS": 0.0}
+        self.on = False
+
+    def do(self, command: str) -> str | None:
+        """Execute one line."""
+        head, _, value = command.upper().partition(" ")
+        if head.endswith("?"):
+            return self._answer(head[:-1])
+        if head in self.LIMITS:
+            self._set(head, value)
+        elif head == "OUTP" and value in ("ON", "1", "OFF", "0"):
+            self.on = value in ("ON", "1")
+        elif head == "*CLS":
+            self.errors.clear()
+        elif head == "*RST":
+            self._reset()
+        elif command and (head, value) not in (("FUNC", "SIN"), ("VOLT:UNIT", "VPP")):
+            self.errors.append('-113,"Undefined header"')
+        return None
+
+    def _set(self, head: str, value: str) -> None:
+        low, high = self.LIMITS[head]
+        try:
+            number = float(value)
+        except ValueError:
+            self.errors.append('-104,"Data type error"')
+            return
+        if low <= number <= high:
+            self.values[head] = number
+        else:
+            self.errors.append('-222,"Data out of range"')
+
+    def _answer(self, head: str) -> str | None:
+        if head == "*IDN":
+            return "FAS,virtual generator,0,1"
+        if head == "SYST:ERR":
+            return self.errors.popleft() if self.errors else '0,"No error"'
+        if head == "OUTP":
+            return "1" if self.on else "0"
+        if head in self.values:
+            return f"{self.values[head]:g}"
+        self.errors.append('-113,"Undefined header"')
+        return None
+
+    def output(self) -> dict[str, Any]:
+        """What comes out: amplitude [V peak to peak] and frequency."""
+        return {"frequency_hz": self.values["FREQ"], "volts": self.values["VOLT"] if self.on else 0.0}
+
+
+class Shaken:
+    """A foot on the shaker, in steps of real time.
+
+    Args:
+        rate_hz: sampling rate. added_mass_kg: on the knee. rng: noise of the sensors.
+    """
+
+    def __init__(self, rate_hz: float, added_mass_kg: float, rng: np.random.Generator) -> None:
+        masses = {"m_S": shank_mass(BODY_MASS_KG, added_mass_kg), "m_F": foot_mass(BODY_MASS_KG)}
+        self.foot = load("two_dof").with_values({**TRUTH, **masses})
+        self._stride = max(1, int(np.ceil(1 / rate_hz / self.foot.step - 1e-9)))
+        self._step = 1 / rate_hz / self._stride
+        self._batch = Batch(self.foot, 1, 1)
+        self._qpos, self._qvel = self.foot.model.qpos0.copy(), np.zeros(self.foot.model.nv)
+        self._rng = rng
+        self._omega, self._phase = 2 * np.pi * 20.0, 0.0
+        self._amplitude = self._wanted = 0.0  # [m/s^2], of the first harmonic
+        self.advance(4)  # compiles
+
+    def drive(self, order: dict[str, Any]) -> None:
+        """The generator's output changed."""
+        if "volts" in order:
+            self._omega = 2 * np.pi * float(order["frequency_hz"])
+            self._wanted = 0.5 * GAIN * float(order["volts"])
+
+    def advance(self, samples: int) -> np.ndarray:
+        """The next samples: (n, 3) base, malleolus and tuberosity (on the same rigid shank), with noise [m/s^2]."""
+        count = samples * self._stride
+        length = count * self._step
+        controls = self._motion(length).controls(self._step, count)[None]
+        out = self._batch.run(controls, self._step, self._qpos, self._qvel)
+        self._qpos, self._qvel = out.qpos[0, -1].copy(), out.qvel[0, -1].copy()
+        base = self.foot.base
+        self._qpos[base] = self._qvel[base] = 0.0  # the foot does not feel them, and they would drift
+        self._phase = (self._phase + self._omega * length) % (2 * np.pi)
+        self._amplitude = self._wanted + (self._amplitude - self._wanted) * np.exp(-length / LAG_S)
+        y = out.malleolus[0, :: self._stride]
+        clean = np.column_stack([out.base[0, :: self._stride], y, y])
+        return clean + self._rng.normal(size=clean.shape) * [NOISE_BASE, NOISE_MALLEOLUS, NOISE_MALLEOLUS]
+
+    def _motion(self, length: float) -> BaseMotion:
+        """Base motion from now on: the amplitude follows its set value with the amplifier's lag."""
+        w, p, wanted, gap = self._omega, self._phase, self._wanted, self._amplitude - self._wanted
+        lines = ((1, 1.0, 0.0), *DISTORTION)
+
+        def acceleration(t: np.ndarray) -> np.ndarray:
+            wave = sum(size * np.sin(h * (p + w * t) + late) for h, size, late in lines)
+            return (wanted + gap * np.exp(-t / LAG_S)) * wave
+
+        def jerk(t: np.ndarray) -> np.ndarray:
+            wave = sum(size * np.sin(h * (p + w * t) + late) for h, size, late in lines)
+            slope = sum(size * h * w * np.cos(h * (p + w * t) + late) for h, size, late in lines)
+            fade = gap * np.exp(-t / LAG_S)
+            return (wanted + fade) * slope - fade / LAG_S * wave
+
+        return BaseMotion("virtual shaker", length, acceleration, jerk)
+
 
 RANGE_M_S2 = 39.2
 FRAME_SAMPLES = 16

@@ -9,12 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.acquire.capture import Capture
-from fasbody.acquire.decoder import Decoder
 from fasbody.acquire.lateness import Lateness
-from fasbody.acquire.messages import Block, Hello, Message
-from fasbody.acquire.quality import counted
-from fasbody.acquire.reader import Reader
-from fasbody.acquire.timeline import Timeline
+from fasbody.acquire.port import Reader
+from fasbody.acquire.timeline import Timeline, counted
+from fasbody.acquire.wire import Block, Decoder, Hello, Message
 from fasbody.exceptions import AcquisitionError
 
 #: How much of the signals is kept for the live view and the amplitude loop [s].

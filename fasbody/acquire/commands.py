@@ -17,15 +17,14 @@ from fasbody.acquire.generator import Generator
 from fasbody.acquire.interruption import terminated
 from fasbody.acquire.level import Safety
 from fasbody.acquire.plan import Plan
-from fasbody.acquire.port import Unplugged, ports
-from fasbody.acquire.probe import probe, swapped
-from fasbody.acquire.quality import counted
+from fasbody.acquire.port import Unplugged, ports, probe, swapped
 from fasbody.acquire.recovery import grouped
 from fasbody.acquire.session import Session
+from fasbody.acquire.timeline import counted
 from fasbody.console import console, print_json, results
 from fasbody.exceptions import AcquisitionError, FasError, SettingError
-from fasbody.recording import Condition
-from fasbody.shaker import PEAK_TO_PEAK
+from fasbody.foot.shaker import PEAK_TO_PEAK
+from fasbody.recording.recording import Condition
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -88,7 +87,7 @@ def record(
         given = [name for name, value in ignored.items() if value is not None]
         if given:
             raise SettingError(f"--simulate brings its own board, generator and subject: leave out {', '.join(given)}.")
-        from fasbody.acquire import shaken
+        from fasbody.acquire import bench as shaken
 
         subject, body_mass = str(shaken.SUBJECT), shaken.BODY_MASS_KG
         truth = {"origin": "synthetic", "parameters": shaken.TRUTH, "instrument": {"delay_s": 0.0}}

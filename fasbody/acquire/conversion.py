@@ -9,15 +9,13 @@ from typing import Any
 import numpy as np
 
 from fasbody.acquire import capture, folder
-from fasbody.acquire.decoder import Decoder
 from fasbody.acquire.excitation import absent
-from fasbody.acquire.messages import Hello
-from fasbody.acquire.quality import Limits, Quality, counted
-from fasbody.acquire.timeline import Timeline
-from fasbody.checks import checked
+from fasbody.acquire.timeline import Limits, Quality, Timeline, counted
+from fasbody.acquire.wire import Decoder, Hello
 from fasbody.console import to_json, write_whole
 from fasbody.exceptions import AcquisitionError, InputFileError, RecordingError
-from fasbody.recording import Condition, Recording
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Condition, Recording
 
 
 @dataclass(frozen=True)

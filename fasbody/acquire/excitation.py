@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fasbody.recording import Recording
+from fasbody.recording.recording import Recording
 
 #: Excitation begins here [Hz]; slower motion is drift and leaning.
 _SLOWEST_HZ = 3.0

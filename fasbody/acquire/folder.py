@@ -13,7 +13,7 @@ from typing import Any
 from fasbody.acquire.capture import SUFFIX
 from fasbody.console import to_json, write_whole
 from fasbody.exceptions import InputFileError
-from fasbody.recording import Condition
+from fasbody.recording.recording import Condition
 
 CAPTURES, RECORDINGS, TRUTH = "captures", "recordings", "truth.json"
 

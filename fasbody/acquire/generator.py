@@ -8,8 +8,7 @@ import time
 from types import TracebackType
 
 from fasbody.acquire.guard import ALIVE, DONE, OFF
-from fasbody.acquire.port import Port
-from fasbody.acquire.probe import is_identity
+from fasbody.acquire.port import Port, is_identity
 from fasbody.console import console
 from fasbody.exceptions import AcquisitionError
 

@@ -8,10 +8,10 @@ from typing import Any
 
 from fasbody.acquire import folder
 from fasbody.acquire.level import Safety
-from fasbody.acquire.quality import Limits
+from fasbody.acquire.timeline import Limits
 from fasbody.exceptions import SettingError
-from fasbody.recording import Condition
-from fasbody.shaker import PEAK_TO_PEAK
+from fasbody.foot.shaker import PEAK_TO_PEAK
+from fasbody.recording.recording import Condition
 
 
 @dataclass(frozen=True)

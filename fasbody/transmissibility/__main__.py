@@ -9,10 +9,10 @@ from rich.table import Table as Printed
 
 from fasbody.console import command_line, console, make_folder, print_json, results, write_whole
 from fasbody.exceptions import RecordingError, SettingError
-from fasbody.recording import StudyFolder, read_file
+from fasbody.recording.study import StudyFolder, read_file
+from fasbody.recording.trials import posture_remarks
 from fasbody.transmissibility.findings import Finding, judged, summary
 from fasbody.transmissibility.table import Condition, Curves, Table
-from fasbody.trials import posture_remarks
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 _ENDINGS = ("svg", "png", "pdf")
@@ -172,8 +172,7 @@ def _single_mass(table: Table):  # type: ignore[no-untyped-def]
     import numpy as np
     from scipy import stats
 
-    from fasbody import sdof
-    from fasbody.transmissibility import figures
+    from fasbody.transmissibility import figures, sdof
 
     condition = table.conditions[0]
     c = table.curves("MB", *condition)

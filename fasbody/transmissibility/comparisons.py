@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from fasbody import statistics
 from fasbody.exceptions import RecordingError
-from fasbody.resonance import Resonance
+from fasbody.transmissibility import statistics
+from fasbody.transmissibility.resonance import Resonance
 from fasbody.transmissibility.table import Condition, Table
 
 

@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.checks import checked
-from fasbody.filters import CUTOFF_HZ, peak_to_peak
-from fasbody.recording import Recording
-from fasbody.response import Harmonics, fit_harmonics
-from fasbody.shared_error import gain_and_delay
-from fasbody.spectra import excited, h1
+from fasbody.recording.checks import checked
+from fasbody.recording.harmonics import Harmonics, fit_harmonics
+from fasbody.recording.recording import Recording, gain_and_delay
+from fasbody.transmissibility.spectra import CUTOFF_HZ, excited, h1, peak_to_peak
 
 #: Output and input channel of each pair.
 PAIRS = {"MB": ("malleolus", "base"), "TB": ("tuberosity", "base"), "TM": ("tuberosity", "malleolus")}

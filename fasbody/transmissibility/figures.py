@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.interpolate import Akima1DInterpolator
 
-from fasbody import sdof
+from fasbody.transmissibility import sdof
 from fasbody.transmissibility.labels import label_lines
 from fasbody.transmissibility.table import Condition, Curves, Table
 

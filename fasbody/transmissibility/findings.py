@@ -6,10 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from fasbody import statistics
 from fasbody.exceptions import RecordingError
-from fasbody.resonance import Resonance
-from fasbody.statistics import one_sample
+from fasbody.transmissibility import statistics
+from fasbody.transmissibility.resonance import Resonance
+from fasbody.transmissibility.statistics import one_sample
 from fasbody.transmissibility.table import Condition, Curves, Table, counted
 
 #: Frequencies of section 2.2.2 [Hz].

@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from fasbody.channels import Channel
-from fasbody.condition import POSTURES
 from fasbody.exceptions import FasError, RecordingError
 from fasbody.parallel import run
-from fasbody.recording import Recording, StudyFolder
-from fasbody.resonance import Resonance, by_thesis, shown
+from fasbody.recording.channels import Channel
+from fasbody.recording.condition import POSTURES
+from fasbody.recording.recording import Recording
+from fasbody.recording.study import StudyFolder
+from fasbody.recording.trials import Trial
 from fasbody.transmissibility.estimate import PAIRS, Row, rows, unwrapped
-from fasbody.trials import Trial
+from fasbody.transmissibility.resonance import Resonance, by_thesis, shown
 
 Condition = tuple[str, float]  # posture, added mass [kg]
 #: What the standard deviations hold where study.toml says nothing of the sensors.

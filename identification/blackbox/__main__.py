@@ -9,9 +9,8 @@ import typer
 
 from fasbody.console import command_line, console, make_folder, print_json, progress_bar, to_json, write_whole
 from fasbody.exceptions import SettingError, unknown
-
-from . import csvfile, report
-from .identify import ALL, DEFAULT, Report, identify
+from identification.blackbox import csvfile, report
+from identification.blackbox.identify import ALL, DEFAULT, Report, identify
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -124,7 +123,7 @@ def _show(reports: list[Report], pool: bool) -> None:
 
 
 def _write(folder: Path, reports: list[Report], document: dict[str, object]) -> None:
-    from . import figures
+    from identification.blackbox import figures
 
     write_whole(folder / "result.json", to_json(document))
     write_whole(folder / "models.csv", report.csv_text(reports))

@@ -9,11 +9,10 @@ import numpy as np
 from scipy import linalg
 
 from fasbody.exceptions import SettingError
-
-from .data import Series
-from .filters import pole_warnings, shifted
-from .least_squares import Linearisation, spread
-from .polynomial import Orders, PolynomialModel
+from identification.blackbox.data import Series
+from identification.blackbox.filters import pole_warnings, shifted
+from identification.blackbox.least_squares import Linearisation, spread
+from identification.blackbox.polynomial import Orders, PolynomialModel
 
 
 def regressors(series: Series, orders: Orders, first_row: int | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -30,7 +29,7 @@ def estimate(recordings: Series | Sequence[Series], orders: Orders) -> Polynomia
     Raises:
         SettingError: orders with C, D or F, or more parameters than samples.
     """
-    from .pem import check_length
+    from identification.blackbox.pem import check_length
 
     if orders.nc or orders.nd or orders.nf:
         raise SettingError("an ARX model has only n_a, n_b and n_k.")

@@ -9,9 +9,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import criteria
-from .data import Series
-from .response import Response
+from identification.blackbox import criteria
+from identification.blackbox.data import Series
+from identification.blackbox.response import Response
 
 NEGLIGIBLE = 2e-3  # of the output's amplitude left unexplained justifies no further parameter
 BLOCKS = 20  # of the held-out data, over which two models' squared errors are compared

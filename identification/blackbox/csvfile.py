@@ -9,10 +9,9 @@ import numpy as np
 import pandas as pd
 
 from fasbody.exceptions import InputFileError, RecordingError, unknown
-from fasbody.recording import Study
-from fasbody.units import TIME_UNITS
-
-from .data import INPUT_OUTPUT, Series, find_fault, find_problem, from_recording
+from fasbody.recording.channels import TIME_UNITS
+from fasbody.recording.study import Study
+from identification.blackbox.data import INPUT_OUTPUT, Series, find_fault, find_problem, from_recording
 
 #: A header of time, alone or with a unit: time_s, "Time (ms)", t [us], timestamp.
 TIME_HEADER = re.compile(r"(?:time\s*stamp|time|t)(?:[\s_.,:/\[(]+(?P<unit>\w+)[\s\])]*)?", re.IGNORECASE)

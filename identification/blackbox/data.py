@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from fasbody.exceptions import RecordingError, SettingError
-from fasbody.recording import Recording
+from fasbody.recording.recording import Recording
 
 SHORTEST = 20  # samples; below this not even a first-order model and its initial state can be judged
 INPUT_OUTPUT = ("base_m_s2", "malleolus_m_s2")  # of a foot's recording

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from fasbody.exceptions import FasError
-
-from . import pem
-from .data import Series
-from .polynomial import Orders
+from identification.blackbox import pem
+from identification.blackbox.data import Series
+from identification.blackbox.polynomial import Orders
 
 NEAR = range(1, 6)  # n_k always compared
 CERTAIN = 4.0  # standard errors that the coefficient of direct feedthrough must stand out by

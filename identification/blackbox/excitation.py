@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from .data import Series
+from identification.blackbox.data import Series
 
 THRESHOLD = 1e-3  # of the largest singular value: weaker directions drown in sensor noise, whatever eps allows
 LAGS = 200  # the largest excitation order looked for

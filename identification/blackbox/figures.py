@@ -11,8 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from .identify import Found, Report
-from .report import CONFIDENCE
+from identification.blackbox.identify import Found, Report
+from identification.blackbox.report import CONFIDENCE
 
 #: Okabe and Ito's colours, told apart with any colour vision; one for each structure in every figure.
 COLOURS = {

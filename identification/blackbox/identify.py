@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import FasError, SettingError, unknown
-
-from . import delay, excitation, frequency, narx, nonlinear, pem, selection, subspace
-from .data import Series
-from .excitation import Excitation
-from .polynomial import STRUCTURES, Orders, PolynomialModel
-from .rational import Rational
-from .response import Response
-from .selection import Candidate, Selection
-from .validation import ALARM, ResidualTest, residual_test
+from identification.blackbox import delay, excitation, frequency, narx, nonlinear, pem, selection, subspace
+from identification.blackbox.data import Series
+from identification.blackbox.excitation import Excitation
+from identification.blackbox.frequency import Rational
+from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
+from identification.blackbox.response import Response
+from identification.blackbox.selection import Candidate, Selection
+from identification.blackbox.validation import ALARM, ResidualTest, residual_test
 
 ALL = ("arx", "armax", "bj", "oe", "ss", "hw", "narx")
 DEFAULT = ("arx", "armax", "oe", "bj", "ss", "hw")

@@ -9,10 +9,10 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import excitation
-from .data import Series
-from .response import Response
-from .selection import Candidate, judge
+from identification.blackbox import excitation
+from identification.blackbox.data import Series
+from identification.blackbox.response import Response
+from identification.blackbox.selection import Candidate, judge
 
 LARGEST_TERMS = 14
 LIMIT = 50.0  # times the output's scale: a simulation beyond this has diverged

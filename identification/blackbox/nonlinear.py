@@ -10,13 +10,12 @@ from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
 from fasbody.exceptions import SettingError
-
-from . import pem
-from .data import Series
-from .filters import largest_root, pulse_response, shifted
-from .least_squares import Linearisation, minimise, project_states, spread
-from .polynomial import Orders, PolynomialModel
-from .response import Response
+from identification.blackbox import pem
+from identification.blackbox.data import Series
+from identification.blackbox.filters import largest_root, pulse_response, shifted
+from identification.blackbox.least_squares import Linearisation, minimise, project_states, spread
+from identification.blackbox.polynomial import Orders, PolynomialModel
+from identification.blackbox.response import Response
 
 
 @dataclass(frozen=True, eq=False)

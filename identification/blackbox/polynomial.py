@@ -10,10 +10,9 @@ from numpy.typing import ArrayLike
 from scipy import signal
 
 from fasbody.exceptions import SettingError, unknown
-
-from .data import Series
-from .filters import free_run
-from .response import Response
+from identification.blackbox.data import Series
+from identification.blackbox.filters import free_run
+from identification.blackbox.response import Response
 
 #: Orders of each structure in the sequence of Table 3.2.
 STRUCTURES = {
@@ -173,7 +172,7 @@ class PolynomialModel:
 
     def residuals(self, series: Series) -> np.ndarray:
         """One-step prediction errors from the first sample with complete regressors on, shape (N - first,)."""
-        from .pem import Residuals
+        from identification.blackbox.pem import Residuals
 
         return Residuals([series], self.orders).at(self.theta).errors[0]
 

@@ -8,7 +8,7 @@ from importlib.resources import files
 import numpy as np
 import pandas as pd
 
-from .polynomial import STRUCTURES
+from identification.blackbox.polynomial import STRUCTURES
 
 NAMES = STRUCTURES
 #: Coefficients that a sine without harmonics determines, and one with its second and third, as the bundled series have.

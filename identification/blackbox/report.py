@@ -11,8 +11,8 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from . import published
-from .identify import Found, Report
+from identification.blackbox import published
+from identification.blackbox.identify import Found, Report
 
 CONFIDENCE = 1.96  # standard deviations of a 95 % interval
 

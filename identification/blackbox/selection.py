@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fasbody.exceptions import FasError, SettingError
-
-from . import arx, criteria, pem, subspace
-from .candidate import Candidate, Model, judge
-from .data import Series
-from .filters import outlasting
-from .polynomial import Orders, PolynomialModel
+from identification.blackbox import arx, criteria, pem, subspace
+from identification.blackbox.candidate import Candidate, Model, judge
+from identification.blackbox.data import Series
+from identification.blackbox.filters import outlasting
+from identification.blackbox.polynomial import Orders, PolynomialModel
 
 ALIKE = 10.0  # difference of N times AIC below which data hardly tell models apart
 POLYNOMIAL_STATES = 5  # n_f, n_c, n_d up to here, as in the thesis

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import signal
 
-from .data import Series
-from .least_squares import project_states
-from .polynomial import PolynomialModel
-from .response import Response
+from identification.blackbox.data import Series
+from identification.blackbox.least_squares import project_states
+from identification.blackbox.polynomial import PolynomialModel
+from identification.blackbox.response import Response
 
 
 @dataclass(frozen=True, eq=False)

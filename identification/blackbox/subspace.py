@@ -9,13 +9,12 @@ import numpy as np
 from scipy import linalg
 
 from fasbody.exceptions import SettingError
-
-from .data import Series
-from .least_squares import project_states, spread
-from .pem import Residuals
-from .pem import estimate as estimate_polynomial
-from .polynomial import Orders, PolynomialModel
-from .state_space import StateSpaceModel, free_responses, modal_response
+from identification.blackbox.data import Series
+from identification.blackbox.least_squares import project_states, spread
+from identification.blackbox.pem import Residuals
+from identification.blackbox.pem import estimate as estimate_polynomial
+from identification.blackbox.polynomial import Orders, PolynomialModel
+from identification.blackbox.state_space import StateSpaceModel, free_responses, modal_response
 
 UNREFINED = "plain subspace estimate without standard errors, for those of its linearisation would be too small"
 BLOCK_ROWS = 16  # about 15 beats 30 on band-limited input; one more than the largest order asked for

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, stats
 
-from .data import Series
-from .filters import shifted
+from identification.blackbox.data import Series
+from identification.blackbox.filters import shifted
 
 ALARM = 1e-3  # p-value below which a test is reported: several recordings and structures are tested at once
 

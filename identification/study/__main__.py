@@ -1,7 +1,6 @@
 """`python -m identification.study`: the command of command.py."""
 
-from fasbody.console import command_line
-from fasbody.interrupt import heeded
+from fasbody.console import command_line, heeded
 
 
 def start() -> None:

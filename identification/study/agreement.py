@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.checks import checked
-from fasbody.model import Foot
-from fasbody.recording import Recording
+from fasbody.foot.model import Foot
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Recording
+from identification.domains import STEADY
 from identification.estimate import Settings, fit
-from identification.line import Line
+from identification.periodic import Line
 from identification.result import FitResult
-from identification.routes import STEADY
 
 #: A difference beyond this many joint standard errors is a disagreement.
 BEYOND = 3.0

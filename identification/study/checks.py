@@ -3,14 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fasbody.checks import checked
 from fasbody.exceptions import SettingError, unknown
-from fasbody.model import Foot
-from fasbody.recording import Recording
+from fasbody.foot.model import Foot
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Recording
 from identification.certification import settle
+from identification.domains import PeriodicRoute
+from identification.engines.orbits import twin_applies
 from identification.estimate import Settings
-from identification.orbits import twin_applies
-from identification.routes import PeriodicRoute
 from identification.search import descend
 from identification.space import DELAY, Space, space_of
 from identification.study.agreement import agreement

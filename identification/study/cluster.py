@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 from urllib.parse import urlsplit
 
+from fasbody.console import heeded, held, once
 from fasbody.exceptions import FasError, MissingPackageError, SettingError
-from fasbody.interrupt import heeded, held, once
 from identification.study import job, plan
 from identification.study.job import Document
 from identification.study.plan import Work

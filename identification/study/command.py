@@ -13,8 +13,8 @@ from rich.table import Table
 
 from fasbody.console import console, print_json, progress_bar, results
 from fasbody.exceptions import Stopped
-from fasbody.model import load
-from fasbody.recording import StudyFolder
+from fasbody.foot.model import load
+from fasbody.recording.study import StudyFolder
 from identification import options
 from identification.estimate import Settings
 from identification.study import cluster, report

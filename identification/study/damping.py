@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.checks import checked
 from fasbody.exceptions import SettingError, unknown
-from fasbody.model import Foot
-from fasbody.recording import Recording
+from fasbody.foot.model import Foot
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Recording
+from identification.engines.orbits import twin_applies
 from identification.estimate import Settings
-from identification.orbits import twin_applies
 from identification.space import space_of
 from identification.study.trend import fit_trend
 from identification.study.validation import Validation, leave_one_frequency_out, quick_fit

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import SettingError, unknown
-from fasbody.two_dof import TwoDof
+from fasbody.foot.two_dof import TwoDof
 from identification.branches import EXCHANGED, pinned
 from identification.options import limits
 

@@ -1,6 +1,11 @@
-"""Figures of a whole study in the manner of 4.6 to 4.25 and D.1 to D.3; every function returns a matplotlib Figure."""
+"""Figures of a whole study in the manner of 4.6 to 4.25 and D.1 to D.3; every function returns a matplotlib Figure.
 
-from collections.abc import Callable, Iterable, Sequence
+Figures of a study's fits rather than of its feet: verdicts on each parameter, and where the starts ended.
+
+Figures of cycles in the manner of 4.6 to 4.17: traces, hysteresis loops, energies; each returns a Figure.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
 from io import BytesIO
 from textwrap import fill
@@ -10,14 +15,17 @@ import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
+from identification.branches import DECISIVE_ODDS
 from identification.figures import STYLE, label_of, panels
 from identification.study.means import BAND, FEWEST, POSITIVE, mean_curve
 from identification.study.summary import FEWEST as FEWEST_OF_A_BOX
-from identification.study.summary import OPEN, measured, quartiles
+from identification.study.summary import OPEN, POOR_FIT, follows, measured, nominal, quartiles
 
 #: Colour-blind safe, and different in grey: the loads.
 _LOADS = ("#1b1b1b", "#d1495b", "#2e86ab", "#66a182", "#edae49")
@@ -194,3 +202,198 @@ def _box(rows: pd.DataFrame, scale: float) -> dict[str, Any]:
     inside = values[~rows["outlier"].to_numpy()]
     return {"med": np.median(values), "q1": low, "q3": high, "whislo": min(inside.min(), low),
             "whishi": max(inside.max(), high), "fliers": values[rows["outlier"].to_numpy()]}  # fmt: skip
+
+
+_VERDICTS = {"identified": "#2e86ab", "weak": "#edae49", "not identifiable": "#c9c9c9"}
+_BLUE = _VERDICTS["identified"]
+#: Difference in the sum of squares that is none, and that 1000 to 1 odds need.
+_SAME, _TOLD_APART = 1e-2, round(2 * float(np.log(DECISIVE_ODDS)), 1)
+
+
+@styled
+def waterfall(documents: Sequence[Mapping[str, Any]]) -> Figure:
+    """How far the starts ended above the best of their fit, best first: quantiles over fits, by mode.
+
+    Below, the share of these starts that ended on the other branch than the best start.
+    """
+    shown = [d for d in documents if d["status"] == "done" and d["result"].get("starts")]
+    modes = list(dict.fromkeys(d["mode"] for d in shown))
+    width = max(4.6, 3.0 * len(modes) + 0.6)
+    figure, axes = panels(2, max(1, len(modes)), width, 3.9, sharex="col", sharey="row", height_ratios=[2.6, 1])
+    for column, mode in zip(axes.T, modes, strict=False):
+        mine = [d["result"]["starts"] for d in shown if d["mode"] == mode]
+        ranks = range(max(len(starts) for starts in mine))
+        above = [np.array([max(s[k]["cost"] - s[0]["cost"], _SAME) for s in mine if len(s) > k]) for k in ranks]
+        other = [np.mean([s[k]["branch"] != s[0]["branch"] for s in mine if len(s) > k]) for k in ranks]
+        at = np.array(ranks) + 1
+        low, lower, middle, upper, high = np.array([np.quantile(a, (0.05, 0.25, 0.5, 0.75, 0.95)) for a in above]).T
+        column[0].fill_between(at, low, high, color=_BLUE, alpha=0.18, lw=0, label="90 % of the fits")
+        column[0].fill_between(at, lower, upper, color=_BLUE, alpha=0.35, lw=0, label="half of them")
+        column[0].plot(at, middle, "o-", lw=1.8, ms=3.5, color=_BLUE, label="median")
+        column[0].axhline(_TOLD_APART, lw=0.9, ls="--", color=GREY, label="1000 to 1")
+        column[0].set_yscale("log")
+        column[0].set_title(f"{mode}, {len(mine)} fits")
+        column[1].bar(at, 100 * np.array(other), width=0.6, color=MODEL)
+        column[1].set_ylim(0, 100)
+        column[1].set_xlabel("start, best first")
+        column[1].xaxis.get_major_locator().set_params(integer=True)
+    axes[0, 0].set_ylabel("sum of squares\nabove the best")
+    axes[1, 0].set_ylabel("on the other\nbranch [%]")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=8, columnspacing=1.2)
+    return noted(
+        figure,
+        f"below the dashed line ({_TOLD_APART:g}) the data do not tell two ends apart; {_SAME:g} or less is drawn as "
+        f"{_SAME:g}",
+    )
+
+
+@styled
+def verdicts(table: pd.DataFrame) -> Figure:
+    """How many estimates of each parameter are identified, weak and not identifiable, by mode."""
+    rows = table[table["shown"]]
+    modes = list(dict.fromkeys(rows["mode"]))
+    found = list(dict.fromkeys(rows["parameter"]))
+    names = [n for n in CONSTANTS if n in found] + [n for n in found if n not in CONSTANTS]
+    figure, axes = panels(1, max(1, len(modes)), 2.9 * max(1, len(modes)) + 0.8, 0.27 * len(names) + 1.2, sharey=True)
+    for axis, mode in zip(axes[0], modes, strict=False):
+        own = rows[rows["mode"] == mode]
+        counts = pd.crosstab(own["parameter"], own["verdict"]).reindex(
+            index=names, columns=list(_VERDICTS), fill_value=0
+        )
+        share = 100 * counts.div(counts.sum(axis=1).replace(0, 1), axis=0)
+        left = np.zeros(len(names))
+        for verdict, colour in _VERDICTS.items():
+            axis.barh(range(len(names)), share[verdict], left=left, color=colour, label=verdict, height=0.72)
+            left = left + share[verdict].to_numpy()
+        axis.set_title(f"{mode} ({own['key'].nunique()} fits)")
+        axis.set_xlabel("share of estimates [%]")
+        axis.set_xlim(0, 100)
+        axis.grid(axis="y", visible=False)
+    axes[0, 0].set_yticks(range(len(names)), [label_of(n) for n in names])
+    axes[0, 0].invert_yaxis()
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=3, fontsize=8.5)
+    return figure
+
+
+#: Circles of a trace at most, of all samples that are stored.
+_CIRCLES = 36
+#: Line of a model that does not follow its recording.
+_POOR = ":"
+
+
+def _poor(cycles: Sequence[Mapping[str, Any]]) -> str:
+    """What the dotted lines are, where there are any."""
+    some = not all(c.get("follows", True) for c in cycles)
+    return f"; dotted: the model follows its recording to less than {POOR_FIT:g} %" if some else ""
+
+
+@styled
+def traces(cycles: Sequence[Mapping[str, Any]], fits: Mapping[str, float], origin: str) -> Figure:
+    """Figures 4.6 to 4.14: measured and modelled malleolus acceleration of one subject, frequencies by loads.
+
+    Args:
+        cycles: entries of the branch shown, with traces. fits: file -> fit percentage. origin: of the data.
+    """
+    f, loads = distinct(nominal(c["frequency_hz"]) for c in cycles), distinct(c["added_mass_kg"] for c in cycles)
+    figure, axes = panels(len(f), len(loads), 2.5 * len(loads) + 0.4, 1.25 * len(f) + 0.7, sharex=True, sharey="row")
+    for axis in axes.flat:
+        axis.set_visible(False)
+    plain = axes.flat[0].title.get_color()
+    for c in cycles:
+        axis = axes[f.index(nominal(c["frequency_hz"])), loads.index(c["added_mass_kg"])]
+        axis.set_visible(True)
+        t = np.array(c["trace"]["time_s"]) * c["frequency_hz"]
+        good = c.get("follows", True)
+        axis.plot(t, c["trace"]["model_m_s2"], lw=1.3, ls="-" if good else _POOR, color=MODEL, label="model", zorder=3)
+        axis.plot(
+            t, c["trace"]["measured_m_s2"], "o", ms=3, mfc="none", mew=0.6, color=MEASURED, label=origin,
+            markevery=max(1, round(t.size / _CIRCLES)),
+        )  # fmt: skip
+        fit = f": fit {fits[c['file']]:.1f} %" if c["file"] in fits else ""
+        axis.set_title(f"{nominal(c['frequency_hz']):g} Hz, {c['added_mass_kg']:g} kg{fit}", fontsize=8, pad=3,
+                       color=plain if good else MODEL)  # fmt: skip
+        axis.tick_params(labelsize=7)
+    for axis in axes[-1]:
+        axis.set_xlabel("time [periods]")
+    for axis in axes[:, 0]:
+        axis.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+    figure.supylabel("malleolus acceleration [m/s²]", fontsize=9)
+    handles, labels = next(axis for axis in axes.flat if axis.lines).get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=2, fontsize=8, markerscale=1.6)
+    return noted(figure, f"circles: some of the samples{_poor(cycles)}")
+
+
+@styled
+def loops(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
+    """Figures 4.15 to 4.17: force against displacement of ankle and fat pad, a loop a frequency, a column a load.
+
+    Args:
+        cycles: entries with points of their loops; where `decided` is False they are dashed, where
+            `follows` is dotted. origin: of the data.
+    """
+    loads = distinct(c["added_mass_kg"] for c in cycles)
+    figure, axes = panels(2, len(loads), 2.5 * len(loads) + 1.0, 5.0, sharex="row", sharey="row")
+    f = [nominal(c["frequency_hz"]) for c in cycles]
+    colour = ScalarMappable(Normalize(min(f), max(f)), "viridis_r")
+    for c in sorted(cycles, key=lambda c: c["frequency_hz"]):
+        for row, part in enumerate(("ankle", "fat_pad")):
+            x, F = (np.append(c[part][key], c[part][key][0]) for key in ("displacement_m", "force_n"))
+            axis = axes[row, loads.index(c["added_mass_kg"])]
+            style = "-" if c.get("decided", True) else (0, (2.5, 1.5))
+            style = style if c.get("follows", True) else _POOR
+            axis.plot(1e3 * x, F, lw=1.1, ls=style, color=colour.to_rgba(np.array(nominal(c["frequency_hz"]))))
+    for column, load in enumerate(loads):
+        axes[0, column].set_title(f"talocrural joint, {load:g} kg")
+        axes[1, column].set_title(f"fat pad, {load:g} kg")
+        axes[1, column].set_xlabel("relative displacement [mm]")
+    for row in axes:
+        row[0].set_ylabel("force [N]")
+        row[0].xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))  # shared by the row
+    bar = figure.colorbar(colour, ax=axes, label="frequency [Hz]", shrink=0.7, pad=0.02)
+    bar.set_ticks(distinct(f) if len(set(f)) < 12 else [])
+    dashed = "; dashed: the branch is not decided" if not all(c.get("decided", True) for c in cycles) else ""
+    text = f"model driven by the base of {origin} recordings; area = energy dissipated in one cycle"
+    return noted(figure, text + dashed + _poor(cycles))
+
+
+@styled
+def energies(table: pd.DataFrame, origin: str) -> Figure:
+    """Energy dissipated in one cycle by ankle and fat pad, and the pad's share: medians and quartiles of the subjects.
+
+    Args:
+        table: `summary.cycle_table`, rows of one mode. origin: of the data.
+    """
+    rows = table[table["shown"] & follows(table["fit_percent"])]
+    loads, count = distinct(rows["added_mass_kg"]), rows["subject"].nunique()
+    share = 100 * rows["fat_pad_j"] / (rows["fat_pad_j"] + rows["ankle_j"])
+    shown = (
+        ("talocrural joint", 1e3 * rows["ankle_j"], "energy a cycle [mJ]"),
+        ("fat pad", 1e3 * rows["fat_pad_j"], ""),
+        ("fat pad's share", share, "share of the whole [%]"),
+    )
+    figure, axes = panels(1, 3, 8.4, 3.0, sharex=True)
+    axes[0, 1].sharey(axes[0, 0])
+    for axis, (title, values, label) in zip(axes[0], shown, strict=True):
+        for i, load in enumerate(loads):
+            at = rows["added_mass_kg"] == load
+            grouped = values[at].groupby(rows.loc[at, "frequency_hz"])
+            low, middle, high = (grouped.quantile(q) for q in (0.25, 0.5, 0.75))
+            shift = 0.5 * (i - (len(loads) - 1) / 2)  # so that the bars do not hide each other
+            colour, marker = colour_of(load, loads), MARKERS[i % 5]
+            axis.errorbar(
+                middle.index + shift, middle, yerr=[middle - low, high - middle], fmt=f"{marker}-", ms=3.8, lw=1.2,
+                elinewidth=0.8, capsize=1.5, color=colour, label=f"{load:g} kg added",
+            )  # fmt: skip
+            open_ = rows[at]["decided_by"].isin(OPEN).groupby(rows.loc[at, "frequency_hz"]).mean() > 0.5
+            axis.plot(middle.index[open_] + shift, middle[open_], marker, ms=3.8, mfc="white", color=colour, zorder=4)
+        axis.set_title(title)
+        axis.set_xlabel("frequency [Hz]")
+        axis.set_ylabel(label)
+    axes[0, 0].set_yscale("log")
+    axes[0, 2].set_ylim(0, 102)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(loads), fontsize=8)
+    text = "medians and quartiles over subjects; open: most branches not decided; medians of parts need not add up"
+    return noted(figure, f"{origin} data, n = {count}; {text}")

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fasbody.exceptions import SettingError, unknown
-from fasbody.trials import Trial
+from fasbody.recording.trials import Trial
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fasbody.model import Foot
-from identification.line import Line
-from identification.orbits import Rollouts, Twin
-from identification.periodic import split
-from identification.resolution import resolved
+from fasbody.foot.model import Foot
+from identification.domains import resolved
+from identification.engines.orbits import Rollouts, Twin
+from identification.periodic import Line, split
 from identification.space import DELAY
 
 _TOLERANCE = 1e-6

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from fasbody.checks import checked
 from fasbody.exceptions import FasError, RecordingError, SimulationError
-from fasbody.model import Foot
-from fasbody.recording import Recording
+from fasbody.foot.model import Foot
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Recording
 from identification.estimate import fit
 from identification.study.checks import check
 from identification.study.loops import cycles

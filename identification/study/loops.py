@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import SimulationError
-from fasbody.model import Foot
-from fasbody.recording import Recording
-from fasbody.two_dof import TwoDof, path, periodic
-from identification.line import Line
-from identification.orbits import LONGEST_STEP, Excitation, twin_applies
-from identification.resolution import resolved
+from fasbody.foot.model import Foot
+from fasbody.foot.two_dof import TwoDof, path, periodic
+from fasbody.recording.recording import Recording
+from identification.domains import resolved
+from identification.engines.orbits import LONGEST_STEP, Excitation, twin_applies
+from identification.periodic import Line
 from identification.space import DELAY
 from identification.study.cycle import Cycle, Loop, short
 from identification.study.parts import CLOSED, mujoco_cycle

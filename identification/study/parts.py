@@ -11,13 +11,12 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from fasbody.engine import callbacks
 from fasbody.exceptions import ModelError
-from fasbody.model import Foot
-from fasbody.parameters import names
-from fasbody.simulate import Batch
-from identification.columns import Coordinates
-from identification.orbits import Excitation, Rollouts
+from fasbody.foot.engine import callbacks
+from fasbody.foot.model import Foot
+from fasbody.foot.parameters import names
+from fasbody.foot.simulate import Batch
+from identification.engines.orbits import Coordinates, Excitation, Rollouts
 from identification.study.cycle import Cycle, Loop
 
 #: Relative gap at which an orbit counts as closed.

@@ -1,5 +1,6 @@
 """What a study has to fit: jobs, each with a key that follows its recordings' content, the settings and the program."""
 
+import ast
 import functools
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -11,28 +12,21 @@ import mujoco
 import numpy as np
 
 import fasbody
-import identification
-from fasbody.condition import Condition
 from fasbody.exceptions import FasError, SettingError, unknown
-from fasbody.model import Foot, check
-from fasbody.recording import Recording, StudyFolder
-from fasbody.trials import Trial
+from fasbody.foot.model import Foot, check
+from fasbody.recording.condition import Condition
+from fasbody.recording.recording import Recording
+from fasbody.recording.study import StudyFolder
+from fasbody.recording.trials import Trial
+from identification.domains import DOMAINS
 from identification.estimate import Settings
-from identification.routes import DOMAINS
 
 #: Which recordings one fit takes together.
 MODES = ("per-recording", "pooled", "trend")
 #: What is done with such a group: the fit itself, or a check of it (checks.py).
 KINDS = ("fit", "profile", "validation", "agreement")
-#: Our sources that cannot change a result: those of the packages, and of this one. All others can.
-_SILENT = (
-    "console.py", "figures.py", "fit.py", "interrupt.py", "laboratory.py", "options.py", "report.py",
-    "virtual_study.py", "virtual_subject.py",
-)  # fmt: skip
-_SHOWING = (
-    "__init__.py", "__main__.py", "cluster.py", "command.py", "evidence.py", "figures.py", "filters.py",
-    "findings.py", "means.py", "report.py", "store.py", "summary.py", "tables.py", "tracking.py", "truth.py",
-)  # fmt: skip
+#: Our packages: what a job imports of them is part of its key.
+_OURS = ("fasbody", "identification", "mjcf")
 
 
 @dataclass(frozen=True)
@@ -197,9 +191,19 @@ def program() -> str:
 
 
 def sources() -> list[Path]:
-    """The files that compute a result; one added to them is one of them until it is said to show only."""
-    physics, estimation = (Path(str(package.__file__)).parent for package in (fasbody, identification))
-    files = [file for root in (physics, physics / "formats", estimation) for file in sorted(root.glob("*.py"))]
-    files.append(estimation / "blackbox" / "criteria.py")
-    own = [file for file in sorted((estimation / "study").glob("*.py")) if file.name not in _SHOWING]
-    return [file for file in files if file.name not in _SILENT] + own
+    """The files that compute a result: what job.py imports of ours, and what that imports in turn."""
+    root = Path(fasbody.__file__).parent.parent
+    found: set[Path] = set()
+    waiting = [Path(__file__).with_name("job.py")]
+    while waiting:
+        file = waiting.pop()
+        if file in found:
+            continue
+        found.add(file)
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in _OURS:
+                names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+                places = [root.joinpath(*name.split(".")) for name in names]
+                files = [file for place in places for file in (place.with_suffix(".py"), place / "__init__.py")]
+                waiting += [file for file in files if file.is_file()]
+    return sorted(found - {root / "fasbody" / "console.py"})  # which prints and writes, and changes no result

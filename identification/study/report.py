@@ -86,8 +86,8 @@ def pictures(
 ) -> dict[str, tuple[Callable[[], Any], str]]:  # fmt: skip
     """Name -> (what draws it, caption) of every figure that these fits can fill."""
     from identification.study import figures
-    from identification.study.motion import figures as motion
-    from identification.study.quality import figures as quality
+    from identification.study import figures as motion
+    from identification.study import figures as quality
 
     out: dict[str, tuple[Callable[[], Any], str]] = {}
     if table.empty:

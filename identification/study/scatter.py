@@ -13,10 +13,9 @@ from typing import cast
 import numpy as np
 
 from fasbody.exceptions import SimulationError
-from identification.line import Line
-from identification.orbits import Engine
-from identification.periodic import PeriodicProblem, inverse_of_gram, split
-from identification.routes import PeriodicRoute
+from identification.domains import PeriodicRoute
+from identification.engines.orbits import Engine
+from identification.periodic import Line, PeriodicProblem, inverse_of_gram, split
 from identification.search import UNSTABLE, Descent, descend
 from identification.study.curves import CurveSpace
 from identification.study.levenberg import descend_fast

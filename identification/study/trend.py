@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.checks import checked
 from fasbody.exceptions import SettingError, SimulationError
-from fasbody.model import Foot
-from fasbody.recording import Recording
+from fasbody.foot.model import Foot
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Recording
 from identification.branches import EXCHANGED, Verdict, has_mirror, judge
+from identification.certification import Replay, replay
+from identification.domains import choose_domain
+from identification.engines.orbits import twin_applies
 from identification.estimate import Settings
-from identification.orbits import twin_applies
-from identification.replay import Replay, replay
 from identification.result import RecordingFit
-from identification.routes import choose_domain
 from identification.space import space_of
 from identification.study.curves import CurveSpace, Order
 from identification.study.levenberg import descend_fast

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import SimulationError
-from fasbody.model import Foot
-from fasbody.recording import Recording
+from fasbody.foot.model import Foot
+from fasbody.recording.recording import Recording
 from identification.branches import STIFF_ANKLE, STIFF_PAD, mirrored
 from identification.estimate import Settings
 from identification.search import Descent

@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 
 from fasbody.exceptions import InputFileError
-from fasbody.readers import read_table
-from fasbody.two_dof import NAMES
-from fasbody.virtual_study import CONSTANTS
-from fasbody.virtual_subject import VirtualSubject
+from fasbody.foot.two_dof import NAMES
+from fasbody.laboratory.study import CONSTANTS
+from fasbody.laboratory.subject import VirtualSubject
+from fasbody.recording.csv import read_table
 
 #: Standard errors within which an estimate counts as right.
 WITHIN = 3.0

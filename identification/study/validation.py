@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.checks import checked
 from fasbody.exceptions import SettingError, SimulationError, unknown
-from fasbody.model import Foot
-from fasbody.recording import Recording
+from fasbody.foot.model import Foot
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Recording
 from identification.certification import settle
+from identification.domains import PeriodicRoute
+from identification.engines.orbits import twin_applies
 from identification.estimate import Settings
-from identification.line import Line
-from identification.orbits import twin_applies
-from identification.routes import PeriodicRoute
+from identification.periodic import Line
 from identification.search import explore
 from identification.space import Space, space_of
 from identification.study.heldout import HeldOut, compare, interpolated, predicted

@@ -1,0 +1,296 @@
+"""The arch at rest under a load on its apex or under its own weight, and the linear model about that pose.
+
+Static means after the dashpot of the aponeurosis has yielded: only k_11 holds. A load on the apex leaves z_F = -W / k_F
+and z_T = -W / k_T apart from the angles, so that the arch itself is three equations, solved by Newton's method.
+
+The arch under load: sag against Arangio's measurements, the fascia's share, and the resonance under added mass.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from fasbody.arch.bones import SPRINGS, Arch
+from fasbody.arch.kinematics import Array, X, arms, deformations, gradients, rest
+from fasbody.arch.lagrange import force_per_parameter, right_hand_side
+from fasbody.arch.linear import Linear, linearise, response
+from fasbody.arch.mjcf import read_arch
+from fasbody.console import command_line, console, make_folder, print_json, write_whole
+from fasbody.exceptions import SettingError, SimulationError
+
+#: Acceleration of gravity [m/s^2].
+G = 9.81
+
+_STEP = 1e-30
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """The relaxed arch under a vertical load on its apex.
+
+    Attributes:
+        q: the pose, shape (6,), with x yielded.
+        sag: fall of the apex towards the floor of the arch [m].
+        elongation: of the aponeurosis [m].
+        stiffness: of the arch, d load / d sag [N/m].
+        share: part of the load that the aponeurosis carries, tension x d elongation / d sag / load.
+        heel: part of the load that presses on the heel, the rest on the metatarsal heads.
+    """
+
+    q: Array
+    sag: float
+    elongation: float
+    stiffness: float
+    share: float
+    heel: float
+
+
+def equilibrium(arch: Arch, load: float, steps: int = 20) -> Equilibrium:
+    """Settle the arch under `load` [N] > 0 on its apex, raised in equal steps.
+
+    Raises:
+        SimulationError: the arch collapses under the load.
+    """
+    q = rest(arch)
+    for force in np.linspace(load / steps, load, steps):
+        q = _settle(arch, q, force, load)
+    a, e = arms(arch, q), float(deformations(arch, q).e)
+    fall = np.array([a.l_2, a.l_3, a.l_4])  # d sag / d theta
+    give = np.linalg.solve(-_tangent(arch, q, load), fall)  # d theta / d load
+    lengthening = gradients(arch, q).e[2:5] @ give / (fall @ give)
+    q[0], q[1], q[X] = -load / arch.k_F, -load / arch.k_T, e
+    share = arch.k_11 * e * lengthening / load
+    front = a.l_2 + a.l_3 + a.l_4  # moments of both contact points about the apex
+    heel = front / (front + np.sqrt(a.E_1))
+    return Equilibrium(q, float(arch.height_0 - a.E_2), e, float(1 / (fall @ give)), float(share), float(heel))
+
+
+def _settle(arch: Arch, q: Array, force: float, load: float) -> Array:
+    """Newton's method for one of the forces on the way to `load` [N]; flat or unstable counts as collapsed."""
+    for _ in range(50):
+        step = np.linalg.solve(_tangent(arch, q, force), _moments(arch, q, force))
+        q = q.copy()
+        q[2:5] -= step
+        if not np.abs(step).max() < 1 or not abs(apex_height(arch, q)) < arch.L_1:
+            break
+        if np.abs(step).max() < 1e-13:
+            tangent = _tangent(arch, q, force)
+            if apex_height(arch, q) > 0 and np.linalg.eigvalsh(-(tangent + tangent.T) / 2)[0] > 0:
+                return q
+            break
+    raise SimulationError(
+        f"the arch of {arch.height_0 * 1e3:.0f} mm collapses under {load:.0f} N (at {force:.0f} N on the way); "
+        "lower the load or stiffen k_2, k_3, k_4 or k_11."
+    )
+
+
+def apex_height(arch: Arch, q: Array) -> float:
+    """Height of the apex [m], which needs no closed arch."""
+    return float(np.cos(q[2:5]) @ [arch.L_2, arch.L_3, arch.L_4])
+
+
+def _moments(arch: Arch, q: Array, load: float) -> Array:
+    """Moments about theta_2, theta_3, theta_4 with the dashpot yielded, shape (3,)."""
+    table, a = force_per_parameter(arch, q, np.zeros(6)), arms(arch, q)
+    springs = sum(getattr(arch, name) * table[name] for name in ("k_11", "k_2", "k_3", "k_4"))
+    return springs[2:5] + load * np.array([a.l_2, a.l_3, a.l_4])
+
+
+def _tangent(arch: Arch, q: Array, load: float) -> Array:
+    return np.stack([_moments(arch, q + 1j * _STEP * unit, load).imag / _STEP for unit in np.eye(6)[2:5]], axis=-1)
+
+
+def loaded(arch: Arch, gravity: float = G) -> Linear:
+    """M, C, K and output row about the pose in which the arch carries its own weight and the tibia's."""
+    start = equilibrium(arch, (arch.m_T + arch.m_1 / 2) * gravity).q
+    q = under_weight(arch, start, gravity)
+    return linearise(arch, q, gravity)
+
+
+def under_weight(arch: Arch, q: Array, gravity: float) -> Array:
+    """The pose, shape (6,), at which all six right-hand sides vanish under gravity: springs, dashpot and every mass."""
+
+    def residual(pose: Array) -> Array:
+        return right_hand_side(arch, pose, np.zeros(6), gravity)
+
+    for _ in range(50):
+        tangent = np.stack([residual(q + 1j * _STEP * unit).imag / _STEP for unit in np.eye(6)], axis=-1)
+        step = np.linalg.solve(tangent, residual(q))
+        q = q - step
+        if np.abs(step).max() < 1e-13 and apex_height(arch, q) > 0:
+            return q
+    raise SimulationError("the arch collapses under its own weight; stiffen k_2, k_3, k_4 or k_11.")
+
+
+#: Arangio 1998, load on the arch [N]; arch height [m] -> sag [m] with and without fascia.
+ARANGIO_LOAD = 683.0
+ARANGIO_SAG = {0.020: (11.8e-3, 13.5e-3), 0.060: (5.5e-3, 7.5e-3)}
+#: The same, fascia cut at 60 mm: increase of sag and of elongation.
+ARANGIO_CUT = (0.36, 0.40)
+#: Kim & Voloshin, in the thesis: part of the compression that the calcaneus carries.
+HEEL = 0.63
+#: Chapter 2: added mass [kg] -> range of the resonance [Hz] at the malleolus (section 2.3.1).
+MEASURED_HZ = {0.0: (15.0, 25.0), 2.3: (30.0, 35.0), 4.5: (35.0, 40.0)}
+
+
+@dataclass(frozen=True)
+class SagStudy:
+    """Sag against arch height under one load; arrays of shape (n,), SI units."""
+
+    load: float
+    height: Array
+    sag: Array
+    sag_cut: Array
+    elongation: Array
+    elongation_cut: Array
+    share: Array
+    heel: Array
+
+
+def sag_study(arch: Arch, height: Array, load: float = ARANGIO_LOAD) -> SagStudy:
+    """The same bones spread to each rest height [m], with their aponeurosis and with it cut."""
+    whole = [equilibrium(arch.with_height(h), load) for h in height]
+    cut = [equilibrium(replace(arch.with_height(h), k_11=0.0, k_12=0.0), load) for h in height]
+    return SagStudy(
+        load, np.asarray(height), *(np.array(values) for values in (
+            [e.sag for e in whole], [e.sag for e in cut],
+            [e.elongation for e in whole], [e.elongation for e in cut], [e.share for e in whole],
+            [e.heel for e in whole],
+        ))
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """One added mass.
+
+    Attributes:
+        added_mass: on the knee [kg].
+        transmissibility: |T| at the malleolus about the loaded pose, shape (n,).
+        peak_hz: frequency of its largest value [Hz].
+        arch_stiffness: tangent stiffness of the relaxed arch under the weight [N/m].
+        factor: by which all springs must be multiplied for the peak to lie in the middle of the measured range.
+    """
+
+    added_mass: float
+    transmissibility: Array
+    peak_hz: float
+    arch_stiffness: float
+    factor: float
+
+
+@dataclass(frozen=True)
+class LoadStudy:
+    """The arch under the added masses of Chapter 2, its constants unchanged."""
+
+    frequency_hz: Array
+    cases: list[LoadCase]
+
+
+def load_study(arch: Arch) -> LoadStudy:
+    """Resonance and stiffness of `arch` under 0, 2.3 and 4.5 kg on the knee."""
+    frequency = np.arange(2.0, 80.0, 0.05)
+    cases = []
+    for added_mass, measured in MEASURED_HZ.items():
+        heavy = replace(arch, m_T=arch.m_T + added_mass)
+        T = np.abs(response(loaded(heavy), frequency))
+        stiffness = equilibrium(heavy, heavy.m_T * G).stiffness
+        peak = float(frequency[T.argmax()])
+        cases.append(LoadCase(added_mass, T, peak, stiffness, _factor(heavy, float(np.mean(measured)))))
+    return LoadStudy(frequency, cases)
+
+
+def _factor(arch: Arch, wanted_hz: float) -> float:
+    """Bisect for the common factor of all springs that puts the peak at `wanted_hz`, about the rest pose."""
+    frequency, low, high = np.arange(2.0, 120.0, 0.05), 0.1, 100.0
+    for _ in range(40):
+        factor = float(np.sqrt(low * high))
+        stiff = replace(arch, **{name: factor * getattr(arch, name) for name in SPRINGS})
+        peak = frequency[np.abs(response(linearise(stiff), frequency)).argmax()]
+        low, high = (factor, high) if peak < wanted_hz else (low, factor)
+    return factor
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    model: Annotated[str, typer.Option(help="shipped arch or MJCF file")] = "foot_arch",
+    load: Annotated[float, typer.Option(help="static load on the arch [N]")] = ARANGIO_LOAD,
+    figures: Annotated[Path | None, typer.Option(help="folder for sag.png and load.png")] = None,
+    json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+) -> None:
+    """Sag of the arch under a static load, and its resonance under the added masses of Chapter 2.
+
+    Examples:
+      python -m fasbody.arch.load --figures docs/figures
+    """
+    if not 0 < load < 1e5:
+        raise SettingError(f"--load is {load:g} N, but must be above 0 and below 100000 N.")
+    if figures is not None:
+        make_folder(figures)
+    arch, name = read_arch(model), "Nominal arch" if model == "foot_arch" else Path(model).name
+    sag, masses = sag_study(arch, np.array([0.02, 0.03, 0.04, 0.05, 0.06]), load), load_study(arch)
+    console.print(_sag_table(sag, name))
+    console.print(_load_table(masses, name))
+    if figures is not None:
+        from fasbody.arch.figures import arch_sag, load_resonance, png
+
+        smooth = sag_study(arch, np.linspace(0.02, 0.06, 41), load)
+        measured = ARANGIO_SAG if load == ARANGIO_LOAD else {}
+        ranges = np.array(list(MEASURED_HZ.values()))
+        pictures = {"sag": arch_sag(smooth, measured), "load": load_resonance(masses, ranges)}
+        for name, picture in pictures.items():
+            console.print(f"written: {write_whole(figures / f'{name}.png', png(picture))}")
+    if json:
+        rows = [{key: value for key, value in vars(case).items() if key != "transmissibility"} for case in masses.cases]
+        print_json({"model": model, "sag": vars(sag), "load": rows})
+
+
+def _sag_table(study: SagStudy, name: str) -> Table:
+    table = Table(title=f"{name} under {study.load:g} N; measured in brackets (Arangio 1998; heel: Kim & Voloshin)")
+    for column in (
+        "height [mm]", "sag [mm]", "sag, fascia cut [mm]", "more sag [%]", "more elongation [%]",
+        "fascia's share [%]", "heel's share [%]",
+    ):  # fmt: skip
+        table.add_column(column, justify="right")
+    for i, height in enumerate(study.height):
+        measured = ARANGIO_SAG.get(round(float(height), 3)) if study.load == ARANGIO_LOAD else None
+        cut = ARANGIO_CUT if measured and height > 0.05 else None
+        values = (study.sag[i], study.sag_cut[i])
+        more = (values[1] / values[0] - 1, study.elongation_cut[i] / study.elongation[i] - 1)
+        nothing = (None, None)
+        cells = [_beside(v, m, lambda x: f"{1e3 * x:.1f}") for v, m in zip(values, measured or nothing, strict=True)]
+        cells += [_beside(v, m, lambda x: f"{100 * x:+.0f}") for v, m in zip(more, cut or nothing, strict=True)]
+        shares = [_beside(v, m, lambda x: f"{100 * x:.0f}") for v, m in ((study.share[i], None), (study.heel[i], HEEL))]
+        table.add_row(f"{1e3 * height:.0f}", *cells, *shares)
+    return table
+
+
+def _beside(model: float, measured: float | None, show: Callable[[float], str]) -> str:
+    return show(model) if measured is None else f"{show(model)} ({show(measured)})"
+
+
+def _load_table(study: LoadStudy, name: str) -> Table:
+    table = Table(title=f"{name} under added mass, constants unchanged")
+    for column in (
+        "added [kg]", "peak [Hz]", "measured [Hz]", "|T| at peak [1]", "arch [kN/m]", "springs x to meet it [1]",
+    ):  # fmt: skip
+        table.add_column(column, justify="right")
+    for case in study.cases:
+        low, high = MEASURED_HZ[case.added_mass]
+        table.add_row(
+            f"{case.added_mass:g}", f"{case.peak_hz:.1f}", f"{low:.0f}-{high:.0f}",
+            f"{case.transmissibility.max():.2f}", f"{case.arch_stiffness / 1e3:.1f}", f"{case.factor:.2f}",
+        )  # fmt: skip
+    return table
+
+
+if __name__ == "__main__":
+    command_line(app)

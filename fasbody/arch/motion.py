@@ -1,0 +1,130 @@
+"""The five-body arch stepped by MuJoCo: extrapolation, and a second try when unstable.
+
+The error is of first order with a small constant (mjcf/foot_arch.md says why); `accurate` adds a run at half the step
+and extrapolates, which is of second order. When a run blows up or rings at the step's own frequency, the hinges'
+dampers are first made all native, then the step is halved, and the result says so.
+"""
+
+import copy
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from fasbody.arch.bones import Arch
+from fasbody.arch.kinematics import Array
+from fasbody.arch.mjcf import BRANCH, JOINTS, NONLINEAR, TENDONS
+from fasbody.exceptions import SimulationError
+from fasbody.foot.model import Foot
+from fasbody.foot.shaker import BaseMotion
+from fasbody.foot.simulate import simulate
+
+#: Share of a hinge's damping that MuJoCo integrates: 0.55 is accurate, 1 is stable for the stiffest hinges.
+HINGE_SHARE, PAD_SHARE = 0.55, 0.5
+#: How often the step may be halved.
+HALVINGS = 4
+#: Share of a signal that may alternate from sample to sample; a 100 Hz sine at 1e-4 s has 1e-3.
+RINGING = 0.05
+
+
+@dataclass(frozen=True)
+class ArchMotion:
+    """Motion of the stepped arch.
+
+    Attributes:
+        time: start of each step asked for [s], shape (n,).
+        malleolus: its acceleration there [m/s^2], shape (n,).
+        qpos: joint positions, base first, shape (n, 7).
+        step: the step that was stable [s]; hinge_share: native share of the hinges' damping.
+        note: what had to be changed to get there; empty if nothing.
+    """
+
+    time: Array
+    malleolus: Array
+    qpos: Array
+    step: float
+    hinge_share: float
+    note: str
+
+    def __str__(self) -> str:
+        peak = np.abs(self.malleolus).max()
+        return f"{len(self.time)} samples, malleolus peak {peak:.4g} m/s^2, step {self.step:g} s" + (
+            f" ({self.note})" if self.note else ""
+        )
+
+
+def move(foot: Foot, motion: BaseMotion, step: float | None = None, accurate: bool = False) -> ArchMotion:
+    """Step the arch through a base motion from rest.
+
+    Args:
+        foot: foot_arch or an edited copy.
+        motion: of the table.
+        step: time step of the result [s], default the model's.
+        accurate: extrapolate from this step and half of it.
+
+    Raises:
+        SimulationError: unstable even after all-native dampers and `HALVINGS` halvings.
+    """
+    wanted = step or foot.step
+    attempts = [(wanted, HINGE_SHARE)] + [(wanted / 2**k, 1.0) for k in range(HALVINGS + 1)]
+    for h, share in attempts:
+        try:
+            result = _run(foot, motion, h, share)
+            if accurate:
+                finer = _run(foot, motion, h / 2, share)
+                result = replace(result, malleolus=2 * finer.malleolus[::2] - result.malleolus)
+        except SimulationError:
+            continue
+        every = round(wanted / h)
+        notes = ["dampers of the hinges all native"] if share == 1 else []
+        notes += [f"step {h:g} s in place of {wanted:g} s"] if h < wanted else []
+        return replace(
+            result, time=result.time[::every], malleolus=result.malleolus[::every], qpos=result.qpos[::every],
+            note=", ".join(notes),
+        )  # fmt: skip
+    raise SimulationError(f"{foot.name}: unstable down to a step of {h:g} s; its joints are too stiff or too light.")
+
+
+def _run(foot: Foot, motion: BaseMotion, step: float, hinge_share: float) -> ArchMotion:
+    model = copy.copy(foot.model)
+    _share(model, hinge_share)
+    result = simulate(replace(foot, model=model), motion, step=step, threads=1)
+    malleolus = result.malleolus[0]
+    if np.abs(np.diff(malleolus, 2)).mean() > 4 * RINGING * np.abs(malleolus).mean():
+        raise SimulationError(f"{foot.name}: the output rings at the step's own frequency.")
+    return ArchMotion(step * np.arange(len(malleolus)), malleolus, result.qpos[0][:-1], step, hinge_share, "")
+
+
+def _dof(model: mujoco.MjModel, joint: str) -> int:
+    return int(model.jnt_dofadr[model.joint(joint).id])
+
+
+def _share(model: mujoco.MjModel, hinge_share: float) -> None:
+    """Set the native share of the hinges' dampers."""
+    native = model.dof_damping.reshape(model.nv, -1)
+    for joint in JOINTS[3:]:
+        law = model.jnt_user[model.joint(joint).id]
+        if law[0] == NONLINEAR:
+            native[_dof(model, joint), 0] = hinge_share * law[1]
+
+
+def with_constants(foot: Foot, arch: Arch) -> Foot:
+    """A copy of the foot with the 13 spring and damper constants of `arch`, its geometry and masses kept."""
+    model = copy.copy(foot.model)
+    stiffness = model.jnt_stiffness.reshape(model.njnt, -1)
+    damping = model.dof_damping.reshape(model.nv, -1)
+    for joint, symbol in zip((JOINTS[1], *JOINTS[3:]), "T234", strict=True):
+        j, c = model.joint(joint).id, getattr(arch, f"c_{symbol}")
+        stiffness[j, 0] = getattr(arch, f"k_{symbol}")
+        damping[_dof(model, joint), 0] = (PAD_SHARE if symbol == "T" else HINGE_SHARE) * c
+        model.jnt_user[j, :4] = (NONLINEAR, c, 0, 0)
+    tendon_stiffness = model.tendon_stiffness.reshape(model.ntendon, -1)
+    tendon_damping = model.tendon_damping.reshape(model.ntendon, -1)
+    for tendon in TENDONS[:2]:
+        t = model.tendon(tendon).id
+        tendon_stiffness[t, 0], tendon_damping[t, 0] = arch.k_F / 2, PAD_SHARE * arch.c_F / 2
+        model.tendon_user[t, :4] = (NONLINEAR, arch.c_F / 2, 0, 0)
+    tendon_stiffness[model.tendon(TENDONS[2]).id, 0] = arch.k_11
+    branch = model.actuator(BRANCH).id
+    model.actuator_gainprm[branch, 0], model.actuator_dynprm[branch, 0] = 1 / arch.c_1, arch.c_1 / arch.k_12
+    return replace(foot, model=model)

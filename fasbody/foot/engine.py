@@ -1,0 +1,345 @@
+"""Where MuJoCo 4.0 keeps each field of mjModel and mjData, found by searching a probe model's structs.
+
+The addresses of the arrays are known to Python; the words of the C struct that hold them are their offsets. A count is
+found as the word that follows it through several models.
+
+MuJoCo's native callbacks: nonlinear dampers, pad laws and the shaker, without the GIL.
+
+MuJoCo calls a C function where a model has forces of its own. numba compiles ours (`cfunc`), so no compiler is needed
+and rollouts run on all cores. The compiled code reads mjModel and mjData by the word offsets that layout.py finds at
+start-up, and a self-test against the Python twin refuses an engine whose layout differs.
+
+Callbacks are global to the process. `callbacks()` installs them for a `with` block and restores what was there. They
+act on marked elements only: joints and tendons whose `user` field starts with a law's number (damper.py), and actuators
+whose `biasprm` starts with the number of a law or of the shaker.
+"""
+
+import ctypes
+import functools
+import hashlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numba import carray, cfunc, types
+from numba.extending import intrinsic
+
+from fasbody.exceptions import EngineError
+from fasbody.foot import damper
+from fasbody.foot.damper import algebraic_force, viscoelastic_force, viscoelastic_rate
+
+_MODEL_ARRAYS = (
+    "jnt_user", "jnt_qposadr", "jnt_dofadr", "dof_damping", "qpos_spring", "tendon_user", "tendon_damping",
+    "tendon_length0", "ten_J_rownnz", "ten_J_rowadr", "ten_J_colind", "actuator_biasprm", "actuator_ctrladr",
+    "actuator_actadr", "actuator_outadr", "actuator_length0",
+)  # fmt: skip
+_DATA_ARRAYS = (
+    "qpos", "qvel", "act", "act_dot", "ctrl", "qfrc_passive", "ten_J", "ten_length", "ten_velocity", "actuator_length",
+    "actuator_velocity",
+)  # fmt: skip
+# The structs are at least this many 8-byte words long in MuJoCo 4.0; only these are searched.
+MODEL_WORDS = 700
+DATA_WORDS = 20_180
+
+# Every array above is non-empty here, and the counts are unlike any other number in the structs.
+_PROBE = """
+<mujoco>
+  <size nuser_jnt="{nuser_jnt}" nuser_tendon="{nuser_tendon}"/>
+  <option gravity="0 0 0" integrator="RK4"/>
+  <worldbody>
+    <body name="base"><joint name="base" type="slide" axis="0 1 0" armature="1e9"/><geom size="0.1" mass="1"/>
+      <body><joint name="a" type="slide" axis="0 1 0" stiffness="3e4" damping="7" user="4.25 310 -120 180"/>
+        <geom size="0.1" mass="2"/><site name="a"/>
+        <body><joint name="b" type="slide" axis="0 1 0" user="4.24 900 30 0.02 0.2"/><geom size="0.1" mass="3"/>
+          <site name="b"/>
+          <body><joint name="c" type="slide" axis="0 1 0" stiffness="2e4"
+            user="4.23 900 1.5 30 0.9 0.8 0.02 0.2"/><geom size="0.1" mass="1"/>{more}</body>
+        </body>
+      </body>
+    </body>
+    <body pos="0 1 0"><site name="ceiling"/></body>
+  </worldbody>
+  <tendon>
+    <spatial name="t" user="4.25 200 50 90" damping="11"><site site="a"/><site site="ceiling"/></spatial>
+    {tendons}
+  </tendon>
+  <actuator>
+    <general name="shaker" joint="base" gear="1e9" biastype="user" biasprm="1"/>
+    <general joint="base" gainprm="0"/><general joint="base" gainprm="0"/>
+    <general joint="base" gainprm="0"/><general joint="base" gainprm="0"/>
+    <general name="pad" joint="b" dyntype="user" actdim="8" gainprm="0" biastype="user"
+      biasprm="4.22 40 5 0.8 0.004 1.5 0.02 0.2"/>
+  </actuator>
+</mujoco>
+"""
+# two joints a body, one of them a ball, so that joints, bodies, positions and velocities are counted differently
+_MORE_JOINT = '<body><joint type="slide"/><joint type="ball"/><geom size="0.1" mass="1"/></body>'
+_MORE_TENDON = '<fixed><joint joint="a" coef="1"/></fixed>'
+
+
+def probe_model(joints: int = 0, tendons: int = 0, nuser_jnt: int = 8, nuser_tendon: int = 8) -> mujoco.MjModel:
+    """A small model that uses every callback, with extra joints and tendons to tell counts apart."""
+    extra = {"more": _MORE_JOINT * joints, "tendons": _MORE_TENDON * tendons}
+    return mujoco.MjModel.from_xml_string(_PROBE.format(nuser_jnt=nuser_jnt, nuser_tendon=nuser_tendon, **extra))
+
+
+def _words(struct: Any, count: int) -> np.ndarray:
+    return np.ctypeslib.as_array((ctypes.c_int64 * count).from_address(struct._address))
+
+
+def find_offsets() -> dict[str, int]:
+    """Word offset of each needed field in mjModel and mjData.
+
+    Raises:
+        EngineError: a field was not found, so this MuJoCo is laid out differently.
+    """
+    offsets = {}
+    model = probe_model()
+    data = mujoco.MjData(model)
+    data.time = 0.7390851332151607  # a value that no other field has
+    for struct, names, count in ((model, _MODEL_ARRAYS, MODEL_WORDS), (data, _DATA_ARRAYS, DATA_WORDS)):
+        words = _words(struct, count)
+        for name in names:
+            # An empty array shares the address of the next one, so the last hit is the field itself.
+            offsets[name] = _last(np.flatnonzero(words == getattr(struct, name).ctypes.data), name)
+    offsets["time"] = _last(np.flatnonzero(_words(data, DATA_WORDS).view(float) == data.time), "time")
+    offsets["njnt"] = _counted("njnt", (0, 0), (2, 0), (5, 0))
+    offsets["ntendon"] = _counted("ntendon", (0, 0), (0, 1), (0, 3))
+    offsets["nuser_jnt"] = _counted("nuser_jnt", (0, 0, 9), (0, 0, 8), (0, 0, 10))
+    offsets["nuser_tendon"] = _counted("nuser_tendon", (0, 0, 8, 9), (0, 0, 8, 8), (0, 0, 8, 10))
+    return offsets
+
+
+def _counted(name: str, *variants: tuple[int, ...]) -> int:
+    """Offset of a count: the one word that equals it in every variant of the probe model."""
+    models = [probe_model(*variant) for variant in variants]
+    same = [_words(model, MODEL_WORDS) == getattr(model, name) for model in models]
+    hits = np.flatnonzero(np.logical_and.reduce(same))
+    return _last(hits if hits.size == 1 else hits[:0], name)
+
+
+def _last(hits: np.ndarray, name: str) -> int:
+    if hits.size == 0:
+        raise EngineError(
+            f"MuJoCo {mujoco.__version__} does not have the field {name!r} where version 4.0 has it; "
+            "install mujoco==4.0.* to run native callbacks."
+        )
+    return int(hits[-1])
+
+
+#: `biasprm[0]` of the actuator that drives the base (shaker.py); its five controls are the step's start time and the
+#: Taylor coefficients a0..a3 of the base acceleration within the step.
+SHAKER = 1.0
+SHAKER_CONTROLS = 5
+VISCOELASTIC = 4.22
+_PRM = mujoco.mjNBIAS
+
+
+@dataclass(frozen=True)
+class Callbacks:
+    """The native callbacks, and what silences MuJoCo's log; they keep the compiled code alive."""
+
+    passive: Any
+    act_dyn: Any
+    act_bias: Any
+    warning: Any
+
+
+@intrinsic
+def _pointer(context, address):  # type: ignore[no-untyped-def]
+    """A C pointer from its value as an integer."""
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        return builder.inttoptr(args[0], context.get_value_type(types.voidptr))
+
+    return types.voidptr(types.int64), codegen
+
+
+def _compile(offsets: dict[str, int], stamp: int) -> Callbacks:
+    """Compile the callbacks for one struct layout; `stamp` makes numba's cache follow the laws' source.
+
+    Closures hold plain numbers only: numba's cache is keyed by their values, and a compiled function has none.
+    """
+    NJNT, NTENDON = offsets["njnt"], offsets["ntendon"]
+    NUSER_JNT, NUSER_TENDON = offsets["nuser_jnt"], offsets["nuser_tendon"]
+    JNT_USER, JNT_QPOSADR, JNT_DOFADR = offsets["jnt_user"], offsets["jnt_qposadr"], offsets["jnt_dofadr"]
+    DOF_DAMPING, QPOS_SPRING = offsets["dof_damping"], offsets["qpos_spring"]
+    TEN_USER, TEN_DAMPING, TEN_LENGTH0 = offsets["tendon_user"], offsets["tendon_damping"], offsets["tendon_length0"]
+    ROWNNZ, ROWADR, COLIND = offsets["ten_J_rownnz"], offsets["ten_J_rowadr"], offsets["ten_J_colind"]
+    BIASPRM, CTRLADR, ACTADR = offsets["actuator_biasprm"], offsets["actuator_ctrladr"], offsets["actuator_actadr"]
+    OUTADR, LENGTH0 = offsets["actuator_outadr"], offsets["actuator_length0"]
+    LENGTH, VELOCITY = offsets["actuator_length"], offsets["actuator_velocity"]
+    QPOS, QVEL, ACT, ACT_DOT = offsets["qpos"], offsets["qvel"], offsets["act"], offsets["act_dot"]
+    CTRL, QFRC, TIME = offsets["ctrl"], offsets["qfrc_passive"], offsets["time"]
+    TEN_J, TEN_LENGTH, TEN_VELOCITY = offsets["ten_J"], offsets["ten_length"], offsets["ten_velocity"]
+    USER, PRM, BRANCHES, RELAX = damper.USER_SIZE, _PRM, damper.BRANCHES, VISCOELASTIC
+    MODEL, DATA, BIG = (MODEL_WORDS,), (DATA_WORDS,), (1 << 20,)
+    f8, i4, i8 = np.float64, np.int32, np.int64
+
+    @cfunc(types.void(types.voidptr, types.voidptr), cache=True)
+    def passive(model, data):  # type: ignore[no-untyped-def]
+        m, d = carray(model, MODEL, i8), carray(data, DATA, i8)
+        qfrc = carray(_pointer(d[QFRC]), BIG, f8)
+        if m[NUSER_JNT] == USER and stamp != 0:
+            user = carray(_pointer(m[JNT_USER]), BIG, f8)
+            qposadr, dofadr = carray(_pointer(m[JNT_QPOSADR]), BIG, i4), carray(_pointer(m[JNT_DOFADR]), BIG, i4)
+            native, rest = carray(_pointer(m[DOF_DAMPING]), BIG, f8), carray(_pointer(m[QPOS_SPRING]), BIG, f8)
+            qpos, qvel = carray(_pointer(d[QPOS]), BIG, f8), carray(_pointer(d[QVEL]), BIG, f8)
+            for j in range(m[NJNT]):
+                if user[j * USER] != 0.0:
+                    q, v = qposadr[j], dofadr[j]
+                    qfrc[v] += algebraic_force(user[j * USER : (j + 1) * USER], qpos[q] - rest[q], qvel[v], native[v])
+        if m[NUSER_TENDON] == USER:
+            user = carray(_pointer(m[TEN_USER]), BIG, f8)
+            native, rest = carray(_pointer(m[TEN_DAMPING]), BIG, f8), carray(_pointer(m[TEN_LENGTH0]), BIG, f8)
+            length, velocity = carray(_pointer(d[TEN_LENGTH]), BIG, f8), carray(_pointer(d[TEN_VELOCITY]), BIG, f8)
+            count, start = carray(_pointer(m[ROWNNZ]), BIG, i4), carray(_pointer(m[ROWADR]), BIG, i4)
+            column, J = carray(_pointer(m[COLIND]), BIG, i4), carray(_pointer(d[TEN_J]), BIG, f8)
+            for t in range(m[NTENDON]):
+                if user[t * USER] != 0.0:
+                    pull = algebraic_force(user[t * USER : (t + 1) * USER], length[t] - rest[t], velocity[t], native[t])
+                    for k in range(start[t], start[t] + count[t]):
+                        qfrc[column[k]] += J[k] * pull
+
+    @cfunc(types.float64(types.voidptr, types.voidptr, types.int32), cache=True)
+    def act_bias(model, data, actuator):  # type: ignore[no-untyped-def]
+        m, d = carray(model, MODEL, i8), carray(data, DATA, i8)
+        p = carray(_pointer(m[BIASPRM] + 8 * PRM * actuator), (PRM,), f8)
+        if p[0] == 1.0 and stamp != 0:  # SHAKER
+            c = carray(_pointer(d[CTRL] + 8 * carray(_pointer(m[CTRLADR]), BIG, i4)[actuator]), (5,), f8)
+            s = carray(data, DATA, f8)[TIME] - c[0]
+            return c[1] + s * (c[2] + s * (c[3] + s * c[4]))
+        if p[0] == RELAX:
+            h = carray(_pointer(d[ACT] + 8 * carray(_pointer(m[ACTADR]), BIG, i4)[actuator]), (BRANCHES,), f8)
+            out = carray(_pointer(m[OUTADR]), BIG, i4)[actuator]
+            x = carray(_pointer(d[LENGTH]), BIG, f8)[out] - carray(_pointer(m[LENGTH0]), BIG, f8)[out]
+            return viscoelastic_force(p, h, x)
+        return 0.0
+
+    @cfunc(types.float64(types.voidptr, types.voidptr, types.int32), cache=True)
+    def act_dyn(model, data, actuator):  # type: ignore[no-untyped-def]
+        m, d = carray(model, MODEL, i8), carray(data, DATA, i8)
+        p = carray(_pointer(m[BIASPRM] + 8 * PRM * actuator), (PRM,), f8)
+        if p[0] == RELAX and stamp != 0:
+            first = carray(_pointer(m[ACTADR]), BIG, i4)[actuator]
+            h = carray(_pointer(d[ACT] + 8 * first), (BRANCHES,), f8)
+            rate = carray(_pointer(d[ACT_DOT] + 8 * first), (BRANCHES,), f8)
+            out = carray(_pointer(m[OUTADR]), BIG, i4)[actuator]
+            x = carray(_pointer(d[LENGTH]), BIG, f8)[out] - carray(_pointer(m[LENGTH0]), BIG, f8)[out]
+            x_dot = carray(_pointer(d[VELOCITY]), BIG, f8)[out]
+            for i in range(BRANCHES):
+                rate[i] = viscoelastic_rate(p, h, x, x_dot, i)
+        return 0.0
+
+    return Callbacks(passive.ctypes, act_dyn.ctypes, act_bias.ctypes, _quiet.ctypes)
+
+
+@functools.cache
+def native() -> Callbacks:
+    """The compiled callbacks, found, compiled and self-tested once a process.
+
+    Raises:
+        EngineError: the installed MuJoCo is laid out differently, or the self-test disagrees.
+    """
+    digest = hashlib.sha256(Path(damper.__file__).read_bytes()).digest()
+    compiled = _compile(find_offsets(), int.from_bytes(digest[:4], "big") | 1)
+    difference = self_test(compiled)
+    if not difference < 1e-12:
+        raise EngineError(
+            f"the native callbacks differ from their Python twin by {difference:.1e} (relative) on MuJoCo "
+            f"{mujoco.__version__}; install mujoco==4.0.*."
+        )
+    return compiled
+
+
+def self_test(compiled: Callbacks) -> float:
+    """Largest relative difference between native and Python callbacks over short runs of two probe models."""
+    return max(_difference(compiled, probe_model(joints, tendons)) for joints, tendons in ((0, 1), (2, 0)))
+
+
+def _difference(compiled: Callbacks, model: mujoco.MjModel) -> float:
+    runs = []
+    for pair in (compiled, python_twin()):
+        data = mujoco.MjData(model)
+        rng = np.random.default_rng(0)
+        rows = []
+        with callbacks(pair):
+            data.qpos[:], data.qvel[:] = rng.normal(0, 1e-3, model.nq), rng.normal(0, 0.1, model.nv)
+            for _ in range(5):
+                data.ctrl[:SHAKER_CONTROLS] = [data.time, *rng.normal(0, (5, 500, 5e4, 5e6))]
+                mujoco.mj_step(model, data)
+                rows.append(np.concatenate([data.qacc, data.act_dot, data.qfrc_passive]))
+        runs.append(np.array(rows))
+    return float(np.max(np.abs(runs[0] - runs[1]) / (1e-9 + np.abs(runs[1]).max(axis=0))))
+
+
+def python_twin() -> Callbacks:
+    """The same callbacks in Python: slow, readable, for tests."""
+
+    def passive(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        if model.nuser_jnt == damper.USER_SIZE:
+            for j in range(model.njnt):
+                q, v = model.jnt_qposadr[j], model.jnt_dofadr[j]
+                x = data.qpos[q] - model.qpos_spring[q]
+                data.qfrc_passive[v] += algebraic_force(model.jnt_user[j], x, data.qvel[v], model.dof_damping[v])
+        if model.nuser_tendon == damper.USER_SIZE:
+            for t in range(model.ntendon):
+                x = data.ten_length[t] - model.tendon_length0[t]
+                pull = algebraic_force(model.tendon_user[t], x, data.ten_velocity[t], model.tendon_damping[t])
+                row = slice(model.ten_J_rowadr[t], model.ten_J_rowadr[t] + model.ten_J_rownnz[t])
+                data.qfrc_passive[model.ten_J_colind[row]] += data.ten_J.ravel()[row] * pull
+
+    def act_bias(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
+        p = model.actuator_biasprm[actuator]
+        if p[0] == SHAKER:
+            c = data.ctrl[model.actuator_ctrladr[actuator] :][:SHAKER_CONTROLS]
+            return float(np.polyval(c[:0:-1], data.time - c[0]))
+        if p[0] == VISCOELASTIC:
+            h = data.act[model.actuator_actadr[actuator] :][: damper.BRANCHES]
+            return viscoelastic_force(p, h, data.actuator_length[actuator] - model.actuator_length0[actuator])
+        return 0.0
+
+    def act_dyn(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
+        p = model.actuator_biasprm[actuator]
+        if p[0] == VISCOELASTIC:
+            first = model.actuator_actadr[actuator]
+            h = data.act[first : first + damper.BRANCHES].copy()
+            x, x_dot = (
+                data.actuator_length[actuator] - model.actuator_length0[actuator],
+                data.actuator_velocity[actuator],
+            )
+            for i in range(damper.BRANCHES):
+                data.act_dot[first + i] = viscoelastic_rate(p, h, x, x_dot, i)
+        return 0.0
+
+    return Callbacks(passive, act_dyn, act_bias, _quiet.ctypes)
+
+
+@cfunc(types.void(types.voidptr), cache=True)
+def _quiet(message):  # type: ignore[no-untyped-def]
+    """MuJoCo's warnings go nowhere: simulate.py reads their counters and raises with a sentence of its own."""
+
+
+_SLOTS: dict[str, tuple[Callable[[], Any], Callable[[Any], None]]] = {
+    name: (getattr(mujoco, f"get_mjcb_{name}"), getattr(mujoco, f"set_mjcb_{name}"))
+    for name in ("passive", "act_dyn", "act_bias")
+}
+_SLOTS["warning"] = (mujoco.get_mju_user_warning, mujoco.set_mju_user_warning)
+
+
+@contextmanager
+def callbacks(chosen: Callbacks | None = None) -> Iterator[Callbacks]:
+    """Install the callbacks (native by default) for the block; what was installed before is restored."""
+    chosen = chosen or native()
+    before = {name: get() for name, (get, _) in _SLOTS.items()}
+    try:
+        for name, (_, put) in _SLOTS.items():
+            put(getattr(chosen, name))
+        yield chosen
+    finally:
+        for name, (_, put) in _SLOTS.items():
+            put(before[name])

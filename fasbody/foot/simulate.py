@@ -1,0 +1,184 @@
+"""The only stepping code: one foot or many, in parallel, each with its own parameters, time step and base motion."""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import mujoco.batch
+import numpy as np
+
+from fasbody.exceptions import SettingError, SimulationError
+from fasbody.foot.engine import SHAKER_CONTROLS, callbacks
+from fasbody.foot.model import Foot
+from fasbody.foot.parameters import names
+from fasbody.foot.shaker import BaseMotion
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """Result of one batched rollout of `nsim` simulations and `n` steps.
+
+    Attributes:
+        time: (nsim, n) start of each step [s].
+        base: (nsim, n) realised base acceleration [m/s^2]; malleolus: (nsim, n) output of Eq. (4.31) [m/s^2].
+        qpos: (nsim, n + 1, nq) positions, relative ones for slides [m]; qvel: (nsim, n + 1, nv) velocities [m/s].
+        act: (nsim, n + 1, na) activations.
+        base_error: largest difference between realised and prescribed base acceleration, as a share of its peak.
+    """
+
+    time: np.ndarray
+    base: np.ndarray
+    malleolus: np.ndarray
+    qpos: np.ndarray
+    qvel: np.ndarray
+    act: np.ndarray
+    base_error: float
+
+    def __str__(self) -> str:
+        nsim, n = self.base.shape
+        peak = np.abs(self.malleolus).max()
+        return f"{nsim} x {n} steps, malleolus peak {peak:.3g} m/s^2, base error {self.base_error:.1e}"
+
+
+class Batch:
+    """Many simulations of one foot, prepared once and run often: the inner loop of a fit.
+
+    Args:
+        foot: the model.
+        nsim: number of simulations.
+        threads: threads to use, 0 for all cores.
+    """
+
+    def __init__(self, foot: Foot, nsim: int, threads: int = 0) -> None:
+        self.foot = foot
+        with callbacks():
+            self._batch = mujoco.batch.Batch(foot.model, nsim, threads or os.cpu_count() or 1)
+        self._steps = self._batch.expand("opt.timestep")
+        fields = foot.parameters.fields
+        self._fields = {field: self._batch.expand(field).reshape(nsim, -1) for field in fields}
+        #: Equalities with a solref in the direct form (negative numbers) close a loop as stiffly as the step allows.
+        self._tied = np.flatnonzero((foot.model.eq_solref < 0).all(axis=1))
+        self._solref = self._batch.expand("eq_solref") if self._tied.size else None
+        self._velocity = _velocity_sensor(foot)
+        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self._act, self._time = self._batch.bind("act"), self._batch.bind("time")
+        self._rest = foot.model.qpos0.copy()
+        self.nsim = nsim
+
+    def set(self, values: Mapping[str, np.ndarray | float]) -> None:
+        """Set parameters: name -> one value, or (nsim,) one for each simulation."""
+        for name, value in values.items():
+            self.foot.parameters[name].write(self._fields, value)
+
+    def run(
+        self,
+        controls: np.ndarray,
+        steps: np.ndarray | float,
+        qpos: np.ndarray | None = None,
+        qvel: np.ndarray | None = None,
+        act: np.ndarray | None = None,
+    ) -> Simulation:
+        """Run all simulations.
+
+        Args:
+            controls: (nsim or 1, n, 5) shaker controls of each step (`BaseMotion.controls`).
+            steps: time step [s], one or (nsim,).
+            qpos: initial positions, (nsim, nq) or (nq,); default the rest position. qvel: likewise, default zero.
+            act: initial activations, (nsim, na), default zero.
+
+        Raises:
+            SimulationError: a simulation became non-finite; the message says which and when.
+        """
+        n = controls.shape[1]
+        extra = int(self._velocity is not None)  # a velocity difference needs the end of the last step
+        full = np.zeros((controls.shape[0], n + extra, self.foot.model.nu))
+        full[:, :n, self.foot.shaker : self.foot.shaker + SHAKER_CONTROLS] = controls
+        full[:, n:] = full[:, n - 1 : n]
+        h = np.broadcast_to(np.asarray(steps, float).reshape(-1), (self.nsim,))
+        self._steps[...] = h.reshape(-1, *([1] * (self._steps.ndim - 1)))
+        if self._solref is not None:
+            self._solref[:, self._tied] = np.stack([-0.25 / h**2, -1 / h], axis=1)[:, None]
+        self._batch.warning[...] = 0
+        self._qpos[...] = self._rest if qpos is None else qpos
+        self._qvel[...] = 0.0 if qvel is None else qvel
+        self._act[...] = 0.0 if act is None else act
+        self._time[:] = controls[:, 0, 0]
+        first = [array[:, None].copy() for array in (self._qpos, self._qvel, self._act)]
+        with callbacks():
+            out = self._batch.rollout(n + extra, full, record=("qpos", "qvel", "act", "sensordata"))
+        after = (np.concatenate([a, out[key][:, :n]], 1) for a, key in zip(first, ("qpos", "qvel", "act"), strict=True))
+        qpos_all, qvel_all, act_all = after
+        self._check_finite(out["sensordata"], qvel_all)
+        base = out["sensordata"][:, :n, self.foot.sensor["base"]]
+        if self._velocity is None:
+            malleolus = out["sensordata"][..., self.foot.sensor["malleolus"]]
+        else:
+            malleolus = np.diff(out["sensordata"][..., self._velocity], axis=1) / h[:, None]
+        wanted = controls[..., 1]
+        peak = np.abs(wanted).max() or 1.0
+        return Simulation(
+            time=np.broadcast_to(controls[..., 0], base.shape),
+            base=base,
+            malleolus=malleolus,
+            qpos=qpos_all, qvel=qvel_all, act=act_all,
+            base_error=float(np.abs(base - wanted).max() / peak),
+        )  # fmt: skip
+
+    def _check_finite(self, sensordata: np.ndarray, qvel: np.ndarray) -> None:
+        bad = ~np.isfinite(sensordata).all(axis=(1, 2)) | ~np.isfinite(qvel).all(axis=(1, 2))
+        bad |= np.asarray(self._batch.warning).reshape(self.nsim, -1).any(axis=1)
+        if bad.any():
+            raise SimulationError(
+                f"{self.foot.name}: {bad.sum()} of {self.nsim} simulations became unstable; use a smaller time step "
+                "or parameters within the declared bounds."
+            )
+
+
+def _velocity_sensor(foot: Foot) -> int | None:
+    """Where the malleolus' velocity stands in sensordata, for integrators whose acceleration sensor is half a step off.
+
+    Runge-Kutta senses the acceleration at the start of the step. The implicit integrators read the velocity half a step
+    early, so there the output is the difference of velocities, from the sensor `malleolus_velocity`.
+    """
+    model = foot.model
+    if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 or "malleolus_velocity" not in names(model, "sensor"):
+        return None
+    return int(model.sensor("malleolus_velocity").adr[0]) + 1  # the y component
+
+
+def simulate(
+    foot: Foot,
+    motions: BaseMotion | Sequence[BaseMotion],
+    *,
+    step: float | None = None,
+    values: Mapping[str, np.ndarray | float] | None = None,
+    qpos: np.ndarray | None = None,
+    qvel: np.ndarray | None = None,
+    threads: int = 0,
+) -> Simulation:
+    """Simulate one foot under one or several base motions, or with several parameter sets under one.
+
+    Args:
+        foot: the model.
+        motions: one motion, or one a simulation; all of the first one's duration.
+        step: time step [s], default the model's.
+        values: parameters, name -> one value or (nsim,).
+        qpos: initial positions (nq,) or (nsim, nq); qvel: initial velocities.
+        threads: 0 for all cores.
+
+    Raises:
+        SettingError: sizes that do not fit. SimulationError: unstable.
+    """
+    step = step or foot.step
+    listed = [motions] if isinstance(motions, BaseMotion) else list(motions)
+    sizes = {len(listed), *(np.size(value) for value in (values or {}).values())} - {1}
+    if len(sizes) > 1:
+        raise SettingError(f"base motions and parameter values must be as many as each other, not {sorted(sizes)}.")
+    count = round(listed[0].duration / step)
+    if count < 1:
+        raise SettingError(f"a motion of {listed[0].duration:g} s is shorter than one step of {step:g} s.")
+    batch = Batch(foot, sizes.pop() if sizes else 1, threads)
+    batch.set(values or {})
+    controls = np.stack([motion.controls(step, count) for motion in listed])
+    return batch.run(controls, step, qpos, qvel)

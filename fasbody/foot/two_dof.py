@@ -1,0 +1,206 @@
+"""The two-mass foot: Eqs. (4.26) to (4.33), and its compiled twin with exact forward sensitivities.
+
+States are x = (z1, z2, z1', z2'): z1 = y1 - y2 across the talocrural joint, z2 = y2 - y0 across the fat pad. The input
+is the base acceleration, the output the malleolus acceleration. The twin integrates the states and their derivatives
+with respect to the four initial states and the eight parameters together, with the same Runge-Kutta scheme, step and
+input as the MuJoCo model, so that the two differ by rounding only.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from fasbody.foot.damper import damping
+
+#: Order of the parameters everywhere in this module.
+NAMES = ("k_T", "k_F", "c_11", "c_12", "c_13", "c_21", "c_22", "c_23")
+STATES = 4
+_COLUMNS = STATES + len(NAMES)
+
+
+@dataclass(frozen=True)
+class TwoDof:
+    """Parameters and masses of the two-mass foot, in SI units."""
+
+    k_T: float
+    k_F: float
+    c_11: float
+    c_12: float
+    c_13: float
+    c_21: float
+    c_22: float
+    c_23: float
+    m_S: float
+    m_F: float
+
+    @classmethod
+    def from_values(cls, values: Mapping[str, float]) -> "TwoDof":
+        """From named values, such as `Foot.values()`; other names are ignored."""
+        return cls(**{name: float(values[name]) for name in (*NAMES, "m_S", "m_F")})
+
+    @property
+    def theta(self) -> np.ndarray:
+        """(8,) parameters in the order of `NAMES`."""
+        return np.array([getattr(self, name) for name in NAMES])
+
+    def rates(self, t: float, x: np.ndarray, u: float) -> np.ndarray:
+        """State derivative F of Eq. (4.33) at states x (4,) [m, m/s] and base acceleration u [m/s^2]."""
+        f_T, f_F = self.forces(x)
+        z1_ddot = (f_F - f_T) / self.m_F - f_T / self.m_S  # Eq. (4.29), first row
+        z2_ddot = (f_T - f_F) / self.m_F - u  # Eq. (4.29), second row
+        return np.array([x[2], x[3], z1_ddot, z2_ddot])
+
+    def forces(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Forces (F_T, F_F) [N] of ankle and fat pad at states x (4, ...): the ordinates of the hysteresis loops."""
+        c_T = damping(x[0], self.c_11, self.c_12, self.c_13)  # Eq. (4.32)
+        c_F = damping(x[1], self.c_21, self.c_22, self.c_23)  # Eq. (4.32)
+        return self.k_T * x[0] + c_T * x[2], self.k_F * x[1] + c_F * x[3]  # Eq. (4.42)
+
+    def output(self, x: np.ndarray) -> np.ndarray:
+        """Malleolus acceleration [m/s^2] at states x (4, ...)."""
+        return -self.forces(x)[0] / self.m_S  # Eq. (4.31)
+
+    def state_space(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A (4, 4), B (4,), C (4,) of the linear model, with c_T = c_11 and c_F = c_21."""
+        k_T, k_F, c_T, c_F, m_S, m_F = self.k_T, self.k_F, self.c_11, self.c_21, self.m_S, self.m_F
+        both = (m_S + m_F) / (m_S * m_F)
+        A = np.array(  # Eq. (4.30)
+            [[0, 0, 1, 0], [0, 0, 0, 1], [-both * k_T, k_F / m_F, -both * c_T, c_F / m_F],
+             [k_T / m_F, -k_F / m_F, c_T / m_F, -c_F / m_F]]
+        )  # fmt: skip
+        return A, np.array([0.0, 0.0, 0.0, -1.0]), -np.array([k_T, 0.0, c_T, 0.0]) / m_S
+
+    def transmissibility(self, frequency_hz: np.ndarray) -> np.ndarray:
+        """Complex malleolus/base acceleration of the linear model at (n,) frequencies [Hz]."""
+        A, B, C = self.state_space()
+        s = 2j * np.pi * np.atleast_1d(np.asarray(frequency_hz, float))
+        return np.linalg.solve(s[:, None, None] * np.eye(STATES) - A, B[:, None])[..., 0] @ C
+
+    def mirror(self) -> "TwoDof":
+        """The other foot with the same linear response: stiffness and damping change places.
+
+        They are scaled by a = m_S / (m_S + m_F), exactly for the linear part. The nonlinear constants change places
+        unscaled, a starting point for a fit.
+        """
+        a = self.m_S / (self.m_S + self.m_F)
+        return TwoDof(
+            k_T=a * self.k_F, k_F=self.k_T / a, c_11=a * self.c_21, c_21=self.c_11 / a,
+            c_12=self.c_22, c_13=self.c_23, c_22=self.c_12, c_23=self.c_13, m_S=self.m_S, m_F=self.m_F,
+        )  # fmt: skip
+
+
+@njit(cache=True, fastmath=False, error_model="numpy")
+def _rates(x, p, m_S, m_F, u, f, A, B):  # type: ignore[no-untyped-def]
+    """Rates f (4,), and d(z1'', z2'')/dx in A (2, 4), d(z1'', z2'')/dp in B (2, 8); returns F_T."""
+    g_T, g_F = np.exp(-p[3] * x[0]), np.exp(-p[6] * x[1])
+    cos_T, sin_T = np.cos(p[4] * x[0]), np.sin(p[4] * x[0])
+    cos_F, sin_F = np.cos(p[7] * x[1]), np.sin(p[7] * x[1])
+    c_T, c_F = p[2] * g_T * cos_T, p[5] * g_F * cos_F  # Eq. (4.32)
+    f_T, f_F = c_T * x[2] + p[0] * x[0], c_F * x[3] + p[1] * x[1]
+    f[0], f[1] = x[2], x[3]
+    f[2], f[3] = (f_F - f_T) / m_F - f_T / m_S, (f_T - f_F) / m_F - u  # Eq. (4.29)
+    # dF_T/d(z1, k_T, c_11, c_12, c_13) and dF_F/d(z2, k_F, c_21, c_22, c_23)
+    T0 = p[0] - x[2] * p[2] * g_T * (p[3] * cos_T + p[4] * sin_T)
+    F1 = p[1] - x[3] * p[5] * g_F * (p[6] * cos_F + p[7] * sin_F)
+    a_T, a_F = 1.0 / m_F + 1.0 / m_S, 1.0 / m_F
+    A[0, 0], A[0, 1], A[0, 2], A[0, 3] = -a_T * T0, a_F * F1, -a_T * c_T, a_F * c_F
+    A[1, 0], A[1, 1], A[1, 2], A[1, 3] = a_F * T0, -a_F * F1, a_F * c_T, -a_F * c_F
+    dT = (x[0], g_T * cos_T * x[2], -x[0] * c_T * x[2], -x[0] * p[2] * g_T * sin_T * x[2])
+    dF = (x[1], g_F * cos_F * x[3], -x[1] * c_F * x[3], -x[1] * p[5] * g_F * sin_F * x[3])
+    B[0, 0], B[0, 2], B[0, 3], B[0, 4] = -a_T * dT[0], -a_T * dT[1], -a_T * dT[2], -a_T * dT[3]
+    B[1, 0], B[1, 2], B[1, 3], B[1, 4] = a_F * dT[0], a_F * dT[1], a_F * dT[2], a_F * dT[3]
+    B[0, 1], B[0, 5], B[0, 6], B[0, 7] = a_F * dF[0], a_F * dF[1], a_F * dF[2], a_F * dF[3]
+    B[1, 1], B[1, 5], B[1, 6], B[1, 7] = -a_F * dF[0], -a_F * dF[1], -a_F * dF[2], -a_F * dF[3]
+    return f_T
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def trajectory(x0, p, m_S, m_F, u, h, stride, columns):  # type: ignore[no-untyped-def]
+    """Integrate states and sensitivities by fourth-order Runge-Kutta.
+
+    Args:
+        x0: (4,) initial states. p: (8,) parameters in the order of `NAMES`. m_S, m_F: masses [kg].
+        u: (2 n + 1,) base acceleration at half steps [m/s^2] (`BaseMotion.half_steps`). h: step [s].
+        stride: output every `stride` steps.
+        columns: 0 no sensitivities, 4 those to the initial states, 12 those to the parameters as well.
+
+    Returns:
+        Y (n // stride,) malleolus acceleration, Eq. (4.31); DY (n // stride, 12) its derivatives (x0 first, then p);
+        the final states (4,) and their derivatives (4, 12).
+    """
+    n = (u.size - 1) // 2
+    Y, DY = np.empty(n // stride), np.zeros((n // stride, _COLUMNS))
+    x, S = x0.copy(), np.zeros((STATES, _COLUMNS))
+    for i in range(STATES):
+        S[i, i] = 1.0
+    A, B, f = np.zeros((2, 4)), np.zeros((2, 8)), np.empty(4)
+    kx, kS = np.empty((4, 4)), np.zeros((4, 4, _COLUMNS))
+    xt, St = np.empty(4), np.empty((4, _COLUMNS))
+    for k in range(n):
+        for stage in range(4):
+            w = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
+            for i in range(4):
+                xt[i] = x[i] + w * kx[stage - 1, i] if stage else x[i]
+                for j in range(columns):
+                    St[i, j] = S[i, j] + w * kS[stage - 1, i, j] if stage else S[i, j]
+            f_T = _rates(xt, p, m_S, m_F, u[2 * k + (stage + 1) // 2], f, A, B)
+            for i in range(4):
+                kx[stage, i] = f[i]
+            for j in range(columns):
+                kS[stage, 0, j], kS[stage, 1, j] = St[2, j], St[3, j]
+                for r in range(2):
+                    v = A[r, 0] * St[0, j] + A[r, 1] * St[1, j] + A[r, 2] * St[2, j] + A[r, 3] * St[3, j]
+                    kS[stage, 2 + r, j] = v + B[r, j - STATES] if j >= STATES else v
+            if stage == 0 and k % stride == 0 and k // stride < Y.size:
+                Y[k // stride] = -f_T / m_S  # Eq. (4.31)
+                for j in range(columns):  # y = z1'' + z2'' + u, so its derivative is the sum of two rows
+                    DY[k // stride, j] = kS[0, 2, j] + kS[0, 3, j]
+        for i in range(4):
+            x[i] += h / 6.0 * (kx[0, i] + 2.0 * kx[1, i] + 2.0 * kx[2, i] + kx[3, i])
+            for j in range(columns):
+                S[i, j] += h / 6.0 * (kS[0, i, j] + 2.0 * kS[1, i, j] + 2.0 * kS[2, i, j] + kS[3, i, j])
+    return Y, DY, x, S
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def path(x0, p, m_S, m_F, u, h):  # type: ignore[no-untyped-def]
+    """States (n, 4) at the start of each of n steps; arguments as `trajectory`."""
+    n = (u.size - 1) // 2
+    out, x = np.empty((n, STATES)), x0.copy()
+    for k in range(n):
+        out[k] = x
+        _, _, x, _ = trajectory(x, p, m_S, m_F, u[2 * k : 2 * k + 3], h, 1, 0)
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def periodic(x0, p, m_S, m_F, u, h, tolerance, passes):  # type: ignore[no-untyped-def]
+    """Periodic orbit by shooting: Newton on the initial states over one period, then exact derivatives along the orbit.
+
+    Args: as `trajectory`; `u` spans one period.
+        tolerance: largest relative gap after one period at which the orbit is corrected to first order and accepted.
+        passes: at most so many periods are integrated.
+
+    Returns:
+        Y (n,) output over one period, dY/dp (n, 8), initial states (4,), their derivatives (4, 8), the last gap
+        (infinite if the motion grew without bound, or no one orbit closes).
+    """
+    eye = np.eye(STATES)
+    x = x0.copy()
+    for _ in range(passes):
+        Y, DY, xT, S = trajectory(x, p, m_S, m_F, u, h, 1, _COLUMNS)
+        if not (np.isfinite(xT).all() and np.isfinite(S).all()):
+            return Y, DY[:, STATES:].copy(), x, S[:, STATES:].copy(), np.inf
+        by_state, by_p = np.ascontiguousarray(S[:, :STATES]), np.ascontiguousarray(S[:, STATES:])
+        if np.linalg.det(eye - by_state) == 0.0:  # nothing left of the states after a period, or far too much
+            return Y, DY[:, STATES:].copy(), x, by_p, np.inf
+        step = np.linalg.solve(eye - by_state, xT - x)
+        x += step
+        gap = np.abs(step).max() / max(1e-12, np.abs(x).max())
+        if gap < tolerance or not np.isfinite(gap):
+            break
+    dx = np.linalg.solve(eye - by_state, by_p)
+    dY_dx = np.ascontiguousarray(DY[:, :STATES])
+    return Y + dY_dx @ step, DY[:, STATES:] + dY_dx @ dx, x, dx, gap

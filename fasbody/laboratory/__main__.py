@@ -1,0 +1,98 @@
+"""`python -m fasbody.laboratory FOLDER`: synthetic recordings with known truth, to learn on and to test against.
+
+`--subjects 20` makes a whole study (study.py); without it, recordings of one foot with constant parameters (foot.py).
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fasbody.console import command_line, console
+from fasbody.exceptions import SettingError
+from fasbody.laboratory.foot import make_study
+from fasbody.laboratory.study import EXCITATIONS, FREQUENCIES_HZ, Plan, make
+from fasbody.laboratory.subject import POSTURES
+from fasbody.recording.condition import ADDED_MASSES_KG
+from fasbody.recording.trials import listed
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    study: Annotated[Path, typer.Argument(help="folder to write")],
+    subjects: Annotated[
+        int | None, typer.Option(help="a whole study of so many virtual subjects, with tuberosity and scatter")
+    ] = None,
+    subject: Annotated[int, typer.Option(help="else: subject of Table 2.1 whose body mass one foot has")] = 16,
+    added_mass: Annotated[
+        list[float] | None, typer.Option(help="mass on the knee in kg; repeat (default 0, for studies 0, 2.3, 4.5)")
+    ] = None,
+    posture: Annotated[
+        list[str] | None, typer.Option(help=f"{', '.join(POSTURES)}; repeat (studies; default all, unloaded)")
+    ] = None,
+    frequency: Annotated[
+        list[float] | None, typer.Option(help="excitation in Hz; repeat (default 10, 15 ... 50)")
+    ] = None,
+    excitation: Annotated[str, typer.Option(help=f"{', '.join(EXCITATIONS)} (studies)")] = "sine",
+    peak_to_peak: Annotated[float, typer.Option(help="base acceleration in m/s^2 (studies)")] = 17.9,
+    seconds: Annotated[
+        float | None, typer.Option(help="length of each recording in s (default 4, for studies 10)")
+    ] = None,
+    file_format: Annotated[str, typer.Option("--format", help="csv, mat, h5, uff or tdms (studies)")] = "csv",
+    seed: Annotated[int | None, typer.Option(min=0, help="seed of subjects, phases and noise")] = None,
+    jobs: Annotated[int, typer.Option(help="processes; 0 for all cores")] = 0,
+) -> None:
+    """Make a synthetic study with known truth.
+
+    Examples:
+      python -m fasbody.laboratory my_study --subjects 20
+
+      python -m fasbody.laboratory one_foot --added-mass 0 --added-mass 2.3 --seconds 10
+    """
+    if (study / "recordings.csv").exists() and not (study / "truth.json").exists():
+        raise SettingError(f"{study} holds a study that was not made here; name another folder.")
+    before = _written(study)
+    frequencies = tuple(frequency or FREQUENCIES_HZ)
+    if subjects is None:
+        if posture or excitation != "sine":
+            raise SettingError("postures and excitations other than sines need --subjects.")
+        made = make_study(
+            study,
+            subject,
+            frequencies,
+            added_mass or [0.0],
+            4.0 if seconds is None else seconds,
+            16 if seed is None else seed,
+        )
+    else:
+        conditions = tuple((p, m) for p in posture or ["midstance"] for m in added_mass or ADDED_MASSES_KG)
+        plan = Plan(
+            subjects=subjects, conditions=conditions if posture or added_mass else (), frequencies_hz=frequencies,
+            excitation=excitation, peak_to_peak=peak_to_peak, file_format=file_format.removeprefix("."),
+        )  # fmt: skip
+        plan = replace(
+            plan, seconds=plan.seconds if seconds is None else seconds, seed=plan.seed if seed is None else seed
+        )
+        made = make(study, plan, jobs)
+    after = _written(made)
+    for old in before - after:
+        old.unlink(missing_ok=True)
+    if before:
+        console.print(f"replaced the study that was there, {len(before)} recordings", markup=False, soft_wrap=True)
+    noun = "recording" if len(after) == 1 else "recordings"
+    told = f"{len(after)} synthetic {noun} in {made}; the truth is in {made / 'truth.json'}"
+    console.print(told, markup=False, soft_wrap=True)
+
+
+def _written(folder: Path) -> set[Path]:
+    """The recordings that a study made here lists."""
+    if not (folder / "recordings.csv").is_file():
+        return set()
+    return {trial.path for trial in listed(folder)}
+
+
+if __name__ == "__main__":
+    command_line(app)

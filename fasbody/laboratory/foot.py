@@ -1,0 +1,120 @@
+"""Recordings of one foot with constant parameters, and a study folder of them.
+
+The two-mass model of Eq. (4.29) is integrated by DOP853 at tight tolerance (neither of the engines that the fit uses);
+the instrument adds what real ones add: shaker harmonics, sensor noise, 12-bit quantisation, a delay between the
+multiplexed channels. Everything it writes says that it is synthetic, and `truth.json` holds the parameters.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from fasbody.console import progress_bar, to_json, write_whole
+from fasbody.exceptions import SettingError
+from fasbody.foot.shaker import BaseMotion
+from fasbody.foot.two_dof import TwoDof
+from fasbody.laboratory.instrument import STRAPPED, Instrument
+from fasbody.laboratory.study import CONSTANTS, FREQUENCIES_HZ
+from fasbody.recording.condition import SUBJECTS, foot_mass, shank_mass
+from fasbody.recording.recording import Condition, Recording
+
+#: A foot with visibly nonlinear dampers: invented, within what chapters 2 and 4 of the thesis describe.
+TRUTH = {"k_T": 1.31e5, "k_F": 9.4e4, "c_11": 380.0, "c_12": 90.0, "c_13": 140.0, "c_21": 760.0, "c_22": -120.0}
+TRUTH |= {"c_23": 180.0}
+
+
+def record(
+    foot: TwoDof,
+    motion: BaseMotion,
+    seconds: float,
+    instrument: Instrument,
+    rng: np.random.Generator,
+    settle: float = 1.0,
+) -> Recording:
+    """One synthetic recording of a foot on the shaker.
+
+    Args:
+        foot: true parameters. motion: base motion. seconds: length [s]. instrument: what it adds. rng: noise source.
+        settle: the shaker runs this long before the recording starts [s]; 0 records the transient from rest.
+    """
+    return instrument.observe(exact(foot, motion, seconds, instrument, settle), rng)
+
+
+def exact(foot: TwoDof, motion: BaseMotion, seconds: float, instrument: Instrument, settle: float = 1.0) -> Recording:
+    """The same without noise and quantisation: what happened at the samples, the channel delay included."""
+    t = np.arange(round(seconds * instrument.rate_hz)) / instrument.rate_hz
+    late = np.maximum(t + settle - instrument.delay_s, 0.0)  # at rest until the shaker starts
+    solution = solve_ivp(
+        lambda time, x: foot.rates(time, x, float(motion.acceleration(np.array([time]))[0])),
+        (0.0, late[-1]), np.zeros(4), method="DOP853", t_eval=late, rtol=1e-9, atol=1e-12, max_step=5e-3,
+    )  # fmt: skip
+    return Recording(t, motion.acceleration(t + settle), foot.output(solution.y), origin="synthetic")
+
+
+def make_study(
+    folder: Path,
+    subject: int = 16,
+    frequencies_hz: Sequence[float] = FREQUENCIES_HZ,
+    added_masses_kg: Sequence[float] = (0.0,),
+    seconds: float = 4.0,
+    seed: int = 16,
+    instrument: Instrument | None = None,
+) -> Path:
+    """Write a synthetic study folder with `truth.json` beside it; see the module's docstring.
+
+    Raises:
+        SettingError: no such subject, or a length or frequency that makes no recording.
+    """
+    instrument = instrument or Instrument()
+    if subject not in SUBJECTS:
+        raise SettingError(f"there is no subject {subject}; Table 2.1 has 1 to {len(SUBJECTS)}.")
+    for f in frequencies_hz:
+        if not 0.5 <= f <= instrument.rate_hz / 10:
+            raise SettingError(
+                f"a frequency of {f:g} cannot be recorded at {instrument.rate_hz:g} Hz (valid: 0.5 to 100 Hz)."
+            )
+        if not 3 <= seconds * f <= 3600 * f:
+            raise SettingError(f"a length of {seconds:g} is no recording of {f:g} Hz (valid: {3 / f:.3g} to 3600 s).")
+    body = SUBJECTS[subject].mass_kg
+    rng = np.random.default_rng(seed)
+    rows = ["file,subject,posture,added_mass_kg,frequency_hz"]
+    trials = [(added, f) for added in added_masses_kg for f in frequencies_hz]
+    with progress_bar() as progress:
+        for added, f in progress.track(trials, description="recording"):
+            foot = TwoDof(**TRUTH, m_S=shank_mass(body, added), m_F=foot_mass(body))
+            made = record(foot, instrument.motion(f, seconds + 2, rng), seconds, instrument, rng)
+            condition = Condition(str(subject), "midstance", added, body, f)
+            name = f"recordings/{f:g}hz_{added:g}kg.csv"
+            replace(made, condition=condition).write(folder / name)
+            rows.append(f"{name},{subject},midstance,{added:g},{f:g}")
+    person = SUBJECTS[subject]
+    subjects = f"subject,age_yr,height_m,mass_kg\n{subject},{person.age_yr},{person.height_m},{person.mass_kg}\n"
+    write_whole(folder / "subjects.csv", subjects)
+    write_whole(folder / "recordings.csv", "\n".join(rows) + "\n")
+    known = {name: value for name, value in asdict(instrument).items() if name not in STRAPPED}
+    truth = {"origin": "synthetic", "seed": seed, "parameters": TRUTH, "instrument": known}
+    write_whole(folder / "truth.json", to_json(truth) + "\n")
+    for table in ("truth.csv", CONSTANTS):  # of a whole study that was here before
+        (folder / table).unlink(missing_ok=True)
+    write_whole(folder / "study.toml", _STUDY.format(subject=subject, body=body, seed=seed, instrument=instrument))
+    return folder
+
+
+_STUDY = '''[study]
+name = "synthetic subject {subject}"
+origin = "synthetic"
+description = """
+Made by python -m fasbody.laboratory (seed {seed}) from a two-mass foot with the body mass of subject {subject},
+{body:g} kg. Nobody was measured: truth.json holds the parameters."""
+sampling_rate_hz = {instrument.rate_hz:g}
+
+[channels.base]
+unit = "m/s^2"
+
+[channels.malleolus]
+unit = "m/s^2"
+delay_std_s = {instrument.delay_s:g}
+'''

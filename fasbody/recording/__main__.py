@@ -1,0 +1,155 @@
+"""`python -m fasbody.recording check PATH` and `convert FROM TO`: what a file holds, and the same in another format."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from fasbody.console import command_line, console, print_json, progress_bar, results
+from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
+from fasbody.recording.channels import Layout
+from fasbody.recording.checks import checked
+from fasbody.recording.harmonics import find_frequency, sine_share
+from fasbody.recording.recording import Recording
+from fasbody.recording.study import StudyFolder
+from fasbody.recording.trials import describe, posture_remarks
+
+app: typer.Typer = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
+
+_Study = Annotated[Path | None, typer.Option("--study", help="study.toml that maps channels, units and sensitivities")]
+
+
+@app.callback()
+def main() -> None:
+    """Recordings: check what was understood of a file, convert it.
+
+    Examples:
+      python -m fasbody.recording check my_study
+    """
+
+
+@app.command()
+def check(
+    path: Annotated[Path, typer.Argument(help="a recording (CSV, MAT, HDF5, UFF, TDMS) or a study folder")],
+    study: _Study = None,
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+) -> None:
+    """Tell what was understood of a recording or a study, and what is wrong with it.
+
+    Exit code 2 if any recording cannot serve.
+
+    Examples:
+      python -m fasbody.recording check measured.tdms --study study.toml --json
+    """
+    rows: list[dict[str, Any]] = []
+    if path.is_dir():
+        folder = StudyFolder.open(path)
+        for remark in posture_remarks(folder.trials):
+            console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
+        with progress_bar() as progress:
+            for trial in progress.track(folder.trials, description="checking"):
+                try:
+                    rows.append(understood(folder.read(trial)))
+                except FasError as error:
+                    rows.append({"file": trial.label, "problem": str(error)})
+    else:
+        recording = Recording.read(path, layout=_layout(study))  # a file that cannot be read at all: one sentence
+        rows.append(understood(recording))
+    if json_:
+        print_json({"path": str(path), "recordings": rows})
+    else:
+        _show(rows)
+    wrong = [row for row in rows if row["problem"]]
+    if wrong:
+        raise RecordingError(
+            wrong[0]["problem"].rstrip(".") + (f" (and {len(wrong) - 1} more)." if len(wrong) > 1 else ".")
+        )
+
+
+def understood(recording: Recording) -> dict[str, Any]:
+    """Length, rate, excitation and root mean square of each channel; the problem, if any, and the warnings."""
+    row: dict[str, Any] = {"file": recording.file, "problem": "", "warnings": []}
+    try:
+        good = checked(recording)
+        row["warnings"] = list(good.warnings)
+        row["frequency_hz"] = good.condition.frequency_hz
+    except RecordingError as error:
+        row["problem"] = str(error)
+        good = recording
+    t = recording.time_s
+    row |= {"samples": t.size, "origin": recording.origin}
+    if t.size > 1 and np.isfinite(t).all() and t[-1] > t[0]:
+        row |= {"rate_hz": recording.rate_hz, "seconds": float(t[-1] - t[0])}
+    row["rms_m_s2"] = {
+        name.removesuffix("_m_s2"): float(np.std(values)) for name, values in good.channels.items() if name != "time_s"
+    }
+    if not row["problem"]:
+        found = good.condition.frequency_hz or find_frequency(good.time_s, good.base_m_s2)
+        row["sine_share"] = sine_share(good.time_s, good.base_m_s2, found)
+    return row
+
+
+@app.command()
+def convert(
+    source: Annotated[Path, typer.Argument(help="the recording to read")],
+    target: Annotated[Path, typer.Argument(help="file to write: .csv, .mat, .h5, .uff or .tdms")],
+    study: _Study = None,
+    matlab: Annotated[
+        str | None, typer.Option(help="version of a .mat file: 5 (default), or 7.3 (which is HDF5)")
+    ] = None,
+) -> None:
+    """Write a recording in another format, in m/s^2, signs, sensitivities and delays applied.
+
+    A recording that no analysis would use is converted all the same, and it is said what is wrong with it.
+
+    Examples:
+      python -m fasbody.recording convert measured.tdms measured.csv --study study.toml
+
+      python -m fasbody.recording convert measured.csv measured.mat --matlab 7.3
+    """
+    if target.exists():
+        raise InputFileError(target, "exists", "name a new file")
+    if matlab not in (None, "5", "7.3"):
+        raise SettingError(f"--matlab {matlab} is not written (valid: 5, 7.3).")
+    if matlab and target.suffix.lower() != ".mat":
+        raise SettingError(f"--matlab {matlab} is for .mat files, and {target} is none.")
+    recording = Recording.read(source, layout=_layout(study))
+    recording.write(target, matlab or "5")
+    try:
+        remarks = checked(recording).warnings
+    except RecordingError as error:
+        remarks = (f"It cannot be used as it is. {error}",)
+    for text in remarks:
+        console.print(f"[yellow]warning:[/] {escape(text)}", soft_wrap=True)
+    console.print(
+        f"{recording.time_s.size} samples of {len(recording.channels) - 1} channels in {target}", markup=False
+    )
+
+
+def _layout(study: Path | None) -> Layout | None:
+    return None if study is None else describe(study)[1]
+
+
+def _show(rows: list[dict[str, Any]]) -> None:
+    table = Table("file", "samples", r"rate \[Hz]", r"excitation \[Hz]", r"rms \[m/s²]", "verdict")
+    for row in rows:
+        found = row.get("frequency_hz")
+        table.add_row(
+            escape(row["file"]),
+            str(row.get("samples", "")),
+            f"{row['rate_hz']:.6g}" if "rate_hz" in row else "",
+            "" if row["problem"] else "broadband" if found is None else f"{found:.5g}",
+            ", ".join(f"{name} {value:.3g}" for name, value in row.get("rms_m_s2", {}).items()),
+            "[red]unusable[/]" if row["problem"] else "[yellow]usable, see below[/]" if row["warnings"] else "sound",
+        )
+    results.print(table)
+    for row in rows:
+        for text in row.get("warnings", []):
+            console.print(text, markup=False, soft_wrap=True)
+
+
+if __name__ == "__main__":
+    command_line(app)

@@ -1,0 +1,278 @@
+"""Units of acceleration, voltage and time as files, boards and data sheets write them, and what they are in SI.
+
+Which column of a file is which channel, and what turns its numbers into m/s^2: units, sensitivity, sign, delay.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fasbody.exceptions import InputFileError, shown, unknown
+
+_G = 9.80665
+#: Units that a CSV header or a board may carry behind a channel's name, and what they are in SI.
+UNITS = {"m_s2": 1.0, "g": _G, "mm_s2": 1e-3, "cm_s2": 1e-2}
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+#: Those and what else instruments write into their files.
+ACCELERATIONS = UNITS | {
+    "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "gn": _G, "mm/s^2": 1e-3, "cm/s^2": 1e-2,
+}  # fmt: skip
+VOLTAGES = {"v": 1.0, "mv": 1e-3}
+KNOWN_UNITS = frozenset(ACCELERATIONS | VOLTAGES | TIME_UNITS)
+_SENSITIVITY = re.compile(
+    r"\s*([-+.\deE]+)\s*(m?V)\s*/\s*(?P<open>\()?\s*(g|m\s*/\s*s(?:(?:\^|\*\*)?2|²))\s*(?(open)\))\s*", re.IGNORECASE
+)
+
+
+def name_and_unit(name: str) -> tuple[str, str]:
+    """Name and unit of a heading such as ``base_m_s2``, ``base [m/s^2]``, ``Base (g)``."""
+    text = name.strip().strip('"').lower()
+    match = re.fullmatch(r"([a-z]+)\s*[\[(]\s*([^\])]*?)\s*[\])]", text)
+    if match:
+        return match[1], match[2]
+    stem, _, unit = text.partition("_")
+    return stem, unit
+
+
+def factor(file: Path, channel: str, unit: str, valid: Mapping[str, float], line: int | None = None) -> float:
+    """What turns a column's numbers into SI.
+
+    Raises:
+        InputFileError: the unit is none of `valid`.
+    """
+    if unit.lower() not in valid:
+        raise InputFileError(file, unknown(f"unit of the column {channel!r}:", shown(unit), valid), line=line)
+    return valid[unit.lower()]
+
+
+def volts_per_m_s2(file: Path, name: str, text: str) -> float:
+    """Sensitivity in V per m/s^2 from a data sheet's "100 mV/g".
+
+    Raises:
+        InputFileError: it says no such thing.
+    """
+    match = _SENSITIVITY.fullmatch(text)
+    try:
+        assert match is not None
+        return float(match[1]) * VOLTAGES[match[2].lower()] / (_G if match[4].lower() == "g" else 1.0)
+    except (AssertionError, ValueError):
+        place = f"channels.{name}.sensitivity = {text!r}"
+        raise InputFileError(file, place, 'valid: a number (unit per m/s^2), "100 mV/g" or "10.2 mV/(m/s^2)"') from None
+
+
+Channels = dict[str, np.ndarray]
+
+#: The accelerometers of section 2.2.2; the first two are needed.
+NAMES = ("base", "malleolus", "tuberosity")
+_KEYS = ("unit", "sign", "sensitivity", "delay_s", "column", "gain_std", "delay_std_s")
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What study.toml says of one channel.
+
+    Attributes:
+        column: its name in the files, default the channel's own name. unit: of the numbers, if the files do not say.
+        sign: +1 or -1. sensitivity: recorded unit per m/s^2, or in V per m/s^2 if `volts`. delay_s: how late it is.
+        gain_std: relative standard uncertainty of the sensitivity, mounting included. delay_std_s: that of the delay.
+    """
+
+    column: str = ""
+    unit: str = ""
+    sign: float = 1.0
+    sensitivity: float = 1.0
+    volts: bool = False
+    delay_s: float = 0.0
+    gain_std: float = 0.0
+    delay_std_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The channels of a study's files.
+
+    Attributes:
+        channels: by name, "time" included; those not listed are found by name and unit in the file.
+        rate_hz: sampling rate of files that have no time.
+    """
+
+    channels: Mapping[str, Channel] = field(default_factory=dict)
+    rate_hz: float | None = None
+
+    @classmethod
+    def from_toml(cls, file: Path, tables: Mapping[str, Any], rate_hz: object = None) -> "Layout":
+        """From the [channels.*] tables of study.toml.
+
+        Raises:
+            InputFileError: a channel, key or value that does not exist.
+        """
+        channels = {}
+        for name, table in tables.items():
+            if name not in (*NAMES, "time"):
+                raise InputFileError(file, f"describes the channel {name!r}", f"valid: {', '.join(NAMES)}, time")
+            if not isinstance(table, dict):
+                place = f"channels.{name}"
+                raise InputFileError(file, f"{place} is {table!r}", f"it must be a table, [{place}]")
+            channels[name] = _channel(file, name, table)
+        if rate_hz is not None and not (_is_number(rate_hz) and 0 < rate_hz < 1e7):  # type: ignore[operator]
+            raise InputFileError(file, f"sampling_rate_hz = {rate_hz!r}", "valid: a positive number")
+        return cls(channels, None if rate_hz is None else float(rate_hz))  # type: ignore[arg-type]
+
+    def known(self, names: Sequence[str]) -> int:
+        """How many of a file's columns are channels by their names."""
+        told = {c.column.strip().lower() for c in self.channels.values() if c.column}
+        return sum(name.strip().lower() in told or name_and_unit(name)[0] in ("time", *NAMES) for name in names)
+
+    def find(
+        self,
+        file: Path,
+        names: Sequence[str],
+        units: Sequence[str],
+        line: int | None = None,
+        passed: Sequence[str] = (),
+        sizes: Sequence[int] = (),
+    ) -> dict[str, tuple[int, float]]:
+        """Which of the file's columns is which channel.
+
+        Args:
+            file: for messages. names, units: of the file's columns; a unit may also stand behind a name
+                (``base_g``, ``base [g]``). line: of the header, for messages.
+            passed: what else the file holds and why it is no channel, for messages.
+            sizes: how many samples each column has, if they may differ.
+
+        Returns:
+            ``time_s``, ``base_m_s2`` ... -> (index, factor to SI).
+
+        Raises:
+            InputFileError: a unit is unknown, missing or contradicts study.toml; a channel is missing or there twice;
+                channels of different lengths.
+        """
+        wanted: dict[str, tuple[int, str]] = {}
+        listed = f"found: {shown(', '.join(names)) or 'nothing'}"
+        listed += f"; passed over: {shown(', '.join(passed))}" if passed else ""
+        for channel in ("time", *NAMES):
+            told = self.channels.get(channel, Channel())
+            for index, (name, unit) in enumerate(zip(names, units, strict=True)):
+                stem, behind = name_and_unit(name)
+                if name.strip().lower() == told.column.strip().lower() if told.column else stem == channel:
+                    found = told.unit or unit or (behind if stem == channel else "")
+                    if told.unit and (unit or behind) and stem == channel:
+                        self._agree(file, channel, told.unit, unit or behind)
+                    key = "time_s" if channel == "time" else f"{channel}_m_s2"
+                    if channel == "time" and found not in TIME_UNITS and not told.column:
+                        continue
+                    if key in wanted:
+                        raise InputFileError(file, f"has two columns for {channel}", "keep one of them", line=line)
+                    wanted[key] = (index, found or ("s" if channel == "time" else ""))
+            if told.column and not any(key.startswith(f"{channel}_") for key in wanted):
+                raise InputFileError(file, f"has no column {told.column!r} for {channel} ({listed})")
+        clock = ("time_s",) if line and self.rate_hz is None else ()  # only text has no rate of its own
+        for name in (*clock, "base_m_s2", "malleolus_m_s2"):
+            if name not in wanted:
+                hint = "or give sampling_rate_hz in study.toml" if name in clock else _HELP
+                raise InputFileError(file, f"has no column {name!r} ({listed})", hint, line=line)
+        lengths = {name: sizes[index] for name, (index, _) in wanted.items()} if sizes else {}
+        if len(set(lengths.values())) > 1:
+            told_lengths = ", ".join(f"{name} {size}" for name, size in lengths.items())
+            raise InputFileError(
+                file, f"its channels have different lengths ({told_lengths})", "resample them to one rate"
+            )
+        return {key: (index, self._factor(file, key, unit, line)) for key, (index, unit) in wanted.items()}
+
+    def _factor(self, file: Path, key: str, unit: str, line: int | None) -> float:
+        if key == "time_s":
+            return factor(file, "time", unit, TIME_UNITS, line)
+        channel = key.removesuffix("_m_s2")
+        told = self.channels.get(channel, Channel())
+        if not unit:
+            hint = f"name the column {channel}_m_s2 or {channel}_g, or give study.toml [channels.{channel}]"
+            raise InputFileError(file, f"{channel} has no unit", f'{hint} unit = "m/s^2"', line=line)
+        if unit.lower() in VOLTAGES:
+            if told.sensitivity == 1.0 and not told.volts:
+                raise InputFileError(
+                    file, f"{channel} is in {unit}", f'study.toml must give channels.{channel}.sensitivity = "100 mV/g"'
+                )
+            scale = VOLTAGES[unit.lower()] if told.volts else 1.0
+        else:
+            scale = factor(file, channel, unit, ACCELERATIONS, line)
+            if told.volts:
+                raise InputFileError(file, f"{channel} is in {unit}, and study.toml gives a sensitivity in volts")
+        return told.sign * scale / told.sensitivity
+
+    @staticmethod
+    def _agree(file: Path, channel: str, told: str, found: str) -> None:
+        if told.lower() in VOLTAGES and found == "m_s2":
+            return  # the standard heading over numbers that study.toml makes m/s^2
+        both = ACCELERATIONS | VOLTAGES | TIME_UNITS
+        if both.get(told.lower()) != both.get(found.lower()) or (told.lower() in VOLTAGES) != (
+            found.lower() in VOLTAGES
+        ):
+            raise InputFileError(file, f"{channel} is in {found}, and study.toml says {told}", "correct one of them")
+
+    def aligned(self, file: Path, channels: Channels) -> Channels:
+        """The channels with their known delays undone (by a spline), over the time that all of them cover.
+
+        Raises:
+            InputFileError: a delay that takes more than a tenth of the recording.
+        """
+        from scipy.interpolate import CubicSpline
+
+        late = {f"{name}_m_s2": c.delay_s for name, c in self.channels.items() if c.delay_s and name != "time"}
+        t = channels["time_s"]
+        if not late or t.size < 2 or np.any(np.diff(t) <= 0) or not np.isfinite(t).all():
+            return channels  # the checks will say what is wrong with such a time
+        late = {name: delay for name, delay in late.items() if name in channels}
+        first, last = (float(limit(0.0, *late.values())) for limit in (min, max))
+        if last - first > _LONGEST_DELAY * (t[-1] - t[0]):
+            told = ", ".join(f"{name.removesuffix('_m_s2')} {delay:g} s" for name, delay in late.items())
+            raise InputFileError(
+                file, f"lasts {t[-1] - t[0]:.4g} s, too short for delay_s of study.toml ({told})",
+                f"valid: delays that leave {100 - 100 * _LONGEST_DELAY:.0f} % of a recording",
+            )  # fmt: skip
+        # a channel that is late by d holds at t + d what the others hold at t; beyond its ends it holds nothing
+        rounding = 1e-9 * (t[-1] - t[0])
+        covered = (t + first >= t[0] - rounding) & (t + last <= t[-1] + rounding)
+        return {
+            name: CubicSpline(t, values)(t[covered] + late[name])
+            if name in late and np.isfinite(values).all()
+            else values[covered]
+            for name, values in channels.items()
+        }
+
+
+#: Delays may take this share of a recording.
+_LONGEST_DELAY = 0.1
+_HELP = "units may also be g or ms, and study.toml can name the column: [channels.base] column = ..."
+
+
+def _channel(file: Path, name: str, table: Mapping[str, Any]) -> Channel:
+    for key, value in table.items():
+        text = key in ("column", "unit") or (key == "sensitivity" and isinstance(value, str))
+        right = isinstance(value, str) if text else _is_number(value) and np.isfinite(value)
+        if key == "sign" and not (right and abs(value) == 1):
+            raise InputFileError(file, f"channels.{name}.sign = {value!r}", "valid: 1, -1 (a gain is a sensitivity)")
+        if right and key in ("gain_std", "delay_std_s") and not 0 <= value <= 1:
+            raise InputFileError(file, f"channels.{name}.{key} = {value!r}", "valid: a standard deviation, 0 to 1")
+        if key not in _KEYS or not right:
+            raise InputFileError(
+                file, f"channels.{name}.{key} = {value!r}", f"valid: {', '.join(_KEYS)}, with finite numbers"
+            )
+    given = table.get("sensitivity", 1.0)
+    sensitivity, volts = (volts_per_m_s2(file, name, given), True) if isinstance(given, str) else (float(given), False)
+    if sensitivity == 0:
+        raise InputFileError(file, f"channels.{name}.sensitivity is zero", "give recorded unit per m/s^2")
+    unit = str(table.get("unit", ""))
+    if unit:
+        factor(file, name, unit, TIME_UNITS if name == "time" else ACCELERATIONS | VOLTAGES)
+    return Channel(
+        str(table.get("column", "")), unit, float(table.get("sign", 1.0)), sensitivity, volts,
+        float(table.get("delay_s", 0.0)), float(table.get("gain_std", 0.0)), float(table.get("delay_std_s", 0.0)),
+    )  # fmt: skip
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,0 +1,200 @@
+"""Is a recording fit for identification? Each problem gets one sentence: the file, the place and the remedy."""
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+
+from fasbody.exceptions import RecordingError
+from fasbody.recording.harmonics import find_frequency, fit_harmonics, sine_share
+from fasbody.recording.recording import Recording
+
+#: Sampling rate needed, as a multiple of the excitation frequency.
+OVERSAMPLING = 10
+#: No foot is recorded more slowly than this.
+SLOWEST_HZ = 50.0
+#: A periodic base explains this share of its power by one frequency and its harmonics.
+PERIODIC_SHARE = 0.97
+#: A first part that differs by more than this share of the amplitude.
+_ONSET = 0.02
+#: Runs of this many samples at the extreme value mean clipping in broadband recordings.
+_CLIPPED_RUN = 4
+#: Nothing that is strapped to a foot accelerates like that [m/s^2]; shocks of a hammer do not reach a tenth of it.
+_IMPOSSIBLE = 1e6
+#: The largest range of the accelerometers that are strapped to people, 50 g [m/s^2].
+_UNLIKELY = 500.0
+
+
+@functools.lru_cache(maxsize=32)  # a study's job looks for what cannot serve, and its fit checks again
+def checked(recording: Recording) -> Recording:
+    """The recording with its excitation frequency found, offsets removed and warnings listed.
+
+    Raises:
+        RecordingError: it cannot serve: too short, time not uniform, NaN, dead, clipped, wrong units, excitation not
+            found, sampled too slowly, or channels not aligned.
+    """
+    warnings = list(recording.warnings)
+    _time(recording)
+    channels = {name: getattr(recording, name) for name in ("base_m_s2", "malleolus_m_s2")}
+    if recording.tuberosity_m_s2 is not None:
+        channels["tuberosity_m_s2"] = recording.tuberosity_m_s2
+    for name, values in channels.items():
+        _channel(recording, name, values)
+        peak = float(np.abs(values).max())
+        if peak > _UNLIKELY:
+            warnings.append(
+                f"{recording.file}: {name} reaches {peak:.3g} m/s^2, more than a foot on a shaker does; check its unit."
+            )
+        if abs(values.mean()) > 0.5:
+            kind = "gravity" if abs(abs(values.mean()) - 9.81) < 1 else "an offset"
+            warnings.append(f"{recording.file}: {name} has {kind} of {values.mean():.3g} m/s^2, which is taken out.")
+        channels[name] = values - values.mean()
+    recording = replace(recording, **channels)
+    frequency = _excitation(recording)
+    for name in channels:
+        _clipping(recording, name, frequency)
+    if frequency is not None:
+        _level(recording, frequency, warnings)
+    condition = replace(recording.condition, frequency_hz=frequency)
+    return replace(recording, condition=condition, warnings=tuple(warnings))
+
+
+def _fail(recording: Recording, problem: str) -> RecordingError:
+    return RecordingError(f"{recording.file}: {problem}.")
+
+
+def _time(recording: Recording) -> None:
+    t = recording.time_s
+    if t.size < 50:
+        raise _fail(recording, f"has {t.size} samples, too short; record at least three periods (the thesis: 10 s)")
+    if not np.isfinite(t).all():
+        raise _fail(recording, f"time is not a number at sample {int(np.argmin(np.isfinite(t)))}")
+    steps = np.diff(t)
+    if t[-1] <= t[0] and (steps <= 0).all():
+        runs = "stands still" if t[-1] == t[0] else "runs backwards"
+        raise _fail(recording, f"time {runs} ({t[0]:g} s first, {t[-1]:g} s last); sort the rows by time")
+    if steps.min() <= 0:
+        place = int(np.argmin(steps)) + 1
+        raise _fail(recording, f"time does not increase at sample {place} ({t[place - 1]:g} s, then {t[place]:g} s)")
+    if recording.rate_hz < SLOWEST_HZ:
+        raise _fail(
+            recording,
+            f"is sampled at {recording.rate_hz:.3g} Hz over {t[-1] - t[0]:.4g} s; needed are {SLOWEST_HZ:g} Hz "
+            "(if the time is in ms, name the column time_ms)",
+        )
+    typical = float(np.median(steps))
+    # Printed time stamps are rounded: allow one unit of a coarse last digit, but no missing sample.
+    if np.abs(steps - typical).max() > 0.5 * typical:
+        place = int(np.argmax(np.abs(steps - typical)))
+        count = int((np.abs(steps - typical) > 0.5 * typical).sum())
+        raise _fail(
+            recording,
+            f"time is not uniform: {steps[place]:g} s after {t[place]:g} s, elsewhere {typical:g} s; "
+            f"samples are missing or channels have different rates (places: {count})",
+        )
+
+
+def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
+    if values.shape != recording.time_s.shape:
+        raise _fail(recording, f"{name} has {values.size} samples and time has {recording.time_s.size}")
+    if not np.isfinite(values).all():
+        place = int(np.argmin(np.isfinite(values)))
+        raise _fail(
+            recording, f"{name} is {values[place]} at {recording.time_s[place]:g} s; every sample must be finite"
+        )
+    peak = float(np.abs(values).max())
+    if peak > _IMPOSSIBLE:
+        raise _fail(
+            recording,
+            f"{name} reaches {peak:.3g} m/s^2 at {recording.time_s[np.abs(values).argmax()]:g} s, which no body does "
+            f"(at most {_IMPOSSIBLE:.0e} is read); check its unit and sensitivity",
+        )
+    spread = values.std()
+    if spread < 1e-3 or np.unique(values).size < 8:
+        raise _fail(
+            recording, f"{name} is dead (it varies by {np.ptp(values):.2g} m/s^2); check the cable and the units"
+        )
+
+
+def _clipping(recording: Recording, name: str, frequency: float | None) -> None:
+    """Refuse flat tops: longer runs at an extreme value than the converter's step gives a sine, in many periods."""
+    values, t = getattr(recording, name), recording.time_s
+    levels = np.unique(values)
+    step, size = float(np.diff(levels).min()), 0.5 * float(np.ptp(values))
+    shortest = _CLIPPED_RUN
+    if frequency is not None:  # how long a quantised sine stays at its top, and one sample more at each end
+        shortest = int(np.ceil(2 * np.sqrt(2 * min(step / size, 1)) / (2 * np.pi * frequency) * recording.rate_hz)) + 2
+        shortest = max(3, shortest)
+    periods = 10 if frequency is None else (t[-1] - t[0]) * frequency
+    for extreme in (levels[-1], levels[0]):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], (values == extreme).view(np.int8), [0]])))
+        runs = edges[1::2] - edges[::2]
+        count = int((runs >= shortest).sum())
+        if count >= max(2, 0.2 * periods):
+            place = t[edges[::2][np.argmax(runs)]]
+            raise _fail(
+                recording,
+                f"{name} is clipped {count} times, for up to {runs.max()} samples near {place:g} s; "
+                "record with a larger range",
+            )
+
+
+def _excitation(recording: Recording) -> float | None:
+    """Excitation frequency [Hz] found in the base channel, None for broadband; it must agree with the table."""
+    t, base = recording.time_s, recording.base_m_s2
+    nominal = recording.condition.frequency_hz
+    found = find_frequency(t, base)
+    share = sine_share(t, base, found)
+    if share < PERIODIC_SHARE:
+        if nominal is None:
+            return None
+        raise _fail(
+            recording,
+            f"the excitation of {nominal:g} Hz is not found in base_m_s2 (a sine explains {100 * share:.0f} % of its "
+            f"power); leave frequency_hz empty for broadband excitation",
+        )
+    if nominal is not None and abs(found - nominal) > max(0.02 * nominal, 1.5 / (t[-1] - t[0])):
+        raise _fail(recording, f"base_m_s2 vibrates at {found:.4g} Hz and recordings.csv says {nominal:g} Hz")
+    if recording.rate_hz < OVERSAMPLING * found * (1 - 1e-3):
+        raise _fail(
+            recording,
+            f"is sampled at {recording.rate_hz:g} Hz, less than {OVERSAMPLING} times its excitation of {found:.4g} Hz",
+        )
+    if (t[-1] - t[0]) * found < 3:
+        raise _fail(recording, f"is too short: {(t[-1] - t[0]) * found:.1f} periods of {found:.4g} Hz, needed are 3")
+    return found
+
+
+def _level(recording: Recording, frequency: float, warnings: list[str]) -> None:
+    """Amplitudes and phase that a foot on a shaker can have."""
+    t = recording.time_s
+    fits = [fit_harmonics(t, channel, frequency, 1) for channel in (recording.base_m_s2, recording.malleolus_m_s2)]
+    base, malleolus = (fitted.amplitudes[0] for fitted in fits)
+    onset = max(fitted.onset for fitted in fits)
+    if onset > _ONSET:
+        warnings.append(
+            f"{recording.file}: its first tenth differs from the rest by {100 * onset:.0f} % (a start-up transient?); "
+            "cut it off, or use --domain time."
+        )
+    ratio = malleolus / base
+    if not 0.02 < abs(ratio) < 20:
+        raise _fail(
+            recording,
+            f"the malleolus moves {abs(ratio):.3g} times as much as the base at {frequency:.4g} Hz; "
+            "check units and sensitivities (m/s^2 are expected, or g with the header malleolus_g)",
+        )
+    if not 2 < abs(base) < 40:
+        hint = "is it in g? Then name the column base_g" if 0.2 < abs(base) <= 2 else "check its unit"
+        warnings.append(
+            f"{recording.file}: the base amplitude is {abs(base):.3g} m/s^2 at {frequency:.4g} Hz (the thesis: 8.95); "
+            f"{hint}."
+        )
+    lead = np.degrees(np.angle(ratio))
+    if lead > 10:
+        early = lead / 360 / frequency
+        raise _fail(
+            recording,
+            f"the malleolus leads the base by {lead:.0f} degrees ({1e3 * early:.3g} ms) at {frequency:.4g} Hz, which "
+            "no passive foot does; the channels are swapped, misaligned or one has the wrong sign (study.toml: sign, "
+            "delay_s)",
+        )

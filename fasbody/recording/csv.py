@@ -1,0 +1,282 @@
+"""Text files as programs and countries write them: encoding, separator, decimal comma, comments, quotes.
+
+Reading tables and CSV recordings, with the line and column of whatever is wrong.
+"""
+
+import codecs
+import csv
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from io import BytesIO
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from fasbody.exceptions import InputFileError, shown
+from fasbody.recording.channels import KNOWN_UNITS, Channels, Layout
+
+#: Larger files are refused before they are read [bytes].
+_LARGEST = 150_000_000
+#: What separates columns, in the order in which they are tried; a blank stands for any run of them.
+SEPARATORS = ("\t", ";", "|", ",", " ")
+#: A line that begins so is a comment.
+COMMENT = re.compile(r"\s*(#|%|//)")
+_BINARY = re.compile(r"[\x00-\x08\x0e-\x1f]")
+_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_QUOTE = "opens a quotation mark that nothing closes"
+
+
+def read_text(file: Path) -> str:
+    """The text of a file in UTF-8, UTF-16 or the Latin alphabet of Windows, lines ended by a line feed.
+
+    Raises:
+        InputFileError: no such file, too large, or no text.
+    """
+    if not file.is_file():
+        raise InputFileError(file, "no such file" if not file.is_dir() else "is a folder, not a file")
+    if file.stat().st_size > _LARGEST:
+        raise InputFileError(file, f"is larger than {_LARGEST // 1_000_000} MB", "split it into recordings")
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise InputFileError(file, f"cannot be read ({error.strerror})") from None
+    for encoding in _encodings(data):
+        try:
+            text = data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        if not _BINARY.search(text):
+            return text.replace("\r\n", "\n").replace("\r", "\n")
+    raise InputFileError(file, "is not a text file", "a CSV file with a header line is needed")
+
+
+def _encodings(data: bytes) -> tuple[str, ...]:
+    if data.startswith(_MARKS):
+        return ("utf-16",)
+    start = data[:400]
+    for first, name in ((1, "utf-16-le"), (0, "utf-16-be")):  # without its mark every other byte is still zero
+        if len(start) >= 8 and start[first::2].count(0) > 0.9 * len(start[first::2]) and 0 not in start[1 - first :: 2]:
+            return (name,)
+    return ("utf-8-sig", "cp1252")
+
+
+def split(line: str, separator: str) -> list[str]:
+    """The cells of one line without blanks and quotation marks around them."""
+    if separator == " ":
+        return [cell.strip('"') for cell in line.split()]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
+    except csv.Error:  # a cell longer than the module reads
+        return [cell.strip() for cell in line.split(separator)]
+
+
+def header(text: str, score: Callable[[Sequence[str]], int]) -> tuple[int, str, list[str]]:
+    """Where the header is, below whatever a program wrote first: number of its line, separator, names.
+
+    Args:
+        text: of the file. score: how many of a line's cells are known names; the first line with most of them wins,
+            and without any the first line that is not a comment.
+    """
+    best, found = 0, (1, ",", [""])
+    for number, line in enumerate(islice(lines(text), 200), 1):
+        bare = re.sub(r"^\s*(#|%|//)\s*", "", line)  # some programs write the header as a comment
+        for separator in SEPARATORS:
+            if separator not in bare:
+                continue
+            names = split(bare, separator)
+            if score(names) > best:
+                best, found = score(names), (number, separator, names)
+        if not best and not found[2][0] and line.strip() and not COMMENT.match(line):
+            separator = next((s for s in (",", ";", "\t", "|", " ") if s in line.strip()), ",")
+            found = (number, separator, split(line, separator))
+    return found
+
+
+def lines(text: str, at: int = 0, longest: int = 20_000) -> Iterator[str]:
+    """The lines of a text from a place on, each cut off where it is longer than any sensible one."""
+    while at <= len(text):
+        end = text.find("\n", at)
+        end = len(text) if end < 0 else end
+        yield text[at : min(end, at + longest)]
+        at = end + 1
+
+
+def offset(text: str, count: int) -> int:
+    """Where the line after so many begins."""
+    at = 0
+    for _ in range(count):
+        at = text.find("\n", at) + 1
+        if not at:
+            return len(text)
+    return at
+
+
+def rows(file: Path, text: str, separator: str, after: int) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of each line after one, without comments and empty lines.
+
+    Raises:
+        InputFileError: a quotation mark is never closed.
+    """
+    for number, line in enumerate(text.split("\n")[after:], after + 1):
+        if not line.strip() or COMMENT.match(line):
+            continue
+        if line.count('"') % 2:
+            raise InputFileError(file, _QUOTE, line=number)
+        yield number, split(line, separator)
+
+
+def number(cell: str) -> float:
+    """A cell as a number, with decimal point or comma.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if "_" in cell or ("," in cell and "." in cell):
+        raise ValueError(cell)
+    return float(cell.replace(",", "."))
+
+
+def read_csv(file: Path, layout: Layout | None = None) -> Channels:
+    """Read one recording.
+
+    The header names the columns with their units, ``time_s,base_m_s2,malleolus_m_s2[,tuberosity_m_s2]``; other columns
+    are ignored. Units may also be ms or us, g, mm_s2 or cm_s2, or stand in a row of their own below the names. Comma,
+    semicolon, tab, bar or blank separate the columns; decimal commas, comments, and lines above the header are
+    understood.
+
+    Args:
+        file: the file. layout: what study.toml says of its columns.
+
+    Returns:
+        name in SI (``time_s``, ``base_m_s2``, ...) -> (n,) values.
+
+    Raises:
+        InputFileError: with file, line and column.
+    """
+    text = read_text(file)
+    layout = layout or Layout()
+    line, separator, names = header(text, layout.known)
+    if not any(names):
+        raise InputFileError(file, "is empty", "the first line must be time_s,base_m_s2,malleolus_m_s2")
+    if not layout.known(names) and all(_numeric(cell) for cell in names if cell):
+        raise InputFileError(file, "has no header line", "the first line must be time_s,base_m_s2,malleolus_m_s2")
+    units = _units(text, line, separator, names)
+    first = line + (units is not None)
+    wanted = layout.find(file, names, units or [""] * len(names), line=line)
+    places = {name: index for name, (index, _) in wanted.items()}
+    columns = _numbers(file, text, separator, names, places, first)
+    channels = {name: columns[name] * factor for name, (_, factor) in wanted.items()}
+    if layout.rate_hz and "time_s" not in channels:
+        channels["time_s"] = np.arange(channels["base_m_s2"].size) / layout.rate_hz
+    return channels
+
+
+def _units(text: str, line: int, separator: str, names: Sequence[str]) -> list[str] | None:
+    """Units in a row below the header: no number in it, and at least one unit that is known."""
+    cells = [re.sub(r"^[\[(]\s*|\s*[\])]$", "", cell) for cell in _row(text, line, separator)]
+    cells = (cells + [""] * len(names))[: len(names)]
+    if not any(cell.lower() in KNOWN_UNITS for cell in cells) or any(_numeric(cell) for cell in cells):
+        return None
+    return cells
+
+
+def _row(text: str, after: int, separator: str) -> list[str]:
+    """The cells of the first row after so many lines."""
+    found = (line for line in lines(text, offset(text, after)) if line.strip() and not COMMENT.match(line))
+    return split(next(found, ""), separator)
+
+
+def _numeric(cell: str) -> bool:
+    try:
+        number(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _numbers(
+    file: Path, text: str, separator: str, names: Sequence[str], wanted: Mapping[str, int], first: int
+) -> Channels:
+    """The wanted columns as floats: fast for a sound file, and line by line to find what is wrong with another."""
+    sample = _row(text, first, separator)
+    decimal = "," if any("," in sample[i] for i in wanted.values() if i < len(sample)) else "."
+    _no_wider(file, text, separator, len(names), first)
+    body = text[offset(text, first) :]
+    if COMMENT.match(body) or re.search(rf"\n{COMMENT.pattern}", body):
+        body = "\n".join(line for line in body.split("\n") if not COMMENT.match(line))
+    try:
+        frame = pd.read_csv(
+            BytesIO(body.encode()), sep=r"\s+" if separator == " " else separator, decimal=decimal, header=None,
+            names=list(range(max(len(names), len(sample)))), usecols=sorted(wanted.values()), index_col=False,
+            skipinitialspace=True,
+        )  # fmt: skip
+        numeric = all(frame[index].dtype.kind in "iuf" for index in wanted.values())
+        values = {name: frame[index].to_numpy(float) for name, index in wanted.items()} if numeric else {}
+        if values and all(np.isfinite(v).all() for v in values.values()):
+            return values
+    except (ValueError, TypeError, pd.errors.ParserError):
+        pass
+    kept: list[list[float]] = []
+    for line, cells in rows(file, text, separator, first):
+        kept.append([_cell(file, name, cells, index, line) for name, index in wanted.items()])
+    table = np.array(kept, float).reshape(-1, len(wanted))
+    return dict(zip(wanted, table.T, strict=True))
+
+
+def _no_wider(file: Path, text: str, separator: str, width: int, first: int) -> None:
+    """Refuse a row with more cells than the header: its numbers would get into wrong columns."""
+    body = text[offset(text, first) :].split("\n")
+    if max(len(line.split()) if separator == " " else line.count(separator) + 1 for line in body) <= width:
+        return
+    for line, cells in rows(file, text, separator, first):
+        if any(cells[width:]):
+            hint = "if its decimals have commas, separate the columns by ;" if separator == "," else ""
+            raise InputFileError(file, f"has {len(cells)} cells, and the header {width}", hint, line)
+
+
+def _cell(file: Path, name: str, cells: Sequence[str], index: int, line: int) -> float:
+    cell = cells[index] if index < len(cells) else ""
+    try:
+        value = number(cell)
+    except ValueError:
+        raise InputFileError(file, f"{name} is {shown(cell)!r}, not a number", line=line) from None
+    if not np.isfinite(value):
+        raise InputFileError(file, f"{name} is {shown(cell)!r}", "every sample must be finite", line=line)
+    return value
+
+
+def read_table(file: Path, needed: Sequence[str]) -> pd.DataFrame:
+    """Read a small table as text, indexed by line number; an empty cell is NaN.
+
+    Raises:
+        InputFileError: it is no table, or lacks a needed column.
+    """
+    text = read_text(file)
+    line, separator, names = header(text, lambda cells: len(set(cells) & set(needed)))
+    if not any(names):
+        raise InputFileError(file, "is empty", f"its header must name {', '.join(needed)}")
+    for name in needed:
+        if name not in names:
+            raise InputFileError(file, f"has no column {name!r} (found: {shown(', '.join(names))})", line=line)
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputFileError(file, f"has two columns {shown(twice)!r}", "keep one of them", line=line)
+    found = {}
+    for place, cells in rows(file, text, separator, line):
+        if any(cells[len(names) :]):
+            raise InputFileError(file, f"has {len(cells)} cells, and the header {len(names)}", line=place)
+        found[place] = [cell or None for cell in (cells + [""] * len(names))[: len(names)]]
+    return pd.DataFrame.from_dict(found, orient="index", columns=names, dtype=object)
+
+
+def column(file: Path, table: pd.DataFrame, name: str, optional: bool = False) -> np.ndarray:
+    """One column of a table as numbers (n,); an empty cell is NaN if `optional`."""
+    values = []
+    for line, cell in table[name].items():
+        if optional and not cell:
+            values.append(float("nan"))
+        else:
+            values.append(_cell(file, name, [cell or ""], 0, int(str(line))))
+    return np.array(values)

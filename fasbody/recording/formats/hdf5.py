@@ -1,0 +1,94 @@
+"""HDF5 by h5py: every numeric dataset of one or two dimensions, with its `units` and `rate_hz` attributes."""
+
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fasbody.recording.channels import Channels
+from fasbody.recording.formats.series import (
+    MOST_SERIES,
+    RATES,
+    FormatError,
+    Series,
+    check_size,
+    columns_of,
+    passed_over,
+    with_rate,
+)
+
+LIBRARY = "h5py"
+MAGIC = b"\x89HDF\r\n\x1a\n"
+
+
+def decode(file: Path) -> list[Series]:
+    """Numeric datasets, named by their path. Links to other files are not followed, external data are refused."""
+    import h5py
+
+    found: list[Series] = []
+    total = 0
+    with h5py.File(file, "r", locking=False) as source:
+        datasets: list[tuple[str, Any]] = []
+
+        def visit(name: str, item: Any) -> bool | None:
+            if isinstance(item, h5py.Dataset):
+                datasets.append((name, item))
+            return True if len(datasets) > MOST_SERIES else None
+
+        source.visititems(visit)  # visits hard links only
+        check_size(0, len(datasets))
+        base_rate = _rate(source.attrs)
+        for name, item in datasets:
+            what = _no_numbers(item)
+            if what or name.startswith("#"):
+                found += [] if name.startswith("#") else [passed_over(name, what)]
+                continue
+            if item.external or item.is_virtual:
+                raise FormatError(f"keeps the data of {name!r} in other files; save them in the file itself")
+            total += int(np.prod([float(n) for n in item.shape]))
+            check_size(total)
+            unit = item.attrs.get("units", item.attrs.get("unit", b""))
+            text = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else unit if isinstance(unit, str) else ""
+            found += columns_of(name, item[()], text, _rate(item.attrs) or base_rate)
+    return with_rate([_short(s, found) for s in found])
+
+
+def _no_numbers(item: Any) -> str:
+    """What a dataset is if it is no vector or matrix of real numbers, else nothing."""
+    kind = item.attrs.get("MATLAB_class", b"")
+    if kind == b"char":
+        return "text"
+    if item.dtype.kind == "c" or item.dtype.names == ("real", "imag"):
+        return "complex"
+    if item.dtype.kind not in "fiub":
+        return "a cell array" if kind == b"cell" else "no numbers"
+    return "" if item.shape is not None and item.ndim <= 2 else "no vector or matrix"
+
+
+def _short(series: Series, among: list[Series]) -> Series:
+    """Named without its group where that is unambiguous."""
+    last = series.name.rsplit("/", 1)[-1]
+    twice = sum(s.name.rsplit("/", 1)[-1] == last for s in among) > 1
+    return series if twice else replace(series, name=last)
+
+
+def _rate(attributes: Any) -> float | None:
+    for name in RATES:
+        value = attributes.get(name)
+        if isinstance(value, int | float | np.number) and 0 < float(value) < 1e9:
+            return float(value)
+    return None
+
+
+def encode(channels: Channels) -> bytes:
+    """One dataset a channel, its unit as attribute."""
+    import h5py
+
+    file = BytesIO()
+    with h5py.File(file, "w") as out:
+        for name, values in channels.items():
+            dataset = out.create_dataset(name, data=values, compression="gzip", shuffle=True)
+            dataset.attrs["units"] = "s" if name == "time_s" else "m/s^2"
+    return file.getvalue()

@@ -1,0 +1,183 @@
+"""Binary files are read by a child process with limited memory and time, whatever their header makes a library do.
+
+The parsers of these formats are large C or Python libraries; a mutated file makes some of them crash, loop or allocate.
+The child (`python -m fasbody.recording.formats.reader`) stays alive between files, takes a path a line on stdin, and
+answers with one line of JSON and the raw samples: nothing is pickled, and nothing in a file is executed.
+"""
+
+import atexit
+import contextlib
+import importlib
+import json
+import os
+import select
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from fasbody.exceptions import InputFileError, SettingError
+from fasbody.recording.formats import ENDINGS
+from fasbody.recording.formats.series import FormatError, Series, check_size, need
+
+#: Address space of the child [bytes], and the time it may take for one file [s].
+MEMORY = 1_000_000_000
+PATIENCE_S = 60.0
+_LARGEST_FILE = 500_000_000
+_child: "_Child | None" = None
+_lock = threading.Lock()
+
+
+def read_series(file: Path, patience_s: float = PATIENCE_S) -> list[Series]:
+    """All numeric columns of a binary file, and by name what else there is.
+
+    Raises:
+        InputFileError: no such file, too large, or not what its ending says.
+        SettingError: the format's library is not installed.
+    """
+    if not file.is_file():
+        raise InputFileError(file, "no such file" if not file.is_dir() else "is a folder, not a file")
+    if file.stat().st_size > _LARGEST_FILE:
+        raise InputFileError(file, f"is larger than {_LARGEST_FILE // 1_000_000} MB", "split it into recordings")
+    need(_format(file).LIBRARY)
+    with _lock:
+        try:
+            header, data = _reader().ask(file, patience_s)
+        except TimeoutError:
+            end_child()
+            raise InputFileError(file, f"could not be read within {patience_s:g} s", "the file is broken") from None
+        except (EOFError, OSError, ValueError):
+            end_child()
+            raise InputFileError(file, "breaks its reader (it is damaged, or made to do so)") from None
+    if "problem" in header:
+        raise InputFileError(file, header["problem"])
+    values = np.frombuffer(data).copy()
+    ends = np.cumsum([s["size"] for s in header["series"]])
+    parts = np.split(values, ends[:-1]) if len(ends) else []
+    told = header["series"]
+    return [Series(s["name"], s["unit"], v, s["rate_hz"], s["what"]) for s, v in zip(told, parts, strict=True)]
+
+
+def _reader() -> "_Child":
+    """The living child of this process."""
+    global _child
+    if _child is None or not _child.usable():
+        end_child()
+        _child = _Child()
+    return _child
+
+
+@atexit.register
+def end_child() -> None:
+    """End the reading process, if there is one; the next file starts another."""
+    global _child
+    if _child is not None:
+        _child.stop()
+        _child = None
+
+
+def _format(file: Path):  # type: ignore[no-untyped-def]
+    ending = file.suffix.lower()
+    if ending not in ENDINGS:
+        raise SettingError(f"{file}: no format has the ending {ending!r} (valid: {', '.join(ENDINGS)}).")
+    return importlib.import_module(f"fasbody.recording.formats.{ENDINGS[ending]}")
+
+
+class _Child:
+    """The reading process."""
+
+    def __init__(self) -> None:
+        threads = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
+        paths = os.pathsep.join([str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")])
+        self.owner = os.getpid()
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "fasbody.recording.formats.reader"],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, bufsize=0,
+            env={**os.environ, **threads, "PYTHONPATH": paths, "HDF5_PLUGIN_PRELOAD": "::"},  # no HDF5 plug-ins
+        )  # fmt: skip
+
+    def usable(self) -> bool:
+        """Alive, and ours: after a fork the pipe belongs to the parent."""
+        return self.owner == os.getpid() and self.process.poll() is None
+
+    def stop(self) -> None:
+        """End it; after a fork only the pipes are closed, for the process is the parent's."""
+        if self.owner == os.getpid():
+            self.process.kill()
+            self.process.wait()
+        for pipe in (self.process.stdin, self.process.stdout):
+            if pipe:
+                with contextlib.suppress(OSError):
+                    pipe.close()
+
+    def ask(self, file: Path, patience_s: float) -> tuple[dict, bytes]:
+        """Header and raw samples of a file; TimeoutError or EOFError if the child does not answer."""
+        assert self.process.stdin is not None
+        deadline = time.monotonic() + patience_s
+        self.process.stdin.write(json.dumps(str(file.resolve())).encode() + b"\n")
+        length = int(self._read(8, deadline).decode(), 16)
+        header = json.loads(self._read(length, deadline))
+        size = sum(s["size"] for s in header.get("series", ()))
+        check_size(size)
+        return header, self._read(8 * size, deadline)
+
+    def _read(self, count: int, deadline: float) -> bytes:
+        assert self.process.stdout is not None
+        got = bytearray()
+        while len(got) < count:
+            left = deadline - time.monotonic()
+            if left <= 0 or not select.select([self.process.stdout], [], [], left)[0]:
+                raise TimeoutError
+            part = os.read(self.process.stdout.fileno(), min(1 << 20, count - len(got)))
+            if not part:
+                raise EOFError
+            got += part
+        return bytes(got)
+
+
+def serve(requests: BinaryIO, answers: BinaryIO) -> None:
+    """The child: read the file named on each line and answer."""
+    for line in requests:
+        file = Path(json.loads(line))
+        try:
+            series = _format(file).decode(file)
+            check_size(sum(s.values.size for s in series), len(series))
+            if all(s.what for s in series):
+                others = ", ".join(f"{s.name!r} is {s.what}" for s in series[:5])
+                raise FormatError(f"holds no numeric channel{others and f' ({others})'}; save plain real vectors")
+            told = [
+                {"name": s.name, "unit": s.unit, "rate_hz": s.rate_hz, "size": s.values.size, "what": s.what}
+                for s in series
+            ]
+            header: dict = {"series": told}
+        except FormatError as error:
+            series, header = [], {"problem": str(error)}
+        except MemoryError:
+            series, header = [], {"problem": "needs more memory than a recording can (its header is damaged)"}
+        except Exception:
+            # Any error of a parser on a file from outside is a broken file; its own words would tell a user nothing.
+            what = "it is damaged, cut off, or of another format"
+            series, header = [], {"problem": f"is not a sound {file.suffix.lower()} file; {what}"}
+        text = json.dumps(header).encode()
+        answers.write(f"{len(text):08x}".encode() + text)
+        for s in series:
+            answers.write(np.ascontiguousarray(s.values, float).tobytes())
+        answers.flush()
+
+
+def _limit() -> None:
+    import resource
+
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+if __name__ == "__main__":
+    _limit()
+    with os.fdopen(os.dup(1), "wb") as private:  # so that nothing that a library prints gets into the answers
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        serve(sys.stdin.buffer, private)

@@ -1,0 +1,84 @@
+"""Universal File Format, data set 58 (functions at nodal degrees of freedom), by pyuff."""
+
+import re
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from fasbody.recording.channels import Channels
+from fasbody.recording.formats.series import FormatError, Series, check_size, step_of, uniform_step
+
+LIBRARY = "pyuff"
+_DELIMITER = re.compile(rb"^ {4}-1[ \t]*\r?$", re.MULTILINE)
+_TIME_RESPONSE, _ACCELERATION, _TIME, _REAL = 1, 12, 17, 4
+
+
+def decode(file: Path) -> list[Series]:
+    """Every time response of the file, named by its first identification line."""
+    import pyuff
+
+    whole = file.read_bytes()
+    if b"    -1" not in whole[:200]:
+        raise FormatError("is not a universal file: it does not begin with the delimiter -1")
+    if len(_DELIMITER.findall(whole)) % 2:
+        raise FormatError("is cut off: its last data set has no end")
+    source = pyuff.UFF(str(file))
+    kinds = list(source.get_set_types())
+    check_size(0, len(kinds))
+    found, times, total = [], list[np.ndarray](), 0
+    for index, kind in enumerate(kinds):
+        if int(kind) != 58:
+            continue
+        data = source.read_sets(index)
+        if int(data.get("func_type", _TIME_RESPONSE)) not in (0, _TIME_RESPONSE):
+            continue
+        values = np.atleast_1d(np.asarray(data["data"]))
+        if values.dtype.kind not in "fiu":
+            continue
+        total += values.size
+        check_size(total)
+        x = np.asarray(data["x"], float)
+        step: float | None = float(data.get("abscissa_inc") or 0.0)
+        if int(data.get("abscissa_spacing", 1)) == 0:  # uneven: every sample has its own time
+            step = uniform_step(x)
+        times += [x] if step is None else []
+        name = str(data.get("id1", "")).strip() or f"{data.get('rsp_node', 0)}:{data.get('rsp_dir', 0)}"
+        unit = str(data.get("ordinate_axis_units_lab", "")).strip()
+        rate = 1 / step if step and np.isfinite(step) and step > 0 else None
+        found.append(Series(name, "" if unit in ("NONE", "*") else unit, values.astype(float), rate))
+    again = {name for name, count in Counter(s.name for s in found).items() if count > 1}
+    if times and any(s.rate_hz is not None for s in found):
+        raise FormatError("has channels with a sampling rate and channels with uneven times; resample them to one rate")
+    if any(x.shape != times[0].shape or not np.allclose(x, times[0], rtol=0, atol=1e-9) for x in times):
+        raise FormatError("has channels sampled at different uneven times; resample them to one rate")
+    clock = [Series("time", "s", times[0])] if times else []
+    return clock + [
+        Series(f"{s.name}_{i + 1}" if s.name in again else s.name, s.unit, s.values, s.rate_hz)
+        for i, s in enumerate(found)
+    ]
+
+
+def encode(channels: Channels) -> bytes:
+    """One set 58 a channel, in double precision."""
+    import pyuff
+
+    t = channels["time_s"]
+    step = step_of(t)
+    sets = []
+    for node, (name, values) in enumerate(((k, v) for k, v in channels.items() if k != "time_s"), 1):
+        sets.append(
+            pyuff.prepare_58(
+                binary=0, id1=name, func_type=_TIME_RESPONSE, rsp_ent_name="foot", rsp_node=node, rsp_dir=2,
+                ref_ent_name="foot", ref_node=1, ref_dir=2, ord_data_type=_REAL, num_pts=values.size,
+                abscissa_spacing=1, abscissa_min=0.0, abscissa_inc=step, abscissa_spec_data_type=_TIME,
+                abscissa_axis_units_lab="s", ordinate_spec_data_type=_ACCELERATION,
+                ordinate_axis_units_lab="m/s^2", data=values, x=t, ver_num=0, load_case_id=0,
+                orddenom_spec_data_type=0, z_axis_value=0.0, z_axis_spec_data_type=0,
+            )
+        )  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "out.uff"
+        pyuff.UFF(str(path)).write_sets(sets, mode="overwrite")
+        return path.read_bytes()

@@ -1,0 +1,147 @@
+"""Recordings: the accelerations of one trial, and under which condition it was made."""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from fasbody.recording import formats
+from fasbody.recording.channels import Channel, Channels, Layout
+from fasbody.recording.condition import Condition, plausible
+
+#: The three columns that a recording needs, and one that it may have.
+HEADER = ("time_s", "base_m_s2", "malleolus_m_s2", "tuberosity_m_s2")
+#: Origin of a bare file, which says nothing about itself.
+UNSTATED = "of unstated origin"
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Accelerations of one trial, uniformly sampled.
+
+    Attributes:
+        time_s: (n,) sample times [s].
+        base_m_s2: (n,) base acceleration; malleolus_m_s2: (n,) medial malleolus [m/s^2].
+        tuberosity_m_s2: (n,) tibial tuberosity [m/s^2], if recorded.
+        condition: how it was made.
+        file: where it came from, for messages.
+        origin: "measured", "synthetic" or "of unstated origin" (a bare file).
+        warnings: what the checks found that does not forbid its use.
+        calibration: what study.toml says of the channels, by name; uncertainties are taken from there.
+    """
+
+    time_s: np.ndarray
+    base_m_s2: np.ndarray
+    malleolus_m_s2: np.ndarray
+    tuberosity_m_s2: np.ndarray | None = None
+    condition: Condition = field(default_factory=Condition)
+    file: str = "recording"
+    origin: str = UNSTATED
+    warnings: tuple[str, ...] = ()
+    calibration: Mapping[str, Channel] = field(default_factory=dict)
+
+    @property
+    def rate_hz(self) -> float:
+        """Sampling rate [Hz]."""
+        return float((self.time_s.size - 1) / (self.time_s[-1] - self.time_s[0]))
+
+    def __str__(self) -> str:
+        at = "broadband" if self.condition.frequency_hz is None else f"{self.condition.frequency_hz:g} Hz"
+        return f"{self.file}: {self.origin}, {at}, {self.time_s.size} samples at {self.rate_hz:g} Hz"
+
+    @classmethod
+    def read(
+        cls,
+        file: Path | str,
+        condition: Condition | None = None,
+        label: str = "",
+        origin: str = UNSTATED,
+        layout: Layout | None = None,
+    ) -> "Recording":
+        """Read a file: CSV with the header ``time_s,base_m_s2,malleolus_m_s2[,tuberosity_m_s2]``, MAT, HDF5, UFF, TDMS.
+
+        Args:
+            file: the file.
+            condition: what is known of the trial.
+            label: what to call it in messages, default the file's name.
+            origin: "measured" or "synthetic", if that is known.
+            layout: where in the file the channels are, and their units, if the file does not say so itself.
+
+        Raises:
+            InputFileError: no such file, or it is not such a table; the message names line and column.
+        """
+        channels = formats.read(Path(file), layout)
+        return cls(
+            time_s=channels[HEADER[0]],
+            base_m_s2=channels[HEADER[1]],
+            malleolus_m_s2=channels[HEADER[2]],
+            tuberosity_m_s2=channels.get(HEADER[3]),
+            condition=condition or Condition(),
+            file=label or Path(file).name,
+            origin=origin,
+            warnings=_remarks(Path(file).with_suffix(".json")),
+            calibration=layout.channels if layout else {},
+        )
+
+    @property
+    def channels(self) -> Channels:
+        """Time and accelerations by their names in `HEADER`."""
+        return {name: getattr(self, name) for name in HEADER if getattr(self, name) is not None}
+
+    def write(self, file: Path, matlab: str = "5") -> None:
+        """Write in the format of the file's ending; as CSV numbers are as short as they are exact to 1e-6.
+
+        Args:
+            file: to write. matlab: version of a .mat file, "5" or "7.3".
+        """
+        from fasbody.console import write_whole
+
+        columns = self.channels
+        if file.suffix.lower() != ".csv":
+            return formats.write(file, columns, matlab)
+        duration = abs(self.time_s[-1] - self.time_s[0])
+        rate = self.time_s.size / duration if duration > 0 else 1e6  # what no analysis would use can be written, too
+        digits = 3 + math.ceil(math.log10(max(1.0, rate)))  # a sample's time to a thousandth of the interval
+        frame = pd.DataFrame({k: np.round(v, digits if k == "time_s" else 6) for k, v in columns.items()})
+        write_whole(file, frame.to_csv(index=False))
+        return None
+
+
+def _remarks(file: Path) -> tuple[str, ...]:
+    """What acquisition found worth a warning (docs/acquisition.md); none if the recording has no such file by it."""
+    if not file.is_file():
+        return ()
+    try:
+        found = json.loads(file.read_text())["warnings"]
+    except (ValueError, KeyError, TypeError, OSError):
+        return ()
+    return tuple(text for text in found if isinstance(text, str)) if isinstance(found, list) else ()
+
+
+def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg: float | None) -> Recording:
+    """The recording with masses given on the command line in place of its own.
+
+    Raises:
+        RecordingError: a mass is not a plausible number.
+    """
+    condition = recording.condition
+    for name, value in (("body", body_mass_kg), ("added", added_mass_kg)):
+        if value is not None:
+            condition = replace(condition, **{f"{name}_mass_kg": plausible(value, name, recording.file)})  # type: ignore[arg-type]
+    return replace(recording, condition=condition)
+
+
+def gain_and_delay(recording: Recording, out: str, into: str) -> tuple[float, float]:
+    """Standard uncertainty of one channel's gain relative to another's, and of its delay behind that [s].
+
+    The channels are taken for independent. Repeating a recording with the same sensors does not make these smaller.
+
+    Args:
+        recording: with its calibration. out, into: names of the channels.
+    """
+    a, b = (recording.calibration.get(name, Channel()) for name in (out, into))
+    return float(np.hypot(a.gain_std, b.gain_std)), float(np.hypot(a.delay_std_s, b.delay_std_s))

@@ -1,0 +1,83 @@
+"""Studies: folders of recordings with a description."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from fasbody.recording.channels import Layout
+from fasbody.recording.recording import Recording
+from fasbody.recording.trials import Trial, describe, is_listed, listed
+
+
+@dataclass(frozen=True)
+class StudyFolder:
+    """A study on disk: its tables are read, its recordings one at a time when they are asked for.
+
+    Attributes:
+        name: its title. origin: "measured" or "synthetic". description: one paragraph.
+        trials: what recordings.csv lists. layout: what study.toml says of the channels.
+    """
+
+    name: str
+    origin: str
+    description: str
+    trials: tuple[Trial, ...]
+    layout: Layout
+
+    @classmethod
+    def open(cls, folder: Path | str, only: Path | None = None) -> "StudyFolder":
+        """Read `study.toml`, `subjects.csv` and `recordings.csv` of a folder.
+
+        Args:
+            folder: the study.
+            only: list just this one of its recordings.
+
+        Raises:
+            InputFileError: a file is missing or has a wrong place in it.
+            RecordingError: a mass is not a plausible number.
+        """
+        about, layout = describe(Path(folder) / "study.toml")
+        trials = listed(Path(folder), only)
+        return cls(about["name"], about["origin"], about["description"], trials, layout)
+
+    def read(self, trial: Trial) -> Recording:
+        """The recording of one trial, corrected as study.toml says."""
+        return Recording.read(trial.path, trial.condition, trial.label, self.origin, self.layout)
+
+
+@dataclass(frozen=True)
+class Study:
+    """A folder of recordings, all in memory.
+
+    Attributes:
+        name: its title. origin: "measured" or "synthetic". description: one paragraph. recordings: in table order.
+    """
+
+    name: str
+    origin: str
+    description: str
+    recordings: tuple[Recording, ...]
+
+    def __iter__(self) -> Iterator[Recording]:
+        return iter(self.recordings)
+
+    def __str__(self) -> str:
+        return f"{self.name}: {len(self.recordings)} {self.origin} recordings"
+
+    @classmethod
+    def read(cls, folder: Path | str, only: Path | None = None) -> "Study":
+        """Open a study folder as `StudyFolder.open` does, and read every recording it lists."""
+        study = StudyFolder.open(folder, only)
+        return cls(study.name, study.origin, study.description, tuple(study.read(trial) for trial in study.trials))
+
+
+def read_file(file: Path) -> Recording:
+    """A recording with its conditions where it lies in a study that lists it, else as a bare file.
+
+    Raises:
+        InputFileError: it, or the study around it, cannot be read.
+    """
+    for folder in file.resolve().parents[:2]:
+        if is_listed(file, folder):
+            return Study.read(folder, only=file).recordings[0]
+    return Recording.read(file)

@@ -1,0 +1,150 @@
+"""study.toml: what a study says of itself and of its channels.
+
+What a study folder lists: one trial a row of recordings.csv, with its conditions.
+"""
+
+import tomllib
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fasbody.exceptions import InputFileError, unknown
+from fasbody.recording.channels import Layout
+from fasbody.recording.condition import POSTURES, Condition, plausible
+from fasbody.recording.csv import column, read_table
+
+
+def describe(file: Path) -> tuple[dict[str, str], Layout]:
+    """The [study] table of a study.toml with defaults, and the layout of its [channels.*] tables.
+
+    Raises:
+        InputFileError: no such file, not TOML, or a table, key or value that does not exist.
+    """
+    if not file.is_file():
+        raise InputFileError(file, "no such file", "a study folder needs study.toml, subjects.csv and recordings.csv")
+    try:
+        document = tomllib.loads(file.read_text("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputFileError(file, f"is not TOML ({error})") from None
+    _known(file, document, "table", ("study", "channels"))
+    given, channels = _table(file, document, "study"), _table(file, document, "channels")
+    _known(file, given, "key of [study]", _KEYS)
+    about = {"name": file.parent.resolve().name, "origin": "measured", "description": ""}
+    about |= {key: str(value) for key, value in given.items() if key in about}
+    if about["origin"] not in ("measured", "synthetic"):
+        raise InputFileError(file, f"origin is {about['origin']!r}", 'valid: "measured", "synthetic"')
+    return about, Layout.from_toml(file, channels, given.get("sampling_rate_hz"))
+
+
+_KEYS = ("name", "origin", "description", "sampling_rate_hz")
+
+
+def _known(file: Path, table: dict[str, Any], kind: str, valid: tuple[str, ...]) -> None:
+    """Refuse what would be ignored: a misspelt table or key."""
+    for name in table:
+        if name not in valid:
+            raise InputFileError(file, unknown(kind, name, valid))
+
+
+def _table(file: Path, document: dict[str, Any], name: str) -> dict[str, Any]:
+    """A table of a TOML document, empty if it is not there."""
+    table = document.get(name, {})
+    if not isinstance(table, dict):
+        raise InputFileError(file, f"{name} is {table!r}", f"it must be a table, [{name}]")
+    return table
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One row of recordings.csv: where the recording is, what the row and messages call it, and how it was made."""
+
+    path: Path
+    file: str
+    label: str
+    condition: Condition
+
+
+def listed(folder: Path, only: Path | None = None) -> tuple[Trial, ...]:
+    """The trials of `recordings.csv`, with the body masses of `subjects.csv`.
+
+    Args:
+        folder: the study. only: list just this one of its recordings.
+
+    Raises:
+        InputFileError: a table is missing, has a wrong place in it, or lists a recording or subject twice.
+        RecordingError: a mass is not a plausible number.
+    """
+    masses = _masses(folder / "subjects.csv")
+    file = folder / "recordings.csv"
+    table = read_table(file, ("file", "subject", "added_mass_kg"))
+    added = column(file, table, "added_mass_kg")
+    known = "frequency_hz" in table
+    frequency = column(file, table, "frequency_hz", optional=True) if known else np.full(len(table), np.nan)
+    trials, lines = [], dict[Path, int]()
+    for i, (line, row) in enumerate(zip(table.index, table.to_dict("records"), strict=True)):
+        subject, name = str(row["subject"] or ""), str(row["file"] or "")
+        if not name:
+            raise InputFileError(file, "names no file", line=line)
+        if subject not in masses:
+            raise InputFileError(file, f"subject {subject!r} is not in subjects.csv", line=line)
+        path = (folder / name).resolve()
+        if not path.is_relative_to(folder.resolve()):
+            raise InputFileError(file, f"{name!r} lies outside the study's folder", line=line)
+        if path in lines:
+            raise InputFileError(file, f"{name!r} is listed in line {lines[path]} already", "keep one row", line)
+        lines[path] = line
+        if only is not None and path != only.resolve():
+            continue
+        condition = Condition(
+            subject=subject,
+            posture=" ".join(str(row.get("posture") or "midstance").casefold().split()),
+            body_mass_kg=plausible(masses[subject], "body", f"{folder / 'subjects.csv'}: subject {subject}"),
+            added_mass_kg=plausible(float(added[i]), "added", f"{file}, line {line}"),
+            frequency_hz=float(frequency[i]) if np.isfinite(frequency[i]) else None,
+        )
+        trials.append(Trial(folder / name, name, f"{folder.name}/{name}", condition))
+    if not trials:
+        missing = "lists no recording" if only is None else f"does not list {only.name}"
+        raise InputFileError(file, missing, "one row a recording is needed")
+    return tuple(trials)
+
+
+def posture_remarks(trials: Sequence[Trial]) -> list[str]:
+    """A sentence for each posture that may be a slip: a name near a known one, or one of a single recording."""
+    counts = Counter(trial.condition.posture for trial in trials)
+    remarks = []
+    for posture, count in counts.items():
+        near = get_close_matches(posture, [p for p in {*POSTURES, *counts} if counts[p] > count or p in POSTURES], n=1)
+        if posture in POSTURES or not (near or (count == 1 and len(trials) > 1)):
+            continue
+        meant = f", was {near[0]!r} meant?" if near else ""
+        rows = "1 row" if count == 1 else f"{count} rows"
+        remarks.append(f"recordings.csv: the posture {posture!r} stands in {rows}{meant or ' only'}")
+    return [remark if remark.endswith("?") else f"{remark}." for remark in remarks]
+
+
+def _masses(file: Path) -> dict[str, float]:
+    """Body mass [kg] of each subject."""
+    table = read_table(file, ("subject", "mass_kg"))
+    lines: dict[str, int] = {}
+    for line, cell in table["subject"].items():
+        subject = str(cell or "")
+        if subject in lines:
+            raise InputFileError(
+                file, f"subject {subject!r} is listed in line {lines[subject]} already", "keep one row", int(str(line))
+            )
+        lines[subject] = int(str(line))
+    return dict(zip(lines, map(float, column(file, table, "mass_kg")), strict=True))
+
+
+def is_listed(file: Path, folder: Path) -> bool:
+    """Whether a study folder lists a file."""
+    table = folder / "recordings.csv"
+    if not (folder / "study.toml").is_file() or not table.is_file():
+        return False
+    return file.resolve() in {(folder / str(name)).resolve() for name in read_table(table, ("file",))["file"]}

@@ -1,1 +1,0 @@
-"""Pictures of single cycles: traces, hysteresis loops and their energies."""

@@ -1,1 +1,0 @@
-"""Pictures of how good a study's fits are: verdicts on parameters, ends of starts."""

@@ -1,0 +1,81 @@
+"""Which body of a model carries which segment of the foot, and where bodies and segments rest."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+import mjcf
+from viz.anatomy.bones import METATARSALS
+
+#: Segment of the foot -> body, for the shipped models; edited copies keep the names.
+SEGMENT_BODIES: dict[str, dict[str, str]] = {
+    "foot_arch": {
+        **{name: name for name in ("calcaneus_talus", "navicular", "cuneiforms", "metatarsals", "tibia", "base")},
+        "toes": "metatarsals",
+    },
+    "two_dof": {
+        **dict.fromkeys(("calcaneus_talus", "navicular", "cuneiforms", "metatarsals", "toes"), "foot"),
+        "tibia": "shank", "base": "base",
+    },
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Position (3,) [m] and quaternion (4,) (w, x, y, z) of a body in the world."""
+
+    position: np.ndarray
+    quaternion: np.ndarray
+
+
+def frames(model: mujoco.MjModel) -> dict[str, Frame]:
+    """Rest frame of every body of a compiled model, by name."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    names = [model.body(i).name for i in range(model.nbody)]
+    return {name: Frame(data.xpos[i].copy(), data.xquat[i].copy()) for i, name in enumerate(names) if name}
+
+
+def segment_frames(shipped: str) -> dict[str, Frame]:
+    """Rest frames of a shipped model: the pose in which the meshes are made."""
+    return frames(mujoco.MjModel.from_xml_path(str(mjcf.path(shipped))))
+
+
+def segment_bodies(model: mujoco.MjModel) -> tuple[str, Mapping[str, str]] | None:
+    """The shipped model whose body names a model has, with segment -> body; None if it has neither's."""
+    there = {model.body(i).name for i in range(model.nbody)}
+    return next(((name, b) for name, b in SEGMENT_BODIES.items() if set(b.values()) <= there), None)
+
+
+@dataclass(frozen=True)
+class Carried:
+    """One drawn segment: the body that carries it, the frame its mesh is made in, and where that frame rests."""
+
+    body: str
+    bind: Frame
+    rest: Frame
+
+
+def carried(model: mujoco.MjModel) -> dict[str, Carried] | None:
+    """Every segment of the foot on a model; None if its bodies have names of their own.
+
+    Toes keep the attitude of their mesh, so that they stay on the table under an arch that was made flatter: their
+    frame is moved by as much as the heads of the metatarsals are, and not turned.
+    """
+    found = segment_bodies(model)
+    if found is None:
+        return None
+    made, rest = segment_frames(found[0]), frames(model)
+    segments = {name: Carried(body, made[body], rest[body]) for name, body in found[1].items()}
+    toes, heads = segments["toes"], np.mean([head for _, head, *_ in METATARSALS], 0)[[0, 2, 1]] * (1e-3, 1e-3, -1e-3)
+    turn = _rotation(toes.rest) * _rotation(toes.bind).inv()
+    moved = toes.rest.position + turn.apply(heads - toes.bind.position) - heads
+    level = Frame(toes.rest.position - moved, toes.rest.quaternion)
+    return segments | {"toes": Carried(toes.body, level, toes.rest)}
+
+
+def _rotation(frame: Frame) -> Rotation:
+    return Rotation.from_quat(frame.quaternion, scalar_first=True)
