@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from fasbody.recording import formats
+from fasbody.recording import files
 from fasbody.recording.channels import Channel, Channels, Layout
 from fasbody.recording.condition import Condition, plausible
 
@@ -74,7 +74,7 @@ class Recording:
         Raises:
             InputFileError: no such file, or it is not such a table; the message names line and column.
         """
-        channels = formats.read(Path(file), layout)
+        channels = files.read(Path(file), layout)
         return cls(
             time_s=channels[HEADER[0]],
             base_m_s2=channels[HEADER[1]],
@@ -102,7 +102,7 @@ class Recording:
 
         columns = self.channels
         if file.suffix.lower() != ".csv":
-            return formats.write(file, columns, matlab)
+            return files.write(file, columns, matlab)
         duration = abs(self.time_s[-1] - self.time_s[0])
         rate = self.time_s.size / duration if duration > 0 else 1e6  # what no analysis would use can be written, too
         digits = 3 + math.ceil(math.log10(max(1.0, rate)))  # a sample's time to a thousandth of the interval
