@@ -12,8 +12,9 @@ import thesis
 from fasbody.exceptions import SettingError
 from fasbody.foot import shaker
 from fasbody.foot.two_dof import TwoDof
-from fasbody.laboratory import FREQUENCIES_HZ, Instrument
 from fasbody.laboratory.foot import TRUTH, make_study, record
+from fasbody.laboratory.instrument import Instrument
+from fasbody.laboratory.study import FREQUENCIES_HZ
 from fasbody.recording.study import Study
 from identification.fit import BUNDLED
 
