@@ -147,7 +147,16 @@ def fit(
         domain=domain,
         branches=tuple(built),
         recordings=tuple(
-            RecordingFit(r.file, r.condition.frequency_hz, r.condition.added_mass_kg, f, r.time_s, r.malleolus_m_s2, y)
+            RecordingFit(
+                r.file,
+                r.condition.frequency_hz,
+                r.condition.added_mass_kg,
+                f,
+                r.time_s,
+                r.malleolus_m_s2,
+                y,
+                r.base_m_s2,
+            )
             for r, f, y in zip(data, best.fits, best.traces, strict=True)
         ),
         verdict=str(verdict),

@@ -60,7 +60,7 @@ def main(
     look = {"slow": slow, "amplify": amplify}
     show = _show(model, compare, frequency, peak_to_peak, added_mass, sweep, recording, seconds, result, look)
     if export is not None:
-        from viz.export import export_to
+        from viz.exported import export_to
 
         export_to(show, export, json=json)
         return
@@ -77,9 +77,9 @@ def _show(
     recording: Path | None, seconds: float | None, result: Path | None, look: Mapping[str, float],
 ) -> Any:  # fmt: skip
     from viz.excitation import RECORDED_S, SWEEP_S, Excitation
+    from viz.feet import Show
     from viz.load import load_foot
     from viz.settings import Settings
-    from viz.show import Show
 
     if sweep and recording:
         raise SettingError("--sweep and --recording exclude each other.")

@@ -102,6 +102,10 @@ class Foot:
     def with_values(self, values: Mapping[str, float], step: float | None = None) -> "Foot":
         """A copy with some parameters (and the time step) changed.
 
+        Args:
+            values: by thesis symbol, ``k_T``, or by the key that a fit returns, ``k_T_n_per_m``.
+            step: time step [s].
+
         Raises:
             SettingError: unknown parameter; the message lists those that exist.
         """

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 from rich.markup import escape
 from rich.table import Table
@@ -12,7 +11,6 @@ from fasbody.console import command_line, console, print_json, progress_bar, res
 from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
 from fasbody.recording.channels import Layout
 from fasbody.recording.checks import checked
-from fasbody.recording.harmonics import find_frequency, sine_share
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import StudyFolder
 from fasbody.recording.trials import describe, posture_remarks
@@ -67,29 +65,6 @@ def check(
         raise RecordingError(
             wrong[0]["problem"].rstrip(".") + (f" (and {len(wrong) - 1} more)." if len(wrong) > 1 else ".")
         )
-
-
-def understood(recording: Recording) -> dict[str, Any]:
-    """Length, rate, excitation and root mean square of each channel; the problem, if any, and the warnings."""
-    row: dict[str, Any] = {"file": recording.file, "problem": "", "warnings": []}
-    try:
-        good = checked(recording)
-        row["warnings"] = list(good.warnings)
-        row["frequency_hz"] = good.condition.frequency_hz
-    except RecordingError as error:
-        row["problem"] = str(error)
-        good = recording
-    t = recording.time_s
-    row |= {"samples": t.size, "origin": recording.origin}
-    if t.size > 1 and np.isfinite(t).all() and t[-1] > t[0]:
-        row |= {"rate_hz": recording.rate_hz, "seconds": float(t[-1] - t[0])}
-    row["rms_m_s2"] = {
-        name.removesuffix("_m_s2"): float(np.std(values)) for name, values in good.channels.items() if name != "time_s"
-    }
-    if not row["problem"]:
-        found = good.condition.frequency_hz or find_frequency(good.time_s, good.base_m_s2)
-        row["sine_share"] = sine_share(good.time_s, good.base_m_s2, found)
-    return row
 
 
 @app.command()

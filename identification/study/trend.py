@@ -113,7 +113,16 @@ def fit_trend(
         orders=tuple(tried),
         branches=tuple(branches),
         recordings=tuple(
-            RecordingFit(r.file, r.condition.frequency_hz, r.condition.added_mass_kg, f, r.time_s, r.malleolus_m_s2, y)
+            RecordingFit(
+                r.file,
+                r.condition.frequency_hz,
+                r.condition.added_mass_kg,
+                f,
+                r.time_s,
+                r.malleolus_m_s2,
+                y,
+                r.base_m_s2,
+            )
             for r, f, y in zip(data, runs[0].fits, runs[0].traces, strict=True)
         ),
         verdict=str(verdict),
