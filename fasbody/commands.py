@@ -121,7 +121,8 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "arch crosscheck", "fasbody.arch.crosscheck", "",
-            "Mass matrix and velocity terms of the arch from the equations, Pinocchio and MuJoCo; exit 1 on disagreement.",
+            "Mass matrix and velocity terms of the arch from the equations, Pinocchio and MuJoCo; "
+            "exit 1 on disagreement.",
         ),
         Command(
             "cell", "fasbody.cell", "",
@@ -133,7 +134,8 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "cell verify", "fasbody.cell", "verify",
-            "Known bodies: free sphere, clamped beam, scaling laws; and the cell's mesh convergence. Takes about a minute.",
+            "Known bodies: free sphere, clamped beam, scaling laws; and the cell's mesh convergence. "
+            "Takes about a minute.",
         ),
         Command(
             "cell shake", "fasbody.cell", "shake",

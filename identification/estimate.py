@@ -1,8 +1,8 @@
 """The fit of a foot model to recordings: explore, follow both branches, certify in MuJoCo, judge."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -146,19 +146,7 @@ def fit(
         model=foot.name,
         domain=domain,
         branches=tuple(built),
-        recordings=tuple(
-            RecordingFit(
-                r.file,
-                r.condition.frequency_hz,
-                r.condition.added_mass_kg,
-                f,
-                r.time_s,
-                r.malleolus_m_s2,
-                y,
-                r.base_m_s2,
-            )
-            for r, f, y in zip(data, best.fits, best.traces, strict=True)
-        ),
+        recordings=tuple(RecordingFit.of(r, f, y) for r, f, y in zip(data, best.fits, best.traces, strict=True)),
         verdict=str(verdict),
         reason=verdict.sentence,
         log_likelihood_ratio=verdict.log_likelihood_ratio,
@@ -226,3 +214,19 @@ def _start_row(descent: Descent, space: Space, a: float | None) -> dict[str, obj
     row: dict[str, object] = {"start": descent.label, "cost": descent.cost, "evaluations": descent.evaluations}
     row |= {"converged": descent.converged, "branch": side(values, a) if a is not None else "best"}
     return row | {item.key: float(value) for item, value in zip(space.free, descent.theta, strict=True)}
+
+
+def fit_foot(study: Iterable[Recording], foot: Foot, settings: Settings | None = None, **fields: object) -> FitResult:
+    """Estimate a foot's parameters from a study, or from recordings, pooled.
+
+    Args:
+        study: a study or recordings. foot: the model.
+        settings: how. fields: of the settings, by name, in place of theirs.
+
+    Raises:
+        as `fit` does.
+    """
+    recordings = list(study)
+    given = {name: tuple(value) if name == "free" and value is not None else value for name, value in fields.items()}  # type: ignore[arg-type]
+    chosen = replace(settings or Settings(), **given)  # type: ignore[arg-type]
+    return fit(recordings, foot, chosen, source=getattr(study, "name", ""), truth=getattr(study, "truth", {}))

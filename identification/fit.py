@@ -2,21 +2,19 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.markup import escape
-from rich.table import Table
 
 from fasbody.console import command_line, console, make_folder, print_json, progress_bar, results
 from fasbody.exceptions import InputFileError
-from fasbody.foot.model import load
 from fasbody.recording.recording import Recording, with_masses
 from fasbody.recording.study import BUNDLED, Study, read_file, read_truth
 from identification import options
-from identification.estimate import Settings, fit
-from identification.report import write
-from identification.result import FitResult
+
+if TYPE_CHECKING:
+    from identification.result import FitResult
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -50,6 +48,10 @@ def main(
 
       python -m identification.fit my_study --model my_foot.xml --free k_T,k_F --bounds k_F=3e3:5e5
     """
+    from fasbody.foot.model import load
+    from identification.estimate import Settings, fit
+    from identification.report import write
+
     source, recordings, truth = gather(data or [BUNDLED], body_mass, added_mass)
     settings = Settings(
         free=options.names(free), bounds=options.limits(bounds), starts=starts, seed=seed, domain=domain
@@ -108,12 +110,14 @@ def _slug(text: str) -> str:
     return "".join(c if c.isalnum() else "_" for c in text.lower()).strip("_")[:60] or "fit"
 
 
-def show(result: FitResult) -> None:
+def show(result: "FitResult") -> None:
     """Print the result as a table for a person."""
+    from rich.table import Table
+
     sheet = result.sheet()
     table = Table(title=sheet.title, title_justify="left")
     for column in sheet.columns:
-        side: Literal[left, right] = "left" if column in ("parameter", "") else "right"
+        side: Literal["left", "right"] = "left" if column in ("parameter", "") else "right"
         table.add_column(column, justify=side, no_wrap=not column)
     for row in sheet.rows:
         table.add_row(*map(escape, row))

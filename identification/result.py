@@ -10,6 +10,7 @@ import numpy as np
 
 from fasbody.exceptions import SettingError, unknown
 from fasbody.presentation import Presented, Sheet
+from fasbody.recording.recording import Recording
 
 _UNITS = {"_n_s_per_m": "N s/m", "_n_m_s_per_rad": "N m s/rad", "_n_m_per_rad": "N m/rad", "_n_per_m": "N/m"}
 _UNITS |= {"_per_m": "1/m", "_kg": "kg", "_n_s": "N s", "_s": "s", "_n": "N", "_m": "m"}
@@ -145,6 +146,12 @@ class RecordingFit:
     measured: np.ndarray
     model: np.ndarray
     base: np.ndarray
+
+    @classmethod
+    def of(cls, recording: Recording, fit_percent: float, model: np.ndarray) -> "RecordingFit":
+        """A recording beside the model's malleolus (n,) [m/s^2]."""
+        c, r = recording.condition, recording
+        return cls(r.file, c.frequency_hz, c.added_mass_kg, fit_percent, r.time_s, r.malleolus_m_s2, model, r.base_m_s2)
 
     def __repr__(self) -> str:
         return f"{self.file}: fit {self.fit_percent:.1f} %, {self.time_s.size} samples"

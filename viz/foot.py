@@ -5,13 +5,15 @@ import json as json_module
 from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fasbody.console import command_line, console
 from fasbody.exceptions import InputFileError, SettingError
-from fasbody.foot.parameters import Parameter
+
+if TYPE_CHECKING:
+    from fasbody.foot.parameters import Parameter
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -100,7 +102,7 @@ def _show(
         return Show([model, *([compare] if compare else [])], excitation, settings, look)
 
 
-def parameters_of(result: Path, parameters: Mapping[str, Parameter]) -> dict[str, float]:
+def parameters_of(result: Path, parameters: "Mapping[str, Parameter]") -> dict[str, float]:
     """Values of a fit's result.json for a model's parameters, by thesis symbol.
 
     Raises:

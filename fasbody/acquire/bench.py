@@ -30,10 +30,7 @@ import typer
 from fasbody.acquire.wire import Channel, Hello, encode_data, encode_header, encode_hello, encode_line
 from fasbody.console import command_line
 from fasbody.exceptions import AcquisitionError
-from fasbody.foot.model import load
 from fasbody.foot.shaker import BaseMotion
-from fasbody.foot.simulate import Batch
-from fasbody.laboratory.foot import TRUTH
 from fasbody.recording.condition import SUBJECTS, foot_mass, shank_mass
 
 #: How late a host may be [s]: Linux keeps 640 kB of a real port for it, of a pseudo-terminal only some kB, so the
@@ -170,6 +167,10 @@ class Shaken:
     """
 
     def __init__(self, rate_hz: float, added_mass_kg: float, rng: np.random.Generator) -> None:
+        from fasbody.foot.model import load
+        from fasbody.foot.simulate import Batch
+        from fasbody.laboratory.foot import TRUTH
+
         masses = {"m_S": shank_mass(BODY_MASS_KG, added_mass_kg), "m_F": foot_mass(BODY_MASS_KG)}
         self.foot = load("two_dof").with_values({**TRUTH, **masses})
         self._stride = max(1, int(np.ceil(1 / rate_hz / self.foot.step - 1e-9)))

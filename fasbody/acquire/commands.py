@@ -6,7 +6,6 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
 from fasbody.acquire import folder
@@ -88,9 +87,10 @@ def record(
         if given:
             raise SettingError(f"--simulate brings its own board, generator and subject: leave out {', '.join(given)}.")
         from fasbody.acquire import bench as shaken
+        from fasbody.laboratory.foot import TRUTH
 
         subject, body_mass = str(shaken.SUBJECT), shaken.BODY_MASS_KG
-        truth = {"origin": "synthetic", "parameters": shaken.TRUTH, "instrument": {"delay_s": 0.0}}
+        truth = {"origin": "synthetic", "parameters": TRUTH, "instrument": {"delay_s": 0.0}}
     subject = subject or "1"
     mass = body_mass if body_mass is not None else folder.body_mass(out, subject)
     if mass is None or not 20 <= mass <= 300:
@@ -229,6 +229,8 @@ def _frequencies(sweep: str | None, frequency: float | None) -> tuple[float | No
         raise SettingError(f"--sweep {sweep!r} is not START:STOP:STEP, for example 10:50:5.") from None
     if not (step > 0 and stop >= start and (stop - start) / step <= 1000):
         raise SettingError(f"--sweep {sweep!r} holds no frequencies; START must not exceed STOP, and STEP be positive.")
+    import numpy as np
+
     return tuple(float(f) for f in np.arange(start, stop + 1e-9 * step, step))
 
 

@@ -5,12 +5,11 @@ from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
-from rich.table import Table
 
 from fasbody.console import command_line, console, print_json, progress_bar, results
 from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
 from fasbody.recording.channels import Layout
-from fasbody.recording.checks import checked
+from fasbody.recording.checks import checked, understood, verdict
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import StudyFolder
 from fasbody.recording.trials import describe, posture_remarks
@@ -109,6 +108,9 @@ def _layout(study: Path | None) -> Layout | None:
 
 
 def _show(rows: list[dict[str, Any]]) -> None:
+    from rich.table import Table
+
+    colours = {"unusable": "red", "usable, see below": "yellow", "sound": "default"}
     table = Table("file", "samples", r"rate \[Hz]", r"excitation \[Hz]", r"rms \[m/s²]", "verdict")
     for row in rows:
         found = row.get("frequency_hz")
@@ -118,7 +120,7 @@ def _show(rows: list[dict[str, Any]]) -> None:
             f"{row['rate_hz']:.6g}" if "rate_hz" in row else "",
             "" if row["problem"] else "broadband" if found is None else f"{found:.5g}",
             ", ".join(f"{name} {value:.3g}" for name, value in row.get("rms_m_s2", {}).items()),
-            "[red]unusable[/]" if row["problem"] else "[yellow]usable, see below[/]" if row["warnings"] else "sound",
+            f"[{colours[verdict(row)]}]{verdict(row)}[/]",
         )
     results.print(table)
     for row in rows:

@@ -165,7 +165,7 @@ def _row(values: ArrayLike, channel: str, name: str) -> np.ndarray:
         raise RecordingError(f"{name}: {channel} holds something else than numbers.") from None
     if row.ndim != 1 or row.size < 2:
         raise RecordingError(
-            f"{name}: {channel} has the shape {row.shape}; a recording needs (n,), at least two samples."
+            f"{name}: {channel} has the shape {row.shape}; a recording needs (n,), two or more samples."
         )
     return row
 
