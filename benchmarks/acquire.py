@@ -20,7 +20,7 @@ import typer
 
 from benchmarks.fuzz_parsers import HELLO, counts_of, fuzz
 from benchmarks.rows import Row, at_most, report
-from fasbody.acquire.bench import BODY_MASS_KG, TRUTH, Bench, Line, corrupt
+from fasbody.acquire.bench import BODY_MASS_KG, Bench, Line, corrupt
 from fasbody.acquire.board import Board
 from fasbody.acquire.capture import Capture, read
 from fasbody.acquire.conversion import convert, replay
@@ -30,6 +30,7 @@ from fasbody.acquire.session import Session
 from fasbody.acquire.timeline import Timeline
 from fasbody.acquire.wire import Block, FrameReader, encode_data, encode_hello
 from fasbody.console import command_line, console
+from fasbody.laboratory.foot import TRUTH
 from fasbody.recording.recording import Condition
 
 BAUD = 921600

@@ -109,9 +109,10 @@ class Presented(ABC):
         Raises:
             SettingError: no such plot.
         """
-        if kind and kind not in self.plots:
+        kind = kind or next(iter(self.plots), "")
+        if kind not in self.plots:
             raise SettingError(f"{unknown('plot', kind, self.plots)}.")
-        figure = getattr(import_module(self.figures), kind or self.plots[0])(self, **options)
+        figure = getattr(import_module(self.figures), kind)(self, **options)
 
         def png() -> bytes:
             out = BytesIO()
