@@ -20,14 +20,13 @@ from fasbody.foot.model import load
 from fasbody.foot.two_dof import TwoDof
 from fasbody.laboratory.foot import TRUTH, record
 from fasbody.laboratory.instrument import Instrument
+from fasbody.recording import study
 from fasbody.recording.checks import checked
 from fasbody.recording.condition import SUBJECTS
 from fasbody.recording.recording import Condition, Recording
-from fasbody.recording.study import Study
 from identification.branches import mirrored, ratio
 from identification.domains import PeriodicRoute, TimeRoute
 from identification.engines.orbits import Rollouts
-from identification.fit import BUNDLED
 from identification.periodic import PeriodicProblem
 from identification.search import Descent, Problem, descend
 from identification.space import space_of
@@ -53,7 +52,7 @@ def timed(problem: Problem, q0: np.ndarray, label: str) -> Timed:
 
 def bundled() -> list[Recording]:
     """The nine recordings of the bundled synthetic study."""
-    return [checked(recording) for recording in Study.read(BUNDLED)]
+    return [checked(recording) for recording in study.bundled()]
 
 
 def sweep_recording(seconds: float = 10.0, seed: int = 16) -> Recording:

@@ -1,8 +1,6 @@
 """`python -m identification.fit`: stiffness and damping of a foot from its recordings."""
 
-import json
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
 
@@ -14,14 +12,11 @@ from fasbody.console import command_line, console, make_folder, print_json, prog
 from fasbody.exceptions import InputFileError
 from fasbody.foot.model import load
 from fasbody.recording.recording import Recording, with_masses
-from fasbody.recording.study import Study, read_file
+from fasbody.recording.study import BUNDLED, Study, read_file, read_truth
 from identification import options
 from identification.estimate import Settings, fit
 from identification.report import write
 from identification.result import FitResult, symbol_and_unit
-
-#: The study that ships with the package.
-BUNDLED = Path(str(files("fasbody"))) / "studies" / "synthetic_subject_16"
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -98,7 +93,7 @@ def gather(
             study = Study.read(path)
             names.append(study.name)
             recordings += study.recordings
-            truth = _truth(path / "truth.json") if len(data) == 1 else {}
+            truth = read_truth(path) if len(data) == 1 else {}
         elif path.exists():
             names.append(path.name)
             recordings.append(read_file(path))
@@ -107,18 +102,6 @@ def gather(
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else ""), [
         with_masses(recording, body_mass, added_mass) for recording in recordings
     ], truth  # fmt: skip
-
-
-def _truth(file: Path) -> dict[str, float]:
-    if not file.is_file():
-        return {}
-    try:
-        document = json.loads(file.read_text())
-        return {name: float(v) for name, v in document["parameters"].items()} | {
-            "delay": document["instrument"]["delay_s"]
-        }
-    except (ValueError, KeyError, TypeError, AttributeError):
-        raise InputFileError(file, "is not the truth.json of a synthetic study", "make it anew or delete it") from None
 
 
 def _slug(text: str) -> str:

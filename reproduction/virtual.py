@@ -12,11 +12,10 @@ from fasbody.foot.two_dof import TwoDof, trajectory
 from fasbody.laboratory.study import FREQUENCIES_HZ, Plan, make
 from fasbody.recording.condition import ADDED_MASSES_KG, foot_mass, shank_mass
 from fasbody.recording.recording import Recording
-from fasbody.recording.study import Study, StudyFolder
+from fasbody.recording.study import StudyFolder, bundled
 from fasbody.transmissibility.findings import Finding, findings
 from fasbody.transmissibility.table import Table
 from identification.blackbox.data import Series, from_recording
-from identification.fit import BUNDLED
 from reproduction.row import Check, Outcome, at_least, exactly
 from reproduction.virtual_transfer import study
 
@@ -104,7 +103,7 @@ def judged(judge: Callable[[Table], Sequence[Check]], note: str = "") -> Outcome
 @cache
 def bundled() -> tuple[Recording, ...]:
     """The nine recordings of the synthetic subject 16, 10 to 50 Hz without added mass."""
-    recordings = Study.read(BUNDLED).recordings
+    recordings = bundled().recordings
     return tuple(sorted(recordings, key=lambda r: r.condition.frequency_hz or 0.0))
 
 

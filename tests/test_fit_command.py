@@ -13,7 +13,8 @@ import pytest
 
 from fasbody import console
 from fasbody.recording.recording import Recording
-from identification.fit import BUNDLED, app
+from fasbody.recording.study import BUNDLED
+from identification.fit import app
 
 
 @pytest.fixture
