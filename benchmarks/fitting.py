@@ -25,8 +25,8 @@ from fasbody.recording.checks import checked
 from fasbody.recording.condition import SUBJECTS
 from fasbody.recording.recording import Condition, Recording
 from identification.branches import mirrored, ratio
-from identification.domains import PeriodicRoute, TimeRoute
-from identification.engines.orbits import Rollouts
+from identification.domains import PeriodicDomain, TimeDomain
+from identification.engines.mujoco import Rollouts
 from identification.periodic import PeriodicProblem
 from identification.search import Descent, Problem, descend
 from identification.space import space_of
@@ -73,14 +73,14 @@ def steady_state(timed_starts: int = 20, wild_starts: int = 50, mujoco_starts: i
     """Rows of the pooled steady-state fit, and the median time of one in the twin [s]."""
     foot, data = load("two_dof"), bundled()
     space = space_of(foot)
-    route = PeriodicRoute(foot, data, space, twin=True, threads=1)
-    twin = route.explorer()
-    engine = Rollouts(foot, [line.excitation for line in route.lines], space.names, threads=1)
-    mujoco = PeriodicProblem(route.lines, engine, space)
+    domain = PeriodicDomain(foot, data, space, twin=True, threads=1)
+    twin = domain.problem()
+    engine = Rollouts(foot, [line.excitation for line in domain.lines], space.names, threads=1)
+    mujoco = PeriodicProblem(domain.lines, engine, space)
     rng = np.random.default_rng(0)
     starts = [space.random(rng) for _ in range(max(wild_starts, timed_starts, mujoco_starts))]
     descend(twin, starts[0], "compiles")
-    slow_problem = TimeRoute(foot, data, space, twin=True).explorer()
+    slow_problem = TimeDomain(foot, data, space, twin=True).problem()
     with progress_bar() as progress:
         task = progress.add_task("steady state", total=len(starts) + mujoco_starts + 1)
         quick = []
@@ -135,7 +135,7 @@ def time_domain(steady_seconds: float, seconds: float = 10.0, repeats: int = 5, 
     """
     foot, recording = load("two_dof"), sweep_recording(seconds)
     space = space_of(foot, delay=False)
-    problem = TimeRoute(foot, [recording], space, twin=True).explorer()
+    problem = TimeDomain(foot, [recording], space, twin=True).problem()
     q0 = space.to_q(space.theta(foot.values()))
     with progress_bar() as progress:
         progress.add_task("time domain", total=None)

@@ -12,7 +12,7 @@ from fasbody.foot.two_dof import TwoDof, trajectory
 from fasbody.recording.condition import SUBJECTS, foot_mass, shank_mass
 from fasbody.recording.study import BUNDLED, bundled, read_truth
 from identification.blackbox.criteria import fit_percent
-from identification.estimate import Settings, fit
+from identification.estimate import fit_foot
 from identification.result import FitResult, symbol_and_unit
 from reproduction.row import Outcome, Rows, at_least, at_most, exactly, near, within
 
@@ -23,8 +23,8 @@ FIT, BUNDLE = "python -m identification.fit", "bundled fit"
 @cache
 def result() -> FitResult:
     """All eight constants from the nine recordings of the bundled subject, pooled."""
-    study = bundled()
-    return fit(study.recordings, load("two_dof"), Settings(threads=1), source=study.name, truth=read_truth(BUNDLED))
+    found = fit_foot(bundled(), load("two_dof"), threads=1)
+    return found.with_source(found.source, read_truth(BUNDLED))
 
 
 def predicted(values: Mapping[str, float], hertz: float) -> tuple[np.ndarray, np.ndarray]:
@@ -174,7 +174,7 @@ def other_frequencies() -> Outcome:
     foot, worst = load("two_dof"), []
     for left_out in (20.0, 35.0):
         kept = [r for r in bundled() if r.condition.frequency_hz != left_out]
-        best = fit(kept, foot, Settings(starts=4, threads=1)).best
+        best = fit_foot(kept, foot, starts=4, threads=1).best
         values = foot.values() | {symbol_and_unit(key)[0]: e.value for key, e in best.parameters.items()}
         worst.append(fit_percent(*predicted(values, left_out)))
     return Outcome(

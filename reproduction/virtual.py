@@ -12,7 +12,7 @@ from fasbody.foot.two_dof import TwoDof, trajectory
 from fasbody.laboratory.study import FREQUENCIES_HZ, Plan, make
 from fasbody.recording.condition import ADDED_MASSES_KG, foot_mass, shank_mass
 from fasbody.recording.recording import Recording
-from fasbody.recording.study import StudyFolder, bundled
+from fasbody.recording.study import BUNDLED, Study, StudyFolder
 from fasbody.transmissibility.findings import Finding, findings
 from fasbody.transmissibility.table import Table
 from identification.blackbox.data import Series, from_recording
@@ -103,7 +103,7 @@ def judged(judge: Callable[[Table], Sequence[Check]], note: str = "") -> Outcome
 @cache
 def bundled() -> tuple[Recording, ...]:
     """The nine recordings of the synthetic subject 16, 10 to 50 Hz without added mass."""
-    recordings = bundled().recordings
+    recordings = Study.read(BUNDLED).recordings
     return tuple(sorted(recordings, key=lambda r: r.condition.frequency_hz or 0.0))
 
 
