@@ -145,11 +145,13 @@ def replay(files: Sequence[Path]) -> tuple[dict[str, Any], Timeline, list[dict[s
     """What a capture holds: its plan, its samples on a timeline, and its events.
 
     Raises:
-        InputFileError: no capture file, one without a plan and a hello, or two recordings.
+        InputFileError: no capture file, one without a plan and a hello, one given twice, or two recordings.
     """
     about: dict[str, Any] = {}
     events: list[dict[str, Any]] = []
     decoder, timeline = Decoder(), None
+    if len({file.resolve() for file in files}) < len(files):
+        raise InputFileError(files[0], "is given twice", "name each capture file once")
     for number, file in enumerate(files):
         records = list(capture.read(file))
         if number and any(record.kind == "M" for record in records):

@@ -182,6 +182,25 @@ class Quality:
         return f"{lines}, {counted(len(self.gaps), 'gap')}{clock}"
 
 
+@dataclass(frozen=True)
+class Stamps:
+    """What the stamps of a recording tell.
+
+    Attributes:
+        steps: (n,) samples skipped before each block; negative where the stamps allow fewer than arrived.
+        jitter: of the stamps [samples, rms].
+        slope: the declared rate over the one by the device's clock.
+        slope_std: its standard error.
+        advance: whether the stamps advance at all; if not, nothing else is told.
+    """
+
+    steps: np.ndarray
+    jitter: float
+    slope: float
+    slope_std: float
+    advance: bool = True
+
+
 class Timeline:
     """Collects blocks and knows where each sample belongs; nothing is ever filled in.
 
@@ -324,25 +343,6 @@ class Timeline:
             rate_ppm=1e6 * (1 / told.slope - 1), rate_std_ppm=1e6 * told.slope_std,
             drift_ppm=drift, drift_std_ppm=drift_std,
         )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Stamps:
-    """What the stamps of a recording tell.
-
-    Attributes:
-        steps: (n,) samples skipped before each block; negative where the stamps allow fewer than arrived.
-        jitter: of the stamps [samples, rms].
-        slope: the declared rate over the one by the device's clock.
-        slope_std: its standard error.
-        advance: whether the stamps advance at all; if not, nothing else is told.
-    """
-
-    steps: np.ndarray
-    jitter: float
-    slope: float
-    slope_std: float
-    advance: bool = True
 
 
 def judge(x: np.ndarray, y: np.ndarray) -> Stamps:
