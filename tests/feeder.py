@@ -19,6 +19,12 @@ from fasbody.acquire.wire import Channel, FrameReader, Hello, encode_data, encod
 from fasbody.exceptions import FasError
 from fasbody.recording.recording import Condition
 
+BAUD = 921600
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
+CONDITION = Condition("16", "midstance", 0.0, BODY_MASS_KG)
+RANGE = 39.2
+COUNTS = 1024.0  # a power of two: nothing is rounded on the way
+
 
 class Device:
     """Plugs its line and runs `serve` in a thread; `port` is the name to open."""
@@ -41,13 +47,6 @@ class Device:
         self._end.set()
         self._thread.join(5)
         self.line.unplug()
-
-
-BAUD = 921600
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
-CONDITION = Condition("16", "midstance", 0.0, BODY_MASS_KG)
-RANGE = 39.2
-COUNTS = 1024.0  # a power of two: nothing is rounded on the way
 
 
 def hello(rate_hz: float = 1000.0, channels: int = 2, bits: int = 16, boot: int = 1) -> Hello:

@@ -28,6 +28,20 @@ from fasbody.exceptions import AcquisitionError, InputFileError
 from fasbody.recording.study import Study
 
 
+def capture_for(board: Board, study: Path) -> Capture:
+    capture = Capture(study / "captures" / "one.fascap")
+    capture.add("M", 0.0, {"preamble": board.decoder.preamble.hex(), "condition": vars(CONDITION)})
+    return capture
+
+
+def as_sent(file: Path, channels: int) -> np.ndarray:
+    """The numbers of the samples of a capture, each of which has the values that the feeder gave it."""
+    index, values = replay([file])[1].samples()
+    number = number_of(values[0]) + index
+    np.testing.assert_array_equal(values * COUNTS, counts_of(number, channels))
+    return number
+
+
 def test_three_channels_at_4_khz_arrive_whole_and_as_sent(tmp_path: Path) -> None:
     with Feeder(tmp_path, 4000.0, 3) as feeder:
         board = Board(feeder.port, BAUD)
@@ -36,11 +50,7 @@ def test_three_channels_at_4_khz_arrive_whole_and_as_sent(tmp_path: Path) -> Non
         (made,) = Session(plan, board).run()
         board.close()
     assert made.problems == () and made.quality.lost_frames == made.quality.damaged == 0
-    _, timeline, _ = replay([tmp_path / "study" / "captures" / "broadband_0kg.fascap"])
-    index, values = timeline.samples()
-    first = number_of(values[0])
-    np.testing.assert_array_equal(values * COUNTS, counts_of(first + index, 3))
-    assert index.size >= 4000
+    assert as_sent(tmp_path / "study" / "captures" / "broadband_0kg.fascap", 3).size >= 4000
 
 
 def test_one_percent_damaged_bytes_are_all_found(tmp_path: Path) -> None:
@@ -48,8 +58,7 @@ def test_one_percent_damaged_bytes_are_all_found(tmp_path: Path) -> None:
     with Feeder(tmp_path, 4000.0, 3, damage=0.01) as feeder:
         board = Board(feeder.port, BAUD)
         board.wait_for_hello(5.0)
-        capture = Capture(tmp_path / "study" / "captures" / "noisy.fascap")
-        capture.add("M", 0.0, {"preamble": board.decoder.preamble.hex(), "condition": CONDITION.__dict__})
+        capture = capture_for(board, tmp_path / "study")
         board.start(capture)
         sent = feeder.sent
         while feeder.sent - sent < 6000:
@@ -57,12 +66,8 @@ def test_one_percent_damaged_bytes_are_all_found(tmp_path: Path) -> None:
         board.stop()
         board.close()
         capture.close()
-    _, timeline, _ = replay([capture.file])
-    quality = timeline.quality()
-    index, values = timeline.samples()
-    first = number_of(values[0])
-    np.testing.assert_array_equal(values * COUNTS, counts_of(first + index, 3))
-    came = {int(number) // 16 for number in first + index}
+    quality = replay([capture.file])[1].quality()
+    came = {int(number) // 16 for number in as_sent(capture.file, 3)}
     between = set(range(min(came), max(came)))
     assert between - came == between & feeder.damaged and quality.lost_frames == len(between - came)
     assert 0.5 < quality.lost_frames / len(between) < 0.85  # 1 - 0.99^112 of the frames are hit
@@ -70,8 +75,7 @@ def test_one_percent_damaged_bytes_are_all_found(tmp_path: Path) -> None:
 
 
 def test_unplugged_and_back(tmp_path: Path, feeder: Feeder, board: Board) -> None:
-    capture = Capture(tmp_path / "study" / "captures" / "pulled.fascap")
-    capture.add("M", 0.0, {"preamble": board.decoder.preamble.hex(), "condition": CONDITION.__dict__})
+    capture = capture_for(board, tmp_path / "study")
     timeline = board.start(capture)
     while timeline.length < 500:
         board.pump()
@@ -88,9 +92,7 @@ def test_unplugged_and_back(tmp_path: Path, feeder: Feeder, board: Board) -> Non
     assert gap.lost_samples >= 300 and gap.cause == "lost frames"  # the board itself went on
     details = json.loads(made.file.with_suffix(".json").read_text())
     assert [event["event"] for event in details["events"]] == ["unplugged", "replugged"]
-    index, values = replay([capture.file])[1].samples()
-    first = number_of(values[0])
-    np.testing.assert_array_equal(values * COUNTS, counts_of(first + index, 2))
+    as_sent(capture.file, 2)
 
 
 def test_recording_that_lost_samples_is_repeated(tmp_path: Path, feeder: Feeder, board: Board) -> None:

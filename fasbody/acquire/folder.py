@@ -5,11 +5,12 @@
 
 import csv
 import io
+import itertools
 import json
 import math
 import tempfile
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -125,7 +126,7 @@ def convert(
         remarks += [f"ended early: {stopped.rstrip('.')}"] if stopped else []
     if longest:
         remarks.append("the longest stretch without a gap")
-    file = study / RECORDINGS / f"{stem_of(study, files[0], about.get('started_utc'))}.csv"
+    file = _table_of(study, stem_of(study, files[0], about.get("started_utc")))
     recording.write(file)
     made = Converted(file, recording, quality, tuple(problems), tuple(remarks))
     details = {
@@ -241,11 +242,8 @@ def at_rest(recording: Recording) -> str:
 
 def free_stem(study: Path, stem: str) -> str:
     """A name that neither captures nor recordings have yet: stem, stem_2, stem_3 ..."""
-    number, name = 1, stem
-    while _capture_of(study, name).exists() or (study / RECORDINGS / f"{name}.csv").exists():
-        number += 1
-        name = f"{stem}_{number}"
-    return name
+    taken = (_capture_of, _table_of)
+    return next(name for name in _numbered(stem) if not any(file(study, name).exists() for file in taken))
 
 
 def stem_of(study: Path, file: Path, started: str | None) -> str:
@@ -256,21 +254,25 @@ def stem_of(study: Path, file: Path, started: str | None) -> str:
         file: the capture.
         started: when it began, by its first record; tells two captures of one name apart.
     """
-    base = file.name.removesuffix(capture.SUFFIX)
-    number, name = 1, base
-    while not _is_of(study, name, file, started):
-        number += 1
-        name = f"{base}_{number}"
-    return name
+    stem = file.name.removesuffix(capture.SUFFIX)
+    return next(name for name in _numbered(stem) if _is_of(study, name, file, started))
+
+
+def _numbered(stem: str) -> Iterator[str]:
+    return itertools.chain([stem], (f"{stem}_{number}" for number in itertools.count(2)))
 
 
 def _capture_of(study: Path, stem: str) -> Path:
     return study / CAPTURES / f"{stem}{capture.SUFFIX}"
 
 
+def _table_of(study: Path, stem: str) -> Path:
+    return study / RECORDINGS / f"{stem}.csv"
+
+
 def _is_of(study: Path, stem: str, file: Path, started: str | None) -> bool:
     """Whether a name is, or can become, that of this capture's recording: by the JSON of the one that there is."""
-    table, own = study / RECORDINGS / f"{stem}.csv", _capture_of(study, stem)
+    table, own = _table_of(study, stem), _capture_of(study, stem)
     if not table.exists():
         return not own.exists() or own.resolve() == file.resolve()
     try:
