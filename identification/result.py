@@ -1,7 +1,7 @@
 """What a fit found, as one document: printed, JSON, CSV."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -150,6 +150,10 @@ class FitResult:
     def truth_of(self, key: str) -> float | None:
         """Known value of a parameter given with its unit suffix, None if there is none."""
         return next((value for name, value in self.truth.items() if key == name or key.startswith(f"{name}_")), None)
+
+    def with_source(self, source: str, truth: Mapping[str, float] | None = None) -> "FitResult":
+        """The result under another name of its data, beside the known parameters of synthetic ones."""
+        return replace(self, source=source, truth=dict(truth or {}))
 
     def document(self) -> dict[str, Any]:
         """The result as plain data; numbers that do not exist are null."""

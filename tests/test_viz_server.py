@@ -12,7 +12,7 @@ import tornado.websocket
 from page_client import WAIT, ask, documents, leave, serve, status, upgrade
 
 from fasbody.exceptions import SettingError
-from identification.fit import BUNDLED
+from fasbody.recording.study import BUNDLED
 from viz.server import Server, settings_from
 from viz.show import Show
 

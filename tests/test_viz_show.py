@@ -13,7 +13,7 @@ import umsgpack
 
 import mjcf
 from fasbody.exceptions import FasError
-from identification.fit import BUNDLED
+from fasbody.recording.study import BUNDLED
 from viz import foot as command
 from viz.excitation import Excitation
 from viz.hub import Hub

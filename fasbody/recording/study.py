@@ -1,12 +1,18 @@
 """Studies: folders of recordings with a description."""
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 
+from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import Layout
 from fasbody.recording.recording import Recording
 from fasbody.recording.trials import Trial, describe, is_listed, listed
+
+#: Folder of the study that ships with the package: nine synthetic recordings of subject 16, 10 to 50 Hz.
+BUNDLED = Path(str(files("fasbody"))) / "studies" / "synthetic_subject_16"
 
 
 @dataclass(frozen=True)
@@ -69,6 +75,29 @@ class Study:
         """Open a study folder as `StudyFolder.open` does, and read every recording it lists."""
         study = StudyFolder.open(folder, only)
         return cls(study.name, study.origin, study.description, tuple(study.read(trial) for trial in study.trials))
+
+
+def bundled() -> Study:
+    """The study that ships with the package (`BUNDLED`)."""
+    return Study.read(BUNDLED)
+
+
+def read_truth(folder: Path) -> dict[str, float]:
+    """Known parameters of a synthetic study by name, with the delay of its instrument [s]; none if it states none.
+
+    Raises:
+        InputFileError: its truth.json is not one.
+    """
+    file = folder / "truth.json"
+    if not file.is_file():
+        return {}
+    try:
+        document = json.loads(file.read_text())
+        return {name: float(v) for name, v in document["parameters"].items()} | {
+            "delay": document["instrument"]["delay_s"]
+        }
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise InputFileError(file, "is not the truth.json of a synthetic study", "make it anew or delete it") from None
 
 
 def read_file(file: Path) -> Recording:

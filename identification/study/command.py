@@ -15,8 +15,8 @@ from fasbody.console import console, print_json, progress_bar, results
 from fasbody.exceptions import Stopped
 from fasbody.foot.model import load
 from fasbody.recording.study import StudyFolder
-from identification import options
 from identification.estimate import Settings
+from identification.space import limits, names
 from identification.study import cluster, report
 from identification.study.checks import ensure
 from identification.study.cluster import Crew
@@ -80,12 +80,10 @@ def main(
     """
     folder = StudyFolder.open(study)
     filters = Filters(tuple(subject or ()), tuple(posture or ()), tuple(added_mass or ()), tuple(frequency or ()))
-    settings = Settings(
-        free=options.names(free), bounds=options.limits(bounds), starts=starts, seed=seed, domain=domain, threads=1
-    )
+    settings = Settings(free=names(free), bounds=limits(bounds), starts=starts, seed=seed, domain=domain, threads=1)
     believed = Prior.read(prior or ())
     foot = load(model)
-    profiled = tuple(dict.fromkeys(options.names(profile) or ()))
+    profiled = tuple(dict.fromkeys(names(profile) or ()))
     space = ensure(mode, settings, foot, profiled, agreement)
     plan = Plan(folder, filters.choose(folder.trials), settings, Model.of(foot))
     out = out or Path("results") / f"{study.resolve().name}_study"
