@@ -32,6 +32,7 @@ from fasbody.acquire.session import Session
 from fasbody.acquire.timeline import Timeline
 from fasbody.acquire.wire import Block, FrameReader, encode_data, encode_hello
 from fasbody.console import command_line, console
+from fasbody.laboratory.foot import TRUTH
 from fasbody.recording.recording import Condition
 
 BAUD = 921600

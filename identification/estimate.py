@@ -315,10 +315,7 @@ def judge(question: Question, explored: Explored, answer: Answer) -> FitResult:
         model=question.domain.foot.name,
         domain=question.name,
         branches=tuple(built),
-        recordings=tuple(
-            RecordingFit(r.file, r.condition.frequency_hz, r.condition.added_mass_kg, f, r.time_s, r.malleolus_m_s2, y)
-            for r, f, y in zip(data, best.fits, best.traces, strict=True)
-        ),
+        recordings=tuple(RecordingFit.of(r, f, y) for r, f, y in zip(data, best.fits, best.traces, strict=True)),
         verdict=str(verdict),
         reason=verdict.sentence,
         log_likelihood_ratio=verdict.log_likelihood_ratio,

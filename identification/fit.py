@@ -2,21 +2,18 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.markup import escape
-from rich.table import Table
 
 from fasbody.console import command_line, console, make_folder, print_json, progress_bar, results
 from fasbody.exceptions import InputFileError
-from fasbody.foot.model import load
 from fasbody.recording.recording import Recording, with_masses
 from fasbody.recording.study import BUNDLED, Study, read_file, read_truth
-from identification.estimate import Settings, fit_foot
-from identification.report import write
-from identification.result import FitResult, symbol_and_unit
-from identification.space import limits, names
+
+if TYPE_CHECKING:
+    from identification.result import FitResult
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -50,6 +47,11 @@ def main(
 
       python -m identification.fit my_study --model my_foot.xml --free k_T,k_F --bounds k_F=3e3:5e5
     """
+    from fasbody.foot.model import load
+    from identification.estimate import Settings, fit_foot
+    from identification.report import write
+    from identification.space import limits, names
+
     source, recordings, truth = gather(data or [BUNDLED], body_mass, added_mass)
     settings = Settings(free=names(free), bounds=limits(bounds), starts=starts, seed=seed, domain=domain)
     foot = load(model)
@@ -106,28 +108,19 @@ def _slug(text: str) -> str:
     return "".join(c if c.isalnum() else "_" for c in text.lower()).strip("_")[:60] or "fit"
 
 
-def show(result: FitResult) -> None:
+def show(result: "FitResult") -> None:
     """Print the result as a table for a person."""
-    table = Table(title=f"{result.source} ({result.origin}), model {result.model}", title_justify="left")
-    table.add_column("parameter")
-    table.add_column("95 % interval", justify="right")
-    for branch in result.branches[1:]:
-        table.add_column(f"mirror: {branch.name}", justify="right")
-    if result.truth:
-        table.add_column("truth", justify="right")
-    table.add_column("", no_wrap=True)
-    for key, e in result.parameters.items():
-        symbol, unit = symbol_and_unit(key)
-        row = [
-            f"{symbol} [{unit}]" if unit else symbol,
-            e.interval(),
-            *(branch.parameters[key].interval() for branch in result.branches[1:]),
-        ]
-        truth = result.truth_of(key)
-        row += [f"{truth:.6g}" if truth is not None else ""] if result.truth else []
-        table.add_row(*(escape(cell) for cell in row), e.identifiability + (", at bound" if e.at_bound else ""))
+    from rich.table import Table
+
+    sheet = result.sheet()
+    table = Table(title=sheet.title, title_justify="left")
+    for column in sheet.columns:
+        side: Literal["left", "right"] = "left" if column in ("parameter", "") else "right"
+        table.add_column(column, justify=side, no_wrap=not column)
+    for row in sheet.rows:
+        table.add_row(*map(escape, row))
     results.print(table)
-    results.print(f"[bold]{result.sentence()}[/]", soft_wrap=True)
+    results.print(f"[bold]{escape(result.sentence())}[/]", soft_wrap=True)
     results.print(result.reason, soft_wrap=True)
     for text in result.warnings:
         results.print(f"[yellow]note:[/] {text}", soft_wrap=True, markup=True)

@@ -140,7 +140,7 @@ def test_interrupted_before_anything_is_130(fit: Callable, bare: Path, monkeypat
     def stop(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("identification.fit.fit_foot", stop)
+    monkeypatch.setattr("identification.estimate.fit_foot", stop)
     code, _, err = fit(bare)
     assert code == 130
     assert "interrupted" in err

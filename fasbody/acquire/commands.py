@@ -6,7 +6,6 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
 from fasbody.acquire import folder
@@ -223,6 +222,8 @@ def _frequencies(sweep: str | None, frequency: float | None) -> tuple[float | No
         raise SettingError(f"--sweep {sweep!r} is not START:STOP:STEP, for example 10:50:5.") from None
     if not (step > 0 and stop >= start and (stop - start) / step <= 1000):
         raise SettingError(f"--sweep {sweep!r} holds no frequencies; START must not exceed STOP, and STEP be positive.")
+    import numpy as np
+
     return tuple(float(f) for f in np.arange(start, stop + 1e-9 * step, step))
 
 

@@ -17,6 +17,7 @@ from fasbody.exceptions import InputFileError, ModelError, unknown
 from fasbody.foot import damper
 from fasbody.foot.engine import SHAKER, SHAKER_CONTROLS
 from fasbody.foot.parameters import Parameters, declared, names
+from fasbody.presentation import Sheet
 
 #: What the compiler's message means; groups of the pattern and of its place fill the clause.
 _MEANINGS = (
@@ -70,7 +71,7 @@ def compiler_complaint(message: str) -> tuple[str, int | None]:
 REQUIRED = {"joint": ("base",), "actuator": ("shaker",), "sensor": ("base", "malleolus"), "site": ("malleolus",)}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Foot:
     """A compiled model with the places that the commands use.
 
@@ -102,6 +103,10 @@ class Foot:
     def with_values(self, values: Mapping[str, float], step: float | None = None) -> "Foot":
         """A copy with some parameters (and the time step) changed.
 
+        Args:
+            values: by thesis symbol, ``k_T``, or by the key that a fit returns, ``k_T_n_per_m``.
+            step: time step [s].
+
         Raises:
             SettingError: unknown parameter; the message lists those that exist.
         """
@@ -118,6 +123,21 @@ class Foot:
         return f"{self.name}: " + ", ".join(
             f"{name} {value:.4g} {self.parameters[name].unit}" for name, value in self.values().items()
         )
+
+    def __repr__(self) -> str:
+        return str(self.sheet())
+
+    def _repr_html_(self) -> str:
+        return self.sheet().html()
+
+    def sheet(self) -> Sheet:
+        """Parameters with their bounds and where they come from."""
+        values = self.values()
+        rows = [
+            (p.name, f"{values[p.name]:.6g}", p.unit, f"{p.lower:g} to {p.upper:g}", p.source)
+            for p in self.parameters.values()
+        ]
+        return Sheet(self.name, ("parameter", "value", "unit", "bounds", "source"), rows)
 
 
 def load(model: str | Path) -> Foot:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import Layout
+from fasbody.recording.checks import Checked, understood
 from fasbody.recording.recording import Recording
 from fasbody.recording.trials import Trial, describe, is_listed, listed
 
@@ -51,9 +52,12 @@ class StudyFolder:
         return Recording.read(trial.path, trial.condition, trial.label, self.origin, self.layout)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Study:
     """A folder of recordings, all in memory.
+
+        study = Study.read("my_study")
+        study.check()
 
     Attributes:
         name: its title. origin: "measured" or "synthetic". description: one paragraph. recordings: in table order.
@@ -69,6 +73,13 @@ class Study:
 
     def __str__(self) -> str:
         return f"{self.name}: {len(self.recordings)} {self.origin} recordings"
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def check(self) -> Checked:
+        """What the checks say of each recording: what is wrong with it, and what was understood."""
+        return Checked(self.name, tuple(understood(recording) for recording in self.recordings))
 
     @classmethod
     def read(cls, folder: Path | str, only: Path | None = None) -> "Study":

@@ -112,10 +112,7 @@ def fit_trend(
         order=best_branch.space.order,
         orders=tuple(tried),
         branches=tuple(branches),
-        recordings=tuple(
-            RecordingFit(r.file, r.condition.frequency_hz, r.condition.added_mass_kg, f, r.time_s, r.malleolus_m_s2, y)
-            for r, f, y in zip(data, runs[0].fits, runs[0].traces, strict=True)
-        ),
+        recordings=tuple(RecordingFit.of(r, f, y) for r, f, y in zip(data, runs[0].fits, runs[0].traces, strict=True)),
         verdict=str(verdict),
         reason=verdict.sentence,
         log_likelihood_ratio=verdict.log_likelihood_ratio,
