@@ -19,8 +19,7 @@ GROUPS = {
         "identification.blackbox", "fasbody.laboratory", "fasbody.acquire",
     ),
     "The models": (
-        "viz.foot", "fasbody.arch.sensitivity", "fasbody.arch.reduction", "fasbody.arch.load",
-        "fasbody.arch.crosscheck", "fasbody.cell", "viz.cell", "viz.anatomy",
+        "viz.foot", "fasbody.arch", "fasbody.cell", "viz.cell", "viz.anatomy",
     ),
     "What holds it together": ("fasbody", "reproduction", "benchmarks"),
 }  # fmt: skip

@@ -28,7 +28,7 @@ def test_figures_in_a_file_are_refused_first(command: Command, tmp_path: Path, n
 
 
 def test_figure_of_the_reduction_is_refused_first(command: Command, tmp_path: Path) -> None:
-    run = command("fasbody.arch.reduction", "--figure", str(tmp_path))
+    run = command("fasbody.arch", "reduction", "--figure", str(tmp_path))
     assert run.returncode == 2
     assert "is a folder; name a PNG file." in run.stderr
     assert "Five bodies" not in run.stderr
@@ -36,6 +36,6 @@ def test_figure_of_the_reduction_is_refused_first(command: Command, tmp_path: Pa
 
 @pytest.mark.parametrize("load", ["0", "-5", "1e6", "nan"])
 def test_load_says_what_is_valid(command: Command, load: str) -> None:
-    run = command("fasbody.arch.load", "--load", load)
+    run = command("fasbody.arch", "load", "--load", load)
     assert run.returncode == 2
     assert "must be above 0 and below 100000 N." in run.stderr
