@@ -7,7 +7,8 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from identification.result import FitResult, RecordingFit, symbol_and_unit
+from fasbody.foot.parameters import symbol_and_unit
+from identification.result import FitResult, RecordingFit
 
 _MEASURED, _MODEL, _OTHER, _TRUTH = "#2b2b2b", "#c8102e", "#1f6fb2", "#2e8b57"
 STYLE: Any = {

@@ -13,12 +13,13 @@ from rich.table import Table
 from fasbody.console import command_line, console, make_folder, print_json, progress_bar, results
 from fasbody.exceptions import InputFileError
 from fasbody.foot.model import load
+from fasbody.foot.parameters import symbol_and_unit
 from fasbody.recording.recording import Recording, with_masses
 from fasbody.recording.study import Study, read_file
 from identification import options
 from identification.estimate import Settings, fit
 from identification.report import write
-from identification.result import FitResult, symbol_and_unit
+from identification.result import FitResult
 
 #: The study that ships with the package.
 BUNDLED = Path(str(files("fasbody"))) / "studies" / "synthetic_subject_16"

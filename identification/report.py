@@ -7,8 +7,9 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 
 from fasbody import console
+from fasbody.foot.parameters import symbol_and_unit
 from identification import figures
-from identification.result import FitResult, symbol_and_unit
+from identification.result import FitResult
 
 
 def html(result: FitResult) -> str:

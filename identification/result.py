@@ -6,15 +6,6 @@ from typing import Any
 
 import numpy as np
 
-_UNITS = {"_n_s_per_m": "N s/m", "_n_m_s_per_rad": "N m s/rad", "_n_m_per_rad": "N m/rad", "_n_per_m": "N/m"}
-_UNITS |= {"_per_m": "1/m", "_kg": "kg", "_n_s": "N s", "_s": "s", "_n": "N", "_m": "m"}
-
-
-def symbol_and_unit(key: str) -> tuple[str, str]:
-    """Thesis symbol and unit of a key: ``k_T_n_per_m`` is k_T in N/m."""
-    return next(((key.removesuffix(s), unit) for s, unit in _UNITS.items() if key.endswith(s)), (key, ""))
-
-
 #: Standard error up to which a parameter counts as identified, and as weakly identified: as a share of its value, or
 #: of a tenth of its range for parameters that may be zero.
 IDENTIFIED, WEAK = 0.1, 0.5

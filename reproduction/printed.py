@@ -151,7 +151,7 @@ def damper_forces(arch: Arch, q: Array, q_dot: Array) -> Array:
 
 
 def right_hand_side(arch: Arch, q: Array, q_dot: Array, base_acceleration: float) -> Array:
-    """B of Appendix B, shape (..., 6), at rates (..., 6) and an acceleration of the table [m/s^2]; B_1 read with rates."""
+    """B of Appendix B, shape (..., 6), under an acceleration of the table [m/s^2]; B_1 read with rates."""
     forces = spring_forces(arch, q) + damper_forces(arch, q, q_dot)
     return velocity_terms(arch, q, q_dot) + forces - mass_matrix(arch, q)[..., 0] * base_acceleration
 

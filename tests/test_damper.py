@@ -28,8 +28,28 @@ def test_damper_has_the_printed_values() -> None:
 
 @pytest.mark.parametrize("t", [0.0, 1e-4, 1e-3, 0.01, 0.1, 1.0, 10.0])
 @pytest.mark.parametrize(("c", "tau_1", "tau_2"), [(0.8, 0.004, 1.5), (2.0, 0.01, 10.0)])
+@pytest.mark.parametrize("user", [
+    (4.25, 310, -120, 180, 0, 0, 0, 0), (4.24, 900, 30, 0.02, 0.2, 0, 0, 0), (4.23, 900, 1.5, 30, 0.9, 1, 0.02, 0.2),
+])  # fmt: skip
+def test_a_law_at_rest_is_its_slope(user: tuple[float, ...]) -> None:
+    law, step = np.array(user, float), 1e-7
+    stiffness, damping = damper.at_rest(law)
+    assert stiffness == pytest.approx(-np.diff([force(law, x, 0, 0) for x in (-step, step)])[0] / (2 * step), abs=1e-6)
+    assert damping == pytest.approx(-np.diff([force(law, 0, v, 0) for v in (-step, step)])[0] / (2 * step), rel=1e-6)
+
+
 def test_relaxation_against_exponential_integrals(t: float, c: float, tau_1: float, tau_2: float) -> None:
     assert damper.relaxation(t, c, tau_1, tau_2) == pytest.approx(exact_relaxation(t, c, tau_1, tau_2), abs=3e-4)
+
+
+@pytest.mark.parametrize("user", [
+    (4.25, 310, -120, 180, 0, 0, 0, 0), (4.24, 900, 30, 0.02, 0.2, 0, 0, 0), (4.23, 900, 1.5, 30, 0.9, 1, 0.02, 0.2),
+])  # fmt: skip
+def test_a_law_at_rest_is_its_slope(user: tuple[float, ...]) -> None:
+    law, step = np.array(user, float), 1e-7
+    stiffness, damping = damper.at_rest(law)
+    assert stiffness == pytest.approx(-np.diff([force(law, x, 0, 0) for x in (-step, step)])[0] / (2 * step), abs=1e-6)
+    assert damping == pytest.approx(-np.diff([force(law, 0, v, 0) for v in (-step, step)])[0] / (2 * step), rel=1e-6)
 
 
 def test_relaxation_starts_at_one_and_ends_at_the_relaxed_share() -> None:

@@ -185,13 +185,9 @@ def _check_joints(model: mujoco.MjModel, index: Index, name: str) -> None:
                 f"{name}: joint {joint!r} has the armature {model.dof_armature[dof]:g}, which the equations lack; "
                 "remove it."
             )
-        forces = (
-            model.jnt_stiffness[j],
-            *model.jnt_stiffnesspoly[j],
-            model.dof_damping[dof],
-            _law(model, "joint", j)[0],
-        )
-        if joint not in SPRUNG.values() and any(forces):
+        springs = (model.jnt_stiffness[j], *model.jnt_stiffnesspoly[j])
+        dampers = (model.dof_damping[dof], *model.dof_dampingpoly[dof], _law(model, "joint", j)[0])
+        if joint not in SPRUNG.values() and any((*springs, *dampers)):
             raise ModelError(f"{name}: joint {joint!r} has a spring or damper; in the equations it is free.")
 
 

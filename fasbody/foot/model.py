@@ -1,7 +1,4 @@
-"""What MuJoCo and its XML reader say about a broken model, in the words of whoever edited the file.
-
-Loading an MJCF foot: by name or file, checked for the elements that every command needs.
-"""
+"""A foot as an MJCF model: loaded by name or file, checked for what every command needs, refused in one sentence."""
 
 import copy
 import re
@@ -17,6 +14,240 @@ from fasbody.exceptions import InputFileError, ModelError, unknown
 from fasbody.foot import damper
 from fasbody.foot.engine import SHAKER, SHAKER_CONTROLS
 from fasbody.foot.parameters import Parameters, declared, names
+
+#: Elements that every command needs, by kind.
+REQUIRED = {"joint": ("base",), "actuator": ("shaker",), "sensor": ("base", "malleolus"), "site": ("malleolus",)}
+#: Armature from which a joint is the shaker's table [kg], and how far two tied pads may differ at rest [m].
+HEAVY, CLOSED = 1e6, 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Foot:
+    """A compiled model with the places that the commands use.
+
+    Attributes:
+        name: file name or name of the shipped model.
+        model: the compiled model; treat it as read-only, `with_values` returns a changed copy.
+        parameters: what the model declares as editable.
+        base: index of the base coordinate in qpos and qvel.
+        shaker: first of the shaker's five controls.
+        sensor: start of each required sensor in sensordata.
+    """
+
+    name: str
+    model: mujoco.MjModel
+    parameters: Parameters
+    base: int
+    shaker: int
+    sensor: Mapping[str, int]
+
+    @property
+    def step(self) -> float:
+        """Default time step [s]."""
+        return float(self.model.opt.timestep)
+
+    def values(self) -> dict[str, float]:
+        """Current value of every declared parameter, in its unit."""
+        return {name: item.read(self.model) for name, item in self.parameters.items()}
+
+    def with_values(self, values: Mapping[str, float], step: float | None = None) -> "Foot":
+        """A copy with some parameters (and the time step) changed.
+
+        Args:
+            values: by thesis symbol, in the parameter's unit.
+            step: time step [s].
+
+        Raises:
+            SettingError: unknown parameter; the message lists those that exist.
+        """
+        changed = copy.copy(self.model)
+        for name, value in values.items():
+            item = self.parameters[name]
+            item.write({field: getattr(changed, field).reshape(-1) for field in item.fields}, value)
+        if step is not None:
+            changed.opt.timestep = step
+        mujoco.mj_setConst(changed, mujoco.MjData(changed))
+        return Foot(self.name, changed, self.parameters, self.base, self.shaker, self.sensor)
+
+    def __str__(self) -> str:
+        return f"{self.name}: " + ", ".join(
+            f"{name} {value:.4g} {self.parameters[name].unit}" for name, value in self.values().items()
+        )
+
+
+def load(model: str | Path) -> Foot:
+    """Load a foot model.
+
+    Args:
+        model: name of a shipped model (``two_dof``) or an MJCF file.
+
+    Raises:
+        InputFileError: no such model or file, or MuJoCo cannot compile it.
+        ModelError: a required element is missing, or a parameter or law is not valid.
+    """
+    shipped = mjcf.names()
+    file = mjcf.path(str(model)) if str(model) in shipped else Path(model)
+    if not file.is_file():
+        valid = f"give an MJCF file or one of {', '.join(shipped)}"
+        raise InputFileError(model, "no such model", valid)
+    try:
+        compiled = mujoco.MjModel.from_xml_path(str(file))
+    except ValueError as error:
+        clause, line = compiler_complaint(str(error))
+        raise InputFileError(file, f"MuJoCo cannot compile it ({clause})", line=line) from None
+    return check(compiled, str(model) if str(model) in shipped else file.name)
+
+
+def check(model: mujoco.MjModel, name: str) -> Foot:
+    """Wrap a compiled model as a `Foot`.
+
+    Args:
+        model: the compiled model.
+        name: what to call it in messages.
+
+    Raises:
+        ModelError: see `load`.
+    """
+    for kind, needed in REQUIRED.items():
+        found = names(model, kind)
+        missing = [element for element in needed if element not in found]
+        if missing:
+            needs = ", ".join(f"{k} {' and '.join(n)}" for k, n in REQUIRED.items())
+            raise ModelError(
+                f"{name}: {unknown(kind, missing[0], found).replace('unknown', 'there is no')}; "
+                f"every foot model needs {needs}."
+            )
+    check_constants(model, name)
+    _check_laws(model, name)
+    shaker = model.actuator("shaker").id
+    first = int(model.actuator_ctrladr[shaker])
+    if model.actuator_biasprm[shaker, 0] != SHAKER or model.nu < first + SHAKER_CONTROLS:
+        raise ModelError(
+            f'{name}: the actuator shaker needs biastype="user" biasprm="{SHAKER:g}" and four more actuators behind it '
+            "that carry its controls; copy the actuators of two_dof.xml."
+        )
+    _check_base(model, name, shaker)
+    _check_pads(model, name)
+    sensor = {element: int(model.sensor(element).adr[0]) + 1 for element in REQUIRED["sensor"]}  # +1: the y component
+    base = int(model.jnt_qposadr[model.joint("base").id])
+    if not can_be_constrained(model):  # MuJoCo then need not look for contacts: a fifth of a step
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    return Foot(name, model, declared(model, name), base, first, sensor)
+
+
+def _check_base(model: mujoco.MjModel, name: str, shaker: int) -> None:
+    """The base goes up and down, and no other joint is as heavy.
+
+    The shaker's force is gear x acceleration, so the gear must be the base's armature.
+    """
+    joint = model.joint("base").id
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    axis = data.xaxis[joint]
+    if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_SLIDE or np.abs(axis - (0, 1, 0)).max() > 1e-6:
+        raise ModelError(
+            f"{name}: joint 'base' must be a slide along y, which is up and where both sensors are read; "
+            f"it moves along {axis[0]:g} {axis[1]:g} {axis[2]:g}."
+        )
+    gear, base = float(model.actuator_gear[model.actuator_outadr[shaker], 0]), int(model.jnt_dofadr[joint])
+    armature = float(model.dof_armature[base])
+    if not (armature >= HEAVY and abs(gear / armature - 1) < 1e-6):
+        raise ModelError(
+            f"{name}: the shaker has gear {gear:g} and the joint base has armature {armature:g}; "
+            "both must be the same large number (1e9), so that the base follows the prescribed acceleration."
+        )
+    for dof in np.flatnonzero(model.dof_armature >= HEAVY):
+        if dof != base:
+            raise ModelError(
+                f"{name}: joint {model.joint(model.dof_jntid[dof]).name!r} has the armature "
+                f'{model.dof_armature[dof]:g} of the shaker\'s table, so that nothing moves it; give it armature="0".'
+            )
+
+
+def _check_pads(model: mujoco.MjModel, name: str) -> None:
+    """Tendons that an equality keeps equally long must begin so: the engine would keep the gap that it finds."""
+    for e in np.flatnonzero((model.eq_type == mujoco.mjtEq.mjEQ_TENDON) & model.eq_active0):
+        one, other = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
+        gap = abs(float(model.tendon_length0[one] - model.tendon_length0[other])) if other >= 0 else 0.0
+        if gap > CLOSED and not np.any(model.eq_data[e, :5] - (0, 1, 0, 0, 0)):
+            raise ModelError(
+                f"{name}: equality {model.equality(e).name!r} ties the tendons {model.tendon(one).name!r} and "
+                f"{model.tendon(other).name!r}, whose lengths at rest are {gap * 1e3:.3f} mm apart; turn or move a "
+                "body until both are equal (in foot_arch.xml calcaneus_talus, until heel and heads are level)."
+            )
+
+
+def check_constants(model: mujoco.MjModel, name: str) -> None:
+    """Refuse a stiffness, damping or mass that is negative or no number; the message names its element.
+
+    Args:
+        model: the compiled model.
+        name: what to call it in messages.
+
+    Raises:
+        ModelError: the first one found.
+    """
+    rows = [("body", b, "mass", m) for b, m in enumerate(model.body_mass)]
+    rows += [("joint", int(model.dof_jntid[i]), "damping", c) for i, c in enumerate(model.dof_damping)]
+    rows += [("joint", j, "stiffness", k) for j, k in enumerate(model.jnt_stiffness)]
+    rows += [("tendon", t, "damping", c) for t, c in enumerate(model.tendon_damping)]
+    rows += [("tendon", t, "stiffness", k) for t, k in enumerate(model.tendon_stiffness)]
+    for kind, user in (("joint", model.jnt_user), ("tendon", model.tendon_user)):
+        if user.shape[1] > 1:
+            rows += [(kind, i, "damping", row[1]) for i, row in enumerate(user) if row[0] == damper.DAMPER]
+    for kind, number, quantity, value in rows:
+        if not 0 <= value < np.inf:
+            element = getattr(model, kind)(number).name
+            raise ModelError(
+                f"{name}: {kind} {element!r} has the {quantity} {value:g}; it must be a number of zero or more."
+            )
+
+
+def _check_laws(model: mujoco.MjModel, name: str) -> None:
+    """Refuse a law that is unknown or lacks a parameter, so that a mistyped number is never a silent zero force."""
+    memory, *algebraic = damper.LAWS
+    for kind, user in (("joint", model.jnt_user), ("tendon", model.tendon_user)):
+        if user.size and user.shape[1] != damper.USER_SIZE and np.any(user):
+            size = f'nuser_{"jnt" if kind == "joint" else "tendon"}="{damper.USER_SIZE}"'
+            raise ModelError(f"{name}: {kind} user fields have {user.shape[1]} numbers; laws need <size {size}/>.")
+        for element, row in zip(names(model, kind), user, strict=False):
+            if row.any():
+                _check_law(row, algebraic, f"{name}: the user field of {kind} {element!r}")
+    for actuator in range(model.nactuator):
+        row = model.actuator_biasprm[actuator]
+        if row[0] == memory.code:
+            here = f"{name}: the biasprm of actuator {model.actuator(actuator).name!r}"
+            _check_law(row[: damper.USER_SIZE], [memory], here)
+            if model.actuator_actnum[actuator] != damper.BRANCHES:
+                raise ModelError(f'{here} names the law {memory.equation}, which needs actdim="{damper.BRANCHES}".')
+
+
+def _check_law(row: np.ndarray, laws: list[damper.Law], here: str) -> None:
+    """One law's parameters: pads need positive stiffness, thickness and static strain."""
+    law = next((law for law in laws if law.code == row[0]), None)
+    if law is None:
+        valid = "; ".join(f"{law.equation} {' '.join(law.parameters)}" for law in laws)
+        raise ModelError(f"{here} names the law {row[0]:g} (valid: {valid}).")
+    if not np.isfinite(row).all():
+        raise ModelError(f"{here} gives a parameter that is no number to the law {law.equation}.")
+    if law.code == damper.DAMPER and row[1] == 0:
+        raise ModelError(f"{here} names the law 4.25 with c1 = 0, no damper; write 4.25 c1 c2 c3, or no user field.")
+    if law.code != damper.DAMPER:
+        for parameter, value in zip(law.parameters, row[1:], strict=False):
+            short = parameter.split()[0]
+            if value <= 0 and short not in ("l", "eta", "c", "m", "n"):
+                wanted = f"{law.equation} {' '.join(law.parameters)}"
+                raise ModelError(
+                    f"{here} gives {short} = {value:g} to the law {law.equation}; write {wanted}, all positive."
+                )
+
+
+def can_be_constrained(model: mujoco.MjModel) -> bool:
+    """Whether anything in a model can touch, or has a limit, an equality or dry friction."""
+    touches = np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any() or model.npair or model.nflex
+    limited = model.jnt_limited.any() or model.tendon_limited.any() or model.neq
+    return bool(touches or limited or model.dof_frictionloss.any() or model.tendon_frictionloss.any())
+
 
 #: What the compiler's message means; groups of the pattern and of its place fill the clause.
 _MEANINGS = (
@@ -64,193 +295,3 @@ def compiler_complaint(message: str) -> tuple[str, int | None]:
             return where + meaning.format(**match.groupdict()), line
     plain = re.sub(r" ?\(id = \d+\)|^Schema violation: ", "", head).rstrip(".")
     return f"{where.strip()}: {plain}" if where else plain, line
-
-
-#: Elements that every command needs, by kind.
-REQUIRED = {"joint": ("base",), "actuator": ("shaker",), "sensor": ("base", "malleolus"), "site": ("malleolus",)}
-
-
-@dataclass(frozen=True, eq=False)
-class Foot:
-    """A compiled model with the places that the commands use.
-
-    Attributes:
-        name: file name or name of the shipped model.
-        model: the compiled model; treat it as read-only, `with_values` returns a changed copy.
-        parameters: what the model declares as editable.
-        base: index of the base coordinate in qpos and qvel.
-        shaker: first of the shaker's five controls.
-        sensor: start of each required sensor in sensordata.
-    """
-
-    name: str
-    model: mujoco.MjModel
-    parameters: Parameters
-    base: int
-    shaker: int
-    sensor: Mapping[str, int]
-
-    @property
-    def step(self) -> float:
-        """Default time step [s]."""
-        return float(self.model.opt.timestep)
-
-    def values(self) -> dict[str, float]:
-        """Current value of every declared parameter, in its unit."""
-        return {name: item.read(self.model) for name, item in self.parameters.items()}
-
-    def with_values(self, values: Mapping[str, float], step: float | None = None) -> "Foot":
-        """A copy with some parameters (and the time step) changed.
-
-        Raises:
-            SettingError: unknown parameter; the message lists those that exist.
-        """
-        changed = copy.copy(self.model)
-        for name, value in values.items():
-            item = self.parameters[name]
-            item.write({field: getattr(changed, field).reshape(-1) for field in item.fields}, value)
-        if step is not None:
-            changed.opt.timestep = step
-        mujoco.mj_setConst(changed, mujoco.MjData(changed))
-        return Foot(self.name, changed, self.parameters, self.base, self.shaker, self.sensor)
-
-    def __str__(self) -> str:
-        return f"{self.name}: " + ", ".join(
-            f"{name} {value:.4g} {self.parameters[name].unit}" for name, value in self.values().items()
-        )
-
-
-def load(model: str | Path) -> Foot:
-    """Load a foot model.
-
-    Args:
-        model: name of a shipped model (``two_dof``) or an MJCF file.
-
-    Raises:
-        InputFileError: no such model or file, or MuJoCo cannot compile it.
-        ModelError: a required element is missing, or a parameter or law is not valid.
-    """
-    shipped = mjcf.names()
-    file = mjcf.path(str(model)) if str(model) in shipped else Path(model)
-    if not file.is_file():
-        valid = f"give an MJCF file or one of {', '.join(shipped)}"
-        raise InputFileError(model, "no such model", valid)
-    try:
-        compiled = mujoco.MjModel.from_xml_path(str(file))
-    except ValueError as error:
-        clause, line = compiler_complaint(str(error))
-        raise InputFileError(file, f"MuJoCo cannot compile it ({clause})", line=line) from None
-    return check(compiled, str(model) if str(model) in shipped else file.name)
-
-
-def check(model: mujoco.MjModel, name: str) -> Foot:
-    """Wrap a compiled model as a `Foot`; see `load` for the errors."""
-    for kind, needed in REQUIRED.items():
-        found = names(model, kind)
-        missing = [element for element in needed if element not in found]
-        if missing:
-            needs = ", ".join(f"{k} {' and '.join(n)}" for k, n in REQUIRED.items())
-            raise ModelError(
-                f"{name}: {unknown(kind, missing[0], found).replace('unknown', 'there is no')}; "
-                f"every foot model needs {needs}."
-            )
-    check_constants(model, name)
-    _check_laws(model, name)
-    shaker = model.actuator("shaker").id
-    first = int(model.actuator_ctrladr[shaker])
-    if model.actuator_biasprm[shaker, 0] != SHAKER or model.nu < first + SHAKER_CONTROLS:
-        raise ModelError(
-            f'{name}: the actuator shaker needs biastype="user" biasprm="{SHAKER:g}" and four more actuators behind it '
-            "that carry its controls; copy the actuators of two_dof.xml."
-        )
-    _check_shaker(model, name, shaker)
-    sensor = {element: int(model.sensor(element).adr[0]) + 1 for element in REQUIRED["sensor"]}  # +1: the y component
-    base = int(model.jnt_qposadr[model.joint("base").id])
-    if not can_be_constrained(model):  # MuJoCo then need not look for contacts: a fifth of a step
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    return Foot(name, model, declared(model, name), base, first, sensor)
-
-
-def _check_shaker(model: mujoco.MjModel, name: str, shaker: int) -> None:
-    """The shaker's force is gear x acceleration, so the gear must be the base's armature."""
-    gear = float(model.actuator_gear[model.actuator_outadr[shaker], 0])
-    armature = float(model.dof_armature[model.jnt_dofadr[model.joint("base").id]])
-    if not (armature >= 1e6 and abs(gear / armature - 1) < 1e-6):
-        raise ModelError(
-            f"{name}: the shaker has gear {gear:g} and the joint base has armature {armature:g}; "
-            "both must be the same large number (1e9), so that the base follows the prescribed acceleration."
-        )
-
-
-def can_be_constrained(model: mujoco.MjModel) -> bool:
-    """Whether anything in a model can touch, or has a limit, an equality or dry friction."""
-    touches = np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any() or model.npair or model.nflex
-    limited = model.jnt_limited.any() or model.tendon_limited.any() or model.neq
-    return bool(touches or limited or model.dof_frictionloss.any() or model.tendon_frictionloss.any())
-
-
-def check_constants(model: mujoco.MjModel, name: str) -> None:
-    """Refuse a stiffness, damping or mass that is negative or no number; the message names its element.
-
-    Args:
-        model: the compiled model. name: what to call it in messages.
-
-    Raises:
-        ModelError: the first one found.
-    """
-    rows = [("body", b, "mass", m) for b, m in enumerate(model.body_mass)]
-    rows += [("joint", int(model.dof_jntid[i]), "damping", c) for i, c in enumerate(_linear(model.dof_damping))]
-    rows += [("joint", j, "stiffness", k) for j, k in enumerate(_linear(model.jnt_stiffness))]
-    rows += [("tendon", t, "damping", c) for t, c in enumerate(_linear(model.tendon_damping))]
-    rows += [("tendon", t, "stiffness", k) for t, k in enumerate(_linear(model.tendon_stiffness))]
-    for kind, user in (("joint", model.jnt_user), ("tendon", model.tendon_user)):
-        if user.shape[1] > 1:  # c_1 of the law 4.25
-            rows += [(kind, i, "damping", row[1]) for i, row in enumerate(user) if row[0] == 4.25]
-    for kind, number, quantity, value in rows:
-        if not 0 <= value < np.inf:
-            element = getattr(model, kind)(number).name
-            raise ModelError(
-                f"{name}: {kind} {element!r} has the {quantity} {value:g}; it must be a number of zero or more."
-            )
-
-
-def _linear(field: np.ndarray) -> np.ndarray:
-    """The linear coefficient of each element; MuJoCo keeps those of a polynomial behind it."""
-    return field.reshape(len(field), -1)[:, 0] if len(field) else field
-
-
-def _check_laws(model: mujoco.MjModel, name: str) -> None:
-    """Refuse a law that is unknown or lacks a parameter, so that a mistyped number is never a silent zero force."""
-    memory, *algebraic = damper.LAWS
-    for kind, user in (("joint", model.jnt_user), ("tendon", model.tendon_user)):
-        if user.size and user.shape[1] != damper.USER_SIZE and np.any(user):
-            size = f'nuser_{"jnt" if kind == "joint" else "tendon"}="{damper.USER_SIZE}"'
-            raise ModelError(f"{name}: {kind} user fields have {user.shape[1]} numbers; laws need <size {size}/>.")
-        for element, row in zip(names(model, kind), user, strict=False):
-            if row.any():
-                _check_law(row, algebraic, f"{name}: the user field of {kind} {element!r}")
-    for actuator in range(model.nactuator):
-        row = model.actuator_biasprm[actuator]
-        if row[0] == memory.code:
-            here = f"{name}: the biasprm of actuator {model.actuator(actuator).name!r}"
-            _check_law(row[: damper.USER_SIZE], [memory], here)
-            if model.actuator_actnum[actuator] != damper.BRANCHES:
-                raise ModelError(f'{here} names the law {memory.equation}, which needs actdim="{damper.BRANCHES}".')
-
-
-def _check_law(row: np.ndarray, laws: list[damper.Law], here: str) -> None:
-    """One law's parameters: pads need positive stiffness, thickness and static strain."""
-    law = next((law for law in laws if law.code == row[0]), None)
-    if law is None:
-        valid = "; ".join(f"{law.equation} {' '.join(law.parameters)}" for law in laws)
-        raise ModelError(f"{here} names the law {row[0]:g} (valid: {valid}).")
-    if not np.isfinite(row).all():
-        raise ModelError(f"{here} gives a parameter that is no number to the law {law.equation}.")
-    if law.equation != "4.25":
-        for parameter, value in zip(law.parameters, row[1:], strict=False):
-            short = parameter.split()[0]
-            if value <= 0 and short not in ("l", "eta", "c", "m", "n"):
-                wanted = f"{law.equation} {' '.join(law.parameters)}"
-                raise ModelError(
-                    f"{here} gives {short} = {value:g} to the law {law.equation}; write {wanted}, all positive."
-                )
