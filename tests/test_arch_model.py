@@ -147,11 +147,11 @@ def test_what_is_fixed_to_the_tibia_is_its_mass() -> None:
         ([('<joint name="hindfoot"/>', '<joint name="hindfoot" stiffness="5"/>')], "'hindfoot' has a spring or damper"),
         ([('stiffness="15e3" ', 'stiffness="15e3" springlength="0.1" ')], "remove its springlength"),
         ([('stiffness="15e3" ', 'stiffness="15e3" damping="9" ')], "'plantar_aponeurosis' has a damper"),
-        ([('stiffness="1e6"', 'stiffness="1e6 5e6"')], "joint 'talocrural' has a stiffness that changes with the motion"),
+        ([('stiffness="1e6"', 'stiffness="1e6 5e6"')], "joint 'talocrural' has a stiffness that changes"),
         ([('damping="750"', 'damping="750 3"')], "tendon 'heel_pad' has a damping that changes with the motion"),
         ([('stiffness="15e3" ', 'stiffness="15e3 1e5" ')], "tendon 'plantar_aponeurosis' has a stiffness that changes"),
-        ([('<joint name="hindfoot"/>', '<joint name="hindfoot" stiffness="0 5"/>')], "'hindfoot' has a spring or damper"),
-        ([('4.25 1500 0 0', '4.23 900 1.5 30 0.9 0.8 0.02 0.2')], "'heel_pad' has the law 4.23 with n = 0.8, whose damper"),
+        ([('<joint name="hindfoot"/>', '<joint name="hindfoot" stiffness="0 5"/>')], "'hindfoot' has a spring or"),
+        ([('4.25 1500 0 0', '4.23 900 1.5 30 0.9 0.8 0.02 0.2')], "'heel_pad' has the law 4.23 with n = 0.8"),
         ([('stiffness="5e4" damping="750" user="4.25 1500 0 0"', '')], "tendons 'heel_pad' and 'forefoot_pad' have no"),
         ([('stiffness="1e6" ', '')], "joint 'talocrural' has no stiffness"),
         ([("  </actuator>", '    <general name="gel" tendon="heel_pad" dyntype="user" actdim="8" gainprm="0" '
@@ -159,7 +159,7 @@ def test_what_is_fixed_to_the_tibia_is_its_mass() -> None:
          "actuator 'gel' acts on the arch"),
         ([('<spatial name="heel_pad" class="pad"', '<spatial name="heel_pad" class="pad" stiffness="9e4"')],
          "parameter 'k_F' is declared where 180000 N/m stands, but the model has 140000 in all"),
-        ([('user="4.25 430 0 0"', '')], "parameter 'c_T' is declared where 0 N s/m stands, but the model has 215 in all"),
+        ([('user="4.25 430 0 0"', '')], "parameter 'c_T' is declared where 0 N s/m stands, but the model has 215"),
     ],
 )  # fmt: skip
 def test_broken_copies_get_one_sentence(edits: list[tuple[str, str]], sentence: str) -> None:

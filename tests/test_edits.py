@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from arch_copies import edited, reshaped
+from arch_copies import compiled, edited, reshaped
 from typer.testing import CliRunner
 
 from fasbody.arch.__main__ import app
@@ -50,7 +50,9 @@ def answer(command: str, file: Path) -> dict:
     run = CliRunner().invoke(app, [command, "--json", "--model", str(file), *COMMANDS[command]])
     assert run.exit_code == 0, run.exception
     document = json.loads(run.stdout)
-    return {key: value for key, value in document.items() if key != "model"}
+    if command == "crosscheck":  # agreement is rounding; what changes is the constants that it compared
+        return document["constants"]
+    return document
 
 
 @pytest.fixture(scope="session")
@@ -69,14 +71,9 @@ def numbers(document: object) -> list[float]:
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("kind", EDITS)
 def test_every_command_follows(shipped: Callable[[str], dict], tmp_path: Path, kind: str, command: str) -> None:
-    before, after = (
-        np.array(numbers(d)) for d in (shipped(command), answer(command, written(tmp_path, EDITS[kind][0])))
-    )
-    changed = np.abs(after - before) > 1e-3 * np.abs(before)
-    assert changed.any()
-    if command == "crosscheck":  # agreement is rounding; what it says of the model is the constants that it compared
-        constants = json.loads(json.dumps(Arch.read(tmp_path / "copy.xml").__dict__))
-        assert answer(command, tmp_path / "copy.xml")["constants"] == constants
+    before = np.array(numbers(shipped(command)))
+    after = np.array(numbers(answer(command, written(tmp_path, EDITS[kind][0]))))
+    assert (np.abs(after - before) > 1e-3 * np.abs(before)).any()
 
 
 @pytest.mark.parametrize("kind", EDITS)
@@ -98,7 +95,7 @@ def test_an_open_arch_is_refused_by_its_name(tmp_path: Path, command: str) -> No
     run = CliRunner().invoke(app, [command, "--model", str(file), *COMMANDS[command]])
     assert isinstance(run.exception, ModelError)
     assert "'closure' ties the tendons 'heel_pad' and 'forefoot_pad', whose lengths at rest are" in str(run.exception)
-    with pytest.raises(ModelError, match="3.566 mm apart"):
+    with pytest.raises(ModelError, match=r"3\.566 mm apart"):
         load_foot(str(file))
 
 
@@ -119,11 +116,11 @@ STRAIN_PADS = (
 
 
 def test_pads_of_another_law_are_linear_for_small_motion() -> None:
-    foot = check(__import__("mujoco").MjModel.from_xml_string(edited(*STRAIN_PADS)), "pads")
-    arch, f, seconds = Arch.from_model(foot.model), 30.0, 0.4
-    assert (arch.k_F, arch.c_F) == pytest.approx((2 * 2000 / 0.02, 2 * 80 * 0.3 / 0.02**2))
-    run = simulate(foot, shaker.sine(f, seconds, 1e-3))
-    late = run.time[0] >= seconds - 1 / f - 1e-9
+    foot = check(compiled(*STRAIN_PADS), "pads")
+    arch, f, seconds, step = Arch.from_model(foot.model), 25.0, 0.4, 2.5e-5  # no native share, so a finer step
+    assert (arch.k_F, arch.c_F) == pytest.approx((2 * 2000 / 0.02, 2 * 80 * 0.3 / 0.02))
+    run = simulate(foot, shaker.sine(f, seconds, 1e-3), step=step)
+    late = run.time[0] > seconds - 2 / f - step / 2
     carrier = np.exp(-2j * np.pi * f * run.time[0, late])
     measured = np.abs(np.mean(run.malleolus[0, late] * carrier) / np.mean(run.base[0, late] * carrier))
-    assert measured == pytest.approx(float(np.abs(transmissibility(arch, np.array(f)))), rel=0.01)
+    assert measured == pytest.approx(float(np.abs(transmissibility(arch, np.array(f)))), rel=1e-3)

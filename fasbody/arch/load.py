@@ -11,7 +11,7 @@ import numpy as np
 from fasbody.arch.bones import SPRINGS, Arch
 from fasbody.arch.kinematics import Array, X, arms, deformations, gradients, rest
 from fasbody.arch.lagrange import force_per_parameter, right_hand_side
-from fasbody.arch.linear import Linear, linearise, response
+from fasbody.arch.linear import Linear, linearise, response, state_space
 from fasbody.exceptions import SimulationError
 
 #: Acceleration of gravity [m/s^2].
@@ -233,6 +233,14 @@ def _factor(arch: Arch, wanted_hz: float) -> float:
     for _ in range(40):
         factor = float(np.sqrt(low * high))
         stiff = replace(arch, **{name: factor * getattr(arch, name) for name in SPRINGS})
-        peak = frequency[np.abs(response(linearise(stiff), frequency)).argmax()]
+        peak = frequency[np.abs(_by_poles(stiff, frequency)).argmax()]
         low, high = (factor, high) if peak < wanted_hz else (low, factor)
     return factor
+
+
+def _by_poles(arch: Arch, frequency_hz: Array) -> Array:
+    """`transmissibility` from poles and residues: one decomposition for all frequencies, shape (n,)."""
+    A, b, c, d = state_space(arch)
+    poles, V = np.linalg.eig(A)
+    residues = (c @ V) * np.linalg.solve(V, b)
+    return d + (residues / (2j * np.pi * frequency_hz[:, None] - poles)).sum(axis=-1)

@@ -127,7 +127,7 @@ def at_rest(user: np.ndarray) -> tuple[float, float]:
         return 0.0, float(user[1])
     if code == 424:
         E, eta, h, e0 = map(float, user[1:5])
-        return E / h, eta * e0 / h**2
+        return E / h, eta * e0 / h
     if code == 423:
         j, k, l, m, n, h, e0 = map(float, user[1:8])  # noqa: E741
         if l and n != 1:
