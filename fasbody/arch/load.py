@@ -101,14 +101,14 @@ def apex_height(arch: Arch, q: Array) -> float:
 
 
 def _moments(arch: Arch, q: Array, load: float) -> Array:
-    """Moments about theta_2, theta_3, theta_4 with the dashpot yielded, shape (3,)."""
+    """Moments about theta_2, theta_3, theta_4 with the dashpot yielded, shape (..., 3)."""
     table, a = force_per_parameter(arch, q, np.zeros(6)), arms(arch, q)
     springs = sum(getattr(arch, name) * table[name] for name in ("k_11", "k_2", "k_3", "k_4"))
-    return springs[2:5] + load * np.array([a.l_2, a.l_3, a.l_4])
+    return springs[..., 2:5] + load * np.stack([a.l_2, a.l_3, a.l_4], axis=-1)
 
 
 def _tangent(arch: Arch, q: Array, load: float) -> Array:
-    return np.stack([_moments(arch, q + 1j * _STEP * unit, load).imag / _STEP for unit in np.eye(6)[2:5]], axis=-1)
+    return (_moments(arch, q + 1j * _STEP * np.eye(6)[2:5], load).imag / _STEP).T
 
 
 def loaded(arch: Arch, gravity: float = G) -> Linear:
@@ -142,7 +142,7 @@ def under_weight(arch: Arch, q: Array, gravity: float) -> Array:
         return right_hand_side(arch, pose, np.zeros(6), gravity)
 
     for _ in range(50):
-        tangent = np.stack([residual(q + 1j * _STEP * unit).imag / _STEP for unit in np.eye(6)], axis=-1)
+        tangent = (residual(q + 1j * _STEP * np.eye(6)).imag / _STEP).T
         step = np.linalg.solve(tangent, residual(q))
         q = q - step
         if np.abs(step).max() < 1e-13 and apex_height(arch, q) > 0:
