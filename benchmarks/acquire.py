@@ -21,7 +21,7 @@ import typer
 from benchmarks.fuzz_parsers import HELLO, counts_of, fuzz
 from benchmarks.rows import Row, at_most, report
 from fasbody.acquire.bench import Bench
-from fasbody.acquire.bench.foot import BODY_MASS_KG, TRUTH
+from fasbody.acquire.bench.foot import BODY_MASS_KG
 from fasbody.acquire.bench.line import Line, corrupt
 from fasbody.acquire.board import Board
 from fasbody.acquire.capture import Capture, read
