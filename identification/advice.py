@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fasbody.recording.harmonics import fit_harmonics, harmonic_count
 from fasbody.recording.recording import Recording
 from identification.branches import Verdict
 from identification.certification import Replay
+from identification.periodic import Line
 from identification.result import Branch
 from identification.space import Space
 
@@ -90,7 +90,7 @@ def excitation_rank(recordings: Sequence[Recording]) -> int:
 
 def _periodic_lines(recording: Recording) -> list[float]:
     frequency = recording.condition.frequency_hz or 0.0
-    h = fit_harmonics(recording.time_s, recording.base_m_s2, frequency, harmonic_count(frequency, recording.rate_hz))
+    h = Line.of(recording).base
     size = np.abs(h.amplitudes)
     counted = (size > _SHARE * size.max()) & (size > _NOISE * h.std)
     return [frequency * (i + 1) for i in np.flatnonzero(counted)]

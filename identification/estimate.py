@@ -193,7 +193,7 @@ def explore(question: Question, settings: Settings, advance: Advance, interrupti
         again = [(f"random {more + 1}.{i + 1}", space.random(rng)) for i in range(settings.starts)]
         others, interrupted = search.explore(problem, again)
         descents = sorted([*descents, *others], key=lambda d: d.cost)
-    warnings = ()
+    warnings: tuple[str, ...] = ()
     if interrupted:
         warnings = (f"Interrupted after {len(descents)} of {len(starts)} starts; the result rests on those.",)
     if descents[0].unstable:

@@ -7,10 +7,11 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from fasbody.foot.parameters import symbol_and_unit
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.transmissibility.estimate import ratio, unwrapped
 from fasbody.transmissibility.spectra import h1
-from identification.result import FitResult, RecordingFit, symbol_and_unit
+from identification.result import FitResult, RecordingFit
 
 _MEASURED, _MODEL, _OTHER, _TRUTH = "#2b2b2b", "#c8102e", "#1f6fb2", "#2e8b57"
 #: One colour an added mass, apart for the colour-blind.

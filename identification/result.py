@@ -9,16 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fasbody.exceptions import SettingError, unknown
+from fasbody.foot.parameters import symbol_and_unit
 from fasbody.presentation import Presented, Sheet
 from fasbody.recording.recording import Recording
-
-_UNITS = {"_n_s_per_m": "N s/m", "_n_m_s_per_rad": "N m s/rad", "_n_m_per_rad": "N m/rad", "_n_per_m": "N/m"}
-_UNITS |= {"_per_m": "1/m", "_kg": "kg", "_n_s": "N s", "_s": "s", "_n": "N", "_m": "m"}
-
-
-def symbol_and_unit(key: str) -> tuple[str, str]:
-    """Thesis symbol and unit of a key: ``k_T_n_per_m`` is k_T in N/m."""
-    return next(((key.removesuffix(s), unit) for s, unit in _UNITS.items() if key.endswith(s)), (key, ""))
 
 
 def label(key: str) -> str:

@@ -4,10 +4,11 @@ from functools import partial
 
 import numpy as np
 
-from fasbody.arch import lagrange, printed
+from fasbody.arch import lagrange
 from fasbody.arch.bones import DAMPERS
 from fasbody.arch.kinematics import arms
 from identification.blackbox import published
+from reproduction import printed
 from reproduction.arch_energies import mass_from_energy, only, printed_damping, velocity_terms_from_energy
 from reproduction.chapter3_findings import ALL, BLACK_BOX, PUBLISHED, SUBJECT, panels
 from reproduction.chapter4_arch import ARCH, pose
@@ -52,7 +53,7 @@ def relative(a: np.ndarray, b: np.ndarray, scale: float | None = None) -> float:
 def mass_matrix() -> Outcome:
     q, _ = pose()
     exact = mass_from_energy(ARCH, q)
-    as_printed, ours = (lagrange.mass_matrix(ARCH, q, as_printed=way)[:5, :5] for way in (True, False))
+    as_printed, ours = (way.mass_matrix(ARCH, q)[:5, :5] for way in (printed, lagrange))
     wrong = np.abs(as_printed / exact - 1) > 1e-9
     return Outcome(
         printed=[exactly("entries of 25 that differ from the energies", wrong.sum(), 0)],
@@ -88,7 +89,7 @@ def moments(row: int) -> Outcome:
     q, q_dot = pose()
     exact = velocity_terms_from_energy(ARCH, q, q_dot)
     size = float(np.abs(exact).max())
-    as_printed, ours = (lagrange.velocity_terms(ARCH, q, q_dot, as_printed=way)[:5] for way in (True, False))
+    as_printed, ours = (way.velocity_terms(ARCH, q, q_dot)[:5] for way in (printed, lagrange))
     slips = [name for name in DAMPERS if damper_differs(row, name, q)]
     return Outcome(
         printed=[

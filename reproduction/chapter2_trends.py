@@ -131,7 +131,7 @@ def dorsiflexion() -> Outcome:
     return judged(judge)
 
 
-@ROWS("Finding 2.4, 41", "the arch stiffens under load, which raises the resonance", "python -m fasbody.arch.load")
+@ROWS("Finding 2.4, 41", "the arch stiffens under load, which raises the resonance", "python -m fasbody.arch load")
 def stiffening_by_load() -> Outcome:
     free, *heavy = load_study(Arch.nominal()).cases
     stiffer = [case.arch_stiffness / free.arch_stiffness for case in heavy]

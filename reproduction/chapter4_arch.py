@@ -6,11 +6,12 @@ from inspect import signature
 
 import numpy as np
 
-from fasbody.arch import lagrange, printed
+from fasbody.arch import lagrange
 from fasbody.arch.bones import DAMPERS, Arch
 from fasbody.arch.crosscheck import Crosscheck, compare_motion, crosscheck
 from fasbody.arch.kinematics import Array, absolute, centres, closing_angle, relative, rest
 from fasbody.foot.model import load
+from reproduction import printed
 from reproduction.arch_energies import (
     energy_drift,
     mass_from_energy,
@@ -20,7 +21,7 @@ from reproduction.arch_energies import (
 from reproduction.row import Outcome, Rows, at_least, at_most, exactly, near
 
 ROWS = Rows()
-CROSSCHECK = "python -m fasbody.arch.crosscheck"
+CROSSCHECK = "python -m fasbody.arch crosscheck"
 BODIES = ("tibia", "calcaneus_talus", "navicular", "cuneiforms", "metatarsals")
 ARCH = Arch.draw(np.random.default_rng(0))
 
@@ -132,7 +133,7 @@ def equations_of_motion() -> Outcome:
     q, q_dot = pose()
     A = mass_from_energy(ARCH, q)
     B = velocity_terms_from_energy(ARCH, q, q_dot)
-    ours, theirs = (lagrange.velocity_terms(ARCH, q, q_dot, as_printed=way)[:5] for way in (False, True))
+    ours, theirs = (way.velocity_terms(ARCH, q, q_dot)[:5] for way in (lagrange, printed))
     three = max(*engines().mass_matrix.values(), *engines().bias.values())
     return Outcome(
         printed=[

@@ -7,13 +7,14 @@ import numpy as np
 from scipy.optimize import brentq, least_squares
 
 from fasbody.foot.model import load
+from fasbody.foot.parameters import symbol_and_unit
 from fasbody.foot.shaker import samples
 from fasbody.foot.two_dof import TwoDof, trajectory
 from fasbody.recording.condition import SUBJECTS, foot_mass, shank_mass
 from fasbody.recording.study import BUNDLED, bundled, read_truth
 from identification.blackbox.criteria import fit_percent
 from identification.estimate import fit_foot
-from identification.result import FitResult, symbol_and_unit
+from identification.result import FitResult
 from reproduction.row import Outcome, Rows, at_least, at_most, exactly, near, within
 
 ROWS = Rows()

@@ -5,10 +5,11 @@ from functools import partial
 import numpy as np
 
 import mjcf
-from fasbody.arch import lagrange, linear, printed
+from fasbody.arch import lagrange, linear
 from fasbody.arch.bones import DAMPERS, SPRINGS, Arch
 from fasbody.arch.kinematics import arms, rest
 from fasbody.arch.ode import malleolus_acceleration, solve
+from reproduction import printed
 from reproduction.arch_energies import (
     differing,
     mass_from_energy,

@@ -20,7 +20,7 @@ from fasbody.arch.sensitivity import (
 from reproduction.row import TRANSCRIBED, Outcome, Rows, at_least, at_most, exactly, near, within
 
 ROWS = Rows()
-SENSITIVITY = "python -m fasbody.arch.sensitivity --lever-arm 0.015 --lever-arm 0.1"
+SENSITIVITY = "python -m fasbody.arch sensitivity --lever-arm 0.015 --lever-arm 0.1"
 
 
 @ROWS("Eq. 4.15-4.16", "states, constants, and the arch in state-space form")
@@ -182,7 +182,7 @@ def arch_does_not_matter() -> Outcome:
     )
 
 
-@ROWS("Finding 4.4, 2", "the five bodies may be replaced by two masses", "python -m fasbody.arch.reduction")
+@ROWS("Finding 4.4, 2", "the five bodies may be replaced by two masses", "python -m fasbody.arch reduction")
 def reduction() -> Outcome:
     result = reduce()
     medians = {arm: float(np.median(values)) for arm, values in result.differences.items()}

@@ -17,7 +17,7 @@ from fasbody.laboratory.subject import constants
 from reproduction.row import Check, Outcome, Rows, near, within
 
 ROWS = Rows()
-STATIC = "python -m fasbody.arch.load"
+STATIC = "python -m fasbody.arch load"
 
 
 @cache

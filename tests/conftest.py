@@ -95,3 +95,14 @@ def feeder(tmp_path: Path) -> Iterator[Any]:
 
     with Feeder(tmp_path) as made:
         yield made
+
+
+@pytest.fixture
+def board(feeder: Any) -> Iterator[Any]:
+    """A `Board` that has heard the feeder's hello."""
+    from fasbody.acquire.board import Board
+
+    made = Board(feeder.port, 921600)
+    made.wait_for_hello()
+    yield made
+    made.close()

@@ -8,8 +8,7 @@ import pytest
 from arch_copies import XML, compiled, high_arch
 from symbolic_arch import evaluate, poses
 
-from fasbody.arch import lagrange
-from fasbody.arch import mjcf as arch_model
+from fasbody.arch import lagrange, tree
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import rest
 from fasbody.arch.load import under_weight
@@ -22,9 +21,9 @@ from fasbody.foot.simulate import simulate
 def engine(model: mujoco.MjModel, arch: Arch, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mass matrix and bias of MuJoCo at the poses of the equations, base left out, projected."""
     data, masses, biases = mujoco.MjData(model), [], []
-    tree, T = arch_model.tree_position(arch, q), arch_model.tree_jacobian(arch, q)
+    joints, T = tree.tree_position(arch, q), tree.tree_jacobian(arch, q)
     for i in range(len(q)):
-        data.qpos[1:], data.qvel[1:] = tree[i], T[i] @ v[i]
+        data.qpos[1:], data.qvel[1:] = joints[i], T[i] @ v[i]
         mujoco.mj_forward(model, data)
         heel, heads = data.site("heel").xpos[1], data.site("heads").xpos[1]
         assert heel == pytest.approx(q[i, 0], abs=1e-12)
@@ -33,7 +32,7 @@ def engine(model: mujoco.MjModel, arch: Arch, q: np.ndarray, v: np.ndarray) -> t
         mujoco.mj_fullM(model, data, full)
         masses.append(full[1:, 1:])
         biases.append(data.qfrc_bias[1:].copy())
-    return arch_model.project(arch, q, v, np.array(masses), np.array(biases))
+    return tree.project(arch, q, v, np.array(masses), np.array(biases))
 
 
 def test_shipped_model_is_the_nominal_arch() -> None:
@@ -63,14 +62,14 @@ def test_edits_reach_the_arch() -> None:
 def test_tree_coordinates_by_complex_steps() -> None:
     arch = Arch.nominal()
     q, v = poses(arch, np.random.default_rng(1), 20)
-    T = arch_model.tree_jacobian(arch, q)
+    T = tree.tree_jacobian(arch, q)
     for i, unit in enumerate(np.eye(6)):
-        slope = arch_model.tree_position(arch, q + 1e-30j * unit).imag / 1e-30
+        slope = tree.tree_position(arch, q + 1e-30j * unit).imag / 1e-30
         np.testing.assert_allclose(T[..., i], slope, rtol=1e-12, atol=1e-14)
     step = 1e-6
-    faster = np.einsum("nij,nj->ni", arch_model.tree_jacobian(arch, q + step * v), v)
-    slower = np.einsum("nij,nj->ni", arch_model.tree_jacobian(arch, q - step * v), v)
-    np.testing.assert_allclose(arch_model.tree_drift(arch, q, v), (faster - slower) / (2 * step), rtol=1e-6, atol=1e-6)
+    faster = np.einsum("nij,nj->ni", tree.tree_jacobian(arch, q + step * v), v)
+    slower = np.einsum("nij,nj->ni", tree.tree_jacobian(arch, q - step * v), v)
+    np.testing.assert_allclose(tree.tree_drift(arch, q, v), (faster - slower) / (2 * step), rtol=1e-6, atol=1e-6)
 
 
 def test_gravity_hold_settles_on_pad_and_ankle() -> None:
@@ -86,7 +85,7 @@ def test_gravity_hold_settles_on_pad_and_ankle() -> None:
     assert sunk == pytest.approx(-(arch.m_T + arch.m_F) * 9.81 / arch.k_F, rel=1e-3)
     assert end.qpos[0, -1, 2] == pytest.approx(-arch.m_T * 9.81 / arch.k_T, rel=1e-3)
     pose = under_weight(arch, rest(arch), 9.81)
-    np.testing.assert_allclose(end.qpos[0, -1, 1:], arch_model.tree_position(arch, pose), rtol=1e-3)
+    np.testing.assert_allclose(end.qpos[0, -1, 1:], tree.tree_position(arch, pose), rtol=1e-3)
 
 
 CLOSURE = 'name="closure" tendon1="heel_pad" tendon2="forefoot_pad"'
@@ -148,6 +147,19 @@ def test_what_is_fixed_to_the_tibia_is_its_mass() -> None:
         ([('<joint name="hindfoot"/>', '<joint name="hindfoot" stiffness="5"/>')], "'hindfoot' has a spring or damper"),
         ([('stiffness="15e3" ', 'stiffness="15e3" springlength="0.1" ')], "remove its springlength"),
         ([('stiffness="15e3" ', 'stiffness="15e3" damping="9" ')], "'plantar_aponeurosis' has a damper"),
+        ([('stiffness="1e6"', 'stiffness="1e6 5e6"')], "joint 'talocrural' has a stiffness that changes"),
+        ([('damping="750"', 'damping="750 3"')], "tendon 'heel_pad' has a damping that changes with the motion"),
+        ([('stiffness="15e3" ', 'stiffness="15e3 1e5" ')], "tendon 'plantar_aponeurosis' has a stiffness that changes"),
+        ([('<joint name="hindfoot"/>', '<joint name="hindfoot" stiffness="0 5"/>')], "'hindfoot' has a spring or"),
+        ([('4.25 1500 0 0', '4.23 900 1.5 30 0.9 0.8 0.02 0.2')], "'heel_pad' has the law 4.23 with n = 0.8"),
+        ([('stiffness="5e4" damping="750" user="4.25 1500 0 0"', '')], "tendons 'heel_pad' and 'forefoot_pad' have no"),
+        ([('stiffness="1e6" ', '')], "joint 'talocrural' has no stiffness"),
+        ([("  </actuator>", '    <general name="gel" tendon="heel_pad" dyntype="user" actdim="8" gainprm="0" '
+           'biastype="user" biasprm="4.22 40 5 0.8 0.004 1.5 0.02 0.2"/>\n  </actuator>')],
+         "actuator 'gel' acts on the arch"),
+        ([('<spatial name="heel_pad" class="pad"', '<spatial name="heel_pad" class="pad" stiffness="9e4"')],
+         "parameter 'k_F' is declared where 180000 N/m stands, but the model has 140000 in all"),
+        ([('user="4.25 430 0 0"', '')], "parameter 'c_T' is declared where 0 N s/m stands, but the model has 215"),
     ],
 )  # fmt: skip
 def test_broken_copies_get_one_sentence(edits: list[tuple[str, str]], sentence: str) -> None:

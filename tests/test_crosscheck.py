@@ -12,10 +12,12 @@ from typer.testing import CliRunner
 
 from fasbody.arch import crosscheck as module
 from fasbody.arch import lagrange
+from fasbody.arch.__main__ import app
 from fasbody.arch.bones import Arch
-from fasbody.arch.crosscheck import ENGINES, app, build_pinocchio, crosscheck, random_poses
+from fasbody.arch.crosscheck import ENGINES, build_pinocchio, crosscheck, random_poses
 from fasbody.exceptions import FasError, ModelError
 from fasbody.foot.model import check
+from reproduction import printed
 
 
 @pytest.fixture
@@ -42,18 +44,18 @@ def test_three_engines_agree(model: str) -> None:
 
 def test_printed_A_55_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     def as_printed(arch, q, q_dot, gravity=0.0):  # type: ignore[no-untyped-def]
-        return lagrange.mass_matrix(arch, q, as_printed=True), lagrange.mass_and_bias(arch, q, q_dot, gravity)[1]
+        return printed.mass_matrix(arch, q), lagrange.mass_and_bias(arch, q, q_dot, gravity)[1]
 
     monkeypatch.setattr(module, "mass_and_bias", as_printed)
     result = crosscheck(samples=20)
     assert result.mass_matrix["analytic-mujoco"] > 0.5
     assert result.mass_matrix["pinocchio-mujoco"] < 1e-12
-    run = CliRunner().invoke(app, ["--samples", "5"])
+    run = CliRunner().invoke(app, ["crosscheck", "--samples", "5"])
     assert run.exit_code == 1
 
 
 def test_command_prints_one_json_document() -> None:
-    run = CliRunner().invoke(app, ["--samples", "20", "--seed", "4", "--json"])
+    run = CliRunner().invoke(app, ["crosscheck", "--samples", "20", "--seed", "4", "--json"])
     assert run.exit_code == 0
     document = json.loads(run.stdout)
     assert (document["model"], document["samples"], document["seed"]) == ("foot_arch", 20, 4)
@@ -68,7 +70,7 @@ def test_pinocchio_has_the_same_size_mass_and_order() -> None:
 
 
 def test_other_joints_are_refused() -> None:
-    ball = compiled(('<joint name="base"/>', '<joint name="base"/><joint name="tilt" type="hinge" axis="1 0 0"/>'))
+    ball = compiled(('<joint name="base"', '<joint name="tilt" type="hinge" axis="1 0 0"/><joint name="base"'))
     with pytest.raises(ModelError, match="'base' has several joints"):
         build_pinocchio(ball)
 
@@ -89,14 +91,14 @@ def test_missing_pinocchio_says_what_to_install(monkeypatch: pytest.MonkeyPatch)
 
 def test_dynamics_agree_and_a_nonlinear_ankle_does_not(tmp_path: Path) -> None:
     """The equations are linear in the dampers, so a strongly nonlinear ankle must be noted and must show."""
-    run = CliRunner().invoke(app, ["--samples", "5", "--dynamics", "--json"])
+    run = CliRunner().invoke(app, ["crosscheck", "--samples", "5", "--dynamics", "--json"])
     assert run.exit_code == 0
     motions = json.loads(run.stdout)["dynamics"]
     assert [motion["frequency_hz"] for motion in motions] == [10, 20, 30, 40, 50]
     assert all(0 < motion["difference"] < 1e-3 and 0 < motion["accurate"] < 2e-4 for motion in motions)
     file = tmp_path / "nonlinear.xml"
     file.write_text(edited(('user="4.25 1500 0 0"', 'user="4.25 1500 -400 0"')))
-    run = CliRunner().invoke(app, ["--samples", "5", "--dynamics", "--model", str(file), "--json"])
+    run = CliRunner().invoke(app, ["crosscheck", "--samples", "5", "--dynamics", "--model", str(file), "--json"])
     assert run.exit_code == 1
     document = json.loads(run.stdout)
     assert max(document["mass_matrix"].values()) < 1e-12

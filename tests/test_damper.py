@@ -102,3 +102,16 @@ def test_native_damping_is_a_share_of_the_same_damper() -> None:
 def test_laws_say_their_equation_and_fit_the_user_field() -> None:
     assert [law.code for law in damper.LAWS] == [4.22, 4.23, 4.24, 4.25]
     assert all(1 + len(law.parameters) <= damper.USER_SIZE for law in damper.LAWS)
+
+
+@pytest.mark.parametrize("user", [
+    (4.25, 310, -120, 180, 0, 0, 0, 0), (4.24, 900, 30, 0.02, 0.2, 0, 0, 0), (4.23, 900, 1.5, 30, 0.9, 1, 0.02, 0.2),
+])  # fmt: skip
+def test_a_law_at_rest_is_its_slope(user: tuple[float, ...]) -> None:
+    law, step = np.array(user, float), 1e-7
+    by_position, by_rate = (
+        -np.diff([algebraic_force(law, side * step * way[0], side * step * way[1], 0.0) for side in (-1, 1)])[0]
+        for way in ((1, 0), (0, 1))
+    )
+    slopes = by_position / (2 * step), by_rate / (2 * step)
+    assert damper.at_rest(law) == pytest.approx(slopes, rel=1e-6, abs=1e-6)

@@ -25,8 +25,8 @@ from typer_apps import HOMES, click_command, sub_commands
 
 import mjcf
 from docs import DOCUMENTS, ROOT, Block, blocks, inline_commands, words
+from fasbody.foot.parameters import symbol_and_unit
 from fasbody.laboratory.foot import make_study
-from identification.result import symbol_and_unit
 
 NOT_RUN = {
     r"^(make|pip|git|source)\b": "changes the environment; `make test` is what runs this",

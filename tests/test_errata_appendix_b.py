@@ -1,4 +1,4 @@
-"""Misprints of Appendix B: printed formulas (fasbody/arch/printed.py) against SymPy's derivation, entry by entry.
+"""Misprints of Appendix B: printed formulas (reproduction/printed.py) against SymPy's derivation, entry by entry.
 
 Exactly the listed entries differ, and each differs as listed.
 """
@@ -8,13 +8,14 @@ import pytest
 from errata_arch import ARCH, POSE, REST, UNIT, differing, only
 from symbolic_arch import evaluate
 
-from fasbody.arch import lagrange, printed
+from fasbody.arch import lagrange
 from fasbody.arch.bones import DAMPERS
 from fasbody.arch.kinematics import arms
+from reproduction import printed
 
 
 def test_A_55_is_the_only_wrong_entry_of_the_mass_matrix() -> None:
-    as_printed = lagrange.mass_matrix(ARCH, POSE, as_printed=True)
+    as_printed = printed.mass_matrix(ARCH, POSE)
     right = evaluate("mass", ARCH, POSE)
     assert differing(as_printed, right) == {(5, 5)}
     assert as_printed[4, 4] - right[4, 4] == pytest.approx(ARCH.m_4 / 4 * (1 - ARCH.L_4**2), rel=1e-9)

@@ -5,9 +5,10 @@ import pytest
 from errata_arch import ARCH, REST, differing, only
 from symbolic_arch import evaluate
 
-from fasbody.arch import lagrange, printed
+from fasbody.arch import lagrange
 from fasbody.arch.bones import DAMPERS, SPRINGS, Arch
 from fasbody.arch.kinematics import arms
+from reproduction import printed
 
 
 def test_wrong_entries_of_the_linear_damping() -> None:

@@ -145,10 +145,26 @@ def test_an_edited_model_that_keeps_the_named_elements_works(edited: Edit) -> No
     assert np.abs(y - want).max() < 2e-5 * np.abs(want).max()
 
 
+def test_an_insole_between_table_and_foot_gives(edited: Edit) -> None:
+    """As mjcf/README.md tells: against the same foot with both springs in series, without mass between them."""
+    insole = (
+        '<body name="insole"><joint name="insole" stiffness="1e5" user="4.25 800 0 0"/>'
+        '<inertial pos="0 0 0" mass="1e-3" diaginertia="1e-9 1e-9 1e-9"/><body name="foot"'
+    )
+    linear = ("4.25 800 -50 100", "4.25 800 0 0")
+    soft = edited(linear, ('stiffness="1.0e5"', 'stiffness="5e4"'), ("4.25 800 0 0", "4.25 400 0 0"))
+    want = simulate(load(soft), shaker.sine(20.0, 0.05), step=1e-5).malleolus
+    file = edited(
+        linear, ('<body name="foot"', insole), ("    </body>\n  </worldbody>", "    </body></body>\n  </worldbody>")
+    )
+    have = simulate(load(file), shaker.sine(20.0, 0.05), step=1e-6).malleolus[:, ::10]
+    assert np.abs(have - want).max() < 1e-3 * np.abs(want).max()
+
+
 @pytest.mark.parametrize(
     ("kind", "name", "edits"),
     [
-        ("joint", "base", [('<joint name="base"/>', '<joint name="slide"/>'), ('joint="base"', 'joint="slide"')]),
+        ("joint", "base", [('<joint name="base"', '<joint name="slide"'), ('joint="base"', 'joint="slide"')]),
         ("actuator", "shaker", [('name="shaker"', 'name="shaking"')]),
         ("sensor", "malleolus", [('<framelinacc name="malleolus"', '<framelinacc name="ankle"')]),
         ("sensor", "base", [('<framelinacc name="base"', '<framelinacc name="table"')]),
@@ -185,6 +201,19 @@ def test_a_missing_name_lists_what_is_needed_and_found(edited: Edit, kind: str, 
             "joint 'fat_pad' has the stiffness -1; it must be a number of zero or more",
         ),
         ([("4.25 800", "4.25 -800")], "joint 'fat_pad' has the damping -800"),
+        ([('user="4.25 800 -50 100"', 'user="4.25"')], r"'fat_pad' names the law 4\.25 with c1 = 0, no damper"),
+        (
+            [
+                (
+                    '<body name="foot"',
+                    '<body name="insole" childclass="base"><joint name="insole" stiffness="6e4"/>'
+                    '<inertial pos="0 0 0" mass="0.3" diaginertia="1e-6 1e-6 1e-6"/></body><body name="foot"',
+                )
+            ],
+            "joint 'insole' has the armature 1e[+]09 of the shaker's table",
+        ),
+        ([('axis="0 1 0"', 'axis="0 0 1"')], "'base' must be a slide along y, .* it moves along 0 0 1"),
+        ([('<body name="base"', '<body name="base" euler="1.5707963267948966 0 0"')], "it moves along .* 1[.]$"),
         ([("4.25 800 -50", "4.25 800 nan")], r"joint 'fat_pad' gives a parameter that is no number to the law 4\.25"),
     ],
 )

@@ -6,9 +6,10 @@ import numpy as np
 from arch_copies import high_arch, high_arch_xml
 from typer.testing import CliRunner
 
+from fasbody.arch.__main__ import app
 from fasbody.arch.bones import Arch
 from fasbody.arch.linear import state_space, two_mass_state_space
-from fasbody.arch.reduction import app, reduce
+from fasbody.arch.reduction import reduce
 
 
 def test_differences_against_state_space_responses() -> None:
@@ -35,7 +36,7 @@ def test_reduction_hangs_on_the_reading_of_the_rotational_constants() -> None:
 def test_another_model_keeps_its_bones(tmp_path) -> None:
     file = tmp_path / "high.xml"
     file.write_text(high_arch_xml())
-    result = CliRunner().invoke(app, ["--draws", "2", "--json", "--model", str(file)])
+    result = CliRunner().invoke(app, ["reduction", "--draws", "2", "--json", "--model", str(file)])
     rows = json.loads(result.stdout)["rows"]
     expected = reduce(draws=2, arch=Arch.from_model(high_arch()))
     assert rows[-2]["arch"] == "high.xml"
@@ -45,7 +46,7 @@ def test_another_model_keeps_its_bones(tmp_path) -> None:
 
 def test_command(tmp_path) -> None:
     picture = tmp_path / "reduction.png"
-    result = CliRunner().invoke(app, ["--draws", "3", "--json", "--figure", str(picture)])
+    result = CliRunner().invoke(app, ["reduction", "--draws", "3", "--json", "--figure", str(picture)])
     assert result.exit_code == 0
     assert json.loads(result.stdout)["rows"][0]["lever_arm_m"] is None
     assert picture.read_bytes().startswith(b"\x89PNG")

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from fasbody import console
-from identification.result import Branch, Estimate, FitResult, RecordingFit, identifiability, symbol_and_unit
+from fasbody.foot.parameters import symbol_and_unit
+from identification.result import Branch, Estimate, FitResult, RecordingFit, identifiability
 
 
 def estimate(value: float, half: float, at_bound: bool = False) -> Estimate:

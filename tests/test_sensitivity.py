@@ -9,12 +9,12 @@ from arch_copies import high_arch, high_arch_xml
 from typer.testing import CliRunner
 
 from fasbody.arch import linear
+from fasbody.arch.__main__ import app
 from fasbody.arch.bones import PARAMETERS, Arch
 from fasbody.arch.ode import solve
 from fasbody.arch.sensitivity import (
     OUTPUTS,
     Study,
-    app,
     linear_sensitivity,
     sensitivity_along,
     study,
@@ -104,7 +104,7 @@ def test_seed_decides_the_draws() -> None:
 def test_another_model_keeps_its_bones(tmp_path) -> None:
     file = tmp_path / "high.xml"
     file.write_text(high_arch_xml())
-    result = CliRunner().invoke(app, ["--draws", "2", "--json", "--model", str(file)])
+    result = CliRunner().invoke(app, ["sensitivity", "--draws", "2", "--json", "--model", str(file)])
     ours = json.loads(result.stdout)["studies"][0]["malleolus_by_draw"]
     arch = Arch.from_model(high_arch()).drawn(np.random.default_rng(0))
     np.testing.assert_allclose(ours[0], np.sqrt(np.mean(linear_sensitivity(arch)[:, -1] ** 2, axis=0)), rtol=1e-9)
@@ -112,7 +112,9 @@ def test_another_model_keeps_its_bones(tmp_path) -> None:
 
 
 def test_command_writes_one_json_document_and_figures(tmp_path) -> None:
-    result = CliRunner().invoke(app, ["--draws", "3", "--json", "--figures", str(tmp_path), "--lever-arm", "0.1"])
+    result = CliRunner().invoke(
+        app, ["sensitivity", "--draws", "3", "--json", "--figures", str(tmp_path), "--lever-arm", "0.1"]
+    )
     assert result.exit_code == 0
     document = json.loads(result.stdout)
     assert [study["lever_arm_m"] for study in document["studies"]] == [None, 0.1]

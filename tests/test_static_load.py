@@ -11,10 +11,11 @@ from scipy.optimize import minimize
 from typer.testing import CliRunner
 
 from fasbody.arch import lagrange, linear
+from fasbody.arch.__main__ import app
 from fasbody.arch.bones import Arch
-from fasbody.arch.load import ARANGIO_SAG, MEASURED_HZ, app, equilibrium, load_study, loaded, sag_study
-from fasbody.arch.mjcf import tree_position
+from fasbody.arch.load import ARANGIO_SAG, MEASURED_HZ, equilibrium, load_study, loaded, sag_study
 from fasbody.arch.ode import solve
+from fasbody.arch.tree import tree_position
 from fasbody.exceptions import SimulationError
 
 NOMINAL = Arch.nominal()
@@ -129,14 +130,14 @@ def test_another_model(tmp_path) -> None:
     file = tmp_path / "high.xml"
     file.write_text(high_arch_xml())
     high = Arch.from_model(high_arch())
-    runs = [CliRunner().invoke(app, ["--json", "--model", model]) for model in ("foot_arch", str(file))]
+    runs = [CliRunner().invoke(app, ["load", "--json", "--model", model]) for model in ("foot_arch", str(file))]
     nominal, edited = (json.loads(run.stdout)["sag"]["sag"] for run in runs)
     assert edited[2] == pytest.approx(equilibrium(high.with_height(0.04), 683.0).sag)
     assert edited[2] < 0.8 * nominal[2]
 
 
 def test_command(tmp_path) -> None:
-    result = CliRunner().invoke(app, ["--json", "--figures", str(tmp_path)])
+    result = CliRunner().invoke(app, ["load", "--json", "--figures", str(tmp_path)])
     assert result.exit_code == 0
     document = json.loads(result.stdout)
     assert len(document["sag"]["sag"]) == 5

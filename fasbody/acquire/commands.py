@@ -10,15 +10,14 @@ import typer
 
 from fasbody.acquire import folder
 from fasbody.acquire.board import Board
-from fasbody.acquire.conversion import Converted, convert
+from fasbody.acquire.capture import grouped
 from fasbody.acquire.display import Display
+from fasbody.acquire.folder import Converted, convert
 from fasbody.acquire.generator import Generator
-from fasbody.acquire.interruption import terminated
 from fasbody.acquire.level import Safety
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.port import Unplugged, ports, probe, swapped
-from fasbody.acquire.recovery import grouped
-from fasbody.acquire.session import Session
+from fasbody.acquire.session import Session, terminated
 from fasbody.acquire.timeline import counted
 from fasbody.console import console, print_json, results
 from fasbody.exceptions import AcquisitionError, FasError, SettingError
@@ -86,10 +85,10 @@ def record(
         given = [name for name, value in ignored.items() if value is not None]
         if given:
             raise SettingError(f"--simulate brings its own board, generator and subject: leave out {', '.join(given)}.")
-        from fasbody.acquire import bench as shaken
+        from fasbody.acquire.bench import foot
         from fasbody.laboratory.foot import TRUTH
 
-        subject, body_mass = str(shaken.SUBJECT), shaken.BODY_MASS_KG
+        subject, body_mass = str(foot.SUBJECT), foot.BODY_MASS_KG
         truth = {"origin": "synthetic", "parameters": TRUTH, "instrument": {"delay_s": 0.0}}
     subject = subject or "1"
     mass = body_mass if body_mass is not None else folder.body_mass(out, subject)
@@ -110,7 +109,10 @@ def record(
     with ExitStack() as stack:
         stack.enter_context(terminated())
         if simulate:
-            port, generator = _virtual(stack, added_mass)
+            from fasbody.acquire.bench import Bench
+
+            bench = stack.enter_context(Bench(added_mass=added_mass))
+            port, generator = bench.board_port, bench.generator_port
         assert port is not None
         board, source = _open(stack, port, baud, generator, generator_baud)
         stack.enter_context(Display(board))
@@ -208,14 +210,6 @@ def _open(
         if generator and (sentence := swapped(port, baud, generator, generator_baud)):
             raise SettingError(sentence) from None
         raise
-
-
-def _virtual(stack: ExitStack, added_mass: float) -> tuple[str, str]:
-    """Start the virtual bench."""
-    from fasbody.acquire.bench import Bench
-
-    bench = stack.enter_context(Bench(added_mass_kg=added_mass))
-    return bench.board_port, bench.generator_port
 
 
 def _frequencies(sweep: str | None, frequency: float | None) -> tuple[float | None, ...]:

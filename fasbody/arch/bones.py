@@ -6,12 +6,17 @@ every spring is at rest.
 """
 
 from dataclasses import dataclass, fields, replace
-from math import acos, cos, degrees, radians, sin
-from typing import Any, Literal, Self
+from functools import cache
+from math import acos, cos, degrees, sin
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 
 from fasbody.exceptions import ModelError
+
+if TYPE_CHECKING:
+    import mujoco
 
 #: The 13 constants that the thesis leaves unknown, in the order of Table 4.2.
 SPRINGS = ("k_11", "k_12", "k_2", "k_3", "k_4", "k_T", "k_F")
@@ -117,6 +122,15 @@ class Arch:
         return self.m_1 + self.m_2 + self.m_3 + self.m_4
 
     @classmethod
+    def nominal(cls) -> Self:
+        """The shipped mjcf/foot_arch.xml: Table 4.1 with constants that meet several measurements (docs/load.md).
+
+        The file is compiled as every edited copy is, not parsed a second way: classes, nested angles and halves of
+        pads are then resolved by MuJoCo, and there is one reader.
+        """
+        return cls(**_shipped())
+
+    @classmethod
     def thesis(cls, inertias: Inertias = "thesis") -> Self:
         """Table 4.1 with the constants in the (geometric) middle of Table 4.2.
 
@@ -124,27 +138,50 @@ class Arch:
             inertias: "thesis" keeps Table 4.1, whose bodies 1 and 2 have the value of a rod about its end, m L^2 / 3;
                 "centroidal" gives all four m L^2 / 12.
         """
-        return cls(**_table_4_1(inertias), **_MIDDLE)
+        arch = cls.nominal().middle()
+        if inertias == "thesis":
+            return arch
+        return replace(arch, **{f"I_{i}": m * L**2 / 12 for i, (m, L) in enumerate(arch.links, 1)})
+
+    @classmethod
+    def from_model(cls, model: "mujoco.MjModel", name: str = "model") -> Self:
+        """The constants of a compiled foot_arch model or an edited copy, so that one XML feeds all routes.
+
+        Args:
+            model: the compiled model, such as `load("foot_arch").model`.
+            name: what to call it in messages.
+
+        Raises:
+            ModelError: the model is no five-body arch, or departs from it; the message names the element.
+        """
+        from fasbody.arch.mjcf import numbers  # the equations alone need no MuJoCo
+
+        return cls(**numbers(model, name))
+
+    @classmethod
+    def read(cls, model: str | Path) -> Self:
+        """The constants of a shipped model or an MJCF file.
+
+        Args:
+            model: as for `fasbody.foot.model.load`.
+
+        Raises:
+            InputFileError: no such model, or MuJoCo cannot compile it.
+            ModelError: see `from_model`.
+        """
+        from fasbody.foot.model import load
+
+        foot = load(model)
+        return cls.from_model(foot.model, foot.name)
+
+    @property
+    def links(self) -> tuple[tuple[float, float], ...]:
+        """Mass [kg] and length [m] of the four bones of the foot."""
+        return tuple((getattr(self, f"m_{i}"), getattr(self, f"L_{i}")) for i in range(1, 5))
 
     def middle(self) -> Self:
         """The same bones with the constants of `thesis`."""
         return replace(self, **_MIDDLE)
-
-    @classmethod
-    def nominal(cls, inertias: Inertias = "thesis") -> Self:
-        """Table 4.1 with constants that meet several published measurements at once (misses: docs/load.md)."""
-        return cls(
-            **_table_4_1(inertias),
-            k_2=230.0, k_3=230.0, k_4=230.0,  # fit to Arangio 1998, arch sag without fascia, within 7 % at every height
-            c_2=2.0, c_3=2.0, c_4=2.0,        # nominal: fit to the resonance of Chapter 2
-            k_11=15e3,                        # nominal: Arangio 1998 with fascia, share of Kim & Voloshin (0.14)
-            k_12=155e3,                       # with k_11 the 170 kN/m of Gefen 2003 before the dashpot yields
-            c_1=300.0,                        # nominal: fit
-            k_F=100e3,                        # nominal; chapter 4 finds about 150e3 in vivo
-            c_F=3000.0,                       # nominal: fit, top of Table 4.2
-            k_T=1e6,                          # nominal, only weakly determined by any of the measurements
-            c_T=430.0,                        # Aruin & Zatsiorsky 1984, ankle under vibration
-        )  # fmt: skip
 
     @classmethod
     def draw(cls, rng: np.random.Generator, lever_arm_m: float | None = None, inertias: Inertias = "thesis") -> Self:
@@ -170,21 +207,6 @@ class Arch:
         if lever_arm_m is not None:
             constants |= {name: constants[name] * lever_arm_m**2 for name in ROTATIONAL}
         return replace(self, **constants)
-
-    @classmethod
-    def from_model(cls, model: Any, name: str = "model") -> "Arch":
-        """The constants of a compiled foot_arch model or an edited copy, so that one XML feeds all three routes.
-
-        Args:
-            model: `mujoco.MjModel`.
-            name: what to call it in messages.
-
-        Raises:
-            ModelError: see `arch_model.arch_from_model`.
-        """
-        from fasbody.arch.mjcf import arch_from_model  # MuJoCo is not needed by the analytic side
-
-        return arch_from_model(model, name)
 
     def with_height(self, height: float) -> Self:
         """The same bones spread so that the apex rests at `height` [m]; Arangio's family of arches.
@@ -214,12 +236,6 @@ class Arch:
         )
 
 
-def _table_4_1(inertias: Inertias) -> dict[str, float]:
-    """Table 4.1 (an X-ray of one subject and the literature)."""
-    m = {"m_1": 0.133, "m_2": 0.014, "m_3": 0.025, "m_4": 0.043}
-    L = {"L_1": 79.29e-3, "L_2": 14.74e-3, "L_3": 26.06e-3, "L_4": 65.27e-3}
-    I = {"I_1": 28.00e-5, "I_2": 10.12e-7, "I_3": 14.13e-7, "I_4": 15.19e-6}  # noqa: E741
-    if inertias == "centroidal":
-        I = {f"I_{i}": m[f"m_{i}"] * L[f"L_{i}"] ** 2 / 12 for i in range(1, 5)}  # noqa: E741
-    angles = {"theta_20": radians(69.7), "theta_30": radians(65.1), "theta_40": radians(68.5)}
-    return {"m_T": 2.36} | m | L | I | angles
+@cache
+def _shipped() -> dict[str, float]:
+    return vars(Arch.read("foot_arch"))

@@ -1,131 +1,29 @@
-"""Mass matrix and bias of the arch's tree from MuJoCo and from Pinocchio, at poses given joint by joint.
+"""Three engines, one arch: mass matrix and velocity terms from the equations, from Pinocchio and from MuJoCo.
 
-Pinocchio's model is built from the compiled one, body by body, because its own MJCF reader drops what it does not know
-without a word.
-
-Three engines, one arch: mass matrix and velocity terms from the equations, from Pinocchio and from MuJoCo.
-
-The equations come from Appendix B with the constants of the compiled model. Both trees (tree_engines.py) are projected
-onto the coordinates of the equations (arch_model.py).
+The equations are those of Appendix B with the constants of the compiled model. MuJoCo and Pinocchio are asked for the
+tree, joint by joint, and what they say is projected onto the coordinates of the equations (tree.py). Pinocchio's model
+is built from the compiled one, body by body, because its own MJCF reader drops what it does not know without a word.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import mujoco
 import numpy as np
-import typer
-from rich.table import Table
 
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import Array, rest
 from fasbody.arch.lagrange import mass_and_bias
-from fasbody.arch.mjcf import JOINTS, nonlinear_laws, project, tree_jacobian, tree_position
+from fasbody.arch.mjcf import JOINTS, nonlinear_laws
 from fasbody.arch.motion import move
 from fasbody.arch.ode import solve
-from fasbody.console import command_line, console, print_json
+from fasbody.arch.tree import project, tree_jacobian, tree_position
 from fasbody.exceptions import FasError, ModelError
 from fasbody.foot.model import Foot, load
 from fasbody.foot.shaker import harmonics
-
-
-def mujoco_tree(model: mujoco.MjModel, name: str, tree: Array, velocity: Array) -> tuple[Array, Array]:
-    """Mass matrices (n, 6, 6) and biases (n, 6) in the order of `JOINTS`."""
-    data, full = mujoco.MjData(model), np.zeros((model.nv, model.nv))
-    dofs = [int(model.jnt_dofadr[model.joint(joint).id]) for joint in JOINTS]
-    places = [int(model.jnt_qposadr[model.joint(joint).id]) for joint in JOINTS]
-    masses, biases = [], []
-    for position, rate in zip(tree, velocity, strict=True):
-        data.qpos[places], data.qvel[dofs] = position, rate
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_crb(model, data)
-        mujoco.mj_comVel(model, data)
-        mujoco.mj_fullM(model, data, full)
-        bias = np.zeros(model.nv)
-        mujoco.mj_rne(model, data, 0, bias)
-        masses.append(full[np.ix_(dofs, dofs)])
-        biases.append(bias[dofs])
-    return np.array(masses), np.array(biases)
-
-
-def pinocchio_tree(model: mujoco.MjModel, name: str, tree: Array, velocity: Array) -> tuple[Array, Array]:
-    """The same from Pinocchio: composite rigid body algorithm and nonlinear effects."""
-    pin = _import_pinocchio()
-    built = build_pinocchio(model, name)
-    data = built.createData()
-    dofs = [built.joints[built.getJointId(joint)].idx_v for joint in JOINTS]
-    q, v = pin.neutral(built), np.zeros(built.nv)
-    masses, biases = [], []
-    for position, rate in zip(tree, velocity, strict=True):
-        q[dofs], v[dofs] = position, rate
-        upper = np.triu(pin.crba(built, data, q))
-        full = upper + np.triu(upper, 1).T
-        masses.append(full[np.ix_(dofs, dofs)])
-        biases.append(pin.nonLinearEffects(built, data, q, v)[dofs].copy())
-    return np.array(masses), np.array(biases)
-
-
-def build_pinocchio(model: mujoco.MjModel, name: str = "model") -> Any:
-    """A Pinocchio model of a compiled tree of hinges and slides, at most one to a body.
-
-    Raises:
-        ModelError: the model has other joints, or the built one differs in size or mass.
-    """
-    pin = _import_pinocchio()
-    built = pin.Model()
-    built.gravity.linear = model.opt.gravity.copy()
-    # MuJoCo body -> the Pinocchio joint that carries it, and its frame in that joint's
-    carrier, frame = {0: 0}, {0: pin.SE3.Identity()}
-    for body in range(1, model.nbody):
-        parent = int(model.body_parentid[body])
-        placement = frame[parent] * pin.SE3(_rotation(model.body_quat[body]), model.body_pos[body].copy())
-        carrier[body], frame[body] = carrier[parent], placement
-        if model.body_jntnum[body] > 1:
-            raise ModelError(f"{name}: body {model.body(body).name!r} has several joints; give each a body of its own.")
-        if model.body_jntnum[body] == 1:
-            j = int(model.body_jntadr[body])
-            make = {
-                mujoco.mjtJoint.mjJNT_HINGE: pin.JointModelRevoluteUnaligned,
-                mujoco.mjtJoint.mjJNT_SLIDE: pin.JointModelPrismaticUnaligned,
-            }.get(mujoco.mjtJoint(model.jnt_type[j]))
-            if make is None:
-                raise ModelError(f"{name}: joint {model.joint(j).name!r} is neither a hinge nor a slide.")
-            anchor = pin.SE3(np.eye(3), model.jnt_pos[j].copy())
-            axis = model.jnt_axis[j].copy()
-            joint = built.addJoint(carrier[parent], make(axis), placement * anchor, model.joint(j).name)
-            built.armature[built.joints[joint].idx_v] = model.dof_armature[model.jnt_dofadr[j]]
-            carrier[body], frame[body] = joint, anchor.inverse()
-        R = _rotation(model.body_iquat[body])
-        inertia = pin.Inertia(
-            float(model.body_mass[body]), model.body_ipos[body].copy(), R @ np.diag(model.body_inertia[body]) @ R.T
-        )
-        built.appendBodyToJoint(carrier[body], inertia, frame[body])
-    mass = sum(inertia.mass for inertia in built.inertias)
-    if (built.nq, built.nv) != (model.nq, model.nv) or abs(mass - model.body_mass.sum()) > 1e-12 * mass:
-        raise ModelError(
-            f"{name}: Pinocchio's copy has nq {built.nq}, nv {built.nv}, {mass:.6g} kg, MuJoCo's nq {model.nq}, "
-            f"nv {model.nv}, {model.body_mass.sum():.6g} kg."
-        )
-    return built
-
-
-def _rotation(quaternion: Array) -> Array:
-    matrix = np.zeros(9)
-    mujoco.mju_quat2Mat(matrix, quaternion)
-    return matrix.reshape(3, 3)
-
-
-def _import_pinocchio() -> Any:
-    try:
-        import pinocchio
-    except ImportError as error:
-        raise FasError("the cross-check needs Pinocchio: pip install 'fasbody[crosscheck]'.") from error
-    return pinocchio
-
 
 ENGINES = ("analytic", "pinocchio", "mujoco")
 #: Largest relative difference that still counts as agreement.
@@ -144,8 +42,10 @@ class Dynamics:
 
     Attributes:
         frequency_hz: of the table [Hz].
-        difference: largest, over the peak; accurate: the same, extrapolated from this step and half of it.
-        step: of MuJoCo [s]; note: what had to be changed to step at all.
+        difference: largest, over the peak.
+        accurate: the same, extrapolated from this step and half of it.
+        step: of MuJoCo [s].
+        note: what had to be changed to step at all.
     """
 
     frequency_hz: float
@@ -161,11 +61,13 @@ class Crosscheck:
 
     Attributes:
         model: name or file.
-        samples: number of random configurations; seed: of the random numbers.
+        samples: number of random configurations.
+        seed: of the random numbers.
         mass_matrix: of Eq. (4.11) at the random configurations.
         bias: centrifugal and Coriolis terms there.
         linear_mass_matrix: of Eq. (4.12), at rest.
         note: what of the model the equations have only in a linear form; empty if nothing.
+        constants: of the model, as the equations take them, by thesis symbol [SI units, rad].
         dynamics: stepped MuJoCo against the integrated equations, if asked for.
     """
 
@@ -175,7 +77,8 @@ class Crosscheck:
     mass_matrix: dict[str, float]
     bias: dict[str, float]
     linear_mass_matrix: dict[str, float]
-    note: str = ""
+    note: str
+    constants: dict[str, float]
     dynamics: list[Dynamics] | None = None
 
     @property
@@ -203,7 +106,8 @@ def crosscheck(
         dynamics: also compare the motion, see `compare_motion`.
 
     Raises:
-        InputFileError, ModelError: the model cannot be loaded or is no five-body arch.
+        InputFileError: the model cannot be loaded.
+        ModelError: it is no five-body arch.
         FasError: Pinocchio is not installed.
     """
     foot = load(model)
@@ -217,7 +121,7 @@ def crosscheck(
         mass_matrix=_pairs({engine: A for engine, (A, _) in nonlinear.items()}),
         bias=_pairs({engine: bias for engine, (_, bias) in nonlinear.items()}),
         linear_mass_matrix=_pairs({engine: A for engine, (A, _) in linear.items()}),
-        note=_note(foot.model),
+        note=_note(foot.model), constants=asdict(arch),
         dynamics=compare_motion(foot, arch) if dynamics else None,
     )  # fmt: skip
 
@@ -226,6 +130,11 @@ def compare_motion(foot: Foot, arch: Arch, frequencies_hz: Iterable[float] = TAB
     """Step the model and integrate the equations (Radau IIA, relative tolerance 1e-9) under the same table.
 
     A model with gravity starts with a jump, which the plain mode, of first order, resolves to about 1 % only.
+
+    Args:
+        foot: foot_arch or an edited copy.
+        arch: its constants.
+        frequencies_hz: of the table [Hz].
 
     Raises:
         SimulationError: one of both cannot be integrated.
@@ -283,54 +192,107 @@ def _pairs(values: dict[str, Array]) -> dict[str, float]:
     return differences
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+def mujoco_tree(model: mujoco.MjModel, name: str, tree: Array, velocity: Array) -> tuple[Array, Array]:
+    """Mass matrices (n, 6, 6) and biases (n, 6) of the tree, in the order of `JOINTS`.
 
-
-@app.command()
-def main(
-    model: Annotated[str, typer.Option(help="shipped arch or MJCF file")] = "foot_arch",
-    samples: Annotated[int, typer.Option(help="random configurations", min=1)] = 1000,
-    seed: Annotated[int, typer.Option(help="of the random numbers", min=0)] = 0,
-    dynamics: Annotated[
-        bool, typer.Option("--dynamics", help="also step the model against the integrated equations, 10-50 Hz")
-    ] = False,
-    json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
-) -> None:
-    """Mass matrix and velocity terms of the arch from the equations, Pinocchio and MuJoCo; exit 1 on disagreement.
-
-    Examples:
-      python -m fasbody.arch.crosscheck --model my_arch.xml --samples 200
+    Args:
+        model: the compiled model.
+        name: what to call it in messages.
+        tree: joint positions, shape (n, 6).
+        velocity: joint velocities, shape (n, 6).
     """
-    result = crosscheck(model, samples, seed, dynamics)
-    table = Table(title=f"{result.model}: largest relative difference, {samples} random configurations, seed {seed}")
-    table.add_column("pair")
-    quantities = ("mass_matrix", "bias", "linear_mass_matrix")
-    for quantity in quantities:
-        table.add_column(quantity.replace("_", " "), justify="right")
-    for pair in result.mass_matrix:
-        table.add_row(pair, *(f"{getattr(result, quantity)[pair]:.1e}" for quantity in quantities))
-    console.print(table)
-    if result.dynamics is not None:
-        console.print(_dynamics_table(result.dynamics))
-    if result.note:
-        console.print(f"Note: {result.note}")
-    verdict = "agree" if result.agrees else "DISAGREE"
-    console.print(f"The three engines {verdict} (limit {AGREEMENT:.0e}, motion {MOTION_AGREEMENT:.0e}).")
-    if json:
-        print_json(result.document())
-    if not result.agrees:
-        raise typer.Exit(1)
+    data, full = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    dofs = [int(model.jnt_dofadr[model.joint(joint).id]) for joint in JOINTS]
+    places = [int(model.jnt_qposadr[model.joint(joint).id]) for joint in JOINTS]
+    masses, biases = [], []
+    for position, rate in zip(tree, velocity, strict=True):
+        data.qpos[places], data.qvel[dofs] = position, rate
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_crb(model, data)
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_fullM(model, data, full)
+        bias = np.zeros(model.nv)
+        mujoco.mj_rne(model, data, 0, bias)
+        masses.append(full[np.ix_(dofs, dofs)])
+        biases.append(bias[dofs])
+    return np.array(masses), np.array(biases)
 
 
-def _dynamics_table(motions: list[Dynamics]) -> Table:
-    table = Table(title=f"Malleolus, stepped MuJoCo against the equations, {TABLE_SECONDS:g} s from rest, over peak")
-    for column in ("table [Hz]", "difference [1]", "accurate mode [1]", "step [s]"):
-        table.add_column(column, justify="right")
-    table.add_column("changed to step at all")
-    for m in motions:
-        table.add_row(f"{m.frequency_hz:g}", f"{m.difference:.1e}", f"{m.accurate:.1e}", f"{m.step:g}", m.note)
-    return table
+def pinocchio_tree(model: mujoco.MjModel, name: str, tree: Array, velocity: Array) -> tuple[Array, Array]:
+    """The same from Pinocchio: composite rigid body algorithm and nonlinear effects."""
+    pin = _import_pinocchio()
+    built = build_pinocchio(model, name)
+    data = built.createData()
+    dofs = [built.joints[built.getJointId(joint)].idx_v for joint in JOINTS]
+    q, v = pin.neutral(built), np.zeros(built.nv)
+    masses, biases = [], []
+    for position, rate in zip(tree, velocity, strict=True):
+        q[dofs], v[dofs] = position, rate
+        upper = np.triu(pin.crba(built, data, q))
+        full = upper + np.triu(upper, 1).T
+        masses.append(full[np.ix_(dofs, dofs)])
+        biases.append(pin.nonLinearEffects(built, data, q, v)[dofs].copy())
+    return np.array(masses), np.array(biases)
 
 
-if __name__ == "__main__":
-    command_line(app)
+def build_pinocchio(model: mujoco.MjModel, name: str = "model") -> Any:
+    """A Pinocchio model of a compiled tree of hinges and slides, at most one to a body.
+
+    Args:
+        model: the compiled model.
+        name: what to call it in messages.
+
+    Raises:
+        ModelError: the model has other joints, or the built one differs in size or mass.
+    """
+    pin = _import_pinocchio()
+    built = pin.Model()
+    built.gravity.linear = model.opt.gravity.copy()
+    # MuJoCo body -> the Pinocchio joint that carries it, and its frame in that joint's
+    carrier, frame = {0: 0}, {0: pin.SE3.Identity()}
+    for body in range(1, model.nbody):
+        parent = int(model.body_parentid[body])
+        placement = frame[parent] * pin.SE3(_rotation(model.body_quat[body]), model.body_pos[body].copy())
+        carrier[body], frame[body] = carrier[parent], placement
+        if model.body_jntnum[body] > 1:
+            raise ModelError(f"{name}: body {model.body(body).name!r} has several joints; give each a body of its own.")
+        if model.body_jntnum[body] == 1:
+            j = int(model.body_jntadr[body])
+            make = {
+                mujoco.mjtJoint.mjJNT_HINGE: pin.JointModelRevoluteUnaligned,
+                mujoco.mjtJoint.mjJNT_SLIDE: pin.JointModelPrismaticUnaligned,
+            }.get(mujoco.mjtJoint(model.jnt_type[j]))
+            if make is None:
+                raise ModelError(f"{name}: joint {model.joint(j).name!r} is neither a hinge nor a slide.")
+            anchor = pin.SE3(np.eye(3), model.jnt_pos[j].copy())
+            axis = model.jnt_axis[j].copy()
+            joint = built.addJoint(carrier[parent], make(axis), placement * anchor, model.joint(j).name)
+            built.armature[built.joints[joint].idx_v] = model.dof_armature[model.jnt_dofadr[j]]
+            carrier[body], frame[body] = joint, anchor.inverse()
+        R = _rotation(model.body_iquat[body])
+        inertia = pin.Inertia(
+            float(model.body_mass[body]), model.body_ipos[body].copy(), R @ np.diag(model.body_inertia[body]) @ R.T
+        )
+        built.appendBodyToJoint(carrier[body], inertia, frame[body])
+    mass = sum(inertia.mass for inertia in built.inertias)
+    if (built.nq, built.nv) != (model.nq, model.nv) or abs(mass - model.body_mass.sum()) > 1e-12 * mass:
+        raise ModelError(
+            f"{name}: Pinocchio's copy has nq {built.nq}, nv {built.nv}, {mass:.6g} kg, MuJoCo's nq {model.nq}, "
+            f"nv {model.nv}, {model.body_mass.sum():.6g} kg."
+        )
+    return built
+
+
+def _rotation(quaternion: Array) -> Array:
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, quaternion)
+    return matrix.reshape(3, 3)
+
+
+def _import_pinocchio() -> Any:
+    try:
+        import pinocchio
+    except ImportError as error:
+        raise FasError("the cross-check needs Pinocchio: pip install 'fasbody[crosscheck]'.") from error
+    return pinocchio

@@ -31,13 +31,18 @@ def png(figure: Figure, dpi: int = 200) -> bytes:
 
 
 def sensitivity_bars(studies: Sequence[Study]) -> Figure:
-    """Relative sensitivity of the malleolus' acceleration, one panel a study (Figure 4.3): median and quartiles."""
+    """Relative sensitivity of the malleolus' acceleration, one panel a study (Figure 4.3).
+
+    Args:
+        studies: random draws are drawn as median and quartiles, an arch's own constants as they are.
+    """
     figure = Figure(figsize=(7, 0.6 + 2.3 * len(studies)), layout="constrained")
     axes = figure.subplots(len(studies), squeeze=False, sharex=True, sharey=True)[:, 0]
     colours = [KEPT if name in CLAIMED else DROPPED for name in PARAMETERS]
     for ax, study in zip(axes, studies, strict=True):
         low, median, high = np.percentile(study.values[:, OUTPUTS.index("malleolus")], [25, 50, 75], axis=0)
-        ax.bar(SYMBOLS, median, color=colours, yerr=[median - low, high - median], capsize=3, ecolor="0.3")
+        spread = None if study.own else [median - low, high - median]
+        ax.bar(SYMBOLS, median, color=colours, yerr=spread, capsize=3, ecolor="0.3")
         ax.set_yscale("log")
         ax.set_ylabel("relative sensitivity")
         ax.set_axisbelow(True)
@@ -73,8 +78,9 @@ def sensitivity_cases(studies: Sequence[Study]) -> Figure:
 
 
 def _title(study: Study) -> str:
-    holds = f"claim holds in {study.holds('malleolus').sum()} of {len(study.values)} draws"
-    return f"{study.reading}, {study.method}: {holds}"
+    held = int(study.holds("malleolus").sum())
+    verdict = f"in {held} of {len(study.values)} draws" if not study.own else "" if held else "not"
+    return f"{study.reading}, {study.method}: claim holds {verdict}".rstrip()
 
 
 def reduction(result: "Reduction") -> Figure:

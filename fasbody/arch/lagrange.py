@@ -2,26 +2,23 @@
 
 The kinetic part follows the print entry by entry, with its seven misprints mended. The springs and dampers follow one
 consistent model: each force is minus the gradient of one energy, so that energy is conserved without dampers and the
-stiffness is positive definite, neither of which holds in print. `as_printed=True` gives the printed formulas with
-their errors; docs/errata.md lists every difference.
+stiffness is positive definite, neither of which holds in print. docs/errata.md lists every difference.
 
 All functions work on arrays of poses, shape (..., 6), in the order (z_F, z_T, theta_2, theta_3, theta_4, x).
 """
 
 import numpy as np
 
-from fasbody.arch import printed
 from fasbody.arch.bones import PARAMETERS, Arch
 from fasbody.arch.kinematics import THETA_2, THETA_3, THETA_4, Z_F, Z_T, Array, X, arms, deformations, gradients
 
 
-def mass_matrix(arch: Arch, q: Array, as_printed: bool = False) -> Array:
+def mass_matrix(arch: Arch, q: Array) -> Array:
     """A(q) of Eq. (4.11) as in Appendix B, shape (..., 6, 6); row and column of x are zero, x has no mass.
 
     Args:
         arch: the constants.
         q: coordinates, shape (..., 6).
-        as_printed: A_55 with the missing L_4^2.
     """
     m_T, m_1, m_2, m_3, m_4 = arch.m_T, arch.m_1, arch.m_2, arch.m_3, arch.m_4
     l_2, l_3, l_4, h_2, h_3, h_4, E_1, _ = arms(arch, q)
@@ -42,25 +39,19 @@ def mass_matrix(arch: Arch, q: Array, as_printed: bool = False) -> Array:
     A[..., 3, 3] = (m_T + J_1 + m_2) * l_3**2 + m_4 * h_3**2 + m_3 * arch.L_3**2 / 4 + arch.I_3
     A[..., 3, 4] = (m_T + J_1 + m_2 + m_3 / 2) * l_3 * l_4 + m_4 / 2 * h_3 * h_4
     A[..., 4, 4] = (m_T + J_1 + m_2 + m_3) * l_4**2 + m_4 / 4 * arch.L_4**2 + arch.I_4
-    if as_printed:
-        A[..., 4, 4] = printed.A_55(arch, q)
     lower = np.tril_indices(6, -1)
     A[..., lower[0], lower[1]] = A[..., lower[1], lower[0]]
     return A
 
 
-def velocity_terms(arch: Arch, q: Array, q_dot: Array, as_printed: bool = False) -> Array:
+def velocity_terms(arch: Arch, q: Array, q_dot: Array) -> Array:
     """The terms of B in products of velocities (centrifugal and Coriolis), shape (..., 6), on the right-hand side.
 
     Args:
         arch: the constants.
         q: coordinates, shape (..., 6).
         q_dot: their rates, shape (..., 6).
-        as_printed: B_3 to B_5 with their misprints (the printed B_1 has accelerations for rates and is dimensionally
-            meaningless; it is available as `printed.B_1`).
     """
-    if as_printed:
-        return printed.velocity_terms(arch, q, q_dot)
     m_T, m_1, m_2, m_3, m_4 = arch.m_T, arch.m_1, arch.m_2, arch.m_3, arch.m_4
     l_2, l_3, l_4, h_2, h_3, h_4, E_1, E_2 = arms(arch, q)
     w_2, w_3, w_4 = q_dot[..., THETA_2], q_dot[..., THETA_3], q_dot[..., THETA_4]
@@ -177,21 +168,13 @@ def force_per_parameter(arch: Arch, q: Array, q_dot: Array) -> dict[str, Array]:
     return {name: force[name] for name in PARAMETERS}
 
 
-def spring_damper_forces(arch: Arch, q: Array, q_dot: Array, as_printed: bool = False) -> Array:
+def spring_damper_forces(arch: Arch, q: Array, q_dot: Array) -> Array:
     """Generalized forces of all springs and dampers, shape (..., 6): -dU/dq - dD/dq' of Eq. (4.10)."""
-    if as_printed:
-        return printed.spring_forces(arch, q) + printed.damper_forces(arch, q, q_dot)
     table = force_per_parameter(arch, q, q_dot)
     return sum((getattr(arch, name) * force for name, force in table.items()), start=np.zeros(6))
 
 
-def right_hand_side(
-    arch: Arch, q: Array, q_dot: Array, base_acceleration: float | Array, as_printed: bool = False
-) -> Array:
+def right_hand_side(arch: Arch, q: Array, q_dot: Array, base_acceleration: float | Array) -> Array:
     """B of Eq. (4.11), shape (..., 6): velocity terms, springs and dampers, and the table's acceleration [m/s^2]."""
-    A = mass_matrix(arch, q, as_printed)
-    return (
-        velocity_terms(arch, q, q_dot, as_printed)
-        + spring_damper_forces(arch, q, q_dot, as_printed)
-        - A[..., 0] * np.asarray(base_acceleration)[..., None]
-    )
+    table = mass_matrix(arch, q)[..., 0] * np.asarray(base_acceleration)[..., None]
+    return velocity_terms(arch, q, q_dot) + spring_damper_forces(arch, q, q_dot) - table

@@ -46,8 +46,7 @@ def linearise(arch: Arch, q: Array | None = None, gravity: float = 0.0) -> Linea
         matrix = K if name in SPRINGS else C
         matrix += getattr(arch, name) * np.outer(g, g)
     if q is not None:  # stretched springs and weight turn with the pose
-        tangent = [right_hand_side(arch, q + 1e-30j * unit, np.zeros(6), gravity).imag / -1e-30 for unit in np.eye(6)]
-        K = np.stack(tangent, axis=-1)
+        K = (right_hand_side(arch, q + 1e-30j * np.eye(6), np.zeros(6), gravity).imag / -1e-30).T
     a = arms(arch, pose)
     out = np.array([1.0, 1.0, -a.l_2, -a.l_3, -a.l_4, 0.0])  # Eq. (4.14): y_out'' = y_B'' + out . q''
     return Linear(mass_matrix(arch, pose), C, K, out)

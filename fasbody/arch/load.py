@@ -1,30 +1,31 @@
-"""The arch at rest under a load on its apex or under its own weight, and the linear model about that pose.
+"""The arch under load: the pose at rest, sag and shares against measurements, the resonance under added mass.
 
 Static means after the dashpot of the aponeurosis has yielded: only k_11 holds. A load on the apex leaves z_F = -W / k_F
 and z_T = -W / k_T apart from the angles, so that the arch itself is three equations, solved by Newton's method.
-
-The arch under load: sag against Arangio's measurements, the fascia's share, and the resonance under added mass.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
-from rich.table import Table
 
 from fasbody.arch.bones import SPRINGS, Arch
 from fasbody.arch.kinematics import Array, X, arms, deformations, gradients, rest
 from fasbody.arch.lagrange import force_per_parameter, right_hand_side
-from fasbody.arch.linear import Linear, linearise, response
-from fasbody.arch.mjcf import read_arch
-from fasbody.console import command_line, console, make_folder, print_json, write_whole
-from fasbody.exceptions import SettingError, SimulationError
+from fasbody.arch.linear import Linear, linearise, response, state_space
+from fasbody.exceptions import SimulationError
 
 #: Acceleration of gravity [m/s^2].
 G = 9.81
+
+#: Arangio 1998, load on the arch [N]; arch height [m] -> sag [m] with and without fascia.
+ARANGIO_LOAD = 683.0
+ARANGIO_SAG = {0.020: (11.8e-3, 13.5e-3), 0.060: (5.5e-3, 7.5e-3)}
+#: The same, fascia cut at 60 mm: increase of sag and of elongation.
+ARANGIO_CUT = (0.36, 0.40)
+#: Kim & Voloshin, in the thesis: part of the compression that the calcaneus carries.
+HEEL = 0.63
+#: Chapter 2: added mass [kg] -> range of the resonance [Hz] at the malleolus (section 2.3.1).
+MEASURED_HZ = {0.0: (15.0, 25.0), 2.3: (30.0, 35.0), 4.5: (35.0, 40.0)}
 
 _STEP = 1e-30
 
@@ -51,7 +52,12 @@ class Equilibrium:
 
 
 def equilibrium(arch: Arch, load: float, steps: int = 20) -> Equilibrium:
-    """Settle the arch under `load` [N] > 0 on its apex, raised in equal steps.
+    """Settle the arch under a load on its apex.
+
+    Args:
+        arch: the constants.
+        load: downward [N], above zero.
+        steps: in which the load is raised.
 
     Raises:
         SimulationError: the arch collapses under the load.
@@ -95,47 +101,53 @@ def apex_height(arch: Arch, q: Array) -> float:
 
 
 def _moments(arch: Arch, q: Array, load: float) -> Array:
-    """Moments about theta_2, theta_3, theta_4 with the dashpot yielded, shape (3,)."""
+    """Moments about theta_2, theta_3, theta_4 with the dashpot yielded, shape (..., 3)."""
     table, a = force_per_parameter(arch, q, np.zeros(6)), arms(arch, q)
     springs = sum(getattr(arch, name) * table[name] for name in ("k_11", "k_2", "k_3", "k_4"))
-    return springs[2:5] + load * np.array([a.l_2, a.l_3, a.l_4])
+    return springs[..., 2:5] + load * np.stack([a.l_2, a.l_3, a.l_4], axis=-1)
 
 
 def _tangent(arch: Arch, q: Array, load: float) -> Array:
-    return np.stack([_moments(arch, q + 1j * _STEP * unit, load).imag / _STEP for unit in np.eye(6)[2:5]], axis=-1)
+    return (_moments(arch, q + 1j * _STEP * np.eye(6)[2:5], load).imag / _STEP).T
 
 
 def loaded(arch: Arch, gravity: float = G) -> Linear:
-    """M, C, K and output row about the pose in which the arch carries its own weight and the tibia's."""
+    """M, C, K and output row about the pose in which the arch carries its own weight and the tibia's.
+
+    Args:
+        arch: the constants.
+        gravity: downward acceleration [m/s^2].
+
+    Raises:
+        SimulationError: the arch collapses under that weight.
+    """
     start = equilibrium(arch, (arch.m_T + arch.m_1 / 2) * gravity).q
     q = under_weight(arch, start, gravity)
     return linearise(arch, q, gravity)
 
 
 def under_weight(arch: Arch, q: Array, gravity: float) -> Array:
-    """The pose, shape (6,), at which all six right-hand sides vanish under gravity: springs, dashpot and every mass."""
+    """The pose, shape (6,), at which all six right-hand sides vanish under gravity: springs, dashpot and every mass.
+
+    Args:
+        arch: the constants.
+        q: where to start, shape (6,).
+        gravity: downward acceleration [m/s^2].
+
+    Raises:
+        SimulationError: there is no such pose.
+    """
 
     def residual(pose: Array) -> Array:
         return right_hand_side(arch, pose, np.zeros(6), gravity)
 
     for _ in range(50):
-        tangent = np.stack([residual(q + 1j * _STEP * unit).imag / _STEP for unit in np.eye(6)], axis=-1)
+        tangent = (residual(q + 1j * _STEP * np.eye(6)).imag / _STEP).T
         step = np.linalg.solve(tangent, residual(q))
         q = q - step
         if np.abs(step).max() < 1e-13 and apex_height(arch, q) > 0:
             return q
     raise SimulationError("the arch collapses under its own weight; stiffen k_2, k_3, k_4 or k_11.")
-
-
-#: Arangio 1998, load on the arch [N]; arch height [m] -> sag [m] with and without fascia.
-ARANGIO_LOAD = 683.0
-ARANGIO_SAG = {0.020: (11.8e-3, 13.5e-3), 0.060: (5.5e-3, 7.5e-3)}
-#: The same, fascia cut at 60 mm: increase of sag and of elongation.
-ARANGIO_CUT = (0.36, 0.40)
-#: Kim & Voloshin, in the thesis: part of the compression that the calcaneus carries.
-HEEL = 0.63
-#: Chapter 2: added mass [kg] -> range of the resonance [Hz] at the malleolus (section 2.3.1).
-MEASURED_HZ = {0.0: (15.0, 25.0), 2.3: (30.0, 35.0), 4.5: (35.0, 40.0)}
 
 
 @dataclass(frozen=True)
@@ -153,7 +165,17 @@ class SagStudy:
 
 
 def sag_study(arch: Arch, height: Array, load: float = ARANGIO_LOAD) -> SagStudy:
-    """The same bones spread to each rest height [m], with their aponeurosis and with it cut."""
+    """The same bones spread to each rest height, with their aponeurosis and with it cut.
+
+    Args:
+        arch: the constants.
+        height: rest heights of the apex [m], shape (n,).
+        load: on the apex [N].
+
+    Raises:
+        ModelError: the bones cannot reach one of the heights.
+        SimulationError: the arch collapses under the load.
+    """
     whole = [equilibrium(arch.with_height(h), load) for h in height]
     cut = [equilibrium(replace(arch.with_height(h), k_11=0.0, k_12=0.0), load) for h in height]
     return SagStudy(
@@ -211,86 +233,14 @@ def _factor(arch: Arch, wanted_hz: float) -> float:
     for _ in range(40):
         factor = float(np.sqrt(low * high))
         stiff = replace(arch, **{name: factor * getattr(arch, name) for name in SPRINGS})
-        peak = frequency[np.abs(response(linearise(stiff), frequency)).argmax()]
+        peak = frequency[np.abs(_by_poles(stiff, frequency)).argmax()]
         low, high = (factor, high) if peak < wanted_hz else (low, factor)
     return factor
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-
-
-@app.command()
-def main(
-    model: Annotated[str, typer.Option(help="shipped arch or MJCF file")] = "foot_arch",
-    load: Annotated[float, typer.Option(help="static load on the arch [N]")] = ARANGIO_LOAD,
-    figures: Annotated[Path | None, typer.Option(help="folder for sag.png and load.png")] = None,
-    json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
-) -> None:
-    """Sag of the arch under a static load, and its resonance under the added masses of Chapter 2.
-
-    Examples:
-      python -m fasbody.arch.load --figures docs/figures
-    """
-    if not 0 < load < 1e5:
-        raise SettingError(f"--load is {load:g} N, but must be above 0 and below 100000 N.")
-    if figures is not None:
-        make_folder(figures)
-    arch, name = read_arch(model), "Nominal arch" if model == "foot_arch" else Path(model).name
-    sag, masses = sag_study(arch, np.array([0.02, 0.03, 0.04, 0.05, 0.06]), load), load_study(arch)
-    console.print(_sag_table(sag, name))
-    console.print(_load_table(masses, name))
-    if figures is not None:
-        from fasbody.arch.figures import arch_sag, load_resonance, png
-
-        smooth = sag_study(arch, np.linspace(0.02, 0.06, 41), load)
-        measured = ARANGIO_SAG if load == ARANGIO_LOAD else {}
-        ranges = np.array(list(MEASURED_HZ.values()))
-        pictures = {"sag": arch_sag(smooth, measured), "load": load_resonance(masses, ranges)}
-        for name, picture in pictures.items():
-            console.print(f"written: {write_whole(figures / f'{name}.png', png(picture))}")
-    if json:
-        rows = [{key: value for key, value in vars(case).items() if key != "transmissibility"} for case in masses.cases]
-        print_json({"model": model, "sag": vars(sag), "load": rows})
-
-
-def _sag_table(study: SagStudy, name: str) -> Table:
-    table = Table(title=f"{name} under {study.load:g} N; measured in brackets (Arangio 1998; heel: Kim & Voloshin)")
-    for column in (
-        "height [mm]", "sag [mm]", "sag, fascia cut [mm]", "more sag [%]", "more elongation [%]",
-        "fascia's share [%]", "heel's share [%]",
-    ):  # fmt: skip
-        table.add_column(column, justify="right")
-    for i, height in enumerate(study.height):
-        measured = ARANGIO_SAG.get(round(float(height), 3)) if study.load == ARANGIO_LOAD else None
-        cut = ARANGIO_CUT if measured and height > 0.05 else None
-        values = (study.sag[i], study.sag_cut[i])
-        more = (values[1] / values[0] - 1, study.elongation_cut[i] / study.elongation[i] - 1)
-        nothing = (None, None)
-        cells = [_beside(v, m, lambda x: f"{1e3 * x:.1f}") for v, m in zip(values, measured or nothing, strict=True)]
-        cells += [_beside(v, m, lambda x: f"{100 * x:+.0f}") for v, m in zip(more, cut or nothing, strict=True)]
-        shares = [_beside(v, m, lambda x: f"{100 * x:.0f}") for v, m in ((study.share[i], None), (study.heel[i], HEEL))]
-        table.add_row(f"{1e3 * height:.0f}", *cells, *shares)
-    return table
-
-
-def _beside(model: float, measured: float | None, show: Callable[[float], str]) -> str:
-    return show(model) if measured is None else f"{show(model)} ({show(measured)})"
-
-
-def _load_table(study: LoadStudy, name: str) -> Table:
-    table = Table(title=f"{name} under added mass, constants unchanged")
-    for column in (
-        "added [kg]", "peak [Hz]", "measured [Hz]", "|T| at peak [1]", "arch [kN/m]", "springs x to meet it [1]",
-    ):  # fmt: skip
-        table.add_column(column, justify="right")
-    for case in study.cases:
-        low, high = MEASURED_HZ[case.added_mass]
-        table.add_row(
-            f"{case.added_mass:g}", f"{case.peak_hz:.1f}", f"{low:.0f}-{high:.0f}",
-            f"{case.transmissibility.max():.2f}", f"{case.arch_stiffness / 1e3:.1f}", f"{case.factor:.2f}",
-        )  # fmt: skip
-    return table
-
-
-if __name__ == "__main__":
-    command_line(app)
+def _by_poles(arch: Arch, frequency_hz: Array) -> Array:
+    """`transmissibility` from poles and residues: one decomposition for all frequencies, shape (n,)."""
+    A, b, c, d = state_space(arch)
+    poles, V = np.linalg.eig(A)
+    residues = (c @ V) * np.linalg.solve(V, b)
+    return d + (residues / (2j * np.pi * frequency_hz[:, None] - poles)).sum(axis=-1)

@@ -1,51 +1,72 @@
-"""What the equations of Chapter 4 take for granted about the tree of foot_arch.xml, checked on a compiled model.
+"""What the equations of Chapter 4 take for granted about a compiled foot_arch model, and its numbers for them.
 
-An edit that the equations cannot follow is refused here with the element's name; read on, it would only show as three
-engines that disagree, or not at all.
-
-Between the arch of the equations and its MJCF tree: constants read from a compiled model, coordinates both ways.
-
-The tree hangs from the apex and closes at heel and metatarsal heads (mjcf/foot_arch.md); the equations have the closure
-built in. With q = (z_F, z_T, theta_2, theta_3, theta_4, x) and the tree's velocities v = T(q) q', any engine's mass
-matrix M and bias b become those of Eq. (4.11) by A = T^T M T and T^T (b + M T' q').
+An edit that the equations cannot follow is refused here with the element's name; read on, it would only show as engines
+that disagree, or not at all. What is read is what MuJoCo steps; a parameter that the file declares must say the same.
 """
 
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Iterable, Mapping
 
 import mujoco
 import numpy as np
 
-from fasbody.arch.bones import Arch
-from fasbody.arch.kinematics import Z_F, Z_T, Array, X, arms, closing_angle, closing_gradient, deformations, gradients
 from fasbody.exceptions import ModelError, unknown
 from fasbody.foot import damper
-from fasbody.foot.model import check_constants, load
+from fasbody.foot.model import check_constants
+from fasbody.foot.parameters import declared
+
+#: The joints of the tree in the order of `tree_position`; the shaker's `base` comes before them.
+JOINTS = (
+    "apex", "talocrural", "hindfoot", "spring_ligament", "short_plantar_ligament", "long_plantar_ligament",
+)  # fmt: skip
+#: Those with a spring and a damper, by the index of their constants: k_T, c_T and so on.
+SPRUNG = {"T": JOINTS[1], "2": JOINTS[3], "3": JOINTS[4], "4": JOINTS[5]}
+SITES = ("heel", "heads")
+PADS = ("heel_pad", "forefoot_pad")
+FASCIA = "plantar_aponeurosis"
+#: The actuator that is k_12 and c_1 in series.
+BRANCH = "aponeurosis_branch"
 
 #: Mass of the apex that no engine can see [kg].
 APEX_MASS = 1e-9
-#: How far an axis, the closure's polynomial or the aponeurosis' rest length may be off.
+#: How far an axis, the closure's polynomial, a rest length or a declared constant may be off.
 TOLERANCE = 1e-6
 
+_KINDS = {"joint": JOINTS, "site": SITES, "tendon": (*PADS, FASCIA), "actuator": (BRANCH,)}
 Index = Mapping[tuple[str, str], int]
 
 
-def check_assumptions(model: mujoco.MjModel, index: Index, name: str) -> None:
-    """Refuse a model that the equations cannot follow.
+def numbers(model: mujoco.MjModel, name: str = "model") -> dict[str, float]:
+    """Everything that `Arch` needs, by thesis symbol, SI units and rad.
 
     Args:
         model: the compiled model.
-        index: (kind, element) -> number, of the joints and tendons of the arch.
-        name: what to call the model in messages.
+        name: what to call it in messages.
 
     Raises:
-        ModelError: the first departure found.
+        ModelError: a needed element is missing, a constant is negative, or the model departs from what the equations
+            assume; the message names the element.
     """
-    joints = [number for (kind, _), number in index.items() if kind == "joint"]
-    _check_joints(model, joints, name)
-    _check_bodies(model, joints, index, name)
+    index = _index(model, name)
+    check_constants(model, name)
+    _check_joints(model, index, name)
+    _check_bodies(model, index, name)
     _check_closure(model, index, name)
     _check_tendons(model, index, name)
+    _check_actuators(model, index, name)
+    constants = _constants(model, index, name)
+    _check_declared(model, constants, name)
+    return _bones(model, index, name) | constants
+
+
+def nonlinear_laws(model: mujoco.MjModel) -> list[str]:
+    """Joints and tendons whose law is more than a linear damper, each as a clause for a note."""
+    clauses = []
+    for kind in ("joint", "tendon"):
+        for number in range(model.njnt if kind == "joint" else model.ntendon):
+            law = _law(model, kind, number)
+            if law[0] and not (law[0] == damper.DAMPER and not law[2:].any()):
+                clauses.append(f"{kind} {getattr(model, kind)(number).name!r} (law {law[0]:g})")
+    return clauses
 
 
 def carried_mass(model: mujoco.MjModel, body: int) -> float:
@@ -53,15 +74,110 @@ def carried_mass(model: mujoco.MjModel, body: int) -> float:
     return float(model.body_mass[np.asarray(model.body_weldid) == body].sum())
 
 
-def _check_joints(model: mujoco.MjModel, joints: list[int], name: str) -> None:
-    for j in joints:
-        joint, dof = model.joint(j).name, int(model.jnt_dofadr[j])
+def _index(model: mujoco.MjModel, name: str) -> Index:
+    """(kind, element) -> number, of every element that the arch needs."""
+    counts = {"joint": model.njnt, "site": model.nsite, "tendon": model.ntendon, "actuator": model.nactuator}
+    found = {}
+    for kind, wanted in _KINDS.items():
+        there = {getattr(model, kind)(number).name: number for number in range(counts[kind])}
+        for element in wanted:
+            if element not in there:
+                problem = unknown(kind, element, filter(None, there)).replace("unknown", "there is no")
+                raise ModelError(f"{name}: {problem}; the five-body arch needs it.")
+            found[kind, element] = there[element]
+    return found
+
+
+def _bones(model: mujoco.MjModel, index: Index, name: str) -> dict[str, float]:
+    """Masses, lengths, inertias and rest angles, from the pose in which the file stands."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    joint = [index["joint", element] for element in JOINTS]
+    anchor, body = data.xanchor[joint], model.jnt_bodyid[joint]
+    heel, heads = (data.site_xpos[index["site", element]] for element in SITES)
+    if abs(heel[1] - heads[1]) > TOLERANCE:
+        raise ModelError(
+            f"{name}: heel and heads rest {abs(heel[1] - heads[1]) * 1e3:.3f} mm apart in height; "
+            "turn calcaneus_talus until both are equal."
+        )
+    found = {"m_T": carried_mass(model, int(body[1]))}
+    ends = [(anchor[2], heel), (anchor[3], anchor[4]), (anchor[4], anchor[5]), (anchor[5], heads)]
+    for i, (link, (top, bottom)) in enumerate(zip(body[2:], ends, strict=True), 1):
+        gap = np.linalg.norm(data.xipos[link] - (top + bottom) / 2)
+        if gap > TOLERANCE:
+            raise ModelError(
+                f"{name}: the centre of mass of {model.body(link).name} lies {gap * 1e3:.3f} mm off the middle of its "
+                "bone, where the equations of Chapter 4 have it."
+            )
+        across = data.ximat[link].reshape(3, 3)[2]
+        found[f"m_{i}"], found[f"L_{i}"] = float(model.body_mass[link]), float(np.linalg.norm(bottom - top))
+        found[f"I_{i}"] = float(across @ (model.body_inertia[link] * across))
+        if i > 1:
+            found[f"theta_{i}0"] = float(np.arctan2(bottom[0] - top[0], top[1] - bottom[1]))
+    return found
+
+
+def _constants(model: mujoco.MjModel, index: Index, name: str) -> dict[str, float]:
+    """The 13 springs and dampers, laws taken as they are at rest."""
+    found = {}
+    for symbol, element in SPRUNG.items():
+        found[f"k_{symbol}"], found[f"c_{symbol}"] = _at_rest(model, "joint", index["joint", element], name)
+    pads = [_at_rest(model, "tendon", index["tendon", element], name) for element in PADS]
+    found["k_F"], found["c_F"] = (sum(values) for values in zip(*pads, strict=True))
+    for symbol, elements in (("k_T", "joint 'talocrural' has"), ("k_F", "tendons 'heel_pad' and 'forefoot_pad' have")):
+        if found[symbol] == 0:
+            raise ModelError(f"{name}: {elements} no stiffness ({symbol}), so nothing carries the leg; give it some.")
+    branch = index["actuator", BRANCH]
+    resistance, time_constant = float(model.actuator_gainprm[branch, 0]), float(model.actuator_dynprm[branch, 0])
+    if not (resistance > 0 and time_constant > 0):
+        raise ModelError(f"{name}: actuator {BRANCH!r} needs resistance (1/c_1) and inductance (1/k_12) above zero.")
+    c_1, k_11 = 1 / resistance, float(model.tendon_stiffness[index["tendon", FASCIA]])
+    return found | {"k_11": k_11, "c_1": c_1, "k_12": c_1 / time_constant}
+
+
+def _at_rest(model: mujoco.MjModel, kind: str, number: int, name: str) -> tuple[float, float]:
+    """Stiffness and damping of a joint or tendon for small motion about rest: its own, and its law's."""
+    here = f"{name}: {kind} {getattr(model, kind)(number).name!r}"
+    if kind == "joint":
+        dof, place = model.jnt_dofadr[number], model.jnt_qposadr[number]
+        own = model.jnt_stiffness[number], model.dof_damping[dof]
+        poly = model.jnt_stiffnesspoly[number], model.dof_dampingpoly[dof]
+        if model.qpos_spring[place] != model.qpos0[place]:
+            raise ModelError(f"{here} has a spring that pulls at rest; remove its springref.")
+    else:
+        own = model.tendon_stiffness[number], model.tendon_damping[number]
+        poly = model.tendon_stiffnesspoly[number], model.tendon_dampingpoly[number]
+    for quantity, coefficients in zip(("stiffness", "damping"), poly, strict=True):
+        if np.any(coefficients):
+            raise ModelError(
+                f"{here} has a {quantity} that changes with the motion (a polynomial), where the equations have one "
+                "number; keep its first."
+            )
+    try:
+        stiffness, damping = damper.at_rest(_law(model, kind, number))
+    except ValueError as error:
+        raise ModelError(f"{here} {error}.") from None
+    native = 0.0 if _law(model, kind, number)[0] == damper.DAMPER else float(own[1])  # a share of the law's damper
+    return float(own[0]) + stiffness, native + damping
+
+
+def _law(model: mujoco.MjModel, kind: str, number: int) -> np.ndarray:
+    """The law of a joint or tendon, shape (8,); zeros where it has none."""
+    user = (model.jnt_user if kind == "joint" else model.tendon_user)[number, : damper.USER_SIZE]
+    return np.pad(user, (0, damper.USER_SIZE - len(user)))
+
+
+def _check_joints(model: mujoco.MjModel, index: Index, name: str) -> None:
+    for joint in JOINTS:
+        j = index["joint", joint]
+        dof = int(model.jnt_dofadr[j])
         slides = joint in ("apex", "talocrural")
         wanted, axis = ("slide", (0, 1, 0)) if slides else ("hinge", (0, 0, 1))
         kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
         if model.jnt_type[j] != kind or np.abs(model.jnt_axis[j] - axis).max() > TOLERANCE:
             raise ModelError(
-                f'{name}: joint {joint!r} must be a {wanted} with axis="{" ".join(map(str, axis))}", '
+                f'{name}: joint {joint!r} must be a {wanted} with axis="{_listed(axis)}", '
                 f"not one about {_listed(model.jnt_axis[j])}."
             )
         if model.dof_armature[dof] != 0:
@@ -69,22 +185,21 @@ def _check_joints(model: mujoco.MjModel, joints: list[int], name: str) -> None:
                 f"{name}: joint {joint!r} has the armature {model.dof_armature[dof]:g}, which the equations lack; "
                 "remove it."
             )
-        if joint in ("apex", "hindfoot"):  # free in the equations
-            law = model.jnt_user[j, 0] if model.jnt_user.shape[1] else 0
-            stiffness = model.jnt_stiffness.reshape(model.njnt, -1)[j, 0]
-            damping = model.dof_damping.reshape(model.nv, -1)[dof, 0]
-            if law or stiffness or damping:
-                raise ModelError(f"{name}: joint {joint!r} has a spring or damper; in the equations it is free.")
+        springs = (model.jnt_stiffness[j], *model.jnt_stiffnesspoly[j])
+        dampers = (model.dof_damping[dof], *model.dof_dampingpoly[dof], _law(model, "joint", j)[0])
+        if joint not in SPRUNG.values() and any((*springs, *dampers)):
+            raise ModelError(f"{name}: joint {joint!r} has a spring or damper; in the equations it is free.")
 
 
-def _check_bodies(model: mujoco.MjModel, joints: list[int], index: Index, name: str) -> None:
-    apex, tibia = (int(model.jnt_bodyid[index["joint", joint]]) for joint in ("apex", "talocrural"))
+def _check_bodies(model: mujoco.MjModel, index: Index, name: str) -> None:
+    bodies = {joint: int(model.jnt_bodyid[index["joint", joint]]) for joint in JOINTS}
+    apex, tibia = bodies["apex"], bodies["talocrural"]
     if carried_mass(model, apex) > APEX_MASS:
         raise ModelError(
             f"{name}: body {model.body(apex).name!r} and what is fixed to it weigh {carried_mass(model, apex):g} kg, "
             f"but the apex has no mass in the equations; give it at most {APEX_MASS:g} kg."
         )
-    known = {int(model.jnt_bodyid[j]) for j in joints}
+    known = set(bodies.values())
     for body in range(1, model.nbody):
         above, inside = body, False
         while above:
@@ -100,18 +215,15 @@ def _check_bodies(model: mujoco.MjModel, joints: list[int], index: Index, name: 
 
 
 def _check_closure(model: mujoco.MjModel, index: Index, name: str) -> None:
-    pads = {index["tendon", "heel_pad"], index["tendon", "forefoot_pad"]}
+    pads = {index["tendon", pad] for pad in PADS}
     closed = False
-    for e in range(model.neq):
-        if not model.eq_active0[e]:
-            continue
+    for e in np.flatnonzero(model.eq_active0):
+        equality = model.equality(e).name
         is_tendons = model.eq_type[e] == mujoco.mjtEq.mjEQ_TENDON
         if not is_tendons or {int(model.eq_obj1id[e]), int(model.eq_obj2id[e])} != pads:
-            raise ModelError(f"{name}: equality {model.equality(e).name!r} is none of the arch's; remove it.")
+            raise ModelError(f"{name}: equality {equality!r} is none of the arch's; remove it.")
         if np.abs(model.eq_data[e, :5] - (0, 1, 0, 0, 0)).max() > TOLERANCE:
-            raise ModelError(
-                f"{name}: equality {model.equality(e).name!r} must keep both pads equally long; remove its polycoef."
-            )
+            raise ModelError(f"{name}: equality {equality!r} must keep both pads equally long; remove its polycoef.")
         closed = True
     if not closed:
         raise ModelError(
@@ -121,190 +233,43 @@ def _check_closure(model: mujoco.MjModel, index: Index, name: str) -> None:
 
 
 def _check_tendons(model: mujoco.MjModel, index: Index, name: str) -> None:
-    for (kind, tendon), t in index.items():
-        if kind != "tendon":
-            continue
+    for tendon in (*PADS, FASCIA):
+        t = index["tendon", tendon]
         if np.abs(model.tendon_lengthspring[t] - model.tendon_length0[t]).max() > TOLERANCE:
             raise ModelError(f"{name}: tendon {tendon!r} has a spring that pulls at rest; remove its springlength.")
-    fascia = index["tendon", "plantar_aponeurosis"]
-    law = model.tendon_user[fascia, 0] if model.tendon_user.shape[1] else 0
-    if law or model.tendon_damping.reshape(model.ntendon, -1)[fascia, 0]:
+    fascia = index["tendon", FASCIA]
+    if _at_rest(model, "tendon", fascia, name)[1] or _law(model, "tendon", fascia)[0]:
         raise ModelError(
-            f"{name}: tendon 'plantar_aponeurosis' has a damper, but only its branch of k_12 and c_1 yields; remove it."
+            f"{name}: tendon {FASCIA!r} has a damper, but only its branch of k_12 and c_1 yields; remove it."
         )
 
 
-def nonlinear_laws(model: mujoco.MjModel) -> list[str]:
-    """Joints and tendons whose law is more than a linear damper, each as a clause for a note."""
-    clauses = []
-    for kind, user in (("joint", model.jnt_user), ("tendon", model.tendon_user)):
-        for number in range(len(user)):
-            law = user[number, : damper.USER_SIZE] if user.shape[1] else np.zeros(1)
-            if law[0] and not (law[0] == 4.25 and not law[2:].any()):
-                clauses.append(f"{kind} {getattr(model, kind)(number).name!r} (law {law[0]:g})")
-    return clauses
-
-
-def _listed(values: np.ndarray) -> str:
-    return " ".join(f"{value:g}" for value in values)
-
-
-#: The joints of the tree in the order of `tree_position`; the shaker's `base` comes before them.
-JOINTS = (
-    "apex", "talocrural", "hindfoot", "spring_ligament", "short_plantar_ligament", "long_plantar_ligament",
-)  # fmt: skip
-SITES = ("heel", "heads")
-TENDONS = ("heel_pad", "forefoot_pad", "plantar_aponeurosis")
-BRANCH = "aponeurosis_branch"
-
-#: The damper law of Eq. (4.25) in a `user` field; at rest it has the damping of its first parameter.
-NONLINEAR = 4.25
-
-
-_KINDS = {
-    "joint": (mujoco.mjtObj.mjOBJ_JOINT, JOINTS),
-    "site": (mujoco.mjtObj.mjOBJ_SITE, SITES),
-    "tendon": (mujoco.mjtObj.mjOBJ_TENDON, TENDONS),
-    "actuator": (mujoco.mjtObj.mjOBJ_ACTUATOR, (BRANCH,)),
-}
-
-
-def arch_from_model(model: mujoco.MjModel, name: str = "model") -> Arch:
-    """The constants of the analytic arch, read from a compiled foot_arch model or an edited copy.
-
-    Args:
-        model: the compiled model.
-        name: what to call it in messages.
-
-    Raises:
-        ModelError: a needed element is missing, or a constant is negative, or the model departs from what
-            the equations of Chapter 4 assume (arch_assumptions.py).
-    """
-    index = _indices(model, name)
-    check_constants(model, name)
-    check_assumptions(model, index, name)
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    joint = [index["joint", element] for element in JOINTS]
-    anchor, body = data.xanchor[joint], model.jnt_bodyid[joint]
-    heel, heads = (data.site_xpos[index["site", element]] for element in SITES)
-
-    ends = [(anchor[2], heel), (anchor[3], anchor[4]), (anchor[4], anchor[5]), (anchor[5], heads)]
-    if abs(heel[1] - heads[1]) > TOLERANCE:
-        raise ModelError(
-            f"{name}: heel and heads rest {abs(heel[1] - heads[1]) * 1e3:.3f} mm apart in height; "
-            "turn calcaneus_talus until both are equal."
-        )
-    links = body[2:]
-    for link, (top, bottom) in zip(links, ends, strict=True):
-        gap = np.linalg.norm(data.xipos[link] - (top + bottom) / 2)
-        if gap > TOLERANCE:
+def _check_actuators(model: mujoco.MjModel, index: Index, name: str) -> None:
+    """The shaker drives the base; beside it only the aponeurosis' branch may act, and on the aponeurosis."""
+    base = [j for j in range(model.njnt) if model.joint(j).name == "base"]
+    for actuator in range(model.nactuator):
+        kind, (target, _) = model.actuator_trntype[actuator], model.actuator_trnid[actuator]
+        called = model.actuator(actuator).name
+        if actuator == index["actuator", BRANCH]:
+            if kind != mujoco.mjtTrn.mjTRN_TENDON or target != index["tendon", FASCIA]:
+                raise ModelError(f"{name}: actuator {BRANCH!r} must act on the tendon {FASCIA!r}.")
+        elif kind != mujoco.mjtTrn.mjTRN_JOINT or target not in base:
             raise ModelError(
-                f"{name}: the centre of mass of {model.body(link).name} lies {gap * 1e3:.3f} mm off the middle of its "
-                "bone, where the equations of Chapter 4 have it."
+                f"{name}: actuator {called!r} acts on the arch, but the equations have only {BRANCH!r} beside the "
+                "springs and dampers; remove it (a pad with a memory, law 4.22, cannot be followed)."
             )
-    spin = [float(R[2] @ (model.body_inertia[link] * R[2])) for link in links for R in [data.ximat[link].reshape(3, 3)]]
-    length = [float(np.linalg.norm(bottom - top)) for top, bottom in ends]
-    angle = [float(np.arctan2(bottom[0] - top[0], top[1] - bottom[1])) for top, bottom in ends]
-    numbers = {f"m_{i}": float(model.body_mass[link]) for i, link in enumerate(links, 1)}
-    numbers |= {f"L_{i}": value for i, value in enumerate(length, 1)} | {f"I_{i}": v for i, v in enumerate(spin, 1)}
-    numbers |= {f"theta_{i}0": angle[i - 1] for i in (2, 3, 4)} | {"m_T": carried_mass(model, int(body[1]))}
-    return Arch(**numbers, **_constants(model, index, name))
 
 
-def read_arch(model: str | Path) -> Arch:
-    """The arch of a shipped model or an MJCF file.
-
-    Raises:
-        InputFileError, ModelError: see `model.load` and `arch_from_model`.
-    """
-    foot = load(model)
-    return arch_from_model(foot.model, foot.name)
-
-
-def _constants(model: mujoco.MjModel, index: dict[tuple[str, str], int], name: str) -> dict[str, float]:
-    damping = _damping(model.dof_damping[model.jnt_dofadr], model.jnt_user)
-    tendon_damping = _damping(model.tendon_damping, model.tendon_user)
-    stiffness = np.reshape(model.jnt_stiffness, (model.njnt, -1))[:, 0]
-    tendon_stiffness = np.reshape(model.tendon_stiffness, (model.ntendon, -1))[:, 0]
-    constants = {}
-    places = zip(("T", "2", "3", "4"), (JOINTS[1], *JOINTS[3:]), strict=True)
-    for symbol, element in places:
-        j = index["joint", element]
-        constants[f"k_{symbol}"] = float(stiffness[j])
-        constants[f"c_{symbol}"] = float(damping[j])
-        if model.qpos_spring[model.jnt_qposadr[j]] != model.qpos0[model.jnt_qposadr[j]]:
-            raise ModelError(f"{name}: joint {element!r} has a spring that pulls at rest; remove its springref.")
-    pads = [index["tendon", element] for element in TENDONS[:2]]
-    fascia, branch = index["tendon", TENDONS[2]], index["actuator", BRANCH]
-    constants |= {"k_F": float(tendon_stiffness[pads].sum()), "c_F": float(tendon_damping[pads].sum())}
-    resistance, time_constant = float(model.actuator_gainprm[branch, 0]), float(model.actuator_dynprm[branch, 0])
-    if not (resistance > 0 and time_constant > 0):
-        raise ModelError(f"{name}: actuator {BRANCH!r} needs resistance (1/c_1) and inductance (1/k_12) above zero.")
-    c_1 = 1 / resistance
-    return constants | {"k_11": float(tendon_stiffness[fascia]), "c_1": c_1, "k_12": c_1 / time_constant}
+def _check_declared(model: mujoco.MjModel, constants: Mapping[str, float], name: str) -> None:
+    """What `<custom>` declares is what a fit starts from, so it must be what the model has."""
+    for symbol, parameter in declared(model, name).items():
+        value = parameter.read(model)
+        if symbol in constants and not abs(value - constants[symbol]) <= TOLERANCE * constants[symbol]:
+            raise ModelError(
+                f"{name}: parameter {symbol!r} is declared where {value:g} {parameter.unit} stands, but the model has "
+                f"{constants[symbol]:g} in all; edit every place that its <text> names, or its <text>."
+            )
 
 
-def _damping(native: Array, user: Array) -> Array:
-    """Damping at rest of each joint or tendon: the whole law where `user` names one, else the native constant."""
-    laws = np.zeros((len(native), 2)) if user.shape[-1] == 0 else user[:, :2]
-    return np.where(laws[:, 0] == NONLINEAR, laws[:, 1], native.reshape(len(native), -1)[:, 0])
-
-
-def _indices(model: mujoco.MjModel, name: str) -> dict[tuple[str, str], int]:
-    found = {}
-    for kind, (code, wanted) in _KINDS.items():
-        for element in wanted:
-            found[kind, element] = mujoco.mj_name2id(model, code, element)
-            if found[kind, element] < 0:
-                count = {"joint": model.njnt, "site": model.nsite, "tendon": model.ntendon}.get(kind, model.nactuator)
-                there = [mujoco.mj_id2name(model, code, i) for i in range(count)]
-                problem = unknown(kind, element, filter(None, there)).replace("unknown", "there is no")
-                raise ModelError(f"{name}: {problem}; the five-body arch needs it.")
-    return found
-
-
-def tree_position(arch: Arch, q: Array) -> Array:
-    """Joint positions of the tree in the order of `JOINTS`, shape (..., 6), for coordinates of shape (..., 6)."""
-    d, a = deformations(arch, q), arms(arch, q)
-    apex = q[..., Z_F] + a.E_2 - arch.height_0
-    hindfoot = arch.theta_10 - closing_angle(arch, q)
-    return np.stack([apex, q[..., Z_T], hindfoot, d.d_2, d.d_3, d.d_4], axis=-1)
-
-
-def tree_jacobian(arch: Arch, q: Array) -> Array:
-    """T = d(tree)/dq, shape (..., 6, 6); the column of x is zero."""
-    g, a, slope = gradients(arch, q), arms(arch, q), closing_gradient(arch, q)
-    T = np.zeros((*q.shape[:-1], 6, 6), dtype=q.dtype)
-    T[..., 0, Z_F], T[..., 1, Z_T] = 1, 1
-    T[..., 0, 2:5] = -np.stack([a.l_2, a.l_3, a.l_4], axis=-1)
-    T[..., 2, 2:5] = -slope
-    for row, gradient in enumerate((g.d_2, g.d_3, g.d_4), 3):
-        T[..., row, :X] = gradient[..., :X]
-    return T
-
-
-def tree_drift(arch: Arch, q: Array, q_dot: Array) -> Array:
-    """T' q', the tree's acceleration at q'' = 0, shape (..., 6)."""
-    T_dot = tree_jacobian(arch, q + 1e-30j * q_dot).imag / 1e-30
-    return np.einsum("...ij,...j->...i", T_dot, q_dot)
-
-
-def project(arch: Arch, q: Array, q_dot: Array, M: Array, bias: Array) -> tuple[Array, Array]:
-    """Mass matrix and bias of the tree (base left out, order of `JOINTS`) in the coordinates of the equations.
-
-    Args:
-        arch: the constants.
-        q: coordinates, shape (..., 6).
-        q_dot: their rates, shape (..., 6).
-        M: the engine's mass matrix, shape (..., 6, 6).
-        bias: the engine's bias force, shape (..., 6).
-
-    Returns:
-        A and bias as `lagrange.mass_and_bias` gives them.
-    """
-    T = tree_jacobian(arch, q)
-    turned = np.swapaxes(T, -1, -2)
-    force = bias + np.einsum("...ij,...j->...i", M, tree_drift(arch, q, q_dot))
-    return turned @ M @ T, np.einsum("...ij,...j->...i", turned, force)
+def _listed(values: Iterable[float]) -> str:
+    return " ".join(f"{value:g}" for value in values)

@@ -13,8 +13,9 @@ import numpy as np
 
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import Array
-from fasbody.arch.mjcf import BRANCH, JOINTS, NONLINEAR, TENDONS
+from fasbody.arch.mjcf import BRANCH, FASCIA, PADS, SPRUNG
 from fasbody.exceptions import SimulationError
+from fasbody.foot.damper import DAMPER
 from fasbody.foot.model import Foot
 from fasbody.foot.shaker import BaseMotion
 from fasbody.foot.simulate import simulate
@@ -101,30 +102,30 @@ def _dof(model: mujoco.MjModel, joint: str) -> int:
 
 def _share(model: mujoco.MjModel, hinge_share: float) -> None:
     """Set the native share of the hinges' dampers."""
-    native = model.dof_damping.reshape(model.nv, -1)
-    for joint in JOINTS[3:]:
+    for symbol, joint in SPRUNG.items():
         law = model.jnt_user[model.joint(joint).id]
-        if law[0] == NONLINEAR:
-            native[_dof(model, joint), 0] = hinge_share * law[1]
+        if symbol != "T" and law[0] == DAMPER:
+            model.dof_damping[_dof(model, joint)] = hinge_share * law[1]
 
 
 def with_constants(foot: Foot, arch: Arch) -> Foot:
-    """A copy of the foot with the 13 spring and damper constants of `arch`, its geometry and masses kept."""
+    """A copy of the foot with the 13 spring and damper constants of `arch`, its geometry and masses kept.
+
+    Args:
+        foot: foot_arch or an edited copy.
+        arch: whose constants it gets.
+    """
     model = copy.copy(foot.model)
-    stiffness = model.jnt_stiffness.reshape(model.njnt, -1)
-    damping = model.dof_damping.reshape(model.nv, -1)
-    for joint, symbol in zip((JOINTS[1], *JOINTS[3:]), "T234", strict=True):
+    for symbol, joint in SPRUNG.items():
         j, c = model.joint(joint).id, getattr(arch, f"c_{symbol}")
-        stiffness[j, 0] = getattr(arch, f"k_{symbol}")
-        damping[_dof(model, joint), 0] = (PAD_SHARE if symbol == "T" else HINGE_SHARE) * c
-        model.jnt_user[j, :4] = (NONLINEAR, c, 0, 0)
-    tendon_stiffness = model.tendon_stiffness.reshape(model.ntendon, -1)
-    tendon_damping = model.tendon_damping.reshape(model.ntendon, -1)
-    for tendon in TENDONS[:2]:
-        t = model.tendon(tendon).id
-        tendon_stiffness[t, 0], tendon_damping[t, 0] = arch.k_F / 2, PAD_SHARE * arch.c_F / 2
-        model.tendon_user[t, :4] = (NONLINEAR, arch.c_F / 2, 0, 0)
-    tendon_stiffness[model.tendon(TENDONS[2]).id, 0] = arch.k_11
+        model.jnt_stiffness[j] = getattr(arch, f"k_{symbol}")
+        model.dof_damping[_dof(model, joint)] = (PAD_SHARE if symbol == "T" else HINGE_SHARE) * c
+        model.jnt_user[j, :4] = (DAMPER, c, 0, 0)
+    for pad in PADS:
+        t = model.tendon(pad).id
+        model.tendon_stiffness[t], model.tendon_damping[t] = arch.k_F / 2, PAD_SHARE * arch.c_F / 2
+        model.tendon_user[t, :4] = (DAMPER, arch.c_F / 2, 0, 0)
+    model.tendon_stiffness[model.tendon(FASCIA).id] = arch.k_11
     branch = model.actuator(BRANCH).id
     model.actuator_gainprm[branch, 0], model.actuator_dynprm[branch, 0] = 1 / arch.c_1, arch.c_1 / arch.k_12
     return replace(foot, model=model)

@@ -54,31 +54,29 @@ def initial_state(arch: Arch) -> Array:
     return np.concatenate([rest(arch)[:5], np.zeros(6)])
 
 
-def split(arch: Arch, states: Array, as_printed: bool = False) -> tuple[Array, Array, Array]:
+def split(arch: Arch, states: Array) -> tuple[Array, Array, Array]:
     """Coordinates and rates q, q' of shape (..., 6), and the spring and damper forces; x' from B_6 = 0."""
     q = np.concatenate([states[..., :5], states[..., 10:]], axis=-1)
     q_dot = np.concatenate([states[..., 5:10], np.zeros_like(states[..., 10:])], axis=-1)
-    forces = spring_damper_forces(arch, q, q_dot, as_printed)
+    forces = spring_damper_forces(arch, q, q_dot)
     q_dot[..., X] = forces[..., X] / arch.c_1
-    if as_printed:  # the printed dashpot also pulls at the angles
-        forces = spring_damper_forces(arch, q, q_dot, as_printed)
     return q, q_dot, forces
 
 
-def state_rate(arch: Arch, states: Array, base_acceleration: float | Array, as_printed: bool = False) -> Array:
+def state_rate(arch: Arch, states: Array, base_acceleration: float | Array) -> Array:
     """f(X, u) of Eq. (4.16), shape (..., 11), for table accelerations [m/s^2] of shape (...)."""
-    q, q_dot, forces = split(arch, states, as_printed)
-    A = mass_matrix(arch, q, as_printed)[..., :5, :5]
-    B = (velocity_terms(arch, q, q_dot, as_printed) + forces)[..., :5]
+    q, q_dot, forces = split(arch, states)
+    A = mass_matrix(arch, q)[..., :5, :5]
+    B = (velocity_terms(arch, q, q_dot) + forces)[..., :5]
     B = B - A[..., 0] * np.asarray(base_acceleration)[..., None]
     q_ddot = np.linalg.solve(A, B[..., None])[..., 0]  # Eq. (4.11)
     return np.concatenate([q_dot[..., :5], q_ddot, q_dot[..., X:]], axis=-1)
 
 
-def jacobian(arch: Arch, states: Array, base_acceleration: float | Array, as_printed: bool = False) -> Array:
+def jacobian(arch: Arch, states: Array, base_acceleration: float | Array) -> Array:
     """J = df/dX by complex steps, exact to rounding, shape (..., 11, 11)."""
     stepped = states[..., None, :] + 1j * _COMPLEX_STEP * np.eye(11)
-    rate = state_rate(arch, stepped, np.asarray(base_acceleration)[..., None], as_printed)
+    rate = state_rate(arch, stepped, np.asarray(base_acceleration)[..., None])
     return np.swapaxes(rate.imag / _COMPLEX_STEP, -1, -2)
 
 

@@ -35,6 +35,8 @@ LAWS = (
     Law("4.24", "linear spring, strain-proportional damper", ("E [N]", "eta [N s]", "h [m]", "e0")),
     Law("4.25", "nonlinear damper beside a linear spring", ("c1 [N s/m]", "c2 [1/m]", "c3 [1/m]")),
 )
+#: Code of the damper law, which stands beside the element's own spring and includes the element's own damping.
+DAMPER = LAWS[-1].code
 #: Length of the `user` field: the law's code and at most seven parameters.
 USER_SIZE = 8
 #: Exponentials that stand for the continuous relaxation spectrum of Eq. (4.22).
@@ -109,6 +111,29 @@ def algebraic_force(user: np.ndarray, x: float, x_dot: float, native_damping: fl
         e, e_dot, rest = user[7] - x / user[6], -x_dot / user[6], user[1] * user[7] ** user[2]
         return (power_law(e, e_dot, user[1], user[2], user[3], user[4], user[5]) if e > 0.0 else 0.0) - rest
     return 0.0
+
+
+def at_rest(user: np.ndarray) -> tuple[float, float]:
+    """Stiffness [N/m] and damping [N s/m] of a law without memory for small motion about rest.
+
+    Args:
+        user: (8,) law code and parameters; zeros for no law.
+
+    Raises:
+        ValueError: the law has no linear damper at rest; the message is a clause that says so.
+    """
+    code = round(100.0 * user[0])
+    if code == 425:
+        return 0.0, float(user[1])
+    if code == 424:
+        E, eta, h, e0 = map(float, user[1:5])
+        return E / h, eta * e0 / h
+    if code == 423:
+        j, k, l, m, n, h, e0 = map(float, user[1:8])  # noqa: E741
+        if l and n != 1:
+            raise ValueError(f"has the law 4.23 with n = {n:g}, whose damper is not linear at rest; only n = 1 is")
+        return j * k * e0 ** (k - 1) / h, l * e0**m / h
+    return 0.0, 0.0
 
 
 @njit(cache=True)

@@ -1,17 +1,14 @@
-"""Where MuJoCo 4.0 keeps each field of mjModel and mjData, found by searching a probe model's structs.
-
-The addresses of the arrays are known to Python; the words of the C struct that hold them are their offsets. A count is
-found as the word that follows it through several models.
-
-MuJoCo's native callbacks: nonlinear dampers, pad laws and the shaker, without the GIL.
+"""MuJoCo's native callbacks: nonlinear dampers, pad laws and the shaker, without the GIL.
 
 MuJoCo calls a C function where a model has forces of its own. numba compiles ours (`cfunc`), so no compiler is needed
-and rollouts run on all cores. The compiled code reads mjModel and mjData by the word offsets that layout.py finds at
-start-up, and a self-test against the Python twin refuses an engine whose layout differs.
+and rollouts run on all cores. Callbacks are global to the process: `callbacks()` installs them for a `with` block and
+restores what was there. They act on marked elements only: joints and tendons whose `user` field starts with a law's
+number (damper.py), and actuators whose `biasprm` starts with the number of a law or of the shaker.
 
-Callbacks are global to the process. `callbacks()` installs them for a `with` block and restores what was there. They
-act on marked elements only: joints and tendons whose `user` field starts with a law's number (damper.py), and actuators
-whose `biasprm` starts with the number of a law or of the shaker.
+The compiled code reads mjModel and mjData by word offsets, which `find_offsets` finds at start-up in the structs of a
+probe model: the addresses of the arrays are known to Python, the words that hold them are their offsets, and a count is
+the word that follows it through several models. A self-test against the Python twin refuses a MuJoCo that is laid out
+differently.
 """
 
 import ctypes
@@ -32,6 +29,13 @@ from fasbody.exceptions import EngineError
 from fasbody.foot import damper
 from fasbody.foot.damper import algebraic_force, viscoelastic_force, viscoelastic_rate
 
+#: `biasprm[0]` of the actuator that drives the base (shaker.py); its five controls are the step's start time and the
+#: Taylor coefficients a0..a3 of the base acceleration within the step.
+SHAKER = 1.0
+SHAKER_CONTROLS = 5
+VISCOELASTIC = 4.22
+_PRM = mujoco.mjNBIAS
+
 _MODEL_ARRAYS = (
     "jnt_user", "jnt_qposadr", "jnt_dofadr", "dof_damping", "qpos_spring", "tendon_user", "tendon_damping",
     "tendon_length0", "ten_J_rownnz", "ten_J_rowadr", "ten_J_colind", "actuator_biasprm", "actuator_ctrladr",
@@ -44,99 +48,6 @@ _DATA_ARRAYS = (
 # The structs are at least this many 8-byte words long in MuJoCo 4.0; only these are searched.
 MODEL_WORDS = 700
 DATA_WORDS = 20_180
-
-# Every array above is non-empty here, and the counts are unlike any other number in the structs.
-_PROBE = """
-<mujoco>
-  <size nuser_jnt="{nuser_jnt}" nuser_tendon="{nuser_tendon}"/>
-  <option gravity="0 0 0" integrator="RK4"/>
-  <worldbody>
-    <body name="base"><joint name="base" type="slide" axis="0 1 0" armature="1e9"/><geom size="0.1" mass="1"/>
-      <body><joint name="a" type="slide" axis="0 1 0" stiffness="3e4" damping="7" user="4.25 310 -120 180"/>
-        <geom size="0.1" mass="2"/><site name="a"/>
-        <body><joint name="b" type="slide" axis="0 1 0" user="4.24 900 30 0.02 0.2"/><geom size="0.1" mass="3"/>
-          <site name="b"/>
-          <body><joint name="c" type="slide" axis="0 1 0" stiffness="2e4"
-            user="4.23 900 1.5 30 0.9 0.8 0.02 0.2"/><geom size="0.1" mass="1"/>{more}</body>
-        </body>
-      </body>
-    </body>
-    <body pos="0 1 0"><site name="ceiling"/></body>
-  </worldbody>
-  <tendon>
-    <spatial name="t" user="4.25 200 50 90" damping="11"><site site="a"/><site site="ceiling"/></spatial>
-    {tendons}
-  </tendon>
-  <actuator>
-    <general name="shaker" joint="base" gear="1e9" biastype="user" biasprm="1"/>
-    <general joint="base" gainprm="0"/><general joint="base" gainprm="0"/>
-    <general joint="base" gainprm="0"/><general joint="base" gainprm="0"/>
-    <general name="pad" joint="b" dyntype="user" actdim="8" gainprm="0" biastype="user"
-      biasprm="4.22 40 5 0.8 0.004 1.5 0.02 0.2"/>
-  </actuator>
-</mujoco>
-"""
-# two joints a body, one of them a ball, so that joints, bodies, positions and velocities are counted differently
-_MORE_JOINT = '<body><joint type="slide"/><joint type="ball"/><geom size="0.1" mass="1"/></body>'
-_MORE_TENDON = '<fixed><joint joint="a" coef="1"/></fixed>'
-
-
-def probe_model(joints: int = 0, tendons: int = 0, nuser_jnt: int = 8, nuser_tendon: int = 8) -> mujoco.MjModel:
-    """A small model that uses every callback, with extra joints and tendons to tell counts apart."""
-    extra = {"more": _MORE_JOINT * joints, "tendons": _MORE_TENDON * tendons}
-    return mujoco.MjModel.from_xml_string(_PROBE.format(nuser_jnt=nuser_jnt, nuser_tendon=nuser_tendon, **extra))
-
-
-def _words(struct: Any, count: int) -> np.ndarray:
-    return np.ctypeslib.as_array((ctypes.c_int64 * count).from_address(struct._address))
-
-
-def find_offsets() -> dict[str, int]:
-    """Word offset of each needed field in mjModel and mjData.
-
-    Raises:
-        EngineError: a field was not found, so this MuJoCo is laid out differently.
-    """
-    offsets = {}
-    model = probe_model()
-    data = mujoco.MjData(model)
-    data.time = 0.7390851332151607  # a value that no other field has
-    for struct, names, count in ((model, _MODEL_ARRAYS, MODEL_WORDS), (data, _DATA_ARRAYS, DATA_WORDS)):
-        words = _words(struct, count)
-        for name in names:
-            # An empty array shares the address of the next one, so the last hit is the field itself.
-            offsets[name] = _last(np.flatnonzero(words == getattr(struct, name).ctypes.data), name)
-    offsets["time"] = _last(np.flatnonzero(_words(data, DATA_WORDS).view(float) == data.time), "time")
-    offsets["njnt"] = _counted("njnt", (0, 0), (2, 0), (5, 0))
-    offsets["ntendon"] = _counted("ntendon", (0, 0), (0, 1), (0, 3))
-    offsets["nuser_jnt"] = _counted("nuser_jnt", (0, 0, 9), (0, 0, 8), (0, 0, 10))
-    offsets["nuser_tendon"] = _counted("nuser_tendon", (0, 0, 8, 9), (0, 0, 8, 8), (0, 0, 8, 10))
-    return offsets
-
-
-def _counted(name: str, *variants: tuple[int, ...]) -> int:
-    """Offset of a count: the one word that equals it in every variant of the probe model."""
-    models = [probe_model(*variant) for variant in variants]
-    same = [_words(model, MODEL_WORDS) == getattr(model, name) for model in models]
-    hits = np.flatnonzero(np.logical_and.reduce(same))
-    return _last(hits if hits.size == 1 else hits[:0], name)
-
-
-def _last(hits: np.ndarray, name: str) -> int:
-    if hits.size == 0:
-        raise EngineError(
-            f"MuJoCo {mujoco.__version__} does not have the field {name!r} where version 4.0 has it; "
-            "install mujoco==4.0.* to run native callbacks."
-        )
-    return int(hits[-1])
-
-
-#: `biasprm[0]` of the actuator that drives the base (shaker.py); its five controls are the step's start time and the
-#: Taylor coefficients a0..a3 of the base acceleration within the step.
-SHAKER = 1.0
-SHAKER_CONTROLS = 5
-VISCOELASTIC = 4.22
-_PRM = mujoco.mjNBIAS
 
 
 @dataclass(frozen=True)
@@ -343,3 +254,89 @@ def callbacks(chosen: Callbacks | None = None) -> Iterator[Callbacks]:
     finally:
         for name, (_, put) in _SLOTS.items():
             put(before[name])
+
+
+# Every array above is non-empty here, and the counts are unlike any other number in the structs.
+_PROBE = """
+<mujoco>
+  <size nuser_jnt="{nuser_jnt}" nuser_tendon="{nuser_tendon}"/>
+  <option gravity="0 0 0" integrator="RK4"/>
+  <worldbody>
+    <body name="base"><joint name="base" type="slide" axis="0 1 0" armature="1e9"/><geom size="0.1" mass="1"/>
+      <body><joint name="a" type="slide" axis="0 1 0" stiffness="3e4" damping="7" user="4.25 310 -120 180"/>
+        <geom size="0.1" mass="2"/><site name="a"/>
+        <body><joint name="b" type="slide" axis="0 1 0" user="4.24 900 30 0.02 0.2"/><geom size="0.1" mass="3"/>
+          <site name="b"/>
+          <body><joint name="c" type="slide" axis="0 1 0" stiffness="2e4"
+            user="4.23 900 1.5 30 0.9 0.8 0.02 0.2"/><geom size="0.1" mass="1"/>{more}</body>
+        </body>
+      </body>
+    </body>
+    <body pos="0 1 0"><site name="ceiling"/></body>
+  </worldbody>
+  <tendon>
+    <spatial name="t" user="4.25 200 50 90" damping="11"><site site="a"/><site site="ceiling"/></spatial>
+    {tendons}
+  </tendon>
+  <actuator>
+    <general name="shaker" joint="base" gear="1e9" biastype="user" biasprm="1"/>
+    <general joint="base" gainprm="0"/><general joint="base" gainprm="0"/>
+    <general joint="base" gainprm="0"/><general joint="base" gainprm="0"/>
+    <general name="pad" joint="b" dyntype="user" actdim="8" gainprm="0" biastype="user"
+      biasprm="4.22 40 5 0.8 0.004 1.5 0.02 0.2"/>
+  </actuator>
+</mujoco>
+"""
+# two joints a body, one of them a ball, so that joints, bodies, positions and velocities are counted differently
+_MORE_JOINT = '<body><joint type="slide"/><joint type="ball"/><geom size="0.1" mass="1"/></body>'
+_MORE_TENDON = '<fixed><joint joint="a" coef="1"/></fixed>'
+
+
+def probe_model(joints: int = 0, tendons: int = 0, nuser_jnt: int = 8, nuser_tendon: int = 8) -> mujoco.MjModel:
+    """A small model that uses every callback, with extra joints and tendons to tell counts apart."""
+    extra = {"more": _MORE_JOINT * joints, "tendons": _MORE_TENDON * tendons}
+    return mujoco.MjModel.from_xml_string(_PROBE.format(nuser_jnt=nuser_jnt, nuser_tendon=nuser_tendon, **extra))
+
+
+def _words(struct: Any, count: int) -> np.ndarray:
+    return np.ctypeslib.as_array((ctypes.c_int64 * count).from_address(struct._address))
+
+
+def find_offsets() -> dict[str, int]:
+    """Word offset of each needed field in mjModel and mjData.
+
+    Raises:
+        EngineError: a field was not found, so this MuJoCo is laid out differently.
+    """
+    offsets = {}
+    model = probe_model()
+    data = mujoco.MjData(model)
+    data.time = 0.7390851332151607  # a value that no other field has
+    for struct, names, count in ((model, _MODEL_ARRAYS, MODEL_WORDS), (data, _DATA_ARRAYS, DATA_WORDS)):
+        words = _words(struct, count)
+        for name in names:
+            # An empty array shares the address of the next one, so the last hit is the field itself.
+            offsets[name] = _last(np.flatnonzero(words == getattr(struct, name).ctypes.data), name)
+    offsets["time"] = _last(np.flatnonzero(_words(data, DATA_WORDS).view(float) == data.time), "time")
+    offsets["njnt"] = _counted("njnt", (0, 0), (2, 0), (5, 0))
+    offsets["ntendon"] = _counted("ntendon", (0, 0), (0, 1), (0, 3))
+    offsets["nuser_jnt"] = _counted("nuser_jnt", (0, 0, 9), (0, 0, 8), (0, 0, 10))
+    offsets["nuser_tendon"] = _counted("nuser_tendon", (0, 0, 8, 9), (0, 0, 8, 8), (0, 0, 8, 10))
+    return offsets
+
+
+def _counted(name: str, *variants: tuple[int, ...]) -> int:
+    """Offset of a count: the one word that equals it in every variant of the probe model."""
+    models = [probe_model(*variant) for variant in variants]
+    same = [_words(model, MODEL_WORDS) == getattr(model, name) for model in models]
+    hits = np.flatnonzero(np.logical_and.reduce(same))
+    return _last(hits if hits.size == 1 else hits[:0], name)
+
+
+def _last(hits: np.ndarray, name: str) -> int:
+    if hits.size == 0:
+        raise EngineError(
+            f"MuJoCo {mujoco.__version__} does not have the field {name!r} where version 4.0 has it; "
+            "install mujoco==4.0.* to run native callbacks."
+        )
+    return int(hits[-1])

@@ -1,7 +1,4 @@
-"""What MuJoCo and its XML reader say about a broken model, in the words of whoever edited the file.
-
-Loading an MJCF foot: by name or file, checked for the elements that every command needs.
-"""
+"""A foot as an MJCF model: loaded by name or file, checked for what every command needs, refused in one sentence."""
 
 import copy
 import re
@@ -19,56 +16,10 @@ from fasbody.foot.engine import SHAKER, SHAKER_CONTROLS
 from fasbody.foot.parameters import Parameters, declared, names
 from fasbody.presentation import Sheet
 
-#: What the compiler's message means; groups of the pattern and of its place fill the clause.
-_MEANINGS = (
-    (r"transmission target '(?P<x>[^']*)' not found", "acts on {x!r}, which is not in the model"),
-    (r"unknown transmission target '(?P<x>[^']*)'", "acts on {x!r}, which is not in the model"),
-    (r"unknown element '(?P<x>[^']*)' in equality", "ties {x!r}, which is not in the model"),
-    (r"(?P<k>site|geom|joint|body) '(?P<x>[^']*)' not found", "names the {k} {x!r}, which is not in the model"),
-    (r"unrecognized name '(?P<x>[^']*)'", "names {x!r}, which is not in the model"),
-    (r"path cannot be empty", "names no sites to run through"),
-    (r"unrecognized attribute: '(?P<x>[^']*)'", "has the attribute {x!r}, which MJCF does not know there"),
-    (r"unrecognized element", "stands where MJCF knows no such element"),
-    (r"bad format in attribute '(?P<x>[^']*)'", "has something else than numbers in the attribute {x!r}"),
-    (r"unknown default class name '(?P<x>[^']*)'", "names the class {x!r}, which no default declares"),
-    (r"repeated name '(?P<x>[^']*)'", "has the name {x!r} a second time"),
-)
-_BROKEN = {
-    "MISMATCHED_ELEMENT": "the element <{x}> that begins there is not closed where it should be",
-    "PARSING_ATTRIBUTE": 'an attribute of <{x}> is not written as name="value"',
-    "PARSING_ELEMENT": 'an element is not written as <name attribute="value">',
-    "PARSING": "an element that begins there or later is never closed",
-    "EMPTY_DOCUMENT": "the file is empty",
-}
-
-
-def compiler_complaint(message: str) -> tuple[str, int | None]:
-    """The clause that says what is wrong with a model, and the line it stands in.
-
-    Args:
-        message: what MuJoCo raised.
-    """
-    text = " ".join(message.split())
-    found = re.search(r"[Ll]ine(?: number=|\s)(\d+)", text)
-    line = int(found[1]) if found else None
-    broken = re.search(r"Error=XML_ERROR_(\w+)", text)
-    if broken:
-        element = re.search(r"XMLElement name=(\S+)", text)
-        clause = _BROKEN.get(broken[1], "its XML is not well-formed").format(x=element[1] if element else "?")
-        return clause, line
-    head, _, place = re.sub(r"^(XML )?Error: ", "", text).partition(" Element ")
-    name = re.search(r"name '([^']*)'", place) or re.match(r"'([^']*)'", place)
-    where = "" if not name else f"{name[1]!r} " if place.startswith("name") else f"<{name[1]}> "
-    for pattern, meaning in _MEANINGS:
-        match = re.search(pattern, head)
-        if match:
-            return where + meaning.format(**match.groupdict()), line
-    plain = re.sub(r" ?\(id = \d+\)|^Schema violation: ", "", head).rstrip(".")
-    return f"{where.strip()}: {plain}" if where else plain, line
-
-
 #: Elements that every command needs, by kind.
 REQUIRED = {"joint": ("base",), "actuator": ("shaker",), "sensor": ("base", "malleolus"), "site": ("malleolus",)}
+#: Armature from which a joint is the shaker's table [kg], and how far two tied pads may differ at rest [m].
+HEAVY, CLOSED = 1e6, 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -164,7 +115,15 @@ def load(model: str | Path) -> Foot:
 
 
 def check(model: mujoco.MjModel, name: str) -> Foot:
-    """Wrap a compiled model as a `Foot`; see `load` for the errors."""
+    """Wrap a compiled model as a `Foot`.
+
+    Args:
+        model: the compiled model.
+        name: what to call it in messages.
+
+    Raises:
+        ModelError: see `load`.
+    """
     for kind, needed in REQUIRED.items():
         found = names(model, kind)
         missing = [element for element in needed if element not in found]
@@ -183,7 +142,8 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
             f'{name}: the actuator shaker needs biastype="user" biasprm="{SHAKER:g}" and four more actuators behind it '
             "that carry its controls; copy the actuators of two_dof.xml."
         )
-    _check_shaker(model, name, shaker)
+    _check_base(model, name, shaker)
+    _check_pads(model, name)
     sensor = {element: int(model.sensor(element).adr[0]) + 1 for element in REQUIRED["sensor"]}  # +1: the y component
     base = int(model.jnt_qposadr[model.joint("base").id])
     if not can_be_constrained(model):  # MuJoCo then need not look for contacts: a fifth of a step
@@ -191,52 +151,72 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
     return Foot(name, model, declared(model, name), base, first, sensor)
 
 
-def _check_shaker(model: mujoco.MjModel, name: str, shaker: int) -> None:
-    """The shaker's force is gear x acceleration, so the gear must be the base's armature."""
-    gear = float(model.actuator_gear[model.actuator_outadr[shaker], 0])
-    armature = float(model.dof_armature[model.jnt_dofadr[model.joint("base").id]])
-    if not (armature >= 1e6 and abs(gear / armature - 1) < 1e-6):
+def _check_base(model: mujoco.MjModel, name: str, shaker: int) -> None:
+    """The base goes up and down, and no other joint is as heavy.
+
+    The shaker's force is gear x acceleration, so the gear must be the base's armature.
+    """
+    joint = model.joint("base").id
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    axis = data.xaxis[joint]
+    if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_SLIDE or np.abs(axis - (0, 1, 0)).max() > 1e-6:
+        raise ModelError(
+            f"{name}: joint 'base' must be a slide along y, which is up and where both sensors are read; "
+            f"it moves along {axis[0]:g} {axis[1]:g} {axis[2]:g}."
+        )
+    gear, base = float(model.actuator_gear[model.actuator_outadr[shaker], 0]), int(model.jnt_dofadr[joint])
+    armature = float(model.dof_armature[base])
+    if not (armature >= HEAVY and abs(gear / armature - 1) < 1e-6):
         raise ModelError(
             f"{name}: the shaker has gear {gear:g} and the joint base has armature {armature:g}; "
             "both must be the same large number (1e9), so that the base follows the prescribed acceleration."
         )
+    for dof in np.flatnonzero(model.dof_armature >= HEAVY):
+        if dof != base:
+            raise ModelError(
+                f"{name}: joint {model.joint(model.dof_jntid[dof]).name!r} has the armature "
+                f'{model.dof_armature[dof]:g} of the shaker\'s table, so that nothing moves it; give it armature="0".'
+            )
 
 
-def can_be_constrained(model: mujoco.MjModel) -> bool:
-    """Whether anything in a model can touch, or has a limit, an equality or dry friction."""
-    touches = np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any() or model.npair or model.nflex
-    limited = model.jnt_limited.any() or model.tendon_limited.any() or model.neq
-    return bool(touches or limited or model.dof_frictionloss.any() or model.tendon_frictionloss.any())
+def _check_pads(model: mujoco.MjModel, name: str) -> None:
+    """Tendons that an equality keeps equally long must begin so: the engine would keep the gap that it finds."""
+    for e in np.flatnonzero((model.eq_type == mujoco.mjtEq.mjEQ_TENDON) & model.eq_active0):
+        one, other = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
+        gap = abs(float(model.tendon_length0[one] - model.tendon_length0[other])) if other >= 0 else 0.0
+        if gap > CLOSED and not np.any(model.eq_data[e, :5] - (0, 1, 0, 0, 0)):
+            raise ModelError(
+                f"{name}: equality {model.equality(e).name!r} ties the tendons {model.tendon(one).name!r} and "
+                f"{model.tendon(other).name!r}, whose lengths at rest are {gap * 1e3:.3f} mm apart; turn or move a "
+                "body until both are equal (in foot_arch.xml calcaneus_talus, until heel and heads are level)."
+            )
 
 
 def check_constants(model: mujoco.MjModel, name: str) -> None:
     """Refuse a stiffness, damping or mass that is negative or no number; the message names its element.
 
     Args:
-        model: the compiled model. name: what to call it in messages.
+        model: the compiled model.
+        name: what to call it in messages.
 
     Raises:
         ModelError: the first one found.
     """
     rows = [("body", b, "mass", m) for b, m in enumerate(model.body_mass)]
-    rows += [("joint", int(model.dof_jntid[i]), "damping", c) for i, c in enumerate(_linear(model.dof_damping))]
-    rows += [("joint", j, "stiffness", k) for j, k in enumerate(_linear(model.jnt_stiffness))]
-    rows += [("tendon", t, "damping", c) for t, c in enumerate(_linear(model.tendon_damping))]
-    rows += [("tendon", t, "stiffness", k) for t, k in enumerate(_linear(model.tendon_stiffness))]
+    rows += [("joint", int(model.dof_jntid[i]), "damping", c) for i, c in enumerate(model.dof_damping)]
+    rows += [("joint", j, "stiffness", k) for j, k in enumerate(model.jnt_stiffness)]
+    rows += [("tendon", t, "damping", c) for t, c in enumerate(model.tendon_damping)]
+    rows += [("tendon", t, "stiffness", k) for t, k in enumerate(model.tendon_stiffness)]
     for kind, user in (("joint", model.jnt_user), ("tendon", model.tendon_user)):
-        if user.shape[1] > 1:  # c_1 of the law 4.25
-            rows += [(kind, i, "damping", row[1]) for i, row in enumerate(user) if row[0] == 4.25]
+        if user.shape[1] > 1:
+            rows += [(kind, i, "damping", row[1]) for i, row in enumerate(user) if row[0] == damper.DAMPER]
     for kind, number, quantity, value in rows:
         if not 0 <= value < np.inf:
             element = getattr(model, kind)(number).name
             raise ModelError(
                 f"{name}: {kind} {element!r} has the {quantity} {value:g}; it must be a number of zero or more."
             )
-
-
-def _linear(field: np.ndarray) -> np.ndarray:
-    """The linear coefficient of each element; MuJoCo keeps those of a polynomial behind it."""
-    return field.reshape(len(field), -1)[:, 0] if len(field) else field
 
 
 def _check_laws(model: mujoco.MjModel, name: str) -> None:
@@ -266,7 +246,9 @@ def _check_law(row: np.ndarray, laws: list[damper.Law], here: str) -> None:
         raise ModelError(f"{here} names the law {row[0]:g} (valid: {valid}).")
     if not np.isfinite(row).all():
         raise ModelError(f"{here} gives a parameter that is no number to the law {law.equation}.")
-    if law.equation != "4.25":
+    if law.code == damper.DAMPER and row[1] == 0:
+        raise ModelError(f"{here} names the law 4.25 with c1 = 0, no damper; write 4.25 c1 c2 c3, or no user field.")
+    if law.code != damper.DAMPER:
         for parameter, value in zip(law.parameters, row[1:], strict=False):
             short = parameter.split()[0]
             if value <= 0 and short not in ("l", "eta", "c", "m", "n"):
@@ -274,3 +256,58 @@ def _check_law(row: np.ndarray, laws: list[damper.Law], here: str) -> None:
                 raise ModelError(
                     f"{here} gives {short} = {value:g} to the law {law.equation}; write {wanted}, all positive."
                 )
+
+
+def can_be_constrained(model: mujoco.MjModel) -> bool:
+    """Whether anything in a model can touch, or has a limit, an equality or dry friction."""
+    touches = np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any() or model.npair or model.nflex
+    limited = model.jnt_limited.any() or model.tendon_limited.any() or model.neq
+    return bool(touches or limited or model.dof_frictionloss.any() or model.tendon_frictionloss.any())
+
+
+#: What the compiler's message means; groups of the pattern and of its place fill the clause.
+_MEANINGS = (
+    (r"transmission target '(?P<x>[^']*)' not found", "acts on {x!r}, which is not in the model"),
+    (r"unknown transmission target '(?P<x>[^']*)'", "acts on {x!r}, which is not in the model"),
+    (r"unknown element '(?P<x>[^']*)' in equality", "ties {x!r}, which is not in the model"),
+    (r"(?P<k>site|geom|joint|body) '(?P<x>[^']*)' not found", "names the {k} {x!r}, which is not in the model"),
+    (r"unrecognized name '(?P<x>[^']*)'", "names {x!r}, which is not in the model"),
+    (r"path cannot be empty", "names no sites to run through"),
+    (r"unrecognized attribute: '(?P<x>[^']*)'", "has the attribute {x!r}, which MJCF does not know there"),
+    (r"unrecognized element", "stands where MJCF knows no such element"),
+    (r"bad format in attribute '(?P<x>[^']*)'", "has something else than numbers in the attribute {x!r}"),
+    (r"unknown default class name '(?P<x>[^']*)'", "names the class {x!r}, which no default declares"),
+    (r"repeated name '(?P<x>[^']*)'", "has the name {x!r} a second time"),
+)
+_BROKEN = {
+    "MISMATCHED_ELEMENT": "the element <{x}> that begins there is not closed where it should be",
+    "PARSING_ATTRIBUTE": 'an attribute of <{x}> is not written as name="value"',
+    "PARSING_ELEMENT": 'an element is not written as <name attribute="value">',
+    "PARSING": "an element that begins there or later is never closed",
+    "EMPTY_DOCUMENT": "the file is empty",
+}
+
+
+def compiler_complaint(message: str) -> tuple[str, int | None]:
+    """The clause that says what is wrong with a model, and the line it stands in.
+
+    Args:
+        message: what MuJoCo raised.
+    """
+    text = " ".join(message.split())
+    found = re.search(r"[Ll]ine(?: number=|\s)(\d+)", text)
+    line = int(found[1]) if found else None
+    broken = re.search(r"Error=XML_ERROR_(\w+)", text)
+    if broken:
+        element = re.search(r"XMLElement name=(\S+)", text)
+        clause = _BROKEN.get(broken[1], "its XML is not well-formed").format(x=element[1] if element else "?")
+        return clause, line
+    head, _, place = re.sub(r"^(XML )?Error: ", "", text).partition(" Element ")
+    name = re.search(r"name '([^']*)'", place) or re.match(r"'([^']*)'", place)
+    where = "" if not name else f"{name[1]!r} " if place.startswith("name") else f"<{name[1]}> "
+    for pattern, meaning in _MEANINGS:
+        match = re.search(pattern, head)
+        if match:
+            return where + meaning.format(**match.groupdict()), line
+    plain = re.sub(r" ?\(id = \d+\)|^Schema violation: ", "", head).rstrip(".")
+    return f"{where.strip()}: {plain}" if where else plain, line

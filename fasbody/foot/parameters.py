@@ -14,11 +14,20 @@ a product of two columns of one field, is written
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 
 from fasbody.exceptions import ModelError, SettingError, unknown
+
+if TYPE_CHECKING:
+    import mujoco
+
+#: Units of parameters, and what they add to a name at the borders: k_T in N/m is ``k_T_n_per_m`` in JSON and CSV.
+UNITS = {
+    "N/m": "n_per_m", "N s/m": "n_s_per_m", "N m/rad": "n_m_per_rad", "N m s/rad": "n_m_s_per_rad", "1/m": "per_m",
+    "kg": "kg", "N s": "n_s", "N": "n", "m": "m", "s": "s", "": "",
+}  # fmt: skip
 
 #: What a declaration may point at: (element kind, attribute) -> mjModel field.
 _FIELDS = {
@@ -34,14 +43,6 @@ _FIELDS = {
     ("actuator", "gainprm"): "actuator_gainprm",
     ("actuator", "dynprm"): "actuator_dynprm",
 }
-_OBJECTS = {
-    "joint": mujoco.mjtObj.mjOBJ_JOINT,
-    "tendon": mujoco.mjtObj.mjOBJ_TENDON,
-    "body": mujoco.mjtObj.mjOBJ_BODY,
-    "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
-}
-_SUFFIX = {"N/m": "n_per_m", "N s/m": "n_s_per_m", "1/m": "per_m", "kg": "kg", "s": "s", "N": "n", "m": "m", "": ""}
-_SUFFIX |= {"N s": "n_s", "N m/rad": "n_m_per_rad", "N m s/rad": "n_m_s_per_rad"}
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,8 @@ class Place:
     """Where a parameter stands in mjModel.
 
     Attributes:
-        field: of mjModel; index: flat index within it.
+        field: of mjModel.
+        index: flat index within it.
         share: of the value, or of its reciprocal.
         reciprocal: one over the value stands there.
         times: another place (field, index): the product of both is what stands for the value, and it stays as it is.
@@ -68,7 +70,7 @@ class Place:
         """Every field that is read or written."""
         return (self.field, *(partner[0] for partner in (self.times, self.against) if partner))
 
-    def read(self, model: mujoco.MjModel) -> float:
+    def read(self, model: "mujoco.MjModel") -> float:
         """The value that stands here."""
         stored = getattr(model, self.field).ravel()[self.index]
         if self.times:
@@ -93,7 +95,8 @@ class Parameter:
     Attributes:
         name: thesis symbol, e.g. ``k_T``.
         unit: SI unit as written in the model.
-        lower: lower bound; upper: upper bound, in that unit.
+        lower: lower bound, in that unit.
+        upper: upper bound.
         places: where the number stands in mjModel.
         source: where the nominal value comes from.
     """
@@ -108,7 +111,7 @@ class Parameter:
     @property
     def key(self) -> str:
         """Name with unit suffix, as used in JSON and CSV: ``k_T_n_per_m``."""
-        return f"{self.name}_{_SUFFIX[self.unit]}" if self.unit else self.name
+        return f"{self.name}_{UNITS[self.unit]}" if self.unit else self.name
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -120,7 +123,7 @@ class Parameter:
         """Stiffness and damping amplitudes are searched on a logarithmic scale."""
         return self.lower > 0.0
 
-    def read(self, model: mujoco.MjModel) -> float:
+    def read(self, model: "mujoco.MjModel") -> float:
         """Value in the model, from its first place."""
         return self.places[0].read(model)
 
@@ -128,6 +131,14 @@ class Parameter:
         """Write values into arrays by field name, each (nsim, size) or (size,)."""
         for place in self.places:
             place.write(target, value)
+
+
+def symbol_and_unit(key: str) -> tuple[str, str]:
+    """Thesis symbol and unit of a `Parameter.key`: ``k_T_n_per_m`` is k_T in N/m."""
+    for unit, suffix in sorted(UNITS.items(), key=lambda item: -len(item[1])):  # _n_s_per_m also ends in _per_m
+        if suffix and key.endswith(f"_{suffix}"):
+            return key.removesuffix(f"_{suffix}"), unit
+    return key, ""
 
 
 class Parameters(Mapping[str, Parameter]):
@@ -158,15 +169,18 @@ class Parameters(Mapping[str, Parameter]):
         return tuple(dict.fromkeys(field for item in self.values() for field in item.fields))
 
 
-def declared(model: mujoco.MjModel, name: str) -> Parameters:
+def declared(model: "mujoco.MjModel", name: str) -> Parameters:
     """Read the declarations of a compiled model.
 
     Args:
-        model: the model. name: what to call it in messages.
+        model: the model.
+        name: what to call it in messages.
 
     Raises:
         ModelError: a declaration cannot be understood or points at nothing.
     """
+    import mujoco  # names and units are wanted without it
+
     items = []
     for number in range(model.ntext):
         symbol = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, number)
@@ -177,14 +191,14 @@ def declared(model: mujoco.MjModel, name: str) -> Parameters:
     return Parameters(items, name)
 
 
-def _parse(model: mujoco.MjModel, symbol: str, data: str, name: str) -> Parameter:
+def _parse(model: "mujoco.MjModel", symbol: str, data: str, name: str) -> Parameter:
     here = f"{name}: parameter {symbol!r}"
     parts = [part.strip() for part in data.split("|")]
     if len(parts) != 5:
         raise ModelError(f"{here} has {len(parts)} parts; needed are unit | lower | upper | where | source.")
     unit, lower, upper, places, source = parts
-    if unit not in _SUFFIX:
-        raise ModelError(f"{here} has the unit {unit!r} (valid: {', '.join(filter(None, _SUFFIX))}).")
+    if unit not in UNITS:
+        raise ModelError(f"{here} has the unit {unit!r} (valid: {', '.join(filter(None, UNITS))}).")
     try:
         low, high = float(lower), float(upper)
     except ValueError:
@@ -194,7 +208,7 @@ def _parse(model: mujoco.MjModel, symbol: str, data: str, name: str) -> Paramete
     return Parameter(symbol, unit, low, high, tuple(_place(model, p, here) for p in places.split(",")), source)
 
 
-def _place(model: mujoco.MjModel, text: str, here: str) -> Place:
+def _place(model: "mujoco.MjModel", text: str, here: str) -> Place:
     words = text.split()
     share, reciprocal = 1.0, bool(words) and words[0].endswith("/")
     try:
@@ -212,7 +226,7 @@ def _place(model: mujoco.MjModel, text: str, here: str) -> Place:
     return Place(field, index, share, reciprocal, **{partner[0]: other})
 
 
-def _slot(model: mujoco.MjModel, words: list[str], text: str, here: str) -> tuple[str, int]:
+def _slot(model: "mujoco.MjModel", words: list[str], text: str, here: str) -> tuple[str, int]:
     """Field and flat index of `kind name attribute [column]`."""
     if len(words) not in (3, 4) or (words[0], words[2]) not in _FIELDS:
         valid = ", ".join(f"{kind} NAME {attribute}" for kind, attribute in _FIELDS)
@@ -220,9 +234,9 @@ def _slot(model: mujoco.MjModel, words: list[str], text: str, here: str) -> tupl
             f"{here} stands at {text.strip()!r}, which is no place (valid: {valid}, with a number behind)."
         )
     kind, element, attribute = words[:3]
-    number = mujoco.mj_name2id(model, _OBJECTS[kind], element)
-    if number < 0:
+    if element not in names(model, kind):
         raise ModelError(f"{here}: {unknown(kind, element, names(model, kind))}.")
+    number = getattr(model, kind)(element).id
     field = _FIELDS[kind, attribute]
     if field.startswith("dof_"):
         number = int(model.jnt_dofadr[number])
@@ -237,10 +251,8 @@ def _slot(model: mujoco.MjModel, words: list[str], text: str, here: str) -> tupl
     return field, number * width + column
 
 
-def names(model: mujoco.MjModel, kind: str) -> list[str]:
+def names(model: "mujoco.MjModel", kind: str) -> list[str]:
     """Names of all elements of a kind (``joint``, ``tendon``, ``body``, ``actuator``, ``sensor``, ``site``)."""
-    objects = _OBJECTS | {"sensor": mujoco.mjtObj.mjOBJ_SENSOR, "site": mujoco.mjtObj.mjOBJ_SITE}
-    count = {"joint": model.njnt, "tendon": model.ntendon, "body": model.nbody, "actuator": model.nactuator}
-    count |= {"sensor": model.nsensor, "site": model.nsite}
-    found = (mujoco.mj_id2name(model, objects[kind], i) for i in range(count[kind]))
-    return [name for name in found if name]
+    counts = {"joint": model.njnt, "tendon": model.ntendon, "body": model.nbody, "actuator": model.nactuator}
+    counts |= {"sensor": model.nsensor, "site": model.nsite}
+    return [name for number in range(counts[kind]) if (name := getattr(model, kind)(number).name)]

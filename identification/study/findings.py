@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import SettingError
-from identification.result import symbol_and_unit
+from fasbody.foot.parameters import symbol_and_unit
 from identification.study.evidence import Fit, Prior
 from identification.study.summary import place
 from identification.study.tables import Grid, Section

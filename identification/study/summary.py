@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from fasbody.foot.parameters import symbol_and_unit
 from identification.advice import POOR_FIT
 from identification.branches import STIFF_ANKLE, STIFF_PAD
-from identification.result import symbol_and_unit
 from identification.study.truth import Truth
 
 #: Columns of summary.csv.

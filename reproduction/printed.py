@@ -9,8 +9,16 @@ from math import sin
 
 import numpy as np
 
+from fasbody.arch import lagrange
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import THETA_2, THETA_3, THETA_4, Z_F, Z_T, Array, X, arms, closing_angle, rest
+
+
+def mass_matrix(arch: Arch, q: Array) -> Array:
+    """A(q) of Appendix B, shape (..., 6, 6), with its one misprint."""
+    A = lagrange.mass_matrix(arch, q)
+    A[..., 4, 4] = A_55(arch, q)
+    return A
 
 
 def A_55(arch: Arch, q: Array) -> Array:
@@ -140,6 +148,12 @@ def damper_forces(arch: Arch, q: Array, q_dot: Array) -> Array:
     )
     Q[..., X] = -c_1 * x_dot + pull * (l_2 * w_2 + l_3 * w_3 + l_4 * w_4)
     return Q
+
+
+def right_hand_side(arch: Arch, q: Array, q_dot: Array, base_acceleration: float) -> Array:
+    """B of Appendix B, shape (..., 6), under an acceleration of the table [m/s^2]; B_1 read with rates."""
+    forces = spring_forces(arch, q) + damper_forces(arch, q, q_dot)
+    return velocity_terms(arch, q, q_dot) + forces - mass_matrix(arch, q)[..., 0] * base_acceleration
 
 
 def linear(arch: Arch) -> tuple[Array, Array, Array]:

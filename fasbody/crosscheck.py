@@ -1,0 +1,6 @@
+"""The old name of `python -m fasbody.arch crosscheck`, for one release."""
+
+if __name__ == "__main__":
+    from fasbody.arch.__main__ import moved
+
+    moved("fasbody.crosscheck", "crosscheck")
