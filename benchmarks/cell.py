@@ -20,8 +20,7 @@ from benchmarks.rows import JsonOption, Row, report
 from fasbody.cell.assembly import assemble
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import preset
-from fasbody.cell.mesh import dome_mesh
-from fasbody.cell.meshsize import MeshSize
+from fasbody.cell.mesh import MeshSize, dome_mesh
 from fasbody.cell.modal import CellModel, solve
 from fasbody.console import command_line, print_json
 
