@@ -14,7 +14,8 @@ from identification.blackbox.criteria import fit_percent
 from identification.estimate import Settings, fit
 from identification.fit import BUNDLED, gather
 from identification.result import FitResult, symbol_and_unit
-from reproduction.row import Outcome, Rows, at_least, at_most, exactly, near, within
+from reproduction.check import at_least, at_most, exactly, near, within
+from reproduction.row import Outcome, Rows
 
 ROWS = Rows()
 FIT, BUNDLE = "python -m identification.fit", "bundled fit"

@@ -39,8 +39,9 @@ def execute(row: Row) -> dict[str, Any]:
 def kept(row: Row, folder: Path) -> dict[str, Any] | None:
     """The result of an earlier run by the same code, if there is one; failures are run again."""
     document, _ = Store(folder).load(row.file, json.loads)
-    same = isinstance(document, dict) and document.get("key") == key(row)
-    return document if same and document.get("verdict") != str(Verdict.FAILED) else None
+    if not isinstance(document, dict) or document.get("key") != key(row):
+        return None
+    return document if document.get("verdict") != str(Verdict.FAILED) else None
 
 
 def run_rows(rows: Sequence[Row], folder: Path, fresh: bool = False, processes: int = 2) -> Iterator[dict[str, Any]]:

@@ -15,8 +15,9 @@ from fasbody.transmissibility.findings import findings
 from reproduction import run as running
 from reproduction.book import CHAPTERS, ROWS
 from reproduction.chapter2_findings import LISTS
+from reproduction.check import Check, at_most, exactly, near
 from reproduction.report import markdown
-from reproduction.row import Check, Outcome, Row, Verdict, at_most, exactly, near
+from reproduction.row import Outcome, Row, Verdict
 from reproduction.run import execute, kept, key, run_rows
 from reproduction.virtual import LARGE, LARGE_SEED, OTHER_SEEDS, large_findings, whatever_the_seed
 from reproduction.virtual_transfer import study
