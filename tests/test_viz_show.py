@@ -15,9 +15,9 @@ import mjcf
 from fasbody.exceptions import FasError
 from identification.fit import BUNDLED
 from viz import foot as command
-from viz.excitation import Excitation
-from viz.hub import Hub
 from viz.load import files_of
+from viz.scene import Hub
+from viz.settings import Excitation
 from viz.show import MEASURED, MODEL, OTHER, Show
 
 RECORDED = BUNDLED / "recordings" / "20hz_0kg.csv"

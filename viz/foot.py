@@ -76,9 +76,8 @@ def _show(
     model: str, compare: str, frequency: float | None, peak_to_peak: float | None, added_mass: float, sweep: bool,
     recording: Path | None, seconds: float | None, result: Path | None, look: Mapping[str, float],
 ) -> Any:  # fmt: skip
-    from viz.excitation import RECORDED_S, SWEEP_S, Excitation
     from viz.load import load_foot
-    from viz.settings import Settings
+    from viz.settings import RECORDED_S, SWEEP_S, Excitation, Settings
     from viz.show import Show
 
     if sweep and recording:
