@@ -117,7 +117,7 @@ class Store:
             InputFileError: it cannot be made or written.
         """
         make_folder(self.folder)
-        for left in self.folder.glob(".*.*"):  # the temporary names of `write_whole`
+        for left in self.folder.glob(".*.*.????????"):  # the temporary names of `write_whole`
             if time.time() - left.stat().st_mtime > _STALE_S:
                 left.unlink(missing_ok=True)
 

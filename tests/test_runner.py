@@ -61,13 +61,13 @@ def test_a_store_keeps_whole_files_and_tells_of_damaged_ones(tmp_path: Path) -> 
 
 
 def test_what_a_killed_run_left_is_cleared_away(tmp_path: Path) -> None:
-    old, new, whole = (tmp_path / name for name in (".a.json.x1", ".b.json.x2", "c.json"))
-    for file in (old, new, whole):
+    old, new, whole = (tmp_path / name for name in (".a.json.abcdefgh", ".b.json.ijklmnop", "c.json"))
+    for file in (old, new, whole, mine := tmp_path / ".mine.toml"):
         file.write_text("")
-    for file in (old, whole):
+    for file in (old, whole, mine):
         os.utime(file, (0, time.time() - 7200))
     Store(tmp_path).make()
-    assert sorted(tmp_path.iterdir()) == [new, whole]
+    assert sorted(tmp_path.iterdir()) == [new, mine, whole]
 
 
 def _square(x: int) -> int:
