@@ -188,9 +188,7 @@ def print_load(
         from fasbody.arch.figures import arch_sag, load_resonance, png
 
         smooth = sag_study(arch, np.linspace(0.02, 0.06, 41), load)
-        measured = ARANGIO_SAG if load == ARANGIO_LOAD else {}
-        ranges = np.array(list(MEASURED_HZ.values()))
-        pictures = {"sag": arch_sag(smooth, measured), "load": load_resonance(masses, ranges)}
+        pictures = {"sag": arch_sag(smooth), "load": load_resonance(masses)}
         for file, picture in pictures.items():
             console.print(f"written: {write_whole(figures / f'{file}.png', png(picture))}")
     if json:

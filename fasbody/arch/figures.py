@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 
 from fasbody.arch.bones import PARAMETERS
 from fasbody.arch.kinematics import Array
+from fasbody.arch.load import ARANGIO_LOAD, ARANGIO_SAG, MEASURED_HZ
 from fasbody.arch.sensitivity import CLAIMED, OUTPUTS, Study
 
 if TYPE_CHECKING:
@@ -28,6 +29,11 @@ def png(figure: Figure, dpi: int = 200) -> bytes:
     FigureCanvasAgg(figure)
     figure.savefig(buffer, format="png", dpi=dpi)
     return buffer.getvalue()
+
+
+def sensitivity(study: Study) -> Figure:
+    """`sensitivity_bars` of one study."""
+    return sensitivity_bars([study])
 
 
 def sensitivity_bars(studies: Sequence[Study]) -> Figure:
@@ -110,15 +116,17 @@ def reduction(result: "Reduction") -> Figure:
     return figure
 
 
-def arch_sag(result: "SagStudy", measured: dict[float, tuple[float, float]]) -> Figure:
+def arch_sag(result: "SagStudy", measured: dict[float, tuple[float, float]] | None = None) -> Figure:
     """Sag under a static load against arch height, with and without fascia, and its share of the load.
 
     Args:
         result: the model's sag.
-        measured: arch height [m] -> sag [m] with and without fascia.
+        measured: arch height [m] -> sag [m] with and without fascia; what is known under this load unless given.
     """
     figure = Figure(figsize=(7, 3.2), layout="constrained")
     left, right = figure.subplots(1, 2)
+    if measured is None:
+        measured = ARANGIO_SAG if result.load == ARANGIO_LOAD else {}
     height = 1e3 * result.height
     for colour, sag, i, name in ((KEPT, result.sag, 0, "with fascia"), (DROPPED, result.sag_cut, 1, "fascia cut")):
         left.plot(height, 1e3 * sag, color=colour, label=f"{name}, model")
@@ -138,12 +146,13 @@ def arch_sag(result: "SagStudy", measured: dict[float, tuple[float, float]]) -> 
     return figure
 
 
-def load_resonance(result: "LoadStudy", measured_hz: Array) -> Figure:
+def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Figure:
     """Transmissibility under added mass: constant constants on the left, resonance against the measured on the right.
 
     Args:
         result: the model under each added mass.
-        measured_hz: for each added mass the measured range of the resonance [Hz], low and high, shape (n, 2).
+        measured_hz: for each added mass the range of the resonance [Hz], low and high, shape (n, 2); the measured
+            one unless given.
     """
     figure = Figure(figsize=(7.4, 3.4), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.3, 1])
@@ -155,6 +164,8 @@ def load_resonance(result: "LoadStudy", measured_hz: Array) -> Figure:
     left.legend(fontsize=8, title="constants unchanged", title_fontsize=8)
     added = [case.added_mass for case in result.cases]
     right.plot(added, [case.peak_hz for case in result.cases], "o-", color=KEPT, label="model, constants unchanged")
+    if measured_hz is None:
+        measured_hz = np.array([MEASURED_HZ[mass] for mass in added])
     middle = np.mean(measured_hz, axis=1)
     spread = np.abs(np.array(measured_hz).T - middle)
     right.errorbar(added, middle, yerr=spread, fmt="s", color="0.2", capsize=4, label="measured (Chapter 2)")

@@ -5,6 +5,7 @@ and z_T = -W / k_T apart from the angles, so that the arch itself is three equat
 """
 
 from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from fasbody.arch.kinematics import Array, X, arms, deformations, gradients, res
 from fasbody.arch.lagrange import force_per_parameter, right_hand_side
 from fasbody.arch.linear import Linear, linearise, response, state_space
 from fasbody.exceptions import SimulationError
+from fasbody.presentation import Presented, Sheet
 
 #: Acceleration of gravity [m/s^2].
 G = 9.81
@@ -150,8 +152,8 @@ def under_weight(arch: Arch, q: Array, gravity: float) -> Array:
     raise SimulationError("the arch collapses under its own weight; stiffen k_2, k_3, k_4 or k_11.")
 
 
-@dataclass(frozen=True)
-class SagStudy:
+@dataclass(frozen=True, repr=False)
+class SagStudy(Presented):
     """Sag against arch height under one load; arrays of shape (n,), SI units."""
 
     load: float
@@ -162,6 +164,24 @@ class SagStudy:
     elongation_cut: Array
     share: Array
     heel: Array
+
+    figures: ClassVar[str] = "fasbody.arch.figures"
+    plots: ClassVar[tuple[str, ...]] = ("arch_sag",)
+
+    def records(self) -> list[dict[str, Any]]:
+        """One row a height."""
+        names = ("height", "sag", "sag_cut", "elongation", "elongation_cut")
+        lengths = [{f"{name}_m": float(getattr(self, name)[i]) for name in names} for i in range(len(self.height))]
+        return [row | {"fascia_share": float(s)} for row, s in zip(lengths, self.share, strict=True)]
+
+    def sheet(self) -> Sheet:
+        """Sag with and without fascia by height."""
+        rows = [
+            (f"{1e3 * h:.3g}", f"{1e3 * whole:.3g}", f"{1e3 * cut:.3g}", f"{100 * s:.3g}")
+            for h, whole, cut, s in zip(self.height, self.sag, self.sag_cut, self.share, strict=True)
+        ]
+        columns = ("arch height [mm]", "sag [mm]", "fascia cut [mm]", "load carried by the fascia [%]")
+        return Sheet(f"Sag under {self.load:.0f} N", columns, rows)
 
 
 def sag_study(arch: Arch, height: Array, load: float = ARANGIO_LOAD) -> SagStudy:
@@ -206,12 +226,35 @@ class LoadCase:
     factor: float
 
 
-@dataclass(frozen=True)
-class LoadStudy:
+@dataclass(frozen=True, repr=False)
+class LoadStudy(Presented):
     """The arch under the added masses of Chapter 2, its constants unchanged."""
 
     frequency_hz: Array
     cases: list[LoadCase]
+
+    figures: ClassVar[str] = "fasbody.arch.figures"
+    plots: ClassVar[tuple[str, ...]] = ("load_resonance",)
+
+    def records(self) -> list[dict[str, Any]]:
+        """One row an added mass."""
+        return [
+            {
+                "added_mass_kg": c.added_mass, "peak_hz": c.peak_hz, "arch_stiffness_n_per_m": c.arch_stiffness,
+                "factor": c.factor,
+            }
+            for c in self.cases
+        ]  # fmt: skip
+
+    def sheet(self) -> Sheet:
+        """Resonance and stiffness under each added mass, beside the measured range."""
+        rows = []
+        for c in self.cases:
+            low, high = MEASURED_HZ[c.added_mass]
+            cells = (f"{c.added_mass:g}", f"{c.peak_hz:.4g}", f"{low:g} to {high:g}", f"{c.arch_stiffness:.4g}")
+            rows.append((*cells, f"{c.factor:.3g}"))
+        columns = ("added mass [kg]", "resonance [Hz]", "measured [Hz]", "arch stiffness [N/m]", "factor needed")
+        return Sheet("Resonance at the malleolus under added mass, constants unchanged", columns, rows)
 
 
 def load_study(arch: Arch) -> LoadStudy:

@@ -1,16 +1,18 @@
 """Is the arch a two-mass foot? Transmissibility of the five bodies against their two-mass reduction, 1-100 Hz."""
 
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import Array
 from fasbody.arch.linear import transmissibility, two_mass_transmissibility
+from fasbody.presentation import Presented, Sheet
 
 
-@dataclass(frozen=True)
-class Reduction:
+@dataclass(frozen=True, repr=False)
+class Reduction(Presented):
     """Differences of two transmissibilities at the malleolus.
 
     Attributes:
@@ -22,6 +24,30 @@ class Reduction:
     frequency_hz: Array
     examples: list[tuple[str, Array, Array]]
     differences: dict[float | None, Array]
+
+    figures: ClassVar[str] = "fasbody.arch.figures"
+    plots: ClassVar[tuple[str, ...]] = ("reduction",)
+
+    def records(self) -> list[dict[str, Any]]:
+        """One row an example and frequency."""
+        return [
+            {"arch": name, "frequency_hz": float(f), "five_bodies": float(a), "two_masses": float(b)}
+            for name, five, two in self.examples
+            for f, a, b in zip(self.frequency_hz, five, two, strict=True)
+        ]
+
+    def sheet(self) -> Sheet:
+        """The largest difference of each example, and the median one of each reading of the random draws."""
+        rows = [
+            (name, f"{100 * np.max(np.abs(five - two) / two):.3g}", f"{100 * np.median(np.abs(five - two) / two):.3g}")
+            for name, five, two in self.examples
+        ]
+        for lever_arm_m, found in self.differences.items():
+            reading = "literal" if lever_arm_m is None else f"lever arm {lever_arm_m * 1e3:g} mm"
+            rows.append((f"{len(found)} draws, {reading}", f"{100 * found.max():.3g}", f"{100 * np.median(found):.3g}"))
+        ends = f"{self.frequency_hz[0]:g} to {self.frequency_hz[-1]:g} Hz"
+        columns = ("arch", "largest difference [%]", "median [%]")
+        return Sheet(f"Five bodies against two masses at the malleolus, {ends}", columns, rows)
 
 
 def reduce(

@@ -8,6 +8,7 @@ differential method along a trajectory from rest.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from fasbody.arch.kinematics import Array, X, arms, rest
 from fasbody.arch.lagrange import force_per_parameter, mass_matrix
 from fasbody.arch.linear import directions, linearise
 from fasbody.arch.ode import STATES, initial_state, jacobian, malleolus_acceleration, solve, split
+from fasbody.presentation import Presented, Sheet
 
 #: Eq. (4.15): all outputs whose sensitivity to `PARAMETERS` is wanted: 11 states, acceleration of the malleolus.
 OUTPUTS = (*STATES, "malleolus")
@@ -36,8 +38,8 @@ _STAGES = np.array([
 _INSTANTS = _STAGES.sum(axis=1)
 
 
-@dataclass(frozen=True)
-class Study:
+@dataclass(frozen=True, repr=False)
+class Study(Presented):
     """Relative sensitivities of one arch, or of many random ones.
 
     Attributes:
@@ -51,6 +53,31 @@ class Study:
     values: Array
     method: str
     own: str = ""
+
+    figures: ClassVar[str] = "fasbody.arch.figures"
+    plots: ClassVar[tuple[str, ...]] = ("sensitivity",)
+
+    def records(self) -> list[dict[str, Any]]:
+        """One row a draw, output and constant."""
+        return [
+            {"draw": i, "output": output, "constant": name, "relative_sensitivity": float(self.values[i, j, k])}
+            for i in range(len(self.values))
+            for j, output in enumerate(OUTPUTS)
+            for k, name in enumerate(PARAMETERS)
+        ]
+
+    def sheet(self) -> Sheet:
+        """The median at the malleolus, largest first."""
+        median = np.median(self.values[:, OUTPUTS.index("malleolus")], axis=0)
+        rows = [
+            (PARAMETERS[k], f"{median[k]:.2g}", "yes" if PARAMETERS[k] in CLAIMED else "")
+            for k in np.argsort(median)[::-1]
+        ]
+        holds = (
+            f"The four that the thesis keeps are the largest in {self.holds('malleolus').sum()} of {len(self.values)}."
+        )
+        columns = ("constant", "sensitivity of the malleolus", "kept by the thesis")
+        return Sheet(f"{self.reading}, {self.method}", columns, rows, (holds,))
 
     @property
     def reading(self) -> str:
