@@ -2,6 +2,8 @@
 
 import ast
 import re
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -34,15 +36,60 @@ def sources(packages: tuple[str, ...] = PACKAGES) -> list[Path]:
     return [file for package in packages for file in sorted((ROOT / package).rglob("*.py"))]
 
 
+def walk(node: ast.AST) -> Iterator[ast.AST]:
+    """Every node at any depth, without what only a type checker runs."""
+    yield node
+    if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"):
+        for child in ast.iter_child_nodes(node):
+            yield from walk(child)
+
+
+@cache
+def modules(file: Path) -> frozenset[str]:
+    """Modules that `file` imports, at any depth of the code, as a file or a package of this project has them."""
+    found: set[str] = set()
+    for node in walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            deeper = {f"{node.module}.{alias.name}" for alias in node.names}
+            there = {name for name in deeper if ROOT.joinpath(*name.split(".")).with_suffix(".py").is_file()}
+            found |= there or {node.module}
+    return frozenset(found)
+
+
 def imported(file: Path) -> set[str]:
     """Top-level names of every package that `file` imports, at any depth of the code."""
-    found = set()
-    for node in ast.walk(ast.parse(file.read_text())):
-        if isinstance(node, ast.Import):
-            found |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            found.add(node.module.split(".")[0])
-    return found
+    return {name.split(".")[0] for name in modules(file)}
+
+
+#: Rooms that are free of circles, also of those inside functions.
+STRAIGHT = ("fasbody.foot", "fasbody.arch")
+
+
+def test_no_import_circle() -> None:
+    graph = {".".join(file.relative_to(ROOT).with_suffix("").parts): modules(file) for file in sources(("fasbody",))}
+
+    def reached(start: str) -> set[str]:
+        found, open_ = set(), list(graph[start])
+        while open_:
+            name = open_.pop()
+            if name in graph and name not in found:
+                found.add(name)
+                open_ += graph[name]
+        return found
+
+    rooms = [name for name in graph if name.startswith(STRAIGHT)]
+    assert len(rooms) > 15
+    assert [name for name in rooms if name in reached(name)] == []
+
+
+def test_results_of_the_arch_know_neither_command_nor_figure() -> None:
+    for file in (ROOT / "fasbody" / "arch").glob("*.py"):
+        if file.name not in ("__main__.py", "figures.py"):
+            assert not {
+                m for m in modules(file) if m.startswith(("typer", "rich")) or m.endswith((".figures", ".__main__"))
+            }
 
 
 @pytest.mark.parametrize("file", sources(), ids=lambda f: str(f.relative_to(ROOT)))
