@@ -70,7 +70,8 @@ def print_sensitivity(
     arch = Arch.read(model)
     arms_m = [] if this else [None, *(lever_arm or [])]
     methods = [None] if trajectory is None else [None, trajectory]
-    about_own, studies = [own(arch, _called(model), frequency_hz) for frequency_hz in methods], []
+    name = "the nominal arch" if model == "foot_arch" else _called(model)
+    about_own, studies = [own(arch, name, frequency_hz) for frequency_hz in methods], []
     with progress_bar() as progress:
         task = progress.add_task("random arches", total=draws * len(arms_m) * len(methods))
         for lever_arm_m in arms_m:
@@ -87,8 +88,8 @@ def print_sensitivity(
         pictures = {"sensitivity": sensitivity_bars([*about_own, *studies])}
         if studies:
             pictures["sensitivity-cases"] = sensitivity_cases(studies)
-        for name, picture in pictures.items():
-            console.print(f"written: {write_whole(figures / f'{name}.png', png(picture))}")
+        for file, picture in pictures.items():
+            console.print(f"written: {write_whole(figures / f'{file}.png', png(picture))}")
     if json:
         print_json({
             "model": model, "seed": seed, "claimed": sorted(CLAIMED),
