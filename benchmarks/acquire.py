@@ -20,16 +20,19 @@ import typer
 
 from benchmarks.fuzz_parsers import HELLO, counts_of, fuzz
 from benchmarks.rows import Row, at_most, report
-from fasbody.acquire.bench import BODY_MASS_KG, TRUTH, Bench, Line, corrupt
+from fasbody.acquire.bench import Bench
+from fasbody.acquire.bench.foot import BODY_MASS_KG, TRUTH
+from fasbody.acquire.bench.line import Line, corrupt
 from fasbody.acquire.board import Board
 from fasbody.acquire.capture import Capture, read
-from fasbody.acquire.conversion import convert, replay
+from fasbody.acquire.folder import convert, replay
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.port import Port
 from fasbody.acquire.session import Session
 from fasbody.acquire.timeline import Timeline
 from fasbody.acquire.wire import Block, FrameReader, encode_data, encode_hello
 from fasbody.console import command_line, console
+from fasbody.laboratory.foot import TRUTH
 from fasbody.recording.recording import Condition
 
 BAUD = 921600
@@ -37,7 +40,7 @@ BAUD = 921600
 
 def transfer(seconds: float) -> list[Row]:
     """Three channels at 4 kHz from the virtual bench, recorded as a session records them."""
-    with tempfile.TemporaryDirectory() as name, Bench(rate_hz=4000.0, channels=3) as bench:
+    with tempfile.TemporaryDirectory() as name, Bench(rate=4000.0, channels=3) as bench:
         bench.shake(20.0, 1.2)
         board = Board(bench.board_port, BAUD)
         board.wait_for_hello()

@@ -35,9 +35,8 @@ from fasbody.recording.condition import SUBJECTS
 from fasbody.recording.recording import Condition, Recording
 from identification.branches import judge, mirrored, ratio, side
 from identification.certification import settle, standard_errors
-from identification.domains import PeriodicRoute
-from identification.periodic import PeriodicProblem
-from identification.search import Descent, descend
+from identification.domains import PeriodicDomain
+from identification.search import Descent, Problem, descend
 from identification.space import space_of
 
 #: The laboratory's own foot, and the same with less nonlinearity.
@@ -87,13 +86,13 @@ def trial(truth: Mapping[str, float], clean: Sequence[Recording], seed: int) -> 
     foot = load("two_dof")
     space = space_of(foot)
     data = [checked(INSTRUMENT.observe(recording, rng)) for recording in clean]
-    route = PeriodicRoute(foot, data, space, twin=True, threads=1)
+    domain = PeriodicDomain(foot, data, space, twin=True, threads=1)
     a = ratio([recording.condition.masses for recording in data], truth)
     near = {name: value * rng.uniform(0.9, 1.1) for name, value in truth.items()}
-    found: dict[str, tuple[float, PeriodicProblem, Descent]] = {}
+    found: dict[str, tuple[float, Problem, Descent]] = {}
     for start in (near, mirrored(near, a)):
-        descent = descend(route.explorer(), space.to_q(space.theta(start)), "start")
-        problem, descent = settle(route, descent)
+        descent = descend(domain.problem(), space.to_q(space.theta(start)), "start")
+        problem, descent = settle(domain, descent)
         deviance = descent.cost + problem.log_determinant
         name = side(space.values(descent.theta), a)
         if name not in found or deviance < found[name][0]:
@@ -106,7 +105,7 @@ def trial(truth: Mapping[str, float], clean: Sequence[Recording], seed: int) -> 
     if true_name not in found:
         return Trial(dict.fromkeys(COUNTED, False), np.inf, dof, False, verdict.word == "decided", len(found))
     _, problem, descent = found[true_name]
-    std, _ = standard_errors(problem, descent, dof, route.chi_square)
+    std, _ = standard_errors(problem, descent, dof)
     low, high = (space.values(limit) for limit in space.interval(descent.theta, std))
     covered = {name: bool(low[name] <= truth[name] <= high[name]) for name in COUNTED}
     return Trial(covered, descent.cost, dof, names[0] == true_name, verdict.word == "decided", len(found))

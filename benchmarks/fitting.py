@@ -20,14 +20,13 @@ from fasbody.foot.model import load
 from fasbody.foot.two_dof import TwoDof
 from fasbody.laboratory.foot import TRUTH, record
 from fasbody.laboratory.instrument import Instrument
+from fasbody.recording import study
 from fasbody.recording.checks import checked
 from fasbody.recording.condition import SUBJECTS
 from fasbody.recording.recording import Condition, Recording
-from fasbody.recording.study import Study
 from identification.branches import mirrored, ratio
-from identification.domains import PeriodicRoute, TimeRoute
-from identification.engines.orbits import Rollouts
-from identification.fit import BUNDLED
+from identification.domains import PeriodicDomain, TimeDomain
+from identification.engines.mujoco import Rollouts
 from identification.periodic import PeriodicProblem
 from identification.search import Descent, Problem, descend
 from identification.space import space_of
@@ -53,7 +52,7 @@ def timed(problem: Problem, q0: np.ndarray, label: str) -> Timed:
 
 def bundled() -> list[Recording]:
     """The nine recordings of the bundled synthetic study."""
-    return [checked(recording) for recording in Study.read(BUNDLED)]
+    return [checked(recording) for recording in study.bundled()]
 
 
 def sweep_recording(seconds: float = 10.0, seed: int = 16) -> Recording:
@@ -74,14 +73,14 @@ def steady_state(timed_starts: int = 20, wild_starts: int = 50, mujoco_starts: i
     """Rows of the pooled steady-state fit, and the median time of one in the twin [s]."""
     foot, data = load("two_dof"), bundled()
     space = space_of(foot)
-    route = PeriodicRoute(foot, data, space, twin=True, threads=1)
-    twin = route.explorer()
-    engine = Rollouts(foot, [line.excitation for line in route.lines], space.names, threads=1)
-    mujoco = PeriodicProblem(route.lines, engine, space)
+    domain = PeriodicDomain(foot, data, space, twin=True, threads=1)
+    twin = domain.problem()
+    engine = Rollouts(foot, [line.excitation for line in domain.lines], space.names, threads=1)
+    mujoco = PeriodicProblem(domain.lines, engine, space)
     rng = np.random.default_rng(0)
     starts = [space.random(rng) for _ in range(max(wild_starts, timed_starts, mujoco_starts))]
     descend(twin, starts[0], "compiles")
-    slow_problem = TimeRoute(foot, data, space, twin=True).explorer()
+    slow_problem = TimeDomain(foot, data, space, twin=True).problem()
     with progress_bar() as progress:
         task = progress.add_task("steady state", total=len(starts) + mujoco_starts + 1)
         quick = []
@@ -136,7 +135,7 @@ def time_domain(steady_seconds: float, seconds: float = 10.0, repeats: int = 5, 
     """
     foot, recording = load("two_dof"), sweep_recording(seconds)
     space = space_of(foot, delay=False)
-    problem = TimeRoute(foot, [recording], space, twin=True).explorer()
+    problem = TimeDomain(foot, [recording], space, twin=True).problem()
     q0 = space.to_q(space.theta(foot.values()))
     with progress_bar() as progress:
         progress.add_task("time domain", total=None)

@@ -5,7 +5,7 @@ import resource
 import numpy as np
 
 from benchmarks.rows import Row, at_most
-from fasbody.acquire.bench import corrupt
+from fasbody.acquire.bench.line import corrupt
 from fasbody.acquire.wire import (
     LONGEST_LINE,
     LONGEST_WIRE,

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from fasbody.exceptions import FasError
-from fasbody.recording import formats
+from fasbody.recording import files
 
 ENDINGS = ("csv", "excel.csv", "logger.csv", "mat", "h5", "uff", "tdms", "v73.mat")
 _EXTREMES = (
@@ -42,7 +42,7 @@ def sound(samples: int = 200) -> dict[str, bytes]:
     with tempfile.TemporaryDirectory() as folder:
         for ending in ("mat", "h5", "uff", "tdms", "v73.mat"):
             file = Path(folder) / f"sound.{ending}"
-            formats.write(file, channels, matlab="7.3" if ending == "v73.mat" else "5")
+            files.write(file, channels, matlab="7.3" if ending == "v73.mat" else "5")
             made[ending] = file.read_bytes()
     rows = ["\t".join(f"{v:.6g}" for v in row) for row in zip(*channels.values(), strict=True)]
     plain = "\n".join(["\t".join(channels), *rows, ""])
@@ -85,16 +85,16 @@ def fuzz(ending: str, count: int, seed: int = 0, advance: Callable[[], None] = l
 
     Any other exception than a FasError is a failure and comes through.
     """
-    files = sound()
+    intact = sound()
     rng = random.Random(f"{ending}{seed}")
     seen: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"fuzz.{ending.rsplit('.')[-1]}"
         for _ in range(count):
-            file.write_bytes(mutated(files[ending], list(files.values()), rng))
+            file.write_bytes(mutated(intact[ending], list(intact.values()), rng))
             start = time.monotonic()
             try:
-                channels = formats.read(file)
+                channels = files.read(file)
                 assert {"time_s", "base_m_s2", "malleolus_m_s2"} <= set(channels)
                 seen["read"] += 1
             except FasError as error:

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from fasbody.foot.two_dof import STATES, TwoDof
-from identification.engines.runs import TimeTwin
+from identification.engines.twin import Twin
 from identification.time_domain import TimeProblem
 
 _DIFF_STEP, _RTOL, _ATOL = 1e-4, 1e-6, 1e-9
@@ -40,7 +40,7 @@ def fit(problem: TimeProblem, z0: np.ndarray, evaluations: int) -> tuple[np.ndar
 
 def residual(problem: TimeProblem, z: np.ndarray) -> np.ndarray:
     """(n,) prediction error over its noise."""
-    assert isinstance(problem.engine, TimeTwin)
+    assert isinstance(problem.engine, Twin)
     recording, p = problem.recordings[0], problem.space.lower.size
     foot = TwoDof.from_values({**problem.space.values(problem.space.to_theta(z[:p])), **recording.condition.masses})
     t = recording.time_s - recording.time_s[0]

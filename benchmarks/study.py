@@ -26,7 +26,7 @@ from fasbody.laboratory.study import Plan as Virtual
 from fasbody.laboratory.study import make
 from fasbody.recording.checks import checked
 from fasbody.recording.study import StudyFolder
-from identification.domains import TimeRoute
+from identification.domains import TimeDomain
 from identification.estimate import Settings
 from identification.search import descend
 from identification.space import space_of
@@ -79,7 +79,7 @@ def by_scipy(study: StudyFolder, count: int, evaluations: int) -> tuple[float, f
     foot, seconds, points = load("two_dof"), [], []
     space = space_of(foot, delay=False)
     for trial in spread(study.trials, count):
-        problem = TimeRoute(foot, [checked(study.read(trial))], space, twin=True, threads=1).explorer()
+        problem = TimeDomain(foot, [checked(study.read(trial))], space, twin=True, threads=1).problem()
         q0 = space.to_q(space.theta(foot.values()))
         ours = descend(problem, q0, "model").evaluations
         began = time.process_time()

@@ -22,9 +22,9 @@ from tornado.httpclient import HTTPRequest
 
 from benchmarks.rows import Row, at_least, at_most, report
 from fasbody.console import command_line, console
-from viz.export import CHROMIUM, chromium
+from viz.exported import CHROMIUM, chromium
+from viz.feet import Show
 from viz.settings import Settings
-from viz.show import Show
 
 MODELS = ("two_dof", "foot_arch")
 #: Motions before memory is first read, so that everything that is made once is made.

@@ -39,6 +39,7 @@ PACKAGES: dict[str, str] = {
     "Virtual laboratory": "fasbody/laboratory",
     "Transmissibility": "fasbody/transmissibility",
     "Acquisition": "fasbody/acquire",
+    "Virtual bench": "fasbody/acquire/bench",
     "Identification": "identification",
     "Engines": "identification/engines",
     "Black-box models": "identification/blackbox",

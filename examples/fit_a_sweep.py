@@ -17,7 +17,7 @@ from fasbody.foot.shaker import sweep
 from fasbody.laboratory.foot import record
 from fasbody.laboratory.instrument import Instrument
 from fasbody.recording.recording import Condition
-from identification.estimate import Settings, fit
+from identification.estimate import fit_foot
 from identification.result import FitResult
 
 TRUTH = replace(FOOT, c_11=380.0, c_21=760.0)
@@ -29,7 +29,7 @@ def main(picture: Path = Path("fit_a_sweep.png")) -> FitResult:
     motion = sweep(5.0, 60.0, SECONDS)
     made = record(TRUTH, motion, SECONDS, Instrument(delay_s=0.0), np.random.default_rng(1), settle=0.0)
     made = replace(made, file="sweep", condition=Condition("1", "midstance", 0.0, BODY_MASS, None))
-    result = fit([made], load("two_dof"), Settings(domain="time", starts=1, delay=False))
+    result = fit_foot([made], load("two_dof"), domain="time", starts=1, delay=False)
     run = result.recordings[0]
     figure = Figure(figsize=(8, 4.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))

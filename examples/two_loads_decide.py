@@ -18,7 +18,7 @@ from fasbody.foot.model import load
 from fasbody.laboratory.foot import record
 from fasbody.laboratory.instrument import Instrument
 from fasbody.recording.recording import Condition, Recording
-from identification.estimate import Settings, fit
+from identification.estimate import Settings, fit_foot
 from identification.result import FitResult
 
 LINEAR = dict.fromkeys(("c_12", "c_13", "c_22", "c_23"), 0.0)
@@ -40,7 +40,7 @@ def main(picture: Path = Path("two_loads_decide.png")) -> dict[str, FitResult]:
     bare, heavy = recordings(0.0), recordings(4.5)
     settings = Settings(free=("k_T", "k_F", "c_11", "c_21"), starts=2)
     foot = load("two_dof").with_values(LINEAR)
-    results = {"one load": fit(bare, foot, settings), "two loads": fit(bare + heavy, foot, settings)}
+    results = {"one load": fit_foot(bare, foot, settings), "two loads": fit_foot(bare + heavy, foot, settings)}
     figure = Figure(figsize=(7.5, 3.2), layout="constrained")
     for ax, (name, result) in zip(figure.subplots(1, 2, sharey=True), results.items(), strict=True):
         misfit = [branch.chi_square / branch.dof for branch in result.branches]

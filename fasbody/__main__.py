@@ -1,41 +1,52 @@
-"""`python -m fasbody`: the map of all commands."""
+"""`python -m fasbody`, or `fasbody` where it is installed: the map of all commands, and each of them by its words."""
 
 import re
-from dataclasses import asdict
+import runpy
+import sys
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 import fasbody
-from fasbody.commands import commands
+from fasbody.commands import commands, found
 from fasbody.console import command_line, print_json, results
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command()
-def main(json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False) -> None:
+def main(
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+    version: Annotated[bool, typer.Option("--version", help="print the version")] = False,
+) -> None:
     """Show what there is: every command of the project, and what it does.
 
     Examples:
       python -m fasbody
+
+      python -m fasbody fit my_study --out results
     """
-    found = commands()
-    if json_:
-        print_json([asdict(command) | {"group": command.group} for command in found])
+    if version:
+        results.print(fasbody.__version__)
         return
+    if json_:
+        keys = ("words", "module", "name", "does", "home", "group")
+        print_json([{key: getattr(command, key) for key in keys} for command in commands()])
+        return
+    from rich.table import Table
+
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True)
     table.add_column()
-    for number, (title, group) in enumerate(groupby(found, lambda command: command.group)):
+    for number, (title, group) in enumerate(groupby(commands(), lambda command: command.group)):
         if number:
             table.add_row()
         table.add_row(f"[bold]{title}[/]")
         for command in group:
-            table.add_row(command.call, command.does)
+            table.add_row(f"fasbody {command.words}".rstrip(), command.call, command.does)
     results.print(table)
     results.print("\nEach has --help with examples, and most --json.")
     if makefile := _makefile():
@@ -49,5 +60,20 @@ def _makefile() -> str:
     return file.read_text(encoding="utf-8") if file.is_file() else ""
 
 
+def run() -> None:
+    """What `fasbody` does: the command that its first words name, as `python -m` runs it, or else the map."""
+    if sys.argv[1:] and not sys.argv[1].startswith("-"):
+        command, rest = found(sys.argv[1:])
+        sys.argv[1:] = [command.name, *rest] if command.name else rest
+        runpy.run_module(command.module, run_name="__main__", alter_sys=True)
+    else:
+        app()
+
+
+def start() -> None:
+    """The entry point of the installed command."""
+    command_line(run)
+
+
 if __name__ == "__main__":
-    command_line(app)
+    command_line(run)

@@ -1,29 +1,14 @@
-"""The map of all commands, read from the sources: no command runs, and no optional extra is needed.
+"""The map of all commands: one table, for the command `fasbody` and for `python -m fasbody`.
 
-A command is a module that ends in `command_line(...)`; what it does is the first line of its Typer help.
+A row says all that it takes to show and to start a command, so that the map imports none of them and needs no extra.
 """
 
-import ast
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import fasbody
-
-#: Where commands live; those of a checkout only are skipped where they are not installed.
-PACKAGES = ("fasbody", "identification", "viz", "reproduction", "benchmarks")
-#: The map: what for, and the modules in the order in which one meets them; a package stands for all of its modules.
-GROUPS = {
-    "A foot from its recordings": (
-        "identification.fit", "fasbody.recording", "fasbody.transmissibility", "identification.study",
-        "identification.blackbox", "fasbody.laboratory", "fasbody.acquire",
-    ),
-    "The models": (
-        "viz.foot", "fasbody.arch", "fasbody.cell", "viz.cell", "viz.anatomy",
-    ),
-    "What holds it together": ("fasbody", "reproduction", "benchmarks"),
-}  # fmt: skip
-_ORDER = [module for modules in GROUPS.values() for module in modules]
+from fasbody.exceptions import SettingError, unknown
 
 
 @dataclass(frozen=True)
@@ -31,102 +16,200 @@ class Command:
     """One command.
 
     Attributes:
+        words: what follows `fasbody`, "" for the map itself.
         module: what `python -m` runs. name: its sub-command, "" for none. does: the first line of its help.
-        home: the module that holds its Typer app.
+        at: the module that holds its Typer app, where that is not the one that runs.
     """
 
+    words: str
     module: str
     name: str
     does: str
-    home: str
+    at: str = ""
 
     @property
     def call(self) -> str:
-        """What to type."""
+        """What to type without an installed `fasbody`."""
         return f"python -m {self.module} {self.name}".rstrip()
 
     @property
-    def place(self) -> int:
-        """Where the map has it: that of its module, or else of the package around it."""
-        around = self.module
-        while around not in _ORDER:
-            around = around.rpartition(".")[0]
-        return _ORDER.index(around)
+    def home(self) -> str:
+        """The module that holds its Typer app."""
+        return self.at or (f"{self.module}.__main__" if _folder(self.module).is_dir() else self.module)
+
+    @property
+    def installed(self) -> bool:
+        """Whether it is there; those of a checkout only are not, once the packages are installed."""
+        place = _folder(self.module)
+        return (place / "__main__.py").is_file() or place.with_suffix(".py").is_file()
 
     @property
     def group(self) -> str:
         """What it is for, one of `GROUPS`."""
-        return next(title for title, modules in GROUPS.items() if _ORDER[self.place] in modules)
+        return next(title for title, group in GROUPS.items() if self in group)
 
     def __str__(self) -> str:
         return f"{self.call}: {self.does}"
 
 
-def commands(root: Path | None = None) -> list[Command]:
-    """Every command of the packages below `root`, by default those installed beside `fasbody`, in the map's order."""
-    root = root or Path(fasbody.__file__).parent.parent
-    files = [file for package in PACKAGES for file in sorted((root / package).rglob("*.py"))]
-    return sorted((command for file in files for command in _of(file, root)), key=lambda command: command.place)
+def _folder(module: str) -> Path:
+    return Path(fasbody.__file__).parent.parent.joinpath(*module.split("."))
 
 
-def _of(file: Path, root: Path) -> Iterator[Command]:
-    tree = ast.parse(file.read_text(encoding="utf-8"))
-    guards = [node for node in tree.body if isinstance(node, ast.If) and "__main__" in ast.unparse(node.test)]
-    if not any("command_line(" in ast.unparse(guard) for guard in guards):
-        return
-    module = ".".join(file.relative_to(root).with_suffix("").parts).removesuffix(".__main__")
-    home, source = _home(file, tree, root)
-    words = {_name(function, call): _help(source, function, call) for function, call in _decorated(source)}
-    own = words.pop("", None)
-    if own is None and len(words) == 1:
-        own = words.popitem()[1]
-    if own is not None:
-        yield Command(module, "", own, home)
-    for name, does in words.items():
-        yield Command(module, name, does, home)
+#: The map: what for, and the commands in the order in which one meets them.
+GROUPS: dict[str, tuple[Command, ...]] = {
+    "A foot from its recordings": (
+        Command("fit", "identification.fit", "", "Estimate the parameters of a foot from recordings of its vibration."),
+        Command("recording", "fasbody.recording", "", "Recordings: check what was understood of a file, convert it."),
+        Command(
+            "check", "fasbody.recording", "check",
+            "Tell what was understood of a recording or a study, and what is wrong with it.",
+        ),
+        Command(
+            "convert", "fasbody.recording", "convert",
+            "Write a recording in another format, in m/s^2, signs, sensitivities and delays applied.",
+        ),
+        Command(
+            "transmissibility", "fasbody.transmissibility", "",
+            "Transmissibility and phase for MB, TB and TM by load and posture, with statistics and figures.",
+        ),
+        Command(
+            "study", "identification.study", "",
+            "Fit every recording of a study and check the fits, computing only what is missing.",
+            "identification.study.command",
+        ),
+        Command(
+            "blackbox", "identification.blackbox", "",
+            "Linear and Hammerstein-Wiener models of recordings with one input and one output.",
+        ),
+        Command("laboratory", "fasbody.laboratory", "", "Make a synthetic study with known truth."),
+        Command(
+            "record", "fasbody.acquire", "record",
+            "Record accelerations of a foot on the shaker into a study folder.",
+            "fasbody.acquire.commands",
+        ),
+        Command(
+            "recover", "fasbody.acquire", "recover",
+            "Make the recording of a capture file, as after a crash; of several captures, one each.",
+            "fasbody.acquire.commands",
+        ),
+        Command(
+            "board", "fasbody.acquire.bench", "board",
+            "The accelerometer board: samples the shaken foot and sends frames (or, with --bits 0, text lines).",
+        ),
+        Command(
+            "generator", "fasbody.acquire.bench", "generator",
+            "The function generator: a small SCPI instrument whose output drives the shaker.",
+        ),
+    ),
+    "The models": (
+        Command(
+            "view", "viz.foot", "",
+            "Watch a foot on the shaker in slow motion; move a slider and the real model runs again.",
+        ),
+        Command(
+            "arch sensitivity", "fasbody.arch.sensitivity", "",
+            "Do only k_T, c_T, k_F, c_F matter? Relative sensitivity of the five-body arch to all 13 constants.",
+        ),
+        Command(
+            "arch reduction", "fasbody.arch.reduction", "",
+            "What the reduction of the five-body arch to two masses costs at the malleolus, 1-100 Hz.",
+        ),
+        Command(
+            "arch load", "fasbody.arch.load", "",
+            "Sag of the arch under a static load, and its resonance under the added masses of Chapter 2.",
+        ),
+        Command(
+            "arch crosscheck", "fasbody.arch.crosscheck", "",
+            "Mass matrix and velocity terms of the arch from the equations, Pinocchio and MuJoCo; "
+            "exit 1 on disagreement.",
+        ),
+        Command(
+            "cell", "fasbody.cell", "",
+            "Natural frequencies and mode shapes of an adherent cell (Chapter 5 of the thesis).",
+        ),
+        Command(
+            "cell sweep", "fasbody.cell", "sweep",
+            "Figures 5.9 (four shapes), 5.10 (seven moduli) and 5.11 (power law with both ways of fitting).",
+        ),
+        Command(
+            "cell verify", "fasbody.cell", "verify",
+            "Known bodies: free sphere, clamped beam, scaling laws; and the cell's mesh convergence. "
+            "Takes about a minute.",
+        ),
+        Command(
+            "cell shake", "fasbody.cell", "shake",
+            "Beyond the thesis: damping of a viscoelastic cell, and its response to a shaken base from 5 Hz up.",
+        ),
+        Command(
+            "view cell", "viz.cell", "",
+            "Watch the mode shapes of a cell in slow motion; the page follows when the result is written again.",
+        ),
+        Command(
+            "anatomy", "viz.anatomy", "",
+            "Make the meshes of the foot from their shapes, check that they are closed, and write them as assets.",
+        ),
+    ),
+    "What holds it together": (
+        Command("", "fasbody", "", "Show what there is: every command of the project, and what it does."),
+        Command(
+            "reproduce", "reproduction", "",
+            "Run every equation, table, figure and statement of the thesis and say what came of it. Some minutes.",
+        ),
+        Command(
+            "bench", "benchmarks", "",
+            "Measure everything that the documentation states, into one table. Takes about half an hour.",
+        ),
+        Command("bench accuracy", "benchmarks.accuracy", "", "Errors of MuJoCo and twin against DOP853."),
+        Command("bench acquire", "benchmarks.acquire", "", "Measure acquisition; about five minutes."),
+        Command("bench arch", "benchmarks.arch", "", "Error, cost and stability of the stepped arch."),
+        Command(
+            "bench black-box", "benchmarks.black_box", "",
+            "Black-box estimators against the truth, the plain way and their peers; some minutes.",
+        ),
+        Command("bench callbacks", "benchmarks.callbacks", "", "Cost of the callbacks and gain of a second thread."),
+        Command("bench cell", "benchmarks.cell", "", "Time and memory of the cell's modes, solver by solver."),
+        Command(
+            "bench coverage", "benchmarks.coverage", "",
+            "Coverage of the confidence intervals, distribution of chi-square, and verdicts.",
+        ),
+        Command("bench findings-by-seed", "benchmarks.findings_by_seed", "", "Print how often each finding holds."),
+        Command("bench fitting", "benchmarks.fitting", "", "Fits side by side; scipy takes minutes."),
+        Command(
+            "bench peak-to-peak", "benchmarks.peak_to_peak", "",
+            "Sine fit and peak to peak on signals whose answer is known.",
+        ),
+        Command(
+            "bench study", "benchmarks.study", "",
+            "Speed of a study from its first to its last fit; some ten minutes on two idle cores.",
+        ),
+        Command(
+            "bench study-end-to-end", "benchmarks.study_end_to_end", "",
+            "540 recordings from the laboratory to the figures: time and memory.",
+        ),
+        Command(
+            "bench trend", "benchmarks.trend", "",
+            "Coverage of the curves' intervals, separation of the mirror branches, held-out errors; a few minutes.",
+        ),
+        Command("bench viewer", "benchmarks.viewer", "", "Frames a second, slider to picture, memory."),
+    ),
+}  # fmt: skip
 
 
-def _home(file: Path, tree: ast.Module, root: Path) -> tuple[str, ast.Module]:
-    """The module that makes the app: the command's own, or the first that it imports late."""
-    candidates = [file]
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.module and node not in tree.body:
-            place = root.joinpath(*node.module.split("."))
-            candidates += [place.with_suffix(".py"), *(place / f"{alias.name}.py" for alias in node.names)]
-    for candidate in candidates:
-        source = ast.parse(candidate.read_text(encoding="utf-8")) if candidate.is_file() else ast.Module([], [])
-        if any("app" in ast.unparse(node).split("=")[0] for node in source.body if _makes_app(node)):
-            return ".".join(candidate.relative_to(root).with_suffix("").parts), source
-    raise LookupError(f"{file}: ends in command_line(...), but no module it imports makes a Typer app")
+def commands() -> list[Command]:
+    """Every installed command, in the map's order."""
+    return [command for group in GROUPS.values() for command in group if command.installed]
 
 
-def _makes_app(node: ast.stmt) -> bool:
-    return isinstance(node, ast.Assign | ast.AnnAssign) and "typer.Typer(" in ast.unparse(node)
+def found(arguments: Sequence[str]) -> tuple[Command, list[str]]:
+    """The command that the first words of a command line name, and the arguments that are left for it.
 
-
-def _decorated(source: ast.Module) -> Iterator[tuple[ast.FunctionDef, ast.Call]]:
-    """The app's functions, each with its `@app.command(...)` or `@app.callback(...)`."""
-    for function in source.body:
-        for call in function.decorator_list if isinstance(function, ast.FunctionDef) else ():
-            if isinstance(call, ast.Call) and ast.unparse(call.func) in ("app.command", "app.callback"):
-                yield function, call  # type: ignore[misc]  # a FunctionDef, or there would be no decorators
-
-
-def _name(function: ast.FunctionDef, call: ast.Call) -> str:
-    """The sub-command's name, "" for the app's own callback."""
-    if ast.unparse(call.func) == "app.callback":
-        return ""
-    return str(ast.literal_eval(call.args[0])) if call.args else function.name.replace("_", "-")
-
-
-def _help(source: ast.Module, function: ast.FunctionDef, call: ast.Call) -> str:
-    """The first line of the help: the decorator's `help`, a constant or its name, or else the docstring."""
-    text = ast.get_docstring(function) or ""
-    for keyword in call.keywords:
-        if keyword.arg == "help":
-            value = keyword.value
-            if isinstance(value, ast.Name):
-                assigned = {ast.unparse(n.targets[0]): n.value for n in source.body if isinstance(n, ast.Assign)}
-                value = assigned[value.id]
-            text = str(ast.literal_eval(value))
-    return text.strip().splitlines()[0]
+    Raises:
+        SettingError: no command is called so.
+    """
+    known = {tuple(command.words.split()): command for command in commands() if command.words}
+    for count in range(min(len(arguments), max(map(len, known))), 0, -1):
+        if command := known.get(tuple(arguments[:count])):
+            return command, list(arguments[count:])
+    listed = [words for words in map(" ".join, known) if words.split()[0] == arguments[0]]
+    raise SettingError(f"{unknown('command', ' '.join(arguments[:2]), listed or map(' '.join, known))}.")

@@ -1,29 +1,36 @@
-"""The estimate run over whole recordings in MuJoCo: the traces of the report and the fit percentage of the thesis.
+"""A branch of a fit converged on the MuJoCo rollout, with its standard errors: the numbers that are reported.
 
-A branch of a fit converged on the MuJoCo rollout, with its standard errors: the numbers that are reported.
+The estimate is then run over whole recordings in MuJoCo (`replay`): the traces of the report and the fit percentage of
+the thesis.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import Parameter
-from fasbody.foot.shaker import samples
 from fasbody.foot.simulate import Batch
 from fasbody.recording.recording import Recording
 from identification.blackbox.criteria import fit_percent
-from identification.domains import Route
-from identification.engines.orbits import Coordinates
-from identification.engines.runs import TimeTwin, grid
+from identification.domains import Domain
+from identification.engines.engine import Whole
+from identification.engines.mujoco import Coordinates
+from identification.engines.twin import Twin
 from identification.result import Branch, Estimate, identifiability
-from identification.search import Descent, descend
+from identification.search import Descent, Problem, descend
 from identification.space import DELAY, Space
+
+#: Rounds of reweighing: the weights depend on the model, and settle at once.
+_REWEIGH = 2
+#: So many ends of a branch are tried in MuJoCo before it is given up.
+_CANDIDATES = 3
+#: A steady motion this many times larger than the measured one has left its orbit, which is unstable.
+_GROWN = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,122 +49,18 @@ class Replay:
     twin_difference: float | None
 
 
-def replay(
-    foot: Foot,
-    recordings: Sequence[Recording],
-    values: Mapping[str, float] | Sequence[Mapping[str, float]],
-    starts: Sequence[np.ndarray],
-    twin: bool,
-    threads: int = 0,
-) -> Replay:
-    """Run every recording from its initial states [m, m/s], driven by the spline through its base channel.
-
-    Args:
-        foot: the model. recordings: checked. values: parameters by name, with the delay, of all recordings or of each.
-            starts: initial states of each (`Coordinates.unpack`). twin: compare with the compiled twin.
-            threads: 0 for all cores.
-    """
-    coordinates = Coordinates(foot)
-    traces: list[np.ndarray] = [np.empty(0)] * len(recordings)
-    base_error, difference = 0.0, 0.0
-    grids = [grid(recording, foot) for recording in recordings]
-    feet = [values] * len(recordings) if isinstance(values, Mapping) else values
-    full = [{**foot_values, **r.condition.masses} for foot_values, r in zip(feet, recordings, strict=True)]
-    engine = TimeTwin(foot, recordings) if twin else None
-    for shape in dict.fromkeys(grids):
-        group = [i for i, g in enumerate(grids) if g == shape]
-        h, n, stride = shape
-        batch = Batch(foot, len(group), threads)
-        batch.set({name: np.array([full[i][name] for i in group]) for name in foot.parameters if name in full[0]})
-        times = [recordings[i].time_s - recordings[i].time_s[0] for i in group]
-        motions = [samples(t, recordings[i].base_m_s2) for t, i in zip(times, group, strict=True)]
-        controls = np.stack([motion.controls(h, n) for motion in motions])
-        out = batch.run(controls, h, *coordinates.unpack(np.stack([starts[i] for i in group])))
-        base_error = max(base_error, out.base_error)
-        for row, i in enumerate(group):
-            y = out.malleolus[row, ::stride]
-            if engine is not None:
-                other, _ = engine.run(i, full[i], (), starts[i])
-                difference = max(difference, float(np.abs(y - other).max() / np.abs(other).max()))
-            t = times[row]
-            traces[i] = CubicSpline(t, y)(t - full[i].get(DELAY.name, 0.0))
-    fits = [fit_percent(r.malleolus_m_s2, y) for r, y in zip(recordings, traces, strict=True)]
-    return Replay(traces, fits, base_error, difference if twin else None)
-
-
-#: Rounds of reweighing: the weights depend on the model, and settle at once.
-_REWEIGH = 2
-#: So many ends of a branch are tried in MuJoCo before it is given up.
-_CANDIDATES = 3
-#: A steady motion this many times larger than the measured one has left its orbit, which is unstable.
-_GROWN = 5.0
-
-
 @dataclass(frozen=True, eq=False)
 class Certified:
     """A branch converged on the MuJoCo rollout."""
 
     name: str
-    problem: Any
+    problem: Problem
     descent: Descent
     deviance: float
     run: Replay
 
 
-def settle(route: Route, descent: Descent) -> tuple[Any, Descent]:
-    """Bring weights and time step up to date at a descent's end and go on: the problem so weighted, and the end."""
-    problem = route.explorer()
-    q = route.space.to_q(descent.theta)
-    z = descent.z if descent.z.size == problem.bounds[0].size else problem.start(q)  # explored in the other domain
-    finer = route.refined(z)
-    while True:
-        problem, route = problem if finer is route else finer.explorer(), finer
-        for _ in range(_REWEIGH if route.chi_square else 1):  # without chi-square the weights stay
-            route.reweigh(problem, descent)
-            descent = descend(problem, route.space.to_q(descent.theta), descent.label, z0=z, tight=True)
-            z = descent.z
-        finer = route.refined(z)
-        if finer is route:
-            return problem, descent
-
-
-def standard_errors(problem: Any, descent: Descent, dof: int, chi_square: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Standard errors (p,) and covariance (p, p) of q; a misfit beyond the noise widens the former, NaN at a bound.
-
-    What rests on a bound has no standard error of its own, but is not known to lie there: the others' errors hold for
-    any value it may have, not for the bound's alone.
-    """
-    at_bound = problem.space.at_bound(descent.theta)
-    covariance = problem.covariance(descent.z, np.ones(at_bound.size, bool))
-    covariance[at_bound] = covariance[:, at_bound] = np.nan
-    excess = max(1.0, descent.cost / max(1, dof)) if chi_square else 1.0
-    return np.sqrt(np.diag(covariance) * excess), covariance
-
-
-def _certify(route: Route, name: str, descent: Descent) -> Certified:
-    """Settle the weights, converge on the MuJoCo rollout, and run the recordings.
-
-    Raises:
-        SimulationError: the motion is unstable over whole recordings.
-    """
-    problem, descent = settle(route, descent)
-    route = route.refined(descent.z)
-    final = route.certifier(problem)
-    descent = descend(final, route.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
-    starts = [route.initial_states(final, descent, number) for number in range(len(route.recordings))]
-    run = replay(route.foot, route.recordings, route.space.values(descent.theta), starts, route.twin, route.threads)
-    if route.chi_square and not _lasts(run, route.recordings):
-        raise SimulationError(f"{route.foot.name}: a periodic motion that a foot would not stay on.")
-    return Certified(name, final, descent, descent.cost + final.log_determinant, run)
-
-
-def _lasts(run: Replay, recordings: Sequence[Recording]) -> bool:
-    """Whether steady motions stay near what was measured, as a descent's end does over one period."""
-    pairs = zip(run.traces, recordings, strict=True)
-    return all(np.ptp(trace) <= _GROWN * np.ptp(recording.malleolus_m_s2) for trace, recording in pairs)
-
-
-def certify_first(route: Route, name: str, candidates: Sequence[Descent]) -> tuple[Certified | None, int]:
+def certify_first(domain: Domain, name: str, candidates: Sequence[Descent]) -> tuple[Certified | None, int]:
     """The best descent of a branch that MuJoCo can follow over whole recordings, and how many it could not.
 
     A parameter set may have a periodic motion that no foot would stay on. Descents that end at the same place are
@@ -168,7 +71,7 @@ def certify_first(route: Route, name: str, candidates: Sequence[Descent]) -> tup
         if descent.unstable or any(abs(descent.cost - other.cost) <= 1e-6 * other.cost for other in skipped):
             continue
         try:
-            return _certify(route, name, descent), len(skipped)
+            return _certify(domain, name, descent), len(skipped)
         except SimulationError:
             skipped.append(descent)
         if len(skipped) == _CANDIDATES:
@@ -176,11 +79,65 @@ def certify_first(route: Route, name: str, candidates: Sequence[Descent]) -> tup
     return None, len(skipped)
 
 
-def branch_of(route: Route, certified: Certified, space: Space) -> Branch:
+def _certify(domain: Domain, name: str, descent: Descent) -> Certified:
+    """Settle the weights, converge on the MuJoCo rollout, and run the recordings.
+
+    Raises:
+        SimulationError: the motion is unstable over whole recordings.
+    """
+    problem, descent = settle(domain, descent)
+    domain = domain.refined(descent.z)
+    final = problem.certified(domain.foot)
+    descent = descend(final, domain.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
+    starts = [final.states(descent.z, number) for number in range(len(domain.recordings))]
+    values = domain.space.values(descent.theta)
+    run = replay(domain.foot, domain.recordings, values, starts, domain.twin, domain.threads)
+    if final.chi_square and not _lasts(run, domain.recordings):
+        raise SimulationError(f"{domain.foot.name}: a periodic motion that a foot would not stay on.")
+    return Certified(name, final, descent, descent.cost + final.log_determinant, run)
+
+
+def _lasts(run: Replay, recordings: Sequence[Recording]) -> bool:
+    """Whether steady motions stay near what was measured, as a descent's end does over one period."""
+    pairs = zip(run.traces, recordings, strict=True)
+    return all(np.ptp(trace) <= _GROWN * np.ptp(recording.malleolus_m_s2) for trace, recording in pairs)
+
+
+def settle(domain: Domain, descent: Descent) -> tuple[Problem, Descent]:
+    """Bring weights and time step up to date at a descent's end and go on: the problem so weighted, and the end."""
+    problem = domain.problem()
+    q = domain.space.to_q(descent.theta)
+    z = descent.z if descent.z.size == problem.bounds[0].size else problem.start(q)  # explored in the other domain
+    finer = domain.refined(z)
+    while True:
+        problem, domain = problem if finer is domain else finer.problem(), finer
+        for _ in range(_REWEIGH if problem.chi_square else 1):  # without chi-square the weights stay
+            problem.reweigh(descent.z)
+            descent = descend(problem, domain.space.to_q(descent.theta), descent.label, z0=z, tight=True)
+            z = descent.z
+        finer = domain.refined(z)
+        if finer is domain:
+            return problem, descent
+
+
+def standard_errors(problem: Problem, descent: Descent, dof: int) -> tuple[np.ndarray, np.ndarray]:
+    """Standard errors (p,) and covariance (p, p) of q; a misfit beyond the noise widens the former, NaN at a bound.
+
+    What rests on a bound has no standard error of its own, but is not known to lie there: the others' errors hold for
+    any value it may have, not for the bound's alone.
+    """
+    at_bound = problem.space.at_bound(descent.theta)
+    covariance = problem.covariance(descent.z, np.ones(at_bound.size, bool))
+    covariance[at_bound] = covariance[:, at_bound] = np.nan
+    excess = max(1.0, descent.cost / max(1, dof)) if problem.chi_square else 1.0
+    return np.sqrt(np.diag(covariance) * excess), covariance
+
+
+def branch_of(certified: Certified, space: Space) -> Branch:
     """Estimates with standard errors from the Jacobian at MuJoCo's optimum."""
     problem, descent, run = certified.problem, certified.descent, certified.run
     dof = max(0, problem.size - descent.z.size)
-    std_q, covariance = standard_errors(problem, descent, dof, route.chi_square)
+    std_q, covariance = standard_errors(problem, descent, dof)
     at_bound = space.at_bound(descent.theta)
     theta = space.snapped(descent.theta)
     low, high = space.interval(theta, std_q)
@@ -206,10 +163,53 @@ def branch_of(route: Route, certified: Certified, space: Space) -> Branch:
         correlation=np.nan_to_num(correlation).tolist(),
         chi_square=descent.cost,
         dof=dof,
-        p_value=float(chi2.sf(descent.cost, dof)) if route.chi_square and dof else None,
+        p_value=float(chdtrc(dof, descent.cost)) if problem.chi_square and dof else None,
     )
 
 
 def size_that_matters(item: Parameter) -> float:
     """A value that matters of a parameter that may be zero: a tenth of the way to its bound."""
     return 0.0 if item.logarithmic else 0.1 * max(abs(item.lower), abs(item.upper))
+
+
+def replay(
+    foot: Foot,
+    recordings: Sequence[Recording],
+    values: Mapping[str, float] | Sequence[Mapping[str, float]],
+    starts: Sequence[np.ndarray],
+    twin: bool,
+    threads: int = 0,
+) -> Replay:
+    """Run every recording from its initial states [m, m/s], driven by the spline through its base channel.
+
+    Args:
+        foot: the model. recordings: checked. values: parameters by name, with the delay, of all recordings or of each.
+            starts: initial states of each (`Coordinates.unpack`). twin: compare with the compiled twin.
+            threads: 0 for all cores.
+    """
+    coordinates = Coordinates(foot)
+    traces: list[np.ndarray] = [np.empty(0)] * len(recordings)
+    base_error, difference = 0.0, 0.0
+    whole = [Whole.of(recording, foot) for recording in recordings]
+    grids = [(each.step, each.steps, each.stride) for each in whole]
+    feet = [values] * len(recordings) if isinstance(values, Mapping) else values
+    full = [{**foot_values, **r.condition.masses} for foot_values, r in zip(feet, recordings, strict=True)]
+    engine = Twin(foot, whole) if twin else None
+    for shape in dict.fromkeys(grids):
+        group = [i for i, g in enumerate(grids) if g == shape]
+        h, n, stride = shape
+        batch = Batch(foot, len(group), threads)
+        batch.set({name: np.array([full[i][name] for i in group]) for name in foot.parameters if name in full[0]})
+        times = [recordings[i].time_s - recordings[i].time_s[0] for i in group]
+        controls = np.stack([whole[i].motion.controls(h, n) for i in group])
+        out = batch.run(controls, h, *coordinates.unpack(np.stack([starts[i] for i in group])))
+        base_error = max(base_error, out.base_error)
+        for row, i in enumerate(group):
+            y = out.malleolus[row, ::stride]
+            if engine is not None:
+                other, _ = engine.run(i, full[i], (), starts[i])
+                difference = max(difference, float(np.abs(y - other).max() / np.abs(other).max()))
+            t = times[row]
+            traces[i] = CubicSpline(t, y)(t - full[i].get(DELAY.name, 0.0))
+    fits = [fit_percent(r.malleolus_m_s2, y) for r, y in zip(recordings, traces, strict=True)]
+    return Replay(traces, fits, base_error, difference if twin else None)

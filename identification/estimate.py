@@ -1,23 +1,25 @@
 """The fit of a foot model to recordings: explore, follow both branches, certify in MuJoCo, judge."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
-from fasbody.exceptions import SettingError, SimulationError
+from fasbody.exceptions import RecordingError, SettingError, SimulationError, unknown
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import UNSTATED, Recording
-from identification.advice import advice
-from identification.branches import STIFF_ANKLE, STIFF_PAD, Verdict, has_mirror, judge, mirrored, pinned, ratio, side
-from identification.certification import branch_of, certify_first
-from identification.domains import PeriodicRoute, Route, TimeRoute, choose_domain, steady
-from identification.engines.orbits import twin_applies
-from identification.excitation import excitation_rank
+from fasbody.recording.study import Study
+from identification import branches, search
+from identification.advice import advice, excitation_rank
+from identification.branches import STIFF_ANKLE, STIFF_PAD, Verdict
+from identification.certification import Certified, branch_of, certify_first
+from identification.domains import Domain, PeriodicDomain, TimeDomain, choose_domain, steady
+from identification.engines.twin import twin_applies
 from identification.result import FitResult, RecordingFit
-from identification.search import ZERO, Descent, descend, explore
+from identification.search import ZERO, Descent
 from identification.space import MASSES, Space, space_of
 
 #: Rounds of as many random starts again, while a recording that the parameters can follow exactly is not followed.
@@ -26,6 +28,9 @@ _MORE_ROUNDS = 3
 _IMAGES, _APART = 4, 1e-2
 _LEFT_OUT = "The {name} branch is left out: the motions at its best ends do not last in MuJoCo."
 _PASSED_OVER = "The best end of the {name} branch was passed over: its motion does not last in MuJoCo."
+
+#: Called with what is done, how many, and of how many.
+Advance = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -49,118 +54,100 @@ class Settings:
     threads: int = 0
 
 
-def fit(
-    recordings: Sequence[Recording],
+def fit_foot(
+    study: Study | Iterable[Recording],
     foot: Foot,
     settings: Settings | None = None,
     *,
-    source: str = "",
-    truth: Mapping[str, float] | None = None,
-    advance: Callable[[str, int, int], None] = lambda what, done, total: None,
+    advance: Advance = lambda what, done, total: None,
     interruptible: bool = True,
+    **chosen: Any,
 ) -> FitResult:
     """Estimate a foot's parameters from recordings, pooled.
 
+        result = fit_foot(study, load("two_dof"), free=["k_T", "k_F"], starts=4)
+
     Args:
-        recordings: as read; they are checked here. foot: the model. settings: how.
-        source: what to call the data. truth: known parameters of synthetic data, reported beside the estimate.
+        study: a study, or recordings as read; they are checked here.
+        foot: the model.
+        settings: how to fit.
         advance: called with what is done, how many of how many, for a progress bar.
         interruptible: Ctrl-C ends the exploration only, and the result rests on the starts done.
+        **chosen: fields of `Settings`, in place of those of `settings`.
 
     Raises:
         RecordingError: a recording cannot serve. SettingError: an option cannot be meant.
         SimulationError: no start led anywhere.
     """
     began = time.perf_counter()
-    settings = settings or Settings()
+    settings = _with(settings or Settings(), chosen)
+    question = Question.of(list(study), foot, settings)
+    explored = explore(question, settings, advance, interruptible)
+    result = judge(question, explored, certify(question, explored, advance))
+    source = study.name if isinstance(study, Study) else result.source
+    return replace(result, source=source, seconds=time.perf_counter() - began)
+
+
+def _with(settings: Settings, chosen: Mapping[str, Any]) -> Settings:
+    """Settings with some fields given as keywords."""
+    known = [field.name for field in fields(Settings)]
+    for name in chosen:
+        if name not in known:
+            raise SettingError(f"{unknown('setting', name, known)}.")
+    free = chosen.get("free", settings.free)
+    if isinstance(free, str):
+        raise SettingError(f'free is {free!r}; give a list of names, for example free=["{free}"].')
+    settings = replace(settings, **{**chosen, "free": None if free is None else tuple(free)})
     if settings.starts < 1:
         raise SettingError(f"the number of starts is {settings.starts}; at least one is needed.")
-    data = [checked(recording) for recording in recordings]
-    warnings = [text for recording in data for text in recording.warnings]
-    domain, why = choose_domain(data, settings.domain)
-    warnings += why
-    twin = twin_applies(foot)
-    delay = _tells_delay(data) if settings.delay is None else settings.delay
-    if not delay:
-        warnings.append("One frequency cannot tell a delay between the channels from damping: it is held at zero.")
-    space = space_of(foot, settings.free, settings.bounds, delay)
-    if any(not r.condition.masses for r in data) and set(MASSES) & set(foot.parameters):
-        held = ", ".join(f"{n} {v:.3g} kg" for n, v in foot.values().items() if n in MASSES)
-        warnings.append(f"The body mass is unknown, so the model's own masses are used ({held}); give --body-mass.")
-    route: Route = (PeriodicRoute if domain == "periodic" else TimeRoute)(foot, data, space, twin, settings.threads)
+    return settings
 
-    masses = [recording.condition.masses for recording in data]
-    why_not = has_mirror(space.names, foot.parameters)
-    mirror = not why_not
-    a = ratio(masses, foot.values()) if mirror else 1.0
-    rng = np.random.default_rng(settings.seed)
-    starts = _starts(space, foot, settings, a if mirror else None, rng)
-    scout = route
-    if domain == "time" and steady(data):  # the same foot is found a hundred times sooner on the harmonics
-        scout = PeriodicRoute(foot, data, space, twin, settings.threads)
-    scout = scout.exploring()
-    problem = scout.explorer()
-    counter = iter(range(1, len(starts) + 1))
-    descents, interrupted = explore(problem, starts, lambda: advance("exploring starts", next(counter), len(starts)))
-    if interrupted and not interruptible:
-        raise KeyboardInterrupt
-    for more in range(_MORE_ROUNDS):
-        if interrupted or not _astray(descents[0], problem.size, space):
-            break
-        again = [(f"random {more + 1}.{i + 1}", space.random(rng)) for i in range(settings.starts)]
-        others, interrupted = explore(problem, again)
-        descents = sorted([*descents, *others], key=lambda d: d.cost)
-    if interrupted:
-        warnings.append(f"Interrupted after {len(descents)} of {len(starts)} starts; the result rests on those.")
-    if descents[0].unstable:
-        raise SimulationError(f"{foot.name}: every start was unstable; check the bounds and the model's parameters.")
 
-    route = route.weighed(descents[0].z)  # both branches beside the same misfit, or their odds would mean nothing
-    chosen = _a_branch_each(scout, descents, space, a) if mirror else {"best": descents}
-    certified = []
-    for number, (name, candidates) in enumerate(chosen.items()):
-        advance("certifying in MuJoCo", number, len(chosen))
-        found, skipped = certify_first(route, name, candidates)
-        if found:
-            certified.append(found)
-        if skipped:
-            warnings.append((_PASSED_OVER if found else _LEFT_OUT).format(name=name))
-    if not certified:
-        raise SimulationError(f"{foot.name}: the best parameter sets are all unstable over the recordings.")
-    certified.sort(key=lambda c: c.deviance)
-    built = [branch_of(route, c, space) for c in certified]
-    rests = pinned({key: e.at_bound for key, e in built[-1].parameters.items()})
-    verdict = judge([b.name for b in built], [b.deviance for b in built], built[0].chi_square, built[0].dof, rests)
-    if verdict.tied:
-        certified.sort(key=lambda c: c.name)
-        built.sort(key=lambda b: b.name)
-    best = certified[0].run
-    left_out = [name for name in chosen if name not in {c.name for c in certified}]
-    if not mirror or left_out:
-        verdict = Verdict("not compared", 0.0, why_not or _LEFT_OUT.format(name=left_out[0]))
-    rank = excitation_rank(data)
-    warnings += advice(built[0], space, rank, data, best, verdict)
-    return FitResult(
-        source=source or data[0].file,
-        origin=next((o for o in ("synthetic", UNSTATED) if any(r.origin == o for r in data)), "measured"),
-        model=foot.name,
-        domain=domain,
-        branches=tuple(built),
-        recordings=tuple(
-            RecordingFit(r.file, r.condition.frequency_hz, r.condition.added_mass_kg, f, r.time_s, r.malleolus_m_s2, y)
-            for r, f, y in zip(data, best.fits, best.traces, strict=True)
-        ),
-        verdict=str(verdict),
-        reason=verdict.sentence,
-        log_likelihood_ratio=verdict.log_likelihood_ratio,
-        excitation_rank=rank,
-        twin_mujoco_difference=best.twin_difference,
-        base_acceleration_error=best.base_error,
-        starts=tuple(_start_row(d, space, a if mirror else None) for d in descents),
-        warnings=tuple(dict.fromkeys(warnings)),
-        truth=dict(truth or {}),
-        seconds=time.perf_counter() - began,
-    )
+@dataclass(frozen=True, eq=False)
+class Question:
+    """A fit before it begins.
+
+    Attributes:
+        domain: recordings and model. name: of the domain. space: what is searched. ratio: of the mirror image
+            (`branches.ratio`), None where there is none. why_not: the reason for that. warnings: so far.
+    """
+
+    domain: Domain
+    name: str
+    space: Space
+    ratio: float | None
+    why_not: str
+    warnings: tuple[str, ...]
+
+    @classmethod
+    def of(cls, recordings: Sequence[Recording], foot: Foot, settings: Settings) -> "Question":
+        """Check the recordings, choose the domain, and open the space.
+
+        Raises:
+            RecordingError, SettingError: see `fit_foot`.
+        """
+        if not recordings:
+            raise RecordingError("there is no recording to fit.")
+        data = [checked(recording) for recording in recordings]
+        warnings = [text for recording in data for text in recording.warnings]
+        name, why = choose_domain(data, settings.domain)
+        warnings += why
+        delay = _tells_delay(data) if settings.delay is None else settings.delay
+        if not delay:
+            warnings.append("One frequency cannot tell a delay between the channels from damping: it is held at zero.")
+        space = space_of(foot, settings.free, settings.bounds, delay)
+        if any(not r.condition.masses for r in data) and set(MASSES) & set(foot.parameters):
+            held = ", ".join(f"{n} {v:.3g} kg" for n, v in foot.values().items() if n in MASSES)
+            warnings.append(f"The body mass is unknown, so the model's own masses are used ({held}); give --body-mass.")
+        kind = PeriodicDomain if name == "periodic" else TimeDomain
+        domain = kind(foot, data, space, twin_applies(foot), settings.threads)
+        why_not = branches.has_mirror(space.names, foot.parameters)
+        ratio = None if why_not else branches.ratio([r.condition.masses for r in data], foot.values())
+        return cls(domain, name, space, ratio, why_not, tuple(warnings))
+
+    def side(self, descent: Descent) -> str:
+        """The branch on which a descent ended."""
+        return "best" if self.ratio is None else branches.side(self.space.values(descent.theta), self.ratio)
 
 
 def _tells_delay(data: Sequence[Recording]) -> bool:
@@ -169,35 +156,90 @@ def _tells_delay(data: Sequence[Recording]) -> bool:
     return len(found) > 1 or None in found
 
 
+@dataclass(frozen=True, eq=False)
+class Explored:
+    """Where the starts led.
+
+    Attributes:
+        descents: of all starts, best first. ends: those of each branch, best first, with what their mirror images led
+            to. warnings: if the exploration was interrupted.
+    """
+
+    descents: list[Descent]
+    ends: Mapping[str, list[Descent]]
+    warnings: tuple[str, ...]
+
+
+def explore(question: Question, settings: Settings, advance: Advance, interruptible: bool) -> Explored:
+    """Descend from all starts on the fastest engine, weighed by the noise alone.
+
+    Raises:
+        SimulationError: every start was unstable.
+    """
+    space, foot = question.space, question.domain.foot
+    scout = _scout(question.domain)
+    rng = np.random.default_rng(settings.seed)
+    starts = _starts(question, settings, rng)
+    problem = scout.problem()
+    counter = iter(range(1, len(starts) + 1))
+    descents, interrupted = search.explore(
+        problem, starts, lambda: advance("exploring starts", next(counter), len(starts))
+    )
+    if interrupted and not interruptible:
+        raise KeyboardInterrupt
+    for more in range(_MORE_ROUNDS):
+        if interrupted or not _astray(descents[0], problem.size, space):
+            break
+        again = [(f"random {more + 1}.{i + 1}", space.random(rng)) for i in range(settings.starts)]
+        others, interrupted = search.explore(problem, again)
+        descents = sorted([*descents, *others], key=lambda d: d.cost)
+    warnings: tuple[str, ...] = ()
+    if interrupted:
+        warnings = (f"Interrupted after {len(descents)} of {len(starts)} starts; the result rests on those.",)
+    if descents[0].unstable:
+        raise SimulationError(f"{foot.name}: every start was unstable; check the bounds and the model's parameters.")
+    return Explored(descents, _a_branch_each(question, scout, descents), warnings)
+
+
+def _scout(domain: Domain) -> Domain:
+    """Steady recordings are explored on their harmonics: there the same foot is found a hundred times sooner."""
+    if isinstance(domain, PeriodicDomain) or steady(domain.recordings):
+        made = (domain.foot, domain.recordings, domain.space, domain.twin, domain.threads)
+        return PeriodicDomain(*made, excess=np.inf)
+    return domain
+
+
+def _starts(question: Question, settings: Settings, rng: np.random.Generator) -> list[tuple[str, np.ndarray]]:
+    """The model's own values, their mirror image, and random points."""
+    space, values = question.space, question.domain.foot.values()
+    starts = [("model", space.to_q(space.theta(values)))]
+    if question.ratio is not None:
+        image = branches.mirrored(values, question.ratio)
+        starts.append(("mirror of the model", space.to_q(space.theta(image))))
+    starts += [(f"random {i + 1}", space.random(rng)) for i in range(settings.starts)]
+    return starts[: settings.starts]
+
+
 def _astray(best: Descent, numbers: int, space: Space) -> bool:
     """Whether the best end misses by more than the noise, though the parameters can follow so few numbers exactly."""
     return numbers <= space.lower.size and best.cost > numbers
 
 
-def _starts(
-    space: Space, foot: Foot, settings: Settings, a: float | None, rng: np.random.Generator
-) -> list[tuple[str, np.ndarray]]:
-    """The model's own values, their mirror image, and random points."""
-    values = foot.values()
-    starts = [("model", space.to_q(space.theta(values)))]
-    if a is not None:
-        starts.append(("mirror of the model", space.to_q(space.theta(mirrored(values, a)))))
-    starts += [(f"random {i + 1}", space.random(rng)) for i in range(settings.starts)]
-    return starts[: max(settings.starts, 1)]
-
-
-def _a_branch_each(route: Route, descents: Sequence[Descent], space: Space, a: float) -> dict[str, list[Descent]]:
+def _a_branch_each(question: Question, scout: Domain, descents: list[Descent]) -> dict[str, list[Descent]]:
     """The descents of each branch, best first; mirror images of the other's best ends are entered, too."""
+    if question.ratio is None:
+        return {"best": descents}
+    space = question.space
     found: dict[str, list[Descent]] = {}
     for descent in descents:
-        found.setdefault(side(space.values(descent.theta), a), []).append(descent)
-    problem = route.explorer()
+        found.setdefault(question.side(descent), []).append(descent)
+    problem = scout.problem()
     entered: dict[str, list[Descent]] = {}
     for name, other in ((STIFF_ANKLE, STIFF_PAD), (STIFF_PAD, STIFF_ANKLE)):
         for end in _distinct(found.get(other, [])):
-            image = mirrored(space.values(end.theta), a)
-            there = descend(problem, space.to_q(space.theta(image)), f"mirror of {other}")
-            if side(space.values(there.theta), a) == name:
+            image = branches.mirrored(space.values(end.theta), question.ratio)
+            there = search.descend(problem, space.to_q(space.theta(image)), f"mirror of {other}")
+            if question.side(there) == name:
                 entered.setdefault(name, []).append(there)
     names = [*found, *(name for name in entered if name not in found)]
     return {name: sorted([*found.get(name, []), *entered.get(name, [])], key=lambda d: d.cost) for name in names}
@@ -212,8 +254,80 @@ def _distinct(descents: Sequence[Descent]) -> list[Descent]:
     return kept
 
 
-def _start_row(descent: Descent, space: Space, a: float | None) -> dict[str, object]:
-    values = space.values(descent.theta)
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What MuJoCo confirms.
+
+    Attributes:
+        branches: converged there, likeliest first. left_out: names of those that do not last. warnings: on both.
+    """
+
+    branches: list[Certified]
+    left_out: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def certify(question: Question, explored: Explored, advance: Advance) -> Answer:
+    """Converge the best end of each branch on the MuJoCo rollout.
+
+    Raises:
+        SimulationError: no motion lasts.
+    """
+    # both branches beside the same misfit, or their odds would mean nothing
+    domain = question.domain.weighed(explored.descents[0].z)
+    certified: list[Certified] = []
+    left_out: list[str] = []
+    warnings: list[str] = []
+    for number, (name, ends) in enumerate(explored.ends.items()):
+        advance("certifying in MuJoCo", number, len(explored.ends))
+        found, skipped = certify_first(domain, name, ends)
+        if found:
+            certified.append(found)
+        else:
+            left_out.append(name)
+        if skipped:
+            warnings.append((_PASSED_OVER if found else _LEFT_OUT).format(name=name))
+    if not certified:
+        raise SimulationError(f"{domain.foot.name}: the best parameter sets are all unstable over the recordings.")
+    return Answer(sorted(certified, key=lambda c: c.deviance), tuple(left_out), tuple(warnings))
+
+
+def judge(question: Question, explored: Explored, answer: Answer) -> FitResult:
+    """Compare the branches, and say what the data tell of the foot."""
+    data, certified = question.domain.recordings, answer.branches
+    built = [branch_of(c, question.space) for c in certified]
+    rests = branches.pinned({key: e.at_bound for key, e in built[-1].parameters.items()})
+    first = built[0]
+    verdict = branches.judge([b.name for b in built], [b.deviance for b in built], first.chi_square, first.dof, rests)
+    if verdict.tied:
+        certified = sorted(certified, key=lambda c: c.name)
+        built.sort(key=lambda b: b.name)
+    best = certified[0].run
+    if question.why_not or answer.left_out:
+        why = question.why_not or _LEFT_OUT.format(name=answer.left_out[0])
+        verdict = Verdict("not compared", 0.0, why)
+    rank = excitation_rank(data)
+    warnings = (*question.warnings, *explored.warnings, *answer.warnings)
+    warnings += tuple(advice(built[0], question.space, rank, data, best, verdict))
+    return FitResult(
+        source=data[0].file,
+        origin=next((o for o in ("synthetic", UNSTATED) if any(r.origin == o for r in data)), "measured"),
+        model=question.domain.foot.name,
+        domain=question.name,
+        branches=tuple(built),
+        recordings=tuple(RecordingFit.of(r, f, y) for r, f, y in zip(data, best.fits, best.traces, strict=True)),
+        verdict=str(verdict),
+        reason=verdict.sentence,
+        log_likelihood_ratio=verdict.log_likelihood_ratio,
+        excitation_rank=rank,
+        twin_mujoco_difference=best.twin_difference,
+        base_acceleration_error=best.base_error,
+        starts=tuple(_start_row(question, descent) for descent in explored.descents),
+        warnings=tuple(dict.fromkeys(warnings)),
+    )
+
+
+def _start_row(question: Question, descent: Descent) -> dict[str, object]:
     row: dict[str, object] = {"start": descent.label, "cost": descent.cost, "evaluations": descent.evaluations}
-    row |= {"converged": descent.converged, "branch": side(values, a) if a is not None else "best"}
-    return row | {item.key: float(value) for item, value in zip(space.free, descent.theta, strict=True)}
+    row |= {"converged": descent.converged, "branch": question.side(descent)}
+    return row | {item.key: float(value) for item, value in zip(question.space.free, descent.theta, strict=True)}

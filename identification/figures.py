@@ -8,9 +8,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fasbody.foot.parameters import symbol_and_unit
+from fasbody.recording.harmonics import fit_harmonics
+from fasbody.transmissibility.estimate import ratio, unwrapped
+from fasbody.transmissibility.spectra import h1
 from identification.result import FitResult, RecordingFit
 
 _MEASURED, _MODEL, _OTHER, _TRUTH = "#2b2b2b", "#c8102e", "#1f6fb2", "#2e8b57"
+#: One colour an added mass, apart for the colour-blind.
+_MASSES = ("#c8102e", "#1f6fb2", "#2e8b57", "#b8860b", "#8d6a9f")
 STYLE: Any = {
     "font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25,
     "svg.fonttype": "path", "svg.hashsalt": "fasbody", "legend.frameon": False,
@@ -70,6 +75,39 @@ def _window(recording: RecordingFit) -> tuple[float, float]:
     middle = float(recording.time_s[recording.time_s.size // 2])
     length = 1.0 if recording.frequency_hz is None else 3 / recording.frequency_hz
     return (float(recording.time_s[0]), length) if recording.frequency_hz is None else (middle, length)
+
+
+def transmissibility(result: FitResult) -> Figure:
+    """Malleolus over base of data and model at the excited frequencies, and the phase lag, one colour an added mass."""
+    figure, axes = panels(2, 1, 5.2, 4.6, sharex=True)
+    masses = sorted({recording.added_mass_kg for recording in result.recordings})
+    for mass, colour in zip(masses, _MASSES * len(masses), strict=False):
+        fits = [recording for recording in result.recordings if recording.added_mass_kg == mass]
+        for trace, style, name in (("measured", "o", "data"), ("model", "x-", "model")):
+            found = [_response(recording, getattr(recording, trace)) for recording in fits]
+            f, H = (np.concatenate(part) for part in zip(*found, strict=True))
+            order = np.argsort(f, kind="stable")
+            lag = -unwrapped(np.degrees(np.angle(H[order])))
+            label = f"{name}, {mass:g} kg added"
+            for axis, values in ((axes[0, 0], np.abs(H[order])), (axes[1, 0], lag)):
+                axis.plot(f[order], values, style, ms=4, lw=0.9, color=colour, mfc="none", label=label)
+    axes[0, 0].axhline(1, lw=0.8, ls="--", color="#444444")
+    axes[0, 0].set_ylabel("transmissibility")
+    axes[1, 0].set_ylabel("phase lag [deg]")
+    axes[1, 0].set_xlabel("frequency [Hz]")
+    axes[0, 0].legend(fontsize=7)
+    figure.suptitle(f"{result.source} ({result.origin}), model {result.model}", fontsize=9)
+    return figure
+
+
+def _response(recording: RecordingFit, trace: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (n,) [Hz] and complex ratios (n,) of a trace to the base; H1 (1 Hz apart) for broadband ones."""
+    t = recording.time_s
+    if recording.frequency_hz is None:
+        estimate = h1(recording.base, trace, (t.size - 1) / (t[-1] - t[0]))
+        return estimate.frequency_hz, estimate.H
+    fits = [fit_harmonics(t, values, recording.frequency_hz, 1) for values in (trace, recording.base)]
+    return np.array([recording.frequency_hz]), np.array([ratio(*fits)[0]])
 
 
 def residuals(result: FitResult) -> Figure:

@@ -1,28 +1,19 @@
 """`python -m identification.fit`: stiffness and damping of a foot from its recordings."""
 
-import json
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.markup import escape
-from rich.table import Table
 
 from fasbody.console import command_line, console, make_folder, print_json, progress_bar, results
 from fasbody.exceptions import InputFileError
-from fasbody.foot.model import load
-from fasbody.foot.parameters import symbol_and_unit
 from fasbody.recording.recording import Recording, with_masses
-from fasbody.recording.study import Study, read_file
-from identification import options
-from identification.estimate import Settings, fit
-from identification.report import write
-from identification.result import FitResult
+from fasbody.recording.study import BUNDLED, Study, read_file, read_truth
 
-#: The study that ships with the package.
-BUNDLED = Path(str(files("fasbody"))) / "studies" / "synthetic_subject_16"
+if TYPE_CHECKING:
+    from identification.result import FitResult
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -56,10 +47,13 @@ def main(
 
       python -m identification.fit my_study --model my_foot.xml --free k_T,k_F --bounds k_F=3e3:5e5
     """
+    from fasbody.foot.model import load
+    from identification.estimate import Settings, fit_foot
+    from identification.report import write
+    from identification.space import limits, names
+
     source, recordings, truth = gather(data or [BUNDLED], body_mass, added_mass)
-    settings = Settings(
-        free=options.names(free), bounds=options.limits(bounds), starts=starts, seed=seed, domain=domain
-    )
+    settings = Settings(free=names(free), bounds=limits(bounds), starts=starts, seed=seed, domain=domain)
     foot = load(model)
     folder = out or (None if json_ else Path("results") / _slug(source))
     if folder is not None:
@@ -70,7 +64,7 @@ def main(
         def advance(what: str, done: int, total: int) -> None:
             progress.update(task, description=what, completed=done, total=total)
 
-        result = fit(recordings, foot, settings, source=source, truth=truth, advance=advance)
+        result = fit_foot(recordings, foot, settings, advance=advance).with_source(source, truth)
     if folder is not None:
         write(result, folder)
     if json_:
@@ -91,63 +85,42 @@ def gather(
     Raises:
         InputFileError: nothing of that name, or it cannot be read.
     """
-    names: list[str] = []
+    sources: list[str] = []
     recordings: list[Recording] = []
     truth: dict[str, float] = {}
     for path in data:
         if path.is_dir():
             study = Study.read(path)
-            names.append(study.name)
+            sources.append(study.name)
             recordings += study.recordings
-            truth = _truth(path / "truth.json") if len(data) == 1 else {}
+            truth = read_truth(path) if len(data) == 1 else {}
         elif path.exists():
-            names.append(path.name)
+            sources.append(path.name)
             recordings.append(read_file(path))
         else:
             raise InputFileError(path, "no such file or folder", "give a study folder or CSV recordings")
-    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else ""), [
+    return ", ".join(sources[:3]) + (f" and {len(sources) - 3} more" if len(sources) > 3 else ""), [
         with_masses(recording, body_mass, added_mass) for recording in recordings
     ], truth  # fmt: skip
-
-
-def _truth(file: Path) -> dict[str, float]:
-    if not file.is_file():
-        return {}
-    try:
-        document = json.loads(file.read_text())
-        return {name: float(v) for name, v in document["parameters"].items()} | {
-            "delay": document["instrument"]["delay_s"]
-        }
-    except (ValueError, KeyError, TypeError, AttributeError):
-        raise InputFileError(file, "is not the truth.json of a synthetic study", "make it anew or delete it") from None
 
 
 def _slug(text: str) -> str:
     return "".join(c if c.isalnum() else "_" for c in text.lower()).strip("_")[:60] or "fit"
 
 
-def show(result: FitResult) -> None:
+def show(result: "FitResult") -> None:
     """Print the result as a table for a person."""
-    table = Table(title=f"{result.source} ({result.origin}), model {result.model}", title_justify="left")
-    table.add_column("parameter")
-    table.add_column("95 % interval", justify="right")
-    for branch in result.branches[1:]:
-        table.add_column(f"mirror: {branch.name}", justify="right")
-    if result.truth:
-        table.add_column("truth", justify="right")
-    table.add_column("", no_wrap=True)
-    for key, e in result.parameters.items():
-        symbol, unit = symbol_and_unit(key)
-        row = [
-            f"{symbol} [{unit}]" if unit else symbol,
-            e.interval(),
-            *(branch.parameters[key].interval() for branch in result.branches[1:]),
-        ]
-        truth = result.truth_of(key)
-        row += [f"{truth:.6g}" if truth is not None else ""] if result.truth else []
-        table.add_row(*(escape(cell) for cell in row), e.identifiability + (", at bound" if e.at_bound else ""))
+    from rich.table import Table
+
+    sheet = result.sheet()
+    table = Table(title=sheet.title, title_justify="left")
+    for column in sheet.columns:
+        side: Literal["left", "right"] = "left" if column in ("parameter", "") else "right"
+        table.add_column(column, justify=side, no_wrap=not column)
+    for row in sheet.rows:
+        table.add_row(*map(escape, row))
     results.print(table)
-    results.print(f"[bold]{result.sentence()}[/]", soft_wrap=True)
+    results.print(f"[bold]{escape(result.sentence())}[/]", soft_wrap=True)
     results.print(result.reason, soft_wrap=True)
     for text in result.warnings:
         results.print(f"[yellow]note:[/] {text}", soft_wrap=True, markup=True)

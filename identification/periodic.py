@@ -1,37 +1,83 @@
-"""Errors that all harmonics share: an uncertain gain and delay of the channels, common to all recordings of a fit.
-
-The residual of all recordings has the covariance S + V V^T: S the noise, recording by recording, and V (n, k) what one
-standard deviation of each shared error does to the harmonics, k two or fewer. With S whitened away, V becomes W V =
-U s Q^T, and I + W V V^T W^T is whitened by I - sum over k of (1 - 1 / sqrt(1 + s^2)) u u^T: a few inner products.
-A nuisance parameter with a normal prior, integrated out, has the same likelihood.
-
-The harmonics of one periodic recording: what it is worth to the steady-state fit.
-
-Steady-state identification: harmonics of measured and modelled periodic motion, weighted by their noise.
+"""Steady-state identification: harmonics of measured and modelled periodic motion, weighted by their noise.
 
 Following Pintelon and Schoukens, a periodic recording is worth its harmonics: 2 H numbers with known variances. The
 residual is whitened by the noise of the output harmonics and of the input harmonics seen through the model,
-S = S_y + G S_u G^T, and by what the channels' gain and delay are uncertain (correlation.py), so that its sum of squares
-is chi-square distributed, with 2 H degrees of freedom a recording less the parameters. No initial states are estimated:
-the model's orbit is periodic too.
+S = S_y + G S_u G^T, and by what the channels' gain and delay are uncertain, so that its sum of squares is chi-square
+distributed, with 2 H degrees of freedom a recording less the parameters. No initial states are estimated: the model's
+orbit is periodic too.
+
+An uncertain gain and delay of the channels are errors that all harmonics share. With them the residual of all
+recordings has the covariance S + V V^T: S the noise, recording by recording, and V (n, k) what one standard deviation
+of each shared error does to the harmonics, k two or fewer. With S whitened away, V becomes W V = U s Q^T, and
+I + W V V^T W^T is whitened by I - sum over k of (1 - 1 / sqrt(1 + s^2)) u u^T: a few inner products. A nuisance
+parameter with a normal prior, integrated out, has the same likelihood.
 """
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fasbody.exceptions import RecordingError, SimulationError
+from fasbody.foot.model import Foot
 from fasbody.recording.harmonics import Harmonics, fit_harmonics, harmonic_count
 from fasbody.recording.recording import Recording, gain_and_delay
+from identification.engines.certified import CertifiedRollouts
 from identification.engines.compiled import Compiled
-from identification.engines.orbits import Engine, Excitation, Twin
-from identification.search import UNSTABLE
+from identification.engines.engine import LONGEST_STEP, Engine, Excitation
+from identification.engines.twin import Twin
+from identification.search import UNSTABLE, inverse_of_gram
 from identification.space import DELAY, SearchSpace, Space
 
+#: Noise below this share of the amplitude is not believed: clocks and models are not that good.
+_NOISE_FLOOR = 1e-7
+#: Relative gap of the orbits of a result.
+_CERTIFIED = 1e-7
 #: Rounds of the misfit's iteration, which contracts.
 _ROUNDS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """The harmonics of one recording: base U and malleolus Y."""
+
+    recording: Recording
+    base: Harmonics
+    malleolus: Harmonics
+
+    @classmethod
+    @functools.lru_cache(maxsize=128)  # choosing the domain, fitting and drawing loops need the same harmonics
+    def of(cls, recording: Recording) -> "Line":
+        """Fit the harmonics of a checked recording with a known excitation frequency."""
+        frequency = recording.condition.frequency_hz
+        if frequency is None:
+            raise RecordingError(f"{recording.file}: is not periodic, so it has no harmonics; use the time domain.")
+        count = harmonic_count(frequency, recording.rate_hz)
+        time = recording.time_s - recording.time_s[0]  # phases count from the first sample, where rollouts start
+        channels = (recording.base_m_s2, recording.malleolus_m_s2)
+        return cls(recording, *(fit_harmonics(time, c, frequency, count) for c in channels))
+
+    @property
+    def excitation(self) -> Excitation:
+        """What drives the model."""
+        return Excitation(self.base.frequency_hz, self.base.amplitudes, self.recording.condition.masses)
+
+    @property
+    def count(self) -> int:
+        """Harmonics compared."""
+        return self.base.amplitudes.size
+
+
+def excitations(lines: Sequence[Line], foot: Foot) -> list[Excitation]:
+    """What drives the model at each line; the step is the foot's own where that is finer than LONGEST_STEP."""
+    longest = min(LONGEST_STEP, foot.step)
+    return [replace(line.excitation, longest_step=longest) for line in lines]
+
+
+def split(z: np.ndarray) -> np.ndarray:
+    """Complex (H, ...) to real (2 H, ...): real parts, then imaginary parts."""
+    return np.concatenate([z.real, z.imag])
 
 
 def shared_errors(
@@ -83,68 +129,25 @@ def projection(V: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray((U * np.sqrt(1 - 1 / np.sqrt(1 + s**2))).T)
 
 
-@dataclass(frozen=True, eq=False)
-class Line:
-    """The harmonics of one recording: base U and malleolus Y."""
-
-    recording: Recording
-    base: Harmonics
-    malleolus: Harmonics
-
-    @classmethod
-    @functools.lru_cache(maxsize=32)  # choosing the domain, fitting and drawing loops need the same harmonics
-    def of(cls, recording: Recording) -> "Line":
-        """Fit the harmonics of a checked recording with a known excitation frequency."""
-        frequency = recording.condition.frequency_hz
-        if frequency is None:
-            raise RecordingError(f"{recording.file}: is not periodic, so it has no harmonics; use the time domain.")
-        count = harmonic_count(frequency, recording.rate_hz)
-        time = recording.time_s - recording.time_s[0]  # phases count from the first sample, where rollouts start
-        channels = (recording.base_m_s2, recording.malleolus_m_s2)
-        return cls(recording, *(fit_harmonics(time, c, frequency, count) for c in channels))
-
-    @property
-    def excitation(self) -> Excitation:
-        """What drives the model."""
-        return Excitation(self.base.frequency_hz, self.base.amplitudes, self.recording.condition.masses)
-
-    @property
-    def count(self) -> int:
-        """Harmonics compared."""
-        return self.base.amplitudes.size
-
-
-#: Noise below this share of the amplitude is not believed: clocks and models are not that good.
-_NOISE_FLOOR = 1e-7
-
-
-def split(z: np.ndarray) -> np.ndarray:
-    """Complex (H, ...) to real (2 H, ...): real parts, then imaginary parts."""
-    return np.concatenate([z.real, z.imag])
-
-
-def inverse_of_gram(J: np.ndarray) -> np.ndarray:
-    """(J^T J)^-1 (p, p) of J (m, p), with infinite variance for parameters in directions that no residual sees."""
-    _, s, Vt = np.linalg.svd(J, full_matrices=False)
-    seen = s > 1e-10 * s[0]
-    C = (Vt[seen].T / s[seen] ** 2) @ Vt[seen]
-    blind = np.sum(Vt[seen] ** 2, axis=0) < 1 - 1e-6
-    C[blind, blind] = np.inf
-    return C
-
-
 class PeriodicProblem:
-    """Whitened residual and Jacobian of all recordings together.
+    """Whitened residual and Jacobian of all recordings together; its cost is chi-square distributed.
 
     Args:
         lines: the measured harmonics. engine: finds the orbits. space: the free parameters.
         tolerance: relative gap at which an orbit is accepted with a first-order correction.
-        excess: of the misfit over the noise, beside which shared errors are weighed (correlation.misfit); infinite
-            leaves them out.
+        excess: of the misfit over the noise, beside which shared errors are weighed (`misfit`); infinite leaves
+            them out.
     """
 
+    chi_square = True
+
     def __init__(
-        self, lines: Sequence[Line], engine: Engine, space: SearchSpace, tolerance: float = 1e-3, excess: float = 1.0
+        self,
+        lines: Sequence[Line],
+        engine: Engine[Excitation],
+        space: SearchSpace,
+        tolerance: float = 1e-3,
+        excess: float = 1.0,
     ) -> None:
         self.lines, self.engine, self.space, self.tolerance = list(lines), engine, space, tolerance
         self._excess = excess
@@ -282,12 +285,23 @@ class PeriodicProblem:
         """Take over the weights of another problem with the same recordings."""
         self._whiten, self._shared = other._whiten, other._shared
 
-    def reweigh(self, q: np.ndarray, engine_of: Callable[[Sequence[Excitation]], Engine]) -> None:
-        """Exact whitening at q (p,): the input's noise through the derivative of the orbit to each input harmonic.
+    def certified(self, foot: Foot) -> "PeriodicProblem":
+        """The same problem with the same weights on MuJoCo's motion of a foot, whose step may be another."""
+        if not isinstance(self.engine, Twin):  # it is MuJoCo's already
+            self.tolerance = _CERTIFIED
+            return self
+        engine = CertifiedRollouts(foot, excitations(self.lines, foot))
+        found = PeriodicProblem(self.lines, engine, self.space, _CERTIFIED, self._excess)
+        found.weigh_as(self)
+        return found
 
-        Args:
-            q: search variable. engine_of: makes an engine for other excitations.
-        """
+    def states(self, z: np.ndarray, number: int) -> np.ndarray:
+        """Initial states (s,) of one recording's orbit [m, m/s]."""
+        self.residual(z)
+        return self.engine.start(number)
+
+    def reweigh(self, q: np.ndarray) -> None:
+        """Exact whitening at q (p,): the input's noise through the derivative of the orbit to each input harmonic."""
         feet = [self.space.values(self.space.at(i, q)[0]) for i in range(len(self.lines))]
         nudged, sizes, whose = [], [], []
         for i, line in enumerate(self.lines):
@@ -295,10 +309,10 @@ class PeriodicProblem:
             for direction in np.concatenate([np.eye(line.count), 1j * np.eye(line.count)]):
                 nudge = 1e-4 * abs(U[0])
                 for sign in (1, -1):
-                    nudged.append(replace(self.engine.excitations[i], amplitudes=U + sign * nudge * direction))
+                    nudged.append(replace(self.engine.drives[i], amplitudes=U + sign * nudge * direction))
                 sizes.append(2 * nudge)
                 whose += [i, i]
-        engine = engine_of(nudged)
+        engine = self.engine.on(nudged)
         outputs = iter([engine.orbit(n, feet[i], self.space.names, 1e-6)[0] for n, i in enumerate(whose)])
         size = iter(sizes)
         for i, line in enumerate(self.lines):

@@ -7,9 +7,8 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 
 from fasbody import console
-from fasbody.foot.parameters import symbol_and_unit
 from identification import figures
-from identification.result import FitResult
+from identification.result import FitResult, label
 
 
 def html(result: FitResult) -> str:
@@ -24,10 +23,6 @@ def html(result: FitResult) -> str:
         name: Markup(figures.svg(getattr(figures, name)(result)))
         for name in ("traces", "residuals", "parameters", "waterfall", "correlation")
     }
-
-    def label(key: str) -> str:
-        symbol, unit = symbol_and_unit(key)
-        return f"{symbol} [{unit}]" if unit else symbol
 
     page = environment.get_template("report.html")
     return page.render(result=result, pictures=pictures, label=label, day=date.today().isoformat())

@@ -1,10 +1,24 @@
 """What a fit found, as one document: printed, JSON, CSV."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass, field, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
+
+from fasbody.exceptions import SettingError, unknown
+from fasbody.foot.parameters import symbol_and_unit
+from fasbody.presentation import Presented, Sheet
+from fasbody.recording.recording import Recording
+
+
+def label(key: str) -> str:
+    """Symbol and unit of a key, for a table: ``k_T [N/m]``."""
+    symbol, unit = symbol_and_unit(key)
+    return f"{symbol} [{unit}]" if unit else symbol
+
 
 #: Standard error up to which a parameter counts as identified, and as weakly identified: as a share of its value, or
 #: of a tenth of its range for parameters that may be zero.
@@ -44,6 +58,11 @@ class Estimate:
             return f"{self.text(self.lower)} to {self.text(self.upper)}"
         return f"{self.text(self.value)} ± {self.text(0.5 * (below + above))}"
 
+    @property
+    def known(self) -> str:
+        """How well it is known, for a table."""
+        return self.identifiability + (", at bound" if self.at_bound else "")
+
     def text(self, number: float) -> str:
         """A number of this parameter's kind with two digits of its uncertainty; a dash if there is none."""
         half = 0.5 * (self.upper - self.lower)
@@ -55,8 +74,8 @@ class Estimate:
         return f"{round(number, digits):.{max(0, digits)}f}"
 
 
-@dataclass(frozen=True)
-class Branch:
+@dataclass(frozen=True, repr=False)
+class Branch(Presented):
     """One of the two mirror solutions.
 
     Attributes:
@@ -76,6 +95,30 @@ class Branch:
     dof: int
     p_value: float | None
 
+    def __getitem__(self, name: str) -> Estimate:
+        """The estimate of a parameter, by thesis symbol or by its key with the unit.
+
+        Raises:
+            SettingError: it was not estimated.
+        """
+        for key, estimate in self.parameters.items():
+            if name in (key, symbol_and_unit(key)[0]):
+                return estimate
+        raise SettingError(f"{unknown('estimate', name, (symbol_and_unit(key)[0] for key in self.parameters))}.")
+
+    def values(self) -> dict[str, float]:
+        """Key -> value of the foot's parameters, as `Foot.with_values` takes them; the channels' delay is none."""
+        return {key: e.value for key, e in self.parameters.items() if symbol_and_unit(key)[0] != "delay"}
+
+    def records(self) -> list[dict[str, Any]]:
+        """One row a parameter: as parameters.csv has it."""
+        return [{"branch": self.name, "parameter": key, **asdict(e)} for key, e in self.parameters.items()]
+
+    def sheet(self) -> Sheet:
+        """Parameters with their intervals."""
+        rows = [(label(key), e.interval(), e.known) for key, e in self.parameters.items()]
+        return Sheet(f"{self.name}: fit {self.fit_percent:.1f} %", ("parameter", "95 % interval", ""), rows)
+
     def stiffness(self, named: bool = False) -> str:
         """Springs with their 95 % intervals, or all parameters of a model without springs; `named`: with the name."""
         p = self.parameters
@@ -86,7 +129,7 @@ class Branch:
 
 @dataclass(frozen=True, eq=False)
 class RecordingFit:
-    """One recording: measured and model traces, and how well they agree."""
+    """One recording: measured and model traces, and how well they agree; `base` is what shook both."""
 
     file: str
     frequency_hz: float | None
@@ -95,11 +138,29 @@ class RecordingFit:
     time_s: np.ndarray
     measured: np.ndarray
     model: np.ndarray
+    base: np.ndarray
+
+    @classmethod
+    def of(cls, recording: Recording, fit_percent: float, model: np.ndarray) -> "RecordingFit":
+        """A recording beside the model's malleolus (n,) [m/s^2]."""
+        c, r = recording.condition, recording
+        return cls(r.file, c.frequency_hz, c.added_mass_kg, fit_percent, r.time_s, r.malleolus_m_s2, model, r.base_m_s2)
+
+    def __repr__(self) -> str:
+        return f"{self.file}: fit {self.fit_percent:.1f} %, {self.time_s.size} samples"
 
 
-@dataclass(frozen=True, eq=False)
-class FitResult:
-    """Everything `python -m identification.fit` reports; `document()` is result.json."""
+@dataclass(frozen=True, eq=False, repr=False)
+class FitResult(Presented):
+    """Everything `python -m identification.fit` reports; `document()` is result.json.
+
+    `result["k_T"]` is an estimate of the likelier branch, `result.mirror` the other branch.
+    """
+
+    figures: ClassVar[str] = "identification.figures"
+    plots: ClassVar[tuple[str, ...]] = (
+        "transmissibility", "traces", "residuals", "parameters", "waterfall", "correlation",
+    )  # fmt: skip
 
     source: str
     origin: str
@@ -124,6 +185,44 @@ class FitResult:
         return self.branches[0]
 
     @property
+    def mirror(self) -> Branch | None:
+        """The other branch, which fits a steady sine as well; None where there is none."""
+        return self.branches[1] if len(self.branches) > 1 else None
+
+    def __getitem__(self, name: str) -> Estimate:
+        """The likelier branch's estimate of a parameter, by thesis symbol or by its key with the unit.
+
+        Raises:
+            SettingError: it was not estimated.
+        """
+        return self.best[name]
+
+    def values(self) -> dict[str, float]:
+        """Key -> value of the likelier branch, as `Foot.with_values` takes them."""
+        return self.best.values()
+
+    def records(self) -> list[dict[str, Any]]:
+        """One row a parameter and branch: as parameters.csv has it."""
+        return [row for branch in self.branches for row in branch.records()]
+
+    def sheet(self) -> Sheet:
+        """Parameters of both branches, the truth where it is known, and the result in a sentence."""
+        mirrors = [f"mirror: {branch.name}" for branch in self.branches[1:]]
+        rows = []
+        for key, e in self.parameters.items():
+            truth = self.truth_of(key)
+            known = ["" if truth is None else f"{truth:.6g}"] if self.truth else []
+            others = [branch.parameters[key].interval() for branch in self.branches[1:]]
+            rows.append([label(key), e.interval(), *others, *known, e.known])
+        columns = ["parameter", "95 % interval", *mirrors, *(["truth"] if self.truth else []), ""]
+        notes = [self.sentence(), self.reason, *(f"note: {text}" for text in self.warnings)]
+        return Sheet(f"{self.source} ({self.origin}), model {self.model}", columns, rows, notes)
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write result.json, parameters.csv and report.html into a folder, each whole or not at all."""
+        return list(import_module("identification.report").write(self, Path(folder)))
+
+    @property
     def open(self) -> tuple[Branch, ...]:
         """The branches that the data leave open: both where they do not decide."""
         return self.branches if self.verdict == "undecided" else self.branches[:1]
@@ -141,6 +240,10 @@ class FitResult:
     def truth_of(self, key: str) -> float | None:
         """Known value of a parameter given with its unit suffix, None if there is none."""
         return next((value for name, value in self.truth.items() if key == name or key.startswith(f"{name}_")), None)
+
+    def with_source(self, source: str, truth: Mapping[str, float] | None = None) -> "FitResult":
+        """The result under another name of its data, beside the known parameters of synthetic ones."""
+        return replace(self, source=source, truth=dict(truth or {}))
 
     def document(self) -> dict[str, Any]:
         """The result as plain data; numbers that do not exist are null."""

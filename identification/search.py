@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
+from fasbody.foot.model import Foot
 from identification.space import SearchSpace
 
 
@@ -15,6 +16,8 @@ class Problem(Protocol):
 
     evaluations: int
     tolerance: float
+    #: Whether the cost is chi-square distributed where the model is true.
+    chi_square: bool
 
     @property
     def space(self) -> SearchSpace:
@@ -47,6 +50,15 @@ class Problem(Protocol):
     def covariance(self, z: np.ndarray, active: np.ndarray) -> np.ndarray:
         """Covariance (p, p) of the active ones of q, NaN for the others."""
 
+    def reweigh(self, z: np.ndarray) -> None:
+        """Bring the weights up to date at z."""
+
+    def certified(self, foot: Foot) -> "Problem":
+        """The same problem with the same weights on MuJoCo's motion of a foot, whose step may be another."""
+
+    def states(self, z: np.ndarray, number: int) -> np.ndarray:
+        """Initial states (s,) of one recording [m, m/s]."""
+
 
 #: Every residual of a parameter set whose motion is unstable.
 UNSTABLE = 1e6
@@ -56,6 +68,16 @@ ZERO = 1e-9
 _MOST = 200
 #: So many samples have a cost as large, of which 1e-7 is a thousandth of what a standard error changes.
 _LONG = 5000
+
+
+def inverse_of_gram(J: np.ndarray) -> np.ndarray:
+    """(J^T J)^-1 (p, p) of J (m, p), with infinite variance for parameters in directions that no residual sees."""
+    _, s, Vt = np.linalg.svd(J, full_matrices=False)
+    seen = s > 1e-10 * s[0]
+    C = (Vt[seen].T / s[seen] ** 2) @ Vt[seen]
+    blind = np.sum(Vt[seen] ** 2, axis=0) < 1 - 1e-6
+    C[blind, blind] = np.inf
+    return C
 
 
 @dataclass(frozen=True, eq=False)

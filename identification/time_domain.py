@@ -12,10 +12,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from fasbody.exceptions import SimulationError
+from fasbody.foot.model import Foot
 from fasbody.recording.recording import Recording, gain_and_delay
-from identification.engines.runs import TimeEngine
-from identification.periodic import inverse_of_gram
-from identification.search import UNSTABLE
+from identification.engines.certified import CertifiedRollouts
+from identification.engines.engine import Engine, Whole
+from identification.engines.twin import Twin
+from identification.search import UNSTABLE, inverse_of_gram
 from identification.space import DELAY, Space
 
 #: Bound of the scaled initial states.
@@ -29,7 +31,9 @@ class TimeProblem:
         recordings: checked recordings. engine: runs them. space: the free parameters.
     """
 
-    def __init__(self, recordings: Sequence[Recording], engine: TimeEngine, space: Space) -> None:
+    chi_square = False
+
+    def __init__(self, recordings: Sequence[Recording], engine: Engine[Whole], space: Space) -> None:
         self.recordings, self.engine, self.space = list(recordings), engine, space
         self.sigma = np.array([noise_floor(recording) for recording in recordings])
         self.evaluations, self.tolerance = 0, 0.0
@@ -76,6 +80,16 @@ class TimeProblem:
         p, ns = self.space.lower.size, self._states
         return z[p + number * ns : p + (number + 1) * ns] * self.engine.state_scale
 
+    def reweigh(self, z: np.ndarray) -> None:
+        """The weights come from the noise floor alone."""
+
+    def certified(self, foot: Foot) -> "TimeProblem":
+        """The same problem on MuJoCo's motion of a foot, whose step may be another."""
+        if not isinstance(self.engine, Twin):  # it is MuJoCo's already
+            return self
+        drives = [Whole.of(recording, foot) for recording in self.recordings]
+        return TimeProblem(self.recordings, CertifiedRollouts(foot, drives), self.space)
+
     def rows(self, z: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Model output (n,), residual (n,) over its noise, and Jacobian (n, p + states) of one recording."""
         p = self.space.lower.size
@@ -101,7 +115,7 @@ class TimeProblem:
 
         The noise of the base sensor comes through the foot and is not white; ignoring that would make the standard
         errors wrong. The autocorrelation is tapered (Bartlett) over 5 % of the recording. R has the uncertain gain and
-        delay of the channels too (correlation.py), which all samples of all recordings share.
+        delay of the channels too, which all samples of all recordings share.
 
         Args:
             z: full search variable. active: (p,) which parameters vary; the others rest on a bound and get NaN.

@@ -11,9 +11,9 @@ from fasbody.foot.parameters import symbol_and_unit
 from fasbody.foot.shaker import samples
 from fasbody.foot.two_dof import TwoDof, trajectory
 from fasbody.recording.condition import SUBJECTS, foot_mass, shank_mass
+from fasbody.recording.study import BUNDLED, bundled, read_truth
 from identification.blackbox.criteria import fit_percent
-from identification.estimate import Settings, fit
-from identification.fit import BUNDLED, gather
+from identification.estimate import fit_foot
 from identification.result import FitResult
 from reproduction.row import Outcome, Rows, at_least, at_most, exactly, near, within
 
@@ -24,14 +24,13 @@ FIT, BUNDLE = "python -m identification.fit", "bundled fit"
 @cache
 def result() -> FitResult:
     """All eight constants from the nine recordings of the bundled subject, pooled."""
-    source, recordings, truth = gather([BUNDLED], None, None)
-    return fit(recordings, load("two_dof"), Settings(threads=1), source=source, truth=truth)
+    found = fit_foot(bundled(), load("two_dof"), threads=1)
+    return found.with_source(found.source, read_truth(BUNDLED))
 
 
 def predicted(values: Mapping[str, float], hertz: float) -> tuple[np.ndarray, np.ndarray]:
     """Measured and predicted malleolus of one bundled recording, its start left out; `values` by name, with delay."""
-    _, recordings, _ = gather([BUNDLED], None, None)
-    recording = next(r for r in recordings if r.condition.frequency_hz == hertz)
+    recording = next(r for r in bundled() if r.condition.frequency_hz == hertz)
     foot = TwoDof.from_values({**values, **recording.condition.masses})
     time = recording.time_s - recording.time_s[0] - values["delay"]
     motion = samples(recording.time_s - recording.time_s[0], recording.base_m_s2)
@@ -43,7 +42,7 @@ def predicted(values: Mapping[str, float], hertz: float) -> tuple[np.ndarray, np
 
 @ROWS("Eq. 4.34", "prediction error and cost", FIT)
 def prediction_error() -> Outcome:
-    _, _, truth = gather([BUNDLED], None, None)
+    truth = read_truth(BUNDLED)
     measured, own = predicted(truth, 20.0)
     V = float(np.mean((measured - own) ** 2))
     checks = [at_most("cost at the truth over the mean square of y", V / float(np.mean(measured**2)), 1e-2)]
@@ -175,9 +174,8 @@ def recovery() -> Outcome:
 def other_frequencies() -> Outcome:
     foot, worst = load("two_dof"), []
     for left_out in (20.0, 35.0):
-        source, recordings, _ = gather([BUNDLED], None, None)
-        kept = [r for r in recordings if r.condition.frequency_hz != left_out]
-        best = fit(kept, foot, Settings(starts=4, threads=1), source=source).best
+        kept = [r for r in bundled() if r.condition.frequency_hz != left_out]
+        best = fit_foot(kept, foot, starts=4, threads=1).best
         values = foot.values() | {symbol_and_unit(key)[0]: e.value for key, e in best.parameters.items()}
         worst.append(fit_percent(*predicted(values, left_out)))
     return Outcome(

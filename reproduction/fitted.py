@@ -12,7 +12,7 @@ from fasbody.foot.model import load
 from fasbody.laboratory.study import Plan, make
 from fasbody.recording.condition import ADDED_MASSES_KG
 from fasbody.recording.study import StudyFolder
-from identification.estimate import Settings, fit
+from identification.estimate import fit_foot
 from identification.study.loops import cycles
 from identification.study.means import mean_curve
 from identification.study.summary import cycle_table, fit_percents, measured, outliers, tidy
@@ -48,7 +48,7 @@ def documents() -> tuple[list[dict[str, Any]], Truth]:
         assert truth is not None, "a study just made has its truth"
         for number, trial in enumerate(study.trials):
             recording = study.read(trial)
-            result = fit([recording], foot, Settings(starts=STARTS, threads=1)).document()
+            result = fit_foot([recording], foot, starts=STARTS, threads=1).document()
             condition = recording.condition
             own = {"recordings": [{"file": recording.file, "foot": truth.constants[trial.file]}], "branches": [TRUE]}
             made.append({

@@ -12,11 +12,10 @@ from fasbody.foot.two_dof import TwoDof, trajectory
 from fasbody.laboratory.study import FREQUENCIES_HZ, Plan, make
 from fasbody.recording.condition import ADDED_MASSES_KG, foot_mass, shank_mass
 from fasbody.recording.recording import Recording
-from fasbody.recording.study import Study, StudyFolder
+from fasbody.recording.study import BUNDLED, Study, StudyFolder
 from fasbody.transmissibility.findings import Finding, findings
 from fasbody.transmissibility.table import Table
 from identification.blackbox.data import Series, from_recording
-from identification.fit import BUNDLED
 from reproduction.row import Check, Outcome, at_least, exactly
 from reproduction.virtual_transfer import study
 

@@ -15,6 +15,9 @@ from hypothesis import settings
 import mjcf
 from fasbody.foot.model import Foot, load
 from fasbody.recording.recording import Condition, Recording
+from fasbody.recording.study import bundled
+from identification.estimate import fit_foot
+from identification.result import FitResult
 
 ROOT = Path(__file__).parent.parent
 
@@ -26,6 +29,13 @@ settings.load_profile("untimed")
 @pytest.fixture(scope="session")
 def foot() -> Foot:
     return load("two_dof")
+
+
+@pytest.fixture(scope="session")
+def fitted(foot: Foot) -> FitResult:
+    """The stock foot fitted to three of the bundled recordings, with its mirror image: quick, and rough."""
+    three = [recording for recording in bundled() if recording.condition.frequency_hz in (10, 20, 30)]
+    return fit_foot(three, foot, free=["k_T", "k_F", "c_11", "c_21"], starts=2)
 
 
 @pytest.fixture
@@ -85,3 +95,14 @@ def feeder(tmp_path: Path) -> Iterator[Any]:
 
     with Feeder(tmp_path) as made:
         yield made
+
+
+@pytest.fixture
+def board(feeder: Any) -> Iterator[Any]:
+    """A `Board` that has heard the feeder's hello."""
+    from fasbody.acquire.board import Board
+
+    made = Board(feeder.port, 921600)
+    made.wait_for_hello()
+    yield made
+    made.close()

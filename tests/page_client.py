@@ -8,8 +8,8 @@ from typing import Any
 import tornado.httpclient
 import tornado.websocket
 
+from viz.feet import Show
 from viz.server import Server
-from viz.show import Show
 
 #: Only keeps a hung test from hanging the suite [s].
 WAIT = 300.0

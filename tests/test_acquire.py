@@ -1,43 +1,30 @@
 """The commands as processes of their own: killed, interrupted, on a full disk, and the whole chain to a fit."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from feeder import Feeder, number_of, output_of
+from feeder import ENVIRONMENT, Feeder, Instrument, number_of, refusal
 
-from fasbody.acquire.bench import TRUTH, Bench
-from fasbody.acquire.conversion import convert, replay
+from fasbody.acquire.bench.foot import TRUTH
+from fasbody.acquire.commands import app
+from fasbody.acquire.folder import convert, replay
 from fasbody.exceptions import FasError
-from fasbody.recording.checks import checked
 from fasbody.recording.study import Study
-
-ROOT = Path(__file__).parent.parent
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
 
 
 def command(*words: str) -> list[str]:
     return [sys.executable, "-m", "fasbody.acquire", *words]
 
 
-@pytest.fixture(scope="module")
-def bench() -> Iterator[Bench]:
-    with Bench(seed=4) as made:
-        yield made
-
-
 def test_commands_refuse_in_one_sentence(tmp_path: Path) -> None:
     hidden = "import sys, runpy; sys.modules['serial'] = None; runpy.run_module('fasbody.acquire', run_name='__main__')"
     done = subprocess.run([sys.executable, "-c", hidden], env=ENVIRONMENT, capture_output=True, text=True)
     assert done.returncode == 2 and "pip install 'fasbody[acquire]'" in done.stderr and "Traceback" not in done.stderr
-    from fasbody.acquire.commands import app
-
     for words, text in (
         ([], "--out STUDY"),
         (["--out", "x"], "--simulate"),
@@ -70,7 +57,7 @@ def test_full_disk_mid_run_loses_nothing(tmp_path: Path, feeder: Feeder) -> None
     assert rest.stat().st_size > 12
 
 
-def test_killed_mid_run_then_recovered(tmp_path: Path, feeder: Feeder) -> None:
+def test_killed_mid_run_then_recovered(tmp_path: Path, feeder: Feeder, capsys: pytest.CaptureFixture[str]) -> None:
     """After kill -9 the capture is whole but for its last moment."""
     study = tmp_path / "study"
     words = ["--port", feeder.port, "--out", str(study), "--body-mass", "72.57", "--subject", "16", "--seconds", "60"]
@@ -86,42 +73,16 @@ def test_killed_mid_run_then_recovered(tmp_path: Path, feeder: Feeder) -> None:
         time.sleep(0.5)
     victim.send_signal(signal.SIGKILL)
     victim.wait()
-    short = subprocess.run(command("recover", str(file)), env=ENVIRONMENT, capture_output=True, text=True)
-    assert short.returncode == 2 and "of 60 s; --longest keeps and lists" in short.stderr
-    words = ["recover", str(file), "--longest", "--json"]
-    done = subprocess.run(command(*words), env=ENVIRONMENT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    document = json.loads(done.stdout)
+    assert "of 60 s; --longest keeps and lists" in refusal("recover", str(file))
+    capsys.readouterr()
+    app(["recover", str(file), "--longest", "--json"], standalone_mode=False)
+    document = json.loads(capsys.readouterr().out)
     assert document["usable"] and document["quality"]["gaps"] == []
     _, values = replay([file])[1].samples()
     last = number_of(values[-1])
     assert last >= sent - 17  # a frame may have been on its way; benchmarks/acquire.py kills in full flow
     (kept,) = Study.read(study).recordings
     assert kept.time_s.size == document["samples"]
-
-
-def test_interrupted_sweep_keeps_what_it_has(tmp_path: Path, bench: Bench) -> None:
-    study = tmp_path / "study"
-    words = ["--port", bench.board_port, "--generator", bench.generator_port, "--frequency", "30", "--seconds", "60"]
-    words += ["--out", str(study), "--body-mass", "72.57"]
-    # a shell's background job ignores Ctrl-C, and its children inherit that
-    words = ["env", "--default-signal=INT", *command(*words)]
-    run = subprocess.Popen(words, env=ENVIRONMENT, stderr=subprocess.PIPE, text=True)
-    file = study / "captures" / "30hz_0kg.fascap"
-    deadline = time.monotonic() + 60
-    while not (file.is_file() and file.stat().st_size > 6000):
-        assert time.monotonic() < deadline and run.poll() is None
-        time.sleep(0.02)
-    run.send_signal(signal.SIGINT)
-    _, told = run.communicate(timeout=120)
-    assert run.returncode == 130 and "interrupted" in told
-    assert output_of(bench) == "0"
-    assert "30hz_0kg.fascap --longest" in told and "go on with --frequency 30" in told
-    with pytest.raises(FasError, match="lists no recording"):
-        Study.read(study)
-    convert([file], study, longest=True)
-    (kept,) = Study.read(study).recordings
-    assert checked(kept).condition.frequency_hz == pytest.approx(30, abs=0.05)
 
 
 def test_from_the_shaker_to_the_parameters(tmp_path: Path) -> None:
@@ -144,3 +105,13 @@ def test_from_the_shaker_to_the_parameters(tmp_path: Path) -> None:
         assert found["at_bound"] or abs(found["value"] - truth) < 4 * found["std_error"], (name, found, truth)
     for name in ("k_T_n_per_m", "k_F_n_per_m", "c_11_n_s_per_m", "c_21_n_s_per_m"):
         assert estimates[name]["std_error"] < 0.03 * estimates[name]["value"]
+
+
+def test_ports_that_are_the_same_or_swapped(tmp_path: Path, feeder: Feeder) -> None:
+    with Instrument(tmp_path) as instrument:
+        board, generator = feeder.port, instrument.port
+        common = ["record", "--out", str(tmp_path / "study"), "--body-mass", "70", "--frequency", "20"]
+        assert "are both" in refusal(*common, "--port", board, "--generator", board)
+        told = refusal(*common, "--port", generator, "--generator", board)
+        assert told.endswith(f"give --port {board} --generator {generator}.")
+    assert not (tmp_path / "study").exists()

@@ -1,4 +1,4 @@
-"""From captured bytes to a study: gaps stay gaps, and identification refuses them."""
+"""From captured bytes to a study: gaps stay gaps, nothing is mixed, nothing overwritten."""
 
 import json
 from dataclasses import replace
@@ -6,45 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from feeder import CONDITION, hello
+from feeder import CONDITION, capture_of, hello, refusal, sine_frames
 
 from fasbody.acquire import folder
-from fasbody.acquire.capture import Capture
-from fasbody.acquire.conversion import convert
+from fasbody.acquire.capture import Capture, grouped
+from fasbody.acquire.commands import app
+from fasbody.acquire.folder import at_rest, convert
 from fasbody.acquire.plan import Plan
-from fasbody.acquire.wire import FrameReader, encode_data, encode_hello
-from fasbody.exceptions import InputFileError, RecordingError
+from fasbody.acquire.wire import encode_hello
+from fasbody.exceptions import AcquisitionError, InputFileError, RecordingError
 from fasbody.recording.checks import checked
-from fasbody.recording.recording import Condition, Recording
+from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study
-
-
-def capture_of(
-    study: Path, stem: str, wire: bytes, seconds: float | None = None, rate: float = 1000.0,
-    condition: Condition = CONDITION, started: str | None = None,
-) -> Path:  # fmt: skip
-    """A capture file of a stream of frames, arriving evenly."""
-    duration = 16 / rate * wire.count(b"\0") / 2
-    reader = FrameReader()
-    reader.feed(encode_hello(hello(rate)))
-    capture = Capture(study / "captures" / f"{stem}.fascap")
-    about = {"seconds": seconds, "preamble": reader.preamble.hex(), "condition": vars(condition), "origin": "measured"}
-    capture.add("M", 0.0, about | ({"started_utc": started} if started else {}))
-    for start in range(0, len(wire), 500):
-        capture.add("B", duration * start / len(wire), wire[start : start + 500])
-    capture.close()
-    return capture.file
-
-
-def sine_frames(count: int, missing: tuple[int, ...] = (), rate: float = 1000.0) -> bytes:
-    """Frames of a 20 Hz sine on both channels, the malleolus a little late."""
-    t = np.arange(count * 16) / rate
-    noise = np.random.default_rng(0).normal(0, 20, (t.size, 2))
-    wave = 8000 * np.column_stack([np.sin(40 * np.pi * t), 1.2 * np.sin(40 * np.pi * t - 0.4)]) + noise
-    parts = np.round(wave).astype(int).reshape(count, 16, 2)
-    stamps = np.round(np.arange(count) * 16 / rate * 1e6)
-    frames = [encode_data(i, int(stamps[i]), parts[i], 16) for i in range(count) if i not in missing]
-    return b"".join(frames)
 
 
 def test_gap_is_marked_never_filled_and_refused_by_identification(tmp_path: Path) -> None:
@@ -126,3 +99,146 @@ def test_senseless_plan_is_one_sentence(tmp_path: Path, wrong: dict[str, object]
     capture.close()
     with pytest.raises(InputFileError, match=r"odd\.fascap: its plan has"):
         convert([capture.file], tmp_path)
+
+
+def rest_of(file: Path, host: float, wire: bytes) -> Path:
+    """What goes on when the disk of a capture became full."""
+    capture = Capture(file.with_name(f"{file.stem}_rest_x.fascap"))
+    capture.add("B", host, wire)
+    capture.close()
+    return capture.file
+
+
+def test_each_capture_becomes_its_own_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first = capture_of(tmp_path, "20hz_0kg", sine_frames(60))
+    second = capture_of(tmp_path, "20hz_0kg_2", sine_frames(90))
+    capsys.readouterr()
+    app(["recover", str(first), str(second), "--json"], standalone_mode=False)
+    documents = json.loads(capsys.readouterr().out)
+    assert [one["samples"] for one in documents] == [960, 1440]
+    assert sorted(one.time_s.size for one in Study.read(tmp_path).recordings) == [960, 1440]
+    with pytest.raises(InputFileError, match=r"20hz_0kg_2\.fascap: is a recording of its own, not the rest of"):
+        convert([first, second], tmp_path)
+
+
+def test_bad_capture_among_good_ones_costs_only_itself(tmp_path: Path) -> None:
+    first = capture_of(tmp_path, "a", sine_frames(60))
+    gap = capture_of(tmp_path, "b", sine_frames(60, missing=(20,)))
+    none = capture_of(tmp_path, "c", b"")
+    last = capture_of(tmp_path, "d", sine_frames(60))
+    with pytest.raises(AcquisitionError) as caught:
+        app(["recover", *map(str, (first, gap, none, last))], standalone_mode=False)
+    assert "b.csv is written and not listed" in str(caught.value) and "c.fascap: " in str(caught.value)
+    assert [Path(one.file).name for one in Study.read(tmp_path).recordings] == ["a.csv", "d.csv"]
+
+
+def test_rest_of_a_full_disk_joins_the_capture_that_it_continues(tmp_path: Path) -> None:
+    frames = sine_frames(120)
+    half = len(frames) // 2
+    file = capture_of(tmp_path, "20hz_0kg", frames[:half])
+    rest = rest_of(file, 0.97, frames[half:])
+    other = capture_of(tmp_path, "later", sine_frames(300))
+    assert grouped([rest, file]) == [(file, rest)]
+    app(["recover", str(rest), str(file)], standalone_mode=False)
+    assert Recording.read(tmp_path / "recordings" / "20hz_0kg.csv").time_s.size == 1920
+    strange = rest_of(other, 4000.0, frames[half:])
+    with pytest.raises(InputFileError, match="continues none of the other files"):
+        grouped([file, strange])
+
+
+def test_same_file_twice_is_refused(tmp_path: Path) -> None:
+    file = capture_of(tmp_path, "20hz_0kg", sine_frames(60))
+    link = tmp_path / "captures" / "link.fascap"
+    link.symlink_to(file)
+    assert refusal("recover", str(file), str(link)).startswith(f"{link}: is given twice")
+    with pytest.raises(InputFileError, match="is given twice"):
+        convert([file, file], tmp_path)
+
+
+def test_recovering_into_another_study_overwrites_and_mixes_nothing(tmp_path: Path) -> None:
+    here, there = tmp_path / "here", tmp_path / "there"
+    own = convert([capture_of(there, "20hz_0kg", sine_frames(60))], there).file
+    before = own.read_bytes()
+    foreign = capture_of(here, "20hz_0kg", sine_frames(90))
+    for _ in range(2):  # the second time it is known again
+        made = convert([foreign], there)
+        assert made.file.name == "20hz_0kg_2.csv" and made.recording.time_s.size == 1440
+    assert own.read_bytes() == before and len(Study.read(there).recordings) == 2
+    assert folder.stem_of(there, there / "captures" / "20hz_0kg.fascap", None) == "20hz_0kg"
+    waiting = capture_of(there, "25hz_0kg", sine_frames(60))  # not converted yet: its name is taken
+    assert convert([capture_of(here, "25hz_0kg", sine_frames(60))], there).file.name == "25hz_0kg_2.csv"
+    assert convert([waiting], there).file.name == "25hz_0kg.csv"
+    toml = there / "study.toml"
+    toml.write_text(toml.read_text().replace("measured", "synthetic"))
+    with pytest.raises(InputFileError, match="is not measured data"):
+        convert([capture_of(here, "30hz_0kg", sine_frames(60))], there)
+    assert not list(there.glob("recordings/30hz*"))
+
+
+def test_two_captures_of_one_name_are_told_apart_by_their_start(tmp_path: Path) -> None:
+    for began in ("2026-01-01", "2026-01-02"):
+        file = capture_of(tmp_path / began, "20hz", sine_frames(60), started=began)
+        convert([file], tmp_path / "all")
+    assert sorted(f.name for f in (tmp_path / "all" / "recordings").glob("*.csv")) == ["20hz.csv", "20hz_2.csv"]
+
+
+def test_truth_of_another_study_stays(tmp_path: Path) -> None:
+    file = tmp_path / "truth.json"
+    file.write_text('{"origin": "synthetic", "parameters": {"k_T": 1.0}}')
+    told = refusal("record", "--simulate", "--frequency", "20", "--out", str(tmp_path))
+    assert told.startswith(f"{file}: is the truth of another study") and "k_T" in file.read_text()
+    mine = tmp_path / "mine"
+    truth = {"origin": "synthetic", "parameters": {"k": np.float64(0.1)}}
+    plan = Plan(mine, (20.0,), CONDITION, origin="synthetic", truth=truth)
+    plan.check(True)
+    assert not mine.exists()  # nothing is recorded yet
+    folder.enter_truth(mine, truth)
+    plan.check(True)
+    with pytest.raises(InputFileError, match="another study"):
+        replace(plan, truth={"parameters": {}}).check(True)
+
+
+def test_file_where_the_study_should_be_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "s1.json"
+    file.write_text("{}")
+    told = refusal("record", "--simulate", "--frequency", "20", "--out", str(file))
+    assert told == f"{file}: is a file where the study cannot be written; name a folder."
+
+
+def test_recover_names_the_captures_there_are(tmp_path: Path) -> None:
+    study = tmp_path / "study"
+    good = capture_of(study, "20hz_0kg", sine_frames(60))
+    table = convert([good], study).file
+    for wrong, problem in (
+        (study / "captures" / "21hz_0kg.fascap", "cannot be read (No such file or directory)"),
+        (table, "is not a capture file"), (study, "cannot be read (Is a directory)"),
+    ):  # fmt: skip
+        told = refusal("recover", str(wrong))
+        assert told.startswith(f"{wrong}: {problem}; valid: ") and str(good) in told and not told.endswith("..")
+    lonely = tmp_path / "lonely" / "x.csv"
+    assert "acquisition writes them as STUDY/captures/NAME.fascap" in refusal("recover", str(lonely))
+    elsewhere = tmp_path / "moved.fascap"
+    elsewhere.write_bytes(good.read_bytes())
+    assert "give --out STUDY" in refusal("recover", str(elsewhere))
+
+
+@pytest.mark.parametrize(("rms", "refused"), [(0.03, True), (0.15, True), (0.3, False), (6.3, False)])
+def test_rest_is_no_excitation_whatever_the_offset_and_a_slow_drift(rms: float, refused: bool) -> None:
+    rng = np.random.default_rng(4)
+    t = np.arange(4000) / 1000
+    base = rms * rng.normal(size=t.size) + 9.81 + 1.5 * np.sin(2 * np.pi * 0.25 * t)
+    text = at_rest(Recording(t, base, rng.normal(size=t.size)))
+    assert ("the base is at rest" in text) == refused
+
+
+def test_short_of_what_was_planned_is_not_listed_until_asked_for(tmp_path: Path) -> None:
+    """A session of 3 s whose last second never came, and one that was told to begin with a hello only."""
+    file = capture_of(tmp_path, "20hz", sine_frames(125), seconds=3.0)
+    made = convert([file], tmp_path, stopped="the board is silent for 3 s; check its supply.")
+    assert made.problems == ("2 s are there of 3 s",)
+    assert made.remarks == ("ended early: the board is silent for 3 s; check its supply",)
+    assert (tmp_path / "recordings.csv").read_text().count("20hz") == 0 and file.is_file()
+    assert convert([file], tmp_path, longest=True).problems == ()
+    assert (tmp_path / "recordings.csv").read_text().count("20hz") == 1
+    with pytest.raises(AcquisitionError, match="but no samples; no recording can be made"):
+        convert([capture_of(tmp_path, "none", encode_hello(hello()), condition=CONDITION)], tmp_path)

@@ -1,28 +1,38 @@
-"""The generator and its level: limits hold, errors are heard, and the output ends up off."""
+"""A foot stands on the shaker: the level is reached, limits hold, and the output ends up off, whatever happens."""
 
+import contextlib
 import os
+import pty
 import signal
 import subprocess
 import sys
+import termios
 import time
+import tty
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
-from feeder import BAUD, CONDITION, Feeder, output_of
+from feeder import BAUD, CONDITION, ENVIRONMENT, Feeder, Instrument, hello
 
-from fasbody.acquire.bench import GAIN, Bench, Shaker
+from fasbody.acquire.bench import Bench
+from fasbody.acquire.bench.foot import GAIN
+from fasbody.acquire.bench.generator import VirtualGenerator
 from fasbody.acquire.board import Board, Watch
+from fasbody.acquire.folder import convert
 from fasbody.acquire.generator import Generator
 from fasbody.acquire.level import Safety, peak_to_peak, reach
 from fasbody.acquire.plan import Plan
-from fasbody.acquire.port import probe
-from fasbody.exceptions import AcquisitionError, SettingError
-
-ROOT = Path(__file__).parent.parent
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
+from fasbody.acquire.port import Port, Unplugged, is_identity, probe
+from fasbody.acquire.session import terminated
+from fasbody.acquire.timeline import Lateness
+from fasbody.exceptions import AcquisitionError, FasError, SettingError
+from fasbody.recording.checks import checked
+from fasbody.recording.study import Study
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +48,15 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fasbody.acquire.board.STALLED_S", 20.0)
 
 
+def output_of(bench: Bench) -> str:
+    """Ask the instrument itself, without switching anything."""
+    try:
+        with contextlib.closing(Port(bench.generator_port, 115200)) as port:
+            return port.ask(b"\nOUTP?\n", 1.0)[0]
+    except AcquisitionError:
+        return "busy"
+
+
 DRIVER = """
 import sys, time
 from fasbody.acquire.generator import Generator
@@ -45,7 +64,9 @@ with Generator(sys.argv[1], 115200) as g:
     g.sine(20.0, 0.01)
     g.on()
     print("on", flush=True)
-    time.sleep(60)
+    while True:
+        g.alive()
+        time.sleep(0.05)
 """
 
 
@@ -141,16 +162,282 @@ def test_instrument_reports_errors(bench: Bench) -> None:
             generator.set_volts(99.0)
         with pytest.raises(AcquisitionError, match=r"\(-113"):
             generator.command("BANANA")
-    shaker = Shaker()
+    shaker = VirtualGenerator()
     assert shaker.do("FREQ abc") is None and shaker.do("SYST:ERR?") == '-104,"Data type error"'
     assert shaker.do("WHAT?") is None and shaker.output()["volts"] == 0.0
 
 
-def test_probe_tells_boards_from_generators(bench: Bench, feeder: Feeder) -> None:
+def test_probe_tells_boards_from_generators(bench: Bench, feeder: Feeder, monkeypatch: pytest.MonkeyPatch) -> None:
     found = probe(feeder.port, (BAUD,))
     assert found.kind == "board" and "base, malleolus at 1000 Hz, 16-bit frames of 16" in str(found)
-    assert probe(bench.generator_port, (115200,)).kind == "generator"
     feeder.garbage = True
     assert probe(feeder.port, (9600,)).kind == "unknown bytes"
+    monkeypatch.setattr("fasbody.acquire.port._LISTEN_S", 0.2)  # enough to hear nothing
+    assert probe(bench.generator_port, (115200,)).kind == "generator"
     feeder.paused = True
     assert "silence" in str(probe(feeder.port, (9600,)))
+
+
+@pytest.mark.parametrize("number", [signal.SIGTSTP, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
+def test_signals_that_would_leave_the_output_on_end_the_session(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    with pytest.raises(KeyboardInterrupt), terminated():
+        signal.raise_signal(number)
+    assert signal.getsignal(number) == before
+
+
+IMPATIENT = "from fasbody.acquire import guard; guard.SILENT_S = 0.5; guard.main()"
+
+
+@pytest.mark.parametrize(("said", "closes", "acts"), [(b"+", False, True), (b"+", True, True), (b"+-.", False, False)])
+def test_guard_acts_on_silence_and_on_the_end_of_the_driver(said: bytes, closes: bool, acts: bool) -> None:
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    guard = subprocess.Popen(
+        [sys.executable, "-c", IMPATIENT, os.ttyname(slave), "115200", str(slave)], env=ENVIRONMENT,
+        stdin=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=0, pass_fds=[slave],
+    )  # fmt: skip
+    assert guard.stdin is not None and guard.stderr is not None
+    guard.stdin.write(said)
+    if closes:
+        guard.stdin.close()
+    assert guard.wait(60) == 0
+    told = guard.stderr.read().decode()
+    os.set_blocking(master, False)
+    if acts:
+        assert os.read(master, 100) == b"\nOUTP OFF\n"
+        assert ("nobody has watched the base" in told) == (not closes)
+    else:
+        with pytest.raises(BlockingIOError):
+            os.read(master, 100)
+    for stream in (guard.stdin, guard.stderr):
+        stream.close()
+    os.close(master)
+    os.close(slave)
+
+
+def test_driver_that_is_stopped_leaves_no_output_on(tmp_path: Path) -> None:
+    """SIGSTOP cannot be caught; the guard switches off through the port that the stopped process still holds."""
+    with Instrument(tmp_path) as instrument:
+        driver = subprocess.Popen(
+            [sys.executable, "-c", DRIVER, instrument.port], env=ENVIRONMENT, stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )  # fmt: skip
+        assert driver.stdout is not None and driver.stdout.readline() == b"on\n" and instrument.shaker.on
+        driver.send_signal(signal.SIGSTOP)
+        deadline = time.monotonic() + 60
+        while instrument.shaker.on:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        driver.send_signal(signal.SIGCONT)
+        _, told = driver.communicate(timeout=60)
+        assert driver.returncode == 1 and b"the guard that switches the output off" in told
+
+
+def test_what_an_earlier_user_left_is_cleared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with Instrument(tmp_path) as instrument:
+        instrument.shaker.on, instrument.shaker.values["VOLT:OFFS"] = True, 2.5
+        with Generator(instrument.port, 115200, guard=False):
+            assert instrument.shaker.values["VOLT:OFFS"] == 0.0 and not instrument.shaker.on
+        assert instrument.heard.index("OUTP OFF") < instrument.heard.index("*RST")
+    assert capsys.readouterr().err == ""
+    with Instrument(tmp_path, unknown=("*RST",)) as instrument:
+        instrument.shaker.values["VOLT:OFFS"] = 2.5
+        Generator(instrument.port, 115200, guard=False).close()
+        assert instrument.shaker.values["VOLT:OFFS"] == 0.0
+    assert capsys.readouterr().err == ""
+    with Instrument(tmp_path, unknown=("*RST", "VOLT:OFFS")) as instrument:
+        Generator(instrument.port, 115200, guard=False).close()
+    assert "see that its offset is 0" in " ".join(capsys.readouterr().err.split())
+
+
+def test_answers_of_other_makers(tmp_path: Path) -> None:
+    with Instrument(tmp_path, {"*IDN?": "HAMEG,HM8131-2,1.0", "OUTP?": "+0"}) as instrument:
+        generator = Generator(instrument.port, 115200, guard=False)
+        assert generator.identity == "HAMEG,HM8131-2,1.0"
+        generator.close()
+    for answer in ("1000,0.1,0.2,0.3", "time_us,base_m_s2,malleolus_m_s2*1531", "", "READY", "a,b"):
+        assert not is_identity(answer)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_unconfirmed_off_is_said_once(tmp_path: Path, capsys: pytest.CaptureFixture[str], late: bool) -> None:
+    with Instrument(tmp_path) as instrument:
+        instrument.answers = {} if late else {"OUTP?": "1"}
+        with pytest.raises(AcquisitionError, match="does not confirm OUTP OFF"):  # noqa: SIM117
+            with Generator(instrument.port, 115200, guard=False) as generator:
+                instrument.answers = {"OUTP?": "1"}
+                generator.off()
+    assert "does not confirm" not in capsys.readouterr().err
+
+
+def test_port_that_vanishes_in_a_write_is_unplugged_and_no_write_waits_for_the_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone(*args: object) -> None:
+        raise termios.error(5, "Input/output error")
+
+    with Instrument(tmp_path) as instrument:
+        port = Port(instrument.port, 9600)
+        monkeypatch.setattr(termios, "tcdrain", gone)
+        port.write(b"\n")
+        monkeypatch.setattr(port._serial, "write", gone)
+        with pytest.raises(Unplugged, match="went away"):
+            port.write(b"OUTP OFF\n")
+        port.close()
+
+
+NOISE = 0.03
+
+
+class Rig:
+    """Board and generator in one, in its own time: `volts` shake the base, a sensor shows at most `clip` of it.
+
+    Args:
+        gain: base acceleration, peak to peak [m/s^2 per V]. offset: of the sensor. ringing: of the base before [m/s^2],
+            which fades within `fades` [s]. lag: of its amplitude [s].
+    """
+
+    def __init__(
+        self, gain: float = 14.0, clip: float = np.inf, offset: float = 0.0, ringing: float = 0.0, fades: float = 0.4,
+        lag: float = 1e-3,
+    ) -> None:  # fmt: skip
+        self.gain, self.clip, self.offset, self.ringing, self.fades = gain, clip, offset, ringing, fades
+        self.decoder, self.base = SimpleNamespace(hello=hello()), 0
+        self.watch: Watch | None = None
+        self.is_on, self.was_on, self.volts, self.frequency_hz = False, False, 0.0, 20.0
+        self.highest = self.now = self._amplitude = 0.0
+        self.lag = lag
+        self._rng = np.random.default_rng(1)
+
+    def sine(self, frequency_hz: float, volts: float) -> None:
+        self.frequency_hz, self.volts = frequency_hz, volts
+
+    def set_volts(self, volts: float) -> None:
+        self.volts = volts
+
+    def on(self) -> None:
+        self.is_on = self.was_on = True
+
+    def alive(self) -> None:
+        """A living driver."""
+
+    def collect(self, seconds: float) -> np.ndarray:
+        passed = np.arange(round(1000 * seconds)) / 1000
+        t = self.now + passed
+        self.now = t[-1] + 1e-3
+        wanted = 0.5 * self.gain * self.volts * self.is_on
+        size = wanted + (self._amplitude - wanted) * np.exp(-passed / self.lag)
+        self._amplitude = float(size[-1])
+        true = size * np.sin(2 * np.pi * self.frequency_hz * t)
+        true = true + self.ringing * np.exp(-t / self.fades) * np.sin(2 * np.pi * 11 * t)
+        self.highest = max(self.highest, float(np.abs(true).max()))
+        shown = np.clip(true + self._rng.normal(0, NOISE, t.size), -self.clip, self.clip) + self.offset
+        if self.watch is not None:
+            self.watch.check(shown)
+        return np.column_stack([shown, shown])
+
+    def reach(self, wanted: float = 17.9, safety: Safety | None = None, guess: float = 0.0) -> Any:
+        return reach(self, self, 20.0, wanted, safety or Safety(), guess)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("clip", [1.0, 3.0, 5.0, 7.0, 8.0])
+@pytest.mark.parametrize(("gain", "guess"), [(14.0, 0.0), (14.0, 1.28), (40.0, 1.28), (4.5, 0.0)])
+def test_sensor_that_clips_unsaid_drives_the_shaker_nowhere(clip: float, gain: float, guess: float) -> None:
+    """At the next frequency the shaker may answer three times as strongly as expected; 15 m/s^2 are the limit."""
+    rig = Rig(gain, clip)
+    with pytest.raises(AcquisitionError, match=r"does its sensor clip, or the amplifier\? Output off"):
+        rig.reach(guess=guess)
+    assert rig.highest <= 15.0
+
+
+@pytest.mark.parametrize("gain", [4.5, 14.0, 200.0])
+@pytest.mark.parametrize("guess", [0.0, 1.28])
+@pytest.mark.parametrize("lag", [0.001, 0.1, 0.2])
+def test_sound_sensor_reaches_the_level(gain: float, guess: float, lag: float) -> None:
+    if gain * guess > 50:
+        guess = 0.0  # ten times as strong as expected is a case for the watch
+    rig = Rig(gain, lag=lag)
+    level = rig.reach(guess=guess)
+    assert level.peak_to_peak == pytest.approx(17.9, rel=0.02)
+    slow = 0.025 if lag < 0.05 else 0.15  # the loop takes a slow shaker at its word
+    assert gain * level.volts == pytest.approx(17.9, rel=slow)
+    assert peak_to_peak(rig.collect(1.0)[:, 0], 1000, 20) == pytest.approx(17.9, rel=slow)
+
+
+@pytest.mark.parametrize(
+    ("span", "counts", "offset"), [(19.6, 1024.0, 9.81), (14.0, 1024.0, 0.0), (39.2, 32768 / 14.0, 0.0)]
+)
+def test_range_too_small_for_the_watch_is_refused_before_the_output_is_on(
+    span: float, counts: float, offset: float
+) -> None:
+    """Gravity takes half of +-2 g; and a converter may end before the range that is said."""
+    rig = Rig(offset=offset)
+    known = rig.decoder.hello
+    channels = tuple(replace(channel, range_m_s2=span, counts_per_m_s2=counts) for channel in known.channels)
+    rig.decoder.hello = replace(known, channels=channels)
+    with pytest.raises(AcquisitionError, match=r"less than the safety limit of 15, .* larger range on the board"):
+        rig.reach()
+    assert not rig.was_on
+    rig.reach(10.0, replace(Safety(), peak_m_s2=9.0))
+
+
+def test_shaker_rings_down_before_it_is_blamed_and_the_watch_knows_its_real_rest() -> None:
+    rig = Rig(ringing=9.0, fades=0.5)
+    rig.reach(10.0, Safety(displacement_m=0.001))
+    assert rig.watch is not None
+    assert rig.watch.peak == pytest.approx(Safety(displacement_m=0.001).peak(20.0, NOISE), rel=0.05)
+    other = Rig(ringing=3.0, fades=1e9)
+    with pytest.raises(AcquisitionError, match="is another source driving the shaker"):
+        other.reach()
+    assert not other.was_on and 4.0 < other.now < 6.0
+
+
+def test_any_sensor_over_range_while_the_shaker_is_on_ends_it(feeder: Feeder, board: Board) -> None:
+    looked: list[int] = []
+    board.watch = Watch(1e9, 0.0, lambda: looked.append(1))
+    board.collect(0.1)
+    assert looked
+    feeder.amplitude = 40_000
+    with pytest.raises(AcquisitionError, match="base, malleolus went over range while the shaker was on; output off"):
+        board.collect(1.0)
+
+
+def test_stamps_that_stand_still_are_said_at_once(board: Board) -> None:
+    real = Lateness.of
+    board._lateness.of = lambda us, host: real(board._lateness, 0, host)  # type: ignore[method-assign]
+    with pytest.raises(AcquisitionError, match="its time stamps do not advance"):
+        board.collect(5.0)
+
+
+def test_board_taken_for_a_generator_is_told_nothing_about_outputs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Feeder(tmp_path) as feeder, pytest.raises(AcquisitionError, match=r"IDN\?"):
+        feeder.instead = b"1000,0.1,0.2\n"
+        Generator(feeder.port, 9600)
+    assert "OUTP OFF" not in capsys.readouterr().err
+
+
+def test_interrupted_sweep_keeps_what_it_has(tmp_path: Path, bench: Bench) -> None:
+    study = tmp_path / "study"
+    words = ["--port", bench.board_port, "--generator", bench.generator_port, "--frequency", "30", "--seconds", "60"]
+    words += ["--out", str(study), "--body-mass", "72.57"]
+    # a shell's background job ignores Ctrl-C, and its children inherit that
+    words = ["env", "--default-signal=INT", sys.executable, "-m", "fasbody.acquire", *words]
+    run = subprocess.Popen(words, env=ENVIRONMENT, stderr=subprocess.PIPE, text=True)
+    file = study / "captures" / "30hz_0kg.fascap"
+    deadline = time.monotonic() + 60
+    while not (file.is_file() and file.stat().st_size > 6000):
+        assert time.monotonic() < deadline and run.poll() is None
+        time.sleep(0.02)
+    run.send_signal(signal.SIGINT)
+    _, told = run.communicate(timeout=120)
+    assert run.returncode == 130 and "interrupted" in told
+    assert output_of(bench) == "0"
+    assert "30hz_0kg.fascap --longest" in told and "go on with --frequency 30" in told
+    with pytest.raises(FasError, match="lists no recording"):
+        Study.read(study)
+    convert([file], study, longest=True)
+    (kept,) = Study.read(study).recordings
+    assert checked(kept).condition.frequency_hz == pytest.approx(30, abs=0.05)

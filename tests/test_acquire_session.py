@@ -4,39 +4,53 @@ import json
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from feeder import BAUD, CONDITION, COUNTS, Feeder, counts_of, number_of
+from feeder import BAUD, CONDITION, COUNTS, Feeder, counts_of, hello, number_of
 
 from fasbody.acquire import session
 from fasbody.acquire.bench import Bench
-from fasbody.acquire.board import Board
+from fasbody.acquire.bench.line import Line
+from fasbody.acquire.board import Board, Stalled, Watch
 from fasbody.acquire.capture import Capture
-from fasbody.acquire.conversion import convert, replay
 from fasbody.acquire.display import bar, render, sparkline
+from fasbody.acquire.folder import convert, replay
 from fasbody.acquire.generator import Generator
 from fasbody.acquire.level import Level
 from fasbody.acquire.plan import Plan
-from fasbody.acquire.port import Arrival
+from fasbody.acquire.port import Arrival, Port
 from fasbody.acquire.session import Session
+from fasbody.acquire.timeline import Quality
+from fasbody.acquire.wire import encode_data, encode_hello
 from fasbody.exceptions import AcquisitionError, InputFileError
 from fasbody.recording.study import Study
+
+
+def capture_for(board: Board, study: Path) -> Capture:
+    capture = Capture(study / "captures" / "one.fascap")
+    capture.add("M", 0.0, {"preamble": board.decoder.preamble.hex(), "condition": vars(CONDITION)})
+    return capture
+
+
+def as_sent(file: Path, channels: int) -> np.ndarray:
+    """The numbers of the samples of a capture, each of which has the values that the feeder gave it."""
+    index, values = replay([file])[1].samples()
+    number = number_of(values[0]) + index
+    np.testing.assert_array_equal(values * COUNTS, counts_of(number, channels))
+    return number
 
 
 def test_three_channels_at_4_khz_arrive_whole_and_as_sent(tmp_path: Path) -> None:
     with Feeder(tmp_path, 4000.0, 3) as feeder:
         board = Board(feeder.port, BAUD)
         board.wait_for_hello()
-        plan = Plan(tmp_path / "study", (None,), CONDITION, seconds=2.0)
+        plan = Plan(tmp_path / "study", (None,), CONDITION, seconds=1.0)
         (made,) = Session(plan, board).run()
         board.close()
     assert made.problems == () and made.quality.lost_frames == made.quality.damaged == 0
-    _, timeline, _ = replay([tmp_path / "study" / "captures" / "broadband_0kg.fascap"])
-    index, values = timeline.samples()
-    first = number_of(values[0])
-    np.testing.assert_array_equal(values * COUNTS, counts_of(first + index, 3))
-    assert index.size >= 8000
+    assert as_sent(tmp_path / "study" / "captures" / "broadband_0kg.fascap", 3).size >= 4000
 
 
 def test_one_percent_damaged_bytes_are_all_found(tmp_path: Path) -> None:
@@ -44,8 +58,7 @@ def test_one_percent_damaged_bytes_are_all_found(tmp_path: Path) -> None:
     with Feeder(tmp_path, 4000.0, 3, damage=0.01) as feeder:
         board = Board(feeder.port, BAUD)
         board.wait_for_hello(5.0)
-        capture = Capture(tmp_path / "study" / "captures" / "noisy.fascap")
-        capture.add("M", 0.0, {"preamble": board.decoder.preamble.hex(), "condition": CONDITION.__dict__})
+        capture = capture_for(board, tmp_path / "study")
         board.start(capture)
         sent = feeder.sent
         while feeder.sent - sent < 6000:
@@ -53,23 +66,16 @@ def test_one_percent_damaged_bytes_are_all_found(tmp_path: Path) -> None:
         board.stop()
         board.close()
         capture.close()
-    _, timeline, _ = replay([capture.file])
-    quality = timeline.quality()
-    index, values = timeline.samples()
-    first = number_of(values[0])
-    np.testing.assert_array_equal(values * COUNTS, counts_of(first + index, 3))
-    came = {int(number) // 16 for number in first + index}
+    quality = replay([capture.file])[1].quality()
+    came = {int(number) // 16 for number in as_sent(capture.file, 3)}
     between = set(range(min(came), max(came)))
     assert between - came == between & feeder.damaged and quality.lost_frames == len(between - came)
     assert 0.5 < quality.lost_frames / len(between) < 0.85  # 1 - 0.99^112 of the frames are hit
     assert quality.problems(Plan(tmp_path, (), CONDITION).limits)
 
 
-def test_unplugged_and_back(tmp_path: Path, feeder: Feeder) -> None:
-    board = Board(feeder.port, BAUD)
-    board.wait_for_hello()
-    capture = Capture(tmp_path / "study" / "captures" / "pulled.fascap")
-    capture.add("M", 0.0, {"preamble": board.decoder.preamble.hex(), "condition": CONDITION.__dict__})
+def test_unplugged_and_back(tmp_path: Path, feeder: Feeder, board: Board) -> None:
+    capture = capture_for(board, tmp_path / "study")
     timeline = board.start(capture)
     while timeline.length < 500:
         board.pump()
@@ -79,7 +85,6 @@ def test_unplugged_and_back(tmp_path: Path, feeder: Feeder) -> None:
     while timeline.length < 1500:
         board.pump()
     board.stop()
-    board.close()
     capture.close()
     assert board.unplugs == 1
     made = convert([capture.file], tmp_path / "study")
@@ -87,13 +92,10 @@ def test_unplugged_and_back(tmp_path: Path, feeder: Feeder) -> None:
     assert gap.lost_samples >= 300 and gap.cause == "lost frames"  # the board itself went on
     details = json.loads(made.file.with_suffix(".json").read_text())
     assert [event["event"] for event in details["events"]] == ["unplugged", "replugged"]
-    index, values = replay([capture.file])[1].samples()
-    first = number_of(values[0])
-    np.testing.assert_array_equal(values * COUNTS, counts_of(first + index, 2))
+    as_sent(capture.file, 2)
 
 
-def test_recording_that_lost_samples_is_repeated(tmp_path: Path, feeder: Feeder) -> None:
-    board = Board(feeder.port, BAUD)
+def test_recording_that_lost_samples_is_repeated(tmp_path: Path, feeder: Feeder, board: Board) -> None:
     pulled: list[int] = []
 
     def pull(b: Board) -> None:
@@ -105,7 +107,6 @@ def test_recording_that_lost_samples_is_repeated(tmp_path: Path, feeder: Feeder)
     board.listener = pull
     run = Session(Plan(tmp_path / "study", (None,), CONDITION, seconds=0.6), board)
     made = run.run()
-    board.close()
     assert [bool(one.problems) for one in made] == [True, False] and run.unusable() == []
     run.made = made[:1]
     assert run.unusable() == ["broadband_0kg.csv"]
@@ -141,7 +142,7 @@ def test_not_plugged_in_again_silence_garbage_and_a_missing_channel(tmp_path: Pa
 
 @pytest.mark.parametrize("place", ["", "captures", "recordings"])
 def test_folder_that_cannot_be_written_is_refused_before_anything_moves(
-    tmp_path: Path, feeder: Feeder, monkeypatch: pytest.MonkeyPatch, place: str
+    tmp_path: Path, board: Board, monkeypatch: pytest.MonkeyPatch, place: str
 ) -> None:
     moved: list[object] = []
     monkeypatch.setattr(session, "reach", lambda *args: moved.append(args))
@@ -149,16 +150,12 @@ def test_folder_that_cannot_be_written_is_refused_before_anything_moves(
     if place:
         study.mkdir()
     (study / place).write_text("a file where the folder should be")
-    board = Board(feeder.port, BAUD)
     with pytest.raises(InputFileError, match="cannot be written"):
         Session(Plan(study, (20.0,), CONDITION), board, Generator.__new__(Generator)).run()
-    board.close()
     assert not moved
 
 
-def test_failing_ramp_still_gives_the_recording(
-    tmp_path: Path, feeder: Feeder, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failing_ramp_still_gives_the_recording(tmp_path: Path, board: Board, monkeypatch: pytest.MonkeyPatch) -> None:
     generator = Generator.__new__(Generator)
     generator.identity, generator.is_on, told = "fake", True, []
 
@@ -168,42 +165,45 @@ def test_failing_ramp_still_gives_the_recording(
     monkeypatch.setattr(generator, "ramp_down", ramp_down)
     monkeypatch.setattr(generator, "off", lambda: told.append("off"))
     monkeypatch.setattr(session, "reach", lambda *args: Level(17.9, 1.0, 3))
-    board = Board(feeder.port, BAUD)
     with pytest.raises(AcquisitionError, match="no answer to VOLT"):
         Session(Plan(tmp_path / "study", (20.0,), CONDITION, seconds=0.4), board, generator).run()
-    board.close()
     assert told == ["off"] and (tmp_path / "study" / "recordings" / "20hz_0kg.csv").is_file()
 
 
-def test_over_range_ends_early(tmp_path: Path, feeder: Feeder) -> None:
-    board = Board(feeder.port, BAUD)
+def test_over_range_ends_early(tmp_path: Path, feeder: Feeder, board: Board) -> None:
     board.listener = lambda b: setattr(feeder, "amplitude", 32_000 if b.timeline and b.timeline.length > 300 else 0)
     with pytest.raises(AcquisitionError, match="went over range"):
         Session(Plan(tmp_path / "study", (None,), CONDITION, seconds=60.0), board).run()
-    board.close()
     details = json.loads((tmp_path / "study" / "recordings" / "broadband_0kg.json").read_text())
     assert details["usable"] is False and details["quality"]["over_range"]["base"] >= 3
 
 
-def test_text_board_of_the_bench(tmp_path: Path) -> None:
-    with Bench(rate_hz=500.0, bits=0, channels=3) as text:
-        text.shake(20.0, 0.6)
+def test_text_board_of_the_bench_at_rest_and_shaken_and_its_end(tmp_path: Path) -> None:
+    """At rest it gives no recording; when whoever started it was killed, it clears up."""
+    with Bench(rate=500.0, bits=0, channels=3) as text:
         board = Board(text.board_port, 115200)
+        (rest,) = Session(Plan(tmp_path, (None,), CONDITION, seconds=0.8), board).run()
+        assert rest.problems[0].startswith("the base is at rest (0.0")
+        with pytest.raises(InputFileError, match="lists no recording"):
+            Study.read(tmp_path)
+        text.shake(20.0, 0.6)
         (made,) = Session(Plan(tmp_path, (None,), CONDITION, seconds=0.8), board).run()
         board.close()
+        for process in text._processes:
+            assert process.stdin is not None
+            process.stdin.close()  # what the end of the starter does
+            process.wait(60)
+        assert not Path(text.board_port).parent.exists()
     assert made.problems == () and made.recording.time_s.size == 400
     assert made.recording.tuberosity_m_s2 is not None and made.recording.tuberosity_m_s2.std() > 1
 
 
-def test_display_shows_the_levels(feeder: Feeder) -> None:
+def test_display_shows_the_levels(board: Board) -> None:
     from fasbody.console import console
 
-    board = Board(feeder.port, BAUD)
-    board.wait_for_hello()
     board.collect(1.5)
     with console.capture() as captured:
         console.print(render(board))
-    board.close()
     assert "base" in captured.get() and "m/s²" in captured.get()
     assert bar(0.5).count("█") == 12
     t = np.arange(2000) / 1000
@@ -211,10 +211,8 @@ def test_display_shows_the_levels(feeder: Feeder) -> None:
     assert np.argmax(["  ▁▂▃▄▅▆▇█".index(c) for c in line]) == 15  # 31 Hz of 120 in 60 places
 
 
-def test_collect_keeps_nothing_that_was_taken_before(feeder: Feeder) -> None:
+def test_collect_keeps_nothing_that_was_taken_before(feeder: Feeder, board: Board) -> None:
     """Samples that wait in the queue of a busy computer show the base before the latest change of amplitude."""
-    board = Board(feeder.port, BAUD)
-    board.wait_for_hello()
     board.collect(0.2)
     real, held = board.reader.take, []
 
@@ -230,5 +228,147 @@ def test_collect_keeps_nothing_that_was_taken_before(feeder: Feeder) -> None:
     board.collect(0.1)
     before = feeder.sent
     first = number_of(board.collect(0.1)[0])
-    board.close()
     assert first >= before - 100  # a tenth of a second: a frame, the way, and this test's own clocks
+
+
+def test_shaking_blindly_is_an_error(feeder: Feeder, board: Board) -> None:
+    board.watch = Watch(peak=100.0, offset=0.0)
+    board.collect(0.2)
+    feeder.paused = True
+    with pytest.raises(AcquisitionError, match="no samples for 1 s while the shaker was on"):
+        while True:
+            board.pump()
+    board.watch, feeder.paused = None, False
+    board.collect(0.1)
+    board.watch = Watch(peak=5.0, offset=0.0)
+    with pytest.raises(AcquisitionError, match="beyond the safety limit of 5"):
+        board.collect(0.2)
+
+
+@pytest.mark.parametrize("instead", ["noise", "hello", "text"])
+def test_bytes_without_samples_are_as_blind_as_silence(
+    feeder: Feeder, board: Board, instead: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While the shaker is on after one second, otherwise as a stall."""
+    board.collect(0.2)
+    board.watch = Watch(peak=100.0, offset=0.0)
+    noise = np.random.default_rng(1).bytes(80)
+    feeder.instead = {"noise": noise, "hello": encode_hello(feeder.hello), "text": b"sensor error -5\n"}[instead]
+    with pytest.raises(AcquisitionError, match="no samples for 1 s while the shaker was on"):
+        _pump_for(board, 3.0)
+    board.watch = None
+    monkeypatch.setattr("fasbody.acquire.board.STALLED_S", 1.5)
+    with pytest.raises(AcquisitionError, match=r"sent \d+ bytes and no sample for 1\.5 s"):
+        _pump_for(board, 6.0)
+
+
+def _pump_for(board: Board, seconds: float) -> None:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        board.pump()
+
+
+def test_board_that_trickles_samples_ends_at_the_deadline(
+    tmp_path: Path, feeder: Feeder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Samples come, so the board is not stalled, but none of them belongs to the recording."""
+    monkeypatch.setattr("fasbody.acquire.session.STALLED_S", 0.5)
+    board = Board(feeder.port, BAUD, patience=0.2)
+    board.wait_for_hello()
+    other = replace(feeder.hello, channels=hello(channels=3).channels)  # samples that fit nothing recorded
+    board.listener = lambda b: setattr(
+        feeder, "instead", encode_hello(other) + encode_data(0, 0, np.zeros((16, 3), int), 16) if b.timeline else b""
+    )
+    with pytest.raises(AcquisitionError, match=r"of 500 samples came in time"):
+        Session(Plan(tmp_path / "study", (None,), CONDITION, seconds=0.5, retries=0), board).run()
+    board.close()
+
+
+def test_board_that_stays_silent_keeps_what_came_and_lists_nothing(
+    tmp_path: Path, feeder: Feeder, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board = Board(feeder.port, BAUD, patience=0.5)
+    plan = Plan(tmp_path / "study", (None,), CONDITION, seconds=60.0)
+
+    def silence(b: Board) -> None:
+        if b.timeline is not None and b.timeline.length > 800 and not feeder.paused:
+            feeder.paused = True
+            monkeypatch.setattr("fasbody.acquire.board.STALLED_S", 0.5)
+
+    board.listener = silence
+    run = Session(plan, board)
+    with pytest.raises(Stalled, match=r"no sample came for another 0\.5 s"):
+        run.run()
+    board.close()
+    (one,) = run.made
+    assert one.recording.time_s.size > 800 and any("of 60 s" in text for text in one.problems)
+    assert any("silent" in text for text in one.remarks)
+    told = " ".join(capsys.readouterr().err.split())
+    assert "recover" in told and "--longest" in told and "anew" in told and ".." not in told.replace("...", "")
+    with pytest.raises(InputFileError, match="lists no recording"):
+        Study.read(tmp_path / "study")
+    convert([tmp_path / "study" / "captures" / "broadband_0kg.fascap"], tmp_path / "study", longest=True)
+    (kept,) = Study.read(tmp_path / "study").recordings
+    assert kept.time_s.size == one.recording.time_s.size
+
+
+def test_recording_whose_board_stalled_is_repeated(
+    tmp_path: Path, feeder: Feeder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    board = Board(feeder.port, BAUD, patience=20.0)
+    stalled: list[int] = []
+
+    def stall(b: Board) -> None:
+        if b.timeline is not None and b.timeline.length > 200 and not stalled:
+            stalled.append(1)
+            feeder.paused = True
+            monkeypatch.setattr("fasbody.acquire.board.STALLED_S", 0.5)
+        elif b.timeline is None and stalled:
+            feeder.paused = False  # it comes back once the recording is given up
+            monkeypatch.undo()
+
+    board.listener = stall
+    run = Session(Plan(tmp_path / "study", (None,), CONDITION, seconds=0.6), board)
+    made = run.run()
+    board.close()
+    assert [bool(one.problems) for one in made] == [True, False] and run.unusable() == []
+    (listed,) = Study.read(tmp_path / "study").recordings
+    assert listed.file.endswith("broadband_0kg_2.csv") and listed.time_s.size == 600
+
+
+def test_stalls_are_repeated_so_often_and_the_sweep_says_how_to_go_on(
+    tmp_path: Path, feeder: Feeder, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = Session(Plan(tmp_path / "study", (20.0, 25.0, 30.0), CONDITION, retries=3), Board(feeder.port, BAUD))
+    tried: list[float | None] = []
+
+    def attempt(frequency: float | None) -> object:
+        tried.append(frequency)
+        if frequency == 25.0:
+            raise Stalled("the board is silent.")
+        return SimpleNamespace(quality=Quality())
+
+    monkeypatch.setattr(run, "_attempt", attempt)
+    with pytest.raises(Stalled):
+        run.run()
+    run.board.close()
+    assert tried == [20.0] + 4 * [25.0]
+    told = " ".join(capsys.readouterr().err.split())
+    assert "not recorded: 25, 30 Hz; go on with --sweep 25:30:5 and the same --out" in told
+
+
+def test_what_is_no_port_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "notes.txt"
+    file.write_text("x")
+    for name, kind in ((str(tmp_path), "a folder"), (str(file), "a file"), ("/dev/null", "some other device")):
+        with pytest.raises(AcquisitionError, match=f"{name}: is no serial port but {kind}; ports of this computer: "):
+            Port(name, 9600)
+    with pytest.raises(AcquisitionError, match="there is no such port"):
+        Port(str(tmp_path / "ttyACM7"), 9600)
+    line = Line(tmp_path / "line")
+    line.plug()
+    first = Port(str(line.link), 9600)
+    with pytest.raises(AcquisitionError, match="another program uses this port"):
+        Port(str(line.link), 9600)
+    first.close()
+    line.unplug()

@@ -1,4 +1,4 @@
-"""The grid of samples: gaps to the sample, restarts, clocks, and the judgement."""
+"""The grid of samples: gaps to the sample, restarts, clocks, lateness, and the judgement."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from feeder import COUNTS, counts_of, hello
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fasbody.acquire.timeline import Limits, Timeline
+from fasbody.acquire.timeline import Gap, Lateness, Limits, Quality, Timeline
 from fasbody.acquire.wire import Block, Damage, Hello
 
 N = 16
@@ -234,3 +234,63 @@ def test_over_range_is_a_problem() -> None:
     timeline.add([Block(one.sequence, one.time_us, one.samples, np.array([0, 3]))], 0.0)
     assert timeline.over_range == {"base": 0, "malleolus": 3}
     assert timeline.quality().problems(Limits()) == ["over range: malleolus 3 samples"]
+
+
+FRAME_S = 0.016
+
+
+def lateness(late_s: np.ndarray, drift: float = 0.0, first_us: int = 0) -> np.ndarray:
+    """What is found for frames that come 5 ms after they were taken, and so much later [s]."""
+    taken = FRAME_S * np.arange(late_s.size)
+    judge = Lateness()
+    stamps = [(first_us + round(1e6 * (1 + drift) * t)) % 2**32 for t in taken]
+    return np.array([judge.of(us, 40.0 + t + 0.005 + late) for us, t, late in zip(stamps, taken, late_s, strict=True)])
+
+
+@pytest.mark.parametrize("first_us", [0, 2**32 - 3_000_000])
+@pytest.mark.parametrize("drift", [-2e-4, 0.0, 2e-4])
+def test_late_frames_are_told_by_how_much(drift: float, first_us: int) -> None:
+    """Whatever the clocks' offset, also where the 32-bit clock turns over; a minute's drift counts for little."""
+    late = np.zeros(4000)
+    late[1000:1040] = np.linspace(0.64, 0.0, 40)  # a computer that looks away for 0.64 s gets all frames at once
+    late[2000:] = 0.3
+    found = lateness(late, drift, first_us)
+    until = FRAME_S * np.arange(4000)  # drift that was allowed for and did not happen, at most
+    assert (np.abs(found - late)[:2000] <= 1e-6 + 7e-4 * until[:2000]).all()
+    assert found[1000] == pytest.approx(0.64, abs=0.012) and found[2000] == pytest.approx(0.3, abs=0.025)
+
+
+@pytest.mark.parametrize("drift", [-4e-3, 4e-3])
+def test_clock_that_is_only_just_accepted_is_not_late_after_a_quarter_of_an_hour(drift: float) -> None:
+    """A recording may be 5000 ppm off; without allowing for it a frame would seem 3.6 s late here."""
+    assert lateness(np.zeros(57_000), drift).max() < 1e-3
+
+
+def test_stamps_that_stand_still_are_told() -> None:
+    judge = Lateness()
+    for n in range(100):
+        judge.of(0, FRAME_S * n)
+        assert judge.still == (FRAME_S * n > 1.0)
+    judge.of(16_000, 2.0)
+    assert not judge.still
+
+
+def test_restarted_board_is_not_late_for_ever() -> None:
+    judge = Lateness()
+    for n in range(100):
+        judge.of(round(1e6 * (50 + FRAME_S * n)), FRAME_S * n)
+    found = [judge.of(round(1e6 * FRAME_S * n), 2.0 + FRAME_S * n) for n in range(100)]
+    assert max(found) < 1e-3
+
+
+def test_one_is_singular_and_a_clock_without_an_uncertainty_is_not_printed() -> None:
+    one = Quality(frames=1, lost_frames=1, damaged=1, gaps=(Gap(0.1, 1, "skipped"),), over_range={"base": 1})
+    assert str(one) == "1 frame, 1 lost, 1 damaged, 1 gap"
+    assert one.problems(Limits())[0].startswith("1 sample is missing in 1 gap (")
+    assert one.problems(Limits())[1] == "over range: base 1 sample"
+    assert one.remarks(Limits()) == ["1 damaged piece on the line"]
+    noise = Quality(frames=62, drift_ppm=2900.0, drift_std_ppm=1100.0, rate_ppm=900.0, rate_std_ppm=400.0)
+    assert "clock" not in str(noise) and noise.remarks(Limits()) == noise.problems(Limits()) == []
+    known = Quality(frames=6200, drift_ppm=900.0, drift_std_ppm=10.0)
+    assert str(known).endswith("clock +900 +- 30 ppm")
+    assert known.remarks(Limits()) == ["the board's clock runs +900 +- 30 ppm off the computer's"]

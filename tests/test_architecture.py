@@ -1,8 +1,7 @@
-"""The shape of the project: imports go downwards, one door to each foreign package, equations are listed."""
+"""The shape of the project: rooms, imports that go one way, one door to each foreign package, equations listed."""
 
 import ast
 import re
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -16,7 +15,7 @@ ALLOWED = {
     "identification": {"fasbody", "mjcf"},
     "viz": {"fasbody", "mjcf"},
 }
-# package -> the only files (relative to the root, or a bare name for any file of that name) that may import it
+# package -> the only files that may import it
 DOORS = {
     "pinocchio": {"fasbody/arch/crosscheck.py"},
     "serial": {"fasbody/acquire/port.py"},
@@ -24,7 +23,6 @@ DOORS = {
     "gmsh": {"fasbody/cell/mesh.py"},
     "dask": {"identification/study/cluster.py"},
     "distributed": {"identification/study/cluster.py"},
-    "matplotlib": {"figures.py"},
 }
 
 
@@ -36,60 +34,16 @@ def sources(packages: tuple[str, ...] = PACKAGES) -> list[Path]:
     return [file for package in packages for file in sorted((ROOT / package).rglob("*.py"))]
 
 
-def walk(node: ast.AST) -> Iterator[ast.AST]:
-    """Every node at any depth, without what only a type checker runs."""
-    yield node
-    if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"):
-        for child in ast.iter_child_nodes(node):
-            yield from walk(child)
-
-
 @cache
-def modules(file: Path) -> frozenset[str]:
-    """Modules that `file` imports, at any depth of the code, as a file or a package of this project has them."""
-    found: set[str] = set()
-    for node in walk(ast.parse(file.read_text())):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            deeper = {f"{node.module}.{alias.name}" for alias in node.names}
-            there = {name for name in deeper if ROOT.joinpath(*name.split(".")).with_suffix(".py").is_file()}
-            found |= there or {node.module}
-    return frozenset(found)
-
-
 def imported(file: Path) -> set[str]:
     """Top-level names of every package that `file` imports, at any depth of the code."""
-    return {name.split(".")[0] for name in modules(file)}
-
-
-#: Rooms that are free of circles, also of those inside functions.
-STRAIGHT = ("fasbody.foot", "fasbody.arch")
-
-
-def test_no_import_circle() -> None:
-    graph = {".".join(file.relative_to(ROOT).with_suffix("").parts): modules(file) for file in sources(("fasbody",))}
-
-    def reached(start: str) -> set[str]:
-        found, open_ = set(), list(graph[start])
-        while open_:
-            name = open_.pop()
-            if name in graph and name not in found:
-                found.add(name)
-                open_ += graph[name]
-        return found
-
-    rooms = [name for name in graph if name.startswith(STRAIGHT)]
-    assert len(rooms) > 15
-    assert [name for name in rooms if name in reached(name)] == []
-
-
-def test_results_of_the_arch_know_neither_command_nor_figure() -> None:
-    for file in (ROOT / "fasbody" / "arch").glob("*.py"):
-        if file.name not in ("__main__.py", "figures.py"):
-            assert not {
-                m for m in modules(file) if m.startswith(("typer", "rich")) or m.endswith((".figures", ".__main__"))
-            }
+    found = set()
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            found.add(node.module.split(".")[0])
+    return found
 
 
 @pytest.mark.parametrize("file", sources(), ids=lambda f: str(f.relative_to(ROOT)))
@@ -102,8 +56,76 @@ def test_imports_go_downwards(file: Path) -> None:
 def test_one_door(foreign: str) -> None:
     files = sources((*PACKAGES, "reproduction"))
     users = {str(file.relative_to(ROOT)) for file in files if foreign in imported(file)}
-    doors = DOORS[foreign]
-    assert {user for user in users if user not in doors and Path(user).name not in doors} == set()
+    assert users <= DOORS[foreign]
+
+
+#: The rooms of fasbody from the ground up: each imports from the rows above its own, never from beside it or below.
+ROOMS = (
+    ("exceptions", "lazy"), ("console",), ("presentation", "runner"), ("foot",), ("arch", "recording", "cell", "heel"),
+    ("laboratory", "transmissibility"), ("acquire",),
+)  # fmt: skip
+#: Commands and the face look into every room, and no room looks at them.
+ENTRANCES = ("__init__", "__main__", "commands")
+
+
+def graph() -> dict[str, set[str]]:
+    """Module -> our modules that it imports when it runs, also inside functions; not what only a type checker reads."""
+    files = {".".join(f.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): f for f in sources()}
+    found: dict[str, set[str]] = {}
+    for module, file in files.items():
+        waiting, found[module] = [ast.parse(file.read_text())], set[str]()
+        while waiting:
+            node = waiting.pop()
+            if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+                waiting += node.orelse
+                continue
+            if isinstance(node, ast.ImportFrom) and node.module:
+                names = {f"{node.module}.{alias.name}" for alias in node.names}
+                found[module] |= {name if name in files else node.module for name in names} & set(files) - {module}
+            waiting += ast.iter_child_nodes(node)
+    return found
+
+
+def test_no_import_circle() -> None:
+    waiting = graph()
+    while free := [module for module, needs in waiting.items() if not needs & set(waiting)]:
+        for module in free:
+            del waiting[module]
+    assert not waiting, f"these import each other, or what does: {sorted(waiting)}"
+
+
+def test_rooms_import_from_the_ground_up() -> None:
+    level = {room: number for number, rooms in enumerate(ROOMS) for room in rooms}
+    for module, needs in graph().items():
+        package, _, rest = module.partition(".")
+        room = rest.partition(".")[0]
+        if package != "fasbody" or room in ENTRANCES or not room or "moved to python -m" in (fasbody_file(module)):
+            continue
+        for need in needs:
+            if need.startswith("fasbody.") and (other := need.split(".")[1]) != room:
+                assert level[other] < level[room], f"{module} imports {need}"
+
+
+def fasbody_file(module: str) -> str:
+    place = ROOT.joinpath(*module.split("."))
+    return (place.with_suffix(".py") if place.with_suffix(".py").is_file() else place / "__init__.py").read_text()
+
+
+def test_nothing_imports_a_command() -> None:
+    """A file that starts a Typer app is imported by no other, but for a package's `__main__` that hands on to it."""
+    apps = {
+        module for module in graph() if re.search(r"^app(: [\w.]+)? = typer\.Typer", fasbody_file(module), re.MULTILINE)
+    }
+    for module, needs in graph().items():
+        if module.rpartition(".")[2] not in ("__main__", "commands"):
+            assert not needs & apps, f"{module} imports the command {sorted(needs & apps)}"
+
+
+def test_results_of_the_arch_know_neither_command_nor_figure() -> None:
+    for module, needs in graph().items():
+        if module.startswith("fasbody.arch.") and not module.endswith((".__main__", ".figures")):
+            assert not imported(ROOT.joinpath(*module.split(".")).with_suffix(".py")) & {"typer", "rich"}, module
+            assert not needs & {"fasbody.arch.figures", "fasbody.arch.__main__"}, module
 
 
 def test_equation_index_and_code_name_the_same_equations() -> None:

@@ -28,7 +28,7 @@ from fasbody.foot.model import can_be_constrained, load
 from fasbody.foot.shaker import sine
 from fasbody.foot.simulate import simulate
 from fasbody.foot.two_dof import TwoDof
-from identification.domains import TimeRoute
+from identification.domains import TimeDomain
 from identification.space import space_of
 from identification.time_domain import TimeProblem
 
@@ -152,7 +152,7 @@ def test_topic_is_run_by_its_own_command(monkeypatch: pytest.MonkeyPatch) -> Non
 @pytest.fixture(scope="module")
 def short() -> TimeProblem:
     foot = load("two_dof")
-    return TimeRoute(foot, [fitting.sweep_recording(1.0)], space_of(foot, delay=False), twin=True).explorer()
+    return TimeDomain(foot, [fitting.sweep_recording(1.0)], space_of(foot, delay=False), twin=True).problem()
 
 
 def test_scipy_solves_the_same_problem(short: TimeProblem) -> None:

@@ -206,7 +206,7 @@ def test_orders_that_cannot_be_meant_say_what_is_valid() -> None:
 
 def test_results_folder_is_tried_before_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
-    monkeypatch.setattr("identification.blackbox.__main__.identify", lambda *_: pytest.fail("estimated first"))
+    monkeypatch.setattr("identification.blackbox.identify.identify", lambda *_: pytest.fail("estimated first"))
     recording = write(tmp_path / "a.csv", series(foot.prbs(200)))
     result = CliRunner().invoke(app, [str(recording), "--out", str(tmp_path / "file")])
     assert isinstance(result.exception, FasError) and "is a file; name a folder" in str(result.exception)

@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -11,9 +12,13 @@ from rich.text import Text
 from typer_apps import HOMES, click_command, sub_commands
 
 from fasbody.__main__ import main
-from fasbody.commands import GROUPS, PACKAGES, Command, commands
+from fasbody.commands import GROUPS, Command, commands, found
+from fasbody.exceptions import SettingError
 
 ROOT = Path(__file__).parent.parent
+#: Where commands live; the last two are of a checkout only.
+INSTALLED = ("fasbody", "identification", "viz")
+PACKAGES = (*INSTALLED, "reproduction", "benchmarks")
 
 
 def first_line(click_help: str | None) -> str:
@@ -59,19 +64,64 @@ def test_help_ends_with_examples_that_name_the_command(command: Command) -> None
 
 
 def test_command_prints_the_map(capsys: pytest.CaptureFixture[str]) -> None:
-    main(json_=False)
+    main(json_=False, version=False)
     printed = capsys.readouterr().out
     places = [printed.index(f"\n{title}") if number else 0 for number, title in enumerate(GROUPS)]
     assert places == sorted(places)
     for command in commands():
-        assert command.call in printed
+        assert command.call in printed and f"fasbody {command.words}".rstrip() in printed
     for target in re.findall(r"^(\w+):.*##", (ROOT / "Makefile").read_text(), re.MULTILINE):
         assert re.search(rf"make [\w, ]*\b{target}\b", printed)
 
 
-def test_groups_name_only_what_there_is() -> None:
-    known = {command.module for command in commands()} | set(PACKAGES) | {"fasbody.acquire"}
-    assert {module for modules in GROUPS.values() for module in modules} <= known
+def test_words_name_one_command_each() -> None:
+    """The first words of a line find the command, the longest first, and what follows is left for it."""
+    for command in commands():
+        if command.words:
+            assert found([*command.words.split(), "--json"]) == (command, ["--json"])
+    assert found(["cell", "my_cell.vtu"])[0].words == "cell"
+    with pytest.raises(SettingError, match=r"unknown command 'fti', did you mean 'fit'\?"):
+        found(["fti"])
+
+
+def test_installed_command_is_python_m() -> None:
+    """`fasbody recording --help` and `python -m fasbody.recording --help` say the same, and so does the entry point."""
+    entry = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]["fasbody"]
+    module, name = entry.split(":")
+    code = f"import sys; from {module} import {name}; sys.argv = ['fasbody', *sys.argv[1:]]; {name}()"
+    for words, plain in (("check --help", "fasbody.recording check --help"), ("nothing", "fasbody nothing")):
+        short = subprocess.run([sys.executable, "-c", code, *words.split()], cwd=ROOT, capture_output=True, text=True)
+        long = subprocess.run([sys.executable, "-m", *plain.split()], cwd=ROOT, capture_output=True, text=True)
+        assert (short.stdout, short.stderr, short.returncode) == (long.stdout, long.stderr, long.returncode)
+        assert short.returncode == (2 if words == "nothing" else 0)
+
+
+#: What no help needs; each costs a tenth of a second to a whole one.
+HEAVY = ("mujoco", "numba", "scipy", "pandas", "matplotlib")
+#: Those of a checkout have their own ways.
+LIGHT = sorted({command.module for command in commands() if command.module.split(".")[0] in INSTALLED})
+
+
+def test_help_imports_nothing_heavy() -> None:
+    """Every installed command, one after the other in one process; the first that imports one of `HEAVY` is named."""
+    code = """
+import contextlib, io, runpy, sys
+heavy, modules = sys.argv[1].split(), sys.argv[2:]
+for module in modules:
+    sys.argv = [module, "--help"]
+    for known in [name for name in sys.modules if name in (module, f"{module}.__main__")]:
+        del sys.modules[known]  # runpy warns of a module that another one has imported
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+        runpy.run_module(module, run_name="__main__", alter_sys=True)
+    if loaded := [name for name in heavy if name in sys.modules]:
+        sys.exit(f"{module} --help imports {', '.join(loaded)}")
+print(len(modules))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code, " ".join(HEAVY), *LIGHT], cwd=ROOT, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, ""), done.stderr
+    assert int(done.stdout) == len(LIGHT) > 10
 
 
 def test_map_needs_no_extra_and_is_json_when_asked() -> None:

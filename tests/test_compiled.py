@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 from fasbody.foot.model import Foot
 from fasbody.laboratory.foot import TRUTH
 from fasbody.recording.checks import checked
-from identification.domains import PeriodicRoute
+from identification.domains import PeriodicDomain
 from identification.periodic import PeriodicProblem
 from identification.space import space_of
 
@@ -17,7 +17,7 @@ from identification.space import space_of
 @pytest.fixture(scope="module")
 def problem(foot: Foot, trial: Callable) -> PeriodicProblem:  # type: ignore[type-arg]
     recordings = [checked(trial(TRUTH, f, seconds=2.0)) for f in (15.0, 30.0, 40.0)]
-    return PeriodicRoute(foot, recordings, space_of(foot), twin=True, threads=1).explorer()
+    return PeriodicDomain(foot, recordings, space_of(foot), twin=True, threads=1).problem()
 
 
 def _wild(problem: PeriodicProblem, number: int) -> np.ndarray:

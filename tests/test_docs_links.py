@@ -58,7 +58,7 @@ def test_site_has_every_document_and_every_module(site: Path) -> None:
     reference = "".join(page.read_text(encoding="utf-8") for page in site.glob("python_*.html"))
     for name in (
         "fasbody.foot.simulate.simulate",
-        "identification.estimate.fit",
+        "identification.estimate.fit_foot",
         "fasbody.cell.modal.solve",
         "mjcf.path",
     ):

@@ -12,8 +12,8 @@ from fasbody.foot.model import Foot, load
 from fasbody.recording.recording import Condition, Recording
 from identification import certification
 from identification.branches import STIFF_ANKLE, STIFF_PAD
-from identification.domains import Route
-from identification.estimate import Settings, fit
+from identification.domains import Domain
+from identification.estimate import Settings, fit_foot
 from identification.result import FitResult
 from identification.search import Descent
 
@@ -40,7 +40,7 @@ def light(trial: Trial) -> list[Recording]:
 
 
 def test_nearly_linear_damping_is_undecided(foot: Foot, light: list[Recording]) -> None:
-    result = fit(light, foot, Settings(starts=2))
+    result = fit_foot(light, foot, Settings(starts=2))
     assert result.verdict == "undecided"
     assert "A second load decides if the constants do not change" in result.reason
     assert len(result.branches) == 2
@@ -52,8 +52,8 @@ def test_nearly_linear_damping_is_undecided(foot: Foot, light: list[Recording]) 
 def test_two_loads_separate_the_mirror(foot: Foot, light: list[Recording], trial: Trial) -> None:
     heavy = [trial(NEARLY_LINEAR, f, added=4.5) for f in (20.0, 30.0, 50.0)]
     linear = foot.with_values({n: v for n, v in NEARLY_LINEAR.items() if n not in LINEAR})
-    one = fit(light, linear, Settings(free=LINEAR, starts=2))
-    two = fit(light + heavy, linear, Settings(free=LINEAR, starts=2))
+    one = fit_foot(light, linear, Settings(free=LINEAR, starts=2))
+    two = fit_foot(light + heavy, linear, Settings(free=LINEAR, starts=2))
     assert one.log_likelihood_ratio < two.log_likelihood_ratio
     assert two.verdict == "decided"
     assert two.best.name == "stiff ankle"
@@ -62,7 +62,7 @@ def test_two_loads_separate_the_mirror(foot: Foot, light: list[Recording], trial
 
 
 def test_a_single_20_hz_recording_tells_little_and_says_so(foot: Foot, trial: Trial) -> None:
-    result = fit([trial(TRUTH, 20.0)], foot, Settings(starts=3))
+    result = fit_foot([trial(TRUTH, 20.0)], foot, Settings(starts=3))
     assert result.verdict == "undecided"
     words = [e.identifiability for e in result.parameters.values()]
     assert words.count("not identifiable") >= 2
@@ -97,7 +97,7 @@ def test_a_model_without_twin_is_fitted_in_mujoco_alone(edited: Callable[..., Pa
     foot = load(file)
     truth = {**TRUTH, "c_12": 50.0, "c_13": 100.0}
     recordings = [trial(truth, f, pad=pad, seconds=1.0) for f in (10.0, 20.0, 40.0)]
-    result = fit(recordings, foot, Settings(free=("k_T", "c_11", "E", "eta"), starts=1))
+    result = fit_foot(recordings, foot, Settings(free=("k_T", "c_11", "E", "eta"), starts=1))
     assert result.twin_mujoco_difference is None
     assert result.model == "edited.xml"
     keys = {"k_T_n_per_m": "k_T", "c_11_n_s_per_m": "c_11", "E_n": "E", "eta_n_s": "eta"}
@@ -110,7 +110,7 @@ def test_a_model_without_twin_is_fitted_in_mujoco_alone(edited: Callable[..., Pa
 def test_bounds_are_kept_and_told(foot: Foot, trial: Trial) -> None:
     start = foot.with_values(TRUTH)
     recordings = [trial(TRUTH, f) for f in (10.0, 20.0, 30.0)]
-    result = fit(recordings, start, Settings(free=("k_T", "c_11"), bounds={"k_T": (1.4e5, 2e5)}, starts=1))
+    result = fit_foot(recordings, start, Settings(free=("k_T", "c_11"), bounds={"k_T": (1.4e5, 2e5)}, starts=1))
     e = result.parameters["k_T_n_per_m"]
     assert e.value == pytest.approx(1.4e5, rel=1e-4)
     assert e.at_bound
@@ -123,7 +123,7 @@ def test_unknown_masses_are_the_models_and_told(foot: Foot, trial: Trial) -> Non
     from dataclasses import replace
 
     r = replace(trial(TRUTH, 20.0), condition=Condition(frequency_hz=20.0))
-    result = fit([r], foot.with_values(TRUTH), Settings(free=("k_T", "k_F"), starts=1))
+    result = fit_foot([r], foot.with_values(TRUTH), Settings(free=("k_T", "k_F"), starts=1))
     assert any("body mass is unknown" in text for text in result.warnings)
     assert result.parameters["k_T_n_per_m"].value == pytest.approx(TRUTH["k_T"], rel=0.02)
 
@@ -138,7 +138,7 @@ def test_unknown_masses_are_the_models_and_told(foot: Foot, trial: Trial) -> Non
 )
 def test_settings_that_cannot_be_meant(foot: Foot, trial: Trial, settings: Settings, sentence: str) -> None:
     with pytest.raises(SettingError, match=sentence):
-        fit([trial(TRUTH, 20.0)], foot, settings)
+        fit_foot([trial(TRUTH, 20.0)], foot, settings)
 
 
 def test_a_bad_recording_is_refused(foot: Foot, trial: Trial) -> None:
@@ -146,7 +146,7 @@ def test_a_bad_recording_is_refused(foot: Foot, trial: Trial) -> None:
 
     r = trial(TRUTH, 20.0)
     with pytest.raises(RecordingError, match="malleolus_m_s2 is dead"):
-        fit([replace(r, malleolus_m_s2=np.zeros(r.time_s.size))], foot)
+        fit_foot([replace(r, malleolus_m_s2=np.zeros(r.time_s.size))], foot)
 
 
 def unstable_where(monkeypatch: pytest.MonkeyPatch, fails: Callable[[str, Descent], bool]) -> list[Descent]:
@@ -154,11 +154,11 @@ def unstable_where(monkeypatch: pytest.MonkeyPatch, fails: Callable[[str, Descen
     tried: list[Descent] = []
     real = certification._certify
 
-    def certify(route: Route, name: str, descent: Descent) -> certification.Certified:
+    def certify(domain: Domain, name: str, descent: Descent) -> certification.Certified:
         tried.append(descent)
         if fails(name, descent):
             raise SimulationError("this motion does not last.")
-        return real(route, name, descent)
+        return real(domain, name, descent)
 
     monkeypatch.setattr(certification, "_certify", certify)
     return tried
@@ -167,16 +167,16 @@ def unstable_where(monkeypatch: pytest.MonkeyPatch, fails: Callable[[str, Descen
 def test_end_that_does_not_last_gives_way_to_the_next(
     foot: Foot, light: list[Recording], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    usual = fit(light, foot, Settings(starts=4))
+    usual = fit_foot(light, foot, Settings(starts=4))
     best = usual.best.cost
     unstable_where(monkeypatch, lambda name, descent: name != usual.best.name)
-    result = fit(light, foot, Settings(starts=4))
+    result = fit_foot(light, foot, Settings(starts=4))
     other = ({STIFF_ANKLE, STIFF_PAD} - {usual.best.name}).pop()
     assert [b.name for b in result.branches] == [usual.best.name] and result.best.cost == pytest.approx(best, rel=1e-6)
     assert str(result.verdict) == "not compared" and result.reason.startswith(f"The {other} branch is left out")
     tried = unstable_where(monkeypatch, lambda name, descent: True)
     with pytest.raises(SimulationError, match="all unstable over the recordings"):
-        fit(light, foot, Settings(starts=4))
+        fit_foot(light, foot, Settings(starts=4))
     costs = [descent.cost for descent in tried]
     assert len(costs) == len({round(cost, 4) for cost in costs})  # the same end is tried once
 
@@ -184,7 +184,7 @@ def test_end_that_does_not_last_gives_way_to_the_next(
 def test_a_recording_that_can_be_followed_exactly_gets_more_starts(foot: Foot, trial: Trial) -> None:
     """Four numbers for eight constants: an end that misses them is a start's fault, and others are tried."""
     stiff = {**TRUTH, "k_T": 3.1e6, "k_F": 3.2e5, "c_11": 1612.0, "c_21": 1892.0}
-    found = fit([trial(stiff, 50.0, added=4.5)], foot, Settings(starts=1, bounds={"k_T": (1e4, 1e7)}))
+    found = fit_foot([trial(stiff, 50.0, added=4.5)], foot, Settings(starts=1, bounds={"k_T": (1e4, 1e7)}))
     costs = {str(row["start"]): float(str(row["cost"])) for row in found.starts}
     assert found.best.dof == 0 and costs["model"] > 100
     assert min(costs, key=costs.__getitem__).startswith("random") and found.best.chi_square < 1e-3

@@ -13,7 +13,8 @@ import pytest
 
 from fasbody import console
 from fasbody.recording.recording import Recording
-from identification.fit import BUNDLED, app
+from fasbody.recording.study import BUNDLED
+from identification.fit import app
 
 
 @pytest.fixture
@@ -139,7 +140,7 @@ def test_interrupted_before_anything_is_130(fit: Callable, bare: Path, monkeypat
     def stop(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("identification.fit.fit", stop)
+    monkeypatch.setattr("identification.estimate.fit_foot", stop)
     code, _, err = fit(bare)
     assert code == 130
     assert "interrupted" in err

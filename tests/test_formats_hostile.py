@@ -12,7 +12,7 @@ import pytest
 from scipy.io import savemat
 
 from fasbody.exceptions import InputFileError, SettingError
-from fasbody.recording import formats
+from fasbody.recording import files
 from fasbody.recording.formats import reader
 from fasbody.recording.recording import Recording
 
@@ -134,7 +134,7 @@ def test_missing_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     (tmp_path / "r.tdms").write_bytes(b"TDSm")
     with pytest.raises(SettingError, match=r"pip install 'fasbody\[formats\]'"):
-        formats.read(tmp_path / "r.tdms")
+        files.read(tmp_path / "r.tdms")
 
 
 def test_other_endings_are_refused_and_the_known_ones_listed(tmp_path: Path) -> None:

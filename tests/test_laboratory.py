@@ -12,10 +12,10 @@ import thesis
 from fasbody.exceptions import SettingError
 from fasbody.foot import shaker
 from fasbody.foot.two_dof import TwoDof
-from fasbody.laboratory import FREQUENCIES_HZ, Instrument
 from fasbody.laboratory.foot import TRUTH, make_study, record
-from fasbody.recording.study import Study
-from identification.fit import BUNDLED
+from fasbody.laboratory.instrument import Instrument
+from fasbody.laboratory.study import FREQUENCIES_HZ
+from fasbody.recording.study import BUNDLED, Study
 
 SILENT = Instrument(noise_base=0.0, noise_malleolus=0.0, bits=30, delay_s=0.0)
 

@@ -11,8 +11,9 @@ from fasbody.exceptions import RecordingError
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
-from identification.engines.orbits import Twin
-from identification.periodic import Line, PeriodicProblem, inverse_of_gram, split
+from identification.engines.twin import Twin
+from identification.periodic import Line, PeriodicProblem, split
+from identification.search import inverse_of_gram
 from identification.space import space_of
 
 FREQUENCIES = (10.0, 20.0, 30.0, 50.0)
@@ -24,11 +25,7 @@ def lines(trial: Callable[..., Recording], p: dict = oracle.TRUTH, **more: objec
 
 
 def problem(foot: Foot, found: list[Line]) -> PeriodicProblem:
-    return PeriodicProblem(found, Twin([line.excitation for line in found]), space_of(foot))
-
-
-def engine_of(excitations: list) -> Twin:
-    return Twin(excitations)
+    return PeriodicProblem(found, Twin(foot, [line.excitation for line in found]), space_of(foot))
 
 
 def test_lines_hold_the_harmonics_of_both_channels(trial: Callable[..., Recording]) -> None:
@@ -53,7 +50,7 @@ def test_residual_at_the_truth_is_chi_square(foot: Foot, trial: Callable[..., Re
     for seed in range(6):
         made = problem(foot, lines(trial, seed=seed))
         q = made.space.to_q(made.space.theta(oracle.TRUTH))
-        made.reweigh(q, engine_of)
+        made.reweigh(q)
         r = made.residual(q)
         costs.append(r @ r)
         size = made.size
@@ -86,7 +83,7 @@ def test_weights_of_a_linear_foot_are_sensor_noise_and_input_noise_through_its_r
     """S = S_y + |H|^2 S_u at each harmonic, H from the dynamic stiffness."""
     made = problem(foot, lines(trial, LINEAR))
     q = made.space.to_q(made.space.theta(LINEAR))
-    made.reweigh(q, engine_of)
+    made.reweigh(q)
     for line, W in zip(made.lines, made._whiten, strict=True):
         S = np.linalg.inv(W.T @ W)
         H = oracle.linear_response(LINEAR, line.base.frequency_hz * np.arange(1, line.count + 1))
@@ -99,7 +96,7 @@ def test_weights_of_a_linear_foot_are_sensor_noise_and_input_noise_through_its_r
 def test_log_determinant_is_that_of_the_covariance(foot: Foot, trial: Callable[..., Recording]) -> None:
     made = problem(foot, lines(trial))
     q = made.space.to_q(made.space.theta(oracle.TRUTH))
-    made.reweigh(q, engine_of)
+    made.reweigh(q)
     want = sum(np.linalg.slogdet(np.linalg.inv(W.T @ W))[1] for W in made._whiten)
     assert made.log_determinant == pytest.approx(want, rel=1e-9)
 

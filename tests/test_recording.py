@@ -238,7 +238,7 @@ def test_a_write_that_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_bundled_study_is_plainly_synthetic() -> None:
-    from identification.fit import BUNDLED
+    from fasbody.recording.study import BUNDLED
 
     study = Study.read(BUNDLED)
     assert study.origin == "synthetic"

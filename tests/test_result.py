@@ -22,7 +22,7 @@ def result(**changes: object) -> FitResult:
     one = Branch("stiff ankle", 40.0, 10.0, 98.9, keys, [[1, 0.5], [0.5, 1]], 40.0, 49, 0.81)
     two = Branch("stiff pad", 380.0, 350.0, 98.8, keys, [[1, 0], [0, 1]], 380.0, 49, float("nan"))
     t = np.arange(3) / 10
-    row = RecordingFit("a.csv", 10.0, 2.3, 98.9, t, t, t)
+    row = RecordingFit("a.csv", 10.0, 2.3, 98.9, t, t, t, t)
     options = {"source": "s", "origin": "synthetic", "model": "two_dof", "domain": "periodic", "branches": (one, two)}
     options |= {"recordings": (row,), "verdict": "decided", "reason": "r.", "log_likelihood_ratio": 170.0}
     options |= {"excitation_rank": 4, "twin_mujoco_difference": 1e-8, "base_acceleration_error": 1e-8, "starts": ()}

@@ -16,7 +16,7 @@ from fasbody.foot.model import Foot, load
 from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Condition, Recording
-from identification.engines.orbits import Excitation
+from identification.engines.engine import Excitation
 from identification.periodic import Line
 from identification.study import loops
 from identification.study.cycle import POINTS

@@ -7,8 +7,8 @@ from study_cases import power_laws, study
 
 from fasbody.exceptions import SettingError
 from fasbody.foot.model import Foot
-from identification.domains import PeriodicRoute
-from identification.engines.orbits import twin_applies
+from identification.domains import PeriodicDomain
+from identification.engines.twin import twin_applies
 from identification.search import Descent, descend
 from identification.space import Space, space_of
 from identification.study.profile import RISE, Profile, profiles
@@ -120,7 +120,7 @@ def foot_profiles(
 ) -> list[Profile]:
     recordings = study(lambda f, m: power_laws(20.0, m), frequencies, (0.0,), seed=3, seconds=2.0, noise=noise)
     space = space_of(foot, None, None, delay=False)
-    problem = PeriodicRoute(foot, recordings, space, twin_applies(foot), 1).explorer()
+    problem = PeriodicDomain(foot, recordings, space, twin_applies(foot), 1).problem()
     q0 = space.to_q(space.theta(power_laws(20.0, 0.0)))
     d = descend(problem, q0, "truth", tight=True)
     return profiles(problem, space, d, max(0, problem.size - q0.size), names)

@@ -15,7 +15,7 @@ from fasbody import console as interrupt
 from fasbody.console import to_json
 from fasbody.foot.model import load
 from fasbody.recording.study import StudyFolder
-from identification.estimate import Settings, fit
+from identification.estimate import Settings, fit_foot
 from identification.study import cluster, command, job
 from identification.study.plan import Model, Plan
 
@@ -32,7 +32,7 @@ def test_a_job_is_the_fit(study: Path) -> None:
     for mode in ("per-recording", "pooled"):
         one = plan.jobs(mode)[0]
         found = job.run(plan.work(one))
-        want = fit([opened.read(trial) for trial in one.trials], load("two_dof"), settings).document()
+        want = fit_foot([opened.read(trial) for trial in one.trials], load("two_dof"), settings).document()
         assert found["status"] == "done" and found["files"] == one.files
         for name in ("parameters", "branches", "verdict", "starts", "goodness_of_fit", "recordings"):
             assert to_json(found["result"][name]) == to_json(want[name]), name

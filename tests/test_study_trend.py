@@ -12,7 +12,7 @@ from study_cases import NONLINEAR, power_laws, record, study
 
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.foot.model import Foot
-from identification.engines.orbits import Twin
+from identification.engines.twin import Twin
 from identification.estimate import Settings
 from identification.periodic import Line
 from identification.space import space_of
@@ -60,7 +60,9 @@ def test_jacobian_by_the_chain_rule_against_differences(foot: Foot) -> None:
     recordings = study(power_laws, F, (0.0, 4.5))
     space = curve_space(foot, Order(3, 1, 2), scatter=True)
     lines = [Line.of(r) for r in recordings]
-    problem = TrendProblem(lines, Twin([line.excitation for line in lines]), space, np.array([0.1, 0.2, 0.3, 0.1]))
+    problem = TrendProblem(
+        lines, Twin(foot, [line.excitation for line in lines]), space, np.array([0.1, 0.2, 0.3, 0.1])
+    )
     problem.tolerance = 1e-11
     rng = np.random.default_rng(0)
     feet = [power_laws(f, m) for f, m in zip(space.frequencies_hz, space.loads_kg, strict=True)]

@@ -9,8 +9,10 @@ from fasbody.foot import shaker
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Condition, Recording
-from identification.engines.runs import TimeRollouts, TimeTwin, grid
-from identification.estimate import Settings, fit
+from identification.engines.engine import Whole
+from identification.engines.mujoco import Rollouts
+from identification.engines.twin import Twin
+from identification.estimate import Settings, fit_foot
 from identification.space import space_of
 from identification.time_domain import TimeProblem, _correlated, noise_floor
 
@@ -37,7 +39,8 @@ def short() -> Recording:
 
 def problem(foot: Foot, recording: Recording, rollouts: bool = False) -> TimeProblem:
     space = space_of(foot)
-    engine = TimeRollouts(foot, [recording], space.names) if rollouts else TimeTwin(foot, [recording])
+    drives = [Whole.of(recording, foot)]
+    engine = Rollouts(foot, drives, space.names) if rollouts else Twin(foot, drives)
     return TimeProblem([recording], engine, space)
 
 
@@ -48,8 +51,11 @@ def point(p: TimeProblem) -> np.ndarray:
 
 
 def test_grid_divides_the_sampling_interval(foot: Foot, short: Recording) -> None:
-    h, n, stride = grid(short, foot)
-    assert (h, n, stride) == (pytest.approx(5e-4), 800, 2)
+    def grid(recording: Recording, foot: Foot) -> tuple[float, int, int]:
+        whole = Whole.of(recording, foot)
+        return whole.step, whole.steps, whole.stride
+
+    assert grid(short, foot) == (pytest.approx(5e-4), 800, 2)
     slow = Recording(np.arange(100) / 300, *np.zeros((2, 100)))
     assert grid(slow, foot) == (pytest.approx(1 / 2100), 700, 7)
     assert grid(short, foot.with_values({}, step=1.5e-4)) == (pytest.approx(1e-3 / 7), 2800, 7)
@@ -115,7 +121,7 @@ def test_correlated_is_the_toeplitz_product() -> None:
 def test_a_sweep_gives_the_truth_inside_its_intervals(foot: Foot, seed: int) -> None:
     free = ("k_T", "k_F", "c_11", "c_12", "c_21", "c_22", "c_23")
     start = foot.with_values({"c_13": TRUTH["c_13"]})
-    result = fit([sweep(2.0, seed)], start, Settings(free=free, starts=2))
+    result = fit_foot([sweep(2.0, seed)], start, Settings(free=free, starts=2))
     assert result.domain == "time"
     assert result.twin_mujoco_difference is not None
     assert result.twin_mujoco_difference < 1e-6

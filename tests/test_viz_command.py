@@ -15,7 +15,7 @@ from typer.testing import CliRunner  # noqa: E402
 from viewer import viewer  # noqa: E402
 
 from fasbody.exceptions import FasError  # noqa: E402
-from identification.fit import BUNDLED  # noqa: E402
+from fasbody.recording.study import BUNDLED  # noqa: E402
 from viz import foot as command  # noqa: E402
 
 RECORDED = str(BUNDLED / "recordings" / "20hz_0kg.csv")

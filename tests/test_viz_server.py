@@ -12,9 +12,9 @@ import tornado.websocket
 from page_client import WAIT, ask, documents, leave, serve, status, upgrade
 
 from fasbody.exceptions import SettingError
-from identification.fit import BUNDLED
+from fasbody.recording.study import BUNDLED
+from viz.feet import Show
 from viz.server import Server, settings_from
-from viz.show import Show
 
 RECORDED = str(BUNDLED / "recordings" / "20hz_0kg.csv")
 

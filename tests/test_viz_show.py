@@ -13,12 +13,12 @@ import umsgpack
 
 import mjcf
 from fasbody.exceptions import FasError
-from identification.fit import BUNDLED
+from fasbody.recording.study import BUNDLED
 from viz import foot as command
 from viz.excitation import Excitation
+from viz.feet import MEASURED, MODEL, OTHER, Show
 from viz.hub import Hub
 from viz.load import files_of
-from viz.show import MEASURED, MODEL, OTHER, Show
 
 RECORDED = BUNDLED / "recordings" / "20hz_0kg.csv"
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from viz.export import CHROMIUM, chromium
+from viz.exported import CHROMIUM, chromium
 
 ROOT = Path(__file__).parent.parent
 #: Nothing here is timed; this only keeps a hung test from hanging the suite [s].

@@ -52,7 +52,7 @@ def _show(result: Path, mode: int, export: Path | None, port: int, browser: bool
     show = ModeShow(result, mode)
     console.print(f"showing {show.shapes.file}: {show.shapes.title()}")
     if export is not None:
-        from viz.export import export_to
+        from viz.exported import export_to
 
         export_to(show, export, json=json)
         return

@@ -5,13 +5,15 @@ import json as json_module
 from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fasbody.console import command_line, console
 from fasbody.exceptions import InputFileError, SettingError
-from fasbody.foot.parameters import Parameter
+
+if TYPE_CHECKING:
+    from fasbody.foot.parameters import Parameter
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -60,7 +62,7 @@ def main(
     look = {"slow": slow, "amplify": amplify}
     show = _show(model, compare, frequency, peak_to_peak, added_mass, sweep, recording, seconds, result, look)
     if export is not None:
-        from viz.export import export_to
+        from viz.exported import export_to
 
         export_to(show, export, json=json)
         return
@@ -77,9 +79,9 @@ def _show(
     recording: Path | None, seconds: float | None, result: Path | None, look: Mapping[str, float],
 ) -> Any:  # fmt: skip
     from viz.excitation import RECORDED_S, SWEEP_S, Excitation
+    from viz.feet import Show
     from viz.load import load_foot
     from viz.settings import Settings
-    from viz.show import Show
 
     if sweep and recording:
         raise SettingError("--sweep and --recording exclude each other.")
@@ -100,7 +102,7 @@ def _show(
         return Show([model, *([compare] if compare else [])], excitation, settings, look)
 
 
-def parameters_of(result: Path, parameters: Mapping[str, Parameter]) -> dict[str, float]:
+def parameters_of(result: Path, parameters: "Mapping[str, Parameter]") -> dict[str, float]:
     """Values of a fit's result.json for a model's parameters, by thesis symbol.
 
     Raises:

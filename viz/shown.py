@@ -16,7 +16,7 @@ SCRIPT = re.compile(r'<script src="([^"]+)"></script>')
 
 
 class Shown(Protocol):
-    """The foot (`viz.show.Show`) or the cell (`viz.modes.ModeShow`)."""
+    """The foot (`viz.feet.Show`) or the cell (`viz.modes.ModeShow`)."""
 
     #: Name of the page in the folder `page`.
     page: str

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.acquire.capture import Capture
-from fasbody.acquire.lateness import Lateness
-from fasbody.acquire.port import Reader
-from fasbody.acquire.timeline import Timeline, counted
+from fasbody.acquire.port import WAIT_S, Reader
+from fasbody.acquire.timeline import Lateness, Timeline, counted
 from fasbody.acquire.wire import Block, Decoder, Hello, Message
 from fasbody.exceptions import AcquisitionError
 
@@ -29,7 +28,13 @@ class Stalled(AcquisitionError):
 
 @dataclass(frozen=True)
 class Watch:
-    """The base must stay within +-peak of its offset [m/s^2]; `looked` is called whenever it was seen to."""
+    """What the base must keep to while the shaker is on.
+
+    Attributes:
+        peak: it stays within so much either way [m/s^2].
+        offset: of this [m/s^2].
+        looked: called whenever it was seen to.
+    """
 
     peak: float
     offset: float
@@ -48,7 +53,18 @@ class Board:
     """An accelerometer board on a port.
 
     Args:
-        name: port. baud: its rate. patience: how long to wait for a replug [s].
+        name: port.
+        baud: its rate.
+        patience: how long to wait for a replug [s].
+
+    Attributes:
+        reader: of the port.
+        decoder: of its bytes.
+        timeline: of the recording, while there is one.
+        unplugs: how often the plug was pulled.
+        watch: on the base, while the shaker is on.
+        doing: what for, in words.
+        listener: called after each look at the port.
 
     Raises:
         AcquisitionError: the port cannot be opened.
@@ -91,7 +107,7 @@ class Board:
                 raise AcquisitionError(f"{hello}: a recording needs one channel {role!r}; see docs/acquisition.md.")
         return hello
 
-    def pump(self, wait: float = 0.02) -> list[Message]:
+    def pump(self, wait: float = WAIT_S) -> list[Message]:
         """Take what has arrived.
 
         Raises:
@@ -100,8 +116,7 @@ class Board:
         """
         messages: list[Message] = []
         looked = self.reader.looked  # before taking what that look found
-        arrivals = self.reader.take(wait)
-        for arrival in arrivals:
+        for arrival in self.reader.take(wait):
             if arrival.event:
                 self.unplugs += arrival.event == "unplugged"
                 self.decoder.fresh()
@@ -109,14 +124,14 @@ class Board:
                 continue
             greeted = self.decoder.hello is not None
             found = self.decoder.feed(arrival.data)
-            if any(isinstance(message, Block) for message in found) or (self.decoder.hello and not greeted):
+            blocks = [message for message in found if isinstance(message, Block)]
+            if blocks or (self.decoder.hello and not greeted):
                 self._last, self._bytes = arrival.host, self.decoder.bytes
             if self.timeline is not None:
                 self.timeline.add(found, arrival.host)
             messages += found
-            for block in (message for message in found if isinstance(message, Block)):
-                late = self._lateness.of(block.time_us, arrival.host)
-                if arrival.host - late >= self._since:
+            for block in blocks:
+                if arrival.host - self._lateness.of(block.time_us, arrival.host) >= self._since:
                     self._keep(block.samples)
         if self.watch is not None:
             self._look([message for message in messages if isinstance(message, Block)], self.watch)
@@ -146,6 +161,15 @@ class Board:
             watch.check(block.samples[:, self.base])
         if blocks and watch.looked is not None:
             watch.looked()
+
+    def _keep(self, samples: np.ndarray) -> None:
+        if self._recent and self._recent[-1].shape[1] != samples.shape[1]:
+            self.forget()
+        self._recent.append(samples)
+        self._kept += len(samples)
+        limit = WINDOW_S * (self.decoder.hello.rate_hz if self.decoder.hello else 1000.0)
+        while self._kept - len(self._recent[0]) > limit:
+            self._kept -= len(self._recent.popleft())
 
     def revive(self) -> None:
         """After a stall: wait for the next sample as long as for a replug.
@@ -189,22 +213,27 @@ class Board:
         self._kept = 0
 
     def collect(self, seconds: float) -> np.ndarray:
-        """Wait for so many seconds of samples that were taken from now on; (n, channels) [m/s^2]. Below WINDOW_S."""
+        """Wait for so many seconds of samples that were taken from now on; (n, channels) [m/s^2]. Below WINDOW_S.
+
+        Raises:
+            Stalled: they do not come.
+            AcquisitionError: the board's time stamps do not advance, or what `pump` raises.
+        """
         hello = self.decoder.hello
         assert hello is not None
         self._since = time.monotonic()  # what comes late on a busy computer was taken before
         self.forget()
         count = round(seconds * hello.rate_hz)
-        deadline = time.monotonic() + 2 * seconds + STALLED_S
+        patience = 2 * seconds + STALLED_S
+        deadline = time.monotonic() + patience
         while self._kept < count:
             self.pump()
             if self._lateness.still:
                 raise AcquisitionError(f"{hello.board}: its time stamps do not advance; see docs/acquisition.md.")
             if time.monotonic() > deadline:
-                got = counted(self._kept, "sample")
                 raise Stalled(
-                    f"{hello.board}: {got} in {2 * seconds + STALLED_S:g} s at {hello.rate_hz:g} Hz, by its time "
-                    "stamps; are they as docs/acquisition.md says?"
+                    f"{hello.board}: {counted(self._kept, 'sample')} in {patience:g} s at {hello.rate_hz:g} Hz, by its "
+                    "time stamps; are they as docs/acquisition.md says?"
                 )
         return self.recent()[:count]
 
@@ -226,12 +255,3 @@ class Board:
     def close(self) -> None:
         """Close the port."""
         self.reader.close()
-
-    def _keep(self, samples: np.ndarray) -> None:
-        if self._recent and self._recent[-1].shape[1] != samples.shape[1]:
-            self.forget()
-        self._recent.append(samples)
-        self._kept += len(samples)
-        limit = WINDOW_S * (self.decoder.hello.rate_hz if self.decoder.hello else 1000.0)
-        while self._kept - len(self._recent[0]) > limit:
-            self._kept -= len(self._recent.popleft())

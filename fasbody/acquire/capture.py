@@ -13,7 +13,7 @@ import struct
 import tempfile
 import threading
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,13 +26,21 @@ _HEAD = struct.Struct("<cdI")
 #: Bytes of a record around its content.
 AROUND = len(_MARK) + _HEAD.size + 4
 #: A record is never longer than this [bytes].
-LONGEST_RECORD = 1 << 20
+_LONGEST_RECORD = 1 << 20
 SUFFIX = ".fascap"
+#: The rest of a recording begins so soon after what the full disk took [s]: a replug may lie between.
+_SOON_S = 60.0
 
 
 @dataclass(frozen=True)
 class Record:
-    """One record: kind ("M", "B" or "E"), host time [s] and content."""
+    """One record.
+
+    Attributes:
+        kind: "M", "B" or "E".
+        host: host time [s].
+        content: its bytes.
+    """
 
     kind: str
     host: float
@@ -60,6 +68,10 @@ class Capture:
 
     Args:
         file: to create; it must not exist.
+
+    Attributes:
+        rescue: the second file, if there is one.
+        trouble: why.
 
     Raises:
         InputFileError: it cannot be created.
@@ -90,8 +102,8 @@ class Capture:
         """
         data = content if isinstance(content, bytes) else json.dumps(content).encode()
         with self._lock:
-            for start in range(0, max(1, len(data)), LONGEST_RECORD):
-                self._write(pack(kind, host, data[start : start + LONGEST_RECORD]))
+            for start in range(0, max(1, len(data)), _LONGEST_RECORD):
+                self._write(pack(kind, host, data[start : start + _LONGEST_RECORD]))
 
     def close(self) -> None:
         """Bring everything to the disk and close."""
@@ -135,16 +147,6 @@ class Capture:
         self._write(data)
 
 
-def _valid(file: Path) -> str:
-    """Which capture files there are around a path that is none."""
-    around = [file, file / "captures", file.parent, file.parent / "captures", file.parent.parent / "captures"]
-    for folder in around:
-        if names := sorted(str(found) for found in folder.glob(f"*{SUFFIX}") if found != file):
-            more = f" and {len(names) - 5} more" if len(names) > 5 else ""
-            return f"valid: {', '.join(names[:5])}{more}"
-    return f"acquisition writes them as STUDY/captures/NAME{SUFFIX}"
-
-
 def read(file: Path) -> Iterator[Record]:
     """The whole records of a capture file; torn and damaged ones are stepped over.
 
@@ -165,10 +167,55 @@ def read(file: Path) -> Iterator[Record]:
             return
         kind, host, length = _HEAD.unpack_from(data, start)
         end = start + _HEAD.size + length
-        if length <= LONGEST_RECORD and end + 4 <= len(data):
+        if length <= _LONGEST_RECORD and end + 4 <= len(data):
             (check,) = struct.unpack_from("<I", data, end)
             if check == zlib.crc32(data[start:end]):
                 yield Record(kind.decode("latin-1"), host, data[start + _HEAD.size : end])
                 place = end + 4
                 continue
         place = start
+
+
+def _valid(file: Path) -> str:
+    """Which capture files there are around a path that is none."""
+    around = [file, file / "captures", file.parent, file.parent / "captures", file.parent.parent / "captures"]
+    for folder in around:
+        if names := sorted(str(found) for found in folder.glob(f"*{SUFFIX}") if found != file):
+            more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+            return f"valid: {', '.join(names[:5])}{more}"
+    return f"acquisition writes them as STUDY/captures/NAME{SUFFIX}"
+
+
+def grouped(files: Sequence[Path]) -> list[tuple[Path, ...]]:
+    """The files of each recording.
+
+    A file that begins with a plan is a recording. One without is the rest of the one that it continues in time; alone,
+    it is a capture whose plan is damaged.
+
+    Raises:
+        InputFileError: no capture file, one that is given twice, or one that continues none of the others.
+    """
+    seen: set[Path] = set()
+    plans: dict[Path, float] = {}  # when the last record came [s]
+    rests: dict[Path, tuple[float, float]] = {}
+    for file in files:
+        records = list(read(file))
+        if file.resolve() in seen:
+            raise InputFileError(file, "is given twice", "name each capture file once")
+        seen.add(file.resolve())
+        times = [record.host for record in records] or [float("nan")]
+        if any(record.kind == "M" for record in records) or len(files) == 1:
+            plans[file] = times[-1]
+        else:
+            rests[file] = times[0], times[-1]
+    groups = {file: [file] for file in plans}
+    for rest, (first, last) in sorted(rests.items(), key=lambda item: item[1]):
+        before = [file for file, end in plans.items() if 0 <= first - end < _SOON_S]
+        if len(before) != 1:
+            raise InputFileError(
+                rest, "has no plan of its own and continues none of the other files",
+                "give a rest together with the capture that it continues, and any other file by itself",
+            )  # fmt: skip
+        groups[before[0]].append(rest)
+        plans[before[0]] = last
+    return [tuple(group) for group in groups.values()]

@@ -6,20 +6,18 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
 from fasbody.acquire import folder
 from fasbody.acquire.board import Board
-from fasbody.acquire.conversion import Converted, convert
+from fasbody.acquire.capture import grouped
 from fasbody.acquire.display import Display
+from fasbody.acquire.folder import Converted, convert
 from fasbody.acquire.generator import Generator
-from fasbody.acquire.interruption import terminated
 from fasbody.acquire.level import Safety
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.port import Unplugged, ports, probe, swapped
-from fasbody.acquire.recovery import grouped
-from fasbody.acquire.session import Session
+from fasbody.acquire.session import Session, terminated
 from fasbody.acquire.timeline import counted
 from fasbody.console import console, print_json, results
 from fasbody.exceptions import AcquisitionError, FasError, SettingError
@@ -87,10 +85,10 @@ def record(
         given = [name for name, value in ignored.items() if value is not None]
         if given:
             raise SettingError(f"--simulate brings its own board, generator and subject: leave out {', '.join(given)}.")
-        from fasbody.acquire import bench as shaken
+        from fasbody.acquire.bench import foot
 
-        subject, body_mass = str(shaken.SUBJECT), shaken.BODY_MASS_KG
-        truth = {"origin": "synthetic", "parameters": shaken.TRUTH, "instrument": {"delay_s": 0.0}}
+        subject, body_mass = str(foot.SUBJECT), foot.BODY_MASS_KG
+        truth = {"origin": "synthetic", "parameters": foot.TRUTH, "instrument": {"delay_s": 0.0}}
     subject = subject or "1"
     mass = body_mass if body_mass is not None else folder.body_mass(out, subject)
     if mass is None or not 20 <= mass <= 300:
@@ -110,7 +108,10 @@ def record(
     with ExitStack() as stack:
         stack.enter_context(terminated())
         if simulate:
-            port, generator = _virtual(stack, added_mass)
+            from fasbody.acquire.bench import Bench
+
+            bench = stack.enter_context(Bench(added_mass=added_mass))
+            port, generator = bench.board_port, bench.generator_port
         assert port is not None
         board, source = _open(stack, port, baud, generator, generator_baud)
         stack.enter_context(Display(board))
@@ -210,14 +211,6 @@ def _open(
         raise
 
 
-def _virtual(stack: ExitStack, added_mass: float) -> tuple[str, str]:
-    """Start the virtual bench."""
-    from fasbody.acquire.bench import Bench
-
-    bench = stack.enter_context(Bench(added_mass_kg=added_mass))
-    return bench.board_port, bench.generator_port
-
-
 def _frequencies(sweep: str | None, frequency: float | None) -> tuple[float | None, ...]:
     if sweep is None:
         return (frequency,)
@@ -229,6 +222,8 @@ def _frequencies(sweep: str | None, frequency: float | None) -> tuple[float | No
         raise SettingError(f"--sweep {sweep!r} is not START:STOP:STEP, for example 10:50:5.") from None
     if not (step > 0 and stop >= start and (stop - start) / step <= 1000):
         raise SettingError(f"--sweep {sweep!r} holds no frequencies; START must not exceed STOP, and STEP be positive.")
+    import numpy as np
+
     return tuple(float(f) for f in np.arange(start, stop + 1e-9 * step, step))
 
 

@@ -2,7 +2,7 @@
 
 import time
 from itertools import pairwise
-from types import TracebackType
+from typing import Self
 
 import numpy as np
 from rich.console import Group
@@ -31,15 +31,13 @@ class Display:
         self._live = Live(console=console, auto_refresh=False, transient=True) if console.is_terminal else None
         self._last = 0.0
 
-    def __enter__(self) -> "Display":
+    def __enter__(self) -> Self:
         if self._live is not None:
             self._live.start()
             self.board.listener = self.update
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if self._live is not None:
             self.board.listener = None
             self._live.stop()

@@ -1,80 +1,308 @@
-"""The study folder that recordings are put into: its names, its tables, and what they already say."""
+"""The study folder that recordings are put into: its names, its tables, and captures made into recordings.
+
+`convert` is the one way for a session that ends well and for one that crashed.
+"""
 
 import csv
 import io
+import itertools
 import json
 import math
 import tempfile
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from fasbody.acquire.capture import SUFFIX
+import numpy as np
+
+from fasbody.acquire import capture
+from fasbody.acquire.timeline import Limits, Quality, Timeline, counted
+from fasbody.acquire.wire import Decoder, Hello
 from fasbody.console import to_json, write_whole
-from fasbody.exceptions import InputFileError
-from fasbody.recording.recording import Condition
+from fasbody.exceptions import AcquisitionError, InputFileError, RecordingError
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Condition, Recording
 
 CAPTURES, RECORDINGS, TRUTH = "captures", "recordings", "truth.json"
+#: Excitation begins here [Hz]; slower motion is drift and leaning.
+_SLOWEST_HZ = 3.0
+#: A base that moves by less [m/s^2 rms] is at rest: simple sensors have 0.03 to 0.1 of noise, the thesis shakes at 6.3.
+_AT_REST = 0.2
+
+
+@dataclass(frozen=True)
+class Converted:
+    """One recording made from captured bytes.
+
+    Attributes:
+        file: the CSV file.
+        recording: its content.
+        quality: what happened on the line.
+        problems: why it is not listed in recordings.csv; empty if it is.
+        remarks: what else should be known.
+    """
+
+    file: Path
+    recording: Recording
+    quality: Quality
+    problems: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+    def __str__(self) -> str:
+        state = "unusable: " + "; ".join(self.problems) if self.problems else "good"
+        notes = f" ({'; '.join(self.remarks)})" if self.remarks else ""
+        return f"{self.file.name}: {counted(self.recording.time_s.size, 'sample')}, {self.quality}, {state}{notes}"
+
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "file": f"{RECORDINGS}/{self.file.name}",
+            "samples": self.recording.time_s.size, "rate_hz": self.recording.rate_hz,
+            "usable": not self.problems, "problems": list(self.problems), "remarks": list(self.remarks),
+            "quality": asdict(self.quality),
+        }  # fmt: skip
+
+
+def convert(
+    files: Sequence[Path], study: Path, limits: Limits | None = None, longest: bool = False, stopped: str = ""
+) -> Converted:
+    """Write the recording of a capture into a study: CSV, JSON beside it, and a row in recordings.csv if it is usable.
+
+    Lost samples have no row in the CSV: its time column jumps there, the JSON lists the gaps, and identification
+    refuses the file. Nothing is interpolated. Nor is a recording listed that is shorter than planned.
+
+    A recording of the same name that another capture gave stays: this one gets a number.
+
+    Args:
+        files: the capture file, and the one that took over when a disk was full.
+        study: folder, made if needed.
+        limits: what is acceptable.
+        longest: keep only the longest stretch without a gap, however short it is.
+        stopped: why the recording ended early, if it did.
+
+    Raises:
+        InputFileError: a file cannot be read or written.
+        AcquisitionError: too few samples to make a file of.
+    """
+    limits = limits or Limits()
+    about, timeline, events = replay(files)
+    _check_plan(files[0], about)
+    origin = str(about.get("origin", "measured"))
+    if about:
+        _check_origin(study, origin)
+    hello = timeline.hello
+    wanted = round(float(about["seconds"]) * hello.rate_hz) if about.get("seconds") else None
+    index, values = timeline.samples()
+    quality = timeline.quality(wanted)
+    kept = index < wanted if wanted else np.ones(index.size, bool)
+    if longest and index.size:
+        kept &= _longest(index)
+        quality = replace(quality, gaps=())
+    index, values = index[kept], values[kept]
+    if index.size < 2:
+        many = "one sample" if index.size else "no samples"
+        raise AcquisitionError(f"{files[0]}: the board's description is there, but {many}; no recording can be made.")
+    known = about.get("condition", {})
+    condition = Condition(**{key: known[key] for key in asdict(Condition()) if key in known})
+    recording = _recording(index - index[0], values, hello, condition, origin)
+    problems, remarks = quality.problems(limits), quality.remarks(limits)
+    length_s = recording.time_s[-1]
+    if condition.frequency_hz and length_s * condition.frequency_hz < limits.periods:
+        problems.append(f"{length_s:.3g} s hold fewer than {limits.periods:g} periods of {condition.frequency_hz:g} Hz")
+    if not about:
+        problems.append("the record of what was to be recorded is damaged: condition, origin and length are unknown")
+    mass = body_mass(study, condition.subject)
+    if _differ(mass, condition.body_mass_kg):
+        problems.append(f"its body mass is {condition.body_mass_kg:g} kg and subjects.csv says {mass:g} kg")
+    if not problems:
+        problems += _refused(recording, f"{files[0].name.removesuffix(capture.SUFFIX)}.csv")
+    unread = sum(event["bytes"] for event in events if event.get("event") == "unreadable")
+    if unread:
+        remarks.append(f"{counted(unread, 'unreadable byte')} in the capture")
+    if wanted and index[-1] < wanted - 1 - hello.frame_samples:
+        (remarks if longest else problems).append(f"{length_s:.3g} s are there of {about['seconds']:g} s")
+        remarks += [f"ended early: {stopped.rstrip('.')}"] if stopped else []
+    if longest:
+        remarks.append("the longest stretch without a gap")
+    file = _table_of(study, stem_of(study, files[0], about.get("started_utc")))
+    recording.write(file)
+    made = Converted(file, recording, quality, tuple(problems), tuple(remarks))
+    details = {
+        **{key: value for key, value in about.items() if key != "preamble"},
+        "board": asdict(hello), "first_sample": int(index[0]), "events": events,
+        "captures": [str(f.relative_to(study)) if f.is_relative_to(study) else str(f) for f in files],
+        "limits": asdict(limits), **made.document(),
+        "warnings": [f"{file.name}: {text}." for text in remarks],
+    }  # fmt: skip
+    write_whole(file.with_suffix(".json"), to_json(details) + "\n")
+    if about:
+        _enter(study, f"{RECORDINGS}/{file.name}", condition, origin, usable=not problems)
+    return made
+
+
+def replay(files: Sequence[Path]) -> tuple[dict[str, Any], Timeline, list[dict[str, Any]]]:
+    """What a capture holds: its plan, its samples on a timeline, and its events.
+
+    Raises:
+        InputFileError: no capture file, one without a plan and a hello, one given twice, or two recordings.
+    """
+    about: dict[str, Any] = {}
+    events: list[dict[str, Any]] = []
+    decoder, timeline = Decoder(), None
+    if len({file.resolve() for file in files}) < len(files):
+        raise InputFileError(files[0], "is given twice", "name each capture file once")
+    for number, file in enumerate(files):
+        records = list(capture.read(file))
+        if number and any(record.kind == "M" for record in records):
+            raise InputFileError(file, f"is a recording of its own, not the rest of {files[0]}", "convert it by itself")
+        whole = sum(len(record.content) + capture.AROUND for record in records)
+        lost = file.stat().st_size - len(capture.MAGIC) - whole
+        if lost:
+            events.append({"event": "unreadable", "file": file.name, "bytes": lost})
+        for record in records:
+            if record.kind == "M" and not about:
+                about = record.json()
+                try:
+                    decoder = Decoder(bytes.fromhex(str(about.get("preamble", ""))))
+                except ValueError:
+                    raise InputFileError(file, "its first record has no readable hello of the board") from None
+            elif record.kind == "E":
+                events.append({"host_s": record.host, **record.json()})
+                decoder.fresh()
+            elif record.kind == "B":
+                messages = decoder.feed(record.content)
+                if timeline is None and decoder.hello is not None:
+                    timeline = Timeline(decoder.hello)
+                if timeline is not None:
+                    timeline.add(messages, record.host)
+    if timeline is None and decoder.hello is not None:
+        timeline = Timeline(decoder.hello)
+    if timeline is None:
+        raise InputFileError(files[0], "holds no hello of a board", "nothing in it can be read as samples")
+    return about, timeline, events
+
+
+def _check_plan(file: Path, about: dict[str, Any]) -> None:
+    """Refuse a plan of senseless content, which acquisition never writes."""
+    condition = about.get("condition", {})
+    if not isinstance(condition, dict):
+        raise InputFileError(file, f"its plan has the condition {condition!r}", "a table of the recording's condition")
+    numbers = {"seconds": about.get("seconds")}
+    numbers |= {name: condition.get(name) for name in ("frequency_hz", "body_mass_kg", "added_mass_kg")}
+    for name, value in numbers.items():
+        sound = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < math.inf
+        if value is not None and not sound:
+            raise InputFileError(file, f"its plan has {name} {value!r}", "a number is needed")
+    for name in ("subject", "posture"):
+        if not isinstance(condition.get(name, ""), str):
+            raise InputFileError(file, f"its plan has {name} {condition[name]!r}", "a text is needed")
+
+
+def _longest(index: np.ndarray) -> np.ndarray:
+    """Mask of the longest run of consecutive indices."""
+    runs = np.concatenate([[0], np.cumsum(np.diff(index) != 1)])
+    return runs == np.argmax(np.bincount(runs))
+
+
+def _recording(index: np.ndarray, values: np.ndarray, hello: Hello, condition: Condition, origin: str) -> Recording:
+    column = {role: values[:, i] for i, role in reversed(list(enumerate(hello.roles)))}
+    return Recording(
+        time_s=index / hello.rate_hz,
+        base_m_s2=column["base"],
+        malleolus_m_s2=column["malleolus"],
+        tuberosity_m_s2=column.get("tuberosity"),
+        condition=condition,
+        origin=origin,
+    )
+
+
+def _refused(recording: Recording, name: str) -> list[str]:
+    """What identification would say against a recording at a known frequency; with none, whether it was shaken."""
+    if recording.condition.frequency_hz is None:
+        return [text] if (text := at_rest(recording)) else []
+    try:
+        checked(replace(recording, file=name))
+    except RecordingError as error:
+        return [str(error).removeprefix(f"{name}: ").removesuffix(".")]
+    return []
+
+
+def at_rest(recording: Recording) -> str:
+    """Why a recording without a stated frequency (broadband, or by hand) shows no excitation, or nothing."""
+    base = recording.base_m_s2 - recording.base_m_s2.mean()
+    spectrum = np.fft.rfft(base)
+    frequency = np.fft.rfftfreq(base.size, 1 / recording.rate_hz)
+    rms = float(np.sqrt(2 * np.sum(np.abs(spectrum[frequency >= _SLOWEST_HZ]) ** 2)) / base.size)
+    if rms >= _AT_REST:
+        return ""
+    return f"the base is at rest ({rms:.2g} m/s^2 rms above {_SLOWEST_HZ:g} Hz); was the shaker on"
 
 
 def free_stem(study: Path, stem: str) -> str:
     """A name that neither captures nor recordings have yet: stem, stem_2, stem_3 ..."""
-    number, name = 1, stem
-    while any((study / place).exists() for place in (f"{CAPTURES}/{name}{SUFFIX}", f"{RECORDINGS}/{name}.csv")):
-        number += 1
-        name = f"{stem}_{number}"
-    return name
+    taken = (_capture_of, _table_of)
+    return next(name for name in _numbered(stem) if not any(file(study, name).exists() for file in taken))
 
 
-def stem_of(study: Path, capture: Path, started: str | None) -> str:
+def stem_of(study: Path, file: Path, started: str | None) -> str:
     """Name for the recording of a capture: the one it has already, else the first that is nobody else's.
 
     Args:
-        capture: its file. started: when it began, by its first record; tells two captures of one name apart.
+        study: folder.
+        file: the capture.
+        started: when it began, by its first record; tells two captures of one name apart.
     """
-    base = capture.name.removesuffix(SUFFIX)
-    number, name = 1, base
-    while True:
-        table, origin = study / RECORDINGS / f"{name}.csv", study / CAPTURES / f"{name}{SUFFIX}"
-        if table.exists():
-            mine = _made_from(table.with_suffix(".json"), study, capture, started)
-        else:
-            mine = not origin.exists() or origin.resolve() == capture.resolve()
-        if mine:
-            return name
-        number += 1
-        name = f"{base}_{number}"
+    stem = file.name.removesuffix(capture.SUFFIX)
+    return next(name for name in _numbered(stem) if _is_of(study, name, file, started))
 
 
-def _made_from(file: Path, study: Path, capture: Path, started: str | None) -> bool:
-    """Whether a recording's JSON says that it was made from this capture."""
+def _numbered(stem: str) -> Iterator[str]:
+    return itertools.chain([stem], (f"{stem}_{number}" for number in itertools.count(2)))
+
+
+def _capture_of(study: Path, stem: str) -> Path:
+    return study / CAPTURES / f"{stem}{capture.SUFFIX}"
+
+
+def _table_of(study: Path, stem: str) -> Path:
+    return study / RECORDINGS / f"{stem}.csv"
+
+
+def _is_of(study: Path, stem: str, file: Path, started: str | None) -> bool:
+    """Whether a name is, or can become, that of this capture's recording: by the JSON of the one that there is."""
+    table, own = _table_of(study, stem), _capture_of(study, stem)
+    if not table.exists():
+        return not own.exists() or own.resolve() == file.resolve()
     try:
-        details = json.loads(file.read_text())
+        details = json.loads(table.with_suffix(".json").read_text())
         first, began = details["captures"][0], details.get("started_utc")
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return False
     if began is not None or started is not None:
         return bool(began == started)
-    return (study / str(first)).resolve() == capture.resolve()
+    return (study / str(first)).resolve() == file.resolve()
 
 
-def check_folder(study: Path) -> None:
-    """Refuse a file where the study should be.
+def check(study: Path, condition: Condition, origin: str, truth: Mapping[str, Any] | None) -> None:
+    """Refuse a study that cannot take recordings of this condition, origin and (if synthetic) truth.
 
     Raises:
-        InputFileError: it is one.
+        InputFileError: it is a file, of another origin or truth, or knows another body mass of the subject.
     """
     if study.exists() and not study.is_dir():
         raise InputFileError(study, "is a file where the study cannot be written", "name a folder")
+    if truth is not None:
+        _check_truth(study, truth)
+    _check_origin(study, origin)
+    known = body_mass(study, condition.subject)
+    if _differ(known, condition.body_mass_kg):
+        problem = f"subject {condition.subject!r} has {known:g} kg, and {condition.body_mass_kg:g} kg are given"
+        raise InputFileError(study / "subjects.csv", problem, "give the same, or correct the table")
 
 
-def check_truth(study: Path, truth: Mapping[str, Any]) -> None:
-    """Refuse a synthetic study of another truth.
-
-    Raises:
-        InputFileError: it has one already, which differs.
-    """
+def _check_truth(study: Path, truth: Mapping[str, Any]) -> None:
     file = study / TRUTH
     if not file.is_file():
         return
@@ -86,10 +314,16 @@ def check_truth(study: Path, truth: Mapping[str, Any]) -> None:
         raise InputFileError(file, "is the truth of another study than the virtual bench's", "name another folder")
 
 
-def enter_truth(study: Path, truth: Mapping[str, Any]) -> None:
-    """Write the truth of a synthetic study."""
-    check_truth(study, truth)
-    write_whole(study / TRUTH, to_json(truth) + "\n")
+def _check_origin(study: Path, origin: str) -> None:
+    file = study / "study.toml"
+    if not file.is_file():
+        return
+    try:
+        found = tomllib.loads(file.read_text()).get("study", {}).get("origin", "measured")
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputFileError(file, f"is not TOML ({error})") from None
+    if found != origin:
+        raise InputFileError(file, f"is not {origin} data", f"name another folder for {origin} recordings")
 
 
 def check_writable(study: Path) -> None:
@@ -107,63 +341,22 @@ def check_writable(study: Path) -> None:
             raise InputFileError(place, f"cannot be written ({error.strerror})", "name a writable folder") from None
 
 
-def check_origin(study: Path, origin: str) -> None:
-    """Refuse to mix measured and synthetic recordings.
+def enter_truth(study: Path, truth: Mapping[str, Any]) -> None:
+    """Write the truth of a synthetic study.
 
     Raises:
-        InputFileError: the study is of the other kind.
+        InputFileError: it has one already, which differs.
     """
-    file = study / "study.toml"
-    if not file.is_file():
-        return
-    try:
-        found = tomllib.loads(file.read_text()).get("study", {}).get("origin", "measured")
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputFileError(file, f"is not TOML ({error})") from None
-    if found != origin:
-        raise InputFileError(file, f"is not {origin} data", f"name another folder for {origin} recordings")
-
-
-def enter(study: Path, name: str, condition: Condition, origin: str, usable: bool) -> None:
-    """Enter a recording into study.toml, subjects.csv and, if it is usable, recordings.csv."""
-    if not (study / "study.toml").is_file():
-        title = json.dumps(study.resolve().name)
-        text = f'[study]\nname = {title}\norigin = "{origin}"\ndescription = "Recorded by python -m fasbody.acquire."\n'
-        write_whole(study / "study.toml", text)
-    subject = {"subject": condition.subject, "mass_kg": _text(condition.body_mass_kg)}
-    _put(study / "subjects.csv", "subject", ("subject", "mass_kg"), subject, keep=True)
-    row = {
-        "file": name, "subject": condition.subject, "posture": condition.posture,
-        "added_mass_kg": _text(condition.added_mass_kg), "frequency_hz": _text(condition.frequency_hz),
-    }  # fmt: skip
-    _put(study / "recordings.csv", "file", tuple(row), row if usable else None, drop=name)
-
-
-def _put(
-    file: Path,
-    key: str,
-    columns: Sequence[str],
-    row: dict[str, str] | None,
-    keep: bool = False,
-    drop: str | None = None,
-) -> None:
-    """Add or replace one row of a table; other rows and columns stay as they are."""
-    rows: list[dict[str, str]] = []
-    if file.is_file():
-        reader = csv.DictReader(io.StringIO(file.read_text()))
-        columns = list(reader.fieldnames or columns)
-        rows = [entry for entry in reader if drop is None or entry.get(key) != drop]
-    if row is not None and not (keep and any(entry.get(key) == row[key] for entry in rows)):
-        rows.append(row)
-    out = io.StringIO()
-    writer = csv.DictWriter(out, columns, restval="", extrasaction="ignore", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_whole(file, out.getvalue())
+    _check_truth(study, truth)
+    write_whole(study / TRUTH, to_json(truth) + "\n")
 
 
 def body_mass(study: Path, subject: str) -> float | None:
-    """Body mass [kg] of a subject that the study knows already."""
+    """Body mass [kg] of a subject that the study knows already.
+
+    Raises:
+        InputFileError: the study says it in no number.
+    """
     file = study / "subjects.csv"
     if file.is_file():
         for row in csv.DictReader(io.StringIO(file.read_text())):
@@ -175,21 +368,47 @@ def body_mass(study: Path, subject: str) -> float | None:
     return None
 
 
-def differ(known: float | None, given: float | None) -> bool:
+def _differ(known: float | None, given: float | None) -> bool:
     """Whether two body masses [kg] are not the same, one of them as the table prints it."""
     return known is not None and given is not None and not math.isclose(known, given, rel_tol=1e-5)
 
 
-def check_mass(study: Path, condition: Condition) -> None:
-    """Refuse a body mass that contradicts the study's.
+def _enter(study: Path, name: str, condition: Condition, origin: str, usable: bool) -> None:
+    """Enter a recording into study.toml, subjects.csv and, if it is usable, recordings.csv."""
+    if not (study / "study.toml").is_file():
+        title = json.dumps(study.resolve().name)
+        text = f'[study]\nname = {title}\norigin = "{origin}"\ndescription = "Recorded by python -m fasbody.acquire."\n'
+        write_whole(study / "study.toml", text)
+    subject = {"subject": condition.subject, "mass_kg": _text(condition.body_mass_kg)}
+    _put(study / "subjects.csv", subject, keep=True)
+    row = {
+        "file": name, "subject": condition.subject, "posture": condition.posture,
+        "added_mass_kg": _text(condition.added_mass_kg), "frequency_hz": _text(condition.frequency_hz),
+    }  # fmt: skip
+    _put(study / "recordings.csv", row, listed=usable)
 
-    Raises:
-        InputFileError: subjects.csv says another one.
+
+def _put(file: Path, row: dict[str, str], keep: bool = False, listed: bool = True) -> None:
+    """Put a row into a table in place of the one of the same first cell; other rows and columns stay as they are.
+
+    Args:
+        file: the table.
+        row: its new row.
+        keep: leave a row of the same first cell as it is.
+        listed: put the new one in; otherwise only remove the old one.
     """
-    known = body_mass(study, condition.subject)
-    if differ(known, condition.body_mass_kg):
-        problem = f"subject {condition.subject!r} has {known:g} kg, and {condition.body_mass_kg:g} kg are given"
-        raise InputFileError(study / "subjects.csv", problem, "give the same, or correct the table")
+    key, columns, rows = next(iter(row)), list(row), []
+    if file.is_file():
+        reader = csv.DictReader(io.StringIO(file.read_text()))
+        columns, rows = list(reader.fieldnames or columns), list(reader)
+    others = [entry for entry in rows if entry.get(key) != row[key]]
+    if not keep or len(others) == len(rows):
+        rows = [*others, row] if listed else others
+    out = io.StringIO()
+    writer = csv.DictWriter(out, columns, restval="", extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_whole(file, out.getvalue())
 
 
 def _text(value: float | None) -> str:

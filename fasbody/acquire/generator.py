@@ -5,7 +5,7 @@ import os
 import subprocess
 import sys
 import time
-from types import TracebackType
+from typing import Self
 
 from fasbody.acquire.guard import ALIVE, DONE, OFF
 from fasbody.acquire.port import Port, is_identity
@@ -18,7 +18,6 @@ _ANSWER_S = 1.0
 _RESET_S = 5.0
 #: The guard hears of a living driver so often [s].
 _BEAT_S = 0.2
-_LONGEST_ANSWER = 4096
 #: Steps and length of the ramp down [s].
 _RAMP_STEPS, _RAMP_S = 5, 0.2
 
@@ -34,7 +33,14 @@ class Generator:
     this one be killed or stopped (guard.py): while the output is on, whoever watches the base must call `alive`.
 
     Args:
-        name: port. baud: its rate. guard: start the second process.
+        name: port.
+        baud: its rate.
+        guard: start the second process.
+
+    Attributes:
+        identity: maker, model and so on, as it says.
+        volts: amplitude [V peak to peak].
+        is_on: whether the output is, or may be.
 
     Raises:
         AcquisitionError: nothing answers, or not as an SCPI instrument.
@@ -43,7 +49,6 @@ class Generator:
     def __init__(self, name: str, baud: int, guard: bool = True) -> None:
         self.port = Port(name, baud)
         self.volts = 0.0
-        self.frequency_hz = 0.0
         self.is_on = False
         self.identity = ""
         self._guard: subprocess.Popen[bytes] | None = None
@@ -67,12 +72,10 @@ class Generator:
             self.close(error)
             raise
 
-    def __enter__(self) -> "Generator":
+    def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self.close(error)
 
     def alive(self) -> None:
@@ -106,16 +109,13 @@ class Generator:
             AcquisitionError: no answer.
         """
         self.port.read()  # a late answer to something earlier is none to this
-        self.port.write(command.encode() + b"\n")
-        answer, deadline = b"", time.monotonic() + patience
-        while b"\n" not in answer and len(answer) < _LONGEST_ANSWER:
-            if time.monotonic() > deadline:
-                raise AcquisitionError(
-                    f"{self.port.name}: no answer to {command} within {patience:g} s; is it an SCPI generator, "
-                    f"switched on, at {self.port.baud} baud?"
-                )
-            answer += self.port.read()
-        return answer.split(b"\n")[0].strip().decode("ascii", "replace")
+        answer, whole = self.port.ask(command.encode() + b"\n", patience)
+        if not whole:
+            raise AcquisitionError(
+                f"{self.port.name}: no answer to {command} within {patience:g} s; is it an SCPI generator, switched "
+                f"on, at {self.port.baud} baud?"
+            )
+        return answer
 
     def command(self, command: str, patience: float = _ANSWER_S) -> None:
         """Send a command, and read the instrument's error queue; each answer is waited for so long [s].
@@ -154,7 +154,6 @@ class Generator:
         self.command("VOLT:UNIT VPP")
         self.set_volts(volts)
         self.command(f"FREQ {frequency_hz:.6g}")
-        self.frequency_hz = frequency_hz
 
     def set_volts(self, volts: float) -> None:
         """Amplitude [V peak to peak]."""

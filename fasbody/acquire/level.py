@@ -14,8 +14,10 @@ class Safety:
     """Limits of the excitation.
 
     Attributes:
-        volts: highest amplitude [V peak to peak]. start_volts: where the first ramp begins.
-        peak_m_s2: highest base acceleration, either sign. displacement_m: largest peak-to-peak motion of the base.
+        volts: highest amplitude [V peak to peak].
+        start_volts: where the first ramp begins.
+        peak_m_s2: highest base acceleration, either sign.
+        displacement_m: largest peak-to-peak motion of the base.
         growth: the amplitude rises by at most this factor a step.
     """
 
@@ -52,6 +54,7 @@ class Safety:
         the tolerance of the level, the second harmonic (the others shift no peak by more), and the sensor's noise.
 
         Args:
+            frequency_hz: of the sine.
             noise: of the base at rest [m/s^2 rms].
         """
         moving = 0.5 * self.displacement_m * (2 * np.pi * frequency_hz) ** 2
@@ -60,7 +63,13 @@ class Safety:
 
 @dataclass(frozen=True)
 class Level:
-    """What the loop reached: peak to peak [m/s^2] at volts [V peak to peak], after so many steps."""
+    """What the loop reached.
+
+    Attributes:
+        peak_to_peak: of the base [m/s^2].
+        volts: amplitude that does it [V peak to peak].
+        steps: after how many.
+    """
 
     peak_to_peak: float
     volts: float
@@ -90,7 +99,9 @@ def peak_to_peak(values: np.ndarray, rate_hz: float, frequency_hz: float) -> flo
     """Peak to peak of a periodic signal without its noise, from its first three harmonics.
 
     Args:
-        values: (n,) [m/s^2], at least two periods. rate_hz: sampling rate. frequency_hz: fundamental.
+        values: (n,) [m/s^2], at least two periods.
+        rate_hz: sampling rate.
+        frequency_hz: fundamental.
     """
     wt = 2 * np.pi * frequency_hz / rate_hz * np.arange(values.size)
     count = max(1, min(_HARMONICS, int(0.45 * rate_hz // frequency_hz)))
@@ -130,11 +141,17 @@ def reach(
     """Switch the generator on and bring the base to `wanted` [m/s^2] peak to peak within 2 %.
 
     Args:
+        generator: with its output off, or on from an earlier level.
+        board: that shows the base.
+        frequency_hz: of the sine.
+        wanted: level [m/s^2].
+        safety: limits.
         guess_volts: about the voltage that will do [V], if known: the ramp begins at a quarter of it, so that a sensor
             that clips shows before the level is reached.
 
     Raises:
-        SettingError: the limits forbid it. AcquisitionError: a limit is reached, or the base does not follow.
+        SettingError: the limits forbid it.
+        AcquisitionError: a limit is reached, or the base does not follow.
     """
     safety.check(frequency_hz, wanted)
     hello = board.decoder.hello

@@ -19,12 +19,16 @@ class Plan:
     """What to record.
 
     Attributes:
-        study: folder. frequencies_hz: one recording each; (None,) for broadband or unknown excitation.
-        condition: of all recordings; its frequency is set for each. seconds: length of each recording.
-        peak_to_peak: wanted base acceleration [m/s^2]. settle_s: wait at the level before recording.
+        study: folder.
+        frequencies_hz: one recording each; (None,) for broadband or unknown excitation.
+        condition: of all recordings; its frequency is set for each.
+        seconds: length of each recording.
+        peak_to_peak: wanted base acceleration [m/s^2].
+        settle_s: wait at the level before recording.
         retries: so often is a recording repeated that lost samples or whose board stalled.
         origin: "measured" or "synthetic".
-        safety, limits: of the excitation and of the recordings.
+        safety: limits of the excitation.
+        limits: of the recordings.
         truth: of a synthetic study, written with its first recording.
     """
 
@@ -44,8 +48,8 @@ class Plan:
         """Refuse what cannot be meant, before anything moves.
 
         Raises:
-            SettingError: which option, and what would be valid. InputFileError: the study is no folder, or of another
-                origin or truth.
+            SettingError: which option, and what would be valid.
+            InputFileError: the study is no folder, of another origin or truth, or knows another body mass.
         """
         if not 0.1 <= self.seconds <= 3600:
             raise SettingError(f"a recording of {self.seconds:g} s cannot be meant (valid: 0.1 to 3600).")
@@ -64,8 +68,4 @@ class Plan:
                 raise SettingError(f"{self.seconds:g} s hold fewer than 3 periods of {frequency:g} Hz; record longer.")
             if generator:
                 self.safety.check(frequency, self.peak_to_peak)
-        folder.check_folder(self.study)
-        if self.truth is not None:
-            folder.check_truth(self.study, self.truth)
-        folder.check_origin(self.study, self.origin)
-        folder.check_mass(self.study, self.condition)
+        folder.check(self.study, self.condition, self.origin, self.truth)

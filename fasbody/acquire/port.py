@@ -1,8 +1,8 @@
-"""A serial port: the only place that knows pyserial.
+"""Serial ports: the only place that knows pyserial.
 
-A thread that does nothing but read the board's port, so that no display and no fit can make it late.
-
-What speaks on a port: listen at each baud rate for both wire formats, then ask for an SCPI identity.
+`Port` is an open one. `Reader` is a thread that does nothing but read the board's, so that no display and no fit can
+make it late. `probe` tells what speaks on a port: it listens at each baud rate for both wire formats, then asks for an
+SCPI identity.
 """
 
 import contextlib
@@ -28,27 +28,85 @@ except ImportError:  # the extra is not installed
 #: Longest wait for bytes [s]: what a kill can cost at most, and how soon the live view hears of silence.
 WAIT_S = 0.02
 BAUD_RATES = (921600, 460800, 230400, 115200, 57600, 38400, 19200, 9600)
+_LONGEST_ANSWER = 4096
+#: Bytes kept for a consumer that does not come; the capture file has them all.
+_LONGEST_QUEUE = 16_000_000
+#: A pause between reads [s]: fewer wake-ups, and far below what the system's serial buffer holds.
+_PAUSE_S = 0.005
+_LISTEN_S, _ASK_S = 1.3, 0.5
+#: What is raised when a port goes away; pyserial's own errors are OSErrors.
+_GONE = (OSError, termios.error)
 
 
 class Unplugged(AcquisitionError):
     """The port went away."""
 
 
-@dataclass(frozen=True)
-class PortInfo:
-    """A port of this computer."""
+class Port:
+    """An open serial port.
 
-    device: str
-    description: str
-    hardware: str
+    Args:
+        name: device, such as /dev/ttyACM0.
+        baud: baud rate.
 
-    def __str__(self) -> str:
-        return f"{self.device}  {self.description}  {self.hardware}"
+    Raises:
+        Unplugged: there is no such port, it is in use, or it cannot run at that rate.
+    """
 
+    def __init__(self, name: str, baud: int) -> None:
+        self.name, self.baud = name, baud
+        try:
+            self._serial = serial.Serial(name, baud, timeout=WAIT_S, write_timeout=1.0, exclusive=True)
+            self._serial.reset_input_buffer()
+        except (*_GONE, ValueError) as error:
+            known = ", ".join(port.device for port in ports()) or "none"
+            raise Unplugged(f"{name}: {_why(name, error)}; ports of this computer: {known}.") from None
 
-def ports() -> list[PortInfo]:
-    """All serial ports of this computer."""
-    return [PortInfo(p.device, p.description or "", p.hwid or "") for p in sorted(list_ports.comports())]
+    def read(self) -> bytes:
+        """What has arrived, after at most WAIT_S.
+
+        Raises:
+            Unplugged: the port went away.
+        """
+        try:
+            data = self._serial.read(1)
+            if data:
+                data += self._serial.read(self._serial.in_waiting)
+        except (*_GONE, TypeError):  # TypeError: closed in mid-read elsewhere
+            raise Unplugged(f"{self.name}: the port went away.") from None
+        return bytes(data)
+
+    def write(self, data: bytes) -> None:
+        """Hand bytes to the system; waiting until it has sent them would have no end on a line that stands still.
+
+        Raises:
+            Unplugged: the port went away, or takes nothing.
+        """
+        try:
+            self._serial.write(data)
+        except _GONE:
+            raise Unplugged(f"{self.name}: the port went away or takes no bytes.") from None
+
+    def ask(self, question: bytes, patience: float) -> tuple[str, bool]:
+        """The line that answers a question, and whether it came to its end within `patience` [s].
+
+        Raises:
+            Unplugged: the port went away.
+        """
+        self.write(question)
+        answer, deadline = b"", time.monotonic() + patience
+        while not (whole := b"\n" in answer or len(answer) >= _LONGEST_ANSWER) and time.monotonic() <= deadline:
+            answer += self.read()
+        return answer.split(b"\n")[0].decode("ascii", "replace").strip(), whole
+
+    def fileno(self) -> int:
+        """The open file, for a process that is to have it too."""
+        return int(self._serial.fileno())
+
+    def close(self) -> None:
+        """Close; a port that went away is closed too."""
+        with contextlib.suppress(*_GONE):
+            self._serial.close()
 
 
 def _why(name: str, error: Exception) -> str:
@@ -71,64 +129,21 @@ def _why(name: str, error: Exception) -> str:
     return f"cannot be opened ({reason})"
 
 
-class Port:
-    """An open serial port.
+@dataclass(frozen=True)
+class PortInfo:
+    """A port of this computer."""
 
-    Args:
-        name: device, such as /dev/ttyACM0. baud: baud rate.
+    device: str
+    description: str
+    hardware: str
 
-    Raises:
-        Unplugged: there is no such port, it is in use, or it cannot run at that rate.
-    """
-
-    def __init__(self, name: str, baud: int) -> None:
-        self.name, self.baud = name, baud
-        try:
-            self._serial = serial.Serial(name, baud, timeout=WAIT_S, write_timeout=1.0, exclusive=True)
-            self._serial.reset_input_buffer()
-        except (serial.SerialException, OSError, termios.error, ValueError) as error:
-            known = ", ".join(port.device for port in ports()) or "none"
-            raise Unplugged(f"{name}: {_why(name, error)}; ports of this computer: {known}.") from None
-
-    def read(self) -> bytes:
-        """What has arrived, after at most WAIT_S.
-
-        Raises:
-            Unplugged: the port went away.
-        """
-        try:
-            data = self._serial.read(1)
-            if data:
-                data += self._serial.read(self._serial.in_waiting)
-        except (serial.SerialException, OSError, termios.error, TypeError):  # TypeError: closed in mid-read elsewhere
-            raise Unplugged(f"{self.name}: the port went away.") from None
-        return bytes(data)
-
-    def write(self, data: bytes) -> None:
-        """Hand bytes to the system; waiting until it has sent them would have no end on a line that stands still.
-
-        Raises:
-            Unplugged: the port went away, or takes nothing.
-        """
-        try:
-            self._serial.write(data)
-        except (serial.SerialException, OSError, termios.error):
-            raise Unplugged(f"{self.name}: the port went away or takes no bytes.") from None
-
-    def fileno(self) -> int:
-        """The open file, for a process that is to have it too."""
-        return int(self._serial.fileno())
-
-    def close(self) -> None:
-        """Close; a port that went away is closed too."""
-        with contextlib.suppress(OSError, termios.error):
-            self._serial.close()
+    def __str__(self) -> str:
+        return f"{self.device}  {self.description}  {self.hardware}"
 
 
-#: Bytes kept for a consumer that does not come; the capture file has them all.
-LONGEST_QUEUE = 16_000_000
-#: A pause between reads [s]: fewer wake-ups, and far below what the system's serial buffer holds.
-_PAUSE_S = 0.005
+def ports() -> list[PortInfo]:
+    """All serial ports of this computer."""
+    return [PortInfo(p.device, p.description or "", p.hwid or "") for p in sorted(list_ports.comports())]
 
 
 @dataclass(frozen=True)
@@ -144,7 +159,13 @@ class Reader(threading.Thread):
     """Reads a port until closed, writes to a capture file while there is one, and survives unplugging.
 
     Args:
-        name: port. baud: its rate. patience: after unplugging, try to open it again for so long [s].
+        name: port.
+        baud: its rate.
+        patience: after unplugging, try to open it again for so long [s].
+
+    Attributes:
+        failure: why nothing comes any more.
+        looked: when the port was last found to have, or not to have, sent something.
 
     Raises:
         Unplugged: the port cannot be opened now.
@@ -161,7 +182,7 @@ class Reader(threading.Thread):
         self._capture: Capture | None = None
         self._stop_now = threading.Event()
         self.failure: AcquisitionError | None = None
-        self.looked = time.monotonic()  # when the port was last found to have, or not to have, sent something
+        self.looked = time.monotonic()
         self.start()
 
     def record(self, capture: Capture | None) -> None:
@@ -200,8 +221,8 @@ class Reader(threading.Thread):
     def run(self) -> None:
         """Read until closed."""
         try:
-            while not self._stop_now.is_set():
-                self._read_once()
+            while not self._stop_now.is_set() and self._port is not None:
+                self._read_once(self._port)
         except AcquisitionError as error:
             self.failure = error
             self._arrived.set()
@@ -209,14 +230,12 @@ class Reader(threading.Thread):
             if self._port is not None:
                 self._port.close()
 
-    def _read_once(self) -> None:
-        if self._port is None:
-            return
+    def _read_once(self, port: Port) -> None:
         try:
-            data = self._port.read()
+            data = port.read()
         except Unplugged as gone:
             self._put(Arrival(time.monotonic(), b"", "unplugged"))
-            self._port.close()
+            port.close()
             self._port = None
             self._reopen(gone)
             return
@@ -251,16 +270,20 @@ class Reader(threading.Thread):
             self._queue.append(arrival)
             self._size += len(arrival.data)
             self._arrived.set()
-            while self._size > LONGEST_QUEUE:
+            while self._size > _LONGEST_QUEUE:
                 self._size -= len(self._queue.popleft().data)
-
-
-_LISTEN_S, _ASK_S = 1.3, 0.5
 
 
 @dataclass(frozen=True)
 class Found:
-    """What answered: kind ("board", "generator", "unknown bytes", "silence"), at which baud rate, who it says it is."""
+    """What answered on a port.
+
+    Attributes:
+        port: its name.
+        kind: "board", "generator", "unknown bytes" or "silence".
+        baud: at which baud rate.
+        identity: who it says it is.
+    """
 
     port: str
     kind: str
@@ -281,8 +304,7 @@ def probe(name: str, rates: tuple[int, ...] = BAUD_RATES) -> Found:
     """
     heard = Found(name, "silence", 0, "")
     for baud in rates:
-        port = Port(name, baud)
-        try:
+        with contextlib.closing(Port(name, baud)) as port:
             decoder = Decoder()
             port.write(b"\n?\n")
             deadline = time.monotonic() + _LISTEN_S
@@ -290,13 +312,11 @@ def probe(name: str, rates: tuple[int, ...] = BAUD_RATES) -> Found:
                 decoder.feed(port.read())
             if decoder.hello is not None:
                 return Found(name, "board", baud, str(decoder.hello))
-            answer = _identity(port)
+            answer, _ = port.ask(b"*CLS\n*IDN?\n", _ASK_S)
             if is_identity(answer):
                 return Found(name, "generator", baud, answer)
             if decoder.bytes:
                 heard = Found(name, "unknown bytes", baud, f"{decoder.bytes} bytes in {_LISTEN_S:g} s, no hello")
-        finally:
-            port.close()
     return heard
 
 
@@ -322,11 +342,3 @@ def swapped(board: str, board_baud: int, generator: str, generator_baud: int) ->
     if second.kind == "board":
         return f"--generator {generator} is a board ({second.identity}); give the generator's port."
     return ""
-
-
-def _identity(port: Port) -> str:
-    port.write(b"*CLS\n*IDN?\n")
-    answer, deadline = b"", time.monotonic() + _ASK_S
-    while b"\n" not in answer and len(answer) < 4096 and time.monotonic() < deadline:
-        answer += port.read()
-    return answer.split(b"\n")[0].decode("ascii", "replace").strip()

@@ -3,15 +3,18 @@
 import contextlib
 import platform
 import shlex
+import signal
 import time
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
+from types import FrameType
 from typing import Any
 
 from fasbody.acquire import folder
 from fasbody.acquire.board import STALLED_S, Board, Stalled
 from fasbody.acquire.capture import SUFFIX, Capture
-from fasbody.acquire.conversion import Converted, convert
+from fasbody.acquire.folder import Converted, convert
 from fasbody.acquire.generator import Generator
 from fasbody.acquire.level import Level, reach
 from fasbody.acquire.plan import Plan
@@ -20,13 +23,35 @@ from fasbody.exceptions import AcquisitionError, FasError
 
 #: So many samples over range end a recording early.
 _OVER_RANGE = 3
+#: Signals that end a process, and one that stops it: Ctrl-Z would leave the shaker on and watch nothing.
+_ENDING = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
+#: These stop a process in the background that uses its terminal.
+_IGNORED = (signal.SIGTTIN, signal.SIGTTOU)
+
+
+@contextlib.contextmanager
+def terminated() -> Iterator[None]:
+    """Let every signal that ends or stops a process end what is inside like Ctrl-C, so that all outputs go off."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, stop) for number in _ENDING}
+    before |= {number: signal.signal(number, signal.SIG_IGN) for number in _IGNORED}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class Session:
     """Records everything that is planned.
 
     Args:
-        plan: what. board: from where. generator: the excitation, or None if it is set by hand.
+        plan: what.
+        board: from where.
+        generator: the excitation, or None if it is set by hand.
 
     Attributes:
         made: what was written so far, failed attempts included.
@@ -41,7 +66,7 @@ class Session:
         """Record; returns `made`.
 
         Raises:
-            AcquisitionError, SettingError, InputFileError: it cannot go on; what was recorded is in the study.
+            FasError: it cannot go on; what was recorded is in the study.
         """
         self.plan.check(self.generator is not None)
         folder.check_writable(self.plan.study)
@@ -128,7 +153,8 @@ class Session:
         """Until the planned samples are there.
 
         Raises:
-            Stalled: no samples, or too few in time. AcquisitionError: over range, a full disk, or the board is gone.
+            Stalled: no samples, or too few in time.
+            AcquisitionError: over range, a full disk, or the board is gone.
         """
         board, generator = self.board, self.generator
         timeline = board.start(capture)

@@ -1,18 +1,17 @@
-"""What happened on the line during a recording, and whether that makes it unusable.
+"""Blocks put on the grid of samples: what is missing, how the clocks run, and what of it makes a recording unusable.
 
-What the device's time stamps tell about samples that it skipped, however much they jitter.
+What a board skipped shows in its time stamps, however much they jitter. A stamp is the time of a sample plus jitter:
+y = a + b x + (samples skipped so far) + jitter, all in samples, with x the number of samples received and b the clock's
+own rate. Where the jitter is small, each step of y shows by itself. Where it is not, as on boards that take the time in
+software, a step is what a straight line cannot explain.
 
-A stamp is the time of a sample plus jitter: y = a + b x + (samples skipped so far) + jitter, all in samples, with x the
-number of samples received and b the clock's own rate. Where the jitter is small, each step of y shows by itself. Where
-it is not, as on boards that take the time in software, a step is what a straight line cannot explain.
-
-Blocks put on the grid of samples: what is missing, and how the clocks run.
+How late samples reach the host is judged as they come (`Lateness`): a busy computer still shows the amplitude loop the
+base as it was a moment ago.
 """
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -20,6 +19,35 @@ from fasbody.acquire.wire import Block, Damage, Hello, Message
 
 #: A number is sure within so many standard errors.
 _SURE = 3.0
+_TURN = 2**32
+#: No gap is longer [samples]; a time stamp may say anything.
+_MOST = 1_000_000_000
+#: Sections of a recording for the comparison of clocks.
+_SECTIONS = 10
+#: The device's time going back by more [samples] is a restart, by less it is jitter.
+_BACK = 16
+#: Stamps that jitter by less (rms, in samples) show each skipped sample by themselves.
+_CLEAR = 0.08
+#: So large a step [samples] is a skipped sample.
+_SLIP = 0.75
+#: And a step that the jitter explains by chance less often than once in 10^8 places is none of its doing.
+_CERTAIN = 6.0
+#: So many steps give the clock's own rate; with fewer, the declared one holds within _OFF.
+_ENOUGH, _OFF = 8, 0.01
+#: Neighbours that are so far off may be stamps in steps of several samples: then those farther apart are compared.
+_COARSE, _LAG = 0.05, 64
+#: Lone late stamps between punctual ones mean nothing: half the width of the running median that drops them, narrow
+#: where they are rare (then a step near an end shows), wide where not; and how many make the stamps unclear.
+_NARROW, _WIDE, _RARE, _FEW = 2, 8, 0.001, 0.02
+#: No stamp counts as farther off than so many times the jitter.
+_CLIP = 3.0
+#: Device time that goes back by more [us] is another clock: the board has restarted.
+_BACK_US = 1_000_000
+#: The two clocks may drift apart by this share: twice what a recording is refused for. A lateness that lasts is so
+#: forgotten, 0.1 s in ten seconds.
+_DRIFT = 1e-2
+#: Stamps that stay the same for longer [s] do not advance.
+_STILL_S = 1.0
 
 
 def counted(count: int, noun: str) -> str:
@@ -49,7 +77,8 @@ class Gap:
     """Samples that were taken and did not arrive.
 
     Attributes:
-        after_s: time of the last sample before it [s]. lost_samples: how many a channel are missing.
+        after_s: time of the last sample before it [s].
+        lost_samples: how many a channel are missing.
         cause: "lost frames"; "damaged lines"; "skipped" (the device's time stamps jump); "restart" (length by the
             host's clock).
     """
@@ -64,12 +93,18 @@ class Quality:
     """What happened on the line during a recording.
 
     Attributes:
-        frames: frames (or lines) received. lost_frames: missing by their numbers. damaged: pieces that were no message.
-        gaps: where samples are missing. over_range: samples over range, by channel.
-        stamps_advance: whether the device's time stamps do. jitter: theirs [samples, rms].
-        rate_ppm: sampling rate by the device's time stamps against the declared one, rate_std_ppm: its standard error.
-        drift_ppm: device clock against the host's, and its standard error drift_std_ppm. changed: the board described
-            itself differently during the recording.
+        frames: frames (or lines) received.
+        lost_frames: missing by their numbers.
+        damaged: pieces that were no message.
+        gaps: where samples are missing.
+        over_range: samples over range, by channel.
+        stamps_advance: whether the device's time stamps do.
+        jitter: theirs [samples, rms].
+        rate_ppm: sampling rate by the device's time stamps against the declared one.
+        rate_std_ppm: its standard error.
+        drift_ppm: device clock against the host's.
+        drift_std_ppm: its standard error.
+        changed: the board described itself differently during the recording.
     """
 
     frames: int = 0
@@ -139,33 +174,12 @@ class Quality:
             ),
         ]
 
-    def document(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
-
     def __str__(self) -> str:
         clock = ""
         if self.stamps_advance and _SURE * self.drift_std_ppm <= Limits.clock_ppm:  # else it says nothing
             clock = f", clock {self.drift_ppm:+.0f} +- {_SURE * self.drift_std_ppm:.0f} ppm"
         lines = f"{counted(self.frames, 'frame')}, {self.lost_frames} lost, {self.damaged} damaged"
         return f"{lines}, {counted(len(self.gaps), 'gap')}{clock}"
-
-
-#: Stamps that jitter by less (rms, in samples) show each skipped sample by themselves.
-_CLEAR = 0.08
-#: So large a step [samples] is a skipped sample.
-_SLIP = 0.75
-#: And a step that the jitter explains by chance less often than once in 10^8 places is none of its doing.
-_CERTAIN = 6.0
-#: So many steps give the clock's own rate; with fewer, the declared one holds within _OFF.
-_ENOUGH, _OFF = 8, 0.01
-#: Neighbours that are so far off may be stamps in steps of several samples: then those farther apart are compared.
-_COARSE, _LAG = 0.05, 64
-#: Lone late stamps between punctual ones mean nothing: half the width of the running median that drops them, narrow
-#: where they are rare (then a step near an end shows), wide where not; and how many make the stamps unclear.
-_NARROW, _WIDE, _RARE, _FEW = 2, 8, 0.001, 0.02
-#: No stamp counts as farther off than so many times the jitter.
-_CLIP = 3.0
 
 
 @dataclass(frozen=True)
@@ -175,7 +189,8 @@ class Stamps:
     Attributes:
         steps: (n,) samples skipped before each block; negative where the stamps allow fewer than arrived.
         jitter: of the stamps [samples, rms].
-        slope: the declared rate over the one by the device's clock; slope_std: its standard error.
+        slope: the declared rate over the one by the device's clock.
+        slope_std: its standard error.
         advance: whether the stamps advance at all; if not, nothing else is told.
     """
 
@@ -186,11 +201,156 @@ class Stamps:
     advance: bool = True
 
 
+class Timeline:
+    """Collects blocks and knows where each sample belongs; nothing is ever filled in.
+
+    What is missing by number, or after a restart, is known at once. What the board skipped shows in its time stamps,
+    which are judged together when asked for `samples` or `quality`.
+
+    Args:
+        hello: the board's description.
+    """
+
+    def __init__(self, hello: Hello) -> None:
+        self.hello = hello
+        self._samples: list[np.ndarray] = []
+        self._jumps: list[int] = []  # samples missing before each block
+        self._causes: list[str] = []
+        self._stamps: list[int] = []  # device time of each block since the last restart's, without its turns [us]
+        self._clock: list[tuple[float, float]] = []
+        self._next = 0  # index of the next sample
+        self._sequence = self._time_us = 0
+        self._host = 0.0
+        self._damaged_lines = 0  # since the last block
+        self._lost = self._damaged = 0
+        self._over = np.zeros(len(hello.channels), int)
+        self._changed = self._restarted = False
+        self._boot = hello.boot
+
+    @property
+    def length(self) -> int:
+        """Samples so far; missing ones included, but for those that the board skipped."""
+        return self._next
+
+    @property
+    def has_gaps(self) -> bool:
+        """Whether samples are missing so far."""
+        return any(self._jumps)
+
+    def __str__(self) -> str:
+        gaps = counted(sum(jump > 0 for jump in self._jumps), "gap")
+        return f"{counted(len(self._jumps), 'frame')}, {self._lost} lost, {self._damaged} damaged, {gaps}"
+
+    @property
+    def over_range(self) -> dict[str, int]:
+        """Samples over range, by channel."""
+        return dict(zip(self.hello.roles, map(int, self._over), strict=True))
+
+    def add(self, messages: Iterable[Message], host: float) -> None:
+        """Add messages that arrived together at `host` [s]."""
+        block = None
+        for message in messages:
+            if isinstance(message, Block):
+                self._add(message, host)
+                block = message
+            elif isinstance(message, Damage):
+                self._damaged += 1
+                self._damaged_lines += not self.hello.bits
+            else:
+                self._greet(message)
+        if block is not None:
+            self._clock.append((self._stamps[-1] * 1e-6, host))
+            self._host = host
+
+    def _greet(self, hello: Hello) -> None:
+        self._changed |= replace(hello, board=self.hello.board, boot=self.hello.boot) != self.hello
+        self._restarted |= hello.boot != self._boot
+        self._boot = hello.boot
+
+    def _add(self, block: Block, host: float) -> None:
+        if block.samples.shape[1] != len(self.hello.channels):
+            self._changed = True
+            return
+        n, rate = block.samples.shape[0], self.hello.rate_hz
+        jump, cause, stamp = 0, "", 0
+        if self._samples:
+            missed = (block.sequence - self._sequence - 1) % _TURN
+            passed = (block.time_us - self._time_us) % _TURN
+            # Back by more than a frame, unless so many frames are missing that the clock may have turned over.
+            back = (-passed) % _TURN
+            backward = max(n, _BACK) / rate * 1e6 < back < _TURN // 2 and missed * n / rate * 1e6 < _TURN // 4
+            if self._restarted or missed >= _TURN // 2 or backward:
+                jump, cause = max(1, round((host - self._host) * rate) - n), "restart"
+                self._clock.clear()  # another clock from here on
+            else:
+                stamp = self._stamps[-1] + (passed if passed < _TURN // 2 or missed else passed - _TURN)
+                jump, cause = missed * n, "lost frames"
+                self._lost += missed
+                if self._damaged_lines:  # each was probably a sample; the time stamps will tell
+                    jump, cause = self._damaged_lines, "damaged lines"
+        self._restarted, self._damaged_lines = False, 0
+        self._jumps.append(jump)
+        self._causes.append(cause)
+        self._stamps.append(stamp)
+        self._samples.append(block.samples)
+        self._next += jump + n
+        self._over += block.over
+        self._sequence, self._time_us = block.sequence, block.time_us
+
+    def _placed(self) -> tuple[np.ndarray, np.ndarray, list[str], Stamps | None]:
+        """Start of each block, samples missing before it, why, and what the stamps since the last restart tell."""
+        sizes = np.array([len(block) for block in self._samples])
+        jumps, causes, told = np.array(self._jumps), list(self._causes), None
+        restarts = [i for i, cause in enumerate(causes) if cause == "restart"]
+        for first, last in pairwise([0, *restarts, sizes.size]):
+            part = slice(first, last)
+            own = np.cumsum(sizes[part] + jumps[part]) - sizes[part]
+            told = judge(own, np.array(self._stamps[part]) * 1e-6 * self.hello.rate_hz)
+            for at in np.flatnonzero(told.steps):
+                i = first + at
+                found = jumps[i] + min(int(told.steps[at]), _MOST)
+                causes[i] = causes[i] if jumps[i] else "skipped"
+                jumps[i] = max(found, 0 if causes[i] == "damaged lines" else 1)
+        return np.cumsum(sizes + jumps) - sizes, jumps, causes, told
+
+    def samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """Index (n,) of each received sample on the grid of samples, and its values (n, channels) [m/s^2]."""
+        if not self._samples:
+            return np.zeros(0, int), np.zeros((0, len(self.hello.channels)))
+        starts, *_ = self._placed()
+        index = [np.arange(start, start + len(s)) for start, s in zip(starts, self._samples, strict=True)]
+        return np.concatenate(index), np.concatenate(self._samples)
+
+    def quality(self, length: int | None = None) -> Quality:
+        """What happened so far, with the gaps of the first `length` samples."""
+        rate = self.hello.rate_hz
+        kept = Quality(
+            frames=len(self._samples), lost_frames=self._lost, damaged=self._damaged, over_range=self.over_range,
+            changed=self._changed,
+        )  # fmt: skip
+        if not self._samples:
+            return kept
+        starts, jumps, causes, told = self._placed()
+        assert told is not None
+        gaps = []
+        for i in np.flatnonzero(jumps):
+            at = int(starts[i] - jumps[i])
+            if length is None or at < length:
+                gaps.append(Gap((at - 1) / rate, int(jumps[i]), causes[i]))
+        drift, drift_std = _drift(self._clock)
+        return replace(
+            kept, gaps=tuple(gaps), stamps_advance=told.advance, jitter=told.jitter,
+            rate_ppm=1e6 * (1 / told.slope - 1), rate_std_ppm=1e6 * told.slope_std,
+            drift_ppm=drift, drift_std_ppm=drift_std,
+        )  # fmt: skip
+
+
 def judge(x: np.ndarray, y: np.ndarray) -> Stamps:
     """Find the samples that a device skipped.
 
     Args:
-        x: (n,) index of the first sample of each block, by its number. y: (n,) its time stamp times the declared rate.
+        x: (n,) index of the first sample of each block, by its number.
+        y: (n,) its time stamp times the declared rate.
     """
     steps = np.zeros(x.size, int)
     if x.size < 3:
@@ -296,173 +456,7 @@ def _largest_step(x: np.ndarray, y: np.ndarray, jitter: float) -> tuple[int, int
     return best + inside.start, round(float(size[best])) if certain and abs(size[best]) >= _SLIP else 0
 
 
-def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Slope of a line and its standard error."""
-    x, y = x - x.mean(), y - y.mean()
-    spread = float(x @ x)
-    slope = float(x @ y) / spread
-    left = y - slope * x
-    return slope, float(np.sqrt(left @ left / (x.size - 2) / spread))
-
-
-_TURN = 2**32
-#: No gap is longer [samples]; a time stamp may say anything.
-_MOST = 1_000_000_000
-#: Sections of a recording for the comparison of clocks.
-_SECTIONS = 10
-#: The device's time going back by more [samples] is a restart, by less it is jitter.
-_BACK = 16
-
-
-class Timeline:
-    """Collects blocks and knows where each sample belongs; nothing is ever filled in.
-
-    What is missing by number, or after a restart, is known at once. What the board skipped shows in its time stamps,
-    which are judged together when asked for `samples` or `quality`.
-
-    Args:
-        hello: the board's description.
-    """
-
-    def __init__(self, hello: Hello) -> None:
-        self.hello = hello
-        self._samples: list[np.ndarray] = []
-        self._jumps: list[int] = []  # samples missing before each block
-        self._causes: list[str] = []
-        self._stamps: list[int] = []  # device time of each block since the last restart's, without its turns [us]
-        self._clock: list[tuple[float, float]] = []
-        self._next = 0  # index of the next sample
-        self._sequence = self._time_us = 0
-        self._host = 0.0
-        self._damaged_lines = 0  # since the last block
-        self._lost = self._damaged = 0
-        self._over = np.zeros(len(hello.channels), int)
-        self._changed = self._restarted = False
-        self._boot = hello.boot
-
-    @property
-    def length(self) -> int:
-        """Samples so far; missing ones included, but for those that the board skipped."""
-        return self._next
-
-    @property
-    def has_gaps(self) -> bool:
-        """Whether samples are missing so far."""
-        return any(self._jumps)
-
-    def __str__(self) -> str:
-        gaps = counted(sum(jump > 0 for jump in self._jumps), "gap")
-        return f"{counted(len(self._jumps), 'frame')}, {self._lost} lost, {self._damaged} damaged, {gaps}"
-
-    @property
-    def over_range(self) -> dict[str, int]:
-        """Samples over range, by channel."""
-        return dict(zip(self.hello.roles, map(int, self._over), strict=True))
-
-    def add(self, messages: Iterable[Message], host: float) -> None:
-        """Add messages that arrived together at `host` [s]."""
-        block = None
-        for message in messages:
-            if isinstance(message, Block):
-                self._add(message, host)
-                block = message
-            elif isinstance(message, Damage):
-                self._damaged += 1
-                self._damaged_lines += not self.hello.bits
-            else:
-                self._greet(message)
-        if block is not None:
-            self._clock.append((self._stamps[-1] * 1e-6, host))
-            self._host = host
-
-    def _greet(self, hello: Hello) -> None:
-        if (hello.rate_hz, hello.channels, hello.bits, hello.frame_samples) != (
-            self.hello.rate_hz, self.hello.channels, self.hello.bits, self.hello.frame_samples
-        ):  # fmt: skip
-            self._changed = True
-        if hello.boot != self._boot:
-            self._restarted = True
-        self._boot = hello.boot
-
-    def _add(self, block: Block, host: float) -> None:
-        if block.samples.shape[1] != len(self.hello.channels):
-            self._changed = True
-            return
-        n, rate = block.samples.shape[0], self.hello.rate_hz
-        jump, cause, stamp = 0, "", 0
-        if self._samples:
-            missed = (block.sequence - self._sequence - 1) % _TURN
-            passed = (block.time_us - self._time_us) % _TURN
-            # Back by more than a frame, unless so many frames are missing that the clock may have turned over.
-            back = (-passed) % _TURN
-            backward = max(n, _BACK) / rate * 1e6 < back < _TURN // 2 and missed * n / rate * 1e6 < _TURN // 4
-            if self._restarted or missed >= _TURN // 2 or backward:
-                jump, cause = max(1, round((host - self._host) * rate) - n), "restart"
-                self._clock.clear()  # another clock from here on
-            else:
-                stamp = self._stamps[-1] + (passed if passed < _TURN // 2 or missed else passed - _TURN)
-                jump, cause = missed * n, "lost frames"
-                self._lost += missed
-                if self._damaged_lines:  # each was probably a sample; the time stamps will tell
-                    jump, cause = self._damaged_lines, "damaged lines"
-        self._restarted, self._damaged_lines = False, 0
-        self._jumps.append(jump)
-        self._causes.append(cause)
-        self._stamps.append(stamp)
-        self._samples.append(block.samples)
-        self._next += jump + n
-        self._over += block.over
-        self._sequence, self._time_us = block.sequence, block.time_us
-
-    def _placed(self) -> tuple[np.ndarray, np.ndarray, list[str], Stamps | None]:
-        """Start of each block, samples missing before it, why, and what the stamps since the last restart tell."""
-        sizes = np.array([len(block) for block in self._samples])
-        jumps, causes, told = np.array(self._jumps), list(self._causes), None
-        restarts = [i for i, cause in enumerate(causes) if cause == "restart"]
-        for first, last in pairwise([0, *restarts, sizes.size]):
-            part = slice(first, last)
-            own = np.cumsum(sizes[part] + jumps[part]) - sizes[part]
-            told = judge(own, np.array(self._stamps[part]) * 1e-6 * self.hello.rate_hz)
-            for at in np.flatnonzero(told.steps):
-                i = first + at
-                found = jumps[i] + min(int(told.steps[at]), _MOST)
-                causes[i] = causes[i] if jumps[i] else "skipped"
-                jumps[i] = max(found, 0 if causes[i] == "damaged lines" else 1)
-        return np.cumsum(sizes + jumps) - sizes, jumps, causes, told
-
-    def samples(self) -> tuple[np.ndarray, np.ndarray]:
-        """Index (n,) of each received sample on the grid of samples, and its values (n, channels) [m/s^2]."""
-        if not self._samples:
-            return np.zeros(0, int), np.zeros((0, len(self.hello.channels)))
-        starts, *_ = self._placed()
-        index = [np.arange(start, start + len(s)) for start, s in zip(starts, self._samples, strict=True)]
-        return np.concatenate(index), np.concatenate(self._samples)
-
-    def quality(self, length: int | None = None) -> Quality:
-        """What happened so far, with the gaps of the first `length` samples."""
-        rate = self.hello.rate_hz
-        kept = Quality(
-            frames=len(self._samples), lost_frames=self._lost, damaged=self._damaged, over_range=self.over_range,
-            changed=self._changed,
-        )  # fmt: skip
-        if not self._samples:
-            return kept
-        starts, jumps, causes, told = self._placed()
-        assert told is not None
-        gaps = []
-        for i in np.flatnonzero(jumps):
-            at = int(starts[i] - jumps[i])
-            if length is None or at < length:
-                gaps.append(Gap((at - 1) / rate, int(jumps[i]), causes[i]))
-        drift, drift_std = _slope(self._clock)
-        return replace(
-            kept, gaps=tuple(gaps), stamps_advance=told.advance, jitter=told.jitter,
-            rate_ppm=1e6 * (1 / told.slope - 1), rate_std_ppm=1e6 * told.slope_std,
-            drift_ppm=drift, drift_std_ppm=drift_std,
-        )  # fmt: skip
-
-
-def _slope(pairs: list[tuple[float, float]]) -> tuple[float, float]:
+def _drift(pairs: list[tuple[float, float]]) -> tuple[float, float]:
     """Device clock against host clock [ppm] and its standard error.
 
     Bytes may come late by chance, never early: a line through the least late arrival of each section is used.
@@ -472,10 +466,55 @@ def _slope(pairs: list[tuple[float, float]]) -> tuple[float, float]:
     device, host = np.array(pairs).T
     late = host - device
     first = [part[np.argmin(late[part])] for part in np.array_split(np.arange(late.size), _SECTIONS)]
-    x, y = host[first] - host[first].mean(), -late[first]
-    spread = x @ x
-    if spread <= 0:
+    if not np.ptp(host[first]):
         return 0.0, float("inf")
-    slope = x @ y / spread
-    residual = y - y.mean() - slope * x
-    return 1e6 * float(slope), 1e6 * float(np.sqrt(residual @ residual / (_SECTIONS - 2) / spread))
+    slope, std = _line(host[first], -late[first])
+    return 1e6 * slope, 1e6 * std
+
+
+def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Slope of a line and its standard error."""
+    x, y = x - x.mean(), y - y.mean()
+    spread = float(x @ x)
+    slope = float(x @ y) / spread
+    left = y - slope * x
+    return slope, float(np.sqrt(left @ left / (x.size - 2) / spread))
+
+
+class Lateness:
+    """Compares the host's clock with the blocks' time stamps; the least difference is the way itself.
+
+    No exchange of times with the board is needed: what is beyond the quickest block so far, clocks' drift allowed for,
+    is lateness.
+    """
+
+    def __init__(self) -> None:
+        self._host = self._device = 0.0
+        self._moved = 0.0  # when a stamp was last another one
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew, after a restart or another plug."""
+        self._time_us: int | None = None
+        self._quickest = float("inf")
+
+    @property
+    def still(self) -> bool:
+        """Whether the stamps do not advance."""
+        return self._host - self._moved > _STILL_S
+
+    def of(self, time_us: int, host: float) -> float:
+        """By how much the block with this stamp [us], modulo 2^32, is late at `host` [s]."""
+        if time_us != self._time_us:
+            self._moved = host
+        if self._time_us is not None:
+            passed = (time_us - self._time_us) % _TURN
+            passed -= _TURN if passed >= _TURN // 2 else 0  # stamps that jitter may go back a little
+            if passed < -_BACK_US:
+                self.forget()
+            else:
+                self._device += 1e-6 * passed
+                self._quickest += _DRIFT * max(0.0, host - self._host)
+        self._time_us, self._host = time_us, host
+        self._quickest = min(self._quickest, host - self._device)
+        return host - self._device - self._quickest

@@ -1,24 +1,14 @@
 """What a board says in either wire format: who it is (Hello), samples (Block), and what is unreadable (Damage).
 
-What both wire formats share: a stream of bytes cut into pieces at an end mark, and each piece read as a message.
+A stream of bytes is cut into pieces at an end mark, and each piece is read as a message. `Decoder` finds out by
+listening which of the two formats a board speaks. docs/acquisition.md describes both for firmware.
 
-The binary wire format: COBS frames, each with two CRC-16. docs/acquisition.md describes it for firmware.
+Binary frames are stuffed by COBS and carry two CRC-16. One lets one damaged frame in 65 536 pass: on a bad line that
+is a wrong sample every few minutes. Two with different polynomials together miss one in 2^31.
 
-One CRC-16 lets one damaged frame in 65 536 pass. On a bad line that is a wrong sample every few minutes, so a frame
-carries two with different polynomials, which together miss one in 2^31.
-
-The text wire format, for simple boards: the CSV of docs/recordings.md, line by line, below a line on the board.
-
-For example:
-
-    # fas board=uno rate_hz=1000 range_m_s2=39.2 crc=1*92D8
-    time_us,base_m_s2,malleolus_m_s2*1531
-    1000,0.12,-0.38*53E1
-
-A header whose lines carry a check is believed at once. One without may have been changed on its way, so after the
-first it must come twice before it changes anything.
-
-Which of the two wire formats a board speaks, found by listening, and then its messages.
+Text lines, for simple boards, are the CSV of docs/recordings.md below a line on the board. A header whose lines carry
+a check is believed at once. One without may have been changed on its way, so after the first it must come twice before
+it changes anything.
 """
 
 import binascii
@@ -32,13 +22,32 @@ import numpy as np
 from fasbody.exceptions import MissingPackageError
 from fasbody.recording.channels import TIME_UNITS, UNITS
 
+try:
+    from cobs import cobs
+except ImportError:  # the extra is not installed
+    raise MissingPackageError("cobs", "acquire") from None
+
 #: Channel roles; base and malleolus are needed, the others optional.
 ROLES = ("base", "malleolus", "tuberosity", "other")
+#: Longest payload, frame on the wire and line [bytes]; what is longer is damage, so memory stays bounded.
+LONGEST = 1024
+LONGEST_WIRE = LONGEST + 4 + 6
+LONGEST_LINE = 256
+_LARGEST_BOARD_NAME = 32
+_VERSION, _OVER_RANGE = 1, 1
+_HELLO, _DATA = ord("H"), ord("D")
+_HELLO_HEAD, _CHANNEL, _DATA_HEAD = struct.Struct("<BBBBHIH"), struct.Struct("<Bff"), struct.Struct("<BBII")
 
 
 @dataclass(frozen=True)
 class Channel:
-    """One accelerometer: its role, its range +-[m/s^2] and its sensitivity [counts per m/s^2] (1 if in m/s^2)."""
+    """One accelerometer.
+
+    Attributes:
+        role: one of ROLES.
+        range_m_s2: it shows so much either way.
+        counts_per_m_s2: its sensitivity; 1 if it sends m/s^2.
+    """
 
     role: str
     range_m_s2: float = float("inf")
@@ -50,8 +59,11 @@ class Hello:
     """A board's description of itself.
 
     Attributes:
-        board: its name. rate_hz: sampling rate. channels: in the order of the samples.
-        bits: 16 or 24 for binary frames, 0 for text lines. frame_samples: samples a channel in each frame.
+        board: its name.
+        rate_hz: sampling rate.
+        channels: in the order of the samples.
+        bits: 16 or 24 for binary frames, 0 for text lines.
+        frame_samples: samples a channel in each frame.
         boot: a number that changes when the board restarts.
     """
 
@@ -87,8 +99,10 @@ class Block:
     """Consecutive samples.
 
     Attributes:
-        sequence: number of this frame, modulo 2^32. time_us: device time of its first sample [us], modulo 2^32.
-        samples: (n, channels) accelerations [m/s^2]. over: (channels,) how many of them are over range.
+        sequence: number of this frame, modulo 2^32.
+        time_us: device time of its first sample [us], modulo 2^32.
+        samples: (n, channels) accelerations [m/s^2].
+        over: (channels,) how many of them are over range.
     """
 
     sequence: int
@@ -108,13 +122,59 @@ class Damage:
 Message = Hello | Block | Damage
 
 
+class Decoder:
+    """Reads both formats until one of them says hello, and only that one from then on.
+
+    Args:
+        preamble: the bytes of an earlier hello, for a stream that is known.
+
+    Attributes:
+        bytes: how many it was fed.
+    """
+
+    def __init__(self, preamble: bytes = b"") -> None:
+        self._readers: list[FrameReader | LineReader] = [FrameReader(), LineReader()]
+        self.bytes = 0
+        self.feed(preamble)
+        self.fresh()
+        self.bytes = 0
+
+    @property
+    def hello(self) -> Hello | None:
+        """The board's description, once it came."""
+        return self._readers[0].hello if len(self._readers) == 1 else None
+
+    @property
+    def preamble(self) -> bytes:
+        """The bytes that said it."""
+        return self._readers[0].preamble if self.hello else b""
+
+    def fresh(self) -> None:
+        """Forget unfinished messages, as after unplugging."""
+        for reader in self._readers:
+            reader.fresh()
+
+    def feed(self, data: bytes) -> list[Message]:
+        """Messages completed by these bytes; before the hello, damage in either format means nothing."""
+        self.bytes += len(data)
+        for reader in tuple(self._readers):
+            messages = reader.feed(data)
+            if len(self._readers) == 1:
+                return messages
+            if reader.hello is not None:
+                self._readers = [reader]
+                return [message for message in messages if not isinstance(message, Damage)]
+        return []
+
+
 class PieceReader(ABC):
     """Turns bytes, in pieces of any size, into messages; nothing it is fed makes it fail or grow.
 
     A format says what ends a piece, how long one can be, and overrides `read`.
 
     Attributes:
-        hello: the board's description, once it came. preamble: the bytes that said it.
+        hello: the board's description, once it came.
+        preamble: the bytes that said it.
     """
 
     END: bytes
@@ -160,77 +220,6 @@ class PieceReader(ABC):
         return messages
 
 
-try:
-    from cobs import cobs
-except ImportError:  # the extra is not installed
-    raise MissingPackageError("cobs", "acquire") from None
-
-VERSION = 1
-#: Longest payload and longest frame on the wire [bytes]; what is longer is damage, so memory stays bounded.
-LONGEST = 1024
-LONGEST_WIRE = LONGEST + 4 + 6
-LARGEST_BOARD_NAME = 32
-OVER_RANGE = 1
-_HELLO, _DATA = ord("H"), ord("D")
-_HELLO_HEAD, _CHANNEL, _DATA_HEAD = struct.Struct("<BBBBHIH"), struct.Struct("<Bff"), struct.Struct("<BBII")
-
-
-def _table() -> list[int]:
-    out = []
-    for byte in range(256):
-        crc = byte
-        for _ in range(8):
-            crc = (crc >> 1) ^ 0xA001 if crc & 1 else crc >> 1
-        out.append(crc)
-    return out
-
-
-_MODBUS = _table()
-
-
-def crc_ccitt(data: bytes) -> int:
-    """CRC-16/CCITT-FALSE: polynomial 0x1021, start 0xFFFF; of b"123456789" it is 0x29B1."""
-    return binascii.crc_hqx(data, 0xFFFF)
-
-
-def crc_modbus(data: bytes) -> int:
-    """CRC-16/MODBUS: polynomial 0x8005 reflected, start 0xFFFF; of b"123456789" it is 0x4B37."""
-    crc = 0xFFFF
-    for byte in data:
-        crc = (crc >> 8) ^ _MODBUS[(crc ^ byte) & 0xFF]
-    return crc
-
-
-def _checks(payload: bytes) -> bytes:
-    return struct.pack("<HH", crc_ccitt(payload), crc_modbus(payload))
-
-
-def wrap(payload: bytes) -> bytes:
-    """A payload as it goes over the wire: with both CRCs, stuffed, between two zero bytes.
-
-    The first zero keeps a frame readable whose predecessor lost its last one.
-    """
-    return b"\0" + cobs.encode(payload + _checks(payload)) + b"\0"
-
-
-def encode_hello(hello: Hello) -> bytes:
-    """The hello frame."""
-    head = _HELLO_HEAD.pack(
-        _HELLO, VERSION, hello.bits, len(hello.channels), hello.frame_samples, round(1000 * hello.rate_hz), hello.boot
-    )
-    body = b"".join(_CHANNEL.pack(ROLES.index(c.role), c.range_m_s2, c.counts_per_m_s2) for c in hello.channels)
-    return wrap(head + body + hello.board.encode()[:LARGEST_BOARD_NAME])
-
-
-def encode_data(sequence: int, time_us: int, counts: np.ndarray, bits: int, flags: int = 0) -> bytes:
-    """A data frame of counts (n, channels)."""
-    head = _DATA_HEAD.pack(_DATA, flags, sequence % 2**32, time_us % 2**32)
-    if bits == 16:
-        return wrap(head + counts.astype("<i2").tobytes())
-    wide = counts.astype("<i4").reshape(-1, 1).view(np.uint8)
-    return wrap(head + wide[:, :3].tobytes())
-
-
 class FrameReader(PieceReader):
     """Reads binary frames."""
 
@@ -263,8 +252,8 @@ def _read_hello(payload: bytes) -> Hello | None:
         return None
     _, version, bits, count, frame_samples, rate, boot = _HELLO_HEAD.unpack_from(payload)
     end = _HELLO_HEAD.size + count * _CHANNEL.size
-    sound = version == VERSION and bits in (16, 24) and 1 <= count <= 16 and frame_samples and rate
-    if not sound or end > len(payload) or len(payload) - end > LARGEST_BOARD_NAME:
+    sound = version == _VERSION and bits in (16, 24) and 1 <= count <= 16 and frame_samples and rate
+    if not sound or end > len(payload) or len(payload) - end > _LARGEST_BOARD_NAME:
         return None
     channels = []
     for role, span, sensitivity in _CHANNEL.iter_unpack(payload[_HELLO_HEAD.size : end]):
@@ -284,21 +273,68 @@ def _read_data(payload: bytes, hello: Hello) -> Block | None:
     if width == 2:
         counts = np.frombuffer(payload, "<i2", offset=_DATA_HEAD.size).astype(np.int32)
     else:
-        raw = np.frombuffer(payload, np.uint8, offset=_DATA_HEAD.size).reshape(-1, 3)
         wide = np.zeros((count, 4), np.uint8)
-        wide[:, 1:] = raw
+        wide[:, 1:] = np.frombuffer(payload, np.uint8, offset=_DATA_HEAD.size).reshape(-1, 3)
         counts = wide.view("<i4").ravel() >> 8  # the shift brings the sign down
     counts = counts.reshape(hello.frame_samples, -1)
     samples = counts / np.array([c.counts_per_m_s2 for c in hello.channels])
     rail = 2 ** (hello.bits - 1)
     over = (hello.beyond(samples) | (counts >= rail - 1) | (counts <= -rail)).sum(axis=0)
-    if flags & OVER_RANGE:
+    if flags & _OVER_RANGE:
         over = np.maximum(over, 1)
     return Block(sequence, time_us, samples, over)
 
 
-#: Longest line [bytes]; what is longer is damage, so memory stays bounded.
-LONGEST_LINE = 256
+def encode_hello(hello: Hello) -> bytes:
+    """The hello frame."""
+    head = _HELLO_HEAD.pack(
+        _HELLO, _VERSION, hello.bits, len(hello.channels), hello.frame_samples, round(1000 * hello.rate_hz), hello.boot
+    )
+    body = b"".join(_CHANNEL.pack(ROLES.index(c.role), c.range_m_s2, c.counts_per_m_s2) for c in hello.channels)
+    return wrap(head + body + hello.board.encode()[:_LARGEST_BOARD_NAME])
+
+
+def encode_data(sequence: int, time_us: int, counts: np.ndarray, bits: int, flags: int = 0) -> bytes:
+    """A data frame of counts (n, channels)."""
+    head = _DATA_HEAD.pack(_DATA, flags, sequence % 2**32, time_us % 2**32)
+    if bits == 16:
+        return wrap(head + counts.astype("<i2").tobytes())
+    wide = counts.astype("<i4").reshape(-1, 1).view(np.uint8)
+    return wrap(head + wide[:, :3].tobytes())
+
+
+def wrap(payload: bytes) -> bytes:
+    """A payload as it goes over the wire: with both CRCs, stuffed, between two zero bytes.
+
+    The first zero keeps a frame readable whose predecessor lost its last one.
+    """
+    return b"\0" + cobs.encode(payload + _checks(payload)) + b"\0"
+
+
+def _checks(payload: bytes) -> bytes:
+    return struct.pack("<HH", crc_ccitt(payload), crc_modbus(payload))
+
+
+def crc_ccitt(data: bytes) -> int:
+    """CRC-16/CCITT-FALSE: polynomial 0x1021, start 0xFFFF; of b"123456789" it is 0x29B1."""
+    return binascii.crc_hqx(data, 0xFFFF)
+
+
+def crc_modbus(data: bytes) -> int:
+    """CRC-16/MODBUS: polynomial 0x8005 reflected, start 0xFFFF; of b"123456789" it is 0x4B37."""
+    crc = 0xFFFF
+    for byte in data:
+        crc = (crc >> 8) ^ _MODBUS[(crc ^ byte) & 0xFF]
+    return crc
+
+
+def _modbus(crc: int) -> int:
+    for _ in range(8):
+        crc = (crc >> 1) ^ 0xA001 if crc & 1 else crc >> 1
+    return crc
+
+
+_MODBUS = [_modbus(byte) for byte in range(256)]
 
 
 class LineReader(PieceReader):
@@ -330,7 +366,7 @@ class LineReader(PieceReader):
             return self._header(text) or Damage("header not understood", len(piece))
         if self._scale is None or self.hello is None:
             return None
-        return self._data(text) or Damage("line not understood", len(piece))
+        return self._data(text, self._scale, self.hello) or Damage("line not understood", len(piece))
 
     def _header(self, text: str) -> Hello | None:
         """The columns; a hello if the line before them said enough."""
@@ -354,44 +390,23 @@ class LineReader(PieceReader):
         self._time_unit = TIME_UNITS[parts[0][1]]
         self._scale = np.array([UNITS[unit] for _, unit in parts[1:]])
         channels = tuple(Channel(role, span) for role, _ in parts[1:])
-        self.hello = Hello(about.get("board", "text board")[:32], rate, channels)
+        self.hello = Hello(about.get("board", "text board")[:_LARGEST_BOARD_NAME], rate, channels)
         self.preamble = lines.encode()
         return self.hello
 
-    def _data(self, text: str) -> Block | None:
-        assert self._scale is not None and self.hello is not None
+    def _data(self, text: str, scale: np.ndarray, hello: Hello) -> Block | None:
         body, sure = _checked(text)
         if not body or (self._crc and not sure):
             return None
         values = [_number(cell) for cell in body.split(",")]
-        if len(values) != 1 + self._scale.size or not all(math.isfinite(value) for value in values):
+        if len(values) != 1 + scale.size or not all(math.isfinite(value) for value in values):
             return None
         if not 0 <= values[0] * self._time_unit < 1e9:
             return None
         self._sequence += 1
-        samples = (np.array(values[1:]) * self._scale)[None]
-        over = self.hello.beyond(samples).sum(axis=0)
+        samples = (np.array(values[1:]) * scale)[None]
+        over = hello.beyond(samples).sum(axis=0)
         return Block(self._sequence % 2**32, round(1e6 * self._time_unit * values[0]) % 2**32, samples, over)
-
-
-def encode_header(board: str, rate_hz: float, roles: tuple[str, ...], range_m_s2: float) -> bytes:
-    """The two lines that a text board prints at its start and every second."""
-    columns = ",".join(["time_us", *(f"{role}_m_s2" for role in roles)])
-    about = f"# fas board={board} rate_hz={rate_hz:g} range_m_s2={range_m_s2:g} crc=1"
-    return _with_check(about) + _with_check(columns)
-
-
-def encode_line(time_us: int, values: np.ndarray) -> bytes:
-    """One sample (channels,) [m/s^2] with its check."""
-    return _with_check(",".join([str(time_us), *(f"{value:.4f}" for value in values)]))
-
-
-def _check(body: str) -> str:
-    return f"{crc_ccitt(body.encode()):04X}"
-
-
-def _with_check(body: str) -> bytes:
-    return f"{body}*{_check(body)}\n".encode()
 
 
 def _checked(text: str) -> tuple[str, bool]:
@@ -409,43 +424,21 @@ def _number(text: str) -> float:
         return math.nan
 
 
-class Decoder:
-    """Reads both formats until one of them says hello, and only that one from then on.
+def encode_header(board: str, rate_hz: float, roles: tuple[str, ...], range_m_s2: float) -> bytes:
+    """The two lines that a text board prints at its start and every second."""
+    columns = ",".join(["time_us", *(f"{role}_m_s2" for role in roles)])
+    about = f"# fas board={board} rate_hz={rate_hz:g} range_m_s2={range_m_s2:g} crc=1"
+    return _with_check(about) + _with_check(columns)
 
-    Args:
-        preamble: the bytes of an earlier hello, for a stream that is known.
-    """
 
-    def __init__(self, preamble: bytes = b"") -> None:
-        self._readers: list[FrameReader | LineReader] = [FrameReader(), LineReader()]
-        self.bytes = 0
-        self.feed(preamble)
-        self.fresh()
-        self.bytes = 0
+def encode_line(time_us: int, values: np.ndarray) -> bytes:
+    """One sample (channels,) [m/s^2] with its check."""
+    return _with_check(",".join([str(time_us), *(f"{value:.4f}" for value in values)]))
 
-    @property
-    def hello(self) -> Hello | None:
-        """The board's description, once it came."""
-        return self._readers[0].hello if len(self._readers) == 1 else None
 
-    @property
-    def preamble(self) -> bytes:
-        """The bytes that said it."""
-        return self._readers[0].preamble if self.hello else b""
+def _with_check(body: str) -> bytes:
+    return f"{body}*{_check(body)}\n".encode()
 
-    def fresh(self) -> None:
-        """Forget unfinished messages, as after unplugging."""
-        for reader in self._readers:
-            reader.fresh()
 
-    def feed(self, data: bytes) -> list[Message]:
-        """Messages completed by these bytes; before the hello, damage in either format means nothing."""
-        self.bytes += len(data)
-        for reader in tuple(self._readers):
-            messages = reader.feed(data)
-            if len(self._readers) == 1:
-                return messages
-            if reader.hello is not None:
-                self._readers = [reader]
-                return [message for message in messages if not isinstance(message, Damage)]
-        return []
+def _check(body: str) -> str:
+    return f"{crc_ccitt(body.encode()):04X}"

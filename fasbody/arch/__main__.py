@@ -1,6 +1,5 @@
 """Command line of the five-body arch: `python -m fasbody.arch sensitivity | reduction | load | crosscheck --help`."""
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -296,18 +295,6 @@ def _dynamics_table(motions: "list[Dynamics]") -> Table:
 def _called(model: str) -> str:
     """What tables and figures call a model."""
     return "nominal" if model == "foot_arch" else Path(model).name
-
-
-def moved(old: str, new: str) -> None:
-    """Run a sub-command under the name it had before, and say what to type now.
-
-    Args:
-        old: module that was typed.
-        new: sub-command that it is now.
-    """
-    console.print(f"python -m {old} is now python -m fasbody.arch {new}; the old name goes with the next release.")
-    sys.argv.insert(1, new)
-    command_line(app)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from fasbody.cell.membrane import Membrane
 from fasbody.cell.mesh import dome_mesh
 from fasbody.cell.meshsize import MeshSize
 from fasbody.cell.modal import CellModel, Modes, solve
+from fasbody.presentation import Presented, Sheet
 
 #: The error of a frequency falls as h^ORDER. `python -m fasbody.cell verify` observes nearly the 4 of smooth modes, but
 #: the corner where free wall meets clamped base is singular and slows it down; 2 gives the larger, safer estimate.
@@ -23,8 +24,8 @@ ORDER = 2.0
 COARSER = 1.35  # element size of the companion mesh, relative
 
 
-@dataclass(frozen=True)
-class Analysis:
+@dataclass(frozen=True, repr=False)
+class Analysis(Presented):
     """What ``python -m fasbody.cell`` reports.
 
     Args:
@@ -44,6 +45,9 @@ class Analysis:
     errors: NDArray[np.float64] | None
     dome: Dome | None
 
+    figures: ClassVar[str] = "fasbody.cell.figures"
+    plots: ClassVar[tuple[str, ...]] = ("mode_shapes", "mesh_views")
+
     @property
     def frequencies_hz(self) -> NDArray[np.float64]:
         """Natural frequencies (c,) [Hz]."""
@@ -53,6 +57,20 @@ class Analysis:
     def volume_m3(self) -> float:
         """Volume at real size [m^3]: a micrometre of the mesh is a micrometre, whatever the preset's slip."""
         return self.model.assembly.volume_um3 * 1e-18
+
+    def sheet(self) -> Sheet:
+        """Frequency and shape of each mode."""
+        rows = [
+            (str(i + 1), f"{f:.4g}", "" if self.errors is None else f"{100 * self.errors[i]:.2g}", d.label)
+            for i, (f, d) in enumerate(zip(self.frequencies_hz, self.descriptions, strict=True))
+        ]
+        columns = ("mode", "frequency [Hz]", "estimated error [%]", "shape")
+        return Sheet(f"{self.preset.name}: {self.model.assembly.dof} degrees of freedom", columns, rows)
+
+    def records(self) -> list[dict[str, Any]]:
+        """One row a mode."""
+        modes = self.document()["modes"]
+        return [{"frequency_hz": f, **mode} for f, mode in zip(self.frequencies_hz, modes, strict=True)]
 
     def document(self) -> dict[str, Any]:
         """Everything but the shapes, ready for JSON."""

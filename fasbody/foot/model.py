@@ -14,6 +14,7 @@ from fasbody.exceptions import InputFileError, ModelError, unknown
 from fasbody.foot import damper
 from fasbody.foot.engine import SHAKER, SHAKER_CONTROLS
 from fasbody.foot.parameters import Parameters, declared, names
+from fasbody.presentation import Sheet
 
 #: Elements that every command needs, by kind.
 REQUIRED = {"joint": ("base",), "actuator": ("shaker",), "sensor": ("base", "malleolus"), "site": ("malleolus",)}
@@ -21,7 +22,7 @@ REQUIRED = {"joint": ("base",), "actuator": ("shaker",), "sensor": ("base", "mal
 HEAVY, CLOSED = 1e6, 1e-6
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Foot:
     """A compiled model with the places that the commands use.
 
@@ -54,7 +55,7 @@ class Foot:
         """A copy with some parameters (and the time step) changed.
 
         Args:
-            values: by thesis symbol, in the parameter's unit.
+            values: by thesis symbol, ``k_T``, or by the key that a fit returns, ``k_T_n_per_m``.
             step: time step [s].
 
         Raises:
@@ -73,6 +74,21 @@ class Foot:
         return f"{self.name}: " + ", ".join(
             f"{name} {value:.4g} {self.parameters[name].unit}" for name, value in self.values().items()
         )
+
+    def __repr__(self) -> str:
+        return str(self.sheet())
+
+    def _repr_html_(self) -> str:
+        return self.sheet().html()
+
+    def sheet(self) -> Sheet:
+        """Parameters with their bounds and where they come from."""
+        values = self.values()
+        rows = [
+            (p.name, f"{values[p.name]:.6g}", p.unit, f"{p.lower:g} to {p.upper:g}", p.source)
+            for p in self.parameters.values()
+        ]
+        return Sheet(self.name, ("parameter", "value", "unit", "bounds", "source"), rows)
 
 
 def load(model: str | Path) -> Foot:

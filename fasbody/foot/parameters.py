@@ -142,19 +142,20 @@ def symbol_and_unit(key: str) -> tuple[str, str]:
 
 
 class Parameters(Mapping[str, Parameter]):
-    """All declared parameters of a model, by thesis symbol, in the order of the MJCF."""
+    """All declared parameters of a model, in the order of the MJCF: by thesis symbol, or by the key with its unit."""
 
     def __init__(self, items: Iterable[Parameter], model_name: str) -> None:
         self._items = {item.name: item for item in items}
+        self._keys = {item.key: item for item in self._items.values()} | self._items
         self.model_name = model_name
 
     def __getitem__(self, name: str) -> Parameter:
-        if name not in self._items:
+        if name not in self._keys:
             raise SettingError(f"{unknown('parameter', name, self._items)} in model {self.model_name}.")
-        return self._items[name]
+        return self._keys[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in self._items
+        return name in self._keys
 
     def __iter__(self):  # type: ignore[no-untyped-def]
         return iter(self._items)

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from fasbody.exceptions import SettingError
 
@@ -144,6 +143,8 @@ def samples(time_s: np.ndarray, acceleration: np.ndarray, name: str = "recording
     Args:
         time_s: (n,) sample times [s]. acceleration: (n,) [m/s^2], offset removed. name: for messages.
     """
+    from scipy.interpolate import CubicSpline
+
     spline = CubicSpline(time_s, acceleration)
     return BaseMotion(name, float(time_s[-1] - time_s[0]), spline, spline.derivative())
 

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import mujoco
 import mujoco.batch
@@ -13,10 +14,11 @@ from fasbody.foot.engine import SHAKER_CONTROLS, callbacks
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import names
 from fasbody.foot.shaker import BaseMotion
+from fasbody.presentation import Presented, Sheet
 
 
-@dataclass(frozen=True, eq=False)
-class Simulation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Simulation(Presented):
     """Result of one batched rollout of `nsim` simulations and `n` steps.
 
     Attributes:
@@ -35,10 +37,30 @@ class Simulation:
     act: np.ndarray
     base_error: float
 
+    figures: ClassVar[str] = "fasbody.foot.figures"
+    plots: ClassVar[tuple[str, ...]] = ("motion",)
+
     def __str__(self) -> str:
         nsim, n = self.base.shape
         peak = np.abs(self.malleolus).max()
         return f"{nsim} x {n} steps, malleolus peak {peak:.3g} m/s^2, base error {self.base_error:.1e}"
+
+    def sheet(self) -> Sheet:
+        """Peaks of each simulation."""
+        rows = [
+            (str(i + 1), f"{t[-1]:.4g}", f"{np.abs(b).max():.4g}", f"{np.abs(m).max():.4g}")
+            for i, (t, b, m) in enumerate(zip(self.time, self.base, self.malleolus, strict=True))
+        ]
+        columns = ("simulation", "ends at [s]", "base peak [m/s²]", "malleolus peak [m/s²]")
+        return Sheet(str(self), columns, rows)
+
+    def records(self) -> list[dict[str, Any]]:
+        """One row a step and simulation."""
+        return [
+            {"simulation": i + 1, "time_s": float(t), "base_m_s2": float(b), "malleolus_m_s2": float(m)}
+            for i, rows in enumerate(zip(self.time, self.base, self.malleolus, strict=True))
+            for t, b, m in zip(*rows, strict=True)
+        ]
 
 
 class Batch:

@@ -11,10 +11,8 @@ import typer
 
 from fasbody.console import command_line, console
 from fasbody.exceptions import SettingError
-from fasbody.laboratory.foot import make_study
-from fasbody.laboratory.study import EXCITATIONS, FREQUENCIES_HZ, Plan, make
-from fasbody.laboratory.subject import POSTURES
-from fasbody.recording.condition import ADDED_MASSES_KG
+from fasbody.laboratory.instrument import EXCITATIONS
+from fasbody.recording.condition import ADDED_MASSES_KG, POSTURES
 from fasbody.recording.trials import listed
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -52,6 +50,9 @@ def main(
 
       python -m fasbody.laboratory one_foot --added-mass 0 --added-mass 2.3 --seconds 10
     """
+    from fasbody.laboratory.foot import make_study
+    from fasbody.laboratory.study import FREQUENCIES_HZ, Plan, make
+
     if (study / "recordings.csv").exists() and not (study / "truth.json").exists():
         raise SettingError(f"{study} holds a study that was not made here; name another folder.")
     before = _written(study)

@@ -8,6 +8,8 @@ from fasbody.foot import shaker
 from fasbody.foot.shaker import BaseMotion
 from fasbody.recording.recording import Recording
 
+#: Motions of the table that a study can have.
+EXCITATIONS = ("sine", "sweep", "multisine", "random")
 #: What only the strapped sensors of a virtual study have; `observe` leaves it out.
 STRAPPED = ("offset_m_s2", "strap_hz", "strap_zeta", "gain_scatter")
 

@@ -14,7 +14,7 @@ from fasbody.console import to_json, write_whole
 from fasbody.exceptions import SettingError, unknown
 from fasbody.foot import shaker
 from fasbody.foot.two_dof import NAMES
-from fasbody.laboratory.instrument import Instrument
+from fasbody.laboratory.instrument import EXCITATIONS, Instrument
 from fasbody.laboratory.recording import moving, steady
 from fasbody.laboratory.subject import POSTURES, Tuberosity, VirtualSubject, panel
 from fasbody.parallel import run
@@ -24,7 +24,6 @@ from fasbody.recording.recording import Condition
 
 #: Frequencies of section 2.2.2 [Hz].
 FREQUENCIES_HZ = tuple(float(f) for f in range(10, 55, 5))
-EXCITATIONS = ("sine", "sweep", "multisine", "random")
 #: What the study's instruments add beyond those of one subject's recordings.
 STUDY_INSTRUMENT = Instrument(offset_m_s2=0.1, strap_hz=600.0, gain_scatter=0.01)
 #: A foot under broadband excitation has its constants at this frequency [Hz]; in time they cannot depend on it.

@@ -3,16 +3,13 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 from rich.markup import escape
-from rich.table import Table
 
 from fasbody.console import command_line, console, print_json, progress_bar, results
 from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
 from fasbody.recording.channels import Layout
-from fasbody.recording.checks import checked
-from fasbody.recording.harmonics import find_frequency, sine_share
+from fasbody.recording.checks import checked, understood, verdict
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import StudyFolder
 from fasbody.recording.trials import describe, posture_remarks
@@ -69,29 +66,6 @@ def check(
         )
 
 
-def understood(recording: Recording) -> dict[str, Any]:
-    """Length, rate, excitation and root mean square of each channel; the problem, if any, and the warnings."""
-    row: dict[str, Any] = {"file": recording.file, "problem": "", "warnings": []}
-    try:
-        good = checked(recording)
-        row["warnings"] = list(good.warnings)
-        row["frequency_hz"] = good.condition.frequency_hz
-    except RecordingError as error:
-        row["problem"] = str(error)
-        good = recording
-    t = recording.time_s
-    row |= {"samples": t.size, "origin": recording.origin}
-    if t.size > 1 and np.isfinite(t).all() and t[-1] > t[0]:
-        row |= {"rate_hz": recording.rate_hz, "seconds": float(t[-1] - t[0])}
-    row["rms_m_s2"] = {
-        name.removesuffix("_m_s2"): float(np.std(values)) for name, values in good.channels.items() if name != "time_s"
-    }
-    if not row["problem"]:
-        found = good.condition.frequency_hz or find_frequency(good.time_s, good.base_m_s2)
-        row["sine_share"] = sine_share(good.time_s, good.base_m_s2, found)
-    return row
-
-
 @app.command()
 def convert(
     source: Annotated[Path, typer.Argument(help="the recording to read")],
@@ -134,6 +108,9 @@ def _layout(study: Path | None) -> Layout | None:
 
 
 def _show(rows: list[dict[str, Any]]) -> None:
+    from rich.table import Table
+
+    colours = {"unusable": "red", "usable, see below": "yellow", "sound": "default"}
     table = Table("file", "samples", r"rate \[Hz]", r"excitation \[Hz]", r"rms \[m/s²]", "verdict")
     for row in rows:
         found = row.get("frequency_hz")
@@ -143,7 +120,7 @@ def _show(rows: list[dict[str, Any]]) -> None:
             f"{row['rate_hz']:.6g}" if "rate_hz" in row else "",
             "" if row["problem"] else "broadband" if found is None else f"{found:.5g}",
             ", ".join(f"{name} {value:.3g}" for name, value in row.get("rms_m_s2", {}).items()),
-            "[red]unusable[/]" if row["problem"] else "[yellow]usable, see below[/]" if row["warnings"] else "sound",
+            f"[{colours[verdict(row)]}]{verdict(row)}[/]",
         )
     results.print(table)
     for row in rows:

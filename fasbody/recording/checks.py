@@ -1,11 +1,14 @@
 """Is a recording fit for identification? Each problem gets one sentence: the file, the place and the remedy."""
 
 import functools
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from fasbody.exceptions import RecordingError
+from fasbody.presentation import Presented, Sheet
 from fasbody.recording.harmonics import find_frequency, fit_harmonics, sine_share
 from fasbody.recording.recording import Recording
 
@@ -57,6 +60,74 @@ def checked(recording: Recording) -> Recording:
         _level(recording, frequency, warnings)
     condition = replace(recording.condition, frequency_hz=frequency)
     return replace(recording, condition=condition, warnings=tuple(warnings))
+
+
+def understood(recording: Recording) -> dict[str, Any]:
+    """Length, rate, excitation and root mean square of each channel; the problem, if any, and the warnings."""
+    row: dict[str, Any] = {"file": recording.file, "problem": "", "warnings": []}
+    try:
+        good = checked(recording)
+        row["warnings"] = list(good.warnings)
+        row["frequency_hz"] = good.condition.frequency_hz
+    except RecordingError as error:
+        row["problem"] = str(error)
+        good = recording
+    t = recording.time_s
+    row |= {"samples": t.size, "origin": recording.origin}
+    if t.size > 1 and np.isfinite(t).all() and t[-1] > t[0]:
+        row |= {"rate_hz": recording.rate_hz, "seconds": float(t[-1] - t[0])}
+    row["rms_m_s2"] = {
+        name.removesuffix("_m_s2"): float(np.std(values)) for name, values in good.channels.items() if name != "time_s"
+    }
+    if not row["problem"]:
+        found = good.condition.frequency_hz or find_frequency(good.time_s, good.base_m_s2)
+        row["sine_share"] = sine_share(good.time_s, good.base_m_s2, found)
+    return row
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Checked(Presented):
+    """What the checks say of a study.
+
+    Attributes:
+        name: of the study. rows: of each recording, as `understood` gives them. remarks: on the whole.
+    """
+
+    name: str
+    rows: tuple[Mapping[str, Any], ...]
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """A sentence on each recording that cannot serve."""
+        return tuple(row["problem"] for row in self.rows if row["problem"])
+
+    def records(self) -> list[dict[str, Any]]:
+        """One row a recording."""
+        flat = []
+        for row in self.rows:
+            plain = {key: value for key, value in row.items() if key not in ("warnings", "rms_m_s2")}
+            rms = {f"rms_{name}_m_s2": value for name, value in row.get("rms_m_s2", {}).items()}
+            flat.append(plain | rms | {"warnings": " ".join(row.get("warnings", ()))})
+        return flat
+
+    def sheet(self) -> Sheet:
+        """One row a recording, those with a problem first."""
+        rows = []
+        for row in sorted(self.rows, key=lambda row: (not row["problem"], not row.get("warnings"))):
+            found = row.get("frequency_hz")
+            at = "" if row["problem"] else "broadband" if found is None else f"{found:.5g}"
+            rate = f"{row['rate_hz']:.6g}" if "rate_hz" in row else ""
+            rows.append((row["file"], str(row.get("samples", "")), rate, at, verdict(row)))
+        sound = sum(verdict(row) == "sound" for row in self.rows)
+        notes = [*self.problems, *self.remarks, *(text for row in self.rows for text in row.get("warnings", ()))]
+        columns = ("file", "samples", "rate [Hz]", "excitation [Hz]", "verdict")
+        return Sheet(f"{self.name}: {sound} of {len(self.rows)} recordings are sound", columns, rows, notes)
+
+
+def verdict(row: Mapping[str, Any]) -> str:
+    """What `understood` found, in a word or two."""
+    return "unusable" if row["problem"] else "usable, see below" if row.get("warnings") else "sound"
 
 
 def _fail(recording: Recording, problem: str) -> RecordingError:

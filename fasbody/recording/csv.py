@@ -10,12 +10,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from io import BytesIO
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from fasbody.exceptions import InputFileError, shown
 from fasbody.recording.channels import KNOWN_UNITS, Channels, Layout
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Larger files are refused before they are read [bytes].
 _LARGEST = 150_000_000
@@ -200,6 +203,8 @@ def _numbers(
     file: Path, text: str, separator: str, names: Sequence[str], wanted: Mapping[str, int], first: int
 ) -> Channels:
     """The wanted columns as floats: fast for a sound file, and line by line to find what is wrong with another."""
+    import pandas as pd
+
     sample = _row(text, first, separator)
     decimal = "," if any("," in sample[i] for i in wanted.values() if i < len(sample)) else "."
     _no_wider(file, text, separator, len(names), first)
@@ -247,12 +252,14 @@ def _cell(file: Path, name: str, cells: Sequence[str], index: int, line: int) ->
     return value
 
 
-def read_table(file: Path, needed: Sequence[str]) -> pd.DataFrame:
+def read_table(file: Path, needed: Sequence[str]) -> "pd.DataFrame":
     """Read a small table as text, indexed by line number; an empty cell is NaN.
 
     Raises:
         InputFileError: it is no table, or lacks a needed column.
     """
+    import pandas as pd
+
     text = read_text(file)
     line, separator, names = header(text, lambda cells: len(set(cells) & set(needed)))
     if not any(names):
@@ -271,7 +278,7 @@ def read_table(file: Path, needed: Sequence[str]) -> pd.DataFrame:
     return pd.DataFrame.from_dict(found, orient="index", columns=names, dtype=object)
 
 
-def column(file: Path, table: pd.DataFrame, name: str, optional: bool = False) -> np.ndarray:
+def column(file: Path, table: "pd.DataFrame", name: str, optional: bool = False) -> np.ndarray:
     """One column of a table as numbers (n,); an empty cell is NaN if `optional`."""
     values = []
     for line, cell in table[name].items():

@@ -5,6 +5,7 @@ it is the discrete Fourier transform without leakage, for any number of samples 
 itself is refined from the base channel (four-parameter sine fit, IEEE Std 1057).
 """
 
+import functools
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -61,8 +62,8 @@ def fit_harmonics(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, c
     """
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     fitted = max(count, min(_FITTED, int(0.45 * rate // frequency_hz)))
-    P = _basis(time_s, frequency_hz, fitted)
-    coefficients = _solve(P, signal)
+    basis = _basis(time_s, frequency_hz, fitted)
+    P, coefficients = basis.P, basis.solve(signal)
     residual = signal - P @ coefficients
     dof = max(1, signal.size - P.shape[1])
     sigma = float(np.sqrt(residual @ residual / dof))
@@ -87,9 +88,9 @@ def find_frequency(time_s: np.ndarray, signal: np.ndarray) -> float:
         wt = 2 * np.pi * f * time_s
         cos, sin = np.cos(wt), np.sin(wt)
         P = np.column_stack([np.ones_like(wt), cos, sin])
-        c = _solve(P, signal)
+        c = _Basis(P).solve(signal)
         slope = 2 * np.pi * time_s * (c[2] * cos - c[1] * sin)
-        full = _solve(np.column_stack([P, slope]), signal)
+        full = _Basis(np.column_stack([P, slope])).solve(signal)
         f += full[3]
         if not 0.5 * peak < f < 2 * peak:
             return float(peak)
@@ -101,14 +102,33 @@ def find_frequency(time_s: np.ndarray, signal: np.ndarray) -> float:
 def sine_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) -> float:
     """Share of the power of a signal (n,) that a frequency [Hz] and its harmonics explain; 1 if periodic."""
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
-    P = _basis(time_s, frequency_hz, max(1, min(_FITTED, int(0.45 * rate // frequency_hz))))
-    c = _solve(P, signal)
+    basis = _basis(time_s, frequency_hz, max(1, min(_FITTED, int(0.45 * rate // frequency_hz))))
     centred = signal - signal.mean()
-    residual = signal - P @ c
+    residual = signal - basis.P @ basis.solve(signal)
     return float(1 - residual @ residual / max(1e-300, centred @ centred))
 
 
-def _basis(time_s: np.ndarray, frequency_hz: float, count: int) -> np.ndarray:
+class _Basis:
+    """Columns P (n, p) of a least-squares fit, and what all signals on them share."""
+
+    def __init__(self, P: np.ndarray) -> None:
+        self.P, self._N = P, P.T @ P
+        self._normal = np.linalg.cond(self._N) < 1e4
+
+    def solve(self, signal: np.ndarray) -> np.ndarray:
+        """Coefficients (p,); harmonics over whole periods are nearly orthogonal: normal equations lose no digits."""
+        if self._normal:
+            return np.linalg.solve(self._N, self.P.T @ signal)
+        return np.linalg.lstsq(self.P, signal, rcond=None)[0]
+
+
+def _basis(time_s: np.ndarray, frequency_hz: float, count: int) -> _Basis:
+    return _kept_basis(time_s.tobytes(), frequency_hz, count)
+
+
+@functools.lru_cache(maxsize=16)  # the channels of a recording have one basis, and one for each of ten parts
+def _kept_basis(times: bytes, frequency_hz: float, count: int) -> _Basis:
+    time_s = np.frombuffer(times)
     if time_s.size <= 2 * count + 1:
         raise RecordingError(f"{time_s.size} samples are too few for {count} harmonics; record at least one period.")
     P = np.empty((time_s.size, 2 * count + 1))
@@ -118,15 +138,7 @@ def _basis(time_s: np.ndarray, frequency_hz: float, count: int) -> np.ndarray:
     for h in range(count):  # exp(i h w t) by multiplication: sines and cosines of each would cost most of the fit
         P[:, 2 * h + 1], P[:, 2 * h + 2] = turning.real, turning.imag
         turning *= first
-    return P
-
-
-def _solve(P: np.ndarray, signal: np.ndarray) -> np.ndarray:
-    """Least squares: harmonics over whole periods are nearly orthogonal, so the normal equations lose no digits."""
-    N = P.T @ P
-    if np.linalg.cond(N) < 1e4:
-        return np.linalg.solve(N, P.T @ signal)
-    return np.linalg.lstsq(P, signal, rcond=None)[0]
+    return _Basis(P)
 
 
 def _colour(residual: np.ndarray, rate: float, frequency_hz: float, count: int) -> np.ndarray:
@@ -157,8 +169,7 @@ def _with_scatter(
     edges = np.linspace(0, time_s.size, parts + 1).astype(int)
     rows = []
     for a, b in pairwise(edges):
-        P = _basis(time_s[a:b], frequency_hz, count)
-        c = _solve(P, signal[a:b])
+        c = _basis(time_s[a:b], frequency_hz, count).solve(signal[a:b])
         rows.append(c[1::2] - 1j * c[2::2])
     between = np.std(np.array(rows), axis=0, ddof=1) / np.sqrt(2 * parts)  # of a real part of the mean
     scatter = float(between[0] * np.sqrt(2 * parts) / max(1e-300, abs(fundamental)))

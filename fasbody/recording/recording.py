@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
+from numpy.typing import ArrayLike
 
-from fasbody.recording import formats
+from fasbody.exceptions import RecordingError
+from fasbody.recording import files
 from fasbody.recording.channels import Channel, Channels, Layout
 from fasbody.recording.condition import Condition, plausible
 
@@ -19,7 +20,7 @@ HEADER = ("time_s", "base_m_s2", "malleolus_m_s2", "tuberosity_m_s2")
 UNSTATED = "of unstated origin"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Recording:
     """Accelerations of one trial, uniformly sampled.
 
@@ -53,6 +54,49 @@ class Recording:
         at = "broadband" if self.condition.frequency_hz is None else f"{self.condition.frequency_hz:g} Hz"
         return f"{self.file}: {self.origin}, {at}, {self.time_s.size} samples at {self.rate_hz:g} Hz"
 
+    def __repr__(self) -> str:
+        return str(self)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        time_s: ArrayLike,
+        base: ArrayLike,
+        malleolus: ArrayLike,
+        tuberosity: ArrayLike | None = None,
+        *,
+        body_mass_kg: float | None = None,
+        added_mass_kg: float = 0.0,
+        frequency_hz: float | None = None,
+        subject: str = "",
+        posture: str = "midstance",
+        name: str = "recording",
+        origin: str = UNSTATED,
+    ) -> "Recording":
+        """A recording of arrays, numpy's, pandas' or xarray's; time may also be datetimes or time differences.
+
+        Args:
+            time_s: (n,) sample times [s]. base, malleolus, tuberosity: (n,) accelerations [m/s^2].
+            body_mass_kg: of the subject. added_mass_kg: on the knee.
+            frequency_hz: of a sine, None where the checks are to find it.
+            subject, posture: who and how. name: what to call it in messages. origin: "measured" or "synthetic".
+
+        Raises:
+            RecordingError: an array is no row of numbers, their lengths differ, or a mass is not plausible.
+        """
+        time = _seconds(time_s, name)
+        given = {"base": base, "malleolus": malleolus, "tuberosity": tuberosity}
+        rows = {channel: _row(values, channel, name) for channel, values in given.items() if values is not None}
+        for channel, values in rows.items():
+            if values.size != time.size:
+                raise RecordingError(f"{name}: {channel} has {values.size} samples and time_s has {time.size}.")
+        if body_mass_kg is not None:
+            plausible(body_mass_kg, "body", name)
+        plausible(added_mass_kg, "added", name)
+        condition = Condition(subject, posture, added_mass_kg, body_mass_kg, frequency_hz)
+        tibia = rows.get("tuberosity")
+        return cls(time, rows["base"], rows["malleolus"], tibia, condition=condition, file=name, origin=origin)
+
     @classmethod
     def read(
         cls,
@@ -74,7 +118,7 @@ class Recording:
         Raises:
             InputFileError: no such file, or it is not such a table; the message names line and column.
         """
-        channels = formats.read(Path(file), layout)
+        channels = files.read(Path(file), layout)
         return cls(
             time_s=channels[HEADER[0]],
             base_m_s2=channels[HEADER[1]],
@@ -98,17 +142,40 @@ class Recording:
         Args:
             file: to write. matlab: version of a .mat file, "5" or "7.3".
         """
+        import pandas as pd
+
         from fasbody.console import write_whole
 
         columns = self.channels
         if file.suffix.lower() != ".csv":
-            return formats.write(file, columns, matlab)
+            return files.write(file, columns, matlab)
         duration = abs(self.time_s[-1] - self.time_s[0])
         rate = self.time_s.size / duration if duration > 0 else 1e6  # what no analysis would use can be written, too
         digits = 3 + math.ceil(math.log10(max(1.0, rate)))  # a sample's time to a thousandth of the interval
         frame = pd.DataFrame({k: np.round(v, digits if k == "time_s" else 6) for k, v in columns.items()})
         write_whole(file, frame.to_csv(index=False))
         return None
+
+
+def _row(values: ArrayLike, channel: str, name: str) -> np.ndarray:
+    """An array (n,) of numbers of its own: what the caller does to his changes nothing here."""
+    try:
+        row = np.array(values, float)
+    except (TypeError, ValueError):
+        raise RecordingError(f"{name}: {channel} holds something else than numbers.") from None
+    if row.ndim != 1 or row.size < 2:
+        raise RecordingError(
+            f"{name}: {channel} has the shape {row.shape}; a recording needs (n,), two or more samples."
+        )
+    return row
+
+
+def _seconds(values: ArrayLike, name: str) -> np.ndarray:
+    """Sample times (n,) [s]; datetimes count from the first."""
+    stamps = np.asarray(values)
+    if stamps.dtype.kind == "M" and stamps.size:
+        stamps = stamps - stamps.flat[0]
+    return _row(stamps / np.timedelta64(1, "s") if stamps.dtype.kind == "m" else stamps, "time_s", name)
 
 
 def _remarks(file: Path) -> tuple[str, ...]:

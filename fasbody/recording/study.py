@@ -1,12 +1,19 @@
 """Studies: folders of recordings with a description."""
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 
+from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import Layout
+from fasbody.recording.checks import Checked, understood
 from fasbody.recording.recording import Recording
 from fasbody.recording.trials import Trial, describe, is_listed, listed
+
+#: Folder of the study that ships with the package: nine synthetic recordings of subject 16, 10 to 50 Hz.
+BUNDLED = Path(str(files("fasbody"))) / "studies" / "synthetic_subject_16"
 
 
 @dataclass(frozen=True)
@@ -45,9 +52,12 @@ class StudyFolder:
         return Recording.read(trial.path, trial.condition, trial.label, self.origin, self.layout)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Study:
     """A folder of recordings, all in memory.
+
+        study = Study.read("my_study")
+        study.check()
 
     Attributes:
         name: its title. origin: "measured" or "synthetic". description: one paragraph. recordings: in table order.
@@ -64,11 +74,41 @@ class Study:
     def __str__(self) -> str:
         return f"{self.name}: {len(self.recordings)} {self.origin} recordings"
 
+    def __repr__(self) -> str:
+        return str(self)
+
+    def check(self) -> Checked:
+        """What the checks say of each recording: what is wrong with it, and what was understood."""
+        return Checked(self.name, tuple(understood(recording) for recording in self.recordings))
+
     @classmethod
     def read(cls, folder: Path | str, only: Path | None = None) -> "Study":
         """Open a study folder as `StudyFolder.open` does, and read every recording it lists."""
         study = StudyFolder.open(folder, only)
         return cls(study.name, study.origin, study.description, tuple(study.read(trial) for trial in study.trials))
+
+
+def bundled() -> Study:
+    """The study that ships with the package (`BUNDLED`)."""
+    return Study.read(BUNDLED)
+
+
+def read_truth(folder: Path) -> dict[str, float]:
+    """Known parameters of a synthetic study by name, with the delay of its instrument [s]; none if it states none.
+
+    Raises:
+        InputFileError: its truth.json is not one.
+    """
+    file = folder / "truth.json"
+    if not file.is_file():
+        return {}
+    try:
+        document = json.loads(file.read_text())
+        return {name: float(v) for name, v in document["parameters"].items()} | {
+            "delay": document["instrument"]["delay_s"]
+        }
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise InputFileError(file, "is not the truth.json of a synthetic study", "make it anew or delete it") from None
 
 
 def read_file(file: Path) -> Recording:

@@ -1,18 +1,19 @@
 """`python -m fasbody.transmissibility STUDY`: the table, the statistics and the figures of Chapter 2."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
-from rich.table import Table as Printed
 
 from fasbody.console import command_line, console, make_folder, print_json, results, write_whole
 from fasbody.exceptions import RecordingError, SettingError
 from fasbody.recording.study import StudyFolder, read_file
 from fasbody.recording.trials import posture_remarks
-from fasbody.transmissibility.findings import Finding, judged, summary
-from fasbody.transmissibility.table import Condition, Curves, Table
+
+if TYPE_CHECKING:
+    from fasbody.transmissibility.findings import Finding
+    from fasbody.transmissibility.table import Condition, Curves, Table
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 _ENDINGS = ("svg", "png", "pdf")
@@ -38,6 +39,8 @@ def main(
 
       python -m fasbody.transmissibility 20hz.csv --json
     """
+    from fasbody.transmissibility.table import Table
+
     if figure_format not in _ENDINGS:
         raise SettingError(f"figures cannot be {figure_format!r} (valid: {', '.join(_ENDINGS)}).")
     if not 0.05 <= resolution <= 20:
@@ -67,8 +70,12 @@ def main(
         raise RecordingError(f"{len(table.problems)} of {total} recordings could not be used; they are named above.")
 
 
-def show(table: Table) -> None:
+def show(table: "Table") -> None:
     """Mean curves, resonance ranges and the findings, for people."""
+    from rich.table import Table as Printed
+
+    from fasbody.transmissibility.findings import judged
+
     results.print(str(table))
     printed = Printed(
         "pair", "posture", r"load \[kg]", "n", "resonance (section 2.3.1)", "shown beyond chance",
@@ -97,14 +104,18 @@ def show(table: Table) -> None:
         results.print(f"The thesis' statements are not judged: {why}.")
 
 
-def _count(c: Curves) -> str:
+def _count(c: "Curves") -> str:
     """Subjects, and how many of them the rules could use."""
     tested, every = c.resonance.subjects, len(c.subjects)
     return str(every) if tested == every or not c.resonance.tested else f"{every} ({tested} tested)"
 
 
-def show_findings(stated: list[Finding], origin: str) -> None:
+def show_findings(stated: list["Finding"], origin: str) -> None:
     """What sections 2.3 and 2.4 state, beside what came out."""
+    from rich.table import Table as Printed
+
+    from fasbody.transmissibility.findings import summary
+
     printed = Printed("section", "the thesis states", f"came out ({origin})", "holds", "note")
     colours = {"yes": "green", "no": "red", "not tested": "yellow"}
     for f in stated:
@@ -115,13 +126,14 @@ def show_findings(stated: list[Finding], origin: str) -> None:
         results.print("The virtual subjects were calibrated to these statements: agreement is no evidence for them.")
 
 
-def write(table: Table, folder: Path, figure_format: str) -> None:
+def write(table: "Table", folder: Path, figure_format: str) -> None:
     """Tables as CSV, curves as NetCDF where xarray is installed, statistics where statsmodels is, and the figures."""
     import importlib.util
 
     import pandas as pd
 
     from fasbody.transmissibility import comparisons, figures
+    from fasbody.transmissibility.findings import judged
 
     write_whole(folder / "transmissibility.csv", table.csv())
     if table.frame["subject"].nunique() >= 3:
@@ -151,7 +163,7 @@ def write(table: Table, folder: Path, figure_format: str) -> None:
     write_whole(folder / f"single_mass.{figure_format}", figures.save(_single_mass(table), figure_format))
 
 
-def comparable(table: Table) -> dict[str, list[Condition]]:
+def comparable(table: "Table") -> dict[str, list["Condition"]]:
     """Conditions that belong into one figure: loads in one posture, postures under one load."""
     conditions = table.conditions
     posture, load = conditions[0]
@@ -167,7 +179,7 @@ def comparable(table: Table) -> dict[str, list[Condition]]:
     return sets | ({"others": left} if left else {})
 
 
-def _single_mass(table: Table):  # type: ignore[no-untyped-def]
+def _single_mass(table: "Table"):  # type: ignore[no-untyped-def]
     """Figure 2.10 with the study's own mean MB in it, unloaded or of the first condition."""
     import numpy as np
     from scipy import stats

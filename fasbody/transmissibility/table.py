@@ -5,17 +5,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from fasbody.exceptions import FasError, RecordingError
 from fasbody.parallel import run
+from fasbody.presentation import Presented, Sheet
 from fasbody.recording.channels import Channel
 from fasbody.recording.condition import POSTURES
 from fasbody.recording.recording import Recording
-from fasbody.recording.study import StudyFolder
+from fasbody.recording.study import Study, StudyFolder
 from fasbody.recording.trials import Trial
 from fasbody.transmissibility.estimate import PAIRS, Row, rows, unwrapped
 from fasbody.transmissibility.resonance import Resonance, by_thesis, shown
@@ -82,8 +83,8 @@ class Curves:
         return f"{self.posture}, {self.added_mass_kg:g} kg"
 
 
-@dataclass(frozen=True, eq=False)
-class Table:
+@dataclass(frozen=True, eq=False, repr=False)
+class Table(Presented):
     """All rows of a study.
 
     Attributes:
@@ -96,9 +97,14 @@ class Table:
     problems: tuple[str, ...] = ()
     covers: str = NOISE_ONLY
 
+    figures: ClassVar[str] = "fasbody.transmissibility.figures"
+    plots: ClassVar[tuple[str, ...]] = ("means", "spectrum", "subjects")
+
     @classmethod
-    def of(cls, study: StudyFolder, resolution_hz: float = 1.0, processes: int = 0) -> "Table":
-        """Analyse a study, one recording in memory a process."""
+    def of(cls, study: StudyFolder | Study, resolution_hz: float = 1.0, processes: int = 0) -> "Table":
+        """Analyse a study; of a folder, one recording in memory a process."""
+        if isinstance(study, Study):
+            return cls.of_recordings(study.recordings, resolution_hz)
         light = StudyFolder(study.name, study.origin, "", (), study.layout)  # what a process needs besides its trial
         jobs = [(light, trial, resolution_hz) for trial in study.trials]
         found: dict[int, list[Row] | str] = dict(run(_analyse, jobs, "transmissibility", processes))
@@ -119,6 +125,31 @@ class Table:
         subjects, files = self.frame["subject"].nunique(), self.frame["file"].nunique()
         counts = (counted(files, "recording"), counted(subjects, "subject"), counted(len(self.frame), "row"))
         return "{} of {}, {}, ".format(*counts) + f"origin: {self.origin.removeprefix('of ').removesuffix(' origin')}"
+
+    def sheet(self) -> Sheet:
+        """Resonance of each pair and condition."""
+        rows = [
+            (c.pair, c.posture, f"{c.added_mass_kg:g}", str(len(c.subjects)), str(c.resonance)) for c in self.each()
+        ]
+        columns = ("pair", "posture", "load [kg]", "subjects", "resonance (section 2.3.1)")
+        return Sheet(str(self), columns, rows, (f"Standard deviations hold {self.covers}.", *self.problems))
+
+    def records(self) -> list[dict[str, Any]]:
+        """The rows."""
+        return self.frame.to_dict("records")
+
+    def plot(self, kind: str = "", **options: Any) -> Any:
+        """Draw it; the conditions are all that were measured, and the pair MB, unless given.
+
+        Args:
+            kind: "means", "spectrum" or "subjects"; by what was measured unless given. options: conditions, pair.
+
+        Raises:
+            SettingError: no such plot.
+        """
+        kind = kind or ("spectrum" if self.broadband else "means")
+        options = {"conditions": self.conditions} | ({"pair": self.pairs[0]} if kind == "subjects" else {}) | options
+        return super().plot(kind, **options)
 
     @cached_property
     def broadband(self) -> bool:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fasbody.console import command_line, console, make_folder, print_json, progress_bar, to_json, write_whole
 from fasbody.exceptions import SettingError, unknown
-from identification.blackbox import csvfile, report
-from identification.blackbox.identify import ALL, DEFAULT, Report, identify
+from identification.blackbox.data import ALL, DEFAULT
+
+if TYPE_CHECKING:
+    from identification.blackbox.identify import Report
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -47,6 +49,9 @@ def main(
     out: Annotated[Path | None, typer.Option(help="folder for result.json, models.csv and figures")] = None,
 ) -> None:
     """Identify, report, draw."""
+    from identification.blackbox import csvfile, report
+    from identification.blackbox.identify import identify
+
     chosen = tuple(name.strip().lower() for name in structures.split(",") if name.strip())
     if not chosen:
         raise SettingError(f"no structure named (valid: {', '.join(ALL)}).")
@@ -104,6 +109,8 @@ def parse_orders(text: str, structures: tuple[str, ...]) -> dict[str, tuple[int,
 
 
 def _show(reports: list[Report], pool: bool) -> None:
+    from identification.blackbox import report
+
     for one in reports:
         console.print(report.single_table(one))
         sentences: dict[str, list[str]] = {}
@@ -123,7 +130,7 @@ def _show(reports: list[Report], pool: bool) -> None:
 
 
 def _write(folder: Path, reports: list[Report], document: dict[str, object]) -> None:
-    from identification.blackbox import figures
+    from identification.blackbox import figures, report
 
     write_whole(folder / "result.json", to_json(document))
     write_whole(folder / "models.csv", report.csv_text(reports))

@@ -11,6 +11,9 @@ from fasbody.exceptions import RecordingError, SettingError
 from fasbody.recording.recording import Recording
 
 SHORTEST = 20  # samples; below this not even a first-order model and its initial state can be judged
+#: Structures that can be estimated, and those that are unless others are named.
+ALL = ("arx", "armax", "bj", "oe", "ss", "hw", "narx")
+DEFAULT = ("arx", "armax", "oe", "bj", "ss", "hw")
 INPUT_OUTPUT = ("base_m_s2", "malleolus_m_s2")  # of a foot's recording
 
 

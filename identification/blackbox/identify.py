@@ -11,7 +11,7 @@ import numpy as np
 
 from fasbody.exceptions import FasError, SettingError, unknown
 from identification.blackbox import delay, excitation, frequency, narx, nonlinear, pem, selection, subspace
-from identification.blackbox.data import Series
+from identification.blackbox.data import ALL, DEFAULT, Series
 from identification.blackbox.excitation import Excitation
 from identification.blackbox.frequency import Rational
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
@@ -19,8 +19,6 @@ from identification.blackbox.response import Response
 from identification.blackbox.selection import Candidate, Selection
 from identification.blackbox.validation import ALARM, ResidualTest, residual_test
 
-ALL = ("arx", "armax", "bj", "oe", "ss", "hw", "narx")
-DEFAULT = ("arx", "armax", "oe", "bj", "ss", "hw")
 DEGREES = ((3, 1), (1, 3), (3, 3), (5, 3))  # of the Hammerstein-Wiener polynomials tried
 WHITE = ("arx", "armax", "bj")  # their standard errors assume that e(t) is white; those of OE do not
 FEW = 20  # excitation rank up to which a pulse response cannot be seen

@@ -10,7 +10,7 @@ from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
 from identification.domains import STEADY
-from identification.estimate import Settings, fit
+from identification.estimate import Settings, fit_foot
 from identification.periodic import Line
 from identification.result import FitResult
 
@@ -163,8 +163,8 @@ def agreement(
     settings = settings or Settings()
     if results is None:
         results = (
-            fit(recordings, foot, replace(settings, domain="periodic"), advance=advance, interruptible=False),
-            fit(recordings, foot, replace(settings, domain="time"), advance=advance, interruptible=False),
+            fit_foot(recordings, foot, replace(settings, domain="periodic"), advance=advance, interruptible=False),
+            fit_foot(recordings, foot, replace(settings, domain="time"), advance=advance, interruptible=False),
         )
     steady, timed = results
     name = steady.best.name

@@ -8,8 +8,8 @@ from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
 from identification.certification import settle
-from identification.domains import PeriodicRoute
-from identification.engines.orbits import twin_applies
+from identification.domains import PeriodicDomain
+from identification.engines.twin import twin_applies
 from identification.estimate import Settings
 from identification.search import descend
 from identification.space import DELAY, Space, space_of
@@ -60,10 +60,10 @@ def _profile(work: Work, recordings: Sequence[Recording], foot: Foot) -> dict[st
     values = best["parameters"]
     space = space_of(foot, work.settings.free, work.settings.bounds, "delay_s" in values)
     data = [checked(recording) for recording in recordings]
-    route = PeriodicRoute(foot, data, space, twin_applies(foot), work.settings.threads)
+    domain = PeriodicDomain(foot, data, space, twin_applies(foot), work.settings.threads)
     q = space.to_q(space.theta({item.name: values[item.key]["value"] for item in space.free}))
-    route = route.weighed(q)
-    problem, end = settle(route, descend(route.explorer(), q, best["name"], tight=True))
+    domain = domain.weighed(q)
+    problem, end = settle(domain, descend(domain.problem(), q, best["name"], tight=True))
     (found,) = profiles(problem, space, end, max(0, problem.size - end.z.size), (work.job.parameter,))
     return {"fit": work.basis["key"] if work.basis else "", "branch": best["name"], **found.document()}
 

@@ -6,28 +6,21 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 from fasbody.console import console, print_json, progress_bar, results
 from fasbody.exceptions import Stopped
-from fasbody.foot.model import load
 from fasbody.recording.study import StudyFolder
-from identification import options
-from identification.estimate import Settings
-from identification.study import cluster, report
-from identification.study.checks import ensure
-from identification.study.cluster import Crew
-from identification.study.evidence import Prior
-from identification.study.filters import Filters
-from identification.study.findings import Findings, gather
-from identification.study.job import Document
-from identification.study.plan import KINDS, MODES, Job, Model, Plan, Work
+from identification.study.filters import KINDS, MODES, Filters
 from identification.study.store import Store
-from identification.study.summary import counts, place, poor_fits, poor_sentence
-from identification.study.truth import Truth
+
+if TYPE_CHECKING:
+    from identification.study.cluster import Crew
+    from identification.study.findings import Findings
+    from identification.study.job import Document
+    from identification.study.plan import Job, Work
 
 #: Places of a failure that are named.
 _NAMED = 3
@@ -78,14 +71,22 @@ def main(
 
       python -m identification.study my_study --scheduler tcp://127.0.0.1:8786
     """
+    from fasbody.foot.model import load
+    from identification.estimate import Settings
+    from identification.space import limits, names
+    from identification.study import report
+    from identification.study.checks import ensure
+    from identification.study.evidence import Prior
+    from identification.study.findings import gather
+    from identification.study.plan import Model, Plan
+    from identification.study.truth import Truth
+
     folder = StudyFolder.open(study)
     filters = Filters(tuple(subject or ()), tuple(posture or ()), tuple(added_mass or ()), tuple(frequency or ()))
-    settings = Settings(
-        free=options.names(free), bounds=options.limits(bounds), starts=starts, seed=seed, domain=domain, threads=1
-    )
+    settings = Settings(free=names(free), bounds=limits(bounds), starts=starts, seed=seed, domain=domain, threads=1)
     believed = Prior.read(prior or ())
     foot = load(model)
-    profiled = tuple(dict.fromkeys(options.names(profile) or ()))
+    profiled = tuple(dict.fromkeys(names(profile) or ()))
     space = ensure(mode, settings, foot, profiled, agreement)
     plan = Plan(folder, filters.choose(folder.trials), settings, Model.of(foot))
     out = out or Path("results") / f"{study.resolve().name}_study"
@@ -123,12 +124,12 @@ def main(
         raise typer.Exit(1)
 
 
-def _done(document: Document | None) -> bool:
+def _done(document: "Document | None") -> bool:
     return document is not None and document["status"] == "done"
 
 
 def complete(
-    work: Callable[[Job], Work], jobs: Sequence[Job], store: Store, scheduler: str | None, workers: int
+    work: "Callable[[Job], Work]", jobs: "Sequence[Job]", store: Store, scheduler: str | None, workers: int
 ) -> int:
     """Do what is missing or failed before; returns how many jobs that were.
 
@@ -157,8 +158,10 @@ def complete(
 
 
 @contextlib.contextmanager
-def crew(count: int, scheduler: str | None, workers: int) -> Iterator[Crew]:
+def crew(count: int, scheduler: str | None, workers: int) -> "Iterator[Crew]":
     """Who does so many jobs: a cluster where one is named, else local processes, or this one where that is enough."""
+    from identification.study import cluster
+
     cores = workers or min(len(os.sched_getaffinity(0)), count)
     if scheduler is not None:
         with cluster.remote(scheduler) as do:
@@ -173,6 +176,8 @@ def crew(count: int, scheduler: str | None, workers: int) -> Iterator[Crew]:
 
 def failures_said(failed: Sequence[Mapping[str, Any]]) -> list[str]:
     """Each sentence once, with the places that it was said of."""
+    from identification.study.summary import place
+
     places: dict[str, list[str]] = {}
     for d in failed:
         places.setdefault(d["error"], []).append(place(d))
@@ -182,8 +187,10 @@ def failures_said(failed: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
-def show(documents: Sequence[Document], findings: Findings, run: Mapping[str, Any], as_json: bool) -> None:
+def show(documents: "Sequence[Document]", findings: "Findings", run: Mapping[str, Any], as_json: bool) -> None:
     """What is in the folder now, for people or as JSON: counts by mode, findings, and what failed."""
+    from identification.study.summary import counts, poor_fits, poor_sentence
+
     failed = [d for d in (*documents, *findings.checks) if d["status"] == "failed"]
     counted = counts(documents, findings.tracked).to_dict("records")
     if as_json:
@@ -194,6 +201,8 @@ def show(documents: Sequence[Document], findings: Findings, run: Mapping[str, An
     else:
         what = f"{run['computed']} fits and {run['checked']} checks" if run["checked"] else f"{run['computed']} fits"
         title = f"{what} computed in {run['seconds']:.0f} s; {run['done']} of {run['wanted']} fits done"
+        from rich.table import Table
+
         table = Table(title=title, title_justify="left")
         for name in counted[0]:
             table.add_column(name.replace("_", " "), justify="left" if name == "mode" else "right")

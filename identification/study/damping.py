@@ -10,7 +10,7 @@ from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
-from identification.engines.orbits import twin_applies
+from identification.engines.twin import twin_applies
 from identification.estimate import Settings
 from identification.space import space_of
 from identification.study.trend import fit_trend

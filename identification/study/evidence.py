@@ -9,7 +9,7 @@ import numpy as np
 from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.two_dof import TwoDof
 from identification.branches import EXCHANGED, pinned
-from identification.options import limits
+from identification.space import limits
 
 #: Curves whose continuity counts.
 CURVES = EXCHANGED

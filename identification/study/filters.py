@@ -6,6 +6,11 @@ from dataclasses import dataclass
 from fasbody.exceptions import SettingError, unknown
 from fasbody.recording.trials import Trial
 
+#: Which recordings one fit takes together.
+MODES = ("per-recording", "pooled", "trend")
+#: What is done with such a group: the fit itself, or a check of it (checks.py).
+KINDS = ("fit", "profile", "validation", "agreement")
+
 
 @dataclass(frozen=True)
 class Filters:

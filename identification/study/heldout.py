@@ -7,7 +7,9 @@ import numpy as np
 
 from fasbody.foot.model import Foot
 from identification.domains import resolved
-from identification.engines.orbits import Rollouts, Twin
+from identification.engines.engine import Engine, Excitation
+from identification.engines.mujoco import Rollouts
+from identification.engines.twin import Twin
 from identification.periodic import Line, split
 from identification.space import DELAY
 
@@ -36,7 +38,7 @@ class HeldOut:
 def predicted(line: Line, foot: Foot, values: Mapping[str, float], twin: bool) -> np.ndarray:
     """Malleolus harmonics (H,) of a foot on the measured base, delayed like the measurement [m/s^2]."""
     excitation = resolved(line.excitation, foot, values, twin)
-    engine = Twin([excitation]) if twin else Rollouts(foot, [excitation], ())
+    engine: Engine[Excitation] = Twin(foot, [excitation]) if twin else Rollouts(foot, [excitation], ())
     y, _ = engine.orbit(0, values, (), _TOLERANCE)
     h = np.arange(1, line.count + 1)
     turn = np.exp(-2j * np.pi * line.base.frequency_hz * h * values.get(DELAY.name, 0.0))

@@ -3,14 +3,13 @@
 import time
 import traceback
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 from fasbody.exceptions import FasError, RecordingError, SimulationError
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
-from identification.estimate import fit
+from identification.estimate import fit_foot
 from identification.study.checks import check
 from identification.study.loops import cycles
 from identification.study.plan import KINDS, Job, Work
@@ -55,8 +54,11 @@ def _done(work: Work, left_out: list[str]) -> Document:
     recordings, data = _usable(work.recordings, left_out)
     if work.job.kind != KINDS[0]:
         return {"result": check(work, recordings, foot)}
-    fitter = fit_trend if work.job.mode == "trend" else partial(fit, interruptible=False)
-    result = fitter(recordings, foot, work.settings, source=str(work.job)).document()
+    if work.job.mode == "trend":
+        result = fit_trend(recordings, foot, work.settings, source=str(work.job)).document()
+    else:
+        fitted = fit_foot(recordings, foot, work.settings, interruptible=False)
+        result = fitted.with_source(str(work.job)).document()
     result["warnings"] += [f"Left out: {sentence}" for sentence in left_out]
     periodic = result.get("domain", "periodic") == "periodic"
     return {"result": result, "cycles": _cycles(result, foot, data) if periodic else []}

@@ -19,7 +19,8 @@ from fasbody.foot.model import Foot
 from fasbody.foot.two_dof import TwoDof, path, periodic
 from fasbody.recording.recording import Recording
 from identification.domains import resolved
-from identification.engines.orbits import LONGEST_STEP, Excitation, twin_applies
+from identification.engines.engine import LONGEST_STEP, Excitation
+from identification.engines.twin import twin_applies
 from identification.periodic import Line
 from identification.space import DELAY
 from identification.study.cycle import Cycle, Loop, short

@@ -16,7 +16,8 @@ from fasbody.foot.engine import callbacks
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import names
 from fasbody.foot.simulate import Batch
-from identification.engines.orbits import Coordinates, Excitation, Rollouts
+from identification.engines.engine import Excitation
+from identification.engines.mujoco import Coordinates, Rollouts
 from identification.study.cycle import Cycle, Loop
 
 #: Relative gap at which an orbit counts as closed.

@@ -20,11 +20,9 @@ from fasbody.recording.study import StudyFolder
 from fasbody.recording.trials import Trial
 from identification.domains import DOMAINS
 from identification.estimate import Settings
+from identification.study.filters import KINDS as KINDS
+from identification.study.filters import MODES as MODES
 
-#: Which recordings one fit takes together.
-MODES = ("per-recording", "pooled", "trend")
-#: What is done with such a group: the fit itself, or a check of it (checks.py).
-KINDS = ("fit", "profile", "validation", "agreement")
 #: Our packages: what a job imports of them is part of its key.
 _OURS = ("fasbody", "identification", "mjcf")
 
@@ -206,4 +204,5 @@ def sources() -> list[Path]:
                 places = [root.joinpath(*name.split(".")) for name in names]
                 files = [file for place in places for file in (place.with_suffix(".py"), place / "__init__.py")]
                 waiting += [file for file in files if file.is_file()]
-    return sorted(found - {root / "fasbody" / "console.py"})  # which prints and writes, and changes no result
+    prints = {root / "fasbody" / name for name in ("console.py", "presentation.py")}
+    return sorted(found - prints)  # they show and write, and change no result

@@ -90,7 +90,7 @@ def profiles(problem: Problem, space: Space, descent: Descent, dof: int, names: 
     for name in names:
         if name not in free:
             raise SettingError(f"{unknown('parameter to profile', name, free)}.")
-    std, _ = standard_errors(problem, descent, dof, chi_square=True)
+    std, _ = standard_errors(problem, descent, dof)
     excess = max(1.0, descent.cost / max(1, dof))
     return [_profile(problem, space, descent, free.index(n), float(std[free.index(n)]), excess) for n in names or free]
 

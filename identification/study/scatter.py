@@ -7,16 +7,17 @@ likelihood, the offsets integrated out, follows from Laplace's approximation.
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 
 from fasbody.exceptions import SimulationError
-from identification.domains import PeriodicRoute
-from identification.engines.orbits import Engine
-from identification.periodic import Line, PeriodicProblem, inverse_of_gram, split
-from identification.search import UNSTABLE, Descent, descend
+from identification.domains import PeriodicDomain
+from identification.engines.engine import Engine, Excitation
+from identification.engines.mujoco import Rollouts
+from identification.periodic import Line, PeriodicProblem, excitations, split
+from identification.search import UNSTABLE, Descent, descend, inverse_of_gram
 from identification.study.curves import CurveSpace
 from identification.study.levenberg import descend_fast
 
@@ -34,7 +35,12 @@ class TrendProblem(PeriodicProblem):
     """Harmonics of all recordings, and their offsets from the curves over `tau` (k,)."""
 
     def __init__(
-        self, lines: Sequence[Line], engine: Engine, space: CurveSpace, tau: np.ndarray, tolerance: float = 1e-3
+        self,
+        lines: Sequence[Line],
+        engine: Engine[Excitation],
+        space: CurveSpace,
+        tau: np.ndarray,
+        tolerance: float = 1e-3,
     ) -> None:
         super().__init__(lines, engine, space, tolerance)
         self.curves, self.tau = space, tau
@@ -127,55 +133,54 @@ class TrendProblem(PeriodicProblem):
         return change
 
 
-@dataclass
-class TrendRoute(PeriodicRoute):
+@dataclass(frozen=True, eq=False)
+class TrendDomain(PeriodicDomain):
     """Steady state with smooth curves; `tau` (k,) is the scatter of new problems."""
 
     tau: np.ndarray | None = None
 
-    def explorer(self) -> TrendProblem:
-        """See `Route`."""
-        return self._problem(self._engine(self._excitations, self.twin))
+    def problem(self) -> TrendProblem:
+        """See `Domain`."""
+        return self._problem(self.engine(excitations(self.lines, self.foot), self.space.names))
 
-    def certifier(self, explored: PeriodicProblem) -> TrendProblem:
-        """See `Route`."""
-        problem = self._problem(self._engine(self._excitations, twin=False))
+    def certified(self, explored: TrendProblem) -> TrendProblem:
+        """The same problem, with the same weights, on the MuJoCo rollout: the curves' feet have its differences."""
+        engine = Rollouts(self.foot, excitations(self.lines, self.foot), self.space.names, self.threads)
+        problem = self._problem(engine)
         problem.tolerance = 1e-7
         problem.weigh_as(explored)
         return problem
 
-    def _problem(self, engine: Engine) -> TrendProblem:
+    def _problem(self, engine: Engine[Excitation]) -> TrendProblem:
         space = cast(CurveSpace, self.space)
         tau = np.full(len(space.places), FIRST) if self.tau is None else self.tau
         return TrendProblem(self.lines, engine, space, tau)
 
-    def settle(self, z: np.ndarray) -> tuple[TrendProblem, Descent]:
+    def settle(self, z: np.ndarray) -> tuple["TrendDomain", TrendProblem, Descent]:
         """Bring weights, scatter and time step up to date, and go on, until the scatter stays."""
-        problem = self.explorer()
+        domain, problem = self, self.problem()
         for number in range(_ROUNDS):
-            problem = self._finer(problem, z)
+            domain, problem = domain._finer(problem, z)
             with suppress(
                 SimulationError
             ):  # too far from the answer to have orbits with sharper input: as weighted so far
-                problem.reweigh(z, lambda excitations: self._engine(excitations, self.twin))
+                problem.reweigh(z)
             descent = descend_fast(problem, z, "settled")
             z = descent.z
             if problem.learn(z) < _SETTLED:
                 break
             if number and descent.cost > _HOPELESS * problem.size:
-                return problem, descent
-        problem = self._finer(problem, z)
-        self.tau = problem.tau
+                return domain, problem, descent
+        domain, problem = domain._finer(problem, z)
         # the surer method, for the end of a long valley
-        return problem, descend(problem, z, "settled", z0=z, tight=True)
+        return replace(domain, tau=problem.tau), problem, descend(problem, z, "settled", z0=z, tight=True)
 
-    def _finer(self, problem: TrendProblem, z: np.ndarray) -> TrendProblem:
-        """The problem, or the same one with the time step that its feet ask for, which this route then has too."""
+    def _finer(self, problem: TrendProblem, z: np.ndarray) -> tuple["TrendDomain", TrendProblem]:
+        """Domain and problem, or the same ones with the time step that their feet ask for."""
         finer = self.refined(z)
         if finer is self:
-            return problem
-        self.foot = finer.foot
-        found = self.explorer()
+            return self, problem
+        found = finer.problem()
         found.weigh_as(problem)
         found.tau = problem.tau
-        return found
+        return finer, found

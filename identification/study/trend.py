@@ -14,7 +14,7 @@ from fasbody.recording.recording import Recording
 from identification.branches import EXCHANGED, Verdict, has_mirror, judge
 from identification.certification import Replay, replay
 from identification.domains import choose_domain
-from identification.engines.orbits import twin_applies
+from identification.engines.twin import twin_applies
 from identification.estimate import Settings
 from identification.result import RecordingFit
 from identification.space import space_of
@@ -112,10 +112,7 @@ def fit_trend(
         order=best_branch.space.order,
         orders=tuple(tried),
         branches=tuple(branches),
-        recordings=tuple(
-            RecordingFit(r.file, r.condition.frequency_hz, r.condition.added_mass_kg, f, r.time_s, r.malleolus_m_s2, y)
-            for r, f, y in zip(data, runs[0].fits, runs[0].traces, strict=True)
-        ),
+        recordings=tuple(RecordingFit.of(r, f, y) for r, f, y in zip(data, runs[0].fits, runs[0].traces, strict=True)),
         verdict=str(verdict),
         reason=verdict.sentence,
         log_likelihood_ratio=verdict.log_likelihood_ratio,
@@ -133,15 +130,15 @@ def _lost(name: str, kept: str) -> str:
 
 def _certify(frame: Frame, name: str, state: Candidate, certify: bool) -> tuple[TrendBranch, Replay]:
     """Converge on the MuJoCo rollout, run the recordings, and gather what is reported."""
-    route, problem, descent = state.route, state.problem, state.descent
+    domain, problem, descent = state.domain, state.problem, state.descent
     final = problem
     if certify:
-        final = route.certifier(problem)
+        final = domain.certified(problem)
         descent = descend_fast(final, descent.z, descent.label, 1e-7, _CERTIFYING)
     space, z = state.space, descent.z
     if certify:
-        states = [route.initial_states(final, descent, i) for i in range(len(frame.data))]
-        run = replay(route.foot, frame.data, space.feet_of(z), states, frame.twin)
+        states = [final.states(descent.z, i) for i in range(len(frame.data))]
+        run = replay(domain.foot, frame.data, space.feet_of(z), states, frame.twin)
     else:
         run = Replay([r.malleolus_m_s2 for r in frame.data], [float("nan")] * len(frame.data), float("nan"), None)
     harmonics = sum(2 * line.count for line in problem.lines)
@@ -222,10 +219,10 @@ def refit(branch: TrendBranch, recordings: Sequence[Recording], foot: Foot, thre
     old = branch.space
     frame = Frame(foot, list(recordings), old.feet, old.curves, old.scatter, twin_applies(foot), threads)
     tau = np.array([max(branch.scatter[n], 1e-3) for n in old.curves]) if old.scatter else None
-    route = frame.route(old.order, tau)
-    space = route.explorer().curves
+    domain = frame.domain(old.order, tau)
+    space = domain.problem().curves
     B = old.design(space.frequencies_hz, space.loads_kg)
-    state = settled(route, space.project(list(B @ branch.beta)))
+    state = settled(domain, space.project(list(B @ branch.beta)))
     if state is None:
         raise SimulationError(f"{foot.name}: the curves have no stable motion for {len(recordings)} recordings.")
     z, problem = state.descent.z, state.problem

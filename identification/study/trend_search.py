@@ -16,7 +16,7 @@ from identification.search import Descent
 from identification.space import Space
 from identification.study.curves import CurveSpace, Order
 from identification.study.levenberg import descend_fast
-from identification.study.scatter import TrendProblem, TrendRoute
+from identification.study.scatter import TrendDomain, TrendProblem
 
 #: Errors assumed in turn while the search comes nearer, as shares of the fundamental.
 _TEMPERS = (0.1, 0.03, 0.01)
@@ -33,7 +33,7 @@ _FOLLOWED = 2
 class Candidate:
     """One end of the search for a branch: where the coefficients came to rest, and with which weights and scatter."""
 
-    route: TrendRoute
+    domain: TrendDomain
     problem: TrendProblem
     descent: Descent
 
@@ -83,10 +83,10 @@ class Frame:
         masses = [{**self.foot.values(), **r.condition.masses} for r in self.data]
         return np.array([m["m_S"] / (m["m_S"] + m["m_F"]) for m in masses])
 
-    def route(self, order: Order, tau: np.ndarray | None = None) -> TrendRoute:
-        """The route of a fit with curves of this order."""
+    def domain(self, order: Order, tau: np.ndarray | None = None) -> TrendDomain:
+        """The domain of a fit with curves of this order."""
         space = CurveSpace(self.feet, self.curves, order, self._f, self._loads, self.scatter)
-        return TrendRoute(self.foot, self.data, space, self.twin, self.threads, tau=tau)
+        return TrendDomain(self.foot, self.data, space, self.twin, self.threads, tau=tau)
 
     def first_order(self) -> Order:
         """The order to begin with."""
@@ -112,14 +112,14 @@ def explore_trend(
     frame: Frame, settings: Settings, mirror: bool, advance: Callable[[str, int, int], None]
 ) -> tuple[dict[str, Candidate], list[dict[str, Any]]]:
     """Rough descents without offsets from all starts; the best of each branch are brought down to the noise."""
-    rough = replace(frame, scatter=False).route(frame.first_order())
-    space = rough.explorer().curves
+    rough = replace(frame, scatter=False).domain(frame.first_order())
+    space = rough.problem().curves
     model = space.project([frame.feet.to_q(frame.feet.theta(frame.foot.values()))] * len(frame.data))
     wanted = max(settings.starts, 2 if mirror else 1)
     ends: dict[str, list[Descent]] = {}
     rows: list[dict[str, Any]] = []
     for number, (label, z0) in enumerate(islice(_starts(frame, space, model, settings.seed, mirror), wanted), 1):
-        problem = rough.explorer()
+        problem = rough.problem()
         problem.temper(_TEMPERS[0], model)
         problem.start(z0)
         end = descend_fast(problem, z0, label, _ROUGH)
@@ -129,7 +129,7 @@ def explore_trend(
                      "branch": name})  # fmt: skip
         advance("exploring starts", number, wanted)
     best = [end for near in ends.values() for end in sorted(near, key=lambda end: end.cost)[:_FOLLOWED]]
-    followed = [_down(frame.route(frame.first_order()), end.z, model) for end in best]
+    followed = [_down(frame.domain(frame.first_order()), end.z, model) for end in best]
     found = likeliest(_named(frame, followed, mirror))
     if not found:
         raise SimulationError(f"{frame.foot.name}: no start of the trend led to a stable motion; check the bounds.")
@@ -166,22 +166,22 @@ def _named(
             yield (frame.side(each.space, each.descent.z) if mirror else "best"), each
 
 
-def _down(route: TrendRoute, z: np.ndarray, anchor: np.ndarray) -> Candidate | None:
+def _down(domain: TrendDomain, z: np.ndarray, anchor: np.ndarray) -> Candidate | None:
     """From coefficients of a rough descent to the noise, with offsets."""
-    problem = route.explorer()
+    problem = domain.problem()
     n = problem.curves.weights.shape[2]
     z, anchor = np.append(z, np.zeros(n - z.size)), np.append(anchor, np.zeros(n - anchor.size))
     problem.start(z)
     for share in _TEMPERS:
         problem.temper(share, anchor)
         z = descend_fast(problem, z, "tempered", _ROUGH).z
-    return settled(route, z)
+    return settled(domain, z)
 
 
-def settled(route: TrendRoute, z: np.ndarray) -> Candidate | None:
+def settled(domain: TrendDomain, z: np.ndarray) -> Candidate | None:
     """The descent from z to its end, None if the motion becomes unstable."""
     try:
-        candidate = Candidate(route, *route.settle(z))
+        candidate = Candidate(*domain.settle(z))
     except SimulationError:
         return None
     return candidate if np.isfinite(candidate.deviance) else None
@@ -194,12 +194,12 @@ def grown(
     found = {}
     for number, (name, branch) in enumerate(branches.items()):
         advance(f"curves with {order}", number, len(branches))
-        route = frame.route(order, branch.problem.tau)
-        space, old = route.explorer().curves, branch.space
+        domain = frame.domain(order, branch.problem.tau)
+        space, old = domain.problem().curves, branch.space
         on_curve = [B[:, : old.size] @ branch.descent.z[: old.size] for B in old.weights]
         z = space.project(on_curve)
         z[space.size :] = branch.descent.z[old.size :]
-        end = settled(route, z)
+        end = settled(domain, z)
         if end is not None:
             found[name] = end
     return found or dict(branches)
@@ -210,5 +210,5 @@ def both_ways(frame: Frame, branches: Mapping[str, Candidate]) -> dict[str, Cand
     entered = []
     for branch in branches.values():
         image = frame.image(branch.space, branch.descent.z)[: branch.space.size]
-        entered.append(_down(frame.route(branch.space.order), image, image))
+        entered.append(_down(frame.domain(branch.space.order), image, image))
     return likeliest([*branches.items(), *_named(frame, entered)])

@@ -6,7 +6,7 @@ but those at that frequency. The lowest and the highest frequency are extrapolat
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,8 +16,8 @@ from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
 from identification.certification import settle
-from identification.domains import PeriodicRoute
-from identification.engines.orbits import twin_applies
+from identification.domains import PeriodicDomain
+from identification.engines.twin import twin_applies
 from identification.estimate import Settings
 from identification.periodic import Line
 from identification.search import explore
@@ -89,14 +89,14 @@ def quick_fit(recordings: Sequence[Recording], foot: Foot, settings: Settings, t
     """
     several = len({round(r.condition.frequency_hz or 0.0, 1) for r in recordings}) > 1
     space = space_of(foot, settings.free, settings.bounds, several if settings.delay is None else settings.delay)
-    route = PeriodicRoute(foot, list(recordings), space, twin, settings.threads)
+    domain = PeriodicDomain(foot, list(recordings), space, twin, settings.threads)
     rng = np.random.default_rng(settings.seed)
     starts = [("model", space.to_q(space.theta(foot.values())))]
     starts += [(f"random {i}", space.random(rng)) for i in range(1, settings.starts)]
-    descents, _ = explore(route.exploring().explorer(), starts)
+    descents, _ = explore(replace(domain, excess=np.inf).problem(), starts)
     if descents[0].unstable:
         raise SimulationError(f"{foot.name}: every start was unstable; check the bounds and the model's parameters.")
-    problem, d = settle(route.weighed(descents[0].z), descents[0])
+    problem, d = settle(domain.weighed(descents[0].z), descents[0])
     return QuickFit(space, d.z, d.cost, d.cost + problem.log_determinant, problem.size)
 
 

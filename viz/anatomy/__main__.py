@@ -8,7 +8,6 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.table import Table
 
 import mjcf
 from fasbody.console import command_line, console, print_json, progress_bar
@@ -145,6 +144,8 @@ def main(
     Examples:
       python -m viz.anatomy --folder mjcf/assets
     """
+    from rich.table import Table
+
     try:
         import trimesh
     except ImportError:

@@ -1,14 +1,19 @@
 """Which body of a model carries which segment of the foot, and where bodies and segments rest."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 import mjcf
 from viz.anatomy.bones import METATARSALS
+
+if TYPE_CHECKING:
+    import mujoco
+    from scipy.spatial.transform import Rotation
 
 #: Segment of the foot -> body, for the shipped models; edited copies keep the names.
 SEGMENT_BODIES: dict[str, dict[str, str]] = {
@@ -33,6 +38,8 @@ class Frame:
 
 def frames(model: mujoco.MjModel) -> dict[str, Frame]:
     """Rest frame of every body of a compiled model, by name."""
+    import mujoco
+
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     names = [model.body(i).name for i in range(model.nbody)]
@@ -41,6 +48,8 @@ def frames(model: mujoco.MjModel) -> dict[str, Frame]:
 
 def segment_frames(shipped: str) -> dict[str, Frame]:
     """Rest frames of a shipped model: the pose in which the meshes are made."""
+    import mujoco
+
     return frames(mujoco.MjModel.from_xml_path(str(mjcf.path(shipped))))
 
 
@@ -78,4 +87,6 @@ def carried(model: mujoco.MjModel) -> dict[str, Carried] | None:
 
 
 def _rotation(frame: Frame) -> Rotation:
+    from scipy.spatial.transform import Rotation
+
     return Rotation.from_quat(frame.quaternion, scalar_first=True)

@@ -1,96 +1,10 @@
-"""Files of measuring instruments: MATLAB 5 and 7.3, HDF5, UFF 58 and TDMS, beside the CSV of fasbody.recording.csv.
+"""Files of measuring instruments: MATLAB 5 and 7.3, HDF5, UFF 58 and TDMS.
 
-Each reader turns a file into `Series`, named columns with a unit and a rate; `channels.Layout` then finds base,
-malleolus and tuberosity among them. Binary files are read in a child process of limited memory and time (reader.py), so
-that a broken or hostile file ends in a sentence.
+Each module turns a file into `Series`, named columns with a unit and a rate, and writes channels. Files are read in a
+child process of limited memory and time (reader.py), so that a broken or hostile file ends in a sentence.
 """
-
-from pathlib import Path
-
-import numpy as np
-
-from fasbody.exceptions import InputFileError
-from fasbody.recording.channels import Channels, Layout
 
 #: Endings of the binary formats, and the module that reads and writes each.
 ENDINGS = {
     ".mat": "mat", ".h5": "hdf5", ".hdf5": "hdf5", ".uff": "uff", ".unv": "uff", ".tdms": "tdms",
 }  # fmt: skip
-
-#: Endings of text files, which are read as CSV.
-TEXTS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
-
-
-def read(file: Path, layout: Layout | None = None) -> Channels:
-    """The channels of a recording in any format, by the file's ending.
-
-    Args:
-        file: the file. layout: what study.toml says of its channels.
-
-    Returns:
-        ``time_s``, ``base_m_s2``, ``malleolus_m_s2`` and perhaps ``tuberosity_m_s2``, each (n,), delays undone.
-
-    Raises:
-        InputFileError: what is wrong with the file, in one sentence.
-    """
-    from fasbody.recording.csv import read_csv
-
-    layout = layout or Layout()
-    ending = file.suffix.lower()
-    if ending in TEXTS:
-        return _long_enough(file, layout.aligned(file, read_csv(file, layout)))
-    if ending not in ENDINGS:
-        raise InputFileError(file, f"no format has the ending {ending!r}", f"valid: {', '.join((*TEXTS, *ENDINGS))}")
-    from fasbody.recording.formats.reader import read_series
-
-    found = read_series(file)
-    series = [s for s in found if not s.what]
-    passed = [f"{s.name!r} is {s.what}" for s in found if s.what]
-    wanted = layout.find(
-        file, [s.name for s in series], [s.unit for s in series], None, passed, [s.values.size for s in series]
-    )
-    channels = {name: series[index].values * factor for name, (index, factor) in wanted.items()}
-    if "time_s" not in channels:
-        rates = {series[index].rate_hz for index, _ in wanted.values()} - {None}
-        rates = rates or {next((s.rate_hz for s in series if s.rate_hz), None)} - {None}
-        if len(rates) > 1:
-            listed = ", ".join(f"{rate:g}" for rate in sorted(r for r in rates if r))
-            raise InputFileError(file, f"its channels have different rates ({listed} Hz)", "resample them to one rate")
-        rate = layout.rate_hz or next(iter(rates), None)
-        if not rate:
-            raise InputFileError(file, "has neither a time nor a sampling rate", "give sampling_rate_hz in study.toml")
-        channels["time_s"] = np.arange(channels["base_m_s2"].size) / rate
-    return _long_enough(file, layout.aligned(file, channels))
-
-
-def _long_enough(file: Path, channels: Channels) -> Channels:
-    if channels["time_s"].size < 2:
-        raise InputFileError(file, f"holds {channels['time_s'].size} samples", "a recording needs at least two")
-    return channels
-
-
-def write(file: Path, channels: Channels, matlab: str = "5") -> None:
-    """Write channels in the format of the file's ending.
-
-    Args:
-        file: to write. channels: as `read` gives them. matlab: version of a .mat file, "5" or "7.3".
-
-    Raises:
-        InputFileError: no such format, or the folder cannot be written.
-    """
-    import importlib
-
-    from fasbody.console import write_whole
-    from fasbody.recording.formats.series import FormatError, need
-
-    ending = file.suffix.lower()
-    if ending not in ENDINGS:
-        raise InputFileError(file, f"no format has the ending {ending!r}", f"valid: .csv, {', '.join(ENDINGS)}")
-    name = "mat73" if ending == ".mat" and matlab == "7.3" else ENDINGS[ending]
-    module = importlib.import_module(f"fasbody.recording.formats.{name}")
-    need(module.LIBRARY)
-    try:
-        content = module.encode(channels)
-    except FormatError as error:
-        raise InputFileError(file, str(error)) from None
-    write_whole(file, content)

@@ -1,20 +1,27 @@
-"""The time step follows the dampers: orbits, energies and fits of strongly damped feet against SciPy's LSODA."""
+"""The choice of domain, and the time step that follows the dampers.
+
+Orbits, energies and fits of strongly damped feet against SciPy's LSODA.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import oracle
 import pytest
 from scipy.integrate import solve_ivp
 
+from fasbody.exceptions import SettingError
 from fasbody.foot.model import Foot, load
 from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.checks import checked
 from fasbody.recording.condition import Condition
 from fasbody.recording.recording import Recording
 from identification.certification import certify_first
-from identification.domains import RESOLVED, PeriodicRoute, TimeRoute, halvings, resolved
-from identification.engines.orbits import Excitation, Rollouts, Twin
+from identification.domains import RESOLVED, PeriodicDomain, TimeDomain, choose_domain, halvings, resolved
+from identification.engines.engine import Excitation
+from identification.engines.mujoco import Rollouts
+from identification.engines.twin import Twin
 from identification.search import descend
 from identification.space import space_of
 from identification.study import loops
@@ -85,7 +92,7 @@ def test_the_step_is_one_that_halving_does_not_improve(foot: Foot, name: str) ->
     assert e.step == pytest.approx(2.5e-4)
     assert resolved(e, foot, values, True) == e
     finest = replace(e, longest_step=e.step / 8)
-    coarse, fine = (Twin([each]).orbit(0, values, (), 1e-9)[0] for each in (e, finest))
+    coarse, fine = (Twin(foot, [each]).orbit(0, values, (), 1e-9)[0] for each in (e, finest))
     assert np.abs(coarse - fine[::8]).max() < RESOLVED * np.abs(fine).max()
     assert np.abs(coarse - Rollouts(foot, [e], ()).orbit(0, values, (), 1e-9)[0]).max() < 1e-6 * np.abs(fine).max()
 
@@ -127,12 +134,12 @@ def test_a_fit_that_ends_at_strong_dampers_is_certified_at_the_finer_step(foot: 
     """Twin, MuJoCo and the replay share the finer step, and the chi-square is that of the noise."""
     space = space_of(foot, free=("k_T", "k_F", "c_21"), delay=False)
     space = replace(space, fixed={**space.fixed, **ANKLE_STOPPED})
-    route = PeriodicRoute(foot, [strong], space, twin=True, threads=1)
+    domain = PeriodicDomain(foot, [strong], space, twin=True, threads=1)
     z = space.to_q(space.theta(ANKLE_STOPPED))
-    end = descend(route.explorer(), z, "truth")
-    certified, skipped = certify_first(route, "best", [end])
+    end = descend(domain.problem(), z, "truth")
+    certified, skipped = certify_first(domain, "best", [end])
     assert certified is not None and skipped == 0
-    steps = [e.step for e in certified.problem.engine.excitations]
+    steps = [e.step for e in certified.problem.engine.drives]
     assert steps == [pytest.approx(2.5e-4, rel=1e-5)]
     assert certified.descent.cost < 30 < end.cost  # of 10 harmonics' numbers
     assert certified.run.twin_difference is not None and certified.run.twin_difference < 1e-6
@@ -141,10 +148,35 @@ def test_a_fit_that_ends_at_strong_dampers_is_certified_at_the_finer_step(foot: 
 
 def test_the_time_domain_refines_alike(foot: Foot, strong: Recording) -> None:
     space = space_of(foot, delay=False)
-    route = TimeRoute(foot, [strong], space, twin=True, threads=1)
+    domain = TimeDomain(foot, [strong], space, twin=True, threads=1)
     for values, step in ((foot.values(), 5e-4), (ANKLE_STOPPED, 2.5e-4)):
-        z = route.explorer().start(space.to_q(space.theta(values)))
-        found = route.refined(z)
-        assert (found is route) == (step == 5e-4)
+        z = domain.problem().start(space.to_q(space.theta(values)))
+        found = domain.refined(z)
+        assert (found is domain) == (step == 5e-4)
         assert found.foot.step == pytest.approx(step)
-    assert route.foot.step == foot.step == 5e-4
+    assert domain.foot.step == foot.step == 5e-4
+
+
+Trial = Callable[..., Recording]
+
+
+def test_steady_recordings_are_periodic_and_broadband_ones_are_not(trial: Trial) -> None:
+    steady = checked(trial(oracle.TRUTH, 20.0))
+    rng = np.random.default_rng(0)
+    unknown = replace(steady.condition, frequency_hz=None)
+    wide = checked(replace(steady, base_m_s2=rng.normal(0, 5, 3600), condition=unknown))
+    assert choose_domain([steady], "auto") == ("periodic", [])
+    assert choose_domain([steady, wide], "auto") == ("time", [])
+    assert choose_domain([steady], "time") == ("time", [])
+    with pytest.raises(SettingError, match=r"20hz\.csv is not periodic.*use --domain time"):
+        choose_domain([wide], "periodic")
+
+
+def test_a_beating_recording_goes_to_the_time_domain_and_says_why(trial: Trial) -> None:
+    steady = checked(trial(oracle.TRUTH, 20.0))
+    beat = 1 + 0.2 * np.sin(2 * np.pi * 0.7 * steady.time_s)
+    beating = replace(steady, malleolus_m_s2=steady.malleolus_m_s2 * beat)
+    domain, why = choose_domain([steady, beating], "auto")
+    assert domain == "time"
+    assert "is not steady: its amplitude scatters by" in why[0]
+    assert choose_domain([beating], "periodic")[0] == "periodic"

@@ -1,6 +1,6 @@
 """What one viewer shows: the feet, their scene, and answers to the page's settings. Knows nothing of sockets."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,14 +28,14 @@ class Show:
     """The feet of one viewer, their scene, and the answers to its pages.
 
     Args:
-        models: one model, or two to compare, by name or file.
+        models: one model, or two to compare, by name or file, or loaded.
         excitation: of the base. settings: at the start. look: `slow` and `amplify`, times.
     """
 
     page = "foot.html"
 
     def __init__(
-        self, models: list[str], excitation: Excitation | None = None, settings: Settings | None = None,
+        self, models: Sequence[str | Foot], excitation: Excitation | None = None, settings: Settings | None = None,
         look: Mapping[str, float] | None = None,
     ) -> None:  # fmt: skip
         self.models = models
@@ -55,7 +55,8 @@ class Show:
             self._own(name, self.settings).apply(foot)  # refuses what they cannot have
 
     def _load(self) -> dict[str, Foot]:
-        return {name: load_foot(model) for name, model in zip((MODEL, OTHER), self.models, strict=False)}
+        loaded = (model if isinstance(model, Foot) else load_foot(model) for model in self.models)
+        return dict(zip((MODEL, OTHER), loaded, strict=False))
 
     def _place(self, name: str) -> None:
         model = self.feet.get(name, self.feet[MODEL]).model
@@ -74,7 +75,8 @@ class Show:
 
     def files(self) -> list[Path]:
         """The files of the models, with what they include."""
-        return sorted(set().union(*map(files_of, self.models)))
+        named = [model for model in self.models if isinstance(model, str)]
+        return sorted(set().union(*map(files_of, named)))
 
     def reload(self) -> None:
         """Load the models again after a file has changed; a broken one leaves the last good ones in place."""
@@ -117,6 +119,11 @@ class Show:
             "look": self.look,
             "error": self.error,
         }  # fmt: skip
+
+    @property
+    def models_called(self) -> list[str]:
+        """Names of the models, as they were asked for."""
+        return [foot.name for foot in self.feet.values()]
 
     @property
     def drawn(self) -> list[str]:

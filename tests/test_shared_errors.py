@@ -13,9 +13,8 @@ from fasbody.recording.channels import Channel
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording, gain_and_delay
 from identification.certification import settle, standard_errors
-from identification.domains import PeriodicRoute, TimeRoute
-from identification.engines.orbits import Twin
-from identification.estimate import Settings, fit
+from identification.domains import PeriodicDomain, TimeDomain
+from identification.estimate import Settings, fit_foot
 from identification.periodic import Line, PeriodicProblem, misfit, projection, shared_errors, split
 from identification.search import descend
 from identification.space import space_of
@@ -30,7 +29,7 @@ def stated(recording: Recording, calibration: Mapping[str, Channel] = STATED) ->
 
 
 def problem(foot: Foot, recordings: list[Recording], delay: bool) -> PeriodicProblem:
-    return PeriodicRoute(foot, recordings, space_of(foot, delay=delay), twin=True, threads=1).explorer()
+    return PeriodicDomain(foot, recordings, space_of(foot, delay=delay), twin=True, threads=1).problem()
 
 
 def test_uncertainties_of_two_channels_add_as_squares(trial: Callable[..., Recording]) -> None:
@@ -65,7 +64,7 @@ def test_likelihood_is_that_of_the_whole_covariance(foot: Foot, trial: Callable[
     recordings = [checked(stated(trial(oracle.TRUTH, f))) for f in (20.0, 30.0)]
     made = problem(foot, recordings, delay)
     q = made.space.to_q(made.space.theta({**oracle.TRUTH, "k_T": 1.33e5}))
-    made.reweigh(q, Twin)
+    made.reweigh(q)
     Y = made.predict(q)
     error = np.concatenate([split(y - line.malleolus.amplitudes) for y, line in zip(Y, made.lines, strict=True)])
     S, row = np.zeros((error.size, error.size)), 0
@@ -104,8 +103,8 @@ def test_more_recordings_do_not_average_a_shared_gain_away(foot: Foot, trial: Ca
     for told in (STATED, {}):
         for seeds in (3, 9):
             data = [checked(stated(trial(linear, 20.0, seed=s), told)) for s in range(seeds)]
-            made = PeriodicRoute(foot, data, space, twin=True, threads=1).explorer()
-            made.reweigh(q, Twin)
+            made = PeriodicDomain(foot, data, space, twin=True, threads=1).problem()
+            made.reweigh(q)
             errors[bool(told), seeds] = np.sqrt(np.diag(made.covariance(q, np.ones(2, bool))))
     assert errors[True, 9] == pytest.approx(errors[True, 3], rel=0.05)
     assert errors[False, 9] == pytest.approx(errors[False, 3] / np.sqrt(3), rel=0.2)
@@ -132,8 +131,8 @@ def covered(foot: Foot, trial: Callable[..., Recording]) -> dict[bool, tuple[np.
             exact = exact + (Y * (gain * np.exp(turn * t) - np.exp(turn * made.time_s))).real
         for told in (True, False) if number < 20 else (True,):
             data = checked(stated(replace(made, malleolus_m_s2=exact), STATED if told else {}))
-            route = PeriodicRoute(foot, [data], space, twin=True, threads=1)
-            problem, end = settle(route, descend(route.explorer(), space.to_q(truth), "truth"))
+            domain = PeriodicDomain(foot, [data], space, twin=True, threads=1)
+            problem, end = settle(domain, descend(domain.problem(), space.to_q(truth), "truth"))
             _, covariance = standard_errors(problem, end, 0, True)  # not widened by the misfit
             low, high = space.interval(end.theta, np.sqrt(np.diag(covariance)))
             found[told][0].append((low <= truth) & (truth <= high))
@@ -163,7 +162,7 @@ def test_the_time_domain_widens_its_errors_by_what_gain_and_delay_do(
     q = space.to_q(space.theta(oracle.TRUTH))
 
     def fitted(recording: Recording, told: Mapping[str, Channel] = STATED) -> tuple[np.ndarray, np.ndarray]:
-        made = TimeRoute(foot, [checked(stated(recording, told))], space, True, 1).explorer()
+        made = TimeDomain(foot, [checked(stated(recording, told))], space, True, 1).problem()
         end = descend(made, q, "truth")
         return end.z[:2], np.sqrt(np.diag(made.covariance(end.z, np.ones(2, bool))))
 
@@ -192,8 +191,8 @@ def test_a_model_that_misses_believes_no_gain(foot: Foot, trial: Callable[..., R
     stiffer = [dict(oracle.TRUTH, k_F=k) for k in (6e4, 9.4e4, 1.4e5)]
     data = [trial(truth, f) for truth, f in zip(stiffer, (10.0, 20.0, 40.0), strict=True)]
     settings = Settings(free=("k_F", "c_21"), starts=2, threads=1)
-    plain = fit(data, foot, settings).branches[0]
-    told = fit([stated(each) for each in data], foot, settings).branches[0]
+    plain = fit_foot(data, foot, settings).branches[0]
+    told = fit_foot([stated(each) for each in data], foot, settings).branches[0]
     assert plain.chi_square / plain.dof > 1000
     for name in ("k_F_n_per_m", "c_21_n_s_per_m"):
         a, b = plain.parameters[name], told.parameters[name]

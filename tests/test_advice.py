@@ -6,7 +6,7 @@ import numpy as np
 
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Condition, Recording
-from identification.excitation import excitation_rank
+from identification.advice import excitation_rank
 
 T = np.arange(2000) / 1000
 

@@ -1,0 +1,131 @@
+"""How a result shows itself: at a prompt, in a notebook, as a table of numbers, as a figure, as files."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from importlib import import_module
+from io import BytesIO
+from pathlib import Path
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from fasbody.console import to_json, write_whole
+from fasbody.exceptions import SettingError, unknown
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: What a screen has: characters a line, rows of a table, and notes below it.
+WIDTH, ROWS, NOTES = 100, 20, 6
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table that a screen holds.
+
+    Attributes:
+        title: one line. columns: headings. rows: cells as text, as many a row as there are headings.
+        notes: sentences below; the first is the result.
+    """
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    notes: Sequence[str] = ()
+
+    @property
+    def shown(self) -> Sequence[Sequence[str]]:
+        """The first rows, with one that says how many are left out."""
+        spare = len(self.rows) - ROWS
+        left = [[f"... {spare} more", *[""] * (len(self.columns) - 1)]] if spare > 0 else []
+        return [*self.rows[:ROWS], *left]
+
+    @property
+    def told(self) -> Sequence[str]:
+        """The first notes, with one that says how many are left out."""
+        spare = len(self.notes) - NOTES
+        return [*self.notes[:NOTES], *([f"... and {spare} more."] if spare > 0 else [])]
+
+    def __str__(self) -> str:
+        lines = [self.columns, *self.shown]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        table = ["  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip() for line in lines]
+        notes = [line for note in self.told for line in wrap(note, WIDTH, subsequent_indent="  ")]
+        return "\n".join([self.title, *table, *notes])
+
+    def html(self) -> str:
+        """The same for a notebook."""
+
+        def row(cells: Sequence[str], tag: str) -> str:
+            return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+        body = "".join(row(cells, "td") for cells in self.shown)
+        notes = "".join(f"<p>{escape(note)}</p>" for note in self.told)
+        table = f"<table><thead>{row(self.columns, 'th')}</thead><tbody>{body}</tbody></table>"
+        return f"<p><b>{escape(self.title)}</b></p>{table}{notes}"
+
+
+class Presented(ABC):
+    """What every result can. It says its `sheet` and its `records`, and where its figures are drawn.
+
+    A data class that has these must be made with `repr=False`.
+    """
+
+    #: The module that draws it, and its functions there, the usual one first; the module imports the result, and is
+    #: imported when something is drawn.
+    figures: ClassVar[str] = ""
+    plots: ClassVar[tuple[str, ...]] = ()
+
+    @abstractmethod
+    def sheet(self) -> Sheet:
+        """What a screen shows."""
+
+    @abstractmethod
+    def records(self) -> list[dict[str, Any]]:
+        """The numbers, one row each, with units in the names."""
+
+    def __repr__(self) -> str:
+        return str(self.sheet())
+
+    def _repr_html_(self) -> str:
+        return self.sheet().html()
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """The numbers as a pandas table."""
+        import pandas as pd
+
+        return pd.DataFrame(self.records())
+
+    def plot(self, kind: str = "", **options: Any) -> Any:
+        """Draw it.
+
+        Args:
+            kind: one of `plots`, the first unless given. options: of the drawing function.
+
+        Returns:
+            a matplotlib figure; a notebook shows it, `savefig` writes it.
+
+        Raises:
+            SettingError: no such plot.
+        """
+        kind = kind or next(iter(self.plots), "")
+        if kind not in self.plots:
+            raise SettingError(f"{unknown('plot', kind, self.plots)}.")
+        figure = getattr(import_module(self.figures), kind)(self, **options)
+
+        def png() -> bytes:
+            out = BytesIO()
+            figure.savefig(out, format="png", dpi=150)
+            return out.getvalue()
+
+        figure._repr_png_ = png  # a notebook otherwise shows only what pyplot made
+        return figure
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write the numbers into a folder, as CSV and JSON, each file whole or not at all."""
+        name = type(self).__name__.lower()
+        table = self.to_dataframe()
+        rows = table.to_dict("records")
+        texts = {f"{name}.csv": table.to_csv(index=False), f"{name}.json": to_json(rows) + "\n"}
+        return [write_whole(Path(folder) / file, text) for file, text in texts.items()]

@@ -1,0 +1,140 @@
+"""MuJoCo, for any MJCF foot: one short simulation a column of the Jacobian, all columns in one batch.
+
+Coordinates are measured from rest and exclude the base, whose own position and velocity a foot on it does not feel.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fasbody.foot.model import Foot
+from fasbody.foot.simulate import Batch, Simulation
+from identification.engines.engine import PASSES, D, Orbits
+
+#: A displacement [m or rad] and a velocity [m/s or rad/s] typical of a foot, and the share of them that is a nudge:
+#: small against the motion, large against rounding.
+_POSITION, _VELOCITY, _ACTIVATION, _NUDGE = 1e-3, 0.1, 1.0, 1e-4
+_PARAMETER_NUDGE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """Outputs of one run: y (n,) [m/s^2], final states x (s,), and derivatives to states (s) and parameters (p)."""
+
+    y: np.ndarray
+    x: np.ndarray
+    y_by_state: np.ndarray
+    y_by_parameter: np.ndarray
+    x_by_state: np.ndarray
+    x_by_parameter: np.ndarray
+
+
+class Coordinates:
+    """States of a foot as the fit sees them: positions from rest, velocities and activations, without the base."""
+
+    def __init__(self, foot: Foot) -> None:
+        self.foot, model = foot, foot.model
+        self._q, self._v = np.delete(np.arange(model.nq), foot.base), np.delete(np.arange(model.nv), foot.base)
+        sizes = [np.full(self._q.size, _POSITION), np.full(self._v.size, _VELOCITY), np.full(model.na, _ACTIVATION)]
+        self.scale = np.concatenate(sizes)
+
+    def unpack(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """qpos, qvel, act, each (nsim, ...), of states x (nsim, s), with the base at rest."""
+        model, nq, nv = self.foot.model, self._q.size, self._v.size
+        qpos, qvel = np.tile(model.qpos0, (x.shape[0], 1)), np.zeros((x.shape[0], model.nv))
+        qpos[:, self._q] += x[:, :nq]
+        qvel[:, self._v] = x[:, nq : nq + nv]
+        return qpos, qvel, x[:, nq + nv :]
+
+    def final(self, out: Simulation) -> np.ndarray:
+        """States (nsim, s) at the end of a simulation."""
+        rest = self.foot.model.qpos0[self._q]
+        return np.hstack([out.qpos[:, -1, self._q] - rest, out.qvel[:, -1, self._v], out.act[:, -1]])
+
+
+class Columns:
+    """Prepared batch for one foot and a set of parameters.
+
+    Args:
+        foot: the model. names: parameters whose derivatives are wanted. threads: 0 for all cores.
+    """
+
+    def __init__(self, foot: Foot, names: Sequence[str], threads: int = 0) -> None:
+        self.foot, self.names, self._coordinates = foot, tuple(names), Coordinates(foot)
+        self.scale = self._coordinates.scale
+        self.states = self.scale.size
+        self._batch = Batch(foot, 1 + self.states + len(self.names), threads)
+
+    def run(self, controls: np.ndarray, step: float, values: Mapping[str, float], x0: np.ndarray) -> Differences:
+        """Simulate and difference.
+
+        Args:
+            controls: (n, 5) shaker controls. step: [s]. values: all parameters by name; others than the model's are
+                ignored. x0: (s,) initial states.
+        """
+        declared, ns = self.foot.parameters, self.states
+        self._batch.set({k: v for k, v in values.items() if k in declared and k not in self.names})
+        nudge = np.concatenate([_NUDGE * self.scale, np.empty(len(self.names))])
+        for i, name in enumerate(self.names):
+            item = declared[name]
+            # values like c_12 pass through zero: their nudge follows the declared range instead
+            size = abs(values[name]) if item.logarithmic else max(abs(item.lower), abs(item.upper))
+            nudge[ns + i] = _PARAMETER_NUDGE * size
+            column = np.full(self._batch.nsim, float(values[name]))  # a whole number must take the nudge too
+            column[1 + ns + i] += nudge[ns + i]
+            self._batch.set({name: column})
+        start = np.tile(x0, (self._batch.nsim, 1))
+        start[np.arange(1, ns + 1), np.arange(ns)] += nudge[:ns]
+        out = self._batch.run(controls[None], step, *self._coordinates.unpack(start))
+        final = self._coordinates.final(out)
+        Dy, Dx = (out.malleolus[1:] - out.malleolus[0]).T / nudge, (final[1:] - final[0]).T / nudge
+        return Differences(out.malleolus[0], final[0], Dy[:, :ns], Dy[:, ns:], Dx[:, :ns], Dx[:, ns:])
+
+
+class Rollouts(Orbits[D]):
+    """Motions of any MJCF foot.
+
+    Args:
+        foot: the model. drives: what moves its base. names: the parameters whose derivatives are wanted.
+        threads: 0 for all cores.
+    """
+
+    name = "mujoco"
+
+    def __init__(self, foot: Foot, drives: Sequence[D], names: Sequence[str], threads: int = 0) -> None:
+        self.columns, self._threads = Columns(foot, names, threads), threads
+        self.state_scale = self.columns.scale
+        super().__init__(foot, drives, self.columns.states)
+        self._controls = [d.motion.controls(d.step, d.steps) for d in self.drives]
+
+    def on(self, drives: Sequence[D], foot: Foot | None = None) -> "Rollouts[D]":
+        """See `Engine`."""
+        return Rollouts(foot or self.foot, drives, self.columns.names, self._threads)
+
+    def orbit(
+        self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """See `Engine`: arrays (n,), (n, p); `names` are those given at construction."""
+        e = self.drives[number]
+        theta = np.array([values[name] for name in self.columns.names])
+        x = self._guess(number, theta)
+        for _ in range(PASSES):
+            d = self.columns.run(self._controls[number], e.step, {**values, **e.masses}, x)
+            monodromy = np.eye(x.size) - d.x_by_state
+            step = np.linalg.solve(monodromy, d.x - x)
+            x = x + step
+            gap = np.abs(step).max() / max(1e-12, np.abs(x).max())
+            if gap < tolerance:
+                break
+        dx = np.linalg.solve(monodromy, d.x_by_parameter)
+        self._keep(number, x, dx, theta, gap)
+        return d.y + d.y_by_state @ step, d.y_by_parameter + d.y_by_state @ dx
+
+    def run(
+        self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """See `Engine`: arrays (n,), (n, states + p); `names` as at construction."""
+        e = self.drives[number]
+        d = self.columns.run(self._controls[number], e.step, {**values, **e.masses}, x0)
+        return d.y[:: e.stride], np.hstack([d.y_by_state, d.y_by_parameter])[:: e.stride]

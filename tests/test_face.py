@@ -1,0 +1,167 @@
+"""The public face: names that are imported when they are asked for, and results that show themselves."""
+
+import ast
+import importlib
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import fasbody as fb
+import identification
+import viz
+from fasbody.exceptions import RecordingError, SettingError
+from fasbody.foot.model import Foot
+from fasbody.presentation import NOTES, ROWS, WIDTH, Presented, Sheet
+from fasbody.transmissibility.sdof import transmissibility
+
+ROOT = Path(__file__).parent.parent
+FACES = [fb, identification, viz]
+HEAVY = {"numpy", "scipy", "pandas", "matplotlib", "mujoco", "numba", "typer", "rich", "tornado"}
+
+
+def python(code: str) -> str:
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.strip()
+
+
+def test_importing_the_packages_imports_nothing_else() -> None:
+    loaded = python("import sys, fasbody, identification, viz; print(*sys.modules)").split()
+    assert not HEAVY & set(loaded)
+    assert {name for name in loaded if name.split(".")[0] in ("fasbody", "identification", "viz", "mjcf")} == {
+        "fasbody", "identification", "viz",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("package", FACES, ids=lambda package: package.__name__)
+def test_every_name_is_there_and_a_type_checker_sees_the_same(package: Any) -> None:
+    if package is viz:
+        pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
+    assert set(package.__all__) <= set(dir(package))
+    tree = ast.parse(Path(package.__file__).read_text())
+    guard = next(node for node in tree.body if isinstance(node, ast.If))
+    seen = {}
+    for node in guard.body:
+        if isinstance(node, ast.ImportFrom):
+            seen |= {alias.asname or alias.name: (node.module, alias.name) for alias in node.names}
+    assert {*seen, "__version__"} == {*package.__all__, "__version__"}
+    for name, (module, there) in seen.items():
+        assert getattr(package, name) is getattr(importlib.import_module(module), there), name
+    with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+        package.nothing  # noqa: B018
+
+
+def test_the_version_is_that_of_the_distribution() -> None:
+    written = next(line for line in (ROOT / "pyproject.toml").read_text().splitlines() if line.startswith("version"))
+    assert written == f'version = "{fb.__version__}"'
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 0, 2)])
+def test_functions_and_rooms_of_like_names_stand_side_by_side(order: tuple[int, ...]) -> None:
+    """Whichever is imported first: `fb.simulate` stays callable, and `fasbody.recording.study` importable."""
+    lines = (
+        "import fasbody.recording.study, fasbody.foot.simulate, fasbody.arch.load, fasbody.transmissibility.table",
+        "assert callable(fb.simulate) and callable(fb.load) and callable(fb.sine) and fb.Study.read",
+        "import viz.feet, viz.foot; assert callable(viz.show) and callable(viz.export)",
+    )
+    told = python("import fasbody as fb, viz\n" + "\n".join(lines[i] for i in order) + "\nprint(fb.simulate.__name__)")
+    assert told == "simulate"
+
+
+@dataclass(frozen=True, repr=False)
+class Lines(Presented):
+    count: int
+    figures: ClassVar[str] = "nothing.at.all"
+    plots: ClassVar[tuple[str, ...]] = ("curve",)
+
+    def sheet(self) -> Sheet:
+        rows = [(str(i), "<b>") for i in range(self.count)]
+        return Sheet("many", ("number", "text"), rows, ["a note " * 40] * self.count)
+
+    def records(self) -> list[dict[str, Any]]:
+        return [{"number": i, "half": i / 2} for i in range(self.count)]
+
+
+def test_a_result_of_any_length_is_a_screen() -> None:
+    text = repr(Lines(500))
+    assert max(map(len, text.splitlines())) <= WIDTH
+    assert f"... {500 - ROWS} more" in text and f"... and {500 - NOTES} more." in text
+    assert len(text.splitlines()) < 50
+    assert repr(Lines(2)).splitlines()[:3] == ["many", "number  text", "0       <b>"]
+    html = Lines(2)._repr_html_()
+    assert "&lt;b&gt;" in html and "<td><b>" not in html
+
+
+def test_numbers_of_a_result_come_back_from_its_files(tmp_path: Path) -> None:
+    one, two = Lines(3).write(tmp_path / "new")
+    assert pd.read_csv(one).to_dict("records") == Lines(3).records()
+    assert pd.read_json(two).to_dict("records") == Lines(3).records()
+    with pytest.raises(SettingError, match=r"unknown plot 'curves', did you mean 'curve'\? \(valid: curve\)"):
+        Lines(3).plot("curves")
+
+
+def test_keys_of_a_fit_change_a_foot_as_its_symbols_do(foot: Foot) -> None:
+    by_key, by_name = foot.with_values({"k_T_n_per_m": 2e5}), foot.with_values({"k_T": 2e5})
+    assert by_key.values() == by_name.values() and by_key.values()["k_T"] == pytest.approx(2e5)
+    assert "k_T_n_per_m" in foot.parameters and list(foot.parameters)[0] == "k_T"
+    with pytest.raises(SettingError, match="unknown parameter 'k_t'"):
+        foot.with_values({"k_t": 2e5})
+
+
+def arrays() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A mass on a spring and a damper, shaken at 20 Hz: the closed form."""
+    t = np.arange(0, 2, 1e-3)
+    w = 2 * np.pi * 20
+    m, c, k = 4.0, 300.0, 1.2e5
+    H = (k + 1j * w * c) / (k - m * w**2 + 1j * w * c)
+    base = 8.95 * np.exp(1j * w * t)
+    return t, base.real, (H * base).real
+
+
+def test_recordings_of_numpy_pandas_and_xarray_are_the_same() -> None:
+    t, base, malleolus = arrays()
+    plain = fb.Recording.from_arrays(t, base, malleolus, body_mass_kg=72.5)
+    stamps = pd.date_range("2026-01-01", periods=t.size, freq="ms")
+    frame = pd.DataFrame({"base": base, "malleolus": malleolus}, index=stamps)
+    forms = [fb.Recording.from_arrays(frame.index, frame["base"], frame["malleolus"], body_mass_kg=72.5)]
+    if xarray := pytest.importorskip("xarray", reason="pip install 'fasbody[statistics]'"):
+        labelled = xarray.Dataset({name: ("time", frame[name].to_numpy()) for name in frame}, {"time": t})
+        forms.append(
+            fb.Recording.from_arrays(labelled["time"], labelled["base"], labelled["malleolus"], body_mass_kg=72.5)
+        )
+    for other in forms:
+        np.testing.assert_allclose(other.time_s, plain.time_s, atol=1e-9)
+        np.testing.assert_array_equal(other.malleolus_m_s2, plain.malleolus_m_s2)
+        assert other.condition == plain.condition
+    base[:] = 0
+    assert np.ptp(plain.base_m_s2) > 17  # what the caller does to his arrays changes nothing
+
+
+def test_transmissibility_of_arrays_is_the_closed_form() -> None:
+    t, base, malleolus = arrays()
+    table = fb.Transmissibility.of_recordings([fb.Recording.from_arrays(t, base, malleolus)])
+    found = table.to_dataframe()["transmissibility"].to_numpy()
+    assert found == pytest.approx([transmissibility(2 * np.pi * 20, 4.0, 300.0, 1.2e5)], rel=1e-6)
+    assert "MB" in repr(table)
+    assert table.plot()._repr_png_()[:4] == b"\x89PNG"
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"base": np.zeros((3, 2))}, r"base has the shape \(3, 2\)"),
+        ({"malleolus": np.zeros(5)}, "malleolus has 5 samples and time_s has 2000"),
+        ({"base": ["a", "b"]}, "base holds something else than numbers"),
+        ({"body_mass_kg": 7.2}, "the body mass is 7.2 kg"),
+    ],
+)
+def test_arrays_that_are_no_recording_are_refused(change: dict[str, Any], sentence: str) -> None:
+    t, base, malleolus = arrays()
+    with pytest.raises(RecordingError, match=sentence):
+        fb.Recording.from_arrays(**{"time_s": t, "base": base, "malleolus": malleolus, **change})

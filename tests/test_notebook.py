@@ -1,0 +1,94 @@
+"""The notebook of the front page, cell by cell, as someone without the command line meets the project."""
+
+import json
+import re
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
+
+import fasbody as fb
+import identification as idn
+import viz
+from fasbody.exceptions import SettingError
+from fasbody.presentation import WIDTH
+from fasbody.recording.study import BUNDLED
+
+
+def test_a_study_says_what_is_wrong_with_it() -> None:
+    study = fb.Study.read(BUNDLED)
+    assert repr(study) == repr(fb.bundled()) == "synthetic subject 16: 9 synthetic recordings"
+    three = fb.Study(study.name, study.origin, "", study.recordings[:2])
+    table = three.check()
+    assert "2 of 2 recordings are sound" in repr(table)
+    assert table.to_dataframe()["frequency_hz"].to_list() == pytest.approx([10, 15], rel=1e-3)
+    dead = fb.Recording.from_arrays(np.arange(2000) / 1e3, np.zeros(2000), np.zeros(2000), name="dead.csv")
+    broken = fb.Study("mine", "measured", "", (study.recordings[0], dead)).check()
+    assert broken.problems == ("dead.csv: base_m_s2 is dead (it varies by 0 m/s^2); check the cable and the units.",)
+    lines = repr(broken).splitlines()
+    assert lines[0] == "mine: 1 of 2 recordings are sound" and lines[2].startswith("dead.csv")
+
+
+def test_a_fit_is_a_screen_and_a_sentence(fitted: idn.FitResult) -> None:
+    text = repr(fitted)
+    assert len(text.splitlines()) < 30 and max(map(len, text.splitlines())) <= WIDTH
+    assert fitted["k_T"] is fitted["k_T_n_per_m"] is fitted.best["k_T"]
+    assert fitted["k_T"].interval() in text and fitted.mirror["k_T"].interval() in text
+    assert {fitted.best.name, fitted.mirror.name} == {"stiff ankle", "stiff pad"}
+    assert fitted["k_F"].interval() in fitted._repr_html_()
+    with pytest.raises(SettingError, match="unknown estimate 'k_t', did you mean 'k_T'"):
+        fitted["k_t"]
+
+
+def test_a_fit_is_a_table_and_files(fitted: idn.FitResult, tmp_path: Path) -> None:
+    frame = fitted.to_dataframe().set_index(["branch", "parameter"])
+    assert frame.loc[(fitted.mirror.name, "k_F_n_per_m"), "value"] == fitted.mirror["k_F"].value
+    files = {file.name: file for file in fitted.write(tmp_path / "results")}
+    assert set(files) == {"result.json", "parameters.csv", "report.html"}
+    written = pd.read_csv(files["parameters.csv"]).set_index(["branch", "parameter"])
+    assert written["value"].to_numpy() == pytest.approx(frame["value"].to_numpy(), rel=1e-7)
+    assert json.loads(files["result.json"].read_text())["parameters"]["k_T_n_per_m"]["value"] == fitted["k_T"].value
+
+
+def test_every_plot_of_a_fit_can_be_drawn(fitted: idn.FitResult) -> None:
+    for kind in fitted.plots:
+        assert fitted.plot(kind)._repr_png_().startswith(b"\x89PNG"), kind
+    upper, lower = fitted.plot("transmissibility").axes[:2]
+    data, model = (dict(zip(*line.get_data(), strict=True)) for line in upper.lines[:2])
+    measured = fb.Transmissibility.of(fb.bundled()).to_dataframe().set_index("frequency_hz")
+    for f, T in data.items():
+        assert measured.loc[round(f), "transmissibility"] == pytest.approx(T, rel=1e-6)
+        assert model[f] == pytest.approx(T, rel=0.05)
+    assert (lower.lines[0].get_ydata() > 0).all()  # the malleolus lags
+
+
+def test_a_fit_moves_the_foot_that_is_simulated(fitted: idn.FitResult, foot: fb.Foot) -> None:
+    moved = foot.with_values(fitted.values())
+    assert moved.values()["k_T"] == pytest.approx(fitted["k_T"].value)
+    motion = fb.simulate(moved, fb.sine(20, 1))
+    last = motion.to_dataframe()["time_s"] > 0.8
+    peak = np.ptp(motion.to_dataframe()["malleolus_m_s2"][last]) / np.ptp(motion.to_dataframe()["base_m_s2"][last])
+    table = fb.Transmissibility.of(fb.bundled()).to_dataframe().set_index("frequency_hz")
+    assert peak == pytest.approx(table.loc[20.0, "transmissibility"], rel=0.05)
+    assert "malleolus peak" in repr(motion)
+    assert motion.plot().axes[1].get_ylabel() == "malleolus [m/s²]"
+
+
+def test_the_viewer_is_beside_the_notebook(fitted: idn.FitResult, foot: fb.Foot, tmp_path: Path) -> None:
+    viewer = viz.show(foot, result=fitted, browser=False, wait=False)
+    try:
+        assert viewer.show.settings.values["k_T"] == fitted["k_T"].value
+        page = urllib.request.urlopen(viewer.url, timeout=60).read().decode()
+        assert "<canvas" in page or "meshcat" in page
+        assert re.fullmatch(r"two_dof at http://127\.0\.0\.1:\d+/", repr(viewer))
+        with pytest.raises(SettingError, match=f"port {viewer.url.split(':')[2][:-1]} cannot be used"):
+            viz.show(foot, browser=False, wait=False, port=int(viewer.url.split(":")[2][:-1]))
+    finally:
+        viewer.close()
+    assert repr(viewer).endswith("(closed)")
+    file = viz.export(foot, tmp_path / "foot.html", result=fitted)
+    assert f"{fitted['k_T'].value:.6f}"[:6] in file.read_text()

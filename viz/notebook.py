@@ -1,0 +1,161 @@
+"""The viewer from Python: a page beside a notebook or a script, and the same as a file."""
+
+import asyncio
+import sys
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from fasbody.exceptions import FasError, SettingError
+from viz.excitation import Excitation
+from viz.exported import export_to
+from viz.feet import Show
+from viz.load import load_foot
+from viz.server import PARTING, Server
+from viz.settings import Settings
+
+if TYPE_CHECKING:
+    from fasbody.foot.model import Foot
+
+
+class Fitted(Protocol):
+    """A result that holds parameters of a foot, such as what `identification.fit_foot` returns."""
+
+    def values(self) -> dict[str, float]:
+        """Key with unit -> value."""
+
+
+class Viewer:
+    """A page that is served until `close`, or until Python ends.
+
+    Args:
+        show: what it shows. port: of this machine, 0 takes a free one.
+    """
+
+    def __init__(self, show: Show, port: int = 0) -> None:
+        self.show = show
+        self._server: Server | None = None
+        self._ready = threading.Event()
+        self._problem: FasError | None = None
+        self._thread = threading.Thread(target=self._run, args=(port,), name="viewer", daemon=True)
+        self._thread.start()
+        self._ready.wait()
+        if self._problem is not None:
+            raise self._problem
+
+    def _run(self, port: int) -> None:
+        try:
+            asyncio.run(self._serve(port))
+        finally:
+            self._ready.set()
+
+    async def _serve(self, port: int) -> None:
+        try:
+            self._server = Server(self.show, port)
+        except FasError as problem:
+            self._problem = problem
+            return
+        self._loop = asyncio.get_running_loop()
+        self._ready.set()
+        await self._server.run()
+
+    @property
+    def url(self) -> str:
+        """The page's address, of this machine only."""
+        assert self._server is not None
+        return self._server.url
+
+    def wait(self) -> None:
+        """Until Ctrl-C, as a script needs it, which would otherwise end and the page with it."""
+        try:
+            while self._thread.is_alive():
+                self._thread.join(0.5)
+        except KeyboardInterrupt:
+            self.close()
+
+    def close(self) -> None:
+        """End the page."""
+        if self._server is not None and self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._server.stop)
+            self._thread.join(2 * PARTING)
+
+    def __repr__(self) -> str:
+        return f"{', '.join(self.show.models_called)} at {self.url}" + ("" if self._thread.is_alive() else " (closed)")
+
+    def _repr_html_(self) -> str:
+        return f'<a href="{self.url}" target="_blank">{", ".join(self.show.models_called)}</a>'
+
+
+def show(
+    foot: "Foot | str",
+    result: Fitted | None = None,
+    *,
+    compare: "Foot | str | None" = None,
+    excitation: Excitation | None = None,
+    frequency: float = 20.0,
+    added_mass: float = 0.0,
+    browser: bool = True,
+    port: int = 0,
+    wait: bool | None = None,
+) -> Viewer:
+    """Watch a foot in the browser.
+
+    Args:
+        foot: a model, by name or file, or loaded. result: a fit whose parameters it gets.
+        compare: a second model, shown as a ghost. excitation: of the base, a sine unless given.
+        frequency: of the sine [Hz]. added_mass: on the knee [kg].
+        browser: open it. port: of this machine, 0 takes a free one.
+        wait: until Ctrl-C; unless given, only where Python would end otherwise, which is in no notebook and no prompt.
+
+    Raises:
+        SettingError: a parameter is unknown or outside the bounds that the model declares.
+    """
+    viewer = Viewer(_shown(foot, result, compare, excitation, frequency, added_mass), port)
+    if browser:
+        import webbrowser
+
+        webbrowser.open(viewer.url)
+    interactive = hasattr(sys, "ps1") or bool(sys.flags.interactive) or "ipykernel" in sys.modules
+    if not interactive if wait is None else wait:
+        viewer.wait()
+    return viewer
+
+
+def export(
+    foot: "Foot | str",
+    file: Path | str,
+    result: Fitted | None = None,
+    *,
+    compare: "Foot | str | None" = None,
+    excitation: Excitation | None = None,
+    frequency: float = 20.0,
+    added_mass: float = 0.0,
+) -> Path:
+    """Write what `show` shows as a page that needs no server, a picture or a film, as the file's ending says.
+
+    Args:
+        foot, result, compare, excitation, frequency, added_mass: as in `show`.
+        file: .html, .png, .gif or .mp4.
+
+    Raises:
+        SettingError: another ending, a tool that is missing, or a parameter that cannot be.
+    """
+    export_to(_shown(foot, result, compare, excitation, frequency, added_mass), Path(file))
+    return Path(file)
+
+
+def _shown(
+    foot: "Foot | str",
+    result: Fitted | None,
+    compare: "Foot | str | None",
+    excitation: Excitation | None,
+    frequency: float,
+    added_mass: float,
+) -> Show:
+    loaded = load_foot(foot) if isinstance(foot, str) else foot
+    found = {} if result is None else result.values()
+    values = {loaded.parameters[key].name: value for key, value in found.items() if key in loaded.parameters}
+    if found and not values:
+        raise SettingError(f"the result holds no parameter of {loaded.name}; give the model that was fitted.")
+    models = [loaded, *([] if compare is None else [compare])]
+    return Show(models, excitation, Settings(frequency=frequency, added_mass=added_mass, values=values))
