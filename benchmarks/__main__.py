@@ -1,21 +1,28 @@
-"""`python -m benchmarks`: every topic in one table, written to RESULTS.md."""
+"""`python -m benchmarks`: every topic in one table, on a page of this machine's own; RESULTS.md only when asked."""
 
 import json
 import os
+import platform
+import re
 import subprocess
 import sys
-from dataclasses import asdict
+from collections.abc import Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from benchmarks.results import Topic, machine, markdown, read
-from benchmarks.rows import Row, table
+from benchmarks.table import Topic, cells, markdown, read, table
 from fasbody.console import command_line, console, print_json, write_whole
+from fasbody.exceptions import SettingError
+from fasbody.runner import ROOT, machine
+from reproduction.check import Check
 
-RESULTS = Path(__file__).with_name("RESULTS.md")
+#: The page that the documentation rests on, and the folder of the pages of readers' machines.
+RESULTS, PAGES = Path(__file__).with_name("RESULTS.md"), ROOT / "results" / "benchmarks"
+LIBRARIES = ("mujoco", "numba", "numpy", "scipy")
 #: Topics in the order of the table; each is a module with a command, run in a process of its own on one thread.
 TOPICS = (
     "accuracy", "callbacks", "arch", "fitting", "coverage", "black_box", "cell", "study", "trend", "viewer", "acquire",
@@ -25,8 +32,8 @@ TOPICS = (
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-def measure(topic: str, *options: str) -> list[Row]:
-    """The rows of one topic, by its own command."""
+def measure(topic: str, *options: str) -> list[Check]:
+    """The checks of one topic, by its own command."""
     command = [sys.executable, "-m", f"benchmarks.{topic}", *options, "--json"]
     done = subprocess.run(
         command, check=False, stdout=subprocess.PIPE, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"}
@@ -34,7 +41,29 @@ def measure(topic: str, *options: str) -> list[Row]:
     if done.returncode:
         console.print(f"[bold red]{topic}: no rows, `{' '.join(command[1:])}` ended with {done.returncode}[/]")
         return []
-    return [Row(**row) for row in json.loads(done.stdout)["rows"]]
+    return [replace(Check.of(row), source=topic) for row in json.loads(done.stdout)["rows"]]
+
+
+def own_page() -> Path:
+    """The page of this machine."""
+    host = re.sub(r"[^A-Za-z0-9.-]+", "-", platform.node()).strip(".-") or "machine"
+    return PAGES / f"{host}.md"
+
+
+def committed(page: Mapping[str, Topic], now: Mapping[str, Topic], where: str) -> dict[str, Topic]:
+    """The topics of RESULTS.md with those measured now in their place; of another machine's, all of this one's page.
+
+    Raises:
+        SettingError: RESULTS.md is of another machine or other versions, and topics of it would be lost.
+    """
+    text = RESULTS.read_text() if RESULTS.is_file() else ""
+    topics = dict(read(text, where) or page) | dict(now)
+    if lost := set(read(text)) - set(topics):
+        raise SettingError(
+            f"--commit: {RESULTS.name} comes from another machine or other versions and would lose "
+            f"{', '.join(name for name in TOPICS if name in lost)}; measure these, too."
+        )
+    return topics
 
 
 @app.command()
@@ -44,19 +73,21 @@ def main(
     jobs: Annotated[int, typer.Option(help="processes of the coverage study, 0 for all cores")] = 0,
     scipy_limit: Annotated[int, typer.Option(help="trial points allowed to scipy (at most what our fit took)")] = 200,
     with_peers: Annotated[bool, typer.Option("--peers/--no-peers", help="install and run SIPPY and pysib, too")] = True,
-    out: Annotated[Path, typer.Option(help="file to write", show_default="benchmarks/RESULTS.md")] = RESULTS,
+    out: Annotated[Path | None, typer.Option(help="page to write", show_default="results/benchmarks/HOST.md")] = None,
+    commit: Annotated[bool, typer.Option("--commit", help="put the rows into benchmarks/RESULTS.md, too")] = False,
     json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout instead of a table")] = False,
 ) -> None:
     """Measure everything that the documentation states, into one table. Takes about half an hour.
 
-    Rows of topics that are not measured now stay, unless they come from another machine or other versions.
+    Rows of topics that are not measured now stay on the page, unless they come from another machine or other versions.
+    The committed page, RESULTS.md, is left alone unless you ask, and never loses a topic.
 
     Examples:
       python -m benchmarks
 
       python -m benchmarks accuracy callbacks
 
-      python -m benchmarks --seeds 200
+      python -m benchmarks --seeds 200 --commit
     """
     topics = only or list(TOPICS)
     for name in topics:
@@ -66,22 +97,31 @@ def main(
         "fitting": ["--scipy-limit", f"{scipy_limit}"], "coverage": ["--seeds", f"{seeds}", "--jobs", f"{jobs}"],
         "black_box": ["--peers" if with_peers else "--no-peers"],
     }  # fmt: skip
-    where, when = machine(), datetime.now(UTC).strftime("%Y-%m-%d")
-    known = read(out.read_text(), where) if out.is_file() else {}
-    rows = []
+    where, when = machine(*LIBRARIES), datetime.now(UTC).strftime("%Y-%m-%d")
+    out = out or own_page()
+    page, now = read(out.read_text(), where) if out.is_file() else {}, {}
+    if commit:  # a page that would lose rows is told before the work
+        committed(page, {name: Topic(name, when, 0.0, []) for name in topics}, where)
+    checks = []
     for number, name in enumerate(topics, 1):
         console.print(f"{name} ({number} of {len(topics)})")
         load = os.getloadavg()[0]
         found = measure(name, *options.get(name, []))
         if found:
-            known[name] = Topic(name, when, load, [row.cells for row in found])
-            write_whole(out, markdown({name: known[name] for name in TOPICS if name in known}, where))
-        rows += found
+            now[name] = Topic(name, when, load, [cells(check) for check in found])
+            write_whole(out, markdown(_ordered(page | now), where))
+        checks += found
+    if commit:
+        write_whole(RESULTS, markdown(_ordered(committed(page, now, where)), where))
     if json_:
-        print_json({"machine": where, "date": when, "rows": [asdict(row) for row in rows]})
+        print_json({"machine": where, "date": when, "rows": [check.document() for check in checks]})
     else:
-        console.print(table(where, rows))
-    console.print(f"written to {out}", soft_wrap=True)
+        console.print(table(where, checks))
+    console.print(f"written to {out}{f' and {RESULTS}' if commit else ''}", soft_wrap=True)
+
+
+def _ordered(topics: Mapping[str, Topic]) -> dict[str, Topic]:
+    return {name: topics[name] for name in TOPICS if name in topics}
 
 
 if __name__ == "__main__":

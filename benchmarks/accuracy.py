@@ -11,12 +11,13 @@ import numpy as np
 import typer
 from scipy.integrate import solve_ivp
 
-from benchmarks.rows import JsonOption, Row, at_least, at_most, report
+from benchmarks.table import JsonOption, report
 from fasbody.console import command_line, progress_bar
 from fasbody.foot import shaker
 from fasbody.foot.model import Foot, load
 from fasbody.foot.simulate import simulate
 from fasbody.foot.two_dof import TwoDof, trajectory
+from reproduction.check import Check, at_least, at_most, told
 
 RATE_HZ = 1000
 STEPS = (1e-3, 5e-4, 2.5e-4)
@@ -87,7 +88,7 @@ def order(step: np.ndarray, error: np.ndarray) -> np.ndarray:
     return np.diff(np.log(error)) / np.diff(np.log(step))
 
 
-def measure(frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, seconds: float = SECONDS) -> list[Row]:
+def measure(frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, seconds: float = SECONDS) -> list[Check]:
     """All feet at all frequencies; each row is the worst of them."""
     foot = load("two_dof")
     trials = [(name, f) for name in SETS for f in frequencies_hz]
@@ -100,7 +101,7 @@ def measure(frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, seconds: float =
         (name, f), worst = max(found.items(), key=lambda item: item[1].recorded[column])
         what = f"malleolus error at a step of {STEPS[column]:g} s, share of peak (worst: {name} foot, {f:g} Hz)"
         value = worst.recorded[column]
-        rows.append(Row(what, f"{value:.3g}", "") if limit is None else at_most(what, value, limit))
+        rows.append(told(what, f"{value:.3g}") if limit is None else at_most(what, value, limit))
     orders = {name: order(np.array(STEPS), found[name, max(frequencies_hz)].smooth)[-1] for name in SETS}
     name = min(orders, key=lambda name: orders[name])
     rows.append(at_least(f"observed order, {STEPS[1]:g} to {STEPS[2]:g} s (lowest: {name} foot)", orders[name], 3.8))

@@ -19,9 +19,9 @@ import numpy as np
 import typer
 
 from benchmarks.fuzz_parsers import HELLO, counts_of, fuzz
-from benchmarks.rows import Row, at_most, report
+from benchmarks.table import report
 from fasbody.acquire.bench import Bench
-from fasbody.acquire.bench.foot import BODY_MASS_KG, TRUTH
+from fasbody.acquire.bench.foot import BODY_MASS_KG
 from fasbody.acquire.bench.line import Line, corrupt
 from fasbody.acquire.board import Board
 from fasbody.acquire.capture import Capture, read
@@ -34,11 +34,12 @@ from fasbody.acquire.wire import Block, FrameReader, encode_data, encode_hello
 from fasbody.console import command_line, console
 from fasbody.laboratory.foot import TRUTH
 from fasbody.recording.recording import Condition
+from reproduction.check import Check, at_most, told
 
 BAUD = 921600
 
 
-def transfer(seconds: float) -> list[Row]:
+def transfer(seconds: float) -> list[Check]:
     """Three channels at 4 kHz from the virtual bench, recorded as a session records them."""
     with tempfile.TemporaryDirectory() as name, Bench(rate=4000.0, channels=3) as bench:
         bench.shake(20.0, 1.2)
@@ -55,12 +56,12 @@ def transfer(seconds: float) -> list[Row]:
     lost = q.lost_frames + q.damaged + q.lost_samples
     text = f"{q.frames} frames, {q.lost_frames} lost, {q.damaged} damaged"
     return [
-        Row(f"3 channels at 4 kHz for {seconds:g} s", text, "none lost", holds=lost == 0),
-        Row("CPU share of the recording process, conversion included", f"{100 * share:.1f} % of a core", ""),
+        Check(f"3 channels at 4 kHz for {seconds:g} s", lost, 0, 0, said=text, beside="none lost"),
+        told("CPU share of the recording process, conversion included", f"{100 * share:.1f} % of a core"),
     ]
 
 
-def noisy_line(accepted: int) -> list[Row]:
+def noisy_line(accepted: int) -> list[Check]:
     """A line that damages 1 % of the bytes, until so many samples have been accepted."""
     with tempfile.TemporaryDirectory() as name:
         line = Line(Path(name) / "board")
@@ -105,12 +106,12 @@ def noisy_line(accepted: int) -> list[Row]:
         line.unplug()
     lost = timeline.quality().lost_frames
     return [
-        Row("1 % damaged bytes: frames found missing", f"{lost} of {injected}", "all", holds=lost == injected),
-        Row("wrong samples accepted", f"{wrong} of {right + wrong}", f"none in {accepted:g}", holds=wrong == 0),
+        Check("1 % damaged bytes: frames found missing", lost, injected, injected, "", f"{lost} of {injected}", "all"),
+        Check("wrong samples accepted", wrong, 0, 0, "", f"{wrong} of {right + wrong}", f"none in {accepted:g}"),
     ]
 
 
-def plug(times: int) -> list[Row]:
+def plug(times: int) -> list[Check]:
     """The plug is pulled and put back during a recording; what came before and after is kept, the gap marked."""
     with tempfile.TemporaryDirectory() as name, Bench() as bench:
         board = Board(bench.board_port, BAUD)
@@ -133,10 +134,11 @@ def plug(times: int) -> list[Row]:
         capture.close()
         quality = replay([capture.file])[1].quality()
     text = f"{len(quality.gaps)} gaps for {board.unplugs} pulls"
-    return [Row("unplugged and replugged", text, "one each", holds=len(quality.gaps) == board.unplugs == times)]
+    wrong = max(abs(found - times) for found in (len(quality.gaps), board.unplugs))
+    return [Check("unplugged and replugged", wrong, 0, 0, said=text, beside="one each")]
 
 
-def killed(times: int) -> list[Row]:
+def killed(times: int) -> list[Check]:
     """Sessions killed by SIGKILL; how long before the kill the last recovered byte arrived."""
     worst, usable = 0.0, 0
     with tempfile.TemporaryDirectory() as name, Bench() as bench:
@@ -156,11 +158,11 @@ def killed(times: int) -> list[Row]:
                 usable += not convert([file], study, longest=True).problems
     return [
         at_most(f"kill -9 of {times} sessions: longest missing end", 1e3 * worst, 100, "ms"),
-        Row("recordings recovered from them, usable", f"{usable} of {times}", "all", holds=usable == times),
+        Check("recordings recovered from them, usable", usable, times, times, "", f"{usable} of {times}", "all"),
     ]
 
 
-def chain(seconds: float) -> list[Row]:
+def chain(seconds: float) -> list[Check]:
     """Sweep on the virtual bench, fit, and how many parameters lie in their 95 % intervals."""
     with tempfile.TemporaryDirectory() as name:
         study = str(Path(name) / "study")
@@ -181,7 +183,8 @@ def chain(seconds: float) -> list[Row]:
             far, worst = away, name
     text = f"{inside} of {len(TRUTH) - len(bound)} in 95 %; farthest {worst}, {far:.1f} standard errors"
     text += f"; at a bound: {', '.join(bound)}" if bound else ""
-    return [Row(f"sweep 10:50:5 of {seconds:g} s, then identification.fit", text, "all within 4", holds=far < 4)]
+    what = f"sweep 10:50:5 of {seconds:g} s, then identification.fit"
+    return [Check(what, far, high=4, said=text, beside="all within 4")]
 
 
 TOPICS = ("transfer", "noisy", "plug", "killed", "fuzz", "chain")
@@ -207,7 +210,7 @@ def main(
         "transfer": lambda: transfer(seconds), "noisy": lambda: noisy_line(accepted), "plug": lambda: plug(3),
         "killed": lambda: killed(5), "fuzz": lambda: fuzz(strings), "chain": lambda: chain(4.0),
     }  # fmt: skip
-    rows: list[Row] = []
+    rows: list[Check] = []
     for name in topic or TOPICS:
         if name not in works:
             raise typer.BadParameter(f"{name!r} is none of {', '.join(TOPICS)}")

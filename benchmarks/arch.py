@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from benchmarks.callbacks import thread_gain
-from benchmarks.rows import JsonOption, Row, at_least, at_most, judged_if_idle, report
+from benchmarks.table import JsonOption, judged_if_idle, report
 from fasbody.arch import ode as arch_ode
 from fasbody.arch.bones import Arch
 from fasbody.arch.motion import move, with_constants
@@ -19,6 +19,7 @@ from fasbody.console import command_line, progress_bar
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import load
 from fasbody.foot.shaker import BaseMotion, sine
+from reproduction.check import Check, at_least, at_most
 
 FREQUENCIES_HZ = (10.0, 20.0, 30.0, 40.0, 50.0)
 _SECONDS = 0.2
@@ -57,10 +58,10 @@ def finite_draws(draws: int = 60, motion: BaseMotion | None = None) -> tuple[int
     return finite, helped
 
 
-def measure(draws: int = 60) -> list[Row]:
+def measure(draws: int = 60) -> list[Check]:
     """Rows of the arch."""
     load_average = os.getloadavg()[0]
-    rows: list[Row] = []
+    rows: list[Check] = []
     with progress_bar() as progress:
         task = progress.add_task("arch", total=len(FREQUENCIES_HZ) + 3)
         found = []

@@ -17,12 +17,13 @@ import numpy as np
 import typer
 
 from benchmarks import black_box_peers
-from benchmarks.rows import JsonOption, Row, at_most, faster, report
+from benchmarks.table import JsonOption, faster, report
 from fasbody.console import command_line, console
 from identification.blackbox import arx, nonlinear, pem, selection, subspace
 from identification.blackbox.data import Series
 from identification.blackbox.narx import estimate as estimate_narx
 from identification.blackbox.polynomial import Orders
+from reproduction.check import Check, at_most, told
 
 SAMPLES, NOISE = 7000, 0.25
 BAND = np.linspace(5, 60, 56)
@@ -56,17 +57,17 @@ def timed(structure: str, series: Series) -> tuple[float, float, float]:
     return *errors(value), time.process_time() - begin
 
 
-def accuracy(seeds: int) -> Iterator[Row]:
+def accuracy(seeds: int) -> Iterator[Check]:
     """Median error and time of every structure."""
     for name, excite in INPUTS.items():
         for structure in (*MODELS, "ss refined"):
             found = [timed(structure, record(excite(SAMPLES), seed)) for seed in range(seeds)]
             largest, rms, seconds = np.median(found, axis=0)
             what = f"{structure} on {name}: largest (rms) error of the response 5-60 Hz, median of {seeds} seeds"
-            yield Row(what, f"{largest:.3f} ({rms:.3f}) % in {seconds:.3f} s", "")
+            yield told(what, f"{largest:.3f} ({rms:.3f}) % in {seconds:.3f} s")
 
 
-def coverage(seeds: int) -> Iterator[Row]:
+def coverage(seeds: int) -> Iterator[Check]:
     """Share of seeds in which 95 % intervals of the coefficients of B and F, and of the gain, hold the truth."""
     num, den = foot.transfer()
     truth = {
@@ -87,7 +88,7 @@ def coverage(seeds: int) -> Iterator[Row]:
             each, gain = 100 * np.mean(inside, axis=0), 100 * float(np.mean(gains))
             what = f"{structure} on {name}: 95 % intervals that hold the truth, {seeds} seeds"
             measured = f"gain {gain:.1f} %, plant coefficients {each.min():.1f} to {each.max():.1f} %"
-            yield Row(what, measured, "gain 92 to 98 %", holds=92 <= gain <= 98 if seeds >= 50 else None)
+            yield Check(what, gain, 92, 98, said=measured, beside="gain 92 to 98 %", asked=seeds >= 50)
 
 
 def best_of(times: int, work: Callable[[], object]) -> float:
@@ -100,7 +101,7 @@ def best_of(times: int, work: Callable[[], object]) -> float:
     return min(found)
 
 
-def grid(largest: int = 15) -> Iterator[Row]:
+def grid(largest: int = 15) -> Iterator[Check]:
     """All ARX models with n_a, n_b, n_k = 1..largest against one `lstsq` each."""
     series = record(foot.prbs(SAMPLES), 0)
     ours = best_of(5, lambda: arx.grid(series, largest, largest, largest))
@@ -118,7 +119,7 @@ def grid(largest: int = 15) -> Iterator[Row]:
     yield at_most("ARX grid, largest relative difference of losses", apart, 1e-9)
 
 
-def loaded_foot() -> Iterator[Row]:
+def loaded_foot() -> Iterator[Check]:
     """Linear against nonlinear models on the nonlinear foot with 4.5 kg, held-out fit in free simulation."""
     for frequency in (10.0, 15.0):
         rng = np.random.default_rng(round(frequency))
@@ -130,14 +131,14 @@ def loaded_foot() -> Iterator[Row]:
         hw = nonlinear.estimate(estimation, Orders.of("oe", (2, 2, 1)), (3, 3), oe)
         linear, *others = [selection.judge(m, [validation]) for m in (oe, subspace.estimate(estimation, 2), hw)]
         for found in (*others, estimate_narx(estimation, [validation])):
-            yield Row(
+            yield told(
                 f"loaded nonlinear foot, {frequency:g} Hz, {found.model.label}: held-out fit in free simulation",
                 f"{found.fit_percent:.2f} %", f"{linear.model.label}: {linear.fit_percent:.2f} %",
                 (100 - linear.fit_percent) / (100 - found.fit_percent),
             )  # fmt: skip
 
 
-def peers(timeout: float) -> Iterator[Row]:
+def peers(timeout: float) -> Iterator[Check]:
     """The same data (seed 0) through other packages."""
     arrays: dict[str, np.ndarray] = {"band": BAND, "exact": foot.response(BAND), "sample_time": np.array(1e-3)}
     ours: dict[str, tuple[float, float, float]] = {}
@@ -155,7 +156,7 @@ def peers(timeout: float) -> Iterator[Row]:
             mine = f"{ours[key][0]:.3f} % in {ours[key][2]:.3f} s"
             other = theirs if isinstance(theirs, str) else f"{theirs[0]:.3f} % in {theirs[2]:.3f} s"
             ratio = None if isinstance(theirs, str) else theirs[2] / ours[key][2]
-            yield Row(what, mine, f"{title}: {other}", ratio)
+            yield told(what, mine, f"{title}: {other}", ratio)
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

@@ -14,12 +14,13 @@ import mujoco
 import numpy as np
 import typer
 
-from benchmarks.rows import JsonOption, Row, at_least, at_most, faster, interleaved, judged_if_idle, report
+from benchmarks.table import JsonOption, faster, interleaved, judged_if_idle, report
 from fasbody.console import command_line, progress_bar
 from fasbody.foot.engine import Callbacks, callbacks, native, python_twin
 from fasbody.foot.model import load
 from fasbody.foot.shaker import sine
 from fasbody.foot.simulate import Batch
+from reproduction.check import Check, at_least, at_most
 
 _STEPS = 2000
 _BATCH, _BATCH_STEPS = 8, 4000
@@ -58,7 +59,7 @@ def thread_gain(
     return float(one), float(two)
 
 
-def measure(repeats: int = 60) -> list[Row]:
+def measure(repeats: int = 60) -> list[Check]:
     """Step costs and the gain of a second thread."""
     load = os.getloadavg()[0]
     with progress_bar() as progress:

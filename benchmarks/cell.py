@@ -16,14 +16,14 @@ import numpy as np
 import scipy.sparse.linalg as spla
 import typer
 
-from benchmarks.rows import JsonOption, Row, report
+from benchmarks.table import JsonOption, report
 from fasbody.cell.assembly import assemble
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import preset
-from fasbody.cell.mesh import dome_mesh
-from fasbody.cell.meshsize import MeshSize
+from fasbody.cell.mesh import MeshSize, dome_mesh
 from fasbody.cell.modal import CellModel, solve
 from fasbody.console import command_line, print_json
+from reproduction.check import Check, told
 
 SIZE, LARGE = 3.2, 1.4  # element sizes [um] of about 25,000 and 250,000 unknowns
 PLAIN = "plain scipy"
@@ -54,7 +54,7 @@ def apart(way: str, size: float) -> dict[str, float]:
     return dict(json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout))
 
 
-def measure(large: bool = False) -> list[Row]:
+def measure(large: bool = False) -> list[Check]:
     """Rows of each way, the usual cell beside plain scipy."""
     installed = ["pardiso"] if find_spec("pypardiso") else []
     jobs = [(way, SIZE) for way in ("superlu", "multigrid", *installed)]
@@ -66,8 +66,8 @@ def measure(large: bool = False) -> list[Row]:
         found = apart(way, size)
         what = f"ten modes of the cell, {found['unknowns']:.0f} unknowns, {way}, {_ends(found)}"
         beside = f"{PLAIN}, {_ends(plain)}: {_cost(plain)}" if size == SIZE else ""
-        rows.append(Row(what, _cost(found), beside, plain["solution_s"] / found["solution_s"] if beside else None))
-    rows.append(Row(f"the same, assembly of {plain['unknowns']:.0f} unknowns", f"{plain['assembly_s']:.1f} s", ""))
+        rows.append(told(what, _cost(found), beside, plain["solution_s"] / found["solution_s"] if beside else None))
+    rows.append(told(f"the same, assembly of {plain['unknowns']:.0f} unknowns", f"{plain['assembly_s']:.1f} s"))
     return rows
 
 

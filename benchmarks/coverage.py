@@ -10,20 +10,16 @@ seeds).
 """
 
 import os
-import signal
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from typing import Annotated
 
 import numpy as np
 import typer
-from rich.progress import Progress
 from scipy.stats import chi2, kstest
 
-from benchmarks.rows import JsonOption, Row, at_least, between, report
-from fasbody.console import command_line, console, progress_bar
+from benchmarks.table import JsonOption, report
+from fasbody.console import command_line, console
 from fasbody.exceptions import SettingError
 from fasbody.foot.model import load
 from fasbody.foot.two_dof import TwoDof
@@ -33,11 +29,13 @@ from fasbody.laboratory.study import FREQUENCIES_HZ
 from fasbody.recording.checks import checked
 from fasbody.recording.condition import SUBJECTS
 from fasbody.recording.recording import Condition, Recording
+from fasbody.runner import run
 from identification.branches import judge, mirrored, ratio, side
 from identification.certification import settle, standard_errors
 from identification.domains import PeriodicDomain
 from identification.search import Descent, Problem, descend
 from identification.space import space_of
+from reproduction.check import Check, at_least, within
 
 #: The laboratory's own foot, and the same with less nonlinearity.
 _FLAT = {**TRUTH, "c_12": 3.0, "c_22": -3.0}
@@ -111,36 +109,24 @@ def trial(truth: Mapping[str, float], clean: Sequence[Recording], seed: int) -> 
     return Trial(covered, descent.cost, dof, names[0] == true_name, verdict.word == "decided", len(found))
 
 
-_shared: dict[str, list[Recording]] = {}
+def _work(task: tuple[str, int, Sequence[Recording]]) -> Trial:
+    name, seed, clean = task
+    return trial(FEET[name], clean, seed)
 
 
-def _share(clean: dict[str, list[Recording]]) -> None:
-    """Start of a worker: the motions are sent once, and Ctrl-C is the parent's to handle."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _shared.update(clean)
-
-
-def _work(name: str, seed: int) -> Trial:
-    return trial(FEET[name], _shared[name], seed)
-
-
-def study(seeds: int, jobs: int, progress: Progress, seconds: float = 4.0) -> Iterator[tuple[str, Trial]]:
+def study(seeds: int, jobs: int, seconds: float = 4.0) -> Iterator[tuple[str, Trial]]:
     """Trials of all feet as they finish; Ctrl-C ends them and keeps what is done."""
-    work = [(name, seed) for seed in range(seeds) for name in FEET if name != BETWEEN or seed % 4 == 0]
-    task = progress.add_task("noise seeds", total=len(work))
     clean = {name: motions(truth, FREQUENCIES_HZ, seconds) for name, truth in FEET.items()}
-    with ProcessPoolExecutor(jobs, get_context("spawn"), _share, (clean,)) as pool:
-        futures = {pool.submit(_work, name, seed): name for name, seed in work}
-        try:
-            for future in as_completed(futures):
-                progress.advance(task)
-                yield futures[future], future.result()
-        except KeyboardInterrupt:
-            pool.shutdown(wait=False, cancel_futures=True)
-            console.print("interrupted; the rows rest on the seeds that are done")
+    feet = [(name, seed) for seed in range(seeds) for name in FEET if name != BETWEEN or seed % 4 == 0]
+    work = [(name, seed, clean[name]) for name, seed in feet]
+    try:
+        for index, done in run(_work, work, "noise seeds", jobs):
+            yield feet[index][0], done
+    except KeyboardInterrupt:
+        console.print("interrupted; the rows rest on the seeds that are done")
 
 
-def rows_of(trials: Mapping[str, Sequence[Trial]]) -> list[Row]:
+def rows_of(trials: Mapping[str, Sequence[Trial]]) -> list[Check]:
     """Rows from the trials of each foot; with fewer than 100 seeds nothing is required of rates."""
     strong, weak, middle = (trials[name] for name in (STRONG, WEAK, BETWEEN))
     rows = []
@@ -149,9 +135,9 @@ def rows_of(trials: Mapping[str, Sequence[Trial]]) -> list[Row]:
         for name in COUNTED:
             what = f"95 % interval of {name} holds the truth, {n} seeds"
             rate = 100 * float(np.mean([t.covered[name] for t in strong]))
-            row = between(what, rate, 92.0, 98.0, "%")
+            row = within(what, rate, 92.0, 98.0, "%")
             if n < _ENOUGH:
-                row = replace(row, against=f"{row.against}, judged from {_ENOUGH} seeds on", holds=None)
+                row = replace(row, beside=f"{row.against}, judged from {_ENOUGH} seeds on", asked=False)
             rows.append(row)
         dof = strong[0].dof
         test = kstest([t.chi_square for t in strong], chi2(dof).cdf)
@@ -166,7 +152,7 @@ def rows_of(trials: Mapping[str, Sequence[Trial]]) -> list[Row]:
     if middle:
         count, wrong = sum(t.decided for t in middle), sum(t.decided and not t.true_is_best for t in middle)
         what = f"{_about(BETWEEN)}: decided, seeds (wrongly: {wrong})"
-        rows.append(Row(what, f"{count}", f"of {len(middle)}, none wrongly", None, wrong == 0))
+        rows.append(Check(what, wrong, 0, 0, said=f"{count}", beside=f"of {len(middle)}, none wrongly"))
     return rows
 
 
@@ -176,7 +162,7 @@ def _about(name: str) -> str:
     return f"{name} ({law})"
 
 
-def measure(seeds: int = 20, jobs: int = 0, seconds: float = 4.0) -> list[Row]:
+def measure(seeds: int = 20, jobs: int = 0, seconds: float = 4.0) -> list[Check]:
     """All rows from so many seeds, on so many processes (0: all cores).
 
     Raises:
@@ -185,9 +171,8 @@ def measure(seeds: int = 20, jobs: int = 0, seconds: float = 4.0) -> list[Row]:
     if seeds < 2:
         raise SettingError(f"--seeds is {seeds}; at least 2 are needed, and 100 or more to judge the intervals.")
     trials: dict[str, list[Trial]] = {name: [] for name in FEET}
-    with progress_bar() as progress:
-        for name, done in study(seeds, jobs or os.cpu_count() or 1, progress, seconds):
-            trials[name].append(done)
+    for name, done in study(seeds, jobs or os.cpu_count() or 1, seconds):
+        trials[name].append(done)
     return rows_of(trials)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import typer
 
 from benchmarks import plain_scipy
-from benchmarks.rows import JsonOption, Row, at_least, at_most, faster, report
+from benchmarks.table import JsonOption, faster, report
 from fasbody.console import command_line, progress_bar
 from fasbody.foot import shaker
 from fasbody.foot.model import load
@@ -30,6 +30,7 @@ from identification.engines.mujoco import Rollouts
 from identification.periodic import PeriodicProblem
 from identification.search import Descent, Problem, descend
 from identification.space import space_of
+from reproduction.check import Check, at_least, at_most
 
 #: Costs that differ by less are equal: both minimisers stop at relative changes of 1e-8.
 _SAME = 1e-7
@@ -69,7 +70,7 @@ def gap(a: np.ndarray, b: np.ndarray, problem: Problem) -> float:
     return float(np.max(np.abs(a - b) / np.sqrt(np.diag(problem.covariance(a, np.ones(a.size, bool))))))
 
 
-def steady_state(timed_starts: int = 20, wild_starts: int = 50, mujoco_starts: int = 3) -> tuple[list[Row], float]:
+def steady_state(timed_starts: int = 20, wild_starts: int = 50, mujoco_starts: int = 3) -> tuple[list[Check], float]:
     """Rows of the pooled steady-state fit, and the median time of one in the twin [s]."""
     foot, data = load("two_dof"), bundled()
     space = space_of(foot)
@@ -125,7 +126,7 @@ def _end(problem: PeriodicProblem, q0: np.ndarray) -> np.ndarray:
     return descend(problem, q0, "known", tight=True).z
 
 
-def time_domain(steady_seconds: float, seconds: float = 10.0, repeats: int = 5, scipy_limit: int = 200) -> list[Row]:
+def time_domain(steady_seconds: float, seconds: float = 10.0, repeats: int = 5, scipy_limit: int = 200) -> list[Check]:
     """Rows of the time-domain fit beside scipy's.
 
     Args:
@@ -152,15 +153,16 @@ def time_domain(steady_seconds: float, seconds: float = 10.0, repeats: int = 5, 
     return [
         faster(f"time-domain fit of a {seconds:g} s recording, twin ({descent.evaluations} evaluations)",
                median, scipy_seconds, other, 300.0),
-        Row("its cost (weighted sum of squares)", f"{descent.cost:.8g}", f"scipy: {scipy_cost:.8g}, equal or lower",
-            scipy_cost / descent.cost, descent.cost <= scipy_cost * (1 + _SAME)),
+        Check("its cost (weighted sum of squares)", descent.cost, high=scipy_cost * (1 + _SAME),
+              said=f"{descent.cost:.8g}", beside=f"scipy: {scipy_cost:.8g}, equal or lower",
+              ratio=scipy_cost / descent.cost),
         faster("pooled steady-state fit, twin", steady_seconds, scipy_seconds, "scipy on that one recording"),
     ]  # fmt: skip
 
 
 def measure(
     timed_starts: int = 20, wild_starts: int = 50, mujoco_starts: int = 3, seconds: float = 10.0, scipy_limit: int = 200
-) -> list[Row]:
+) -> list[Check]:
     """All rows; the defaults are those of the requirements."""
     rows, median = steady_state(timed_starts, wild_starts, mujoco_starts)
     return rows + time_domain(median, seconds, scipy_limit=scipy_limit)

@@ -4,7 +4,6 @@ import resource
 
 import numpy as np
 
-from benchmarks.rows import Row, at_most
 from fasbody.acquire.bench.line import corrupt
 from fasbody.acquire.wire import (
     LONGEST_LINE,
@@ -20,6 +19,7 @@ from fasbody.acquire.wire import (
     wrap,
 )
 from fasbody.console import console
+from reproduction.check import Check, at_most, told
 
 HELLO = Hello("noisy", 4000.0, tuple(Channel(r, 39.2, 1024.0) for r in ("base", "malleolus", "tuberosity")), 16, 16, 1)
 
@@ -30,7 +30,7 @@ def counts_of(frame: int) -> np.ndarray:
     return ((index[:, None] * 7919 + np.arange(3) * 104729) % 60013 - 30006).astype(np.int32)
 
 
-def fuzz(strings: int) -> list[Row]:
+def fuzz(strings: int) -> list[Check]:
     """Random, damaged and almost right byte strings into both parsers."""
     rng = np.random.default_rng(2)
     good = [encode_hello(HELLO), *(encode_data(i, 4000 * i, counts_of(i), 16) for i in range(4))]
@@ -65,8 +65,8 @@ def fuzz(strings: int) -> list[Row]:
             frames.feed(good[0])
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
     return [
-        Row(f"{strings:,} byte strings into both parsers: exceptions", f"{failures}", "none", holds=failures == 0),
+        Check(f"{strings:,} byte strings into both parsers: exceptions", failures, 0, 0, beside="none"),
         at_most("bytes kept between strings", longest, max(LONGEST_WIRE, LONGEST_LINE)),
         at_most("memory grown by the run", grown, 50, "MB"),
-        Row("messages made of them", f"{passed:,}", ""),
+        told("messages made of them", f"{passed:,}"),
     ]

@@ -11,10 +11,11 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from benchmarks.rows import Row, at_most, report
+from benchmarks.table import report
 from fasbody.console import command_line, console, results
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.transmissibility.spectra import cross_spectrum, peak_to_peak
+from reproduction.check import Check, at_most, told
 
 RATE_HZ, SECONDS, TRUE = 1000.0, 10.0, 1.3 * np.exp(-0.7j)
 FREQUENCIES_HZ = (10.0, 20.0, 35.0, 50.0)
@@ -47,7 +48,7 @@ def errors(f: float, noise: float, second: float, trials: int = 40) -> np.ndarra
     return np.array(rows)
 
 
-def measure(seeds: int = 100) -> list[Row]:
+def measure(seeds: int = 100) -> list[Check]:
     """The sine fit's systematic error and scatter, and peak to peak beside it, worst of the frequencies."""
     rows = []
     every = {f: errors(f, NOISE, SECOND, seeds) for f in FREQUENCIES_HZ}
@@ -62,11 +63,10 @@ def measure(seeds: int = 100) -> list[Row]:
         text = f"the same: standard deviation of one recording's {what} (worst, {worst:g} Hz)"
         rows.append(at_most(text, float(std[worst][column]), 0.1, unit))
     inside = np.mean([(abs(e[:, 0]) < 0.1) & (abs(e[:, 3]) < 0.1) for e in every.values()])
-    rows.append(Row("the same: recordings within 0.1 % and 0.1 degrees", f"{100 * inside:.1f} %", ""))
+    rows.append(told("the same: recordings within 0.1 % and 0.1 degrees", f"{100 * inside:.1f} %"))
     worst = max(mean, key=lambda f: abs(mean[f][1]))
-    rows.append(
-        Row(f"peak to peak on the same recordings: mean error (worst, {worst:g} Hz)", f"{mean[worst][1]:+.2f} %", "")
-    )
+    what = f"peak to peak on the same recordings: mean error (worst, {worst:g} Hz)"
+    rows.append(told(what, f"{mean[worst][1]:+.2f} %"))
     return rows
 
 

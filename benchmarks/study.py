@@ -19,7 +19,7 @@ import numpy as np
 import typer
 
 from benchmarks import plain_scipy
-from benchmarks.rows import JsonOption, Row, at_least, at_most, faster, judged_if_idle, report
+from benchmarks.table import JsonOption, faster, judged_if_idle, report
 from fasbody.console import command_line, console
 from fasbody.foot.model import load
 from fasbody.laboratory.study import Plan as Virtual
@@ -33,6 +33,7 @@ from identification.space import space_of
 from identification.study import cluster
 from identification.study.job import Document
 from identification.study.plan import Job, Model, Plan
+from reproduction.check import Check, at_least, at_most
 
 _LOADS = (("midstance", 0.0), ("midstance", 2.3), ("midstance", 4.5))
 #: Recordings of a subject: three loads at nine frequencies.
@@ -92,7 +93,7 @@ def by_scipy(study: StudyFolder, count: int, evaluations: int) -> tuple[float, f
 def measure(
     subjects: int = 20, subset: int = 81, count_time: int = 36, scipy_recordings: int = 5, evaluations: int = 2,
     starts: int = 10,
-) -> list[Row]:  # fmt: skip
+) -> list[Check]:  # fmt: skip
     """All rows; the defaults are those of `make bench`."""
     busy, rows = os.getloadavg()[0], []
     recordings, cores = subjects * _EACH, _cores()
@@ -100,7 +101,7 @@ def measure(
     def say(what: str) -> None:
         console.print(f"  {time.strftime('%H:%M:%S')} {what}", markup=False, soft_wrap=True)
 
-    def judged(row: Row) -> None:
+    def judged(row: Check) -> None:
         rows.append(judged_if_idle(row, busy))
 
     with tempfile.TemporaryDirectory() as place:

@@ -14,8 +14,9 @@ from typing import Annotated
 
 import typer
 
-from benchmarks.rows import Row, at_most, report
+from benchmarks.table import report
 from fasbody.console import command_line, console
+from reproduction.check import Check, at_most, told
 
 _SUBJECTS = (5, 20)
 _EACH = 27  # three loads, nine frequencies
@@ -45,7 +46,7 @@ def measured(*command: str) -> tuple[float, float, float]:
     return wall, cpu, memory
 
 
-def measure(file_format: str = "h5", subjects: tuple[int, int] = _SUBJECTS, seconds: float = 10.0) -> list[Row]:
+def measure(file_format: str = "h5", subjects: tuple[int, int] = _SUBJECTS, seconds: float = 10.0) -> list[Check]:
     """Generation and analysis of two studies of different size."""
     rows, largest = [], []
     for count in subjects:
@@ -60,7 +61,7 @@ def measure(file_format: str = "h5", subjects: tuple[int, int] = _SUBJECTS, seco
             text = (
                 f"{cpu:.0f} s of CPU time, {wall:.0f} s on the clock (load {load:.0f}), largest process {memory:.0f} MB"
             )
-            rows.append(Row(f"{count * _EACH} recordings of {seconds:g} s ({file_format}) {what}", text, ""))
+            rows.append(told(f"{count * _EACH} recordings of {seconds:g} s ({file_format}) {what}", text))
     what = f"largest process with {subjects[1] * _EACH} recordings over that with {subjects[0] * _EACH}"
     return [*rows, at_most(what, largest[1] / largest[0], 1.1, "times")]
 

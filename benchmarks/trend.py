@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from benchmarks.rows import JsonOption, Row, between, report
+from benchmarks.table import JsonOption, report
 from fasbody.console import command_line, console, progress_bar
 from fasbody.foot.model import Foot, load
 from fasbody.foot.two_dof import TwoDof
@@ -26,6 +26,7 @@ from identification.study.curves import Order
 from identification.study.trend import CURVES, fit_trend, refit
 from identification.study.trend_result import TrendBranch
 from identification.study.validation import leave_one_frequency_out
+from reproduction.check import Check, told, within
 
 FREQUENCIES_HZ = (10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0)
 LOADS_KG = (0.0, 2.3, 4.5)
@@ -61,7 +62,7 @@ def study(law: Law, loads: tuple[float, ...], seed: int, scatter: float = 0.0) -
     return made
 
 
-def coverage(foot: Foot, start: TrendBranch, seeds: int, scatter: float) -> list[Row]:
+def coverage(foot: Foot, start: TrendBranch, seeds: int, scatter: float) -> list[Check]:
     """Share of 95 % intervals of the curves that hold the truth, and what is learnt of the scatter."""
     space = replace(start.space, scatter=scatter > 0)
     begin = replace(start, space=space, scatter=dict.fromkeys(CURVES, 0.1))
@@ -80,12 +81,12 @@ def coverage(foot: Foot, start: TrendBranch, seeds: int, scatter: float) -> list
                         errors.append(e.std_error / e.value)
     about = f"scatter {100 * scatter:g} %, {seeds} seeds"
     rows = [
-        between(f"95 % interval of a curve holds the truth, {about}", 100 * float(np.mean(inside)), 92.0, 98.0, "%"),
-        Row(f"median standard error of a curve, {about}", f"{100 * float(np.median(errors)):.2g} %", ""),
+        within(f"95 % interval of a curve holds the truth, {about}", 100 * float(np.mean(inside)), 92.0, 98.0, "%"),
+        told(f"median standard error of a curve, {about}", f"{100 * float(np.median(errors)):.2g} %"),
     ]
     if scatter:
         learnt = 100 * float(np.median(tau))
-        rows.append(between(f"scatter learnt, median, {about}", learnt, 80 * scatter, 120 * scatter, "%"))
+        rows.append(within(f"scatter learnt, median, {about}", learnt, 80 * scatter, 120 * scatter, "%"))
     return rows
 
 
@@ -96,10 +97,10 @@ CASES = (
 )  # fmt: skip
 
 
-def branches(foot: Foot) -> list[Row]:
+def branches(foot: Foot) -> list[Check]:
     """By how much the mirror branch is worse, for damping, loads and orders of the curves in the load."""
-    rows: list[Row] = []
-    for bend, loads, order, told in CASES:
+    rows: list[Check] = []
+    for bend, loads, order, clear in CASES:
 
         def law(f: float, m: float, bend: dict[str, float] = bend, fixed: bool = order == 0) -> dict[str, float]:
             return power_laws(f, 0.0 if fixed else m, bend)
@@ -112,23 +113,23 @@ def branches(foot: Foot) -> list[Row]:
         damping = "nonlinear" if bend is STRONG else "nearly linear"
         what = f"other branch worse by (-2 log L), {damping} damping, {len(loads)} loads, load to the power of {order}"
         right = result.best.name == STIFF_ANKLE or result.verdict == "undecided"
-        holds = right and result.verdict == ("decided" if told else "undecided")
+        holds = right and result.verdict == ("decided" if clear else "undecided")
         ahead = "" if result.best.name == STIFF_ANKLE else ", wrong branch ahead"
-        rows.append(Row(what.replace("1 loads", "1 load"), f"{apart:.3g}, {result.verdict}{ahead}",
-                        "decided, rightly" if told else "undecided", None, holds))  # fmt: skip
+        said, wanted = f"{apart:.3g}, {result.verdict}{ahead}", "decided, rightly" if clear else "undecided"
+        rows.append(Check(what.replace("1 loads", "1 load"), float(holds), 1, 1, said=said, beside=wanted))
     return rows
 
 
-def held_out(foot: Foot, start: TrendBranch) -> list[Row]:
+def held_out(foot: Foot, start: TrendBranch) -> list[Check]:
     """Held-out errors of the three modes on one subject with two loads."""
     data = study(power_laws, LOADS_KG[::2], 1)
     settings = Settings(starts=1, threads=1)
-    rows: list[Row] = []
+    rows: list[Check] = []
     for mode in ("per-recording", "pooled", "trend"):
         branch = start if mode == "trend" else None
         found = leave_one_frequency_out(data, foot, mode, settings, branch=branch)
         text = f"{found.percent:.2g} %, chi-square a number {found.chi_square_per_number:.3g}"
-        rows.append(Row(f"error of a frequency left out, median, {mode}", text, ""))
+        rows.append(told(f"error of a frequency left out, median, {mode}", text))
     return rows
 
 

@@ -20,8 +20,9 @@ import tornado.websocket
 import typer
 from tornado.httpclient import HTTPRequest
 
-from benchmarks.rows import Row, at_least, at_most, report
+from benchmarks.table import report
 from fasbody.console import command_line, console
+from reproduction.check import Check, at_least, at_most, told
 from viz.exported import CHROMIUM, chromium
 from viz.feet import Show
 from viz.settings import Settings
@@ -108,7 +109,7 @@ def _computing(model: str) -> float:
     return float(np.median(spent))
 
 
-def measure(minutes: float = 0.5) -> list[Row]:
+def measure(minutes: float = 0.5) -> list[Check]:
     """All rows; the memory run takes `minutes`."""
     rows = []
     for model in MODELS:
@@ -116,7 +117,7 @@ def measure(minutes: float = 0.5) -> list[Row]:
             seconds = 60 * minutes if model == MODELS[-1] else 5.0
             rate, size, memory = asyncio.run(_stream(url, seconds, process))
             rows.append(at_least(f"{model}: frames a second simulated and streamed", rate, 60))
-            rows.append(Row(f"{model}: one motion of 64 frames", f"{1e3 * size:.0f} kB", ""))
+            rows.append(told(f"{model}: one motion of 64 frames", f"{1e3 * size:.0f} kB"))
             rows.append(at_most(f"{model}: computing time of one motion, median", _computing(model), 65, "ms"))
             if model == MODELS[-1]:
                 grown = memory[-1] - memory[0]
@@ -128,9 +129,9 @@ def measure(minutes: float = 0.5) -> list[Row]:
                 rows.append(at_most(what, delay["posed"], 65, "ms"))
                 delay, pictures = _page(url, "auto")
                 software = f"{model}: drawn by the processor alone: "
-                rows.append(Row(f"{software}slider to motion posed", f"{delay['posed']:.0f} ms", ""))
-                rows.append(Row(f"{software}slider to picture finished", f"{delay['drawn']:.0f} ms", ""))
-                rows.append(Row(f"{software}pictures a second", f"{pictures:.1f}", ""))
+                rows.append(told(f"{software}slider to motion posed", f"{delay['posed']:.0f} ms"))
+                rows.append(told(f"{software}slider to picture finished", f"{delay['drawn']:.0f} ms"))
+                rows.append(told(f"{software}pictures a second", f"{pictures:.1f}"))
     return rows
 
 

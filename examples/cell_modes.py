@@ -11,7 +11,7 @@ from fasbody.cell import figures
 from fasbody.cell.analysis import Analysis, analyse, assemblies
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import preset
-from fasbody.cell.meshsize import MeshSize
+from fasbody.cell.mesh import MeshSize
 
 
 def main(picture: Path = Path("cell_modes.png"), size_um: float = 6.0) -> Analysis:

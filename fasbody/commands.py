@@ -108,19 +108,19 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Watch a foot on the shaker in slow motion; move a slider and the real model runs again.",
         ),
         Command(
-            "arch sensitivity", "fasbody.arch.sensitivity", "",
+            "arch sensitivity", "fasbody.arch", "sensitivity",
             "Do only k_T, c_T, k_F, c_F matter? Relative sensitivity of the five-body arch to all 13 constants.",
         ),
         Command(
-            "arch reduction", "fasbody.arch.reduction", "",
+            "arch reduction", "fasbody.arch", "reduction",
             "What the reduction of the five-body arch to two masses costs at the malleolus, 1-100 Hz.",
         ),
         Command(
-            "arch load", "fasbody.arch.load", "",
+            "arch load", "fasbody.arch", "load",
             "Sag of the arch under a static load, and its resonance under the added masses of Chapter 2.",
         ),
         Command(
-            "arch crosscheck", "fasbody.arch.crosscheck", "",
+            "arch crosscheck", "fasbody.arch", "crosscheck",
             "Mass matrix and velocity terms of the arch from the equations, Pinocchio and MuJoCo; "
             "exit 1 on disagreement.",
         ),

@@ -9,10 +9,11 @@ from rich.table import Table
 
 from fasbody.console import command_line, console, make_folder, print_json, results, write_whole
 from fasbody.exceptions import InputFileError, SettingError
+from fasbody.runner import ROOT
 from reproduction.book import CHAPTERS, OUTSIDE, ROWS
 from reproduction.report import counts, markdown, numbers
 from reproduction.row import Row, Verdict
-from reproduction.run import ROOT, run_rows
+from reproduction.run import run_rows
 
 PAGE = ROOT / "docs" / "reproduction.md"
 KEPT = ROOT / "results" / "reproduction"

@@ -13,7 +13,8 @@ from reproduction.arch_energies import mass_from_energy, only, printed_damping, 
 from reproduction.chapter3_findings import ALL, BLACK_BOX, PUBLISHED, SUBJECT, panels
 from reproduction.chapter4_arch import ARCH, pose
 from reproduction.chapter4_sensitivity import SENSITIVITY, draws
-from reproduction.row import Outcome, Rows, at_least, at_most, exactly, within
+from reproduction.check import at_least, at_most, exactly, within
+from reproduction.row import Outcome, Rows
 from reproduction.virtual import PER_SUBJECT
 
 ROWS = Rows()

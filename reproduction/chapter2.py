@@ -13,7 +13,8 @@ from fasbody.transmissibility import figures, sdof
 from fasbody.transmissibility.findings import LOADS, POSTURES
 from fasbody.transmissibility.spectra import cross_covariance, cross_spectrum, lowpass, peak_to_peak
 from fasbody.transmissibility.table import Condition
-from reproduction.row import TRANSCRIBED, Outcome, Rows, at_least, at_most, exactly, near
+from reproduction.check import at_least, at_most, exactly, near
+from reproduction.row import TRANSCRIBED, Outcome, Rows
 from reproduction.virtual import (
     STUDY,
     STUDY_COMMAND,

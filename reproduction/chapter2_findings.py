@@ -3,7 +3,8 @@
 import math
 from functools import partial
 
-from reproduction.row import TRANSCRIBED, Outcome, Rows, exactly
+from reproduction.check import exactly
+from reproduction.row import TRANSCRIBED, Outcome, Rows
 from reproduction.virtual import (
     STUDY,
     STUDY_COMMAND,

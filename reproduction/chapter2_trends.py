@@ -9,7 +9,8 @@ from fasbody.arch.load import MEASURED_HZ, load_study
 from fasbody.transmissibility.findings import LOADS, POSTURES
 from fasbody.transmissibility.statistics import ALPHA, one_sample, paired
 from fasbody.transmissibility.table import Condition, Table
-from reproduction.row import Check, Outcome, Rows, at_least, at_most, exactly, within
+from reproduction.check import Check, at_least, at_most, exactly, within
+from reproduction.row import Outcome, Rows
 from reproduction.virtual import STUDY, STUDY_COMMAND, judged, study_table
 
 ROWS = Rows()

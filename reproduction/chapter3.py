@@ -11,7 +11,8 @@ from fasbody.recording.condition import foot_mass, shank_mass
 from identification.blackbox import criteria, pem, selection, subspace
 from identification.blackbox.data import Series
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
-from reproduction.row import Outcome, Rows, at_least, at_most, exactly, near
+from reproduction.check import at_least, at_most, exactly, near
+from reproduction.row import Outcome, Rows
 from reproduction.virtual import rms
 
 ROWS = Rows()

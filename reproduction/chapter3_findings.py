@@ -8,7 +8,8 @@ from identification.blackbox import excitation, frequency, nonlinear, pem, publi
 from identification.blackbox.data import Series
 from identification.blackbox.identify import identify
 from identification.blackbox.polynomial import STRUCTURES, Orders
-from reproduction.row import Outcome, Rows, at_least, at_most, exactly, near
+from reproduction.check import at_least, at_most, exactly, near
+from reproduction.row import Outcome, Rows
 from reproduction.virtual import PER_SUBJECT, bundled_series, loaded_series
 
 ROWS = Rows()

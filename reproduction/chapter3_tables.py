@@ -5,7 +5,8 @@ import numpy as np
 from identification.blackbox import published
 from identification.blackbox.polynomial import STRUCTURES
 from reproduction.chapter3_findings import ALL, PUBLISHED
-from reproduction.row import Outcome, Rows, at_least, at_most, exactly
+from reproduction.check import at_least, at_most, exactly
+from reproduction.row import Outcome, Rows
 
 ROWS = Rows()
 

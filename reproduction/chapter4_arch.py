@@ -18,7 +18,8 @@ from reproduction.arch_energies import (
     only,
     velocity_terms_from_energy,
 )
-from reproduction.row import Outcome, Rows, at_least, at_most, exactly, near
+from reproduction.check import at_least, at_most, exactly, near
+from reproduction.row import Outcome, Rows
 
 ROWS = Rows()
 CROSSCHECK = "python -m fasbody.arch crosscheck"

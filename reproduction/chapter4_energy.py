@@ -13,6 +13,7 @@ from fasbody.recording.condition import ADDED_MASSES_KG
 from identification.study import figures
 from identification.study import figures as motion
 from reproduction.chapter4_results import F, true_means
+from reproduction.check import at_least, at_most, exactly
 from reproduction.fitted import (
     BRANCHES,
     DRAWN,
@@ -24,7 +25,7 @@ from reproduction.fitted import (
     mean_at,
     true_energies,
 )
-from reproduction.row import Outcome, Rows, at_least, at_most, exactly
+from reproduction.row import Outcome, Rows
 
 ROWS = Rows()
 LIGHT, *_, HEAVY = ADDED_MASSES_KG

@@ -15,7 +15,8 @@ from fasbody.recording.study import BUNDLED, bundled, read_truth
 from identification.blackbox.criteria import fit_percent
 from identification.estimate import fit_foot
 from identification.result import FitResult
-from reproduction.row import Outcome, Rows, at_least, at_most, exactly, near, within
+from reproduction.check import at_least, at_most, exactly, near, within
+from reproduction.row import Outcome, Rows
 
 ROWS = Rows()
 FIT, BUNDLE = "python -m identification.fit", "bundled fit"

@@ -7,7 +7,8 @@ from fasbody.foot import damper, shaker
 from fasbody.foot.model import load
 from fasbody.foot.simulate import simulate
 from fasbody.foot.two_dof import TwoDof, trajectory
-from reproduction.row import Outcome, Rows, at_most, exactly, near
+from reproduction.check import at_most, exactly, near
+from reproduction.row import Outcome, Rows
 
 ROWS = Rows()
 FOOT = TwoDof(1.31e5, 9.4e4, 165.0, 90.0, 140.0, 310.0, -120.0, 180.0, 3.374, 1.052)

@@ -17,7 +17,8 @@ from reproduction.arch_energies import (
     printed_damping,
     printed_stiffness,
 )
-from reproduction.row import Outcome, Rows, at_least, at_most, exactly, within
+from reproduction.check import at_least, at_most, exactly, within
+from reproduction.row import Outcome, Rows
 
 ROWS = Rows()
 ARCH = Arch.draw(np.random.default_rng(0))

@@ -12,8 +12,9 @@ from fasbody.recording.condition import ADDED_MASSES_KG
 from fasbody.transmissibility.statistics import ALPHA
 from identification.study import figures
 from identification.study.summary import measured
+from reproduction.check import Check, at_least, at_most, exactly, within
 from reproduction.fitted import BRANCHES, DRAWN, GROUP, STUDY_COMMAND, documents, fits, mean_at, on_branch, table
-from reproduction.row import Check, Outcome, Rows, at_least, at_most, exactly, within
+from reproduction.row import Outcome, Rows
 
 ROWS = Rows()
 F = np.array(FREQUENCIES_HZ)

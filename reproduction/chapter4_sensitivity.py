@@ -17,7 +17,8 @@ from fasbody.arch.sensitivity import (
     study,
     trajectory_sensitivity,
 )
-from reproduction.row import TRANSCRIBED, Outcome, Rows, at_least, at_most, exactly, near, within
+from reproduction.check import at_least, at_most, exactly, near, within
+from reproduction.row import TRANSCRIBED, Outcome, Rows
 
 ROWS = Rows()
 SENSITIVITY = "python -m fasbody.arch sensitivity --lever-arm 0.015 --lever-arm 0.1"

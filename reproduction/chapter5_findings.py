@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from fasbody.cell.response import base_response
 from fasbody.cell.sweep import YEAST_PA, Sweep
-from fasbody.cell.viscoelastic import ReducedCell, StandardLinearSolid, damped_modes
+from fasbody.cell.viscoelastic import ReducedCell, StandardLinearSolid, base_response, damped_modes
 from reproduction.chapter5 import GROUP, SWEEP, at_real_size, by_modulus, by_shape, summary, viscoelastic
-from reproduction.row import Outcome, Rows, at_least, at_most, exactly, near, within
+from reproduction.check import at_least, at_most, exactly, near, within
+from reproduction.row import Outcome, Rows
 
 ROWS = Rows()
 

@@ -13,9 +13,10 @@ from reproduction.chapter3_tables import range_of_fits
 from reproduction.chapter4_energy import pad_dissipates_more
 from reproduction.chapter4_results import rises
 from reproduction.chapter5 import GROUP, SWEEP, at_real_size, by_modulus, summary
+from reproduction.check import Check, at_least, at_most, exactly, near, within
 from reproduction.fitted import GROUP as FITS
 from reproduction.fitted import STUDY_COMMAND as FIT_COMMAND
-from reproduction.row import Check, Outcome, Rows, at_least, at_most, exactly, near, within
+from reproduction.row import Outcome, Rows
 from reproduction.virtual import STUDY, STUDY_COMMAND, judged
 
 ROWS = Rows()

@@ -1,7 +1,5 @@
 """docs/reproduction.md from the results: counts, then one table a chapter. Same code, same machine: same text."""
 
-import os
-import platform
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,25 +9,15 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader
 
 from fasbody.laboratory.study import Plan
+from fasbody.runner import machine
 from reproduction.book import CHAPTERS, OUTSIDE
 from reproduction.row import GROUPS, Row, Verdict
-from reproduction.run import versions
+from reproduction.run import LIBRARIES
 from reproduction.virtual import LARGE, OTHER_SEEDS, USUALLY
 
 Results = Mapping[str, Mapping[str, Any]]
 #: A command of so many rows stands once on the page, and its letter in the rows.
 SHARED_BY = 5
-
-
-def machine() -> str:
-    """Processor, cores, system and versions in one line."""
-    cpu = Path("/proc/cpuinfo")
-    lines = cpu.read_text().splitlines() if cpu.is_file() else []
-    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return (
-        f"{models[0] if models else platform.machine()}, {os.cpu_count()} cores; {platform.system()}, "
-        f"Python {platform.python_version()}, {versions()}"
-    )
 
 
 def counts(rows: Sequence[Row], results: Results) -> dict[str, int]:
@@ -51,7 +39,7 @@ def markdown(results: Results) -> str:
     thesis = [row for rows in CHAPTERS.values() for row in rows]
     often = [command for command, n in Counter(row.command for row in thesis).most_common() if n >= SHARED_BY]
     return environment.get_template("report.md.j2").render(
-        chapters=CHAPTERS, outside=OUTSIDE, results=results, machine=machine(), total=len(thesis),
+        chapters=CHAPTERS, outside=OUTSIDE, results=results, machine=machine(*LIBRARIES), total=len(thesis),
         counts=counts(thesis, results), outside_counts=counts(OUTSIDE, results),
         by_chapter={title: counts(rows, results) for title, rows in CHAPTERS.items()},
         letters=dict(zip(often, ascii_uppercase, strict=False)),

@@ -8,9 +8,11 @@ thing to be judged is wording or a list, the row compares its own transcription 
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
+
+from reproduction.check import Check
 
 #: Begins the note of a row that holds two printed things against each other: the numbers are typed in the row.
 TRANSCRIBED = "Compares transcriptions of the print."
@@ -27,68 +29,6 @@ class Verdict(StrEnum):
     CONTRADICTED = "contradicted"
     CALIBRATED = "calibrated to it"
     FAILED = "failed"
-
-
-@dataclass(frozen=True)
-class Check:
-    """A number that came out and where it should lie; both limits belong to the range.
-
-    Attributes:
-        what: the number, in words. value: it. low, high: limits. unit: of all three.
-    """
-
-    what: str
-    value: float
-    low: float = -math.inf
-    high: float = math.inf
-    unit: str = ""
-
-    @property
-    def holds(self) -> bool:
-        """Whether the number lies where it should; a number that is not finite never does."""
-        return math.isfinite(self.value) and self.low <= self.value <= self.high
-
-    @property
-    def criterion(self) -> str:
-        """The limits in words."""
-        if self.low == self.high:
-            return f"{self.low:.4g}"
-        if self.low == -math.inf:
-            return f"at most {self.high:.4g}"
-        if self.high == math.inf:
-            return f"at least {self.low:.4g}"
-        middle, half = (self.low + self.high) / 2, (self.high - self.low) / 2
-        narrow = half < 1e-3 * abs(middle) or middle == 0
-        return f"{middle:.6g} ± {half:.2g}" if narrow else f"{self.low:.4g} to {self.high:.4g}"
-
-    def __str__(self) -> str:
-        unit = f" {self.unit}" if self.unit else ""
-        return f"{self.what}: {self.value:.4g}{unit} ({'' if self.holds else 'NOT '}{self.criterion})"
-
-
-def near(what: str, value: float, wanted: float, tolerance: float, unit: str = "") -> Check:
-    """`value` within `tolerance` (in the same unit) of `wanted`."""
-    return Check(what, float(value), wanted - tolerance, wanted + tolerance, unit)
-
-
-def within(what: str, value: float, low: float, high: float, unit: str = "") -> Check:
-    """`value` from `low` to `high`."""
-    return Check(what, float(value), low, high, unit)
-
-
-def at_most(what: str, value: float, limit: float, unit: str = "") -> Check:
-    """`value` not above `limit`."""
-    return Check(what, float(value), high=limit, unit=unit)
-
-
-def at_least(what: str, value: float, limit: float, unit: str = "") -> Check:
-    """`value` not below `limit`."""
-    return Check(what, float(value), low=limit, unit=unit)
-
-
-def exactly(what: str, value: float, wanted: float, unit: str = "") -> Check:
-    """A count that must be `wanted`."""
-    return Check(what, float(value), wanted, wanted, unit)
 
 
 #: Groups of checks of an outcome, as its attributes are called, and how a reader is told which one a check is of.
@@ -129,7 +69,7 @@ class Outcome:
     @property
     def checks(self) -> list[Check]:
         """All of them."""
-        return [check for group in GROUPS for check in getattr(self, group)]
+        return [replace(check, source=group) for group in GROUPS for check in getattr(self, group)]
 
     @property
     def verdict(self) -> Verdict:
@@ -157,22 +97,13 @@ class Outcome:
         """As plain data, with the verdict."""
         plain = asdict(self)
         for group in GROUPS:
-            plain[group] = [_finite(check) for check in getattr(self, group)]
+            plain[group] = [check.document() for check in self.checks if check.source == group]
         return plain | {"verdict": str(self.verdict)}
 
 
 def _hold(*groups: Sequence[Check]) -> bool:
     """Whether every check of every group holds."""
-    return all(check.holds for group in groups for check in group)
-
-
-def _finite(check: Check) -> dict[str, Any]:
-    """A check for JSON, which knows no infinity: a limit that is not there is null."""
-    limits = {key: value if math.isfinite(value) else None for key, value in asdict(check).items() if key in _NUMBERS}
-    return asdict(check) | limits | {"holds": check.holds, "text": str(check)}
-
-
-_NUMBERS = ("value", "low", "high")
+    return all(check.met for group in groups for check in group)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from fasbody.arch.bones import Arch
 from fasbody.arch.linear import linearise, response, transmissibility
 from fasbody.arch.load import ARANGIO_CUT, ARANGIO_SAG, HEEL, MEASURED_HZ, LoadStudy, SagStudy, load_study, sag_study
 from fasbody.laboratory.subject import constants
-from reproduction.row import Check, Outcome, Rows, near, within
+from reproduction.check import Check, near, within
+from reproduction.row import Outcome, Rows
 
 ROWS = Rows()
 STATIC = "python -m fasbody.arch load"

@@ -16,7 +16,8 @@ from fasbody.recording.study import BUNDLED, Study, StudyFolder
 from fasbody.transmissibility.findings import Finding, findings
 from fasbody.transmissibility.table import Table
 from identification.blackbox.data import Series, from_recording
-from reproduction.row import Check, Outcome, at_least, exactly
+from reproduction.check import Check, at_least, exactly
+from reproduction.row import Outcome
 from reproduction.virtual_transfer import study
 
 #: Seconds of each virtual recording: 20 periods at 10 Hz; `python -m fasbody.laboratory` makes 10 s by default.
@@ -95,8 +96,8 @@ def whatever_the_seed(checks: Sequence[Check], elsewhere: Sequence[bool], in_lar
 
 def judged(judge: Callable[[Table], Sequence[Check]], note: str = "") -> Outcome:
     """A statement as checks of a table, made of the virtual study and of those with other seeds."""
-    elsewhere = [all(check.holds for check in judge(table)) for table in other_tables()]
-    in_large = all(check.holds for check in judge(large_table()))
+    elsewhere = [all(check.met for check in judge(table)) for table in other_tables()]
+    in_large = all(check.met for check in judge(large_table()))
     return whatever_the_seed(judge(study_table()), elsewhere, in_large, note)
 
 

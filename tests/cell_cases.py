@@ -11,9 +11,7 @@ from skfem import MeshTet
 
 from fasbody.cell.assembly import Assembly, assemble
 from fasbody.cell.dome import Dome
-from fasbody.cell.mesh import dome_mesh
-from fasbody.cell.meshsize import MeshSize
-from fasbody.cell.tetmesh import TetMesh
+from fasbody.cell.mesh import MeshSize, TetMesh, dome_mesh
 
 CACHE = Path(tempfile.mkdtemp(prefix="fasbody-cells-"))
 atexit.register(shutil.rmtree, CACHE, ignore_errors=True)

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from feeder import ENVIRONMENT, Feeder, Instrument, number_of, refusal
 
-from fasbody.acquire.bench.foot import TRUTH
 from fasbody.acquire.commands import app
 from fasbody.acquire.folder import convert, replay
 from fasbody.exceptions import FasError
+from fasbody.laboratory.foot import TRUTH
 from fasbody.recording.study import Study
 
 

@@ -1,13 +1,16 @@
 """The benchmarks' own arithmetic on tiny sizes; what they measure is not asserted here."""
 
 import importlib
-import json
+import platform
 import subprocess
-from dataclasses import asdict, replace
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import Result
+from typer.testing import CliRunner
 
 from benchmarks import __main__ as bench
 from benchmarks import (
@@ -18,19 +21,22 @@ from benchmarks import (
     fitting,
     peak_to_peak,
     plain_scipy,
-    results,
-    rows,
     study,
     study_end_to_end,
 )  # fmt: skip
 from benchmarks.__main__ import TOPICS
+from benchmarks.table import Topic, cells, faster, interleaved, judged_if_idle, markdown, read
+from fasbody.console import to_json
+from fasbody.exceptions import SettingError
 from fasbody.foot.model import can_be_constrained, load
 from fasbody.foot.shaker import sine
 from fasbody.foot.simulate import simulate
 from fasbody.foot.two_dof import TwoDof
+from fasbody.runner import machine
 from identification.domains import TimeDomain
 from identification.space import space_of
 from identification.time_domain import TimeProblem
+from reproduction.check import at_least, at_most, told, within
 
 
 @pytest.mark.parametrize("name", sorted({*TOPICS, "__main__"}))
@@ -39,43 +45,90 @@ def test_each_topic_has_a_command(name: str) -> None:
     assert module.app.registered_commands
 
 
-def test_rows_say_how_much_better_than_required() -> None:
-    assert rows.at_most("x", 2.0, 10.0).margin == 5.0
-    assert rows.at_most("x", 11.0, 10.0).holds is False
-    assert rows.at_least("x", 10.0, 2.0).margin == 5.0
-    assert rows.at_least("x", 1.9, 2.0).holds is False
-    assert rows.between("x", 95.0, 92.0, 98.0).holds is True
-    assert rows.between("x", 99.0, 92.0, 98.0).holds is False
-    row = rows.faster("x", 2e-3, 1.0, "other", 300.0)
-    assert (row.ratio, row.holds) == (500.0, True)
-    assert row.cells == ("x", "2 ms", "other: 1 s, at least 300 times", "500", "", "yes")
-    assert rows.faster("x", 2e-3, 0.1, "other", 300.0).holds is False
-    assert rows.at_most("x", 0.0, 1.0).margin is None
+def test_checks_say_how_much_better_than_required() -> None:
+    assert at_most("x", 2.0, 10.0).margin == 5.0
+    assert at_most("x", 11.0, 10.0).met is False
+    assert at_least("x", 10.0, 2.0).margin == 5.0
+    assert at_least("x", 1.9, 2.0).met is False
+    assert within("x", 95.0, 92.0, 98.0).met is True
+    assert within("x", 99.0, 92.0, 98.0).met is False
+    check = faster("x", 2e-3, 1.0, "other", 300.0)
+    assert (check.ratio, check.met) == (500.0, True)
+    assert cells(check) == ("x", "2 ms", "other: 1 s, at least 300 times", "500", "", "yes")
+    assert faster("x", 2e-3, 0.1, "other", 300.0).met is False
+    assert cells(faster("x", 2e-3, 0.1, "other")) == ("x", "2 ms", "other: 100 ms", "50", "", "")
+    assert cells(within("x", 95.0, 92.0, 98.0, "%")) == ("x", "95 %", "92 to 98 %", "", "", "yes")
+    assert cells(told("x", "9 kB")) == ("x", "9 kB", "", "", "", "")
+    assert at_most("x", 0.0, 1.0).margin is None
 
 
 def test_interleaved_takes_turns_after_one_warm_up() -> None:
     order: list[str] = []
     clock = iter(range(100))
-    times = rows.interleaved([lambda: order.append("a"), lambda: order.append("b")], 3, lambda: float(next(clock)))
+    times = interleaved([lambda: order.append("a"), lambda: order.append("b")], 3, lambda: float(next(clock)))
     assert order == ["a", "b"] * 4
     np.testing.assert_array_equal(times, np.ones((3, 2)))
 
 
 def test_results_name_machine_and_every_row() -> None:
-    claim = rows.at_most("first claim", 1.0, 2.0, "ms").cells
-    text = results.markdown({"accuracy": results.Topic("accuracy", "2026-01-01", 0.5, [claim])}, results.machine())
+    claim = cells(at_most("first claim", 1.0, 2.0, "ms"))
+    text = markdown({"accuracy": Topic("accuracy", "2026-01-01", 0.5, [claim])}, machine(*bench.LIBRARIES))
     assert "| accuracy | first claim | 1 ms | at most 2 ms |  | 2 | yes |" in text
     assert "mujoco 4.0" in text and "accuracy 2026-01-01 (load 0.5)" in text
 
 
+CELL = Topic("cell", "2026-01-01", 0.5, [["a", "1 s", *[""] * 4], ["b", "2 s", "c", "3", "", "yes"]])
+ARCH = Topic("arch", "2026-01-02", 7.0, [["d", "4 s", "e", "", "0.5", "NO"]])
+
+
 def test_results_are_read_back_on_the_same_machine_only() -> None:
-    topics = {
-        "cell": results.Topic("cell", "2026-01-01", 0.5, [["a", "1 s", *[""] * 4], ["b", "2 s", "c", "3", "", "yes"]]),
-        "arch": results.Topic("arch", "2026-01-02", 7.0, [["d", "4 s", "e", "", "0.5", "NO"]]),
-    }
-    text = results.markdown(topics, "here")
-    assert results.read(text, "here") == topics
-    assert results.read(text, "elsewhere") == {}
+    topics = {"cell": CELL, "arch": ARCH}
+    text = markdown(topics, "here")
+    assert read(text, "here") == read(text) == topics
+    assert read(text, "elsewhere") == {}
+
+
+@pytest.fixture
+def bench_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
+    """The command on a machine called `where`, with the committed page and the reader's own in a folder of the test."""
+    (tmp_path / "RESULTS.md").write_text(markdown({"arch": ARCH, "cell": CELL}, "the author's machine"))
+    monkeypatch.setattr(bench, "RESULTS", tmp_path / "RESULTS.md")
+    monkeypatch.setattr(bench, "PAGES", tmp_path)
+    monkeypatch.setattr(platform, "node", lambda: "my laptop")
+    monkeypatch.setattr(
+        bench, "measure", lambda name, *_: [at_most(f"{name} anew", 1.0, 2.0)] if name != "trend" else []
+    )
+
+    def run(where: str, *words: str) -> Result:
+        monkeypatch.setattr(bench, "machine", lambda *_: where)
+        return CliRunner().invoke(bench.app, words)
+
+    return run
+
+
+def test_a_reader_writes_a_page_of_his_own(bench_here: Callable[..., Result], tmp_path: Path) -> None:
+    """What is committed keeps every topic, whatever machine another reader has; his own page grows by topics."""
+    before = (tmp_path / "RESULTS.md").read_text()
+    for topic in ("cell", "accuracy"):
+        assert bench_here("a laptop", topic).exit_code == 0
+    assert (tmp_path / "RESULTS.md").read_text() == before
+    assert list(read((tmp_path / "my-laptop.md").read_text(), "a laptop")) == ["accuracy", "cell"]
+
+
+def test_the_committed_page_is_replaced_when_asked_and_loses_no_topic(
+    bench_here: Callable[..., Result], tmp_path: Path
+) -> None:
+    page = tmp_path / "RESULTS.md"
+    before = page.read_text()
+    lost = bench_here("a laptop", "cell", "--commit")
+    assert isinstance(lost.exception, SettingError) and "would lose arch; measure" in str(lost.exception)
+    assert page.read_text() == before and not (tmp_path / "my-laptop.md").exists()
+    bench_here("the author's machine", "cell", "trend", "--commit")
+    kept = read(page.read_text(), "the author's machine")
+    assert kept["arch"] == ARCH and kept["cell"].rows[0][0] == "cell anew" and list(kept) == ["arch", "cell"]
+    bench_here("a laptop", "arch")
+    assert bench_here("a laptop", "cell", "--commit").exit_code == 0  # arch is on the laptop's page already
+    assert list(read(page.read_text(), "a laptop")) == ["arch", "cell"]
 
 
 def test_observed_order_of_a_fourth_order_error() -> None:
@@ -98,7 +151,7 @@ def test_step_costs_are_times_of_all_three() -> None:
 def test_sine_fit_rows_hold_mean_and_scatter_of_what_was_fitted() -> None:
     made = peak_to_peak.measure(seeds=4)
     e = peak_to_peak.errors(10.0, 0.02, 0.2, 4)
-    assert [row.holds for row in made[:4]] == [True] * 4
+    assert [row.met for row in made[:4]] == [True] * 4
     assert float(made[1].measured.split()[0]) >= round(e[:, 0].std(ddof=1), 4) - 1e-4
     assert made[-1].measured.startswith("+3.") and "4 recordings" in made[0].what
 
@@ -120,24 +173,24 @@ def test_a_subset_of_a_study_is_spread_over_it() -> None:
 
 
 def test_busy_cores_give_no_verdict_on_threads() -> None:
-    idle = rows.at_least("gain", 1.0, 1.7)
-    assert rows.judged_if_idle(idle, 0.0) is idle
-    row = rows.judged_if_idle(idle, 1000.0)
-    assert row.holds is None and "load 1000.0" in row.what and row.measured == "1"
+    idle = at_least("gain", 1.0, 1.7)
+    assert judged_if_idle(idle, 0.0) is idle
+    row = judged_if_idle(idle, 1000.0)
+    assert row.met is None and "load 1000.0" in row.what and row.measured == "1"
 
 
 def test_black_box_topics_give_rows() -> None:
     """Tiny sizes: every topic runs, and what it says of the grid agrees with one least-squares solution each."""
     made = list(black_box.grid(2))
-    assert made[1].holds is True and made[0].ratio is not None
+    assert made[1].met is True and made[0].ratio is not None
     timed = black_box.timed("oe", black_box.record(black_box.foot.prbs(black_box.SAMPLES), 0))
     assert 0 < timed[1] < timed[0] < 1.0
 
 
 def test_topic_is_run_by_its_own_command(monkeypatch: pytest.MonkeyPatch) -> None:
     """One topic in a process of its own gives its rows back."""
-    row = rows.at_most("claim", 1.0, 2.0, "ms")
-    printed = json.dumps({"title": "t", "rows": [asdict(row)]})
+    row = at_most("claim", 1.0, 2.0, "ms")
+    printed = to_json({"title": "t", "rows": [row.document()]})
     seen = {}
 
     def fake(command: list[str], **options: object) -> subprocess.CompletedProcess[str]:
@@ -145,7 +198,7 @@ def test_topic_is_run_by_its_own_command(monkeypatch: pytest.MonkeyPatch) -> Non
         return subprocess.CompletedProcess(command, 0, printed)
 
     monkeypatch.setattr(subprocess, "run", fake)
-    assert bench.measure("accuracy") == [row]
+    assert bench.measure("accuracy") == [replace(row, source="accuracy")]
     assert seen["command"][1:] == ["-m", "benchmarks.accuracy", "--json"]
 
 
@@ -189,9 +242,9 @@ def test_coverage_rows_count_trials() -> None:
     made = coverage.rows_of(trials)
     by_name = {row.what.split(" (")[0]: row for row in made}
     assert by_name["95 % interval of k_T holds the truth, 4 seeds"].measured == "75 %"
-    assert by_name["95 % interval of k_T holds the truth, 4 seeds"].holds is None  # too few to require anything
-    assert by_name["strongly nonlinear"].measured == "3" and by_name["strongly nonlinear"].holds is False
-    assert by_name["nearly linear"].measured == "1" and by_name["nearly linear"].holds is False
+    assert by_name["95 % interval of k_T holds the truth, 4 seeds"].met is None  # too few to require anything
+    assert by_name["strongly nonlinear"].measured == "3" and by_name["strongly nonlinear"].met is False
+    assert by_name["nearly linear"].measured == "1" and by_name["nearly linear"].met is False
 
 
 def test_skipping_the_constraint_stage_changes_no_bit() -> None:

@@ -5,9 +5,9 @@ import pytest
 from cell_cases import block, cell
 
 from fasbody.cell.assembly import assemble
-from fasbody.cell.describe import describe
 from fasbody.cell.materials import preset
 from fasbody.cell.modal import CellModel, Modes, solve
+from fasbody.cell.modeshape import describe
 
 PRESET = preset("as-reproduced")
 

@@ -9,9 +9,7 @@ from cell_cases import CACHE, block, cell
 
 from fasbody.cell.assembly import assemble
 from fasbody.cell.dome import Dome, Nucleus
-from fasbody.cell.mesh import dome_mesh, surface_mesh
-from fasbody.cell.meshsize import MeshSize, unknowns
-from fasbody.cell.tetmesh import EDGES, NUCLEUS, TetMesh
+from fasbody.cell.mesh import EDGES, NUCLEUS, MeshSize, TetMesh, dome_mesh, surface_mesh, unknowns
 from fasbody.exceptions import MeshError, SettingError
 
 

@@ -12,8 +12,8 @@ from cell_cases import block, cell
 from fasbody.cell.analysis import Analysis, analyse
 from fasbody.cell.assembly import assemble
 from fasbody.cell.materials import preset
+from fasbody.cell.mesh import MeshSize
 from fasbody.cell.meshfile import read_mesh, write_browser, write_vtu
-from fasbody.cell.meshsize import MeshSize
 from fasbody.exceptions import InputFileError, SettingError
 
 SI = preset("si")

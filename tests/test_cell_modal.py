@@ -8,9 +8,8 @@ from skfem import Basis, BilinearForm, ElementTetP2, ElementVector
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 from fasbody.cell.assembly import assemble
-from fasbody.cell.inverse import WAYS, inverse
 from fasbody.cell.materials import preset
-from fasbody.cell.modal import CellModel, solve
+from fasbody.cell.modal import WAYS, CellModel, inverse, solve
 from fasbody.exceptions import SettingError, SimulationError
 
 SI = preset("si")

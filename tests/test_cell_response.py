@@ -8,8 +8,7 @@ from cell_cases import block
 from fasbody.cell.assembly import assemble
 from fasbody.cell.materials import preset
 from fasbody.cell.modal import CellModel, solve
-from fasbody.cell.response import base_response
-from fasbody.cell.viscoelastic import ReducedCell, StandardLinearSolid
+from fasbody.cell.viscoelastic import ReducedCell, StandardLinearSolid, base_response
 
 SOLID = StandardLinearSolid(0.5, 2e-6)
 

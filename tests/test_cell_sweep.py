@@ -6,7 +6,7 @@ from cell_cases import CACHE
 
 from fasbody.cell.dome import SHAPES, Dome
 from fasbody.cell.materials import MODULI_PA, preset
-from fasbody.cell.meshsize import MeshSize
+from fasbody.cell.mesh import MeshSize
 from fasbody.cell.sweep import YEAST_PA, PowerLaw, Sweep, power_laws, summarise, sweep_moduli, sweep_shapes
 from fasbody.exceptions import SettingError
 

@@ -9,7 +9,7 @@ from cell_cases import cell
 from fasbody.cell.assembly import Assembly
 from fasbody.cell.materials import Preset, preset
 from fasbody.cell.modal import CellModel, Modes, solve
-from fasbody.cell.tracking import LOST, Match, mac, track, track_along
+from fasbody.cell.modeshape import LOST, Match, mac, track, track_along
 
 PRESET = preset("as-reproduced")
 

@@ -7,7 +7,7 @@ from cell_cases import CACHE, cell
 from fasbody.cell.analysis import analyse, assemblies
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import preset
-from fasbody.cell.meshsize import MeshSize
+from fasbody.cell.mesh import MeshSize
 from fasbody.cell.modal import CellModel, solve
 from fasbody.cell.verification import (
     Check,

@@ -109,7 +109,7 @@ def test_numbers_of_a_result_come_back_from_its_files(tmp_path: Path) -> None:
 def test_keys_of_a_fit_change_a_foot_as_its_symbols_do(foot: Foot) -> None:
     by_key, by_name = foot.with_values({"k_T_n_per_m": 2e5}), foot.with_values({"k_T": 2e5})
     assert by_key.values() == by_name.values() and by_key.values()["k_T"] == pytest.approx(2e5)
-    assert "k_T_n_per_m" in foot.parameters and list(foot.parameters)[0] == "k_T"
+    assert "k_T_n_per_m" in foot.parameters and next(iter(foot.parameters)) == "k_T"
     with pytest.raises(SettingError, match="unknown parameter 'k_t'"):
         foot.with_values({"k_t": 2e5})
 

@@ -85,7 +85,7 @@ def test_children_started_while_it_is_held_never_see_it() -> None:
 SCRIPT = """
 import os, pathlib, sys, time
 from fasbody.console import command_line
-from fasbody.parallel import run
+from fasbody.runner import run
 
 def work(task):
     folder, number = task

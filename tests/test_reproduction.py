@@ -10,13 +10,15 @@ from pathlib import Path
 import pytest
 
 from fasbody.laboratory.study import PICKED_SEED
+from fasbody.runner import ROOT
 from fasbody.transmissibility.findings import findings
 from reproduction import run as running
 from reproduction.book import CHAPTERS, ROWS
 from reproduction.chapter2_findings import LISTS
+from reproduction.check import Check, at_most, exactly, near
 from reproduction.report import markdown
-from reproduction.row import Check, Outcome, Row, Verdict, at_most, exactly, near
-from reproduction.run import ROOT, execute, kept, key, run_rows
+from reproduction.row import Outcome, Row, Verdict
+from reproduction.run import execute, kept, key, run_rows
 from reproduction.virtual import LARGE, LARGE_SEED, OTHER_SEEDS, large_findings, whatever_the_seed
 from reproduction.virtual_transfer import study
 
@@ -185,11 +187,9 @@ def test_results_are_kept_until_the_code_changes(tmp_path: Path, monkeypatch: py
     assert next(run_rows([row], tmp_path, processes=1))["what"] == "taken from the file"
     again = next(run_rows([row], tmp_path, fresh=True, processes=1))
     assert again | {"cpu_seconds": 0} == first | {"cpu_seconds": 0}
-    running.code_key.cache_clear()
     monkeypatch.setattr(running, "LIBRARIES", ("numpy",))
     assert kept(row, tmp_path) is None
     assert key(row) != first["key"]
-    running.code_key.cache_clear()
 
 
 def test_a_damaged_or_failed_result_is_not_kept(tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ import pytest
 
 from reproduction.book import ROWS
 from reproduction.chapter5_findings import beyond_the_mesh
-from reproduction.row import TRANSCRIBED, Outcome, Row, Verdict, at_most
+from reproduction.check import at_most
+from reproduction.row import TRANSCRIBED, Outcome, Row, Verdict
 
 
 def by_id(name: str) -> Row:

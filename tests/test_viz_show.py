@@ -15,10 +15,10 @@ import mjcf
 from fasbody.exceptions import FasError
 from fasbody.recording.study import BUNDLED
 from viz import foot as command
-from viz.excitation import Excitation
 from viz.feet import MEASURED, MODEL, OTHER, Show
-from viz.hub import Hub
 from viz.load import files_of
+from viz.scene import Hub
+from viz.settings import Excitation
 
 RECORDED = BUNDLED / "recordings" / "20hz_0kg.csv"
 

@@ -12,14 +12,13 @@ A name is imported when it is first asked for, so that `import viz` costs nothin
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from viz.excitation import Excitation
     from viz.feet import Show
     from viz.modes import ModeShow
     from viz.notebook import Viewer, export, show
-    from viz.settings import Settings
+    from viz.settings import Excitation, Settings
 else:
     _HOMES = {
-        "Excitation": "viz.excitation",
+        "Excitation": "viz.settings",
         "ModeShow": "viz.modes",
         "Settings": "viz.settings",
         "Show": "viz.feet",

@@ -19,8 +19,8 @@ import numpy as np
 
 from fasbody.console import console, print_json, progress_bar, write_whole
 from fasbody.exceptions import SettingError
-from viz.hub import embedded
 from viz.motion import PER_CYCLE
+from viz.scene import embedded
 from viz.shown import PAGE, SCRIPT, Shown, file_of, markup
 
 #: Nothing of an exported page may reach for any address.

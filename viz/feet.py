@@ -13,12 +13,10 @@ from viz import scene
 from viz.anatomy import assets
 from viz.anatomy.bones import SEGMENTS
 from viz.anatomy.rest import Carried, Frame, carried, frames, segment_bodies
-from viz.excitation import Excitation
-from viz.hub import Hub
 from viz.load import files_of, load_foot
 from viz.motion import CURVE, Motion, displacement, periodic_motion, transient_motion
-from viz.settings import CARRIERS, Settings
-from viz.words import WORDS
+from viz.scene import Hub
+from viz.settings import CARRIERS, WORDS, Excitation, Settings
 
 #: Names of the feet in the scene: the model, the one it is compared with, and what was measured.
 MODEL, OTHER, MEASURED = "a", "b", "measured"

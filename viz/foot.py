@@ -78,10 +78,9 @@ def _show(
     model: str, compare: str, frequency: float | None, peak_to_peak: float | None, added_mass: float, sweep: bool,
     recording: Path | None, seconds: float | None, result: Path | None, look: Mapping[str, float],
 ) -> Any:  # fmt: skip
-    from viz.excitation import RECORDED_S, SWEEP_S, Excitation
     from viz.feet import Show
     from viz.load import load_foot
-    from viz.settings import Settings
+    from viz.settings import RECORDED_S, SWEEP_S, Excitation, Settings
 
     if sweep and recording:
         raise SettingError("--sweep and --recording exclude each other.")

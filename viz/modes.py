@@ -10,7 +10,7 @@ import numpy as np
 
 from fasbody.exceptions import FasError, InputFileError, SettingError
 from viz import scene
-from viz.hub import Hub
+from viz.scene import Hub
 from viz.settings import Settings
 
 Array = np.ndarray

@@ -1,11 +1,8 @@
-"""Force over extension of fat pad, ankle and fascia in a state of the model: the points of the page's loops.
+"""What the viewer shows of one foot: a periodic motion under a sine, or a transient under any base motion.
 
-The linear model of one step of any MJCF, from one batched step with perturbed states; see `discretise`.
-
-What the viewer shows of one foot: a periodic motion under a sine, or a transient under any base motion.
-
-Works for every MJCF that the commands accept. The linear model of one step (`viz.motion`) gives the transmissibility
-and the start of the periodic motion; MuJoCo then runs whole periods until the motion repeats itself.
+Works for every MJCF that the commands accept. The linear model of one step gives the transmissibility and the start of
+the periodic motion; MuJoCo then runs whole periods until the motion repeats itself. Beside the poses stand the loops,
+force over extension of fat pad, ankle and fascia.
 """
 
 import time
@@ -26,40 +23,61 @@ from fasbody.foot.simulate import Batch, Simulation
 from viz.anatomy.rest import frames as rest_frames
 from viz.settings import Settings
 
+Array = np.ndarray
+
 #: Joints and tendons whose force loop is worth a plot, by what they stand for.
 LOOPS = {"fat pad": ("fat_pad", "heel_pad"), "ankle": ("talocrural",), "fascia": ("plantar_aponeurosis",)}
+#: Frames of one shown period; a transient has at least `RATE` frames a second: 12 a cycle at `HIGHEST` [Hz].
+FRAMES = 64
+HIGHEST, PER_CYCLE = 50.0, 12
+RATE = PER_CYCLE * HIGHEST
+#: The motion counts as periodic when a period changes its joints by less than this share of their travel.
+PERIODIC = 1e-3
+#: Travel of the joints [m or rad] below which the motion counts as rest.
+FLOOR = 1e-7
+#: A settled orbit is tried for at most so many periods, and the step halved at most so often.
+PERIODS, HALVINGS = 60, 8
+#: Most steps of a halved run; more would take too long and too much memory for a slider.
+STEPS = 2**17
+#: Computing time [s] after which no further period or smaller step is tried.
+PATIENCE = 20.0
+#: The transmissibility curve [Hz].
+CURVE = np.linspace(1.0, 60.0, 119)
 
 
-def watched(model: mujoco.MjModel) -> dict[str, list[tuple[str, int]]]:
-    """What a model has of `LOOPS`: label -> kind ("joint" or "tendon") and number of each element."""
-    found: dict[str, list[tuple[str, int]]] = {}
-    for label, wanted in LOOPS.items():
-        for kind in ("joint", "tendon"):
-            there = names(model, kind)
-            found.setdefault(label, []).extend((kind, getattr(model, kind)(n).id) for n in wanted if n in there)
-    return {label: elements for label, elements in found.items() if elements}
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One shown motion of one foot.
 
+    Attributes:
+        time: (n,) [s]; a periodic motion starts again after `duration`.
+        duration: [s].
+        bodies: (n, bodies, 6) displacement [m] and rotation vector [rad] of each body from rest, in order of `names`.
+        names: bodies of the model.
+        base: (n,) base acceleration; malleolus: (n,) its acceleration [m/s^2].
+        loops: what -> (2, n) extension [m] and force [N], both positive in extension.
+        transmissibility: complex malleolus over base of the linear model at `CURVE`.
+        ratio: |T| of the shown motion at its frequency, None for a transient or a table at rest. phase: of it [deg].
+        gap: change of the joints over the last period, as a share of their travel.
+        periodic: whether it repeats.
+    """
 
-def loop_point(model: mujoco.MjModel, data: mujoco.MjData, kind: str, i: int) -> tuple[float, float]:
-    """Extension [m] and tensile force [N] of a joint's or tendon's spring, native damper and law together."""
-    if kind == "joint":
-        q, v = model.jnt_qposadr[i], model.jnt_dofadr[i]
-        x, x_dot = data.qpos[q] - model.qpos_spring[q], data.qvel[v]
-        stiffness, native, user = model.jnt_stiffness, model.dof_damping.reshape(model.nv, -1)[v, 0], model.jnt_user
-    else:
-        x, x_dot = data.ten_length[i] - model.tendon_length0[i], data.ten_velocity[i]
-        stiffness, user = model.tendon_stiffness, model.tendon_user
-        native = model.tendon_damping.reshape(model.ntendon, -1)[i, 0]
-    force = stiffness.reshape(len(user), -1)[i, 0] * x + native * x_dot
-    if user.shape[1]:
-        force -= algebraic_force(user[i], x, x_dot, native)
-    if kind == "tendon":  # an actuator on the tendon pulls too, such as the branch of the aponeurosis
-        on = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (model.actuator_trnid[:, 0] == i)
-        force -= float(np.sum(data.actuator_force[on]))
-    return float(x), float(force)
+    time: Array
+    duration: float
+    bodies: Array
+    names: Sequence[str]
+    base: Array
+    malleolus: Array
+    loops: Mapping[str, Array]
+    transmissibility: Array
+    ratio: float | None
+    phase: float | None
+    gap: float
+    periodic: bool
 
-
-Array = np.ndarray
+    def __str__(self) -> str:
+        ratio = "" if self.ratio is None else f", transmissibility {self.ratio:.3f}"
+        return f"{len(self.time)} frames over {self.duration:.4g} s{ratio}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,59 +136,6 @@ def discretise(foot: Foot) -> Discrete:
     mujoco.mj_jacSite(model, data, jacobian, None, model.site("malleolus").id)
     row = np.concatenate([np.zeros(n), jacobian[1], np.zeros(n_act)])
     return Discrete(foot.step, slope[:states].T, slope[states:].T, row)
-
-
-#: Frames of one shown period; a transient has at least `RATE` frames a second: 12 a cycle at `HIGHEST` [Hz].
-FRAMES = 64
-HIGHEST, PER_CYCLE = 50.0, 12
-RATE = PER_CYCLE * HIGHEST
-#: The motion counts as periodic when a period changes its joints by less than this share of their travel.
-PERIODIC = 1e-3
-#: Travel of the joints [m or rad] below which the motion counts as rest.
-FLOOR = 1e-7
-#: A settled orbit is tried for at most so many periods, and the step halved at most so often.
-PERIODS, HALVINGS = 60, 8
-#: Most steps of a halved run; more would take too long and too much memory for a slider.
-STEPS = 2**17
-#: Computing time [s] after which no further period or smaller step is tried.
-PATIENCE = 20.0
-#: The transmissibility curve [Hz].
-CURVE = np.linspace(1.0, 60.0, 119)
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """One shown motion of one foot.
-
-    Attributes:
-        time: (n,) [s]; a periodic motion starts again after `duration`.
-        duration: [s].
-        bodies: (n, bodies, 6) displacement [m] and rotation vector [rad] of each body from rest, in order of `names`.
-        names: bodies of the model.
-        base: (n,) base acceleration; malleolus: (n,) its acceleration [m/s^2].
-        loops: what -> (2, n) extension [m] and force [N], both positive in extension.
-        transmissibility: complex malleolus over base of the linear model at `CURVE`.
-        ratio: |T| of the shown motion at its frequency, None for a transient or a table at rest. phase: of it [deg].
-        gap: change of the joints over the last period, as a share of their travel.
-        periodic: whether it repeats.
-    """
-
-    time: Array
-    duration: float
-    bodies: Array
-    names: Sequence[str]
-    base: Array
-    malleolus: Array
-    loops: Mapping[str, Array]
-    transmissibility: Array
-    ratio: float | None
-    phase: float | None
-    gap: float
-    periodic: bool
-
-    def __str__(self) -> str:
-        ratio = "" if self.ratio is None else f", transmissibility {self.ratio:.3f}"
-        return f"{len(self.time)} frames over {self.duration:.4g} s{ratio}"
 
 
 def periodic_motion(foot: Foot, settings: Settings) -> Motion:
@@ -285,6 +250,35 @@ def _without_drift(acceleration: Array, step: float, lowest_hz: float = 3.0) -> 
 def displacement(acceleration: Array, duration: float) -> Array:
     """What a measured acceleration (n,) over `duration` [s] looks like as a displacement [m], drift removed."""
     return _without_drift(acceleration - acceleration.mean(), duration / len(acceleration))
+
+
+def watched(model: mujoco.MjModel) -> dict[str, list[tuple[str, int]]]:
+    """What a model has of `LOOPS`: label -> kind ("joint" or "tendon") and number of each element."""
+    found: dict[str, list[tuple[str, int]]] = {}
+    for label, wanted in LOOPS.items():
+        for kind in ("joint", "tendon"):
+            there = names(model, kind)
+            found.setdefault(label, []).extend((kind, getattr(model, kind)(n).id) for n in wanted if n in there)
+    return {label: elements for label, elements in found.items() if elements}
+
+
+def loop_point(model: mujoco.MjModel, data: mujoco.MjData, kind: str, i: int) -> tuple[float, float]:
+    """Extension [m] and tensile force [N] of a joint's or tendon's spring, native damper and law together."""
+    if kind == "joint":
+        q, v = model.jnt_qposadr[i], model.jnt_dofadr[i]
+        x, x_dot = data.qpos[q] - model.qpos_spring[q], data.qvel[v]
+        stiffness, native, user = model.jnt_stiffness, model.dof_damping.reshape(model.nv, -1)[v, 0], model.jnt_user
+    else:
+        x, x_dot = data.ten_length[i] - model.tendon_length0[i], data.ten_velocity[i]
+        stiffness, user = model.tendon_stiffness, model.tendon_user
+        native = model.tendon_damping.reshape(model.ntendon, -1)[i, 0]
+    force = stiffness.reshape(len(user), -1)[i, 0] * x + native * x_dot
+    if user.shape[1]:
+        force -= algebraic_force(user[i], x, x_dot, native)
+    if kind == "tendon":  # an actuator on the tendon pulls too, such as the branch of the aponeurosis
+        on = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (model.actuator_trnid[:, 0] == i)
+        force -= float(np.sum(data.actuator_force[on]))
+    return float(x), float(force)
 
 
 def _shown(foot: Foot, out: Simulation, pick: Array, duration: float, curve: Array) -> Motion:

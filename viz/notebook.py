@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from fasbody.exceptions import FasError, SettingError
-from viz.excitation import Excitation
 from viz.exported import export_to
 from viz.feet import Show
 from viz.load import load_foot
 from viz.server import PARTING, Server
-from viz.settings import Settings
+from viz.settings import Excitation, Settings
 
 if TYPE_CHECKING:
     from fasbody.foot.model import Foot

@@ -1,10 +1,9 @@
-"""What the server answers: the page's files, and one stream for each page. Only to itself: see `Guarded`.
+"""The page's server: the loopback only, no caller from another site, simulations off the event loop.
 
-The page's server: the loopback only, no caller from another site, simulations off the event loop.
-
-It runs in the command's own process. meshcat's server had to have one of its own because its calls wait without end;
-here nothing does, and each wait has its limit: a simulation its computing time (`viz.motion.PATIENCE`), a silent page
-its pings, a browser that does not come back from being started `OPENING`, the last connections `PARTING`.
+It answers with the page's files and one stream for each page, and only to itself: see `Guarded`. It runs in the
+command's own process. meshcat's server had to have one of its own because its calls wait without end; here nothing
+does, and each wait has its limit: a simulation its computing time (`viz.motion.PATIENCE`), a silent page its pings, a
+browser that does not come back from being started `OPENING`, the last connections `PARTING`.
 """
 
 import asyncio
@@ -32,109 +31,6 @@ from fasbody.exceptions import FasError, SettingError
 from viz.settings import Settings
 from viz.shown import Shown, file_of, markup, scripts
 
-#: No script but ours and no address but this server; meshcat's control panel writes styles into the page.
-POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
-    "connect-src 'self' ws://{host}; font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-)
-
-
-class Guarded(tornado.web.RequestHandler):
-    """Whatever the server answers, it answers only under its own names."""
-
-    server: "Server"
-
-    def prepare(self) -> None:
-        """Refuse a foreign name that resolves to this machine (DNS rebinding), and every page but our own.
-
-        An Origin must be scheme, name and port of this very request. Tornado asks `check_origin` only where name or
-        port differ, so that https would pass.
-        """
-        origin = self.request.headers.get("Origin")
-        if self.request.host not in self.server.hosts or not (origin is None or self.own(origin)):
-            raise tornado.web.HTTPError(403)
-
-    def own(self, origin: str) -> bool:
-        """Whether an origin is this very server under the name that was asked for."""
-        return origin == f"http://{self.request.host}"
-
-
-class Page(Guarded):
-    """One of the page's files."""
-
-    def initialize(self, server: "Server", name: str) -> None:
-        """Called by tornado."""
-        self.server, self.name = server, name
-
-    def set_default_headers(self) -> None:
-        """No caching, no framing, no guessing of types."""
-        self.set_header("Cache-Control", "no-store")
-        self.set_header("Content-Security-Policy", POLICY.format(host=self.request.host))
-        self.set_header("X-Content-Type-Options", "nosniff")
-        self.set_header("Referrer-Policy", "no-referrer")
-        self.set_header("Server", "fasbody")
-
-    def get(self) -> None:
-        """The file."""
-        kinds = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
-        self.set_header("Content-Type", f"{kinds[Path(self.name).suffix]}; charset=utf-8")
-        self.write(markup(self.name) if self.name.endswith(".html") else file_of(self.name).read_bytes())
-
-
-class Stream(Guarded, tornado.websocket.WebSocketHandler):
-    """One page: it gets the scene, the model, and a motion for every request."""
-
-    def initialize(self, server: "Server") -> None:
-        """Called by tornado."""
-        self.server = server
-        self._forget: Callable[[], None] = lambda: None
-
-    def check_origin(self, origin: str) -> bool:
-        """Only our own page may connect."""
-        return self.own(origin)
-
-    def open(self, *_: str, **__: str) -> None:
-        """Send the whole scene, then what the model is."""
-        self.set_nodelay(True)
-        self.server.pages.add(self)
-        self.server.visited.set()
-
-        hub, loop = self.server.show.hub, asyncio.get_running_loop()
-
-        def later(message: bytes) -> None:  # a reload happens in the simulation's thread
-            loop.call_soon_threadsafe(self.send, message)
-
-        self._forget = lambda: hub.leave(later)
-        for message in hub.join(later):
-            self.send(message)
-        self.send(json.dumps(self.server.show.description()))
-
-    def on_close(self) -> None:
-        """Forget the page."""
-        self.server.pages.discard(self)
-        self._forget()
-
-    async def on_message(self, message: str | bytes) -> None:
-        """A request for a motion."""
-        try:
-            request = json.loads(message)
-            kind = request["type"]
-        except (ValueError, TypeError, KeyError, RecursionError):
-            self.close(1003, "not understood")
-            return
-        if kind == "simulate":
-            self.send(await self.server.answer(request))
-
-    def send(self, message: str | bytes) -> None:
-        """Write, and forget a page that has gone."""
-        try:
-            written = self.write_message(message, binary=isinstance(message, bytes))
-        except tornado.websocket.WebSocketClosedError:
-            self.on_close()
-            return
-        written.add_done_callback(lambda done: done.cancelled() or done.exception())  # a page that left is no error
-
-
 ADDRESS = "127.0.0.1"
 #: Largest message a page may send [bytes], and seconds after which a silent or slow browser is let go.
 LARGEST, PATIENCE = 65536, 30.0
@@ -142,23 +38,32 @@ LARGEST, PATIENCE = 65536, 30.0
 GRACE = 8.0
 #: Seconds for a browser to be started, and for connections to be closed at the end.
 OPENING, PARTING = 15.0, 2.0
+#: No script but ours and no address but this server; meshcat's control panel writes styles into the page.
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
+    "connect-src 'self' ws://{host}; font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
 
 
-def settings_from(message: dict[str, Any]) -> Settings:
-    """The page's settings, checked.
+async def serve(show: Shown, what: str, *, port: int, browser: bool, watch: bool, json: bool) -> None:
+    """A command's server: say where it is, open the browser, and run until Ctrl-C.
 
-    Raises:
-        SettingError: something is missing, or no finite number.
+    Where a browser was opened the last page that is closed ends it too; started by hand it stays for the next page.
     """
-    try:
-        values = {str(name): float(value) for name, value in dict(message.get("values", {})).items()}
-        numbers = {name: float(message[name]) for name in ("frequency", "peak_to_peak", "added_mass")}
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise SettingError(f"the page's settings cannot be read ({error}); reload it.") from None
-    for name, value in (numbers | values).items():
-        if not math.isfinite(value):
-            raise SettingError(f"{name} from the page is {value}, but that is no number; reload it.")
-    return Settings(**numbers, values=values)
+    server = Server(show, port)
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, server.stop)
+    console.print(f"{what} is at {server.url} (Ctrl-C ends it)")
+    if json:
+        print_json({"url": server.url})
+        sys.stdout.flush()  # whoever started this waits for the address
+
+    async def look() -> None:
+        if await _opened(server.url):
+            await server.until_alone()
+
+    await server.run(watch, look() if browser else None)
 
 
 class Server:
@@ -269,6 +174,119 @@ class Server:
         self.stop()
 
 
+class Guarded(tornado.web.RequestHandler):
+    """Whatever the server answers, it answers only under its own names."""
+
+    server: "Server"
+
+    def prepare(self) -> None:
+        """Refuse a foreign name that resolves to this machine (DNS rebinding), and every page but our own.
+
+        An Origin must be scheme, name and port of this very request. Tornado asks `check_origin` only where name or
+        port differ, so that https would pass.
+        """
+        origin = self.request.headers.get("Origin")
+        if self.request.host not in self.server.hosts or not (origin is None or self.own(origin)):
+            raise tornado.web.HTTPError(403)
+
+    def own(self, origin: str) -> bool:
+        """Whether an origin is this very server under the name that was asked for."""
+        return origin == f"http://{self.request.host}"
+
+
+class Page(Guarded):
+    """One of the page's files."""
+
+    def initialize(self, server: "Server", name: str) -> None:
+        """Called by tornado."""
+        self.server, self.name = server, name
+
+    def set_default_headers(self) -> None:
+        """No caching, no framing, no guessing of types."""
+        self.set_header("Cache-Control", "no-store")
+        self.set_header("Content-Security-Policy", POLICY.format(host=self.request.host))
+        self.set_header("X-Content-Type-Options", "nosniff")
+        self.set_header("Referrer-Policy", "no-referrer")
+        self.set_header("Server", "fasbody")
+
+    def get(self) -> None:
+        """The file."""
+        kinds = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
+        self.set_header("Content-Type", f"{kinds[Path(self.name).suffix]}; charset=utf-8")
+        self.write(markup(self.name) if self.name.endswith(".html") else file_of(self.name).read_bytes())
+
+
+class Stream(Guarded, tornado.websocket.WebSocketHandler):
+    """One page: it gets the scene, the model, and a motion for every request."""
+
+    def initialize(self, server: "Server") -> None:
+        """Called by tornado."""
+        self.server = server
+        self._forget: Callable[[], None] = lambda: None
+
+    def check_origin(self, origin: str) -> bool:
+        """Only our own page may connect."""
+        return self.own(origin)
+
+    def open(self, *_: str, **__: str) -> None:
+        """Send the whole scene, then what the model is."""
+        self.set_nodelay(True)
+        self.server.pages.add(self)
+        self.server.visited.set()
+
+        hub, loop = self.server.show.hub, asyncio.get_running_loop()
+
+        def later(message: bytes) -> None:  # a reload happens in the simulation's thread
+            loop.call_soon_threadsafe(self.send, message)
+
+        self._forget = lambda: hub.leave(later)
+        for message in hub.join(later):
+            self.send(message)
+        self.send(json.dumps(self.server.show.description()))
+
+    def on_close(self) -> None:
+        """Forget the page."""
+        self.server.pages.discard(self)
+        self._forget()
+
+    async def on_message(self, message: str | bytes) -> None:
+        """A request for a motion."""
+        try:
+            request = json.loads(message)
+            kind = request["type"]
+        except (ValueError, TypeError, KeyError, RecursionError):
+            self.close(1003, "not understood")
+            return
+        if kind == "simulate":
+            self.send(await self.server.answer(request))
+
+    def send(self, message: str | bytes) -> None:
+        """Write, and forget a page that has gone."""
+        try:
+            written = self.write_message(message, binary=isinstance(message, bytes))
+        except tornado.websocket.WebSocketClosedError:
+            self.on_close()
+            return
+        written.add_done_callback(lambda done: done.cancelled() or done.exception())  # a page that left is no error
+
+
+def settings_from(message: dict[str, Any]) -> Settings:
+    """The page's settings, checked.
+
+    Raises:
+        SettingError: something is missing, or no finite number.
+    """
+    try:
+        values = {str(name): float(value) for name, value in dict(message.get("values", {})).items()}
+        numbers = {name: float(message[name]) for name in ("frequency", "peak_to_peak", "added_mass")}
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise SettingError(f"the page's settings cannot be read ({error}); reload it.") from None
+    for name, value in (numbers | values).items():
+        if not math.isfinite(value):
+            raise SettingError(f"{name} from the page is {value}, but that is no number; reload it.")
+    return Settings(**numbers, values=values)
+
+
 class _Only:
     """Lets through what happens to these files."""
 
@@ -283,27 +301,6 @@ def _bug(error: Exception) -> str:
     """A sentence on a failure of our own; its traceback goes to the terminal."""
     console.print("".join(traceback.format_exception(error)), markup=False)
     return f"the viewer failed ({type(error).__name__}: {error}); its terminal has the details."
-
-
-async def serve(show: Shown, what: str, *, port: int, browser: bool, watch: bool, json: bool) -> None:
-    """A command's server: say where it is, open the browser, and run until Ctrl-C.
-
-    Where a browser was opened the last page that is closed ends it too; started by hand it stays for the next page.
-    """
-    server = Server(show, port)
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, server.stop)
-    console.print(f"{what} is at {server.url} (Ctrl-C ends it)")
-    if json:
-        print_json({"url": server.url})
-        sys.stdout.flush()  # whoever started this waits for the address
-
-    async def look() -> None:
-        if await _opened(server.url):
-            await server.until_alone()
-
-    await server.run(watch, look() if browser else None)
 
 
 async def _opened(url: str) -> bool:

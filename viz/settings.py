@@ -1,17 +1,33 @@
-"""What the sliders say, and what of it a foot can have."""
+"""What is asked of the shown foot: what the sliders say, what of it a foot can have, and what drives the base."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
-from fasbody.exceptions import SettingError
+from fasbody.exceptions import InputFileError, SettingError
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import Parameter
-from fasbody.foot.shaker import PEAK_TO_PEAK
+from fasbody.foot.shaker import PEAK_TO_PEAK, BaseMotion, samples, sweep
+from fasbody.recording.recording import Recording
 
 #: Parameters that an added mass on the knee raises.
 CARRIERS = ("m_S", "m_T")
+#: What the parameters of the shipped models are: the page says these words before the thesis symbol.
+WORDS = {
+    "k_T": "ankle stiffness", "c_T": "ankle damping", "k_F": "fat pad stiffness", "c_F": "fat pad damping",
+    "c_11": "ankle damping", "c_12": "its decay with stretch", "c_13": "its wave over stretch",
+    "c_21": "fat pad damping", "c_22": "its decay with stretch", "c_23": "its wave over stretch",
+    "k_11": "fascia stiffness, relaxed", "k_12": "fascia stiffness, fast part", "c_1": "fascia damping",
+    "k_2": "apex stiffness", "k_3": "navicular stiffness", "k_4": "midfoot stiffness",
+    "c_2": "apex damping", "c_3": "navicular damping", "c_4": "midfoot damping",
+    "m_S": "shank mass", "m_T": "shank mass", "m_F": "foot mass",
+}  # fmt: skip
+#: Length of the swept sine and of what is shown of a recording [s], unless asked for; ends of the sweep [Hz].
+SWEEP_S, RECORDED_S, SWEEP_HZ = 4.0, 1.0, (5.0, 50.0)
+#: Fewest samples of a recording that make a motion: the cubic spline through them.
+LEAST_SAMPLES = 4
 
 
 @dataclass(frozen=True)
@@ -76,3 +92,38 @@ def within(parameter: Parameter, value: float, where: object) -> None:
             f"{where}: {parameter.name} is {value:g} {parameter.unit}, but must be between {parameter.lower:g} and "
             f"{parameter.upper:g}, the bounds that the model declares."
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """What drives the base: a sine (base None), or a motion of its own, with what was measured beside it."""
+
+    base: BaseMotion | None = None
+    recording: Recording | None = None
+
+    @classmethod
+    def swept(cls, seconds: float = SWEEP_S) -> "Excitation":
+        """A swept sine of `seconds`."""
+        return cls(sweep(*SWEEP_HZ, seconds))
+
+    @classmethod
+    def recorded(cls, file: Path, seconds: float) -> "Excitation":
+        """The first `seconds` of a recording; its mean is taken out.
+
+        Raises:
+            InputFileError: no such file, or too few samples within `seconds`.
+        """
+        if not file.is_file():
+            valid = "give a recording, such as a CSV file with the columns time_s, base_m_s2 and malleolus_m_s2"
+            raise InputFileError(file, "there is no such file", valid)
+        whole = Recording.read(file)
+        keep = whole.time_s - whole.time_s[0] <= seconds
+        if keep.sum() < LEAST_SAMPLES:
+            problem = f"has {keep.sum()} of its {len(keep)} samples within --seconds {seconds:g}"
+            raise InputFileError(file, problem, f"at least {LEAST_SAMPLES} are needed")
+        cut = replace(whole, **{
+            name: getattr(whole, name)[keep] - (0 if name == "time_s" else getattr(whole, name).mean())
+            for name in ("time_s", "base_m_s2", "malleolus_m_s2")
+        })  # fmt: skip
+        time = cut.time_s - cut.time_s[0]
+        return cls(samples(time, cut.base_m_s2, cut.file), cut)

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import jinja2
 
 from viz import scene
-from viz.hub import Hub
+from viz.scene import Hub
 from viz.settings import Settings
 
 PAGE = Path(__file__).parent / "page"

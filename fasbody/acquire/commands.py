@@ -86,9 +86,10 @@ def record(
         if given:
             raise SettingError(f"--simulate brings its own board, generator and subject: leave out {', '.join(given)}.")
         from fasbody.acquire.bench import foot
+        from fasbody.laboratory.foot import TRUTH
 
         subject, body_mass = str(foot.SUBJECT), foot.BODY_MASS_KG
-        truth = {"origin": "synthetic", "parameters": foot.TRUTH, "instrument": {"delay_s": 0.0}}
+        truth = {"origin": "synthetic", "parameters": TRUTH, "instrument": {"delay_s": 0.0}}
     subject = subject or "1"
     mass = body_mass if body_mass is not None else folder.body_mass(out, subject)
     if mass is None or not 20 <= mass <= 300:

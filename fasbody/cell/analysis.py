@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 
 from fasbody.cell.assembly import Assembly, assemble
 from fasbody.cell.cytoskeleton import Tensegrity
-from fasbody.cell.describe import ModeDescription, describe
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import Preset
 from fasbody.cell.membrane import Membrane
-from fasbody.cell.mesh import dome_mesh
-from fasbody.cell.meshsize import MeshSize
+from fasbody.cell.mesh import MeshSize, dome_mesh
 from fasbody.cell.modal import CellModel, Modes, solve
+from fasbody.cell.modeshape import ModeDescription, describe
 from fasbody.presentation import Presented, Sheet
 
 #: The error of a frequency falls as h^ORDER. `python -m fasbody.cell verify` observes nearly the 4 of smooth modes, but

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fasbody.cell.tetmesh import QUADRATURE, REGIONS, TetMesh
+from fasbody.cell.mesh import QUADRATURE, REGIONS, TetMesh
 from fasbody.exceptions import MissingPackageError
 
 

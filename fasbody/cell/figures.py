@@ -13,13 +13,13 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from fasbody.cell.analysis import Analysis
+from fasbody.cell.mesh import NUCLEUS, TetMesh
 from fasbody.cell.meshfile import displacements
 from fasbody.cell.sweep import YEAST_PA, PowerLaw, Sweep
-from fasbody.cell.tetmesh import NUCLEUS, TetMesh
 from fasbody.console import write_whole
 
 if TYPE_CHECKING:
-    from fasbody.cell.response import BaseResponse
+    from fasbody.cell.viscoelastic import BaseResponse
 
 SWELL = 0.12  # largest drawn displacement, of the cell's length
 MARKERS = "osD^v<>pPX*hdH"

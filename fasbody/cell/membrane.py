@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fasbody.cell.assembly import Assembly
-from fasbody.cell.tetmesh import EDGES, FACES, QUADRATURE
+from fasbody.cell.mesh import EDGES, FACES, QUADRATURE
 from fasbody.exceptions import SettingError
 
 

@@ -1,27 +1,213 @@
-"""Conforming two-material meshes of 10-node tetrahedra (the SOLID187 of section 5.2), by gmsh."""
+"""A cell as tetrahedra: what every mesh, ours or a user's, becomes before the analysis, and how gmsh makes ours.
 
+Our meshes conform to both materials and have 10-node tetrahedra (the SOLID187 of section 5.2).
+"""
+
+import io
+import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import astuple, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from fasbody.cell.cache import place, read, write
 from fasbody.cell.dome import Dome
-from fasbody.cell.meshsize import PER_CUBE, PER_SQUARE, MeshSize, refuse_above_limit, unknowns
-from fasbody.cell.tetmesh import CYTOPLASM, EDGES, NUCLEUS, TetMesh
-from fasbody.exceptions import MeshError, MissingPackageError
+from fasbody.exceptions import MeshError, MissingPackageError, SettingError
+from fasbody.runner import Store, key, program
 
 if TYPE_CHECKING:
     import trimesh
 
+#: Region numbers; the names are those of Table 5.2.
+CYTOPLASM, NUCLEUS = 0, 1
+REGIONS = ("cytoplasm", "nucleus")
+#: Degree that the quadrature integrates exactly on straight elements: products of two quadratic shape functions.
+QUADRATURE = 4
+#: Corner pairs of the six mid-edge nodes 4..9 of a 10-node tetrahedron, in the order of VTK.
+EDGES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
+#: Corners of the four faces, normals outwards.
+FACES = ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2))
 #: gmsh numbers the last two mid-edge nodes the other way round than VTK.
 TO_VTK = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
 TET10 = 11  # gmsh's element type
 #: Elements whose smallest det J is below this share of their mean are straightened, halfway at most so many times.
 SQUASHED, UNBENDING = 0.2, 8
+#: Unknowns above which a mesh is refused before it is made: its solution would not fit into some 4 GB.
+LIMIT = 500_000
+#: Unknowns of quadratic elements of size h in a volume h^3 and on a surface h^2, counted on gmsh's domes.
+PER_CUBE, PER_SQUARE = 10.0, 38.0
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Shape of the elements: mean ratio is 1 for a regular tetrahedron, 0 for a flat one; det J is relative.
+
+    Args:
+        mean_ratio_min, mean_ratio_mean: 12 (3 V)^(2/3) / sum of squared edge lengths, of the corners' tetrahedra.
+        det_j_min: smallest det J of any element at the quadrature points, relative to that element's mean.
+    """
+
+    mean_ratio_min: float
+    mean_ratio_mean: float
+    det_j_min: float
+
+    def __str__(self) -> str:
+        return (
+            f"mean ratio {self.mean_ratio_min:.3f} at worst, {self.mean_ratio_mean:.3f} on average; "
+            f"det J / mean {self.det_j_min:.3f} at worst"
+        )
+
+
+@dataclass(frozen=True)
+class TetMesh:
+    """Tetrahedra with 4 or 10 nodes, in the node order of VTK.
+
+    Args:
+        points_um: node positions (n, 3) [um], y up.
+        tets: node numbers (m, 4) or (m, 10).
+        region: region number (m,), see `REGIONS`.
+    """
+
+    points_um: NDArray[np.float64]
+    tets: NDArray[np.int64]
+    region: NDArray[np.int64]
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Corner positions (m, 4, 3) [um]."""
+        return self.points_um[self.tets[:, :4]]
+
+    @cached_property
+    def surface(self) -> "trimesh.Trimesh":
+        """Outer boundary as flat triangles over the corners; `points_um` numbers its vertices."""
+        import trimesh
+
+        faces = self.tets[:, :4][:, FACES].reshape(-1, 3)
+        _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+        return trimesh.Trimesh(self.points_um, faces[first[count == 1]], process=False)
+
+    @cached_property
+    def skfem(self) -> Any:
+        """The same mesh for scikit-fem; curved elements stay curved."""
+        from skfem import MeshTet, MeshTet2
+
+        kind = MeshTet if self.tets.shape[1] == 4 else MeshTet2
+        return kind(np.ascontiguousarray(self.points_um.T), np.ascontiguousarray(self.tets.T))
+
+    @cached_property
+    def det_j(self) -> NDArray[np.float64]:
+        """Determinant of the Jacobian (m, q) of each element at the quadrature points of the analysis [um^3]."""
+        from skfem import Basis, ElementTetP0
+
+        points = Basis(self.skfem, ElementTetP0(), intorder=QUADRATURE).X
+        sign = self.skfem.mapping().detDF(points)
+        return np.asarray(np.broadcast_to(sign, (len(self.tets), points.shape[1])))
+
+    @property
+    def base_tolerance(self) -> float:
+        """How far above the lowest node a node still belongs to the base [um]."""
+        return 1e-5 * float(np.ptp(self.points_um[:, 1]))
+
+    @property
+    def base_um(self) -> float:
+        """Height of the base plane [um]."""
+        return float(self.points_um[:, 1].min())
+
+    def check(self, *, standing: bool = True) -> "TetMesh":
+        """Return the mesh if its elements and its surface are sound; `standing` asks for a base to clamp.
+
+        Raises:
+            MeshError: elements are inverted or flat, the surface is open, or nothing flat stands on the ground.
+        """
+        bad = np.any(self.det_j <= 0, axis=1)
+        if bad.any():
+            raise MeshError(
+                f"{int(bad.sum())} of the {len(bad)} tetrahedra are inverted or flat (the first is number "
+                f"{int(np.argmax(bad))}): mesh with another element size or repair the file."
+            )
+        if not self.surface.is_watertight:
+            raise MeshError("the mesh's outer surface is open or branched: neighbouring elements must share faces.")
+        on_base = self.points_um[:, 1] <= self.base_um + self.base_tolerance
+        if standing and not on_base[self.surface.faces].all(axis=1).any():
+            raise MeshError("no face lies flat on the lowest plane: the cell stands on its base with y pointing up.")
+        return self
+
+    @cached_property
+    def quality(self) -> Quality:
+        """Shapes of the elements."""
+        x = self.corners
+        volume = np.maximum(np.linalg.det(x[:, 1:] - x[:, :1]), 0) / 6
+        length2 = sum(((x[:, i] - x[:, j]) ** 2).sum(axis=1) for i, j in EDGES)
+        ratio = 12 * np.cbrt(3 * volume) ** 2 / length2
+        relative = self.det_j.min(axis=1) / self.det_j.mean(axis=1)
+        return Quality(float(ratio.min()), float(ratio.mean()), float(relative.min()))
+
+
+@dataclass(frozen=True)
+class MeshSize:
+    """Element sizes [um]: far from anything, at the nucleus, at the clamped rim; and the width of the transition."""
+
+    size: float = 3.5
+    nucleus: float = 1.225
+    rim: float = 2.1
+    transition: float = 8.0
+
+    @classmethod
+    def of(cls, size: float) -> "MeshSize":
+        """The usual proportions: fine where stiff cytoplasm shakes a soft nucleus and where the clamped rim strains.
+
+        Raises:
+            SettingError: the size is not a positive number.
+        """
+        if not (np.isfinite(size) and size > 0):
+            raise SettingError(f"the element size must be a positive number of um, not {size}.")
+        return cls(size, 0.35 * size, 0.6 * size)
+
+    def coarser(self, factor: float) -> "MeshSize":
+        """All sizes times `factor`; the transition stays."""
+        return MeshSize(self.size * factor, self.nucleus * factor, self.rim * factor, self.transition)
+
+
+def unknowns(dome: Dome, size: MeshSize) -> float:
+    """About how many unknowns a mesh will have, by the integral of 1 / h^3 over fixed random points and the surface."""
+    low, high = np.array([-1, 0, -1]) * dome.semi_axes, dome.semi_axes
+    points = np.random.default_rng(0).uniform(low, high, (40_000, 3))
+    points = points[dome.level(points) < 1]
+    turn = np.linspace(0, 2 * np.pi, 720)
+    rim = np.stack([np.cos(turn), 0 * turn, np.sin(turn)], axis=1) * dome.semi_axes
+    distances = [(cKDTree(rim).query(points)[0], size.rim)]
+    if dome.nucleus is not None:
+        away = points - np.array([0, dome.nucleus.centre, 0])
+        level = np.linalg.norm(away / dome.nucleus.semi_axes, axis=1)
+        distances.append((np.abs(1 - 1 / level) * np.linalg.norm(away, axis=1), size.nucleus))
+    h = np.min([near + (size.size - near) * np.minimum(d / size.transition, 1) for d, near in distances], axis=0)
+    surface = 2 * np.pi * dome.length * dome.width / 4
+    return float(PER_CUBE * dome.volume_um3 * np.mean(1 / h**3) + PER_SQUARE * surface / size.size**2)
+
+
+def refuse_above_limit(count: Callable[[float], float], size: float) -> None:
+    """Refuse a mesh of more than `LIMIT` unknowns; `count` gives them at the sizes times a factor.
+
+    Raises:
+        SettingError: with the number and an element size that would do.
+    """
+    wanted = count(1.0)
+    if wanted <= LIMIT:
+        return
+    factor = float(np.cbrt(wanted / LIMIT))  # enough if all of it were volume
+    while count(factor) > LIMIT:
+        factor *= 1.05
+    valid = np.ceil(size * factor * 100) / 100
+    raise SettingError(
+        f"an element size of {size:g} um needs about {wanted:.2g} unknowns, more than the {LIMIT} that fit into "
+        f"some 4 GB of memory: take {valid:g} um or more."
+    )
 
 
 def dome_mesh(dome: Dome, size: MeshSize | None = None, *, cache: Path | None = None) -> TetMesh:
@@ -37,14 +223,22 @@ def dome_mesh(dome: Dome, size: MeshSize | None = None, *, cache: Path | None = 
         MissingPackageError: gmsh is not installed.
     """
     size = size or MeshSize()
-    file = place(dome, size, cache)
-    stored = read(file)
+    store = Store(cache or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fasbody" / "cell")
+    name = f"{key(program(__name__), astuple(dome), astuple(size))}.npz"
+    stored, _ = store.load(name, _unpacked)
     if stored is not None:
         return stored
     refuse_above_limit(lambda factor: unknowns(dome, size.coarser(factor)), size.size)
     mesh = _mesh_patiently(dome, size)
-    write(file, mesh)
+    memory = io.BytesIO()
+    np.savez_compressed(memory, points_um=mesh.points_um, tets=mesh.tets, region=mesh.region)
+    store.save(name, memory.getvalue())
     return mesh
+
+
+def _unpacked(file: bytes) -> TetMesh:
+    with np.load(io.BytesIO(file), allow_pickle=False) as stored:
+        return TetMesh(stored["points_um"], stored["tets"], stored["region"])
 
 
 def surface_mesh(

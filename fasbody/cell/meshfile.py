@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fasbody.cell.mesh import surface_mesh
-from fasbody.cell.meshsize import MeshSize
-from fasbody.cell.tetmesh import NUCLEUS, TetMesh
+from fasbody.cell.mesh import NUCLEUS, MeshSize, TetMesh, surface_mesh
 from fasbody.console import console, to_json, write_whole
 from fasbody.exceptions import FasError, InputFileError, MeshError, MissingPackageError, SettingError
 

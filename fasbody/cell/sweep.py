@@ -12,8 +12,8 @@ from scipy.optimize import curve_fit
 from fasbody.cell.analysis import Analysis, analyse, assemblies
 from fasbody.cell.dome import SHAPES, Dome
 from fasbody.cell.materials import MODULI_PA, Preset
-from fasbody.cell.meshsize import MeshSize
-from fasbody.cell.tracking import Match, track_along
+from fasbody.cell.mesh import MeshSize
+from fasbody.cell.modeshape import Match, track_along
 from fasbody.exceptions import SettingError
 
 #: Modulus of the yeast cells that section 5.5 extrapolates to [Pa].

@@ -15,10 +15,8 @@ from fasbody.cell.analysis import assemblies
 from fasbody.cell.assembly import assemble
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import Material, Preset
-from fasbody.cell.mesh import ball_mesh, dome_mesh
-from fasbody.cell.meshsize import MeshSize
+from fasbody.cell.mesh import MeshSize, TetMesh, ball_mesh, dome_mesh
 from fasbody.cell.modal import CellModel, solve
-from fasbody.cell.tetmesh import TetMesh
 
 
 @dataclass(frozen=True)

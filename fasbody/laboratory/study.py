@@ -17,10 +17,10 @@ from fasbody.foot.two_dof import NAMES
 from fasbody.laboratory.instrument import EXCITATIONS, Instrument
 from fasbody.laboratory.recording import moving, steady
 from fasbody.laboratory.subject import POSTURES, Tuberosity, VirtualSubject, panel
-from fasbody.parallel import run
 from fasbody.recording.condition import ADDED_MASSES_KG, SUBJECTS
 from fasbody.recording.formats import ENDINGS
 from fasbody.recording.recording import Condition
+from fasbody.runner import run
 
 #: Frequencies of section 2.2.2 [Hz].
 FREQUENCIES_HZ = tuple(float(f) for f in range(10, 55, 5))

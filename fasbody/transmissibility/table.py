@@ -11,13 +11,13 @@ import numpy as np
 import pandas as pd
 
 from fasbody.exceptions import FasError, RecordingError
-from fasbody.parallel import run
 from fasbody.presentation import Presented, Sheet
 from fasbody.recording.channels import Channel
 from fasbody.recording.condition import POSTURES
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study, StudyFolder
 from fasbody.recording.trials import Trial
+from fasbody.runner import run
 from fasbody.transmissibility.estimate import PAIRS, Row, rows, unwrapped
 from fasbody.transmissibility.resonance import Resonance, by_thesis, shown
 

@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 from urllib.parse import urlsplit
 
-from fasbody.console import heeded, held, once
+from fasbody import runner
+from fasbody.console import held, once
 from fasbody.exceptions import FasError, MissingPackageError, SettingError
 from identification.study import job, plan
 from identification.study.job import Document
@@ -34,9 +35,7 @@ def here() -> Iterator[Crew]:
     """One after another in this process; Ctrl-C ends the job that it meets, whose document is not given."""
 
     def do(works: Iterable[Work]) -> Iterator[Document]:
-        for work in works:
-            with heeded():
-                document = job.run(work)
+        for _, document in runner.here(job.run, works):
             yield document
 
     with once():

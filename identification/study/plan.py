@@ -1,6 +1,5 @@
 """What a study has to fit: jobs, each with a key that follows its recordings' content, the settings and the program."""
 
-import ast
 import functools
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -11,7 +10,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-import fasbody
+from fasbody import runner
 from fasbody.exceptions import FasError, SettingError, unknown
 from fasbody.foot.model import Foot, check
 from fasbody.recording.condition import Condition
@@ -23,8 +22,8 @@ from identification.estimate import Settings
 from identification.study.filters import KINDS as KINDS
 from identification.study.filters import MODES as MODES
 
-#: Our packages: what a job imports of them is part of its key.
-_OURS = ("fasbody", "identification", "mjcf")
+#: What this module imports is part of the key of a job.
+_COMPUTES = "identification.study.job"
 
 
 @dataclass(frozen=True)
@@ -179,30 +178,11 @@ def _written(settings: Settings) -> str:
     return repr(sorted(fields.items()))
 
 
-@functools.cache
 def program() -> str:
     """Digest of the sources that compute a result, which is more than a version says: an edited program, new keys."""
-    digest = hashlib.sha256()
-    for file in sources():
-        digest.update(file.name.encode() + file.read_bytes())
-    return digest.hexdigest()[:12]
+    return runner.program(_COMPUTES)[:12]
 
 
 def sources() -> list[Path]:
     """The files that compute a result: what job.py imports of ours, and what that imports in turn."""
-    root = Path(fasbody.__file__).parent.parent
-    found: set[Path] = set()
-    waiting = [Path(__file__).with_name("job.py")]
-    while waiting:
-        file = waiting.pop()
-        if file in found:
-            continue
-        found.add(file)
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in _OURS:
-                names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-                places = [root.joinpath(*name.split(".")) for name in names]
-                files = [file for place in places for file in (place.with_suffix(".py"), place / "__init__.py")]
-                waiting += [file for file in files if file.is_file()]
-    prints = {root / "fasbody" / name for name in ("console.py", "presentation.py")}
-    return sorted(found - prints)  # they show and write, and change no result
+    return runner.sources(_COMPUTES)

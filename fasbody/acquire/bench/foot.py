@@ -4,10 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.foot.model import load
 from fasbody.foot.shaker import BaseMotion
-from fasbody.foot.simulate import Batch
-from fasbody.laboratory.foot import TRUTH
 from fasbody.recording.condition import SUBJECTS, foot_mass, shank_mass
 
 #: The subject whose masses the virtual foot has.
@@ -28,6 +25,10 @@ class ShakenFoot:
     """
 
     def __init__(self, rate_hz: float, added_mass_kg: float, rng: np.random.Generator) -> None:
+        from fasbody.foot.model import load
+        from fasbody.foot.simulate import Batch
+        from fasbody.laboratory.foot import TRUTH
+
         masses = {"m_S": shank_mass(BODY_MASS_KG, added_mass_kg), "m_F": foot_mass(BODY_MASS_KG)}
         self.foot = load("two_dof").with_values({**TRUTH, **masses})
         self._stride = max(1, int(np.ceil(1 / rate_hz / self.foot.step - 1e-9)))

@@ -1,0 +1,131 @@
+"""The benchmark table: on the terminal, and as a page in which each topic's rows stay until it is measured again."""
+
+import os
+import re
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from fasbody.console import console, print_json
+from reproduction.check import Check, over
+
+#: The option that every topic has.
+JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
+#: Load average, as a share of the cores, beyond which they are not idle; one program alone makes at most one.
+BUSY = 0.75
+HEADER = ("what", "measured", "required or compared with", "times better", "margin", "met")
+_TOPIC = re.compile(r"(\w+) (\d{4}-\d\d-\d\d) \(load ([\d.]+)\)")
+_TEXT = """# Benchmarks
+
+Printed by `make bench`; each topic runs alone, too: `python -m benchmarks.accuracy`. `python -m benchmarks accuracy`
+writes a page like this one of your own machine, results/benchmarks/HOST.md; `--commit` puts the rows here, too.
+*Times better* compares two measurements: how many times faster or more accurate than the other way named before it.
+*Margin* compares with a requirement that we set ourselves: 1 just meets it, below 1 is a NO. Times are CPU times unless
+they say otherwise, so other programs disturb them little, though not by nothing.
+
+"""
+
+
+def cells(check: Check) -> tuple[str, ...]:
+    """A check as text, by `HEADER`."""
+    ratio, margin = ("" if value is None else f"{value:.3g}" for value in (check.ratio, check.margin))
+    return check.what, check.measured, check.against, ratio, margin, {None: "", True: "yes", False: "NO"}[check.met]
+
+
+def faster(what: str, seconds: float, other_seconds: float, other: str, wanted: float | None = None) -> Check:
+    """A time beside that of something else [s]; its ratio is how many times faster, at least `wanted`."""
+    ratio = over(other_seconds, seconds)
+    beside = f"{other}: {_duration(other_seconds)}" + ("" if wanted is None else f", at least {wanted:g} times")
+    value, low = np.nan if ratio is None else ratio, -np.inf if wanted is None else wanted
+    return Check(what, value, low, said=_duration(seconds), beside=beside, ratio=ratio, asked=wanted is not None)
+
+
+def _duration(seconds: float) -> str:
+    for factor, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "us")):
+        if seconds * factor >= 1:
+            return f"{seconds * factor:.3g} {unit}"
+    return f"{seconds * 1e9:.3g} ns"
+
+
+def judged_if_idle(check: Check, load: float) -> Check:
+    """A check of idle cores: told without a verdict where it was measured on busy ones (load average before it)."""
+    if load < BUSY * (os.cpu_count() or 1):
+        return check
+    what = f"{check.what} (not judged: cores busy, load {load:.1f})"
+    return replace(check, what=what, beside=check.against, asked=False)
+
+
+def interleaved(
+    works: Sequence[Callable[[], object]], repeats: int, clock: Callable[[], float] = time.process_time
+) -> np.ndarray:
+    """Times (repeats, works) [s] of several works taken in turn, so that a busy machine is equally unkind to all.
+
+    Args:
+        works: what to time; each runs once untimed first. repeats: how often. clock: by default the CPU time of this
+            process, which other processes hardly disturb; `time.perf_counter` where waiting counts.
+    """
+    for work in works:
+        work()
+    times = np.empty((repeats, len(works)))
+    for row in times:
+        for i, work in enumerate(works):
+            began = clock()
+            work()
+            row[i] = clock() - began
+    return times
+
+
+def table(title: str, checks: Sequence[Check]) -> Table:
+    """A table for the terminal."""
+    out = Table(title=title, title_justify="left")
+    for name in HEADER:
+        out.add_column(name, justify="right" if name in ("times better", "margin") else "left")
+    for check in checks:
+        out.add_row(*cells(check), style="bold red" if check.met is False else None)
+    return out
+
+
+def report(title: str, checks: Sequence[Check], as_json: bool) -> None:
+    """Print the rows of a topic that runs alone."""
+    if as_json:
+        print_json({"title": title, "rows": [check.document() for check in checks]})
+    else:
+        console.print(table(title, checks))
+
+
+@dataclass(frozen=True)
+class Topic:
+    """The rows of one topic as text, when they were measured, and the load average before."""
+
+    name: str
+    when: str
+    load: float
+    rows: Sequence[Sequence[str]]
+
+
+def read(text: str, where: str = "") -> dict[str, Topic]:
+    """The topics of such a page; none if a machine with its versions is named and the page comes from another."""
+    if where and f"Machine: {where}.\n" not in text:
+        return {}
+    cells = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")]
+    padded = [[*row, *[""] * (len(HEADER) + 1 - len(row))] for row in cells[1:]]
+    return {
+        name: Topic(name, when, float(load), [[cell.strip() for cell in row[1:]] for row in padded if row[0] == name])
+        for name, when, load in _TOPIC.findall(text)
+    }
+
+
+def markdown(topics: Mapping[str, Topic], where: str) -> str:
+    """The text of the page."""
+    measured = ", ".join(f"{topic.name} {topic.when} (load {topic.load:.1f})" for topic in topics.values())
+    lines = [
+        f"Machine: {where}.", "", f"Measured, with the load average before: {measured}.", "",
+        "| topic | " + " | ".join(HEADER) + " |", "|---|---|---|---|---:|---:|---|",
+        *("| " + " | ".join([topic.name, *row]) + " |" for topic in topics.values() for row in topic.rows), "",
+    ]  # fmt: skip
+    return _TEXT + "\n".join(lines)

@@ -1,0 +1,218 @@
+"""Long work: on all cores with one progress bar, and kept in whole files, so that it goes on where it was stopped.
+
+A result is found again by its key. That holds what went into the result and the sources that computed it, so an edited
+program computes anew. Ctrl-C ends the processes at once; what was written stays.
+"""
+
+import ast
+import hashlib
+import multiprocessing
+import os
+import platform
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import TypeVar
+
+import fasbody
+from fasbody.console import heeded, held, make_folder, progress_bar, write_whole
+from fasbody.exceptions import FasError
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+#: Fewer jobs than this are done here: starting processes takes longer.
+_FEW = 40
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+#: Our packages: what a result's module imports of them is part of its key.
+OURS = ("fasbody", "identification", "mjcf", "reproduction")
+ROOT = Path(fasbody.__file__).parent.parent
+#: Print, spread and keep, and change no result.
+_ASIDE = {ROOT / "fasbody" / name for name in ("console.py", "presentation.py", "runner.py")}
+#: What a result may read of our packages besides their sources.
+_DATA = {".xml", ".csv", ".toml", ".json"}
+#: Age of an unfinished file that nobody can still be writing [s].
+_STALE_S = 3600.0
+
+
+def run(
+    function: Callable[[Task], Result], tasks: Sequence[Task], description: str, processes: int = 0
+) -> Iterator[tuple[int, Result]]:
+    """Yield (index, result) of each task as it ends; results are not kept. Ctrl-C ends the processes at once.
+
+    Args:
+        function: importable, of one argument. tasks: its arguments. description: for the progress bar.
+        processes: 0 for all cores; 1, or few tasks, stay in this process.
+
+    Raises:
+        FasError: what `function` raises; or the machine ended a process.
+    """
+    count = processes or len(os.sched_getaffinity(0))
+    alone = count == 1 or (len(tasks) < _FEW and not processes)
+    done = here(function, tasks) if alone else _spread(function, tasks, count)
+    with progress_bar() as progress:
+        bar = progress.add_task(description, total=len(tasks))
+        for index, result in done:
+            yield index, result
+            progress.advance(bar)
+
+
+def here(function: Callable[[Task], Result], tasks: Iterable[Task]) -> Iterator[tuple[int, Result]]:
+    """One after another in this process, each task taken when its turn comes; Ctrl-C ends the one that it meets."""
+    for index, task in enumerate(tasks):
+        with heeded():
+            result = function(task)
+        yield index, result
+
+
+def _spread(function: Callable[[Task], Result], tasks: Sequence[Task], count: int) -> Iterator[tuple[int, Result]]:
+    with _pool(count) as pool:
+        with held():  # which are started here, as tasks come in
+            jobs = {pool.submit(function, task): index for index, task in enumerate(tasks)}
+        try:
+            for job in as_completed(list(jobs)):
+                yield jobs.pop(job), job.result()
+        except BrokenProcessPool:
+            raise FasError("a worker process was ended by the system; memory may be short.") from None
+
+
+@contextmanager
+def _pool(count: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes whose linear algebra has one thread; after an exception they are not waited for."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    others = set(multiprocessing.active_children())
+    os.environ.update(dict.fromkeys(_THREADS, "1"))  # the children's linear algebra must not fight for the cores
+    # spawn, not fork: the progress bar runs a thread
+    pool = ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn"))
+    try:
+        yield pool
+    except BaseException:
+        for child in set(multiprocessing.active_children()) - others:
+            child.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+@dataclass(frozen=True)
+class Store:
+    """A folder of results, one file each, there whole or not at all."""
+
+    folder: Path
+
+    def make(self) -> None:
+        """Make the folder, and clear away what a killed run left half written.
+
+        Raises:
+            InputFileError: it cannot be made or written.
+        """
+        make_folder(self.folder)
+        for left in self.folder.glob(".*.*.????????"):  # the temporary names of `write_whole`
+            if time.time() - left.stat().st_mtime > _STALE_S:
+                left.unlink(missing_ok=True)
+
+    def load(self, name: str, decode: Callable[[bytes], Result]) -> tuple[Result | None, str]:
+        """What a file holds, None if there is none; and a sentence if it is there but cannot be decoded."""
+        file = self.folder / name
+        try:
+            return decode(file.read_bytes()), ""
+        except (FileNotFoundError, NotADirectoryError):
+            return None, ""
+        except Exception:  # a damaged file may raise anything in its reader
+            return None, f"{file}: is broken and is computed again."
+
+    def save(self, name: str, content: str | bytes) -> Path:
+        """Keep a result under its name.
+
+        Raises:
+            InputFileError: the folder cannot be written.
+        """
+        return write_whole(self.folder / name, content)
+
+
+def key(*parts: object) -> str:
+    """What a kept result must carry to count: a digest of what went into it, such as inputs and `program`."""
+    digest = hashlib.sha256()
+    for part in parts:
+        text = part if isinstance(part, bytes) else str(part).encode()
+        digest.update(len(text).to_bytes(8, "little") + text)
+    return digest.hexdigest()[:24]
+
+
+@cache
+def program(module: str) -> str:
+    """Digest of the sources that compute what a module computes, which is more than a version says."""
+    return key(*(part for file in sources(module) for part in (_place(file), file.read_bytes())))
+
+
+@cache
+def data() -> str:
+    """Digest of the models, tables and settings beside our sources, which a result may read."""
+    files = (file for package in OURS[:3] for file in sorted((ROOT / package).rglob("*")) if file.suffix in _DATA)
+    return key(*(part for file in files for part in (_place(file), file.read_bytes())))
+
+
+def sources(module: str) -> list[Path]:
+    """The files that compute a result: a module of ours, what it imports of ours, and what that imports in turn."""
+    found: set[Path] = set()
+    waiting = _files(module)
+    while waiting:
+        file = waiting.pop()
+        if file not in found:
+            found.add(file)
+            waiting += _imported(file)
+    return sorted(found - _ASIDE)
+
+
+@cache
+def _imported(file: Path) -> tuple[Path, ...]:
+    """Files of ours that a file imports, for types alone not; of one that imports by name all that lie beside it."""
+    text, names = file.read_text(encoding="utf-8"), set()
+    tree = ast.parse(text)
+    checks = (node for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test))
+    typed = {node for check in checks for line in check.body for node in ast.walk(line)}
+    for node in (node for node in ast.walk(tree) if node not in typed):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    beside = file.parent.glob("*.py") if "importlib.import_module(" in text else ()
+    return (*(found for name in sorted(names) for found in _files(name)), *beside)
+
+
+def _files(module: str) -> list[Path]:
+    """The file of a module of ours; none for any other name."""
+    place = ROOT.joinpath(*module.split("."))
+    files = (place.with_suffix(".py"), place / "__init__.py") if module.split(".")[0] in OURS else ()
+    return [file for file in files if file.is_file()]
+
+
+def _place(file: Path) -> str:
+    return file.relative_to(ROOT).as_posix()
+
+
+@cache
+def versions(*libraries: str) -> str:
+    """Name and version of each library."""
+    return ", ".join(f"{name} {version(name)}" for name in libraries)
+
+
+def machine(*libraries: str) -> str:
+    """Processor, cores, system and versions in one line."""
+    cpu = Path("/proc/cpuinfo")
+    lines = cpu.read_text().splitlines() if cpu.is_file() else []
+    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return (
+        f"{models[0] if models else platform.machine()}, {os.cpu_count()} cores; {platform.system()}, "
+        f"Python {platform.python_version()}, {versions(*libraries)}"
+    )
