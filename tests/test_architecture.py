@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,7 @@ def sources(packages: tuple[str, ...] = PACKAGES) -> list[Path]:
     return [file for package in packages for file in sorted((ROOT / package).rglob("*.py"))]
 
 
+@cache
 def imported(file: Path) -> set[str]:
     """Top-level names of every package that `file` imports, at any depth of the code."""
     found = set()
@@ -122,6 +124,13 @@ def test_nothing_imports_a_command() -> None:
     for module, needs in graph().items():
         if module.rpartition(".")[2] not in ENTRANCES:
             assert not needs & apps, f"{module} imports the command {sorted(needs & apps)}"
+
+
+def test_results_of_the_arch_know_neither_command_nor_figure() -> None:
+    for module, needs in graph().items():
+        if module.startswith("fasbody.arch.") and not module.endswith((".__main__", ".figures")):
+            assert not imported(ROOT.joinpath(*module.split(".")).with_suffix(".py")) & {"typer", "rich"}, module
+            assert not needs & {"fasbody.arch.figures", "fasbody.arch.__main__"}, module
 
 
 def test_equation_index_and_code_name_the_same_equations() -> None:
