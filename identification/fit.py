@@ -14,7 +14,6 @@ from fasbody.foot.model import load
 from fasbody.recording.recording import Recording, with_masses
 from fasbody.recording.study import BUNDLED, Study, read_file, read_truth
 from identification.estimate import Settings, fit_foot
-from identification.report import write
 from identification.result import FitResult, symbol_and_unit
 from identification.space import limits, names
 
@@ -64,6 +63,8 @@ def main(
 
         result = fit_foot(recordings, foot, settings, advance=advance).with_source(source, truth)
     if folder is not None:
+        from identification.report import write  # matplotlib takes a second that --json and --help need not wait
+
         write(result, folder)
     if json_:
         print_json(result.document())
