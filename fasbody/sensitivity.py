@@ -1,6 +1,12 @@
-"""The old name of `python -m fasbody.arch sensitivity`, for one release."""
+"""`python -m fasbody.sensitivity` has moved to python -m fasbody.arch sensitivity.
+
+The old name goes with the next release.
+"""
+
+import runpy
+import sys
 
 if __name__ == "__main__":
-    from fasbody.arch.__main__ import moved
-
-    moved("fasbody.sensitivity", "sensitivity")
+    print(__doc__, file=sys.stderr)
+    sys.argv.insert(1, "sensitivity")
+    runpy.run_module("fasbody.arch", run_name="__main__")

@@ -66,6 +66,8 @@ def main(
 
         result = fit_foot(recordings, foot, settings, advance=advance).with_source(source, truth)
     if folder is not None:
+        from identification.report import write  # matplotlib takes a second that --json and --help need not wait
+
         write(result, folder)
     if json_:
         print_json(result.document())

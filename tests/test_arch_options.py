@@ -37,5 +37,5 @@ def test_old_names_run_and_say_the_new_ones(command: Callable[..., Any], old: st
     assert run.returncode == 2
     assert "Traceback" not in run.stderr
     assert "--seed" in run.stderr  # refused by the command itself; load has no such option
-    assert f"python -m fasbody.{old} is now python -m fasbody.arch {new};" in run.stderr
+    assert f"`python -m fasbody.{old}` has moved to python -m fasbody.arch {new}." in run.stderr
     assert run.stdout == ""

@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,7 @@ def sources(packages: tuple[str, ...] = PACKAGES) -> list[Path]:
     return [file for package in packages for file in sorted((ROOT / package).rglob("*.py"))]
 
 
+@cache
 def imported(file: Path) -> set[str]:
     """Top-level names of every package that `file` imports, at any depth of the code."""
     found = set()
@@ -62,8 +64,15 @@ ROOMS = (
     ("exceptions", "lazy"), ("console",), ("presentation", "runner"), ("foot",), ("arch", "recording", "cell", "heel"),
     ("laboratory", "transmissibility"), ("acquire",),
 )  # fmt: skip
-#: Commands and the face look into every room, and no room looks at them.
-ENTRANCES = ("__init__", "__main__", "commands")
+#: Commands look into every room, and no room looks at them.
+ENTRANCES = (
+    "__main__",
+    "commands",
+    "crosscheck",
+    "reduction",
+    "sensitivity",
+    "static_load",
+)  # the last four: old names
 
 
 def graph() -> dict[str, set[str]]:
@@ -97,26 +106,31 @@ def test_rooms_import_from_the_ground_up() -> None:
     for module, needs in graph().items():
         package, _, rest = module.partition(".")
         room = rest.partition(".")[0]
-        if package != "fasbody" or room in ENTRANCES or not room or "moved to python -m" in (fasbody_file(module)):
+        if package != "fasbody" or room in ENTRANCES or not room:
             continue
         for need in needs:
             if need.startswith("fasbody.") and (other := need.split(".")[1]) != room:
                 assert level[other] < level[room], f"{module} imports {need}"
 
 
-def fasbody_file(module: str) -> str:
+def text_of(module: str) -> str:
     place = ROOT.joinpath(*module.split("."))
     return (place.with_suffix(".py") if place.with_suffix(".py").is_file() else place / "__init__.py").read_text()
 
 
 def test_nothing_imports_a_command() -> None:
     """A file that starts a Typer app is imported by no other, but for a package's `__main__` that hands on to it."""
-    apps = {
-        module for module in graph() if re.search(r"^app(: [\w.]+)? = typer\.Typer", fasbody_file(module), re.MULTILINE)
-    }
+    apps = {module for module in graph() if re.search(r"^app(: [\w.]+)? = typer\.Typer", text_of(module), re.MULTILINE)}
     for module, needs in graph().items():
-        if module.rpartition(".")[2] not in ("__main__", "commands"):
+        if module.rpartition(".")[2] not in ENTRANCES:
             assert not needs & apps, f"{module} imports the command {sorted(needs & apps)}"
+
+
+def test_results_of_the_arch_know_neither_command_nor_figure() -> None:
+    for module, needs in graph().items():
+        if module.startswith("fasbody.arch.") and not module.endswith((".__main__", ".figures")):
+            assert not imported(ROOT.joinpath(*module.split(".")).with_suffix(".py")) & {"typer", "rich"}, module
+            assert not needs & {"fasbody.arch.figures", "fasbody.arch.__main__"}, module
 
 
 def test_equation_index_and_code_name_the_same_equations() -> None:

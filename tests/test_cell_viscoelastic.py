@@ -1,15 +1,18 @@
-"""Complex frequencies against the exact cubic of one solid and against the unreduced problem of two."""
+"""Complex frequencies against the exact cubic of one solid and the unreduced problem of two; a shaken base against
+direct solves.
+"""
 
 import numpy as np
 import pytest
 import scipy.linalg
+import scipy.sparse.linalg as spla
 from cell_cases import block
 
 from fasbody.cell.assembly import assemble
 from fasbody.cell.materials import preset
 from fasbody.cell.membrane import Membrane
 from fasbody.cell.modal import CellModel, solve
-from fasbody.cell.viscoelastic import DampedModes, ReducedCell, StandardLinearSolid, damped_modes
+from fasbody.cell.viscoelastic import DampedModes, ReducedCell, StandardLinearSolid, base_response, damped_modes
 from fasbody.exceptions import SettingError
 
 
@@ -102,3 +105,49 @@ def test_an_elastic_membrane_stays_out_of_the_relaxation(model: CellModel) -> No
 def test_impossible_solids(values: tuple[float, float]) -> None:
     with pytest.raises(SettingError, match="must be"):
         StandardLinearSolid(*values)
+
+
+SOLID = StandardLinearSolid(0.5, 2e-6)
+
+
+@pytest.fixture(scope="module")
+def tall() -> CellModel:
+    return CellModel(assemble(block((1, 3, 1), nucleus_below=0.7)), preset("si").materials, 1e-6)
+
+
+def test_slow_shaking_deflects_as_a_steady_acceleration_does(tall: CellModel) -> None:
+    response = base_response(ReducedCell.of(tall, 8), (SOLID, SOLID), np.array([1.0]))
+    u = spla.spsolve(tall.K.tocsc(), tall.M @ tall.rigid)
+    top = int(tall.assembly.nodes_um[:, 1].argmax())
+    at_top = u.reshape(-1, 3, 3)[np.flatnonzero(tall.assembly.free == top)[0]]
+    assert response.relative_m[:, 0] == pytest.approx(np.abs(np.diag(at_top)), rel=1e-6)
+    assert np.abs(response.top[:, 0]) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_response_agrees_with_the_full_matrices(tall: CellModel) -> None:
+    f = 0.8 * solve(tall, 1).frequencies_hz[0]
+    w = 2 * np.pi * f
+    response = base_response(ReducedCell.of(tall, 60), (SOLID, SOLID), np.array([f]))
+    K = SOLID(1j * w) * tall.K
+    u = spla.spsolve((K - w**2 * tall.M).tocsc(), w**2 * (tall.M @ tall.rigid))
+    top = np.flatnonzero(tall.assembly.free == int(tall.assembly.nodes_um[:, 1].argmax()))[0]
+    assert response.top[:, 0] == pytest.approx(1 + np.diag(u.reshape(-1, 3, 3)[top]), rel=1e-3)
+
+
+def test_reach_is_the_last_mode_of_the_basis(tall: CellModel) -> None:
+    assert ReducedCell.of(tall, 8).reach_hz == pytest.approx(solve(tall, 8).frequencies_hz[-1])
+
+
+def test_resonance_lies_at_the_first_mode(tall: CellModel) -> None:
+    first = solve(tall, 1).frequencies_hz[0]
+    light = StandardLinearSolid(0.02, 1 / (2 * np.pi * first))
+    response = base_response(ReducedCell.of(tall, 20), (light, light), np.linspace(0.5, 1.5, 401) * first)
+    assert response.resonance_hz[[0, 2]] == pytest.approx(first, rel=0.02)
+    assert "per base displacement" in str(response)
+
+
+def test_the_end_of_the_range_is_no_resonance(tall: CellModel) -> None:
+    first = solve(tall, 1).frequencies_hz[0]
+    rising = base_response(ReducedCell.of(tall, 8), (SOLID, SOLID), np.linspace(0.1, 0.6, 30) * first)
+    assert np.isnan(rising.resonance_hz).all()
+    assert f"x none below {0.6 * first:.4g} Hz" in str(rising)

@@ -133,7 +133,7 @@ def covered(foot: Foot, trial: Callable[..., Recording]) -> dict[bool, tuple[np.
             data = checked(stated(replace(made, malleolus_m_s2=exact), STATED if told else {}))
             domain = PeriodicDomain(foot, [data], space, twin=True, threads=1)
             problem, end = settle(domain, descend(domain.problem(), space.to_q(truth), "truth"))
-            _, covariance = standard_errors(problem, end, 0, True)  # not widened by the misfit
+            _, covariance = standard_errors(problem, end, 0)  # not widened by the misfit
             low, high = space.interval(end.theta, np.sqrt(np.diag(covariance)))
             found[told][0].append((low <= truth) & (truth <= high))
             found[told][1].append(end.cost)

@@ -19,6 +19,7 @@ class Analytic:
 
     evaluations = 0
     size = 3
+    chi_square = True
     log_determinant = 0.0
 
     def compiled(self) -> None:

@@ -1,6 +1,5 @@
 """Command line of the five-body arch: `python -m fasbody.arch sensitivity | reduction | load | crosscheck --help`."""
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -70,7 +69,8 @@ def print_sensitivity(
     arch = Arch.read(model)
     arms_m = [] if this else [None, *(lever_arm or [])]
     methods = [None] if trajectory is None else [None, trajectory]
-    about_own, studies = [own(arch, _called(model), frequency_hz) for frequency_hz in methods], []
+    name = "the nominal arch" if model == "foot_arch" else _called(model)
+    about_own, studies = [own(arch, name, frequency_hz) for frequency_hz in methods], []
     with progress_bar() as progress:
         task = progress.add_task("random arches", total=draws * len(arms_m) * len(methods))
         for lever_arm_m in arms_m:
@@ -87,8 +87,8 @@ def print_sensitivity(
         pictures = {"sensitivity": sensitivity_bars([*about_own, *studies])}
         if studies:
             pictures["sensitivity-cases"] = sensitivity_cases(studies)
-        for name, picture in pictures.items():
-            console.print(f"written: {write_whole(figures / f'{name}.png', png(picture))}")
+        for file, picture in pictures.items():
+            console.print(f"written: {write_whole(figures / f'{file}.png', png(picture))}")
     if json:
         print_json({
             "model": model, "seed": seed, "claimed": sorted(CLAIMED),
@@ -293,18 +293,6 @@ def _dynamics_table(motions: "list[Dynamics]") -> Table:
 def _called(model: str) -> str:
     """What tables and figures call a model."""
     return "nominal" if model == "foot_arch" else Path(model).name
-
-
-def moved(old: str, new: str) -> None:
-    """Run a sub-command under the name it had before, and say what to type now.
-
-    Args:
-        old: module that was typed.
-        new: sub-command that it is now.
-    """
-    console.print(f"python -m {old} is now python -m fasbody.arch {new}; the old name goes with the next release.")
-    sys.argv.insert(1, new)
-    command_line(app)
 
 
 if __name__ == "__main__":

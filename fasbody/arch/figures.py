@@ -85,8 +85,9 @@ def sensitivity_cases(studies: Sequence[Study]) -> Figure:
 
 def _title(study: Study) -> str:
     held = int(study.holds("malleolus").sum())
-    verdict = f"in {held} of {len(study.values)} draws" if not study.own else "" if held else "not"
-    return f"{study.reading}, {study.method}: claim holds {verdict}".rstrip()
+    if study.own:
+        return f"{study.reading}, {study.method}: claim {'holds' if held else 'does not hold'}"
+    return f"{study.reading}, {study.method}: claim holds in {held} of {len(study.values)} draws"
 
 
 def reduction(result: "Reduction") -> Figure:
