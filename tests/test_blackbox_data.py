@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
-from identification.blackbox import csvfile
+from identification.blackbox import data
 from identification.blackbox.data import Series
 from identification.blackbox.identify import identify
 
@@ -85,7 +85,7 @@ def test_csv_of_many_forms(tmp_path: Path, header: str, columns: tuple[np.ndarra
     np.savetxt(file, np.column_stack(columns), delimiter=",", header=header, comments="")
     if not header:
         file.write_text(file.read_text().lstrip("\n"))
-    series = csvfile.read_csv(file, **options)
+    series = data.read_csv(file, **options)
     np.testing.assert_allclose(series.u, U)
     np.testing.assert_allclose(series.y, Y)
     assert series.sample_time == pytest.approx(1e-3, rel=1e-9)
@@ -94,7 +94,7 @@ def test_csv_of_many_forms(tmp_path: Path, header: str, columns: tuple[np.ndarra
 def test_semicolons_and_byte_order_mark(tmp_path: Path) -> None:
     file = written(tmp_path / "record.csv", "time;u;y", np.arange(200) * 1e-3, U, Y, delimiter=";")
     file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
-    np.testing.assert_allclose(csvfile.read_csv(file).y, Y)
+    np.testing.assert_allclose(data.read_csv(file).y, Y)
 
 
 def test_study_folder_keeps_the_corrections_of_its_study(tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_study_folder_keeps_the_corrections_of_its_study(tmp_path: Path) -> None
     (tmp_path / "subjects.csv").write_text("subject,mass_kg\n16,72.57\n")
     rows = "recordings/a.csv,16,0\nrecordings/b.csv,16,0\n"
     (tmp_path / "recordings.csv").write_text("file,subject,added_mass_kg\n" + rows)
-    read = csvfile.read(tmp_path)
+    read = data.read(tmp_path)
     assert [series.name for series in read] == ["a", "b"]
     np.testing.assert_allclose(read[0].y, -Y)
 
@@ -127,15 +127,15 @@ def test_useless_files_get_one_sentence(tmp_path: Path, content: str, options: d
     file = tmp_path / "record.csv"
     file.write_text(content)
     with pytest.raises(FasError, match=sentence) as caught:
-        csvfile.read_csv(file, **options)
+        data.read_csv(file, **options)
     assert "record.csv" in str(caught.value)
 
 
 def test_missing_file_and_empty_folder(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match="No such file"):
-        csvfile.read(tmp_path / "absent.csv")
+        data.read(tmp_path / "absent.csv")
     with pytest.raises(InputFileError, match=r"study\.toml: no such file"):
-        csvfile.read(tmp_path)
+        data.read(tmp_path)
 
 
 @pytest.mark.parametrize("at", [60, 100])
@@ -177,7 +177,7 @@ TIME_MS = np.arange(200.0)
 def test_time_is_recognised_with_its_unit(
     tmp_path: Path, header: str, columns: tuple[np.ndarray, ...], options: dict
 ) -> None:
-    series = csvfile.read_csv(written(tmp_path / "record.csv", header, *columns), **options)
+    series = data.read_csv(written(tmp_path / "record.csv", header, *columns), **options)
     assert series.sample_time == pytest.approx(1e-3, rel=1e-9)
     np.testing.assert_allclose(series.u, U)
     assert series.channels == tuple(header.split(",")[1:])
@@ -197,4 +197,4 @@ def test_unknown_times_and_cells_name_the_remedy(tmp_path: Path, content: str, s
     file = tmp_path / "record.csv"
     file.write_text(content)
     with pytest.raises(InputFileError, match=sentence):
-        csvfile.read_csv(file)
+        data.read_csv(file)

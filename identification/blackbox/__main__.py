@@ -1,7 +1,5 @@
 """Command `python -m identification.blackbox`: black-box models of recordings, with what the data cannot tell."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +7,7 @@ import typer
 
 from fasbody.console import command_line, console, make_folder, print_json, progress_bar, to_json, write_whole
 from fasbody.exceptions import SettingError, unknown
-from identification.blackbox import csvfile, report
+from identification.blackbox import data, report
 from identification.blackbox.identify import ALL, DEFAULT, Report, identify
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -59,7 +57,7 @@ def main(
     if out is not None:
         make_folder(out)
     recordings = [
-        series for path in files for series in csvfile.read(path, input=input, output=output, sample_time=sample_time)
+        series for path in files for series in data.read(path, input=input, output=output, sample_time=sample_time)
     ]
     groups = [recordings] if pool else [[series] for series in recordings]
     reports: list[Report] = []
