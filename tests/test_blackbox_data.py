@@ -132,7 +132,7 @@ def test_useless_files_get_one_sentence(tmp_path: Path, content: str, options: d
 
 
 def test_missing_file_and_empty_folder(tmp_path: Path) -> None:
-    with pytest.raises(InputFileError, match="No such file"):
+    with pytest.raises(InputFileError, match="no such file"):
         data.read(tmp_path / "absent.csv")
     with pytest.raises(InputFileError, match=r"study\.toml: no such file"):
         data.read(tmp_path)

@@ -14,8 +14,8 @@ from made_fits import failed, plain
 from identification.study import figures, report, summary, tables
 from identification.study import figures as motion
 from identification.study import figures as quality
-from identification.study.evidence import Prior
 from identification.study.findings import gather
+from identification.study.tracking import Prior
 from identification.study.truth import LIMITS, Truth
 
 KEYS = {

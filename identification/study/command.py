@@ -20,13 +20,12 @@ from identification.estimate import Settings
 from identification.study import cluster, report
 from identification.study.checks import ensure
 from identification.study.cluster import Crew
-from identification.study.evidence import Prior
-from identification.study.filters import Filters
 from identification.study.findings import Findings, gather
 from identification.study.job import Document
-from identification.study.plan import KINDS, MODES, Job, Model, Plan, Work
+from identification.study.plan import KINDS, MODES, Filters, Job, Model, Plan, Work
 from identification.study.store import Store
 from identification.study.summary import counts, place, poor_fits, poor_sentence
+from identification.study.tracking import Prior
 from identification.study.truth import Truth
 
 #: Places of a failure that are named.

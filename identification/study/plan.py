@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import mujoco
 import numpy as np
@@ -37,7 +37,7 @@ class Model:
     binary: bytes
 
     @classmethod
-    def of(cls, foot: Foot) -> "Model":
+    def of(cls, foot: Foot) -> Self:
         """Pack a loaded model."""
         buffer = np.zeros(mujoco.mj_sizeModel(foot.model), np.uint8)
         mujoco.mj_saveModel(foot.model, None, buffer)
@@ -52,6 +52,43 @@ class Model:
 def _unpacked(model: Model) -> Foot:
     compiled = mujoco.MjModel.from_binary_path("foot.mjb", {"foot.mjb": model.binary})
     return check(compiled, model.name)
+
+
+@dataclass(frozen=True)
+class Filters:
+    """Which recordings of a study to take; an empty one takes all."""
+
+    subjects: tuple[str, ...] = ()
+    postures: tuple[str, ...] = ()
+    added_masses_kg: tuple[float, ...] = ()
+    frequencies_hz: tuple[float, ...] = ()
+
+    def choose(self, trials: Sequence[Trial]) -> list[Trial]:
+        """The trials that pass.
+
+        Raises:
+            SettingError: a value that no recording has, or nothing passes.
+        """
+        wanted = (
+            ("subject", "subject", self.subjects), ("posture", "posture", self.postures),
+            ("added mass", "added_mass_kg", self.added_masses_kg), ("frequency", "frequency_hz", self.frequencies_hz),
+        )  # fmt: skip
+        chosen = list(trials)
+        for kind, field, values in wanted:
+            there = list(dict.fromkeys(_text(getattr(trial.condition, field)) for trial in trials))
+            for value in values:
+                if _text(value) not in there:
+                    raise SettingError(f"{unknown(kind, _text(value), there)} in this study.")
+            if values:
+                asked = {_text(value) for value in values}
+                chosen = [trial for trial in chosen if _text(getattr(trial.condition, field)) in asked]
+        if not chosen:
+            raise SettingError("no recording of the study passes all the filters together.")
+        return chosen
+
+
+def _text(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 @dataclass(frozen=True)

@@ -86,13 +86,11 @@ def pictures(
 ) -> dict[str, tuple[Callable[[], Any], str]]:  # fmt: skip
     """Name -> (what draws it, caption) of every figure that these fits can fill."""
     from identification.study import figures
-    from identification.study import figures as motion
-    from identification.study import figures as quality
 
     out: dict[str, tuple[Callable[[], Any], str]] = {}
     if table.empty:
         return out
-    out["verdicts"] = (partial(quality.verdicts, table), "Verdict on each parameter, on the branch shown.")
+    out["verdicts"] = (partial(figures.verdicts, table), "Verdict on each parameter, on the branch shown.")
     over = table[table["frequency_hz"].notna()]
     for (mode, posture), rows in over.groupby(["mode", "posture"], sort=False):
         name = f"curves_{mode}_{posture}"
@@ -110,19 +108,19 @@ def pictures(
         said = f"subject {subject}, {mode}, {posture}"
         if place == 0 or mode == "per-recording":
             out[f"traces_{mode}"] = (
-                partial(motion.traces, cycles, fits, origin),
+                partial(figures.traces, cycles, fits, origin),
                 f"Malleolus acceleration, data and model: {said} (in the manner of Figures 4.6 to 4.14).",
             )
             out[f"loops_{mode}"] = (
-                partial(motion.loops, cycles, origin),
+                partial(figures.loops, cycles, origin),
                 f"Force against relative displacement: {said} (in the manner of Figures 4.15 to 4.17).",
             )
             rows = energy[(energy["mode"] == mode) & (energy["posture"] == posture)]
             text = f"Energy dissipated in one cycle, and where: {mode}, {posture}. {tables.drawn(rows)}"
             if summary.follows(rows.loc[rows["shown"], "fit_percent"]).any():
-                out[f"energies_{mode}"] = (partial(motion.energies, rows, origin), text)
+                out[f"energies_{mode}"] = (partial(figures.energies, rows, origin), text)
     if any(d["status"] == "done" and d["result"].get("starts") for d in documents):
-        out["waterfall"] = (partial(quality.waterfall, documents), "Where every start of every fit ended.")
+        out["waterfall"] = (partial(figures.waterfall, documents), "Where every start of every fit ended.")
     return out
 
 
@@ -169,7 +167,7 @@ def _page(
     origin: str,
     findings: Findings,
 ) -> str:
-    sections = findings.sections()
+    sections = tables.sections(findings)
     environment = Environment(
         loader=PackageLoader("identification"), autoescape=select_autoescape(default=True),
         trim_blocks=True, lstrip_blocks=True,
@@ -178,19 +176,12 @@ def _page(
     failed = [f"Failed ({d['mode']}): {d['error']}" for d in documents if d["status"] == "failed"]
     failed += [f"Failed ({d['mode']}, {d['kind']}): {d['error']}" for d in findings.checks if d["status"] == "failed"]
     failed += [f"Left out ({d['mode']}): {text}" for d in documents for text in d.get("left_out", ())]
-    contents = [("done", "What was done"), ("verdicts", "Verdicts"), ("mirror", "Mirror"), ("truth", "Truth")]
-    contents += [("parameters", "Parameters"), ("outliers", "Outliers"), ("traces", "Traces"), ("loops", "Energy")]
-    contents += [
-        *([("starts", "Starts")] if "waterfall" in inline else []),
-        *((f"section{i}", s.title) for i, s in enumerate(sections, 1)),
-    ]
     return environment.get_template("study.html").render(
-        title=title, origin=origin, sections=sections, profiled=bool(findings.profiles),
+        title=title, origin=origin, sections=sections, findings=findings, listed=tables.LISTED,
         pictures=inline, limits=LIMITS, day=date.today().isoformat(),
         subjects=len({d["subject"] for d in documents}),
         recordings=len({file for d in documents for file in d["files"]}),
-        contents=[(anchor, name) for anchor, name in contents if anchor != "truth" or len(found)],
-        short=tables.short(documents, table, energy, found, findings.tracked), elsewhere=findings.elsewhere,
+        short=tables.short(documents, table, energy, found, findings.tracked),
         modes_text=" ".join(f"Mode {m}: {_MODES[m]}." for m in modes if m in _MODES),
         counts=tables.counts(documents, findings.tracked),
         failures=failed[:_LISTED], more_failures=max(0, len(failed) - _LISTED),
