@@ -31,52 +31,41 @@ class Model(Protocol):
     @property
     def structure(self) -> str:
         """Arx, armax, oe, bj, ss, hw or npem."""
-        ...
 
     @property
     def label(self) -> str:
         """Structure and orders."""
-        ...
 
     @property
     def parameters(self) -> int:
         """Number of estimated coefficients."""
-        ...
 
     @property
     def loss(self) -> float:
         """Mean squared residual on the estimation data."""
-        ...
 
     @property
     def samples(self) -> int:
         """Number of residuals behind it."""
-        ...
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences for the user."""
-        ...
 
     def poles(self) -> np.ndarray:
         """Poles of the plant in the z plane, shape (n,)."""
-        ...
 
     def zeros(self) -> np.ndarray:
         """Its zeros, shape (n,)."""
-        ...
 
     def response(self, frequency_hz: ArrayLike) -> Response:
         """Frequency response at (M,) frequencies [Hz]."""
-        ...
 
     def simulate(self, series: Series) -> np.ndarray:
         """Output (N,) in free simulation."""
-        ...
 
     def residuals(self, series: Series) -> np.ndarray:
         """One-step prediction errors, shape (N - first,)."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,12 +52,11 @@ def write(
     energy = summary.cycle_table(documents, findings.tracked)
     found = recovery(table) if truth else pd.DataFrame()
     wanted = pictures(documents, table, energy, origin, findings.tracked)
-    drawn = {name: (draw(), caption) for name, (draw, caption) in wanted.items()}
     from identification.study import figures  # late: matplotlib takes a second
 
     files, inline = {}, {}
-    for name, (figure, caption) in drawn.items():
-        vector = figures.save(figure, "svg")
+    for name, (draw, caption) in wanted.items():
+        vector = figures.save(figure := draw(), "svg")
         files[f"figures/{name}.svg"] = vector
         files[f"figures/{name}.png"] = figures.save(figure, "png")
         text = vector.decode()
@@ -66,7 +65,7 @@ def write(
     files["energy.csv"] = summary.csv(energy).encode()
     if len(found):
         files["recovery.csv"] = summary.csv(found).encode()
-    page = _page(documents, table, energy, found, inline, title=title, origin=origin, findings=findings)
+    page = _page(documents, table, energy, found, inline, findings, title=title, origin=origin)
     clear(out, files)
     written = [console.write_whole(out / name, content) for name, content in files.items()]
     return [console.write_whole(out / "report.html", page), *written]
@@ -157,17 +156,9 @@ def _trusted(energy: pd.DataFrame) -> pd.DataFrame:
 
 
 def _page(
-    documents: Sequence[Mapping[str, Any]],
-    table: pd.DataFrame,
-    energy: pd.DataFrame,
-    found: pd.DataFrame,
-    inline: Mapping[str, Any],
-    *,
-    title: str,
-    origin: str,
-    findings: Findings,
-) -> str:
-    sections = tables.sections(findings)
+    documents: Sequence[Mapping[str, Any]], table: pd.DataFrame, energy: pd.DataFrame, found: pd.DataFrame,
+    inline: Mapping[str, Any], findings: Findings, **more: str,
+) -> str:  # fmt: skip
     environment = Environment(
         loader=PackageLoader("identification"), autoescape=select_autoescape(default=True),
         trim_blocks=True, lstrip_blocks=True,
@@ -177,7 +168,7 @@ def _page(
     failed += [f"Failed ({d['mode']}, {d['kind']}): {d['error']}" for d in findings.checks if d["status"] == "failed"]
     failed += [f"Left out ({d['mode']}): {text}" for d in documents for text in d.get("left_out", ())]
     return environment.get_template("study.html").render(
-        title=title, origin=origin, sections=sections, findings=findings, listed=tables.LISTED,
+        sections=tables.sections(findings), findings=findings, listed=tables.LISTED,
         pictures=inline, limits=LIMITS, day=date.today().isoformat(),
         subjects=len({d["subject"] for d in documents}),
         recordings=len({file for d in documents for file in d["files"]}),
@@ -189,5 +180,5 @@ def _page(
         reasons=tables.reasons(documents),
         recovery=tables.recovery(found) if len(found) else None, energies=tables.energies(_trusted(energy)),
         balance=tables.balance(energy),
-        named=lambda start: [name for name in inline if name.startswith(start)],
+        named=lambda start: [name for name in inline if name.startswith(start)], **more,
     )  # fmt: skip

@@ -5,7 +5,7 @@ wanted; both mirror branches are certified in MuJoCo and reported with standard 
 """
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import count, islice
 from typing import Any
@@ -274,7 +274,6 @@ def fit_trend(
     criterion: str = "bic",
     certify: bool = True,
     source: str = "",
-    advance: Callable[[str, int, int], None] = lambda what, done, total: None,
 ) -> TrendResult:
     """Estimate smooth curves over frequency and load from all recordings of one subject in one posture.
 
@@ -283,7 +282,7 @@ def fit_trend(
             always the steady state. order: how many coefficients; None lets the criterion choose.
         curves: parameters that are functions; the other free ones are constants. scatter: recordings lie off them.
         criterion: "bic" or "aic". certify: converge on the MuJoCo rollout.
-        source: what to call the data. advance: called with what is done, how many of how many.
+        source: what to call the data.
 
     Raises:
         RecordingError: a recording cannot serve. SettingError: an option cannot be meant, or there is one frequency.
@@ -300,7 +299,7 @@ def fit_trend(
     if frame.frequencies < 2:
         raise SettingError("a trend needs recordings at two or more frequencies; use per-recording fits.")
     why_not = has_mirror(feet.names, foot.parameters)
-    states, starts = explore_trend(frame, settings, not why_not, advance)
+    states, starts = explore_trend(frame, settings, not why_not)
     tried: list[dict[str, Any]] = []
     if order is None:
         for _ in range(_ROUNDS):
@@ -308,15 +307,14 @@ def fit_trend(
             wanted, tried = choose(best.problem, best.descent.z, criterion)
             if wanted == best.space.order:
                 break
-            states = grown(frame, states, wanted, advance)
+            states = grown(frame, states, wanted)
     else:
-        states = grown(frame, states, order, advance)
+        states = grown(frame, states, order)
     if not why_not:
         states = both_ways(frame, states)
     certified = []
     unstable: dict[str, SimulationError] = {}
-    for number, (name, state) in enumerate(sorted(states.items(), key=lambda item: item[1].deviance)):
-        advance("certifying in MuJoCo", number, len(states))
+    for name, state in sorted(states.items(), key=lambda item: item[1].deviance):
         try:
             certified.append(_certify(frame, name, state, certify))
         except SimulationError as problem:
@@ -463,9 +461,7 @@ def refit(branch: TrendBranch, recordings: Sequence[Recording], foot: Foot, thre
     return Refit(space, z, covariance, problem.tau if space.scatter else np.zeros(len(space.places)))
 
 
-def explore_trend(
-    frame: Frame, settings: Settings, mirror: bool, advance: Callable[[str, int, int], None]
-) -> tuple[dict[str, Candidate], list[dict[str, Any]]]:
+def explore_trend(frame: Frame, settings: Settings, mirror: bool) -> tuple[dict[str, Candidate], list[dict[str, Any]]]:
     """Rough descents without offsets from all starts; the best of each branch are brought down to the noise."""
     rough = replace(frame, scatter=False).route(frame.first_order())
     space = rough.explorer().curves
@@ -473,7 +469,7 @@ def explore_trend(
     wanted = max(settings.starts, 2 if mirror else 1)
     ends: dict[str, list[Descent]] = {}
     rows: list[dict[str, Any]] = []
-    for number, (label, z0) in enumerate(islice(_starts(frame, space, model, settings.seed, mirror), wanted), 1):
+    for label, z0 in islice(_starts(frame, space, model, settings.seed, mirror), wanted):
         problem = rough.explorer()
         problem.temper(_TEMPERS[0], model)
         problem.start(z0)
@@ -482,7 +478,6 @@ def explore_trend(
         ends.setdefault(name, []).append(end)
         rows.append({"start": label, "cost": end.cost, "evaluations": end.evaluations, "converged": end.converged,
                      "branch": name})  # fmt: skip
-        advance("exploring starts", number, wanted)
     best = [end for near in ends.values() for end in sorted(near, key=lambda end: end.cost)[:_FOLLOWED]]
     followed = [_down(frame.route(frame.first_order()), end.z, model) for end in best]
     found = likeliest(_named(frame, followed, mirror))
@@ -542,13 +537,10 @@ def settled(route: TrendRoute, z: np.ndarray) -> Candidate | None:
     return candidate if np.isfinite(candidate.deviance) else None
 
 
-def grown(
-    frame: Frame, branches: Mapping[str, Candidate], order: Order, advance: Callable[[str, int, int], None]
-) -> dict[str, Candidate]:
+def grown(frame: Frame, branches: Mapping[str, Candidate], order: Order) -> dict[str, Candidate]:
     """The same branches with other curves: each recording's foot stays, and the curves go through what they can."""
     found = {}
-    for number, (name, branch) in enumerate(branches.items()):
-        advance(f"curves with {order}", number, len(branches))
+    for name, branch in branches.items():
         route = frame.route(order, branch.problem.tau)
         space, old = route.explorer().curves, branch.space
         on_curve = [B[:, : old.size] @ branch.descent.z[: old.size] for B in old.weights]

@@ -5,7 +5,7 @@ pooled, from constants fitted to the other frequencies under that load; trend, f
 but those at that frequency. The lowest and the highest frequency are extrapolations, and marked so.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -164,14 +164,13 @@ def leave_one_frequency_out(
     *,
     estimates: Sequence[Mapping[str, float]] | None = None,
     branch: TrendBranch | None = None,
-    advance: Callable[[str, int, int], None] = lambda what, done, total: None,
 ) -> Validation:
     """Predict each frequency from the others.
 
     Args:
         recordings: of one subject in one posture. foot: the model. mode: see MODES. settings: of the fits.
         estimates: per-recording only: named values of each recording, such as a study has them; None fits here.
-        branch: trend only: a fit of all recordings to start from; None fits here. advance: for a progress bar.
+        branch: trend only: a fit of all recordings to start from; None fits here.
 
     Raises:
         SettingError: no such mode, or fewer than three frequencies under some load. SimulationError: no prediction was
@@ -209,8 +208,7 @@ def leave_one_frequency_out(
         return _validation(mode, rows, failed)
     folds = [(m, at) for m in sorted(set(loads)) for at in sorted(set(f[loads == m]))] if mode == "pooled" else [
         (None, at) for at in sorted(set(f))]  # fmt: skip
-    for number, (m, at) in enumerate(folds):
-        advance(f"leaving out {at:g} Hz", number, len(folds))
+    for m, at in folds:
         mine = np.ones(len(data), bool) if m is None else loads == m
         used, out = np.flatnonzero(mine & (f != at)), np.flatnonzero(mine & (f == at))
         try:
