@@ -55,7 +55,11 @@ def integrated(leg: Leg, d: Departure, hz: float, base: np.ndarray, t: np.ndarra
     return np.array(out)
 
 
-@pytest.mark.parametrize("world", WORLDS)
+#: Worlds that move otherwise than the model's own; in the others only what is written down or stated differs.
+MOVING = [w for w in WORLDS if not w.startswith("mass") and w not in ("gain and drift", "in g")]
+
+
+@pytest.mark.parametrize("world", MOVING)
 def test_every_world_is_what_its_equations_of_motion_give(world: str) -> None:
     made = worlds.member(world, 3)
     load, hz = made.loads_kg[-1], 20.0
@@ -122,8 +126,8 @@ def test_population_holds_what_is_asked_of_it() -> None:
 def test_a_recording_has_the_stated_noise_gain_drift_mass_and_unit() -> None:
     plain = worlds.member(CLEAN, 1)
     clean = worlds.recordings(plain, (10.0, 20.0))
-    for recording in clean[:2]:
-        residual = recording.base_m_s2 - _periodic(recording.base_m_s2, recording.condition.frequency_hz)
+    for recording, hz in zip(clean, (10.0, 20.0), strict=False):
+        residual = recording.base_m_s2 - _periodic(recording.base_m_s2, hz)
         assert residual.std() == pytest.approx(plain.noise * worlds.AMPLITUDE, rel=0.06)
     odd = replace(plain, departure=Departure(mass=1.1, gain=0.03, drift=0.02, unit=0.1))
     made = worlds.recordings(odd, (10.0, 20.0))
