@@ -19,7 +19,7 @@ import typer
 from benchmarks import black_box_peers
 from benchmarks.table import JsonOption, faster, report
 from fasbody.console import command_line, console
-from identification.blackbox import arx, nonlinear, pem, selection, subspace
+from identification.blackbox import nonlinear, pem, selection, subspace
 from identification.blackbox.data import Series
 from identification.blackbox.narx import estimate as estimate_narx
 from identification.blackbox.polynomial import Orders
@@ -104,14 +104,14 @@ def best_of(times: int, work: Callable[[], object]) -> float:
 def grid(largest: int = 15) -> Iterator[Check]:
     """All ARX models with n_a, n_b, n_k = 1..largest against one `lstsq` each."""
     series = record(foot.prbs(SAMPLES), 0)
-    ours = best_of(5, lambda: arx.grid(series, largest, largest, largest))
-    shared = arx.grid(series, largest, largest, largest)
+    ours = best_of(5, lambda: pem.grid(series, largest, largest, largest))
+    shared = pem.grid(series, largest, largest, largest)
     first = 2 * largest - 1
     y, loss = series.y[first:], np.empty_like(shared.loss)
     begin = time.process_time()
     for place in np.ndindex(loss.shape):
         na, nb, nk = (k + 1 for k in place)
-        phi, _ = arx.regressors(series, Orders(na=na, nb=nb, nk=nk), first)
+        phi, _ = pem.regressors(series, Orders(na=na, nb=nb, nk=nk), first)
         loss[place] = np.mean((y - phi @ np.linalg.lstsq(phi, y, rcond=None)[0]) ** 2)
     plain = time.process_time() - begin
     yield faster(f"ARX grid, {loss.size} models", ours, plain, "one lstsq each")

@@ -23,8 +23,7 @@ from fasbody.recording.recording import Condition, Recording
 from identification.branches import STIFF_ANKLE
 from identification.estimate import Settings
 from identification.study.curves import Order
-from identification.study.trend import CURVES, fit_trend, refit
-from identification.study.trend_result import TrendBranch
+from identification.study.trend import CURVES, TrendBranch, fit_trend, refit
 from identification.study.validation import leave_one_frequency_out
 from reproduction.check import Check, told, within
 

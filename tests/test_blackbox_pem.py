@@ -1,4 +1,4 @@
-"""Prediction-error estimates: gradients, errors by hand, recovery of the foot, honest covariance, pooling."""
+"""Prediction-error estimates: gradients, errors by hand, recovery of the foot, honest covariance, pooling, ARX."""
 
 import linear_foot as foot
 import numpy as np
@@ -127,3 +127,47 @@ def test_recordings_of_unlike_sample_times_do_not_pool() -> None:
 def test_more_parameters_than_samples() -> None:
     with pytest.raises(SettingError, match="cannot carry"):
         pem.estimate("oe", record(foot.multisine(60, 25.0, 8), 0), Orders.of("oe", (15, 15, 1)))
+
+
+def test_difference_equation_is_recovered_to_rounding() -> None:
+    """y(t) = 1.5 y(t-1) - 0.7 y(t-2) + 2 u(t-3) - u(t-4): n_a 2, n_b 2, n_k 3."""
+    u = np.random.default_rng(0).standard_normal(300)
+    y = np.zeros(300)
+    for t in range(4, 300):
+        y[t] = 1.5 * y[t - 1] - 0.7 * y[t - 2] + 2.0 * u[t - 3] - u[t - 4]
+    model = pem.estimate("arx", Series(u, y, 1.0), Orders(na=2, nb=2, nk=3))
+    np.testing.assert_allclose(model.theta, [-1.5, 0.7, 2.0, -1.0], atol=1e-10)
+
+
+def loss_of(recordings: list[Series], numbers: tuple[int, ...], row: int | None = None) -> float:
+    """Mean squared error of an ARX model by NumPy's least squares of all its equations."""
+    pairs = [pem.regressors(series, Orders.of("arx", numbers), row) for series in recordings]
+    phi, y = (np.concatenate(part) for part in zip(*pairs, strict=True))
+    return float(np.mean((y - phi @ np.linalg.lstsq(phi, y, rcond=None)[0]) ** 2))
+
+
+def test_grid_losses_equal_separate_least_squares() -> None:
+    """All of a small grid, corners of the thesis' whole one, and one of pooled recordings."""
+    one = record(foot.prbs(3000), 0)
+    small, whole = pem.grid(one, 6, 5, 4), pem.grid(one)
+    assert whole.loss.shape == (15, 15, 15)
+    assert whole.parameters[14, 9, 3] == 25
+    every = list(np.ndindex(small.loss.shape))
+    corners = ((0, 0, 0), (14, 14, 14), (3, 8, 11), (14, 0, 6))
+    for grid, places, row in ((small, every, 8), (whole, corners, 29)):  # from the largest lag of the grid on
+        for place in places:
+            wanted = loss_of([one], tuple(k + 1 for k in place), row)
+            assert grid.loss[place] == pytest.approx(wanted, rel=1e-9)
+    pool = [record(foot.prbs(n), n) for n in (800, 900)]
+    assert pem.grid(pool, 3, 3, 3).loss[2, 1, 0] == pytest.approx(loss_of(pool, (3, 2, 1), 5), rel=1e-9)
+
+
+def test_pooled_estimate_stacks_the_equations() -> None:
+    pool, orders = [record(foot.prbs(n), n) for n in (800, 900)], Orders(na=3, nb=2, nk=1)
+    phi, y = map(np.concatenate, zip(*(pem.regressors(series, orders) for series in pool), strict=True))
+    model = pem.estimate("arx", pool, orders)
+    np.testing.assert_allclose(model.theta, np.linalg.lstsq(phi, y, rcond=None)[0], rtol=1e-8)
+    loss = loss_of(pool, (3, 2, 1))
+    assert model.loss == pytest.approx(loss)
+    covariance = loss * len(y) / (len(y) - 5) * np.linalg.inv(phi.T @ phi)
+    np.testing.assert_allclose(model.covariance, covariance, rtol=1e-6)

@@ -4,7 +4,7 @@ import linear_foot as foot
 import numpy as np
 import pytest
 
-from identification.blackbox import criteria, delay, pem, selection
+from identification.blackbox import criteria, pem, selection
 from identification.blackbox.data import Series
 from identification.blackbox.polynomial import Orders
 from identification.blackbox.validation import residual_test
@@ -118,7 +118,7 @@ def test_delay_of_a_delayed_foot() -> None:
     base = foot.prbs(2000)
     y = np.concatenate([np.zeros(3), foot.linear_output(base)[:-3]])
     late = Series(base, y + 0.05 * np.random.default_rng(0).standard_normal(2000), 1e-3).centred()
-    assert delay.estimate([late]) == 4
+    assert selection.delay([late]) == 4
 
 
 def test_state_space_selection() -> None:
@@ -154,7 +154,7 @@ def lag(wait: int, n: int = 800) -> Series:
 def test_delays_from_none_to_long(wait: int) -> None:
     """Direct feedthrough and a delay far beyond the grid are found, by OE and by ARX."""
     series = lag(wait)
-    assert delay.estimate([series]) == wait
+    assert selection.delay([series]) == wait
     first, second = series.split()
     best = selection.select_arx([first], [second], largest=6, nk=wait).best
     assert best.model.orders.nk == wait  # type: ignore[attr-defined]

@@ -1,15 +1,18 @@
 """Steady state against time domain: signals with known transients, drift and beating; both routes on one study."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from made_fits import plain
 from study_cases import power_laws, record, study
 
 from fasbody.foot.model import Foot
 from fasbody.recording.recording import Recording
 from identification.estimate import Settings, fit_foot
 from identification.result import FitResult
+from identification.study import report, tables
 from identification.study.agreement import Agreement, agreement, steadiness
 from identification.study.findings import Findings
 
@@ -97,7 +100,9 @@ def test_a_disagreement_is_explained_by_the_data(both, foot: Foot) -> None:  # t
     assert explained.sentence.endswith("Trust the time domain.")
 
 
-def test_nothing_to_compare_is_no_agreement(both, foot: Foot) -> None:  # type: ignore[no-untyped-def]
+def test_nothing_to_compare_is_no_agreement(  # type: ignore[no-untyped-def]
+    both, foot: Foot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Neither route knows a standard error: the third answer, on the page as in the document."""
     data, (steady, timed), _ = both
     found = agreement(data, foot, results=(steady, blind(timed)))
@@ -106,12 +111,14 @@ def test_nothing_to_compare_is_no_agreement(both, foot: Foot) -> None:  # type: 
     one = {"mode": "per-recording", "subject": "1", "posture": "midstance", "added_mass_kg": 0.0, "frequency_hz": 30.0}
     one |= {"kind": "agreement", "status": "done", "files": ["a.csv"]}
     results = [found.document(), agreement(data, foot, results=(steady, timed)).document()]
-    (section,) = Findings(checks=[{**one, "result": r} for r in results]).sections()
-    assert section.texts[:2] == [
-        "1 of 1 fits agree within three joint standard errors in all parameters.",
-        "In 1 more there is nothing to compare.",
-    ]
-    assert section.table is not None and [row[3] for row in section.table.rows] == ["yes", "nothing to compare"]
+    checks = [{**one, "result": r} for r in results]
+    assert tables.agreement(Findings(checks=checks))["agrees"].tolist() == ["yes", "nothing to compare"]
+    monkeypatch.setattr(report, "pictures", lambda *_: {})
+    report.write(tmp_path, [plain("per-recording", "1", 0.0, 30.0, {"best": {}})], "one", "synthetic", None,
+                 Findings(checks=checks))  # fmt: skip
+    page = (tmp_path / "report.html").read_text()
+    assert "<p>1 of 1 fits agree within three joint standard errors in all parameters.</p>" in page
+    assert "<p>In 1 more there is nothing to compare.</p>" in page
 
 
 def blind(result: FitResult) -> FitResult:

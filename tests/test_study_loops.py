@@ -19,7 +19,6 @@ from fasbody.recording.recording import Condition, Recording
 from identification.engines.engine import Excitation
 from identification.periodic import Line
 from identification.study import loops
-from identification.study.cycle import POINTS
 
 LINEAR = {"c_12": 0.0, "c_13": 0.0, "c_22": 0.0, "c_23": 0.0}
 BENT = {"c_12": 90.0, "c_13": 140.0, "c_22": -120.0, "c_23": 180.0}
@@ -143,7 +142,7 @@ def test_cycles_of_a_fit(trial: Callable[..., Recording], foot: Foot) -> None:
         assert abs(entry["imbalance"]) < 0.005
         assert entry["dissipated_j"] == pytest.approx(entry["shaker_work_j"], rel=0.005)
         # of both branches, as the subject's other fits may decide for either
-        assert len(entry["ankle"]["displacement_m"]) == POINTS
+        assert len(entry["ankle"]["displacement_m"]) == loops.POINTS
         assert len(entry["trace"]["time_s"]) <= 122
     assert {e["branch"] for e in entries if not e["chosen"]} == {b["name"] for b in result["branches"][1:]}
     for entry, recording in zip((e for e in entries if e["chosen"]), recordings, strict=True):
@@ -152,7 +151,7 @@ def test_cycles_of_a_fit(trial: Callable[..., Recording], foot: Foot) -> None:
         e = Excitation(line.base.frequency_hz, line.base.amplitudes, recording.condition.masses)
         true = loops.cycle(foot, e, truth, True)
         for part in ("ankle", "fat_pad"):
-            assert len(entry[part]["displacement_m"]) == len(entry[part]["force_n"]) == POINTS
+            assert len(entry[part]["displacement_m"]) == len(entry[part]["force_n"]) == loops.POINTS
             assert entry[part]["dissipated_j"] == pytest.approx(getattr(true, part).dissipated_j, rel=0.1)
             # the stored polygon closes the same area
             x, F = np.array(entry[part]["displacement_m"]), np.array(entry[part]["force_n"])

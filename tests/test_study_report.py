@@ -2,7 +2,6 @@
 
 import re
 import xml.etree.ElementTree as ET
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +11,19 @@ import pytest
 from made_fits import failed, plain
 
 from identification.study import figures, report, summary, tables
-from identification.study import figures as motion
-from identification.study import figures as quality
-from identification.study.evidence import Prior
 from identification.study.findings import gather
+from identification.study.tracking import Prior
 from identification.study.truth import LIMITS, Truth
 
 KEYS = {
     "k_T_n_per_m": 1e5, "c_11_n_s_per_m": 300.0, "c_12_per_m": 50.0, "c_13_per_m": 80.0,
     "k_F_n_per_m": 9e4, "c_21_n_s_per_m": 700.0, "c_22_per_m": -40.0, "c_23_per_m": 90.0,
 }  # fmt: skip
+CHECK = {"subject": "1", "posture": "midstance", "added_mass_kg": 0.0, "frequency_hz": None, "parameter": ""}
+ROW = {"edge": False, "percent": 91.5, "chi_square": 20.0, "numbers": 10}
+HELD_OUT = CHECK | {"mode": "trend", "kind": "validation", "status": "done"}
+HELD_OUT |= {"result": {"held_out": {"rows": [ROW], "failed": []}, "damping": None}}
+BROKEN = CHECK | {"mode": "pooled", "kind": "profile", "status": "failed", "error": "k_T cannot be."}
 TRUTH = Truth({}, {key.partition("_n_")[0].removesuffix("_per_m"): value for key, value in KEYS.items()}, {})
 
 
@@ -46,11 +48,16 @@ def study() -> list[dict[str, Any]]:
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("out")
-    extra = tables.Section("Held out", ["Left one frequency out."], tables.Grid(["mode", "fit"], [["trend", "91.5"]]))
-    files = report.write(out, study(), "a small study", "synthetic", TRUTH, replace(gather(study()), more=[extra]))
+    files = report.write(out, study(), "a small study", "synthetic", TRUTH, gather(study(), [HELD_OUT, BROKEN]))
     assert files[0] == out / "report.html"
     assert all(file.stat().st_size for file in files)
     return out
+
+
+@pytest.fixture
+def bare(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages without figures, whose drawing takes seconds."""
+    monkeypatch.setattr(report, "pictures", lambda *_: {})
 
 
 def test_page_needs_nothing_from_outside(written: Path) -> None:
@@ -81,7 +88,8 @@ def test_page_says_what_the_fits_say(written: Path) -> None:
     assert f"{found['chosen']:.0f} of 336 ({100 * found['chosen'] / 336:.0f} %)" in page
     assert f"<td>{100 * found['chosen'] / 336:.0f} % of 336</td>" in page
     assert found["chosen"] == 320  # all but the two fits that are four times too high, eight parameters each
-    assert "<td>91.5</td>" in page
+    assert "Failed (pooled, profile): k_T cannot be." in page
+    assert "<td>trend</td><td>1</td><td>1</td><td>91.5</td><td>2</td><td>–</td><td>0</td>" in page
 
 
 def test_outliers_of_the_page_are_those_of_the_table(written: Path) -> None:
@@ -125,23 +133,23 @@ def test_boxes_are_drawn_by_the_thesis_quartiles() -> None:
 
 def test_loops_traces_and_energies_are_drawn_in_their_units() -> None:
     cycles = [d["cycles"][0] for d in study()[:6]]
-    axis = motion.loops(cycles, "synthetic").axes[0]
+    axis = figures.loops(cycles, "synthetic").axes[0]
     assert len(axis.lines) == 3  # a loop a frequency
     x, y = axis.lines[0].get_data()
     assert (x[0], x[-1]) == (1000.0, 1000.0)  # closed, in mm
     assert max(y) == pytest.approx(2.0)
     energy = summary.cycle_table(study())
-    ankle, pad, share, *_ = motion.energies(energy, "synthetic").axes
+    ankle, pad, share, *_ = figures.energies(energy, "synthetic").axes
     assert ankle.containers[0].lines[0].get_ydata() == pytest.approx([2e3 * np.pi] * 3)
     assert pad.containers[1].lines[0].get_ydata() == pytest.approx([6e3 * np.pi] * 3)
     assert share.containers[0].lines[0].get_ydata() == pytest.approx([75.0] * 3)
-    panel = motion.traces(cycles, {cycles[0]["file"]: 87.65}, "synthetic").axes[0]
+    panel = figures.traces(cycles, {cycles[0]["file"]: 87.65}, "synthetic").axes[0]
     assert panel.get_title() == "10 Hz, 0 kg: fit 87.7 %"
     assert panel.lines[0].get_xdata() == pytest.approx([0.0, 1.0])  # 0.1 s of 10 Hz is one period
 
 
 def test_verdicts_add_up() -> None:
-    axis = quality.verdicts(summary.tidy(study())).axes[0]
+    axis = figures.verdicts(summary.tidy(study())).axes[0]
     widths = np.array([[bar.get_width() for bar in group] for group in axis.containers])
     assert widths.sum(axis=0) == pytest.approx([100.0] * 8)
     assert widths[:, 0] == pytest.approx([100, 0, 0])
@@ -164,7 +172,7 @@ def test_measured_and_lonely_and_hopeless_studies(tmp_path: Path) -> None:
     assert (tmp_path / "none" / "summary.csv").read_text() == ",".join(summary.COLUMNS) + "\n"
 
 
-def test_tracking_turns_what_is_shown(tmp_path: Path) -> None:
+def test_tracking_turns_what_is_shown(tmp_path: Path, bare: None) -> None:
     """All fits prefer the stiff ankle a little; a prior for the pad turns them, in tables, figures and loops alike."""
     fits = study()[:-1]
     for d in fits:  # loops of both branches, as a study stores them
@@ -184,7 +192,7 @@ def test_tracking_turns_what_is_shown(tmp_path: Path) -> None:
     assert set(shown.loc[shown["parameter"] == "k_T", "value"]) == {2e4}
     energy = pd.read_csv(tmp_path / "energy.csv")
     assert set(energy.loc[energy["shown"], "ankle_j"]) == {5.0}
-    ankle = motion.energies(summary.cycle_table(fits, found.tracked), "synthetic").axes[0]
+    ankle = figures.energies(summary.cycle_table(fits, found.tracked), "synthetic").axes[0]
     assert ankle.containers[0].lines[0].get_ydata() == pytest.approx([5e3] * 3)
     _, cycles, percents = report.example(fits, "per-recording", "midstance", found.tracked)
     assert {c["branch"] for c in cycles} == {"stiff pad"}
@@ -194,7 +202,7 @@ def test_tracking_turns_what_is_shown(tmp_path: Path) -> None:
     undecided = report.example(fits, "per-recording", "midstance", {})[1]
     assert not any(c["decided"] for c in undecided)
     styles = [
-        {line.get_linestyle() for line in motion.loops(c, "synthetic").axes[0].lines} for c in (cycles, undecided)
+        {line.get_linestyle() for line in figures.loops(c, "synthetic").axes[0].lines} for c in (cycles, undecided)
     ]
     assert styles == [{"-"}, {"--"}]
 
@@ -220,14 +228,14 @@ def test_waterfall_draws_quantiles_over_fits() -> None:
         costs = (50.0, 50.0 + i, 50.0 + 100 * i)
         sides = ("stiff ankle", "stiff ankle", "stiff pad" if i % 3 == 0 else "stiff ankle")
         d["result"]["starts"] = [{"cost": c, "branch": b} for c, b in zip(costs, sides, strict=True)]
-    above, other = quality.waterfall(fits).axes
+    above, other = figures.waterfall(fits).axes
     assert above.lines[0].get_ydata() == pytest.approx([0.01, 5.0, 500.0])  # the median; 0.01 stands for none
     bands = [collection.get_paths()[0].vertices[:, 1] for collection in above.collections]
     assert [b.max() for b in bands] == pytest.approx([860.0, 700.0])  # 95 %, 75 %
     assert [bar.get_height() for bar in other.patches] == pytest.approx([0, 0, 100 / 3])
 
 
-def test_a_trend_says_why_its_branch_is_open(tmp_path: Path) -> None:
+def test_a_trend_says_why_its_branch_is_open(tmp_path: Path, bare: None) -> None:
     point = {"frequency_hz": 10.0, "added_mass_kg": 0.0, "parameters": {}}
     trend = plain("trend", "4", None, None, {"stiff ankle": {}}, cycles=[])
     trend["result"]["branches"][0] |= {"points": [point]}
@@ -248,7 +256,7 @@ def test_two_subjects_make_no_curve() -> None:
     assert len(figures.curves(three, "synthetic").axes[0].lines[0].get_xdata()) > 100
 
 
-def test_fits_that_do_not_follow_are_said_and_left_out(tmp_path: Path) -> None:
+def test_fits_that_do_not_follow_are_said_and_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One fit at 37 %: named at the top, dotted in loops and traces, and in no mean, box or energy."""
     fits = study()[:-1]
     bad = fits[2]
@@ -258,7 +266,9 @@ def test_fits_that_do_not_follow_are_said_and_left_out(tmp_path: Path) -> None:
         branch["fit_percent"] = 37.2
     for part in ("ankle", "fat_pad"):
         bad["cycles"][0][part]["dissipated_j"] = 1e3
-    report.write(tmp_path, fits, "a bad one", "synthetic")
+    with monkeypatch.context() as patched:
+        patched.setattr(report, "pictures", lambda *_: {})
+        report.write(tmp_path, fits, "a bad one", "synthetic")
     page = (tmp_path / "report.html").read_text()
     said = "1 of 42 fits follow their recordings to less than 85 % "
     said += "(per-recording, subject 1, midstance, 0 kg, 30 Hz: 37 %)"
@@ -267,12 +277,12 @@ def test_fits_that_do_not_follow_are_said_and_left_out(tmp_path: Path) -> None:
     table, energy = summary.tidy(fits), summary.cycle_table(fits)
     lost = before[summary.measured(before)].index.difference(table[summary.measured(table)].index)
     assert set(table.loc[lost, "key"]) == {bad["key"]} and len(lost) == 16
-    row = next(r for r in tables.energies(energy).rows if r[2:4] == ["0", "30"])
-    assert (row[4], float(row[5])) == ("6", pytest.approx(2e3 * np.pi, rel=1e-2))
+    row = next(list(r) for r in tables.energies(energy).to_numpy() if list(r[2:4]) == ["0", "30"])
+    assert (row[4], float(row[5])) == (6, pytest.approx(2e3 * np.pi, rel=1e-2))
     assert "41 of 42" in figures.curves(table, "synthetic").axes[0].get_title()
     cycles = report.example(fits, "per-recording", "midstance", {})[1]
     assert [c["follows"] for c in cycles] == [True, True, False, True, True, True]
-    drawn = motion.loops(cycles, "synthetic")
+    drawn = figures.loops(cycles, "synthetic")
     assert [line.get_linestyle() for line in drawn.axes[0].lines] == ["--", "--", ":"]
     assert "less than 85 %" in drawn.get_supxlabel()
     bad["result"]["branches"][0]["fit_percent"] = 84.0

@@ -10,8 +10,19 @@ from study_cases import NONLINEAR, power_laws
 
 from fasbody.exceptions import SettingError
 from identification.branches import STIFF_ANKLE, STIFF_PAD, mirrored
-from identification.study.evidence import BELIEVED, CURVES, BranchFit, Fit, FootBone, Prior, foot_response
-from identification.study.tracking import BETWEEN_TRIALS, PER_KG, PER_LOG_FREQUENCY, track
+from identification.study.tracking import (
+    BELIEVED,
+    BETWEEN_TRIALS,
+    CURVES,
+    PER_KG,
+    PER_LOG_FREQUENCY,
+    BranchFit,
+    Fit,
+    FootBone,
+    Prior,
+    foot_response,
+    track,
+)  # fmt: skip
 
 MASSES = {"m_S": 3.4, "m_F": 1.0}
 A = 3.4 / 4.4

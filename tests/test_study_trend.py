@@ -16,12 +16,11 @@ from identification.engines.twin import Twin
 from identification.estimate import Settings
 from identification.periodic import Line
 from identification.space import space_of
-from identification.study import trend, trend_search
+from identification.study import trend
 from identification.study.curves import CurveSpace, Order, natural_spline
 from identification.study.orders import linear_deviance, orders_for
 from identification.study.scatter import TrendProblem
-from identification.study.trend import CURVES, fit_trend, refit
-from identification.study.trend_result import TrendResult
+from identification.study.trend import CURVES, TrendResult, fit_trend, refit
 
 F = (10.0, 15.0, 25.0, 40.0)
 
@@ -206,11 +205,11 @@ def test_an_unstable_branch_is_said_to_be_unstable(foot: Foot, monkeypatch: pyte
             raise SimulationError(f"two_dof: {name} became unstable")
         return whole(frame, name, state, really)
 
-    explored: list[Any] = []
+    explored, search = list[Any](), trend.explore_trend
 
     def explore(*arguments: Any) -> Any:
         if not explored:
-            explored.append(trend_search.explore_trend(*arguments))
+            explored.append(search(*arguments))
         return explored[0]
 
     monkeypatch.setattr(trend, "_certify", certify)

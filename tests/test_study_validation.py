@@ -12,10 +12,15 @@ from fasbody.recording.checks import checked
 from identification.estimate import Settings
 from identification.periodic import Line
 from identification.study.curves import Order
-from identification.study.damping import compare_damping
-from identification.study.heldout import compare, interpolated, predicted
 from identification.study.trend import fit_trend
-from identification.study.validation import leave_one_frequency_out, quick_fit
+from identification.study.validation import (
+    compare,
+    compare_damping,
+    interpolated,
+    leave_one_frequency_out,
+    predicted,
+    quick_fit,
+)  # fmt: skip
 
 F = (10.0, 15.0, 20.0, 30.0, 50.0)
 

@@ -1,13 +1,13 @@
-"""Text files as programs and countries write them: encoding, separator, decimal comma, comments, quotes.
+"""CSV files as programs and countries write them: recordings, small tables, and any columns at all.
 
-Reading tables and CSV recordings, with the line and column of whatever is wrong.
+Encoding, separator, decimal comma, comments and quotes are understood, and what is wrong is named with its place.
 """
 
 import codecs
 import csv
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from io import BytesIO
+from io import BytesIO, StringIO
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 _LARGEST = 150_000_000
 #: What separates columns, in the order in which they are tried; a blank stands for any run of them.
 SEPARATORS = ("\t", ";", "|", ",", " ")
+#: A column of a file without a header, by its number.
+UNNAMED = "column {}"
 #: A line that begins so is a comment.
 COMMENT = re.compile(r"\s*(#|%|//)")
 _BINARY = re.compile(r"[\x00-\x08\x0e-\x1f]")
@@ -92,7 +94,7 @@ def header(text: str, score: Callable[[Sequence[str]], int]) -> tuple[int, str, 
             if score(names) > best:
                 best, found = score(names), (number, separator, names)
         if not best and not found[2][0] and line.strip() and not COMMENT.match(line):
-            separator = next((s for s in (",", ";", "\t", "|", " ") if s in line.strip()), ",")
+            separator = next((s for s in SEPARATORS if s in line.strip()), ",")
             found = (number, separator, split(line, separator))
     return found
 
@@ -163,7 +165,7 @@ def read_csv(file: Path, layout: Layout | None = None) -> Channels:
     line, separator, names = header(text, layout.known)
     if not any(names):
         raise InputFileError(file, "is empty", "the first line must be time_s,base_m_s2,malleolus_m_s2")
-    if not layout.known(names) and all(_numeric(cell) for cell in names if cell):
+    if not layout.known(names) and all(numeric(cell) for cell in names if cell):
         raise InputFileError(file, "has no header line", "the first line must be time_s,base_m_s2,malleolus_m_s2")
     units = _units(text, line, separator, names)
     first = line + (units is not None)
@@ -180,7 +182,7 @@ def _units(text: str, line: int, separator: str, names: Sequence[str]) -> list[s
     """Units in a row below the header: no number in it, and at least one unit that is known."""
     cells = [re.sub(r"^[\[(]\s*|\s*[\])]$", "", cell) for cell in _row(text, line, separator)]
     cells = (cells + [""] * len(names))[: len(names)]
-    if not any(cell.lower() in KNOWN_UNITS for cell in cells) or any(_numeric(cell) for cell in cells):
+    if not any(cell.lower() in KNOWN_UNITS for cell in cells) or any(numeric(cell) for cell in cells):
         return None
     return cells
 
@@ -191,7 +193,8 @@ def _row(text: str, after: int, separator: str) -> list[str]:
     return split(next(found, ""), separator)
 
 
-def _numeric(cell: str) -> bool:
+def numeric(cell: str) -> bool:
+    """Whether a cell is a number, with decimal point or comma."""
     try:
         number(cell)
     except ValueError:
@@ -287,3 +290,29 @@ def column(file: Path, table: "pd.DataFrame", name: str, optional: bool = False)
         else:
             values.append(_cell(file, name, [cell or ""], 0, int(str(line))))
     return np.array(values)
+
+
+def read_columns(file: Path) -> pd.DataFrame:
+    """Read all columns of any table, under the names of its first line, or as `UNNAMED` where that holds numbers.
+
+    Raises:
+        InputFileError: it is no table, or a row has more cells than the header.
+    """
+    text = read_text(file)
+    _, separator, names = header(text, lambda cells: 0)
+    headed = not all(numeric(cell) for cell in names if cell)
+    try:
+        table = pd.read_csv(
+            StringIO(text), sep=r"\s+" if separator == " " else separator, header=0 if headed else None,
+            skipinitialspace=True, comment="#",
+        )  # fmt: skip
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        reason = str(error).splitlines()[0].rstrip(".")
+        raise InputFileError(file, f"cannot be read as CSV ({reason})", "give rows of numbers") from None
+    if not isinstance(table.index, pd.RangeIndex):
+        raise InputFileError(
+            file, "its rows have more cells than its header",
+            "write decimal points where there are decimal commas, or separate the columns by semicolons",
+        )  # fmt: skip
+    columns = map(str, table.columns) if headed else (UNNAMED.format(n) for n in range(1, table.shape[1] + 1))
+    return table.set_axis([name.strip() for name in columns], axis=1)

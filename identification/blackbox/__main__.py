@@ -1,7 +1,5 @@
 """Command `python -m identification.blackbox`: black-box models of recordings, with what the data cannot tell."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -49,7 +47,7 @@ def main(
     out: Annotated[Path | None, typer.Option(help="folder for result.json, models.csv and figures")] = None,
 ) -> None:
     """Identify, report, draw."""
-    from identification.blackbox import csvfile, report
+    from identification.blackbox import data, report
     from identification.blackbox.identify import identify
 
     chosen = tuple(name.strip().lower() for name in structures.split(",") if name.strip())
@@ -64,7 +62,7 @@ def main(
     if out is not None:
         make_folder(out)
     recordings = [
-        series for path in files for series in csvfile.read(path, input=input, output=output, sample_time=sample_time)
+        series for path in files for series in data.read(path, input=input, output=output, sample_time=sample_time)
     ]
     groups = [recordings] if pool else [[series] for series in recordings]
     reports: list[Report] = []

@@ -1,7 +1,5 @@
 """Numbers that compare models: AIC, FPE, BIC and the fit percentage."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

@@ -1,20 +1,28 @@
-"""Input, output and sample time of one recording, checked."""
+"""Input, output and sample time of one recording, checked: from arrays, any CSV file or a study folder."""
 
-from __future__ import annotations
-
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
+import pandas as pd
 
-from fasbody.exceptions import RecordingError, SettingError
+from fasbody.exceptions import InputFileError, RecordingError, SettingError, unknown
+from fasbody.recording.channels import TIME_UNITS
+from fasbody.recording.csv import UNNAMED, numeric, read_columns
 from fasbody.recording.recording import Recording
+from fasbody.recording.study import Study
 
 SHORTEST = 20  # samples; below this not even a first-order model and its initial state can be judged
 #: Structures that can be estimated, and those that are unless others are named.
 ALL = ("arx", "armax", "bj", "oe", "ss", "hw", "narx")
 DEFAULT = ("arx", "armax", "oe", "bj", "ss", "hw")
 INPUT_OUTPUT = ("base_m_s2", "malleolus_m_s2")  # of a foot's recording
+#: A header of time, alone or with a unit: time_s, "Time (ms)", t [us], timestamp.
+TIME_HEADER = re.compile(r"(?:time\s*stamp|time|t)(?:[\s_.,:/\[(]+(?P<unit>\w+)[\s\])]*)?", re.IGNORECASE)
+INPUT_NAMES = (INPUT_OUTPUT[0], "u", "input")
+OUTPUT_NAMES = (INPUT_OUTPUT[1], "y", "output")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +55,8 @@ class Series:
             values = np.array(getattr(self, field), dtype=float)
             values.setflags(write=False)
             object.__setattr__(self, field, values)
-        problem = find_fault(self.u, self.y, self.sample_time)
-        problem = problem or ("" if self.part else find_problem(self.u, self.y))
+        problem = _fault(self.u, self.y, self.sample_time)
+        problem = problem or ("" if self.part else _problem(self.u, self.y))
         if problem:
             raise RecordingError(f"{self.name}: {problem}.")
 
@@ -60,11 +68,11 @@ class Series:
         """Seconds from the first sample, shape (N,)."""
         return np.arange(len(self)) * self.sample_time
 
-    def cut(self, start: int, stop: int) -> Series:
+    def cut(self, start: int, stop: int) -> Self:
         """The samples from `start` up to, not including, `stop`."""
         return replace(self, u=self.u[start:stop], y=self.y[start:stop], part=True)
 
-    def split(self, fraction: float = 0.5) -> tuple[Series, Series]:
+    def split(self, fraction: float = 0.5) -> tuple[Self, Self]:
         """The first `fraction` for estimation and the rest for validation, both less the means of the first.
 
         Raises:
@@ -94,7 +102,7 @@ class Series:
                 )
         return parts
 
-    def centred(self) -> Series:
+    def centred(self) -> Self:
         """The recording less its means: linear models describe motion about the mean."""
         return replace(self, u=self.u - self.u.mean(), y=self.y - self.y.mean())
 
@@ -103,7 +111,7 @@ def _constant(signal: np.ndarray) -> bool:
     return bool(np.ptp(signal) <= 1e-12 * np.abs(signal).max(initial=1e-300))
 
 
-def find_fault(u: np.ndarray, y: np.ndarray, sample_time: float) -> str:
+def _fault(u: np.ndarray, y: np.ndarray, sample_time: float) -> str:
     """What makes these arrays (N,) no recording at all, as a clause, or an empty string."""
     if u.ndim != 1 or u.shape != y.shape:
         return f"input and output must be two columns of equal length, not of shapes {u.shape} and {y.shape}"
@@ -118,7 +126,7 @@ def find_fault(u: np.ndarray, y: np.ndarray, sample_time: float) -> str:
     return ""
 
 
-def find_problem(u: np.ndarray, y: np.ndarray) -> str:
+def _problem(u: np.ndarray, y: np.ndarray) -> str:
     """What makes a sound whole recording (N,) useless for identification, as a clause, or an empty string."""
     if _constant(u):
         what = "zero throughout: an output without input" if not u.any() else "constant"
@@ -151,3 +159,107 @@ def from_recording(recording: Recording) -> Series:
     """A foot's recording as a system from base to malleolus acceleration."""
     name = Path(recording.file).stem
     return Series(recording.base_m_s2, recording.malleolus_m_s2, 1 / recording.rate_hz, name, INPUT_OUTPUT)
+
+
+def read(path: Path, *, input: str = "", output: str = "", sample_time: float | None = None) -> list[Series]:
+    """Every recording at `path`: a CSV file, or a study folder (base to malleolus).
+
+    Raises:
+        InputFileError: nothing readable is there.
+    """
+    if path.is_dir():
+        return [from_recording(recording) for recording in Study.read(path)]
+    return [read_csv(path, input=input, output=output, sample_time=sample_time)]
+
+
+def read_csv(path: Path, *, input: str = "", output: str = "", sample_time: float | None = None) -> Series:
+    """A `Series` from a CSV file with named columns, or with two (input, output) or three (time first) columns.
+
+    A column called time or t gives the sample time, in the unit its name carries (s, ms or us; seconds without one). A
+    first column that rises from row to row is never taken for the input unless asked for.
+
+    Args:
+        path: the file; the first row may name the columns.
+        input: name or 1-based number of the input column; default: a usual name, else the first after time.
+        output: the same for the output; default: a usual name, else the one after the input.
+        sample_time: seconds; default: from the time column.
+
+    Raises:
+        InputFileError: the file, a column or the time column cannot be used.
+        RecordingError: the signals cannot identify anything.
+    """
+    table = read_columns(path)
+    names = list(table.columns)
+    time_name, unit = _time_column(path, table, names, sample_time)
+    signals = [name for name in names if name != time_name]
+    input_name = _column(path, names, signals, input, INPUT_NAMES, "input")
+    others = [name for name in signals if name != input_name]
+    output_name = _column(path, names, others, output, OUTPUT_NAMES, "output")
+    if sample_time is None:
+        if time_name is None:
+            raise InputFileError(path, "has no time column", "name one 'time_s' or give --sample-time in seconds")
+        sample_time = _sample_time(path, _numbers(path, table, time_name) * unit)
+    u, y = _numbers(path, table, input_name), _numbers(path, table, output_name)
+    return replace(Series(u, y, sample_time, str(path), (input_name, output_name)), name=path.stem)
+
+
+def _time_column(
+    path: Path, table: pd.DataFrame, names: list[str], sample_time: float | None
+) -> tuple[str | None, float]:
+    """Name of the time column and its unit in seconds."""
+    for name in names:
+        header = TIME_HEADER.fullmatch(name)
+        if header:
+            unit = (header["unit"] or "s").lower().replace("µ", "u").replace("sec", "s")
+            if unit in TIME_UNITS:
+                return name, TIME_UNITS[unit]
+            if sample_time is None:
+                sentence = unknown(f"unit of the time column {name!r}:", unit, TIME_UNITS)
+                raise InputFileError(path, sentence, "or give --sample-time in seconds")
+            return name, 1.0
+    first = pd.to_numeric(table[names[0]], errors="coerce").to_numpy(dtype=float)
+    if len(first) < 3 or not np.all(np.diff(first) > 0):
+        return None, 1.0
+    if sample_time is None and names[0] != UNNAMED.format(1):
+        raise InputFileError(
+            path, f"its first column {names[0]!r} rises from row to row as a time does, but has no known name or unit",
+            "call it time_s, time_ms or time_us, or give --sample-time in seconds",
+        )  # fmt: skip
+    return names[0], 1.0
+
+
+def _column(path: Path, names: list[str], free: list[str], asked: str, usual: tuple[str, ...], role: str) -> str:
+    if asked:
+        if asked in names:
+            return asked
+        if asked.isdigit() and 1 <= int(asked) <= len(names):
+            return names[int(asked) - 1]
+        raise InputFileError(path, unknown(f"{role} column", asked, names))
+    for name in usual:
+        if name in free:
+            return name
+    if not free:
+        raise InputFileError(path, f"has no column left for the {role}", "two signals are needed, input and output")
+    return free[0]
+
+
+def _numbers(path: Path, table: pd.DataFrame, name: str) -> np.ndarray:
+    values = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
+    wrong = np.isnan(values) & table[name].notna().to_numpy()
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        cell = str(table[name].iloc[row])
+        comma = numeric(cell)
+        remedy = "write it with a decimal point" if comma else "remove the row or mark it with #"
+        raise InputFileError(path, f"column {name!r} holds {cell[:40]!r} in data row {row + 1}, not a number", remedy)
+    return values
+
+
+def _sample_time(path: Path, time: np.ndarray) -> float:
+    steps = np.diff(time)
+    if len(steps) == 0 or not np.isfinite(steps).all() or steps.min() <= 0:
+        raise InputFileError(path, "its time column does not increase from row to row", "give --sample-time instead")
+    step = float((time[-1] - time[0]) / len(steps))
+    if np.abs(steps - step).max() > 0.01 * step + 2e-6:  # 2 us: times written with few decimals
+        raise InputFileError(path, "is not sampled uniformly", "resample it, or give --sample-time if it is")
+    return step

@@ -1,7 +1,5 @@
 """What an input can tell: its excitation order, the band it excites, and single sines with their harmonics."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

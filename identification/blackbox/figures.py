@@ -1,7 +1,5 @@
 """Figures of a report: output (as Figures 3.3 to 3.6), Bode with confidence, residual tests, poles and zeros."""
 
-from __future__ import annotations
-
 import io
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What the estimators share about rational filters: roots, pulse responses, delayed columns, free runs."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import linalg, signal
 

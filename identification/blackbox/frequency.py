@@ -1,13 +1,8 @@
-"""A rational function of s through the points of a measured frequency response.
-
-Frequency-response points from sine fits, and leave-one-frequency-out checks of what is fitted to them.
-"""
-
-from __future__ import annotations
+"""Frequency responses: of a model with its uncertainty, at measured points, and a rational function through these."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,8 +11,139 @@ from scipy import optimize, signal, stats
 from fasbody.exceptions import SettingError
 from identification.blackbox import excitation
 from identification.blackbox.data import Series
-from identification.blackbox.response import Response
 from identification.blackbox.validation import ALARM
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """A frequency response with its uncertainty.
+
+    Attributes:
+        frequency_hz: shape (M,).
+        value: complex, shape (M,).
+        spread: square root S of the covariance S S' of (real, imaginary), shape (M, 2, m).
+    """
+
+    frequency_hz: np.ndarray
+    value: np.ndarray
+    spread: np.ndarray
+
+    def _along(self, direction: np.ndarray) -> np.ndarray:
+        parts = np.stack([direction.real, direction.imag], axis=-1)
+        return np.linalg.norm(np.einsum("mi,mij->mj", parts, self.spread), axis=1)
+
+    @property
+    def gain_std(self) -> np.ndarray:
+        """Standard deviation of the gain, shape (M,)."""
+        with np.errstate(invalid="ignore"):
+            return self._along(self.value / np.maximum(np.abs(self.value), 1e-300))
+
+    @property
+    def phase_std_deg(self) -> np.ndarray:
+        """Standard deviation of the phase in degrees, shape (M,)."""
+        with np.errstate(invalid="ignore"):
+            size = np.maximum(np.abs(self.value), 1e-300)
+            return np.rad2deg(self._along(1j * self.value / size) / size)
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Measured frequency response.
+
+    Attributes:
+        frequency_hz: rising, shape (M,).
+        value: complex output over input, shape (M,).
+        std: standard deviation of real and of imaginary part, shape (M,).
+        distortion: largest harmonic of the output that the input's harmonics do not explain, over its fundamental;
+            0 when none stands out of the noise.
+    """
+
+    frequency_hz: np.ndarray
+    value: np.ndarray
+    std: np.ndarray
+    distortion: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.frequency_hz)
+
+    def without(self, k: int) -> Self:
+        """All points but number `k`."""
+        keep = np.arange(len(self)) != k
+        return replace(self, frequency_hz=self.frequency_hz[keep], value=self.value[keep], std=self.std[keep])
+
+    def __str__(self) -> str:
+        rows = zip(self.frequency_hz, np.abs(self.value), self.std, np.angle(self.value, deg=True), strict=True)
+        return "\n".join(f"{f:8.3f} Hz  gain {g:.4f} +- {s:.2g}  phase {p:8.2f} deg" for f, g, s, p in rows)
+
+
+def points(recordings: Series | Sequence[Series]) -> Points:
+    """Response at the lines of the inputs, by least-squares fits of all lines of a recording at once.
+
+    A single sine gives its fundamental alone: what answers at its harmonics is in part the plant's nonlinearity. Points
+    of several recordings at one frequency are averaged with their weights.
+
+    Raises:
+        SettingError: an input has no separate lines.
+    """
+    pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
+    found, distortion = [], 0.0
+    for series in map(_steady, pooled):
+        lines, extra = _lines(series)
+        u, sigma_u, _ = excitation.sine_fit(series.u, series.sample_time, 1.0, [*lines, *extra])
+        y, sigma_y, _ = excitation.sine_fit(series.y, series.sample_time, 1.0, [*lines, *extra])
+        value = y[: len(lines)] / u[: len(lines)]
+        std = np.sqrt(sigma_y**2 + np.abs(value) ** 2 * sigma_u**2) / np.abs(u[: len(lines)])
+        found += list(zip(lines, value, std, strict=True))
+        more = np.abs(y[len(lines) :]) - 3.0 * np.abs(value).max() * np.abs(u[len(lines) :])  # 3: a resonance there
+        certain = more[more > 5.0 * sigma_y]
+        distortion = max(distortion, float(certain.max(initial=0.0) / np.abs(y[: len(lines)]).max()))
+    found.sort(key=lambda item: item[0])
+    groups: list[list[tuple[float, complex, float]]] = []
+    for item in found:
+        if groups and abs(item[0] / groups[-1][0][0] - 1) < 1e-3:
+            groups[-1].append(item)
+        else:
+            groups.append([item])
+    frequency, value, std = [], [], []
+    for group in groups:
+        weight = np.array([1.0 / max(s, 1e-15) ** 2 for _, _, s in group])
+        frequency.append(float(np.mean([f for f, _, _ in group])))
+        value.append(complex(np.sum(weight * np.array([g for _, g, _ in group])) / weight.sum()))
+        std.append(float(1.0 / np.sqrt(weight.sum())))
+    return Points(np.array(frequency), np.array(value), np.array(std), distortion)
+
+
+def _steady(series: Series) -> Series:
+    """The recording without its start-up: tenths are cut while the first is missed half as badly again as the rest."""
+    for _ in range(3):
+        lines, extra = _lines(series)
+        angle = 2 * np.pi * np.outer(series.time, [*lines, *extra])
+        phi = np.column_stack([np.ones(len(series)), np.cos(angle), np.sin(angle)])
+        rest = series.y - phi @ np.linalg.lstsq(phi, series.y, rcond=None)[0]
+        tenth = len(series) // 10
+        if np.std(rest[:tenth]) < 1.5 * np.std(rest[tenth:]):
+            break
+        series = series.cut(tenth, len(series))
+    return series
+
+
+def _lines(series: Series) -> tuple[list[float], list[float]]:
+    """Frequencies [Hz] to report, and more that only take part in the fit."""
+    frequency, harmonics = excitation.single_sine(series)
+    if harmonics:
+        highest = 0.5 / series.sample_time
+        return [frequency], [h * frequency for h in range(2, 7) if h * frequency < highest]
+    u = series.u - series.u.mean()
+    power = np.abs(np.fft.rfft(np.hanning(len(u)) * u)) ** 2
+    peaks, _ = signal.find_peaks(power, height=1e-4 * power.max(), distance=3)
+    near = np.unique(np.clip(peaks[:, None] + np.arange(-2, 3), 0, len(power) - 1))
+    if len(near) > len(power) / 4 or power[near].sum() < 0.98 * power.sum():
+        raise SettingError(
+            f"{series.name}: the input has a continuous spectrum, not separate lines; estimate a model in time instead."
+        )
+    left, middle, right = (np.log(np.maximum(power[peaks + k], 1e-300)) for k in (-1, 0, 1))
+    exact = peaks + 0.5 * (left - right) / (left - 2 * middle + right)  # vertex of the parabola through the logarithms
+    return [float(f) for f in exact / (len(u) * series.sample_time)], []
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,106 +272,6 @@ def _stable(tail: np.ndarray) -> np.ndarray:
         return tail
     mirrored = np.poly(-np.abs(roots.real) + 1j * roots.imag).real[::-1]
     return mirrored[1:] / mirrored[0]
-
-
-@dataclass(frozen=True, eq=False)
-class Points:
-    """Measured frequency response.
-
-    Attributes:
-        frequency_hz: rising, shape (M,).
-        value: complex output over input, shape (M,).
-        std: standard deviation of real and of imaginary part, shape (M,).
-        distortion: largest harmonic of the output that the input's harmonics do not explain, over its fundamental;
-            0 when none stands out of the noise.
-    """
-
-    frequency_hz: np.ndarray
-    value: np.ndarray
-    std: np.ndarray
-    distortion: float = 0.0
-
-    def __len__(self) -> int:
-        return len(self.frequency_hz)
-
-    def without(self, k: int) -> Points:
-        """All points but number `k`."""
-        keep = np.arange(len(self)) != k
-        return Points(self.frequency_hz[keep], self.value[keep], self.std[keep], self.distortion)
-
-    def __str__(self) -> str:
-        rows = zip(self.frequency_hz, np.abs(self.value), self.std, np.angle(self.value, deg=True), strict=True)
-        return "\n".join(f"{f:8.3f} Hz  gain {g:.4f} +- {s:.2g}  phase {p:8.2f} deg" for f, g, s, p in rows)
-
-
-def points(recordings: Series | Sequence[Series]) -> Points:
-    """Response at the lines of the inputs, by least-squares fits of all lines of a recording at once.
-
-    A single sine gives its fundamental alone: what answers at its harmonics is in part the plant's nonlinearity. Points
-    of several recordings at one frequency are averaged with their weights.
-
-    Raises:
-        SettingError: an input has no separate lines.
-    """
-    pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
-    found, distortion = [], 0.0
-    for series in map(_steady, pooled):
-        lines, extra = _lines(series)
-        u, sigma_u, _ = excitation.sine_fit(series.u, series.sample_time, 1.0, [*lines, *extra])
-        y, sigma_y, _ = excitation.sine_fit(series.y, series.sample_time, 1.0, [*lines, *extra])
-        value = y[: len(lines)] / u[: len(lines)]
-        std = np.sqrt(sigma_y**2 + np.abs(value) ** 2 * sigma_u**2) / np.abs(u[: len(lines)])
-        found += list(zip(lines, value, std, strict=True))
-        more = np.abs(y[len(lines) :]) - 3.0 * np.abs(value).max() * np.abs(u[len(lines) :])  # 3: a resonance there
-        certain = more[more > 5.0 * sigma_y]
-        distortion = max(distortion, float(certain.max(initial=0.0) / np.abs(y[: len(lines)]).max()))
-    found.sort(key=lambda item: item[0])
-    groups: list[list[tuple[float, complex, float]]] = []
-    for item in found:
-        if groups and abs(item[0] / groups[-1][0][0] - 1) < 1e-3:
-            groups[-1].append(item)
-        else:
-            groups.append([item])
-    frequency, value, std = [], [], []
-    for group in groups:
-        weight = np.array([1.0 / max(s, 1e-15) ** 2 for _, _, s in group])
-        frequency.append(float(np.mean([f for f, _, _ in group])))
-        value.append(complex(np.sum(weight * np.array([g for _, g, _ in group])) / weight.sum()))
-        std.append(float(1.0 / np.sqrt(weight.sum())))
-    return Points(np.array(frequency), np.array(value), np.array(std), distortion)
-
-
-def _steady(series: Series) -> Series:
-    """The recording without its start-up: tenths are cut while the first is missed half as badly again as the rest."""
-    for _ in range(3):
-        lines, extra = _lines(series)
-        angle = 2 * np.pi * np.outer(series.time, [*lines, *extra])
-        phi = np.column_stack([np.ones(len(series)), np.cos(angle), np.sin(angle)])
-        rest = series.y - phi @ np.linalg.lstsq(phi, series.y, rcond=None)[0]
-        tenth = len(series) // 10
-        if np.std(rest[:tenth]) < 1.5 * np.std(rest[tenth:]):
-            break
-        series = series.cut(tenth, len(series))
-    return series
-
-
-def _lines(series: Series) -> tuple[list[float], list[float]]:
-    """Frequencies [Hz] to report, and more that only take part in the fit."""
-    frequency, harmonics = excitation.single_sine(series)
-    if harmonics:
-        highest = 0.5 / series.sample_time
-        return [frequency], [h * frequency for h in range(2, 7) if h * frequency < highest]
-    u = series.u - series.u.mean()
-    power = np.abs(np.fft.rfft(np.hanning(len(u)) * u)) ** 2
-    peaks, _ = signal.find_peaks(power, height=1e-4 * power.max(), distance=3)
-    near = np.unique(np.clip(peaks[:, None] + np.arange(-2, 3), 0, len(power) - 1))
-    if len(near) > len(power) / 4 or power[near].sum() < 0.98 * power.sum():
-        raise SettingError(
-            f"{series.name}: the input has a continuous spectrum, not separate lines; estimate a model in time instead."
-        )
-    left, middle, right = (np.log(np.maximum(power[peaks + k], 1e-300)) for k in (-1, 0, 1))
-    exact = peaks + 0.5 * (left - right) / (left - 2 * middle + right)  # vertex of the parabola through the logarithms
-    return [float(f) for f in exact / (len(u) * series.sample_time)], []
 
 
 @dataclass(frozen=True, eq=False)

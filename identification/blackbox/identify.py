@@ -1,7 +1,5 @@
 """From recordings to a judged model of each structure: examine, select, test, and say what the data cannot tell."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,12 +8,11 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import FasError, SettingError, unknown
-from identification.blackbox import delay, excitation, frequency, narx, nonlinear, pem, selection, subspace
+from identification.blackbox import excitation, frequency, narx, nonlinear, pem, selection, subspace
 from identification.blackbox.data import ALL, DEFAULT, Series
 from identification.blackbox.excitation import Excitation
-from identification.blackbox.frequency import Rational
+from identification.blackbox.frequency import Rational, Response
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
-from identification.blackbox.response import Response
 from identification.blackbox.selection import Candidate, Selection
 from identification.blackbox.validation import ALARM, ResidualTest, residual_test
 
@@ -149,7 +146,7 @@ class _Chooser:
     @cached_property
     def delay(self) -> int:
         """The plant's delay n_k in samples."""
-        return delay.estimate(self.estimation, far=not self.sines)
+        return selection.delay(self.estimation, far=not self.sines)
 
     def _orders(self, name: str) -> Orders:
         return self.select(name).best.model.orders  # type: ignore[attr-defined]  # arx and oe are polynomial

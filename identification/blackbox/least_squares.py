@@ -1,10 +1,8 @@
 """Levenberg-Marquardt on stacked recordings, with the initial states of each recording projected out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 from scipy import linalg
@@ -28,7 +26,7 @@ class Linearisation:
     gradient: list[np.ndarray]
 
     @classmethod
-    def of(cls, parts: Iterable[tuple[np.ndarray, np.ndarray]], gradient: bool) -> Linearisation:
+    def of(cls, parts: Iterable[tuple[np.ndarray, np.ndarray]], gradient: bool) -> Self:
         """From the errors (N_i,) and columns (N_i, d) of each recording; the latter are kept when asked for."""
         errors, columns = map(list, zip(*parts, strict=True))
         return cls(errors, columns if gradient else [])

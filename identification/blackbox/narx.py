@@ -1,7 +1,5 @@
 """Polynomial NARX models: terms chosen by forward orthogonal least squares, judged in free simulation."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations_with_replacement
@@ -11,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from identification.blackbox import excitation
 from identification.blackbox.data import Series
-from identification.blackbox.response import Response
+from identification.blackbox.frequency import Response
 from identification.blackbox.selection import Candidate, judge
 
 LARGEST_TERMS = 14

@@ -1,7 +1,5 @@
 """Hammerstein-Wiener models: polynomial in, linear OE, polynomial out, by exact-gradient prediction error."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -13,9 +11,9 @@ from fasbody.exceptions import SettingError
 from identification.blackbox import pem
 from identification.blackbox.data import Series
 from identification.blackbox.filters import largest_root, pulse_response, shifted
+from identification.blackbox.frequency import Response
 from identification.blackbox.least_squares import Linearisation, minimise, project_states, spread
-from identification.blackbox.polynomial import Orders, PolynomialModel
-from identification.blackbox.response import Response
+from identification.blackbox.polynomial import RADIUS, Orders, PolynomialModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +101,7 @@ class _Problem:
 
     def admissible(self, theta: np.ndarray) -> bool:
         _, f, _, _ = self._split(theta)
-        return bool(np.isfinite(theta).all()) and largest_root(f) < pem.RADIUS
+        return bool(np.isfinite(theta).all()) and largest_root(f) < RADIUS
 
     def _split(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         o = self.orders

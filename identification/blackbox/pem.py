@@ -1,202 +1,25 @@
-"""Starting values for the prediction-error iterations, all by linear least squares.
+"""Prediction-error estimates of ARX, ARMAX, OE and BJ models from one or many recordings.
 
-Prediction-error estimation of ARMAX, OE and BJ models from one or many recordings.
+ARX is one least-squares problem, and so is the grid of all its orders. The others iterate from starting values that
+are linear least squares, too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from scipy import linalg
 from scipy.signal import lfilter
 
 from fasbody.exceptions import SettingError, unknown
-from identification.blackbox import arx
-from identification.blackbox.arx import regressors, solve
 from identification.blackbox.data import Series
-from identification.blackbox.filters import largest_root, pole_warnings, pulse_response, shifted, stabilise
-from identification.blackbox.least_squares import Linearisation, Minimum, minimise, project_states, spread
-from identification.blackbox.polynomial import Orders, PolynomialModel, pack, unpack
+from identification.blackbox.filters import largest_root, pole_warnings, shifted, stabilise
+from identification.blackbox.least_squares import Linearisation, Minimum, minimise, spread
+from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel, Residuals, pack, unpack
 
 ONE = np.ones(1)
 LONG = 25  # lags of the long ARX model whose residuals stand for e(t)
-
-
-def families(structure: str, recordings: Sequence[Series], orders: Orders) -> list[list[np.ndarray]]:
-    """Coefficient vectors (d,) of ARMAX or OE models to start from, in families that may lead to different minima.
-
-    The caller takes the member with the least loss from each and lets them race.
-    """
-    o = orders
-    if structure == "armax":
-        families: list[list[np.ndarray]] = []
-        for plants in _plants(recordings, Orders(nb=o.nb, nf=o.na, nk=o.nk)):
-            families.append([])
-            for b, f in plants:  # white output noise: C = A
-                c = np.zeros(o.nc + 1)
-                c[: min(o.na, o.nc) + 1] = f[: o.nc + 1]
-                families[-1].append(pack(f, b, stabilise(c, 0.99), ONE, ONE))
-        return [*families, [_hannan_rissanen(recordings, o)]]
-    return [[pack(ONE, b, ONE, ONE, f) for b, f in plants] for plants in _plants(recordings, o)]
-
-
-def with_noise_model(recordings: Sequence[Series], orders: Orders, plant: np.ndarray) -> list[list[np.ndarray]]:
-    """Starting values of a BJ model from an output-error plant (b, f): white noise, and a model of what is left."""
-    b, f = plant[: orders.nb], np.concatenate([[1.0], plant[orders.nb :]])
-    num = np.concatenate([np.zeros(orders.nk), b])
-    skip = min(min(len(series) for series in recordings) // 4, 200)  # the start-up is not noise
-    c, d = _noise_model([(s.y - lfilter(num, f, s.u))[skip:] for s in recordings], orders.nc, orders.nd)
-    return [[pack(ONE, b, _one(orders.nc), _one(orders.nd), f)], [pack(ONE, b, c, d, f)]]
-
-
-def _one(order: int) -> np.ndarray:
-    return np.concatenate([[1.0], np.zeros(order)])
-
-
-def _plants(recordings: Sequence[Series], orders: Orders) -> list[list[tuple[np.ndarray, np.ndarray]]]:
-    """Two families of pairs (B without delay, F) for an output-error plant.
-
-    Steiglitz and McBride's iteration (least squares on data filtered by the last 1/F), in time and, for inputs that
-    excite a part of the band only, on the excited lines of the spectrum, where noise elsewhere cannot pull.
-    """
-    in_time, in_frequency = [], []
-    b, f = _arx([(series.u, series.y) for series in recordings], orders)
-    for _ in range(8):
-        b, f = _arx([(lfilter([1.0], f, s.u), lfilter([1.0], f, s.y)) for s in recordings], orders)
-        in_time.append((b, f))
-    lines = [_excited_lines(series) for series in recordings]
-    shift, U, Y = (np.concatenate(column) for column in zip(*lines, strict=True))
-    past = -Y[:, None] * shift[:, None] ** np.arange(1, orders.nf + 1)
-    phi = np.hstack([past, U[:, None] * shift[:, None] ** (orders.nk + np.arange(orders.nb))])
-    f = _one(orders.nf)
-    for _ in range(16):
-        weight = 1.0 / np.polynomial.polynomial.polyval(shift, f)
-        rows, out = phi * weight[:, None], Y * weight
-        theta = solve(np.vstack([rows.real, rows.imag]), np.concatenate([out.real, out.imag]))
-        b, f = theta[orders.nf :], stabilise(np.concatenate([[1.0], theta[: orders.nf]]))
-        in_frequency.append((b, f))
-    return [in_frequency[3::4], in_time[3::4]]
-
-
-def _excited_lines(series: Series) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """q^-1, input and output spectrum (Hann window) where the input has more than 1e-4 of its strongest power."""
-    window = np.hanning(len(series))
-    U, Y = np.fft.rfft(window * series.u), np.fft.rfft(window * series.y)
-    strong = np.abs(U) > 1e-2 * np.abs(U).max()
-    angle = 2 * np.pi * np.arange(len(U)) / len(series)
-    return np.exp(-1j * angle[strong]), U[strong], Y[strong]
-
-
-def _arx(signals: Sequence[tuple[np.ndarray, np.ndarray]], orders: Orders) -> tuple[np.ndarray, np.ndarray]:
-    """B and stable F from least squares on (u, y) pairs."""
-    phi, out = [], []
-    for u, y in signals:
-        first = max(orders.nf, orders.nk + orders.nb - 1)
-        phi.append(np.column_stack([-shifted(y, orders.nf, 1), shifted(u, orders.nb, orders.nk)])[first:])
-        out.append(y[first:])
-    theta = solve(np.vstack(phi), np.concatenate(out))
-    return theta[orders.nf :], stabilise(np.concatenate([[1.0], theta[: orders.nf]]))
-
-
-def _hannan_rissanen(recordings: Sequence[Series], orders: Orders) -> np.ndarray:
-    """ARMAX: the residuals of a long ARX model serve as measured e(t) in one least-squares problem."""
-    lags = min(LONG, min(len(series) for series in recordings) // 8)
-    long = Orders(na=lags, nb=lags, nk=orders.nk)
-    pairs = [regressors(series, long) for series in recordings]
-    theta = solve(np.vstack([phi for phi, _ in pairs]), np.concatenate([y for _, y in pairs]))
-    phi_all, y_all = [], []
-    for series, (phi, y) in zip(recordings, pairs, strict=True):
-        e = np.concatenate([np.zeros(long.first_row), y - phi @ theta])
-        row = min(long.first_row + orders.nc, len(series) // 2)
-        plain, out = regressors(series, orders, row)
-        phi_all.append(np.column_stack([plain, shifted(e, orders.nc, 1)[row:]]))
-        y_all.append(out)
-    theta = solve(np.vstack(phi_all), np.concatenate(y_all))
-    c = np.concatenate([[1.0], theta[orders.na + orders.nb :]])
-    theta[orders.na + orders.nb :] = stabilise(c, 0.99)[1:]
-    return theta
-
-
-def _noise_model(noises: list[np.ndarray], nc: int, nd: int) -> tuple[np.ndarray, np.ndarray]:
-    """C and D of D v = C e by the same device on the noise alone."""
-    lags = max(min(LONG, min(len(v) for v in noises) // 8), 1)
-    phi = np.vstack([shifted(v, lags, 1)[lags:] for v in noises])
-    long = solve(phi, np.concatenate([v[lags:] for v in noises]))
-    rows, out = [], []
-    for v in noises:
-        e = v - shifted(v, lags, 1) @ long
-        first = lags + max(nc, nd)
-        rows.append(np.column_stack([-shifted(v, nd, 1), shifted(e, nc, 1)])[first:])
-        out.append(v[first:])
-    theta = solve(np.vstack(rows), np.concatenate(out))
-    return stabilise(np.concatenate([[1.0], theta[nd:]]), 0.99), stabilise(np.concatenate([[1.0], theta[:nd]]), 0.999)
-
-
 TRIAL = 8  # iterations after which a second starting value must lead
-RADIUS = 0.99995  # of the roots of C, D, F: beyond it a free motion outlasts any recording
-
-
-class Residuals:
-    """One-step prediction errors y(t) - y(t | t-1), Eq. (3.12), of A y = B/F u + C/D e and their exact derivatives.
-
-    The general structure Eq. (3.3) covers ARX, ARMAX, OE and BJ alike.
-
-    Filters start from rest at the first sample. Everything before the first row with complete regressors is thus
-    wrong, and wrong only by free motions of 1/F and 1/C; these and the sensor's level are fitted as nuisance columns,
-    for each recording its own, and projected out (so no recorded past is needed, and recordings pool).
-
-    Args:
-        recordings: estimation data, means removed.
-        orders: of the model.
-    """
-
-    def __init__(self, recordings: Sequence[Series], orders: Orders) -> None:
-        self.recordings = recordings
-        self.orders = orders
-
-    def admissible(self, theta: np.ndarray) -> bool:
-        """Whether C, D, F of theta (d,) have all roots well inside the unit circle: stable predictor and noise."""
-        _, _, c, d, f = unpack(theta, self.orders)
-        return bool(np.isfinite(theta).all()) and max(map(largest_root, (c, d, f))) < RADIUS
-
-    def at(self, theta: np.ndarray, *, gradient: bool = False) -> Linearisation:
-        """Errors at theta (d,) with fitted initial states, and their derivatives when asked."""
-        return Linearisation.of((self._one(series, theta, gradient) for series in self.recordings), gradient)
-
-    def _one(self, series: Series, theta: np.ndarray, gradient: bool) -> tuple[np.ndarray, np.ndarray]:
-        o = self.orders
-        a, b, c, d, f = unpack(theta, o)
-        first, length = o.first_row, len(series)
-        w = lfilter(b, f, series.u)  # undisturbed output, Eq. (3.7)
-        v = lfilter(a, [1.0], series.y) - w
-        errors = lfilter(d, c, v)  # Eq. (3.14): y - (L1 y + L2 u), L1 = 1 - A D/C, L2 = B D/(C F)
-
-        noise_states = max(o.nc, o.nd)
-        tail = length - first
-        free = np.empty((tail, o.nf + noise_states + 1), order="F")
-        free[:, : o.nf] = shifted(lfilter(d, c, pulse_response(f, tail)), o.nf)
-        free[:, o.nf : -1] = shifted(pulse_response(c, tail), noise_states)
-        free[:, -1] = lfilter(d, c, np.ones(tail))
-        state, remove = project_states(-errors[first:], free)
-        fitted = errors[first:] + free @ state
-        if not gradient:
-            return fitted, np.empty((0, 0))
-
-        # The signals behind the fitted errors: the pulses enter w through 1/F, the level enters v.
-        pulses = np.zeros(length)
-        pulses[first : first + o.nf] = -state[: o.nf]
-        w = w + lfilter([1.0], f, pulses)
-        v = lfilter(a, [1.0], series.y) - w + state[-1]
-        errors = np.concatenate([np.zeros(first), fitted])
-        columns = np.empty((length, o.parameters), order="F")
-        df = lfilter(d, c, lfilter([1.0], f, np.column_stack([series.u, w]), axis=0), axis=0)
-        ends = np.cumsum((o.na, o.nb, o.nc, o.nd, o.nf))
-        columns[:, : ends[0]] = shifted(lfilter(d, c, series.y), o.na, 1)
-        columns[:, ends[0] : ends[1]] = -shifted(df[:, 0], o.nb, o.nk)
-        columns[:, ends[1] : ends[2]] = -shifted(lfilter([1.0], c, errors), o.nc, 1)
-        columns[:, ends[2] : ends[3]] = shifted(lfilter([1.0], c, v), o.nd, 1)
-        columns[:, ends[3] :] = shifted(df[:, 1], o.nf, 1)
-        return fitted, remove(columns[first:])
 
 
 def estimate(
@@ -205,7 +28,7 @@ def estimate(
     """Prediction-error estimate of an ARX, ARMAX, OE or BJ model.
 
     Args:
-        structure: "arx", "armax" Eq. (3.6), "oe" Eq. (3.7) or "bj" Eq. (3.8).
+        structure: "arx" Eq. (3.5), "armax" Eq. (3.6), "oe" Eq. (3.7) or "bj" Eq. (3.8).
         recordings: one or many, pooled with an initial state each; means removed.
         orders: numbers of coefficients and delay.
         start: a model of the same structure and orders to start from beside the linear estimates.
@@ -214,18 +37,18 @@ def estimate(
         SettingError: unknown structure, or more parameters than samples.
     """
     pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
+    if structure not in STRUCTURES:
+        raise SettingError(unknown("structure", structure, STRUCTURES) + ".")
+    _check_length(pooled, orders)
     if structure == "arx":
-        return arx.estimate(pooled, orders)
-    if structure not in ("armax", "oe", "bj"):
-        raise SettingError(unknown("structure", structure, ("arx", "armax", "oe", "bj")) + ".")
-    check_length(pooled, orders)
+        return _least_squares(pooled, orders)
     problem = Residuals(pooled, orders)
     if structure == "bj":
         plant = Residuals(pooled, Orders(nb=orders.nb, nf=orders.nf, nk=orders.nk))
-        b_and_f = _race(plant, families("oe", pooled, orders)).theta
-        beginnings = with_noise_model(pooled, orders, b_and_f)
+        b_and_f = _race(plant, _families("oe", pooled, orders)).theta
+        beginnings = _with_noise_model(pooled, orders, b_and_f)
     else:
-        beginnings = families(structure, pooled, orders)
+        beginnings = _families(structure, pooled, orders)
     if start is not None:
         beginnings.append([start.theta])
     minimum = _race(problem, beginnings)
@@ -262,7 +85,7 @@ def _race(problem: Residuals, families: list[list[np.ndarray]]) -> Minimum:
     return best
 
 
-def check_length(recordings: Sequence[Series], orders: Orders) -> None:
+def _check_length(recordings: Sequence[Series], orders: Orders) -> None:
     """Refuse recordings that are shorter than their model, or of unlike sample times."""
     times = [series.sample_time for series in recordings]
     if max(times) - min(times) > 1e-6 * max(times):
@@ -275,3 +98,201 @@ def check_length(recordings: Sequence[Series], orders: Orders) -> None:
                 f"{series.name}: {len(series)} samples cannot carry {orders.parameters} parameters with a first row at "
                 f"{orders.first_row + 1}; record longer or lower the orders."
             )
+
+
+def _least_squares(pooled: Sequence[Series], orders: Orders) -> PolynomialModel:
+    """Least-squares ARX model, Eq. (3.5), of one recording or of many pooled.
+
+    Raises:
+        SettingError: orders with C, D or F, or more parameters than samples.
+    """
+    if orders.nc or orders.nd or orders.nf:
+        raise SettingError("an ARX model has only n_a, n_b and n_k.")
+    pairs = [regressors(series, orders) for series in pooled]
+    theta = solve(pairs)
+    at = Linearisation([phi @ theta - y for phi, y in pairs], [phi for phi, _ in pairs])
+    a = np.concatenate([[1.0], theta[: orders.na]])
+    warnings = pole_warnings(a, min(len(series) for series in pooled))
+    return PolynomialModel(
+        "arx", orders, theta, spread(at), at.loss, at.samples, pooled[0].sample_time, tuple(warnings)
+    )
+
+
+def regressors(series: Series, orders: Orders, first_row: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Regressor matrix [-y lags, u lags] and the output beside it, Eq. (3.5), from `first_row` on."""
+    row = orders.first_row if first_row is None else first_row
+    past_output = shifted(series.y, orders.na, 1)[row:]
+    past_input = shifted(series.u, orders.nb, orders.nk)[row:]
+    return np.column_stack([-past_output, past_input]), series.y[row:]
+
+
+def solve(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """Least squares (d,) of all (phi, y) together, by QR with pivoting; the shortest where columns depend on others."""
+    phi, y = (np.concatenate(column) for column in zip(*parts, strict=True))
+    scale = np.linalg.norm(phi, axis=0)
+    scale[scale == 0] = 1.0
+    theta, *_ = linalg.lstsq(phi / scale, y, cond=1e-13, lapack_driver="gelsy", check_finite=False)
+    return theta / scale
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Losses of all ARX models with n_a, n_b, n_k from 1 to their largest, on the same rows.
+
+    Attributes:
+        loss: mean squared errors, shape (na_max, nb_max, nk_max); index = order - 1.
+        samples: number of rows.
+    """
+
+    loss: np.ndarray
+    samples: int
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """Number of coefficients of each model, shape of `loss`."""
+        return np.indices(self.loss.shape)[:2].sum(axis=0) + 2
+
+    def __str__(self) -> str:
+        na, nb, nk = np.unravel_index(int(self.loss.argmin()), self.loss.shape)
+        return f"{self.loss.size} ARX models, least loss {self.loss.min():.5g} at ({na + 1}, {nb + 1}, {nk + 1})"
+
+
+def grid(recordings: Series | Sequence[Series], na_max: int = 15, nb_max: int = 15, nk_max: int = 15) -> Grid:
+    """Losses of the whole grid of ARX models.
+
+    One QR of all lags serves every model: its triangle R holds the data. For given n_a and n_k a small QR of the
+    columns of R leaves the output's coordinates along each further input lag, and their reversed cumulative squares
+    are the losses for every n_b at once.
+
+    Raises:
+        SettingError: fewer rows than columns.
+    """
+    pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
+    u_lags = nb_max + nk_max - 1
+    first_row = max(na_max, u_lags)
+    width = na_max + u_lags + 1
+    samples = sum(len(series) - first_row for series in pooled)
+    if min(len(series) for series in pooled) <= first_row or samples <= width:
+        raise SettingError(f"{samples + first_row} samples are too few for an ARX grid with lags up to {first_row}.")
+    blocks = []
+    for series in pooled:
+        y_past, u_past = shifted(series.y, na_max, 1), shifted(series.u, u_lags, 1)
+        stacked = np.column_stack([y_past, u_past, series.y])[first_row:]
+        blocks.append(linalg.qr(stacked, mode="r", overwrite_a=True, check_finite=False)[0][:width])
+    r = blocks[0] if len(blocks) == 1 else linalg.qr(np.vstack(blocks), mode="r", check_finite=False)[0][:width]
+
+    (geqrf,) = linalg.get_lapack_funcs(("geqrf",), (r,))
+    loss = np.empty((na_max, nb_max, nk_max))
+    for nk in range(1, nk_max + 1):
+        input_lags = r[:, na_max + nk - 1 : na_max + nk - 1 + nb_max]
+        for na in range(1, na_max + 1):
+            small = np.asfortranarray(np.hstack([r[:, :na], input_lags, r[:, -1:]]))
+            factor, *_ = geqrf(small, lwork=small.shape[1] * 32, overwrite_a=True)
+            squares = factor[na : na + nb_max + 1, -1] ** 2  # the last: what no lag explains
+            loss[na - 1, :, nk - 1] = np.cumsum(squares[::-1])[::-1][1:] / samples
+    return Grid(loss, samples)
+
+
+def _families(structure: str, recordings: Sequence[Series], orders: Orders) -> list[list[np.ndarray]]:
+    """Coefficient vectors (d,) of ARMAX or OE models to start from, in families that may lead to different minima.
+
+    The caller takes the member with the least loss from each and lets them race.
+    """
+    o = orders
+    if structure == "armax":
+        families: list[list[np.ndarray]] = []
+        for plants in _plants(recordings, Orders(nb=o.nb, nf=o.na, nk=o.nk)):
+            families.append([])
+            for b, f in plants:  # white output noise: C = A
+                c = np.zeros(o.nc + 1)
+                c[: min(o.na, o.nc) + 1] = f[: o.nc + 1]
+                families[-1].append(pack(f, b, stabilise(c, 0.99), ONE, ONE))
+        return [*families, [_hannan_rissanen(recordings, o)]]
+    return [[pack(ONE, b, ONE, ONE, f) for b, f in plants] for plants in _plants(recordings, o)]
+
+
+def _with_noise_model(recordings: Sequence[Series], orders: Orders, plant: np.ndarray) -> list[list[np.ndarray]]:
+    """Starting values of a BJ model from an output-error plant (b, f): white noise, and a model of what is left."""
+    b, f = plant[: orders.nb], np.concatenate([[1.0], plant[orders.nb :]])
+    num = np.concatenate([np.zeros(orders.nk), b])
+    skip = min(min(len(series) for series in recordings) // 4, 200)  # the start-up is not noise
+    c, d = _noise_model([(s.y - lfilter(num, f, s.u))[skip:] for s in recordings], orders.nc, orders.nd)
+    return [[pack(ONE, b, _one(orders.nc), _one(orders.nd), f)], [pack(ONE, b, c, d, f)]]
+
+
+def _one(order: int) -> np.ndarray:
+    return np.concatenate([[1.0], np.zeros(order)])
+
+
+def _plants(recordings: Sequence[Series], orders: Orders) -> list[list[tuple[np.ndarray, np.ndarray]]]:
+    """Two families of pairs (B without delay, F) for an output-error plant.
+
+    Steiglitz and McBride's iteration (least squares on data filtered by the last 1/F), in time and, for inputs that
+    excite a part of the band only, on the excited lines of the spectrum, where noise elsewhere cannot pull.
+    """
+    in_time, in_frequency = [], []
+    b, f = _arx([(series.u, series.y) for series in recordings], orders)
+    for _ in range(8):
+        b, f = _arx([(lfilter([1.0], f, s.u), lfilter([1.0], f, s.y)) for s in recordings], orders)
+        in_time.append((b, f))
+    lines = [_excited_lines(series) for series in recordings]
+    shift, U, Y = (np.concatenate(column) for column in zip(*lines, strict=True))
+    past = -Y[:, None] * shift[:, None] ** np.arange(1, orders.nf + 1)
+    phi = np.hstack([past, U[:, None] * shift[:, None] ** (orders.nk + np.arange(orders.nb))])
+    f = _one(orders.nf)
+    for _ in range(16):
+        weight = 1.0 / np.polynomial.polynomial.polyval(shift, f)
+        rows, out = phi * weight[:, None], Y * weight
+        theta = solve([(rows.real, out.real), (rows.imag, out.imag)])
+        b, f = theta[orders.nf :], stabilise(np.concatenate([[1.0], theta[: orders.nf]]))
+        in_frequency.append((b, f))
+    return [in_frequency[3::4], in_time[3::4]]
+
+
+def _excited_lines(series: Series) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """q^-1, input and output spectrum (Hann window) where the input has more than 1e-4 of its strongest power."""
+    window = np.hanning(len(series))
+    U, Y = np.fft.rfft(window * series.u), np.fft.rfft(window * series.y)
+    strong = np.abs(U) > 1e-2 * np.abs(U).max()
+    angle = 2 * np.pi * np.arange(len(U)) / len(series)
+    return np.exp(-1j * angle[strong]), U[strong], Y[strong]
+
+
+def _arx(signals: Sequence[tuple[np.ndarray, np.ndarray]], orders: Orders) -> tuple[np.ndarray, np.ndarray]:
+    """B and stable F from least squares on (u, y) pairs."""
+    first = max(orders.nf, orders.nk + orders.nb - 1)
+    theta = solve([
+        (np.column_stack([-shifted(y, orders.nf, 1), shifted(u, orders.nb, orders.nk)])[first:], y[first:])
+        for u, y in signals
+    ])  # fmt: skip
+    return theta[orders.nf :], stabilise(np.concatenate([[1.0], theta[: orders.nf]]))
+
+
+def _hannan_rissanen(recordings: Sequence[Series], orders: Orders) -> np.ndarray:
+    """ARMAX: the residuals of a long ARX model serve as measured e(t) in one least-squares problem."""
+    lags = min(LONG, min(len(series) for series in recordings) // 8)
+    long = Orders(na=lags, nb=lags, nk=orders.nk)
+    pairs = [regressors(series, long) for series in recordings]
+    theta = solve(pairs)
+    parts = []
+    for series, (phi, y) in zip(recordings, pairs, strict=True):
+        e = np.concatenate([np.zeros(long.first_row), y - phi @ theta])
+        row = min(long.first_row + orders.nc, len(series) // 2)
+        plain, out = regressors(series, orders, row)
+        parts.append((np.column_stack([plain, shifted(e, orders.nc, 1)[row:]]), out))
+    theta = solve(parts)
+    c = np.concatenate([[1.0], theta[orders.na + orders.nb :]])
+    theta[orders.na + orders.nb :] = stabilise(c, 0.99)[1:]
+    return theta
+
+
+def _noise_model(noises: list[np.ndarray], nc: int, nd: int) -> tuple[np.ndarray, np.ndarray]:
+    """C and D of D v = C e by the same device on the noise alone."""
+    lags = max(min(LONG, min(len(v) for v in noises) // 8), 1)
+    long = solve([(shifted(v, lags, 1)[lags:], v[lags:]) for v in noises])
+    first, parts = lags + max(nc, nd), []
+    for v in noises:
+        e = v - shifted(v, lags, 1) @ long
+        parts.append((np.column_stack([-shifted(v, nd, 1), shifted(e, nc, 1)])[first:], v[first:]))
+    theta = solve(parts)
+    return stabilise(np.concatenate([[1.0], theta[nd:]]), 0.99), stabilise(np.concatenate([[1.0], theta[:nd]]), 0.999)

@@ -1,18 +1,19 @@
 """The general linear polynomial model A y = B/F u + C/D e: response, poles, simulation, prediction, conversions."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import signal
+from scipy.signal import lfilter
 
 from fasbody.exceptions import SettingError, unknown
 from identification.blackbox.data import Series
-from identification.blackbox.filters import free_run
-from identification.blackbox.response import Response
+from identification.blackbox.filters import free_run, largest_root, pulse_response, shifted
+from identification.blackbox.frequency import Response
+from identification.blackbox.least_squares import Linearisation, project_states
 
 #: Orders of each structure in the sequence of Table 3.2.
 STRUCTURES = {
@@ -21,6 +22,8 @@ STRUCTURES = {
     "bj": ("nb", "nc", "nd", "nf", "nk"),
     "oe": ("nb", "nf", "nk"),
 }
+
+RADIUS = 0.99995  # of the roots of C, D, F: beyond it a free motion outlasts any recording
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class Orders:
             raise SettingError(f"orders {self} cannot be meant; n_b is at least 1 and no other is negative.")
 
     @classmethod
-    def of(cls, structure: str, numbers: tuple[int, ...]) -> Orders:
+    def of(cls, structure: str, numbers: tuple[int, ...]) -> Self:
         """Orders from the numbers in the sequence of Table 3.2, e.g. `of("oe", (4, 4, 1))`."""
         if structure not in STRUCTURES:
             raise SettingError(unknown("structure", structure, STRUCTURES) + ".")
@@ -69,6 +72,82 @@ class Orders:
     def first_row(self) -> int:
         """First sample whose regressors are all measured."""
         return max(self.na, self.nk + self.nb - 1)
+
+
+def unpack(theta: np.ndarray, orders: Orders) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Polynomials A, B, C, D, F of Eq. (3.4) from the coefficient vector (d,)."""
+    counts = (orders.na, orders.nb, orders.nc, orders.nd, orders.nf)
+    a, b, c, d, f = np.split(theta, np.cumsum(counts)[:-1])
+    monic = [np.concatenate([[1.0], p]) for p in (a, c, d, f)]
+    return monic[0], np.concatenate([np.zeros(orders.nk), b]), monic[1], monic[2], monic[3]
+
+
+def pack(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, f: np.ndarray) -> np.ndarray:
+    """The coefficient vector (d,) of the polynomials; `b` without its leading zeros, the others monic."""
+    return np.concatenate([a[1:], b, c[1:], d[1:], f[1:]])
+
+
+class Residuals:
+    """One-step prediction errors y(t) - y(t | t-1), Eq. (3.12), of A y = B/F u + C/D e and their exact derivatives.
+
+    The general structure Eq. (3.3) covers ARX, ARMAX, OE and BJ alike.
+
+    Filters start from rest at the first sample. Everything before the first row with complete regressors is thus
+    wrong, and wrong only by free motions of 1/F and 1/C; these and the sensor's level are fitted as nuisance columns,
+    for each recording its own, and projected out (so no recorded past is needed, and recordings pool).
+
+    Args:
+        recordings: estimation data, means removed.
+        orders: of the model.
+    """
+
+    def __init__(self, recordings: Sequence[Series], orders: Orders) -> None:
+        self.recordings = recordings
+        self.orders = orders
+
+    def admissible(self, theta: np.ndarray) -> bool:
+        """Whether C, D, F of theta (d,) have all roots well inside the unit circle: stable predictor and noise."""
+        _, _, c, d, f = unpack(theta, self.orders)
+        return bool(np.isfinite(theta).all()) and max(map(largest_root, (c, d, f))) < RADIUS
+
+    def at(self, theta: np.ndarray, *, gradient: bool = False) -> Linearisation:
+        """Errors at theta (d,) with fitted initial states, and their derivatives when asked."""
+        return Linearisation.of((self._one(series, theta, gradient) for series in self.recordings), gradient)
+
+    def _one(self, series: Series, theta: np.ndarray, gradient: bool) -> tuple[np.ndarray, np.ndarray]:
+        o = self.orders
+        a, b, c, d, f = unpack(theta, o)
+        first, length = o.first_row, len(series)
+        w = lfilter(b, f, series.u)  # undisturbed output, Eq. (3.7)
+        v = lfilter(a, [1.0], series.y) - w
+        errors = lfilter(d, c, v)  # Eq. (3.14): y - (L1 y + L2 u), L1 = 1 - A D/C, L2 = B D/(C F)
+
+        noise_states = max(o.nc, o.nd)
+        tail = length - first
+        free = np.empty((tail, o.nf + noise_states + 1), order="F")
+        free[:, : o.nf] = shifted(lfilter(d, c, pulse_response(f, tail)), o.nf)
+        free[:, o.nf : -1] = shifted(pulse_response(c, tail), noise_states)
+        free[:, -1] = lfilter(d, c, np.ones(tail))
+        state, remove = project_states(-errors[first:], free)
+        fitted = errors[first:] + free @ state
+        if not gradient:
+            return fitted, np.empty((0, 0))
+
+        # The signals behind the fitted errors: the pulses enter w through 1/F, the level enters v.
+        pulses = np.zeros(length)
+        pulses[first : first + o.nf] = -state[: o.nf]
+        w = w + lfilter([1.0], f, pulses)
+        v = lfilter(a, [1.0], series.y) - w + state[-1]
+        errors = np.concatenate([np.zeros(first), fitted])
+        columns = np.empty((length, o.parameters), order="F")
+        df = lfilter(d, c, lfilter([1.0], f, np.column_stack([series.u, w]), axis=0), axis=0)
+        ends = np.cumsum((o.na, o.nb, o.nc, o.nd, o.nf))
+        columns[:, : ends[0]] = shifted(lfilter(d, c, series.y), o.na, 1)
+        columns[:, ends[0] : ends[1]] = -shifted(df[:, 0], o.nb, o.nk)
+        columns[:, ends[1] : ends[2]] = -shifted(lfilter([1.0], c, errors), o.nc, 1)
+        columns[:, ends[2] : ends[3]] = shifted(lfilter([1.0], c, v), o.nd, 1)
+        columns[:, ends[3] :] = shifted(df[:, 1], o.nf, 1)
+        return fitted, remove(columns[first:])
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +184,7 @@ class PolynomialModel:
         """Number of estimated coefficients."""
         return len(self.theta)
 
-    def without_intervals(self) -> PolynomialModel:
+    def without_intervals(self) -> Self:
         """The same model with NaN for every standard error, for when the assumptions behind them fail."""
         return replace(self, spread=np.full_like(self.spread, np.nan))
 
@@ -172,8 +251,6 @@ class PolynomialModel:
 
     def residuals(self, series: Series) -> np.ndarray:
         """One-step prediction errors from the first sample with complete regressors on, shape (N - first,)."""
-        from identification.blackbox.pem import Residuals
-
         return Residuals([series], self.orders).at(self.theta).errors[0]
 
     def predict(self, series: Series) -> np.ndarray:
@@ -223,19 +300,6 @@ class PolynomialModel:
         rows = [f"  {n:>4} {v: .6g} +- {s:.2g}" for n, v, s in zip(names, self.theta, self.std_error, strict=True)]
         head = f"{self.label}, loss {self.loss:.5g}, {self.samples} samples of {self.sample_time:g} s"
         return "\n".join([head, *rows, *(f"  warning: {text}" for text in self.warnings)])
-
-
-def unpack(theta: np.ndarray, orders: Orders) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Polynomials A, B, C, D, F of Eq. (3.4) from the coefficient vector (d,)."""
-    counts = (orders.na, orders.nb, orders.nc, orders.nd, orders.nf)
-    a, b, c, d, f = np.split(theta, np.cumsum(counts)[:-1])
-    monic = [np.concatenate([[1.0], p]) for p in (a, c, d, f)]
-    return monic[0], np.concatenate([np.zeros(orders.nk), b]), monic[1], monic[2], monic[3]
-
-
-def pack(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, f: np.ndarray) -> np.ndarray:
-    """The coefficient vector (d,) of the polynomials; `b` without its leading zeros, the others monic."""
-    return np.concatenate([a[1:], b, c[1:], d[1:], f[1:]])
 
 
 def _same_length(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,7 +1,5 @@
 """The orders and fits printed in Table 3.2 and Tables A.1 to A.9, and what single sines can and cannot say of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from importlib.resources import files
 
@@ -10,7 +8,6 @@ import pandas as pd
 
 from identification.blackbox.polynomial import STRUCTURES
 
-NAMES = STRUCTURES
 #: Coefficients that a sine without harmonics determines, and one with its second and third, as the bundled series have.
 SINE_RANK = 2
 HARMONICS_RANK = 6
@@ -27,7 +24,7 @@ def plant_parameters(data: pd.DataFrame, structure: str) -> np.ndarray:
     if structure == "ss":
         return 2 * data["ss_order"].to_numpy() + 1
     return sum(
-        data[f"{structure}_{name}"].to_numpy() for name in NAMES[structure] if name in ("na", "nb", "nf")
+        data[f"{structure}_{name}"].to_numpy() for name in STRUCTURES[structure] if name in ("na", "nb", "nf")
     )  # fmt: skip
 
 
@@ -72,7 +69,7 @@ class Plausibility:
 def plausibility() -> Plausibility:
     """Statistics of the printed tables against what the excitation allows."""
     data = table()
-    structures = (*NAMES, "ss")
+    structures = (*STRUCTURES, "ss")
     counts = np.column_stack([plant_parameters(data, name) for name in structures])
     fits = np.column_stack([data[f"{name}_fit"].to_numpy() for name in structures])
     best = fits == fits.max(axis=1, keepdims=True)

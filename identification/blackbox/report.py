@@ -1,7 +1,5 @@
 """Reports as a table in the form of Table 3.2, as JSON and as CSV."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Sequence
@@ -11,8 +9,8 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from identification.blackbox import published
 from identification.blackbox.identify import Found, Report
+from identification.blackbox.polynomial import STRUCTURES
 
 CONFIDENCE = 1.96  # standard deviations of a 95 % interval
 
@@ -102,7 +100,7 @@ def orders(estimate: Any) -> dict[str, int]:
     if estimate.structure == "narx":
         return {"lags": estimate.lags, "step": estimate.step, "terms": len(estimate.terms)}
     linear = getattr(estimate, "linear", estimate)
-    found = {name: getattr(linear.orders, name) for name in published.NAMES[linear.structure]}
+    found = {name: getattr(linear.orders, name) for name in STRUCTURES[linear.structure]}
     if estimate.structure == "hw":
         found |= dict(zip(("input_degree", "output_degree"), estimate.degrees, strict=True))
     return found

@@ -1,21 +1,125 @@
 """Choice of orders: criteria over the thesis' ranges, ranked by free simulation of data not used for estimation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fasbody.exceptions import FasError, SettingError
-from identification.blackbox import arx, criteria, pem, subspace
-from identification.blackbox.candidate import Candidate, Model, judge
+from identification.blackbox import criteria, pem, subspace
 from identification.blackbox.data import Series
 from identification.blackbox.filters import outlasting
+from identification.blackbox.frequency import Response
 from identification.blackbox.polynomial import Orders, PolynomialModel
 
 ALIKE = 10.0  # difference of N times AIC below which data hardly tell models apart
 POLYNOMIAL_STATES = 5  # n_f, n_c, n_d up to here, as in the thesis
+NEGLIGIBLE = 2e-3  # of the output's amplitude left unexplained justifies no further parameter
+BLOCKS = 20  # of the held-out data, over which two models' squared errors are compared
+NEAR = range(1, 6)  # n_k always compared
+CERTAIN = 4.0  # standard errors that the coefficient of direct feedthrough must stand out by
+BACK = (0, 1, 2, 4, 8, 16, 32)  # samples before the peak of the pulse response at which it may begin
+DECISIVE = 10.0  # N times the difference of log losses that a late response must win by
+LONGEST = 1000  # samples searched for the peak
+
+
+class Model(Protocol):
+    """What every estimated model offers."""
+
+    @property
+    def structure(self) -> str:
+        """Arx, armax, oe, bj, ss, hw or npem."""
+
+    @property
+    def label(self) -> str:
+        """Structure and orders."""
+
+    @property
+    def parameters(self) -> int:
+        """Number of estimated coefficients."""
+
+    @property
+    def loss(self) -> float:
+        """Mean squared residual on the estimation data."""
+
+    @property
+    def samples(self) -> int:
+        """Number of residuals behind it."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences for the user."""
+
+    def poles(self) -> np.ndarray:
+        """Poles of the plant in the z plane, shape (n,)."""
+
+    def zeros(self) -> np.ndarray:
+        """Its zeros, shape (n,)."""
+
+    def response(self, frequency_hz: ArrayLike) -> Response:
+        """Frequency response at (M,) frequencies [Hz]."""
+
+    def simulate(self, series: Series) -> np.ndarray:
+        """Output (N,) in free simulation."""
+
+    def residuals(self, series: Series) -> np.ndarray:
+        """One-step prediction errors, shape (N - first,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One model with its criteria, and its fit on held-out data in free simulation.
+
+    Attributes:
+        model: the estimate.
+        fit_percent: over all held-out parts together.
+        block_errors: mean squared simulation error in each block of the held-out data, shape (BLOCKS,).
+    """
+
+    model: Model
+    fit_percent: float
+    block_errors: np.ndarray
+
+    def no_worse_than(self, other: "Candidate") -> bool:
+        """Whether held-out data do not show `other` to be better by two standard errors and more than negligibly."""
+        more = self.block_errors - other.block_errors
+        if not np.isfinite(more).all():
+            return False
+        undecided = float(more.mean()) <= 2.0 * float(more.std(ddof=1)) / np.sqrt(len(more))
+        return undecided or self.missed**2 - other.missed**2 <= NEGLIGIBLE**2
+
+    @property
+    def missed(self) -> float:
+        """Share of the output's amplitude that the simulation misses."""
+        return 1.0 - self.fit_percent / 100.0
+
+    @property
+    def aic(self) -> float:
+        """Akaike's criterion for each sample."""
+        return float(criteria.aic(self.model.loss, self.model.parameters, self.model.samples))
+
+    @property
+    def bic(self) -> float:
+        """Schwarz' criterion."""
+        return float(criteria.bic(self.model.loss, self.model.parameters, self.model.samples))
+
+    @property
+    def fpe(self) -> float:
+        """Akaike's final prediction error."""
+        return criteria.fpe(self.model.loss, self.model.parameters, self.model.samples)
+
+    def __str__(self) -> str:
+        return f"{self.model.label}: fit {self.fit_percent:.2f} %, AIC {self.aic:.4f}, BIC {self.bic:.4f}"
+
+
+def judge(model: Model, validation: Sequence[Series]) -> Candidate:
+    """The model with its fit over all held-out parts together, in free simulation."""
+    measured = np.concatenate([series.y - series.y.mean() for series in validation])
+    simulated = np.concatenate([model.simulate(series) - series.y.mean() for series in validation])
+    blocks = np.array([np.mean(part**2) for part in np.array_split(measured - simulated, BLOCKS)])
+    return Candidate(model, criteria.fit_percent(measured, simulated), blocks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +181,7 @@ def select_arx(estimation: Sequence[Series], validation: Sequence[Series], large
     """
     shortest = min(len(series) for series in estimation)
     largest = min(largest, max((shortest - 2) // 8, 1))
-    grid = arx.grid(estimation, largest, largest, largest)
+    grid = pem.grid(estimation, largest, largest, largest)
     count = grid.parameters
     loss = np.maximum(grid.loss, 1e-300)
     aic = criteria.aic(loss, count, grid.samples)
@@ -101,7 +205,7 @@ def select_arx(estimation: Sequence[Series], validation: Sequence[Series], large
     if not 1 <= nk <= largest:
         trials |= {(*_numbers(flat, loss.shape)[:2], nk) for flat in leading}
     wanted = [Orders.of("arx", numbers) for numbers in sorted(trials)]
-    models = _possible(lambda orders: arx.estimate(estimation, orders), wanted)
+    models = _possible(lambda orders: pem.estimate("arx", estimation, orders), wanted)
     selection = rank(models, validation, grid.loss.size, warnings)
     return edge(selection, {"na": largest, "nb": largest, "nk": max(largest, nk + 1)})
 
@@ -184,3 +288,58 @@ def select_state_space(
     if refined.no_worse_than(selection.best):
         candidates = (refined, *candidates[1:])
     return Selection(candidates, selection.tried, selection.alike, tuple(warnings))
+
+
+def delay(recordings: Sequence[Series], *, far: bool = True) -> int:
+    """The delay n_k of a plant: that whose output-error model of order four has the least loss.
+
+    Compared are 1 to 5 and, with `far`, lags from the peak of the pulse response backwards, then their neighbours while
+    the loss falls. Where 1 is best, it is 0 when a coefficient of direct feedthrough added to B is certain.
+
+    Args:
+        recordings: estimation data, means removed.
+        far: search beyond 5; without meaning for single sines, whose pulse response is periodic.
+    """
+    losses: dict[int, float] = {}
+
+    def loss(nk: int) -> float:
+        if nk not in losses:
+            try:
+                at = pem.estimate("oe", recordings, Orders(nb=4, nf=4, nk=nk))
+                losses[nk] = float(np.log(max(at.loss, 1e-300)))
+            except FasError:
+                losses[nk] = np.inf
+        return losses[nk]
+
+    best = min(NEAR, key=lambda nk: (round(loss(nk), 4), nk))
+    samples = sum(len(series) for series in recordings)
+    peak = pulse_peak(recordings) if far else 0
+    late = [peak - back for back in BACK if peak - back > NEAR[-1]]
+    if late:
+        start = min(late, key=loss)
+        while (after := min((start - 1, start, start + 1), key=loss)) != start:
+            start = after
+        if loss(start) < loss(best) - DECISIVE / samples:
+            best = start
+    if not np.isfinite(loss(best)):
+        return 1
+    return 0 if best == 1 and _feedthrough(recordings) else best
+
+
+def _feedthrough(recordings: Sequence[Series]) -> bool:
+    try:
+        model = pem.estimate("oe", recordings, Orders(nb=5, nf=4, nk=0))
+    except FasError:
+        return False
+    return bool(abs(model.theta[0]) > CERTAIN * model.std_error[0])
+
+
+def pulse_peak(recordings: Sequence[Series]) -> int:
+    """Lag of the largest response to a pulse, from spectra divided where the input is strong."""
+    length = min(len(series) for series in recordings)
+    size = 2 * max(len(series) for series in recordings)  # padded, so that no end meets the beginning
+    spectra = [(np.fft.rfft(series.u, size), np.fft.rfft(series.y, size)) for series in recordings]
+    power = np.sum([np.abs(u) ** 2 for u, _ in spectra], axis=0)
+    cross = np.sum([y * np.conj(u) for u, y in spectra], axis=0)
+    pulse = np.fft.irfft(cross / (power + 0.01 * power.max()), size)
+    return int(np.argmax(np.abs(pulse[: min(LONGEST, length // 4)])))

@@ -1,7 +1,5 @@
 """State-space models in innovations form: response, simulation, prediction, conversions."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,9 +8,9 @@ from numpy.typing import ArrayLike
 from scipy import signal
 
 from identification.blackbox.data import Series
+from identification.blackbox.frequency import Response
 from identification.blackbox.least_squares import project_states
 from identification.blackbox.polynomial import PolynomialModel
-from identification.blackbox.response import Response
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,5 @@
 """State-space models by the subspace method, with order from singular values and an optional OE refinement."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Residual tests: whiteness, and independence of the past inputs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,6 +1,6 @@
 """Steady state against time domain on the same recordings: whether they agree, and if not, what in the data is why."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -149,7 +149,6 @@ def agreement(
     settings: Settings | None = None,
     *,
     results: tuple[FitResult, FitResult] | None = None,
-    advance: Callable[[str, int, int], None] = lambda what, done, total: None,
 ) -> Agreement:
     """Fit recordings in the steady state and in the time domain, and compare.
 
@@ -158,13 +157,13 @@ def agreement(
 
     Args:
         recordings: with known excitation frequencies. foot: the model. settings: of both fits; its domain is ignored.
-        results: (steady state, time domain) where they are known already. advance: for a progress bar.
+        results: (steady state, time domain) where they are known already.
     """
     settings = settings or Settings()
     if results is None:
         results = (
-            fit_foot(recordings, foot, replace(settings, domain="periodic"), advance=advance, interruptible=False),
-            fit_foot(recordings, foot, replace(settings, domain="time"), advance=advance, interruptible=False),
+            fit_foot(recordings, foot, replace(settings, domain="periodic"), interruptible=False),
+            fit_foot(recordings, foot, replace(settings, domain="time"), interruptible=False),
         )
     steady, timed = results
     name = steady.best.name

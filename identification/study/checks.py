@@ -14,10 +14,10 @@ from identification.estimate import Settings
 from identification.search import descend
 from identification.space import DELAY, Space, space_of
 from identification.study.agreement import agreement
-from identification.study.damping import NONLINEAR, compare_damping
-from identification.study.plan import KINDS, Work
+from identification.study.filters import KINDS
+from identification.study.plan import Work
 from identification.study.profile import profiles
-from identification.study.validation import leave_one_frequency_out
+from identification.study.validation import NONLINEAR, compare_damping, leave_one_frequency_out
 
 
 def ensure(mode: str, settings: Settings, foot: Foot, profile: Sequence[str], agreement: bool) -> Space:

@@ -76,9 +76,9 @@ def main(
     from identification.space import limits, names
     from identification.study import report
     from identification.study.checks import ensure
-    from identification.study.evidence import Prior
     from identification.study.findings import gather
     from identification.study.plan import Model, Plan
+    from identification.study.tracking import Prior
     from identification.study.truth import Truth
 
     folder = StudyFolder.open(study)

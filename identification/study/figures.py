@@ -1,8 +1,7 @@
-"""Figures of a whole study in the manner of 4.6 to 4.25 and D.1 to D.3; every function returns a matplotlib Figure.
+"""Figures of a whole study; every function returns a matplotlib Figure.
 
-Figures of a study's fits rather than of its feet: verdicts on each parameter, and where the starts ended.
-
-Figures of cycles in the manner of 4.6 to 4.17: traces, hysteresis loops, energies; each returns a Figure.
+Of the feet: constants over frequency (4.18 to 4.25) and their distributions (D.1 to D.3). Of the fits: verdicts, and
+where the starts ended. Of the motion: traces (4.6 to 4.14), hysteresis loops (4.15 to 4.17) and energies.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -37,6 +36,14 @@ CONSTANTS = ("k_T", "c_11", "c_12", "c_13", "k_F", "c_21", "c_22", "c_23")
 _LETTERS = 17
 #: Constants that differ by powers of ten, and get such an axis.
 _WIDE = ("k_T", "k_F", "c_11", "c_21")
+_VERDICTS = {"identified": "#2e86ab", "weak": "#edae49", "not identifiable": "#c9c9c9"}
+_BLUE = _VERDICTS["identified"]
+#: Difference in the sum of squares that is none, and that 1000 to 1 odds need.
+_SAME, _TOLD_APART = 1e-2, round(2 * float(np.log(DECISIVE_ODDS)), 1)
+#: Circles of a trace at most, of all samples that are stored.
+_CIRCLES = 36
+#: Line of a model that does not follow its recording.
+_POOR = ":"
 _SCALE = {"N/m": (1e-3, "kN/m"), "s": (1e3, "ms")}
 
 
@@ -204,12 +211,6 @@ def _box(rows: pd.DataFrame, scale: float) -> dict[str, Any]:
             "whishi": max(inside.max(), high), "fliers": values[rows["outlier"].to_numpy()]}  # fmt: skip
 
 
-_VERDICTS = {"identified": "#2e86ab", "weak": "#edae49", "not identifiable": "#c9c9c9"}
-_BLUE = _VERDICTS["identified"]
-#: Difference in the sum of squares that is none, and that 1000 to 1 odds need.
-_SAME, _TOLD_APART = 1e-2, round(2 * float(np.log(DECISIVE_ODDS)), 1)
-
-
 @styled
 def waterfall(documents: Sequence[Mapping[str, Any]]) -> Figure:
     """How far the starts ended above the best of their fit, best first: quantiles over fits, by mode.
@@ -275,12 +276,6 @@ def verdicts(table: pd.DataFrame) -> Figure:
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=3, fontsize=8.5)
     return figure
-
-
-#: Circles of a trace at most, of all samples that are stored.
-_CIRCLES = 36
-#: Line of a model that does not follow its recording.
-_POOR = ":"
 
 
 def _poor(cycles: Sequence[Mapping[str, Any]]) -> str:

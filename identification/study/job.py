@@ -11,8 +11,9 @@ from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
 from identification.estimate import fit_foot
 from identification.study.checks import check
+from identification.study.filters import KINDS
 from identification.study.loops import cycles
-from identification.study.plan import KINDS, Job, Work
+from identification.study.plan import Job, Work
 from identification.study.trend import fit_trend
 
 Document = dict[str, Any]

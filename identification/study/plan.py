@@ -5,7 +5,7 @@ import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import mujoco
 import numpy as np
@@ -19,8 +19,7 @@ from fasbody.recording.study import StudyFolder
 from fasbody.recording.trials import Trial
 from identification.domains import DOMAINS
 from identification.estimate import Settings
-from identification.study.filters import KINDS as KINDS
-from identification.study.filters import MODES as MODES
+from identification.study.filters import KINDS, MODES
 
 #: What this module imports is part of the key of a job.
 _COMPUTES = "identification.study.job"
@@ -34,7 +33,7 @@ class Model:
     binary: bytes
 
     @classmethod
-    def of(cls, foot: Foot) -> "Model":
+    def of(cls, foot: Foot) -> Self:
         """Pack a loaded model."""
         buffer = np.zeros(mujoco.mj_sizeModel(foot.model), np.uint8)
         mujoco.mj_saveModel(foot.model, None, buffer)

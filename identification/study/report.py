@@ -52,12 +52,11 @@ def write(
     energy = summary.cycle_table(documents, findings.tracked)
     found = recovery(table) if truth else pd.DataFrame()
     wanted = pictures(documents, table, energy, origin, findings.tracked)
-    drawn = {name: (draw(), caption) for name, (draw, caption) in wanted.items()}
     from identification.study import figures  # late: matplotlib takes a second
 
     files, inline = {}, {}
-    for name, (figure, caption) in drawn.items():
-        vector = figures.save(figure, "svg")
+    for name, (draw, caption) in wanted.items():
+        vector = figures.save(figure := draw(), "svg")
         files[f"figures/{name}.svg"] = vector
         files[f"figures/{name}.png"] = figures.save(figure, "png")
         text = vector.decode()
@@ -66,7 +65,7 @@ def write(
     files["energy.csv"] = summary.csv(energy).encode()
     if len(found):
         files["recovery.csv"] = summary.csv(found).encode()
-    page = _page(documents, table, energy, found, inline, title=title, origin=origin, findings=findings)
+    page = _page(documents, table, energy, found, inline, findings, title=title, origin=origin)
     clear(out, files)
     written = [console.write_whole(out / name, content) for name, content in files.items()]
     return [console.write_whole(out / "report.html", page), *written]
@@ -86,13 +85,11 @@ def pictures(
 ) -> dict[str, tuple[Callable[[], Any], str]]:  # fmt: skip
     """Name -> (what draws it, caption) of every figure that these fits can fill."""
     from identification.study import figures
-    from identification.study import figures as motion
-    from identification.study import figures as quality
 
     out: dict[str, tuple[Callable[[], Any], str]] = {}
     if table.empty:
         return out
-    out["verdicts"] = (partial(quality.verdicts, table), "Verdict on each parameter, on the branch shown.")
+    out["verdicts"] = (partial(figures.verdicts, table), "Verdict on each parameter, on the branch shown.")
     over = table[table["frequency_hz"].notna()]
     for (mode, posture), rows in over.groupby(["mode", "posture"], sort=False):
         name = f"curves_{mode}_{posture}"
@@ -110,19 +107,19 @@ def pictures(
         said = f"subject {subject}, {mode}, {posture}"
         if place == 0 or mode == "per-recording":
             out[f"traces_{mode}"] = (
-                partial(motion.traces, cycles, fits, origin),
+                partial(figures.traces, cycles, fits, origin),
                 f"Malleolus acceleration, data and model: {said} (in the manner of Figures 4.6 to 4.14).",
             )
             out[f"loops_{mode}"] = (
-                partial(motion.loops, cycles, origin),
+                partial(figures.loops, cycles, origin),
                 f"Force against relative displacement: {said} (in the manner of Figures 4.15 to 4.17).",
             )
             rows = energy[(energy["mode"] == mode) & (energy["posture"] == posture)]
             text = f"Energy dissipated in one cycle, and where: {mode}, {posture}. {tables.drawn(rows)}"
             if summary.follows(rows.loc[rows["shown"], "fit_percent"]).any():
-                out[f"energies_{mode}"] = (partial(motion.energies, rows, origin), text)
+                out[f"energies_{mode}"] = (partial(figures.energies, rows, origin), text)
     if any(d["status"] == "done" and d["result"].get("starts") for d in documents):
-        out["waterfall"] = (partial(quality.waterfall, documents), "Where every start of every fit ended.")
+        out["waterfall"] = (partial(figures.waterfall, documents), "Where every start of every fit ended.")
     return out
 
 
@@ -159,17 +156,9 @@ def _trusted(energy: pd.DataFrame) -> pd.DataFrame:
 
 
 def _page(
-    documents: Sequence[Mapping[str, Any]],
-    table: pd.DataFrame,
-    energy: pd.DataFrame,
-    found: pd.DataFrame,
-    inline: Mapping[str, Any],
-    *,
-    title: str,
-    origin: str,
-    findings: Findings,
-) -> str:
-    sections = findings.sections()
+    documents: Sequence[Mapping[str, Any]], table: pd.DataFrame, energy: pd.DataFrame, found: pd.DataFrame,
+    inline: Mapping[str, Any], findings: Findings, **more: str,
+) -> str:  # fmt: skip
     environment = Environment(
         loader=PackageLoader("identification"), autoescape=select_autoescape(default=True),
         trim_blocks=True, lstrip_blocks=True,
@@ -178,19 +167,12 @@ def _page(
     failed = [f"Failed ({d['mode']}): {d['error']}" for d in documents if d["status"] == "failed"]
     failed += [f"Failed ({d['mode']}, {d['kind']}): {d['error']}" for d in findings.checks if d["status"] == "failed"]
     failed += [f"Left out ({d['mode']}): {text}" for d in documents for text in d.get("left_out", ())]
-    contents = [("done", "What was done"), ("verdicts", "Verdicts"), ("mirror", "Mirror"), ("truth", "Truth")]
-    contents += [("parameters", "Parameters"), ("outliers", "Outliers"), ("traces", "Traces"), ("loops", "Energy")]
-    contents += [
-        *([("starts", "Starts")] if "waterfall" in inline else []),
-        *((f"section{i}", s.title) for i, s in enumerate(sections, 1)),
-    ]
     return environment.get_template("study.html").render(
-        title=title, origin=origin, sections=sections, profiled=bool(findings.profiles),
+        sections=tables.sections(findings), findings=findings, listed=tables.LISTED,
         pictures=inline, limits=LIMITS, day=date.today().isoformat(),
         subjects=len({d["subject"] for d in documents}),
         recordings=len({file for d in documents for file in d["files"]}),
-        contents=[(anchor, name) for anchor, name in contents if anchor != "truth" or len(found)],
-        short=tables.short(documents, table, energy, found, findings.tracked), elsewhere=findings.elsewhere,
+        short=tables.short(documents, table, energy, found, findings.tracked),
         modes_text=" ".join(f"Mode {m}: {_MODES[m]}." for m in modes if m in _MODES),
         counts=tables.counts(documents, findings.tracked),
         failures=failed[:_LISTED], more_failures=max(0, len(failed) - _LISTED),
@@ -198,5 +180,5 @@ def _page(
         reasons=tables.reasons(documents),
         recovery=tables.recovery(found) if len(found) else None, energies=tables.energies(_trusted(energy)),
         balance=tables.balance(energy),
-        named=lambda start: [name for name in inline if name.startswith(start)],
+        named=lambda start: [name for name in inline if name.startswith(start)], **more,
     )  # fmt: skip

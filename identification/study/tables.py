@@ -1,36 +1,22 @@
-"""The tables and sentences of a study's report, as ready text."""
+"""The sentences and tables of a study's report: frames of ready text, which the page only lays out."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from markupsafe import Markup
 
 from identification.branches import STIFF_ANKLE, STIFF_PAD
+from identification.result import symbol_and_unit
 from identification.study import summary
+from identification.study.findings import Findings
 
 #: Imbalance of energy that a cycle may have.
 BALANCED = 0.005
-
-
-@dataclass(frozen=True)
-class Grid:
-    """A table of a page: its header and rows of ready text."""
-
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
-
-
-@dataclass(frozen=True)
-class Section:
-    """What else a study found: a heading, paragraphs, and a table or an inline picture if there is one."""
-
-    title: str
-    texts: Sequence[str]
-    table: Grid | None = None
-    svg: Markup | None = None
+#: Rows of a check's table at most.
+LISTED = 40
+#: Whether two domains agree, in words, in the order of the table.
+_ANSWER = {False: "no", True: "yes", None: "nothing to compare"}
 
 
 def short(
@@ -89,99 +75,6 @@ def _of(row: Mapping[str, Any], name: str) -> str:
     return f"{row[name]} of {of} ({_percent(row[name] / of)})" if of else "none"
 
 
-def counts(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> Grid:
-    """What was fitted, done and failed, a row a mode."""
-    header = ["mode", "fits", "done", "failed", "recordings", "mean fit [%]", "computing time [s]"]
-    rows = []
-    for r in summary.counts(documents, tracked).to_dict("records"):
-        fit = f"{r['fit_percent']:.2f}" if r["done"] else "–"
-        rows.append(
-            [r["mode"], *(str(r[k]) for k in ("fits", "done", "failed", "recordings")), fit, f"{r['seconds']:.0f}"]
-        )
-    return Grid(header, rows)
-
-
-def verdicts(table: pd.DataFrame) -> Grid:
-    """Shares of verdicts on the branch shown, a row a parameter."""
-    shown = table[table["shown"]]
-    modes = list(dict.fromkeys(shown["mode"]))
-    rows = []
-    for parameter in dict.fromkeys(shown["parameter"]):
-        own = shown[shown["parameter"] == parameter]
-        cells = []
-        for mode in modes:
-            verdict = own.loc[own["mode"] == mode, "verdict"]
-            each = [(verdict == word).mean() for word in ("identified", "weak", "not identifiable")]
-            cells.append(" / ".join(f"{100 * share:.0f}" for share in each) + " %" if len(verdict) else "–")
-        rows.append([parameter, *cells])
-    return Grid(["identified / weak / not", *modes], rows)
-
-
-def branches(table: pd.DataFrame) -> Grid:
-    """What chose the branches, and which they are, a row a mode."""
-    fits = table[table["shown"]].drop_duplicates("key")
-    rows = []
-    for mode in dict.fromkeys(fits["mode"]):
-        own = fits[fits["mode"] == mode]
-        number = [int((own["decided_by"] == word).sum()) for word in summary.DECIDED_BY]
-        sides = [int((own["branch"] == name).sum()) for name in (STIFF_ANKLE, STIFF_PAD)]
-        rows.append([mode, *map(str, [*number, *sides])])
-    header = ["mode", "decided by tracking", "by its data alone", *summary.DECIDED_BY[2:]]
-    return Grid([*header, f"shown: {STIFF_ANKLE}", f"shown: {STIFF_PAD}"], rows)
-
-
-def reasons(documents: Sequence[Mapping[str, Any]]) -> Grid:
-    """The verdict of each trend on its mirror and why it is so; trends are not weighed together with other fits."""
-    trends = [d for d in documents if d["mode"] == "trend" and d["status"] == "done"]
-    rows = [[summary.place(d), d["result"]["verdict"], d["result"].get("verdict_reason", "")] for d in trends]
-    return Grid(["trend of", "verdict", "why"], rows)
-
-
-def outliers(table: pd.DataFrame) -> Grid:
-    """Outliers among the estimates with a standard error, by parameter, a row a mode and load."""
-    shown = table[table["shown"] & summary.measured(table)]
-    parameters = list(dict.fromkeys(table["parameter"]))
-    rows = []
-    for (mode, load), group in shown.groupby(["mode", "added_mass_kg"], sort=False):
-        counts = [group[group["parameter"] == p] for p in parameters]
-        cells = [f"{int(c['outlier'].sum())} of {len(c)}" if len(c) else "–" for c in counts]
-        rows.append([f"{mode}, {load:g} kg", *cells])
-    return Grid(["outliers", *parameters], rows)
-
-
-def recovery(found: pd.DataFrame) -> Grid:
-    """`truth.recovery` for people."""
-    ways = ("chosen", "tracked", "either")
-    header = ["", "estimates", "right: own", "shown", "nearer", "error: own", "shown", "nearer", "stated",
-              "identified, right"]  # fmt: skip
-
-    def share(row: Mapping[str, Any], name: str) -> str:
-        of = row[f"{name}_of"]
-        return f"{_percent(row[name] / of)} of {of}" if of else "none"
-
-    rows = [
-        [
-            f"{r['mode']}, all" if r["parameter"] == "all" else r["parameter"], str(r["estimates"]),
-            *(share(r, way) for way in ways), *(_percent(r[f"{way}_error"]) for way in ways), _percent(r["std_error"]),
-            share(r, "identified"),
-        ]
-        for r in found.to_dict("records")
-    ]  # fmt: skip
-    return Grid(header, rows)
-
-
-def energies(energy: pd.DataFrame) -> Grid:
-    """Median energies of the branch shown, a row a condition."""
-    header = ["mode", "posture", "added mass [kg]", "frequency [Hz]", "cycles", "median ankle [mJ]",
-              "median fat pad [mJ]", "median shaker [mJ]"]  # fmt: skip
-    shown = energy[energy["shown"] & summary.follows(energy["fit_percent"])]
-    rows = []
-    for (mode, posture, load, f), g in shown.groupby(["mode", "posture", "added_mass_kg", "frequency_hz"]):
-        middles = [f"{1e3 * g[column].median():.3g}" for column in ("ankle_j", "fat_pad_j", "shaker_work_j")]
-        rows.append([mode, posture, f"{load:g}", f"{f:g}", str(len(g)), *middles])
-    return Grid(header, rows)
-
-
 def balance(energy: pd.DataFrame) -> str:
     """Whether the energies balance, in a sentence."""
     if energy.empty:
@@ -193,3 +86,175 @@ def balance(energy: pd.DataFrame) -> str:
         f"The energy balance {holds}: in {len(energy)} cycles the shaker's work, from the inertia of the masses alone, "
         f"and what ankle and fat pad dissipate differ by {worst_percent} at most ({allowed} are allowed)."
     )
+
+
+def counts(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
+    """What was fitted, done and failed, a row a mode."""
+    found = summary.counts(documents, tracked)
+    fit = [f"{f:.2f}" if done else "–" for f, done in zip(found["fit_percent"], found["done"], strict=True)]
+    made = found[["mode", "fits", "done", "failed", "recordings"]]
+    return made.assign(**{"mean fit [%]": fit, "computing time [s]": found["seconds"].map("{:.0f}".format)})
+
+
+def verdicts(table: pd.DataFrame) -> pd.DataFrame:
+    """Shares of verdicts on the branch shown, a row a parameter, a column a mode."""
+
+    def shares(verdict: pd.Series) -> str:
+        each = [(verdict == word).mean() for word in ("identified", "weak", "not identifiable")]
+        return " / ".join(f"{100 * share:.0f}" for share in each) + " %"
+
+    made = _crossed(table[table["shown"]], "parameter", "mode", "verdict", shares, table["mode"].unique())
+    return made.rename_axis("identified / weak / not").reset_index()
+
+
+def outliers(table: pd.DataFrame) -> pd.DataFrame:
+    """Outliers among the estimates with a standard error, a row a mode and load, a column a parameter."""
+    rows = table[table["shown"] & summary.measured(table)]
+    rows = rows.assign(at=[f"{m}, {load:g} kg" for m, load in zip(rows["mode"], rows["added_mass_kg"], strict=True)])
+    said = _crossed(
+        rows, "at", "parameter", "outlier", lambda o: f"{int(o.sum())} of {len(o)}", table["parameter"].unique()
+    )
+    return said.rename_axis("outliers").reset_index()
+
+
+def branches(table: pd.DataFrame) -> pd.DataFrame:
+    """What chose the branches, and which they are, a row a mode."""
+    fits = table[table["shown"]].drop_duplicates("key")
+    header = ["mode", "decided by tracking", "by its data alone", *summary.DECIDED_BY[2:]]
+    header += [f"shown: {STIFF_ANKLE}", f"shown: {STIFF_PAD}"]
+    rows = [
+        [mode, *((own["decided_by"] == word).sum() for word in summary.DECIDED_BY),
+         *((own["branch"] == name).sum() for name in (STIFF_ANKLE, STIFF_PAD))]
+        for mode, own in fits.groupby("mode", sort=False)
+    ]  # fmt: skip
+    return pd.DataFrame(rows, columns=header)
+
+
+def reasons(documents: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """The verdict of each trend on its mirror and why it is so; trends are not weighed together with other fits."""
+    trends = [d for d in documents if d["mode"] == "trend" and d["status"] == "done"]
+    rows = [[summary.place(d), d["result"]["verdict"], d["result"].get("verdict_reason", "")] for d in trends]
+    return pd.DataFrame(rows, columns=["trend of", "verdict", "why"])
+
+
+def recovery(found: pd.DataFrame) -> pd.DataFrame:
+    """`truth.recovery` for people."""
+    ways = ("chosen", "tracked", "either")
+    header = ["", "estimates", "right: own", "shown", "nearer", "error: own", "shown", "nearer", "stated",
+              "identified, right"]  # fmt: skip
+
+    def share(row: Mapping[str, Any], name: str) -> str:
+        of = row[f"{name}_of"]
+        return f"{_percent(row[name] / of)} of {of}" if of else "none"
+
+    rows = [
+        [
+            f"{r['mode']}, all" if r["parameter"] == "all" else r["parameter"], r["estimates"],
+            *(share(r, way) for way in ways), *(_percent(r[f"{way}_error"]) for way in ways), _percent(r["std_error"]),
+            share(r, "identified"),
+        ]
+        for r in found.to_dict("records")
+    ]  # fmt: skip
+    return pd.DataFrame(rows, columns=header)
+
+
+def energies(energy: pd.DataFrame) -> pd.DataFrame:
+    """Median energies of the branch shown, a row a condition."""
+    header = ["mode", "posture", "added mass [kg]", "frequency [Hz]", "cycles", "median ankle [mJ]",
+              "median fat pad [mJ]", "median shaker [mJ]"]  # fmt: skip
+    shown = energy[energy["shown"] & summary.follows(energy["fit_percent"])]
+    rows = [
+        [mode, posture, f"{load:g}", f"{f:g}", len(g),
+         *(f"{1e3 * g[column].median():.3g}" for column in ("ankle_j", "fat_pad_j", "shaker_work_j"))]
+        for (mode, posture, load, f), g in shown.groupby(["mode", "posture", "added_mass_kg", "frequency_hz"])
+    ]  # fmt: skip
+    return pd.DataFrame(rows, columns=header)
+
+
+def sections(findings: Findings) -> dict[str, pd.DataFrame]:
+    """Title -> table of what the checks found, where there is any."""
+    made = {
+        "Branches over a subject": tracking(findings), "Profile likelihood": profiles(findings),
+        "Leave one frequency out": held_out(findings), "Linear or nonlinear damping": damping(findings),
+        "Steady state and time domain": agreement(findings),
+    }  # fmt: skip
+    return {title: table for title, table in made.items() if len(table)}
+
+
+def tracking(findings: Findings) -> pd.DataFrame:
+    """How many fits of each subject are on which branch when all are weighed together."""
+    rows = []
+    for s in findings.subjects:
+        names = [c.branch for c in s.tracking.choices] if s.tracking else []
+        name, odds = max(s.tracking.overall.items(), key=lambda i: i[1], default=("", 0.0)) if s.tracking else ("", 0)
+        said = "–" if not odds else "over a million to 1" if odds > 1e6 else f"{odds:.3g} to 1"
+        cells = [names.count(n) for n in (STIFF_ANKLE, STIFF_PAD, "undecided")]
+        rows.append([f"{s.mode}, {s.posture}", s.subject, *cells, name, said])
+    header = ["mode", "subject", STIFF_ANKLE, STIFF_PAD, "undecided", "if one branch for all"]
+    return pd.DataFrame(rows, columns=[*header, "its odds over the other for all"])
+
+
+def profiles(findings: Findings) -> pd.DataFrame:
+    """Profiles beside the intervals of the standard errors, those that depart first."""
+    rows = []
+    for d, r in sorted(findings.of("profile"), key=lambda pair: not pair[1]["departs"])[:LISTED]:
+        low, high = ("open" if r[f"open_{side}"] else f"{r[name]:.4g}"
+                     for side, name in (("below", "lower"), ("above", "upper")))  # fmt: skip
+        verdict = r["verdict"] + ("; a better fit was met" if r["better"] else "")
+        rows.append([f"{summary.place(d)} ({d['mode']})", symbol_and_unit(r["key"])[0], verdict,
+                     "departs" if r["departs"] else "", f"{r['value']:.4g}", f"{low} to {high}",
+                     " to ".join(f"{x:.4g}" for x in r["wald"])])  # fmt: skip
+    header = ["fit", "parameter", "verdict", "from Wald's", "estimate", "95 % profile", "95 % by standard error"]
+    return pd.DataFrame(rows, columns=header)
+
+
+def held_out(findings: Findings) -> pd.DataFrame:
+    """Medians of the errors at frequencies that were left out, a row a mode."""
+    found = [(d["mode"], r["held_out"]) for d, r in findings.of("validation")]
+    rows = []
+    for mode in dict.fromkeys(mode for mode, _ in found):
+        mine = [r for m, r in found if m == mode]
+        inside, ends = ([row for r in mine for row in r["rows"] if row["edge"] == edge] for edge in (False, True))
+        rows.append([
+            mode, len(mine), len(inside), _median(row["percent"] for row in inside),
+            _median(row["chi_square"] / row["numbers"] for row in inside), _median(row["percent"] for row in ends),
+            sum(len(r["failed"]) for r in mine),
+        ])  # fmt: skip
+    header = ["mode", "groups", "recordings", "held-out error [%]", "chi-square per number", "error at the ends [%]"]
+    return pd.DataFrame(rows, columns=[*header, "no stable prediction"])
+
+
+def damping(findings: Findings) -> pd.DataFrame:
+    """Linear against nonlinear damping, a row a fit."""
+    rows = []
+    for d, r in [(d, r["damping"]) for d, r in findings.of("validation") if r["damping"]][:LISTED]:
+        linear, bent = r["linear"], r["nonlinear"]
+        errors = " / ".join(f"{c['held_out_percent']:.3g}" for c in (linear, bent))
+        less = [f"{linear[name] - bent[name]:.4g}" for name in ("aic", "bic")]
+        rows.append([d["mode"], summary.place(d), *less, errors, *r["preferred"].values()])
+    header = ["mode", "fit", "AIC less nonlinear's", "BIC less nonlinear's", "held-out error [%], linear / nonlinear"]
+    return pd.DataFrame(rows, columns=[*header, "AIC prefers", "BIC prefers", "held-out prefers"])
+
+
+def agreement(findings: Findings) -> pd.DataFrame:
+    """Steady state against time domain, disagreements first."""
+    order, rows = list(_ANSWER), []
+    for d, r in sorted(findings.of("agreement"), key=lambda pair: order.index(pair[1]["agrees"]))[:LISTED]:
+        known = [abs(x["z"]) for x in r["differences"] if x["z"] is not None and np.isfinite(x["z"])]
+        rows.append([d["mode"], summary.place(d), r["branch"], _ANSWER[r["agrees"]],
+                     f"{max(known):.2g}" if known else "–", r["sentence"]])  # fmt: skip
+    header = ["mode", "fit", "branch", "agrees", "largest difference [joint errors]", "why"]
+    return pd.DataFrame(rows, columns=header)
+
+
+def _crossed(
+    rows: pd.DataFrame, index: str, columns: str, values: str, said: Callable[[pd.Series], str], header: Iterable[str]
+) -> pd.DataFrame:
+    """What is said of each group of values, a row each in the order in which they come, a column each of the header."""
+    made = rows.groupby([index, columns], sort=False)[values].agg(said).unstack(columns)
+    return made.reindex(index=rows[index].unique(), columns=header).fillna("–")
+
+
+def _median(values: Iterable[float]) -> str:
+    found = list(values)
+    return f"{np.median(found):.3g}" if found else "–"

@@ -9,6 +9,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 import pandas as pd
@@ -48,7 +49,7 @@ class Truth:
     subjects: Mapping[str, VirtualSubject]
 
     @classmethod
-    def read(cls, study: Path) -> "Truth | None":
+    def read(cls, study: Path) -> Self | None:
         """The truth of a study folder, None where nobody stored one.
 
         Raises:

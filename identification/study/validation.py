@@ -1,11 +1,11 @@
-"""Leave one frequency out: what a model is worth where it was not fitted.
+"""Leave one frequency out: what a model is worth where it was not fitted, and which law of the dampers predicts better.
 
 Per recording, a left-out recording is predicted from the estimates at the neighbouring frequencies under the same load;
 pooled, from constants fitted to the other frequencies under that load; trend, from the curves fitted to all recordings
 but those at that frequency. The lowest and the highest frequency are extrapolations, and marked so.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -16,16 +16,74 @@ from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
 from identification.certification import settle
-from identification.domains import PeriodicDomain
-from identification.engines.twin import twin_applies
+from identification.domains import PeriodicDomain, resolved
+from identification.engines.engine import Engine, Excitation
+from identification.engines.mujoco import Rollouts
+from identification.engines.twin import Twin, twin_applies
 from identification.estimate import Settings
-from identification.periodic import Line
+from identification.periodic import Line, split
 from identification.search import explore
-from identification.space import Space, space_of
-from identification.study.heldout import HeldOut, compare, interpolated, predicted
+from identification.space import DELAY, Space, space_of
 from identification.study.trend import TrendBranch, fit_trend, refit
 
 MODES = ("per-recording", "pooled", "trend")
+#: Constants that bend the dampers' law; without them it is linear.
+NONLINEAR = ("c_12", "c_13", "c_22", "c_23")
+_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """The error of one prediction.
+
+    Attributes:
+        file, frequency_hz, added_mass_kg: which recording. edge: its frequency was outside those used.
+        chi_square: squared error over the noise of the measurement alone. numbers: harmonics count as two each.
+        percent: norm of the error over that of the harmonics.
+    """
+
+    file: str
+    frequency_hz: float
+    added_mass_kg: float
+    edge: bool
+    chi_square: float
+    numbers: int
+    percent: float
+
+
+def predicted(line: Line, foot: Foot, values: Mapping[str, float], twin: bool) -> np.ndarray:
+    """Malleolus harmonics (H,) of a foot on the measured base, delayed like the measurement [m/s^2]."""
+    excitation = resolved(line.excitation, foot, values, twin)
+    engine: Engine[Excitation] = Twin(foot, [excitation]) if twin else Rollouts(foot, [excitation], ())
+    y, _ = engine.orbit(0, values, (), _TOLERANCE)
+    h = np.arange(1, line.count + 1)
+    turn = np.exp(-2j * np.pi * line.base.frequency_hz * h * values.get(DELAY.name, 0.0))
+    return 2 / y.size * np.fft.rfft(y)[h] * turn
+
+
+def compare(line: Line, Y: np.ndarray, edge: bool = False) -> HeldOut:
+    """Predicted harmonics (H,) against those measured; the base's noise through the measured transmissibility."""
+    measured = line.malleolus.amplitudes
+    gain = abs(measured[0] / line.base.amplitudes[0])
+    std = np.hypot(line.malleolus.std, gain * line.base.std)
+    error = split(Y - measured)
+    condition = line.recording.condition
+    return HeldOut(
+        file=line.recording.file,
+        frequency_hz=float(condition.frequency_hz or np.nan),
+        added_mass_kg=condition.added_mass_kg,
+        edge=edge,
+        chi_square=float(np.sum((error / np.tile(std, 2)) ** 2)),
+        numbers=error.size,
+        percent=float(100 * np.linalg.norm(error) / np.linalg.norm(measured)),
+    )
+
+
+def interpolated(at: float, frequencies_hz: Sequence[float], values: Sequence[np.ndarray]) -> np.ndarray:
+    """Search variables (p,) at a frequency, linear in log f between neighbours; the nearest one's beyond the ends."""
+    order = np.argsort(frequencies_hz)
+    x, q = np.log(np.asarray(frequencies_hz, float))[order], np.asarray(values)[order]
+    return np.array([np.interp(np.log(at), x, column) for column in q.T])
 
 
 @dataclass(frozen=True)
@@ -108,14 +166,13 @@ def leave_one_frequency_out(
     *,
     estimates: Sequence[Mapping[str, float]] | None = None,
     branch: TrendBranch | None = None,
-    advance: Callable[[str, int, int], None] = lambda what, done, total: None,
 ) -> Validation:
     """Predict each frequency from the others.
 
     Args:
         recordings: of one subject in one posture. foot: the model. mode: see MODES. settings: of the fits.
         estimates: per-recording only: named values of each recording, such as a study has them; None fits here.
-        branch: trend only: a fit of all recordings to start from; None fits here. advance: for a progress bar.
+        branch: trend only: a fit of all recordings to start from; None fits here.
 
     Raises:
         SettingError: no such mode, or fewer than three frequencies under some load. SimulationError: no prediction was
@@ -153,8 +210,7 @@ def leave_one_frequency_out(
         return _validation(mode, rows, failed)
     folds = [(m, at) for m in sorted(set(loads)) for at in sorted(set(f[loads == m]))] if mode == "pooled" else [
         (None, at) for at in sorted(set(f))]  # fmt: skip
-    for number, (m, at) in enumerate(folds):
-        advance(f"leaving out {at:g} Hz", number, len(folds))
+    for m, at in folds:
         mine = np.ones(len(data), bool) if m is None else loads == m
         used, out = np.flatnonzero(mine & (f != at)), np.flatnonzero(mine & (f == at))
         try:
@@ -179,3 +235,100 @@ def _validation(mode: str, rows: Sequence[HeldOut], failed: Sequence[str]) -> Va
     if not rows:
         raise SimulationError(f"none of the {len(failed)} recordings left out had a stable prediction.")
     return Validation(mode, tuple(rows), tuple(failed))
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """How well one law of the dampers does: parameters counted, criteria, and the held-out error."""
+
+    law: str
+    count: int
+    deviance: float
+    aic: float
+    bic: float
+    chi_square: float
+    dof: int
+    held_out_percent: float | None
+    held_out_chi_square: float | None
+
+
+@dataclass(frozen=True)
+class DampingComparison:
+    """Linear against nonlinear damping.
+
+    Attributes:
+        mode: of the fits. linear, nonlinear: their criteria. held_out: of the nonlinear law, None where not wanted.
+    """
+
+    mode: str
+    linear: Criteria
+    nonlinear: Criteria
+    held_out: Validation | None = None
+
+    def preferred(self, criterion: str) -> str:
+        """The law with the lower "aic", "bic" or "held_out_percent"."""
+        a, b = getattr(self.linear, criterion), getattr(self.nonlinear, criterion)
+        return self.linear.law if a <= b else self.nonlinear.law
+
+    def document(self) -> dict[str, Any]:
+        """As plain data."""
+        criteria = [c for c in ("aic", "bic", "held_out_percent") if getattr(self.linear, c) is not None]
+        return {"mode": self.mode, "linear": asdict(self.linear), "nonlinear": asdict(self.nonlinear),
+                "preferred": {c: self.preferred(c) for c in criteria}}  # fmt: skip
+
+    def __str__(self) -> str:
+        held = self.linear.held_out_percent, self.nonlinear.held_out_percent
+        tail = "" if None in held else f"; held-out error {held[0]:.3g} % linear, {held[1]:.3g} % nonlinear"
+        return (
+            f"{self.mode}: AIC prefers {self.preferred('aic')} damping (difference "
+            f"{self.linear.aic - self.nonlinear.aic:.4g}), BIC {self.preferred('bic')} "
+            f"({self.linear.bic - self.nonlinear.bic:.4g}){tail}."
+        )
+
+
+def compare_damping(
+    recordings: Sequence[Recording], foot: Foot, mode: str = "pooled", settings: Settings | None = None,
+    *, held_out: bool = True,
+) -> DampingComparison:  # fmt: skip
+    """Fit with and without the constants that bend the dampers' law.
+
+    Args:
+        recordings: of one subject in one posture. foot: a model with the dampers of Eq. 4.25. mode: "pooled" (all
+            recordings share constants) or "trend". settings: of the fits. held_out: leave one frequency out too.
+    """
+    settings = settings or Settings()
+    if mode not in ("pooled", "trend"):
+        raise SettingError(f"{unknown('mode', mode, ('pooled', 'trend'))}.")
+    missing = [name for name in NONLINEAR if name not in foot.parameters]
+    if missing:
+        raise SettingError(f"model {foot.name} has no {', '.join(missing)}, so damping cannot be compared.")
+    data = [checked(recording) for recording in recordings]
+    free = settings.free or tuple(n for n in space_of(foot, None, None, False).names)
+    straight = replace(settings, free=tuple(n for n in free if n not in NONLINEAR), bounds={
+        n: b for n, b in (settings.bounds or {}).items() if n not in NONLINEAR} or None)  # fmt: skip
+    flat = foot.with_values(dict.fromkeys(NONLINEAR, 0.0))
+    found = [
+        _criteria(law, data, model, mode, s, held_out)
+        for law, model, s in (("linear", flat, straight), ("nonlinear", foot, settings))
+    ]
+    (linear, _), (nonlinear, errors) = found
+    return DampingComparison(mode, linear, nonlinear, errors)
+
+
+def _criteria(
+    law: str, data: Sequence[Recording], foot: Foot, mode: str, settings: Settings, held_out: bool
+) -> tuple[Criteria, Validation | None]:
+    if mode == "pooled":
+        fit = quick_fit(data, foot, settings, twin_applies(foot))
+        count, deviance, chi_square, numbers = fit.q.size, fit.deviance, fit.chi_square, fit.numbers
+        branch = None
+    else:
+        branch = fit_trend(data, foot, settings, certify=False).best
+        count = branch.space.size + len(branch.scatter)
+        deviance, chi_square, numbers = branch.deviance, branch.chi_square, branch.dof + branch.space.size
+    errors = leave_one_frequency_out(data, foot, mode, settings, branch=branch) if held_out else None
+    criteria = Criteria(
+        law, count, deviance, deviance + 2 * count, deviance + float(np.log(numbers)) * count, chi_square,
+        max(0, numbers - count), errors.percent if errors else None, errors.chi_square_per_number if errors else None,
+    )  # fmt: skip
+    return criteria, errors

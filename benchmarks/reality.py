@@ -1,0 +1,277 @@
+"""Is a result as sure as the world allows? Legs in worlds that depart from the model, fitted as a user fits them.
+
+The recordings come from worlds.py, which shares no code with the fit. Each member of the population is one leg, one
+session of one to three loads at nine frequencies, and one departure; the fit knows what a laboratory would know. What
+it then says is counted: the branch it decides for, and whether the intervals that it calls identified hold the truth.
+
+A world may make a constant a range: a spring that relaxes has another stiffness at every frequency. An interval holds
+the truth if it holds any value of that range; the row "at rest, without load" asks for the constant itself.
+
+What is done is kept in a file and not done again while neither the fit nor the worlds change.
+"""
+
+import hashlib
+import json
+import signal
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.progress import Progress
+
+from benchmarks.rows import JsonOption, Row, at_least, at_most, between, report
+from benchmarks.worlds import CLEAN, WORLDS, Member, member, recordings
+from fasbody.console import command_line, console, progress_bar
+from fasbody.exceptions import FasError, SettingError
+from fasbody.recording.recording import Recording
+from identification.branches import STIFF_ANKLE, STIFF_PAD
+from identification.result import Branch, FitResult
+
+ROOT = Path(__file__).parents[1]
+#: Constants whose intervals are counted.
+COUNTED = ("k_T", "k_F", "c_11", "c_21")
+STARTS = 4
+#: Seeds a world below which nothing is required of its rates, and the largest share of wrong and decided results.
+ENOUGH, WRONG = 20, 1 / 200
+#: Strength of the dampers from which a leg counts as strongly nonlinear: the laboratory's own foot has 1.
+STRONG = 0.7
+
+
+@dataclass(frozen=True)
+class Interval:
+    """What was said of a constant on the branch that counts: how well it is known, and whether that is so.
+
+    Attributes:
+        word: "identified", "weak" or "not identifiable". holds: the 95 % interval holds a value that the constant has.
+        strict: it holds the value at rest, without load.
+    """
+
+    word: str
+    holds: bool
+    strict: bool
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One member and what the fit said of it.
+
+    Attributes:
+        world, seed, strength, loads: of the member (loads: how many). verdict: the fit's word; "none" where it refused.
+        true_first: the branch named first is the true one. true_shown: the true branch is among those shown.
+        intervals: of the true branch where it is shown, else of the first. excess: chi-square a degree of freedom.
+        seconds: CPU time of the fit. why: the refusal.
+    """
+
+    world: str
+    seed: int
+    strength: float
+    loads: int
+    verdict: str
+    true_first: bool
+    true_shown: bool
+    intervals: dict[str, Interval]
+    excess: float
+    seconds: float
+    why: str = ""
+
+    @property
+    def wrong_and_decided(self) -> bool:
+        """Whether the fit decided for the branch that is not true."""
+        return self.verdict == "decided" and not self.true_first
+
+    @property
+    def identified(self) -> list[Interval]:
+        """The intervals called identified."""
+        return [interval for interval in self.intervals.values() if interval.word == "identified"]
+
+
+def fitted(data: Sequence[Recording]) -> FitResult:
+    """The public fit, as a user calls it; the only place of this module that knows it."""
+    from fasbody.foot.model import load
+    from identification.estimate import Settings, fit
+
+    return fit(data, load("two_dof"), Settings(starts=STARTS, threads=1))
+
+
+def intervals_of(branch: Branch, truth: Member) -> dict[str, Interval]:
+    """What a branch says of the counted constants."""
+    found = {}
+    for name in COUNTED:
+        key = next(key for key in branch.parameters if key.startswith(f"{name}_"))
+        e, (low, high), exact = branch.parameters[key], truth.ranges[name], getattr(truth.leg, name)
+        found[name] = Interval(e.identifiability, e.lower <= high and low <= e.upper, e.lower <= exact <= e.upper)
+    return found
+
+
+def judged(truth: Member, result: FitResult, seconds: float) -> Judged:
+    """What a result says, beside the truth."""
+    name = STIFF_ANKLE if truth.leg.stiff_ankle else STIFF_PAD
+    shown = {branch.name: branch for branch in result.open}
+    branch = shown.get(name, result.best)
+    return Judged(
+        truth.world, truth.seed, truth.strength, len(truth.loads_kg), result.verdict, result.best.name == name,
+        name in shown, intervals_of(branch, truth), result.best.chi_square / max(1, result.best.dof), seconds,
+    )  # fmt: skip
+
+
+def trial(world: str, seed: int) -> Judged:
+    """Record, fit and judge one member."""
+    truth = member(world, seed)
+    data = recordings(truth)
+    began = time.process_time()
+    try:
+        result = fitted(data)
+    except FasError as error:
+        spent = time.process_time() - began
+        return Judged(
+            world, seed, truth.strength, len(truth.loads_kg), "none", False, False, {}, np.inf, spent, str(error)
+        )
+    return judged(truth, result, time.process_time() - began)
+
+
+def digest() -> str:
+    """Of everything that a result depends on: worlds, fit, models and readers."""
+    found = hashlib.sha256()
+    files = [ROOT / "benchmarks" / name for name in ("worlds.py", "reality.py")]
+    for room in ("identification", "fasbody/foot", "fasbody/recording", "mjcf"):
+        files += [file for file in (ROOT / room).rglob("*") if file.suffix in (".py", ".xml")]
+    for file in sorted(files):
+        found.update(file.read_bytes())
+    return found.hexdigest()[:16]
+
+
+def read(file: Path, stamp: str) -> list[Judged]:
+    """What was done with these sources; a line cut off by an interruption is not."""
+    done = []
+    for line in file.read_text().splitlines() if file.is_file() else []:
+        try:
+            row = json.loads(line)
+        except ValueError:
+            continue
+        if row.pop("digest", None) == stamp:
+            row["intervals"] = {name: Interval(**interval) for name, interval in row["intervals"].items()}
+            done.append(Judged(**row))
+    return done
+
+
+def _quiet() -> None:
+    """Start of a worker: Ctrl-C is the parent's to handle."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def study(work: Sequence[tuple[str, int]], jobs: int, progress: Progress) -> Iterator[Judged]:
+    """Members as they finish; Ctrl-C ends them and keeps what is done."""
+    task = progress.add_task("worlds", total=len(work))
+    with ProcessPoolExecutor(jobs, get_context("spawn"), _quiet) as pool:
+        futures = [pool.submit(trial, world, seed) for world, seed in work]
+        try:
+            for future in as_completed(futures):
+                progress.advance(task)
+                yield future.result()
+        except KeyboardInterrupt:
+            pool.shutdown(wait=False, cancel_futures=True)
+            console.print("interrupted; the rows rest on what is done")
+
+
+def measure(seeds: int, jobs: int, state: Path, worlds: Sequence[str] = WORLDS) -> list[Row]:
+    """Rows from so many seeds a world; what `state` holds is not done again.
+
+    Raises:
+        SettingError: no seed, or an unknown world.
+    """
+    if seeds < 1:
+        raise SettingError(f"--seeds is {seeds}; at least 1 is needed, and {ENOUGH} or more to judge a world.")
+    for world in worlds:
+        if world not in WORLDS:
+            raise SettingError(f"--world is {world!r}; there are {', '.join(WORLDS)}.")
+    stamp = digest()
+    wanted = [(world, seed) for seed in range(seeds) for world in worlds]
+    done = {(j.world, j.seed): j for j in read(state, stamp)}
+    work = [key for key in wanted if key not in done]
+    with progress_bar() as progress, state.open("a") as file:
+        for found in study(work, jobs, progress) if work else ():
+            done[found.world, found.seed] = found
+            file.write(json.dumps({**asdict(found), "digest": stamp}) + "\n")
+            file.flush()
+    return rows_of([done[key] for key in wanted if key in done])
+
+
+def rows_of(found: Sequence[Judged]) -> list[Row]:
+    """What was required, over all worlds and by each."""
+    if not found:
+        return []
+    n, rows = len(found), []
+    wrong = [j for j in found if j.wrong_and_decided]
+    rows.append(at_most(f"wrong and decided, of {n} legs", len(wrong), WRONG * n))
+    alone = sum(not j.true_shown and not j.wrong_and_decided and j.verdict != "none" for j in found)
+    rows.append(Row("not decided, but only the wrong branch is shown, legs", f"{alone}", f"of {n}"))
+    rows.append(Row("no result, legs", f"{sum(j.verdict == 'none' for j in found)}", f"of {n}"))
+    rows += _holding("all worlds", found, ENOUGH * len(WORLDS))
+    said = [i for j in found for i in j.identified]
+    if said:
+        strict = 100 * float(np.mean([i.strict for i in said]))
+        rows.append(Row('"identified" holds the value at rest, without load', f"{strict:.3g} %", f"of {len(said)}"))
+    for world in dict.fromkeys(j.world for j in found):
+        members = [j for j in found if j.world == world]
+        bad = sum(j.wrong_and_decided for j in members)
+        rows += _holding(f"{world} ({len(members)} legs, {bad} wrong and decided)", members, ENOUGH)
+    clean = [j for j in found if j.world == CLEAN and j.true_shown]
+    if clean:
+        share = 100 * float(np.mean([i.strict for j in clean for i in j.intervals.values()]))
+        row = between(f"coverage of 95 % intervals inside the class, {len(clean)} legs", share, 92.0, 98.0, "%")
+        rows.append(row if len(clean) >= 5 * ENOUGH else _unjudged(row, 5 * ENOUGH))
+    for name, of in (("all", found), ("clean", [j for j in found if j.world == CLEAN])):
+        decided = sum(j.verdict == "decided" for j in of)
+        strong = [j for j in of if j.strength >= STRONG]
+        right = sum(j.verdict == "decided" and j.true_first for j in strong)
+        text = f"of {len(of)}; strongly nonlinear and right: {right} of {len(strong)}"
+        rows.append(Row(f"decided, {name}", f"{decided}", text))
+    seconds = np.array([j.seconds for j in found])
+    text = f"worst {seconds.max():.3g} s, {STARTS} starts"
+    return [*rows, Row("CPU time a fit, median", f"{np.median(seconds):.3g} s", text)]
+
+
+def _holding(where: str, found: Sequence[Judged], enough: int) -> list[Row]:
+    """How often intervals called identified hold the truth; nothing is required of fewer than enough legs."""
+    said = [i for j in found for i in j.identified]
+    what = f'"identified" holds the truth, {where}'
+    if not said:
+        return [Row(what, "nothing identified", f"of {len(COUNTED) * len(found)}")]
+    row = at_least(what, 100 * float(np.mean([i.holds for i in said])), 90.0, "%")
+    row = replace(row, against=f"{row.against} of {len(said)} ({len(COUNTED) * len(found)} intervals)")
+    return [row if len(found) >= enough else _unjudged(row, enough)]
+
+
+def _unjudged(row: Row, enough: int) -> Row:
+    return replace(row, against=f"{row.against}, judged from {enough} legs on", holds=None)
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    seeds: Annotated[int, typer.Option(help="legs a world; the study takes 24")] = 24,
+    jobs: Annotated[int, typer.Option(help="processes")] = 2,
+    world: Annotated[list[str] | None, typer.Option(help="only this world; repeat it for more")] = None,
+    state: Annotated[Path, typer.Option(help="what is done, to go on from")] = Path("reality.jsonl"),
+    json_: JsonOption = False,
+) -> None:
+    """Verdicts and intervals in worlds that depart from the model, by its own simulator.
+
+    Examples:
+      python -m benchmarks.reality --seeds 6
+
+      python -m benchmarks.reality --world "sensor on tissue" --world clean
+    """
+    report("reality", measure(seeds, jobs, state, world or WORLDS), json_)
+
+
+if __name__ == "__main__":
+    command_line(app)
