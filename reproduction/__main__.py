@@ -5,15 +5,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from fasbody.console import command_line, console, make_folder, print_json, results, write_whole
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.runner import ROOT
-from reproduction.book import CHAPTERS, OUTSIDE, ROWS
-from reproduction.report import counts, markdown, numbers
 from reproduction.row import Row, Verdict
-from reproduction.run import run_rows
 
 PAGE = ROOT / "docs" / "reproduction.md"
 KEPT = ROOT / "results" / "reproduction"
@@ -74,6 +70,9 @@ def main(
 
       python -m reproduction --fresh
     """
+    from reproduction.report import counts, markdown
+    from reproduction.run import run_rows
+
     chosen = select(only)
     if only is not None and page is not None:
         raise SettingError("--page is written from all rows; leave out --only, or leave out --page.")
@@ -121,6 +120,8 @@ def select(only: list[str] | None) -> list[Row]:
     Raises:
         SettingError: a name that fits no row, or none at all.
     """
+    from reproduction.book import CHAPTERS, OUTSIDE, ROWS
+
     if only is None:
         return ROWS
     titles = {row.id: title.casefold() for title, rows in CHAPTERS.items() for row in rows}
@@ -142,6 +143,8 @@ def select(only: list[str] | None) -> list[Row]:
 
 def _near(name: str) -> str:
     """What the name that fits no row may have meant."""
+    from reproduction.book import ROWS
+
     known = {item.casefold(): item for row in ROWS for item in (row.id, *row.numbers)}
     near = get_close_matches(name, known, n=1)
     return f", did you mean {known[near[0]]!r}?" if near else ""
@@ -155,6 +158,10 @@ def _names(row: Row) -> set[str]:
 
 def show(rows: list[Row], found: dict[str, dict[str, Any]]) -> None:
     """The rows as a table for people."""
+    from rich.table import Table
+
+    from reproduction.report import numbers
+
     table = Table("id", "came out (asked for)", "verdict")
     for row in rows:
         verdict = Verdict(found[row.id]["verdict"])

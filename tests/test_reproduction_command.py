@@ -65,7 +65,7 @@ def test_the_list_as_json() -> None:
     "options", [["--only", "Eq. 2.5", "--page", "x.md"], ["--page", "."], ["--page", "pyproject.toml/x.md"]]
 )
 def test_a_page_that_cannot_be_is_told_before_the_run(options: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("reproduction.__main__.run_rows", None)
+    monkeypatch.setattr("reproduction.run.run_rows", None)
     found = CliRunner().invoke(app, options)
     assert isinstance(found.exception, FasError)
     assert len(str(found.exception).splitlines()) == 1

@@ -292,12 +292,14 @@ def column(file: Path, table: "pd.DataFrame", name: str, optional: bool = False)
     return np.array(values)
 
 
-def read_columns(file: Path) -> pd.DataFrame:
+def read_columns(file: Path) -> "pd.DataFrame":
     """Read all columns of any table, under the names of its first line, or as `UNNAMED` where that holds numbers.
 
     Raises:
         InputFileError: it is no table, or a row has more cells than the header.
     """
+    import pandas as pd
+
     text = read_text(file)
     _, separator, names = header(text, lambda cells: 0)
     headed = not all(numeric(cell) for cell in names if cell)
