@@ -9,7 +9,7 @@ from typing import Any
 
 os.environ.setdefault(
     "OPENBLAS_NUM_THREADS", "1"
-)  # before NumPy: more threads wait for each other beside other workers
+)  # before NumPy: more threads wait for each other
 
 import numpy as np
 import oracle
