@@ -122,24 +122,6 @@ def test_a_check_that_cannot_be_is_said_and_stops_nothing(study: Path, tmp_path:
     assert fitted(study, tmp_path, *ONE_LOAD, *two, "--validate")["checked"] == 1  # failed ones are tried again
 
 
-@pytest.mark.parametrize(
-    ("more", "said"),
-    [
-        (("--profile", "k_X"), "unknown parameter to profile 'k_X'"),
-        (("--free", "k_T", "--profile", "k_F"), "unknown parameter to profile 'k_F'"),
-        (("--mode", "trend", "--profile", "k_T"), "--profile checks per-recording and pooled fits"),
-        (("--mode", "trend", "--agreement"), "--agreement checks per-recording and pooled fits"),
-        (("--bounds", "k_T=1e4"), "is not NAME=LOWER:UPPER"),
-        (("--bounds", "k_X=1:2"), "k_X"),
-        (("--prior", "k_T"), "--prior 'k_T' is not"),
-        (("--prior", "k_T>k_F", "--prior", "k_T<k_F"), "orders k_T and k_F 2 times (k_T>k_F, k_T<k_F); give one order"),
-    ],
-)
-def test_what_cannot_be_asked(study: Path, tmp_path: Path, more: tuple[str, ...], said: str) -> None:
-    document = fitted(study, tmp_path, *more, expect=2)
-    assert said in document["said"] and document["said"].count("error:") == 1
-
-
 def test_bounds_are_the_space(foot: Foot) -> None:
     space = ensure("pooled", Settings(bounds={"k_T": (2e4, 3e6)}), foot, ("k_T", "delay"), True)
     i = [item.name for item in space.free].index("k_T")

@@ -49,7 +49,7 @@ def arms(arch: Arch, q: Array) -> Arms:
     h_2, h_3, h_4 = arch.L_2 * np.cos(theta_2), arch.L_3 * np.cos(theta_3), arch.L_4 * np.cos(theta_4)
     E_2 = h_2 + h_3 + h_4  # Eq. (4.6): L_1 cos theta_1, a scleronomic constraint (the thesis says rheonomic)
     E_1 = arch.L_1**2 - E_2**2
-    if not np.all(E_1.real > 0):
+    if not (E_1.real > 0).all():
         raise SimulationError("the arch cannot close: its forefoot has risen above the length of the hindfoot.")
     return Arms(l_2, l_3, l_4, h_2, h_3, h_4, E_1, E_2)
 
@@ -110,7 +110,8 @@ def deformations(arch: Arch, q: Array) -> Deformations:
     The aponeurosis spans from heel to metatarsal heads. The thesis' own elongation multiplies where a difference was
     meant and leaves out two of the links (docs/errata.md).
     """
-    a, theta_1 = arms(arch, q), closing_angle(arch, q)
+    a = arms(arch, q)
+    theta_1 = np.arccos(a.E_2 / arch.L_1)
     theta_2, theta_3, theta_4 = q[..., THETA_2], q[..., THETA_3], q[..., THETA_4]
     return Deformations(
         e=np.sqrt(a.E_1) + a.l_2 + a.l_3 + a.l_4 - arch.l_0,

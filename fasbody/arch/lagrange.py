@@ -170,8 +170,17 @@ def force_per_parameter(arch: Arch, q: Array, q_dot: Array) -> dict[str, Array]:
 
 def spring_damper_forces(arch: Arch, q: Array, q_dot: Array) -> Array:
     """Generalized forces of all springs and dampers, shape (..., 6): -dU/dq - dD/dq' of Eq. (4.10)."""
-    table = force_per_parameter(arch, q, q_dot)
-    return sum((getattr(arch, name) * force for name, force in table.items()), start=np.zeros(6))
+    d, g = deformations(arch, q), gradients(arch, q)
+    branch = arch.k_12 * (d.e - q[..., X])
+    Q = -(arch.k_11 * d.e + branch)[..., None] * g.e
+    for k, c, turn, slope in (
+        (arch.k_2, arch.c_2, d.d_2, g.d_2), (arch.k_3, arch.c_3, d.d_3, g.d_3), (arch.k_4, arch.c_4, d.d_4, g.d_4),
+    ):  # fmt: skip
+        Q = Q - (k * turn + c * (slope * q_dot).sum(axis=-1))[..., None] * slope
+    Q[..., Z_F] -= arch.k_F * q[..., Z_F] + arch.c_F * q_dot[..., Z_F]
+    Q[..., Z_T] -= arch.k_T * q[..., Z_T] + arch.c_T * q_dot[..., Z_T]
+    Q[..., X] += branch - arch.c_1 * q_dot[..., X]
+    return Q
 
 
 def right_hand_side(arch: Arch, q: Array, q_dot: Array, base_acceleration: float | Array) -> Array:
