@@ -6,15 +6,15 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from fasbody.exceptions import FasError, SettingError
+from fasbody.exceptions import MissingPackageError, SettingError
 from viz.exported import export_to
 from viz.feet import Show
 from viz.load import load_foot
-from viz.server import PARTING, Server
 from viz.settings import Excitation, Settings
 
 if TYPE_CHECKING:
     from fasbody.foot.model import Foot
+    from viz.server import Server
 
 
 class Fitted(Protocol):
@@ -35,7 +35,7 @@ class Viewer:
         self.show = show
         self._server: Server | None = None
         self._ready = threading.Event()
-        self._problem: FasError | None = None
+        self._problem: Exception | None = None
         self._thread = threading.Thread(target=self._run, args=(port,), name="viewer", daemon=True)
         self._thread.start()
         self._ready.wait()
@@ -50,8 +50,13 @@ class Viewer:
 
     async def _serve(self, port: int) -> None:
         try:
+            from viz.server import Server
+
             self._server = Server(self.show, port)
-        except FasError as problem:
+        except ImportError:
+            self._problem = MissingPackageError("tornado", "view")
+            return
+        except Exception as problem:  # raised again where the page was asked for
             self._problem = problem
             return
         self._loop = asyncio.get_running_loop()
@@ -76,7 +81,7 @@ class Viewer:
         """End the page."""
         if self._server is not None and self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._server.stop)
-            self._thread.join(2 * PARTING)
+            self._thread.join()  # the server parts within its own limit
 
     def __repr__(self) -> str:
         return f"{', '.join(self.show.models_called)} at {self.url}" + ("" if self._thread.is_alive() else " (closed)")
