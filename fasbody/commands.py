@@ -180,6 +180,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Sine fit and peak to peak on signals whose answer is known.",
         ),
         Command(
+            "bench reality", "benchmarks.reality", "",
+            "Verdicts and intervals in worlds that depart from the model, by its own simulator.",
+        ),
+        Command(
             "bench study", "benchmarks.study", "",
             "Speed of a study from its first to its last fit; some ten minutes on two idle cores.",
         ),

@@ -106,7 +106,7 @@ def parse_orders(text: str, structures: tuple[str, ...]) -> dict[str, tuple[int,
     return wanted
 
 
-def _show(reports: list[Report], pool: bool) -> None:
+def _show(reports: "list[Report]", pool: bool) -> None:
     from identification.blackbox import report
 
     for one in reports:
@@ -127,7 +127,7 @@ def _show(reports: list[Report], pool: bool) -> None:
             console.print("These are single sines: [bold]--pool[/] estimates one model from all of them together.")
 
 
-def _write(folder: Path, reports: list[Report], document: dict[str, object]) -> None:
+def _write(folder: Path, reports: "list[Report]", document: dict[str, object]) -> None:
     from identification.blackbox import figures, report
 
     write_whole(folder / "result.json", to_json(document))

@@ -3,16 +3,18 @@
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
-import pandas as pd
 
 from fasbody.exceptions import InputFileError, RecordingError, SettingError, unknown
 from fasbody.recording.channels import TIME_UNITS
 from fasbody.recording.csv import UNNAMED, numeric, read_columns
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SHORTEST = 20  # samples; below this not even a first-order model and its initial state can be judged
 #: Structures that can be estimated, and those that are unless others are named.
@@ -204,7 +206,7 @@ def read_csv(path: Path, *, input: str = "", output: str = "", sample_time: floa
 
 
 def _time_column(
-    path: Path, table: pd.DataFrame, names: list[str], sample_time: float | None
+    path: Path, table: "pd.DataFrame", names: list[str], sample_time: float | None
 ) -> tuple[str | None, float]:
     """Name of the time column and its unit in seconds."""
     for name in names:
@@ -217,6 +219,8 @@ def _time_column(
                 sentence = unknown(f"unit of the time column {name!r}:", unit, TIME_UNITS)
                 raise InputFileError(path, sentence, "or give --sample-time in seconds")
             return name, 1.0
+    import pandas as pd
+
     first = pd.to_numeric(table[names[0]], errors="coerce").to_numpy(dtype=float)
     if len(first) < 3 or not np.all(np.diff(first) > 0):
         return None, 1.0
@@ -243,7 +247,9 @@ def _column(path: Path, names: list[str], free: list[str], asked: str, usual: tu
     return free[0]
 
 
-def _numbers(path: Path, table: pd.DataFrame, name: str) -> np.ndarray:
+def _numbers(path: Path, table: "pd.DataFrame", name: str) -> np.ndarray:
+    import pandas as pd
+
     values = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
     wrong = np.isnan(values) & table[name].notna().to_numpy()
     if wrong.any():
