@@ -25,13 +25,14 @@ import numpy as np
 import typer
 from rich.progress import Progress
 
-from benchmarks.rows import JsonOption, Row, at_least, at_most, between, report
+from benchmarks.table import JsonOption, report
 from benchmarks.worlds import CLEAN, WORLDS, Member, member, recordings
 from fasbody.console import command_line, console, progress_bar
 from fasbody.exceptions import FasError, SettingError
 from fasbody.recording.recording import Recording
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.result import Branch, FitResult
+from reproduction.check import Check, at_least, at_most, told, within
 
 ROOT = Path(__file__).parents[1]
 #: Constants whose intervals are counted.
@@ -94,9 +95,9 @@ class Judged:
 def fitted(data: Sequence[Recording]) -> FitResult:
     """The public fit, as a user calls it; the only place of this module that knows it."""
     from fasbody.foot.model import load
-    from identification.estimate import Settings, fit
+    from identification.estimate import fit_foot
 
-    return fit(data, load("two_dof"), Settings(starts=STARTS, threads=1))
+    return fit_foot(data, load("two_dof"), starts=STARTS, threads=1)
 
 
 def intervals_of(branch: Branch, truth: Member) -> dict[str, Interval]:
@@ -179,7 +180,7 @@ def study(work: Sequence[tuple[str, int]], jobs: int, progress: Progress) -> Ite
             console.print("interrupted; the rows rest on what is done")
 
 
-def measure(seeds: int, jobs: int, state: Path, worlds: Sequence[str] = WORLDS) -> list[Row]:
+def measure(seeds: int, jobs: int, state: Path, worlds: Sequence[str] = WORLDS) -> list[Check]:
     """Rows from so many seeds a world; what `state` holds is not done again.
 
     Raises:
@@ -202,7 +203,7 @@ def measure(seeds: int, jobs: int, state: Path, worlds: Sequence[str] = WORLDS) 
     return rows_of([done[key] for key in wanted if key in done])
 
 
-def rows_of(found: Sequence[Judged]) -> list[Row]:
+def rows_of(found: Sequence[Judged]) -> list[Check]:
     """What was required, over all worlds and by each."""
     if not found:
         return []
@@ -210,13 +211,13 @@ def rows_of(found: Sequence[Judged]) -> list[Row]:
     wrong = [j for j in found if j.wrong_and_decided]
     rows.append(at_most(f"wrong and decided, of {n} legs", len(wrong), WRONG * n))
     alone = sum(not j.true_shown and not j.wrong_and_decided and j.verdict != "none" for j in found)
-    rows.append(Row("not decided, but only the wrong branch is shown, legs", f"{alone}", f"of {n}"))
-    rows.append(Row("no result, legs", f"{sum(j.verdict == 'none' for j in found)}", f"of {n}"))
+    rows.append(told("not decided, but only the wrong branch is shown, legs", f"{alone}", f"of {n}"))
+    rows.append(told("no result, legs", f"{sum(j.verdict == 'none' for j in found)}", f"of {n}"))
     rows += _holding("all worlds", found, ENOUGH * len(WORLDS))
     said = [i for j in found for i in j.identified]
     if said:
         strict = 100 * float(np.mean([i.strict for i in said]))
-        rows.append(Row('"identified" holds the value at rest, without load', f"{strict:.3g} %", f"of {len(said)}"))
+        rows.append(told('"identified" holds the value at rest, without load', f"{strict:.3g} %", f"of {len(said)}"))
     for world in dict.fromkeys(j.world for j in found):
         members = [j for j in found if j.world == world]
         bad = sum(j.wrong_and_decided for j in members)
@@ -224,32 +225,32 @@ def rows_of(found: Sequence[Judged]) -> list[Row]:
     clean = [j for j in found if j.world == CLEAN and j.true_shown]
     if clean:
         share = 100 * float(np.mean([i.strict for j in clean for i in j.intervals.values()]))
-        row = between(f"coverage of 95 % intervals inside the class, {len(clean)} legs", share, 92.0, 98.0, "%")
+        row = within(f"coverage of 95 % intervals inside the class, {len(clean)} legs", share, 92.0, 98.0, "%")
         rows.append(row if len(clean) >= 5 * ENOUGH else _unjudged(row, 5 * ENOUGH))
     for name, of in (("all", found), ("clean", [j for j in found if j.world == CLEAN])):
         decided = sum(j.verdict == "decided" for j in of)
         strong = [j for j in of if j.strength >= STRONG]
         right = sum(j.verdict == "decided" and j.true_first for j in strong)
         text = f"of {len(of)}; strongly nonlinear and right: {right} of {len(strong)}"
-        rows.append(Row(f"decided, {name}", f"{decided}", text))
+        rows.append(told(f"decided, {name}", f"{decided}", text))
     seconds = np.array([j.seconds for j in found])
     text = f"worst {seconds.max():.3g} s, {STARTS} starts"
-    return [*rows, Row("CPU time a fit, median", f"{np.median(seconds):.3g} s", text)]
+    return [*rows, told("CPU time a fit, median", f"{np.median(seconds):.3g} s", text)]
 
 
-def _holding(where: str, found: Sequence[Judged], enough: int) -> list[Row]:
+def _holding(where: str, found: Sequence[Judged], enough: int) -> list[Check]:
     """How often intervals called identified hold the truth; nothing is required of fewer than enough legs."""
     said = [i for j in found for i in j.identified]
     what = f'"identified" holds the truth, {where}'
     if not said:
-        return [Row(what, "nothing identified", f"of {len(COUNTED) * len(found)}")]
+        return [told(what, "nothing identified", f"of {len(COUNTED) * len(found)}")]
     row = at_least(what, 100 * float(np.mean([i.holds for i in said])), 90.0, "%")
-    row = replace(row, against=f"{row.against} of {len(said)} ({len(COUNTED) * len(found)} intervals)")
+    row = replace(row, beside=f"{row.criterion} of {len(said)} ({len(COUNTED) * len(found)} intervals)")
     return [row if len(found) >= enough else _unjudged(row, enough)]
 
 
-def _unjudged(row: Row, enough: int) -> Row:
-    return replace(row, against=f"{row.against}, judged from {enough} legs on", holds=None)
+def _unjudged(row: Check, enough: int) -> Check:
+    return replace(row, beside=f"{row.beside}, judged from {enough} legs on", asked=False)
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

@@ -108,6 +108,8 @@ results = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
 
 def command_line(app: Callable[[], object]) -> None:
     """Run a Typer app (any callable): exit 0 done, 2 bad input (one sentence, no traceback), 130 interrupted, 1 bug."""
+    # thousands of small products: threads of the linear algebra only wait for each other there
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with once():
         try:
             app()

@@ -164,13 +164,13 @@ def test_rows_count_wrong_decisions_and_intervals() -> None:
     ]
     rows = {row.what: row for row in reality.rows_of(found)}
     wrong = rows["wrong and decided, of 23 legs"]
-    assert wrong.measured == "1" and wrong.holds is False
+    assert wrong.measured == "1" and wrong.met is False
     assert rows["no result, legs"].measured == "1"
     holding = rows['"identified" holds the truth, clean (23 legs, 1 wrong and decided)']
-    assert holding.measured == "95.2 %" and holding.holds is True
+    assert holding.measured == "95.2 %" and holding.met is True
     assert rows["decided, clean"].measured == "21"
     few = reality.rows_of(found[18:21])
-    assert next(row for row in few if "clean (3" in row.what).holds is None
+    assert next(row for row in few if "clean (3" in row.what).met is None
 
 
 def test_a_fit_is_judged_on_the_true_branch_and_kept(tmp_path) -> None:  # type: ignore[no-untyped-def]

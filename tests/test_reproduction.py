@@ -158,7 +158,7 @@ def test_what_chose_a_constant_is_marked_as_calibration() -> None:
     outcome = by_id("Validation 1").run()
     assert not outcome.printed and outcome.verdict == Verdict.CONTRADICTED
     (low,) = [check for check in outcome.calibrated if check.what.startswith("what cutting it adds, 20 mm")]
-    assert low.value < 0.2 < 1.7 and low.low < 1.7 < low.high and not low.holds
+    assert low.value < 0.2 < 1.7 and low.low < 1.7 < low.high and not low.met
     assert by_id("Validation 5").run().verdict == Verdict.CALIBRATED
     for name in (2, 3, 4, 6, 7):
         assert by_id(f"Validation {name}").run().calibrated

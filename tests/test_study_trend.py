@@ -205,7 +205,7 @@ def test_an_unstable_branch_is_said_to_be_unstable(foot: Foot, monkeypatch: pyte
             raise SimulationError(f"two_dof: {name} became unstable")
         return whole(frame, name, state, really)
 
-    explored, search = list[Any](), trend.explore_trend
+    explored, search, ways = list[Any](), trend.explore_trend, trend.both_ways
 
     def explore(*arguments: Any) -> Any:
         if not explored:
@@ -215,7 +215,7 @@ def test_an_unstable_branch_is_said_to_be_unstable(foot: Foot, monkeypatch: pyte
     monkeypatch.setattr(trend, "_certify", certify)
     monkeypatch.setattr(trend, "explore_trend", explore)
     monkeypatch.setattr(trend, "grown", lambda frame, states, *_: states)
-    monkeypatch.setattr(trend, "both_ways", lambda frame, states: states)
+    monkeypatch.setattr(trend, "both_ways", lambda frame, states: states if explored else ways(frame, states))
     recordings = study(power_laws, (15.0, 30.0), (0.0,), seconds=1.0)
     settings = Settings(starts=1, threads=1)
     found = fit_trend(recordings, foot, settings, order=Order(2, 0, 1), scatter=False, certify=False)

@@ -252,7 +252,7 @@ def _crossed(
 ) -> pd.DataFrame:
     """What is said of each group of values, a row each in the order in which they come, a column each of the header."""
     made = rows.groupby([index, columns], sort=False)[values].agg(said).unstack(columns)
-    return made.reindex(index=rows[index].unique(), columns=header).fillna("–")
+    return made.reindex(index=rows[index].unique(), columns=header).astype(object).fillna("–")
 
 
 def _median(values: Iterable[float]) -> str:
