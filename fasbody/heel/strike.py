@@ -153,6 +153,33 @@ def contact_and_peak(force_n: np.ndarray, threshold_n: float = THRESHOLD_N) -> t
     return int(below[-1]), slope + int(falling[0]) - 1
 
 
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """What each correction of a trial made, for the figure and for the strike.
+
+    Attributes:
+        time_s, raw_n, force_n: (n,) clock of the whole trial, force with the plate's offset still in it, and without.
+        contact, peak: samples. application_m: (k, 3) points of application in the shank's frame. heel_point_m: (3,) their
+        mean. frame_time_s, raw_path_m, path_m, velocity_m_s: (m,) height of the heel point before and after the filter, and
+        its velocity upwards, over the stretch without gaps. frames: those of contact, peak and standstill. turned: whether
+        the heel point stands there.
+    """
+
+    time_s: np.ndarray
+    raw_n: np.ndarray
+    force_n: np.ndarray
+    contact: int
+    peak: int
+    application_m: np.ndarray
+    heel_point_m: np.ndarray
+    frame_time_s: np.ndarray
+    raw_path_m: np.ndarray
+    path_m: np.ndarray
+    velocity_m_s: np.ndarray
+    frames: tuple[int, int, int]
+    turned: bool
+
+
 def heel_strike(trial: Trial, plate: Plate, gain: float, distance_m: float, rate_hz: float) -> Strike:
     """Force over compression of a trial.
 
@@ -164,12 +191,37 @@ def heel_strike(trial: Trial, plate: Plate, gain: float, distance_m: float, rate
         RecordingError: no markers, hidden or exchanged markers, or no strike; one sentence that names the trial.
     """
     try:
-        return _strike(trial, plate, gain, distance_m, rate_hz)
+        steps = corrected(trial, plate, gain, distance_m, rate_hz)
     except RecordingError as error:
         raise RecordingError(f"{trial}: {error}") from None
+    frame_0, frame_peak, stand = steps.frames
+    time, frame_time = steps.time_s, steps.frame_time_s
+    last = int(np.searchsorted(time, frame_time[-1], side="right")) - 1
+    part = slice(steps.contact, last + 1)
+    x, v = (np.interp(time[part], frame_time, values) for values in (steps.path_m, steps.velocity_m_s))
+    x, v, F = x[0] - x, -v, steps.force_n[part]
+    k = steps.peak - steps.contact
+    standstill = _nearest(frame_time[stand] * plate.rate_hz) - 1 - trial.first_sample - steps.contact
+    standstill = min(standstill, x.size - 1)
+    published = Published(
+        compression_at_peak_m=float(steps.path_m[frame_0] - steps.path_m[frame_peak]),
+        deepest_m=float(steps.path_m[frame_0] - steps.path_m[stand]),
+        work_to_peak_j=float(np.trapezoid(F[: k + 1], x[: k + 1])),
+        work_to_standstill_j=float(np.trapezoid(F[: standstill + 1], x[: standstill + 1])),
+        contact_speed_m_s=float(-steps.velocity_m_s[frame_0]),
+        time_to_peak_s=float(time[steps.peak] - time[steps.contact]),
+        time_to_standstill_s=float(frame_time[stand] - time[steps.contact]),
+        peak_n=float(steps.force_n[steps.peak]),
+        turned=steps.turned,
+    )
+    return Strike(
+        trial.subject, trial.speed, trial.number, time[part] - time[part.start], F, x, v, k, standstill, "measured",
+        published,
+    )  # fmt: skip
 
 
-def _strike(trial: Trial, plate: Plate, gain: float, distance_m: float, rate_hz: float) -> Strike:
+def corrected(trial: Trial, plate: Plate, gain: float, distance_m: float, rate_hz: float) -> Steps:
+    """The corrections of `STEPS`, in their order; arguments and errors as in `heel_strike`."""
     if trial.markers_m.shape[0] == 0:
         raise RecordingError("no markers were recorded, so there is a force but no compression.")
     if not np.isfinite(trial.force_volts).all():
@@ -186,40 +238,20 @@ def _strike(trial: Trial, plate: Plate, gain: float, distance_m: float, rate_hz:
     if not 0 < frame_0 < frame_peak < len(lower) or not np.isfinite(trial.markers_m[frame_0 : frame_peak + 1]).all():
         raise RecordingError("a marker is hidden between contact and the first force peak.")
     _check_markers(lower[frame_0], upper[frame_0], distance_m)
-
-    rotations = shank.frames(lower, upper)
     first = int(np.flatnonzero(force[: peak + 1] > TRUSTED * force[peak])[0])
     trusted = np.arange(first, min(2 * peak - first, force.size - 1) + 1)
-    local = _heel_point(plate.application(forces)[trusted], time[trusted], frame_time, lower, upper)
-    known, path = _filtered(shank.out_of(local, lower, rotations)[:, 2], frame_0)
-    frame_0, frame_peak, frame_time = frame_0 - known.start, frame_peak - known.start, frame_time[known]
-    if frame_peak >= path.size:
-        raise RecordingError("a marker is hidden between contact and the first force peak.")
+    application = _in_the_shank(plate.application(forces)[trusted], time[trusted], frame_time, lower, upper)
+    heel = application.mean(axis=0)
+    height = shank.out_of(heel, lower, shank.frames(lower, upper))[:, 2]
+    known, path = _filtered(height, frame_0)
+    frame_0, frame_peak = frame_0 - known.start, frame_peak - known.start
     velocity = np.gradient(path) * rate_hz
     stand, turned = _standstill(velocity, frame_0, frame_peak)
-
-    last = int(np.searchsorted(time, frame_time[-1], side="right")) - 1
-    part = slice(contact, last + 1)
-    x, v = (np.interp(time[part], frame_time, values) for values in (path, velocity))
-    x, v = x[0] - x, -v
-    stand_sample = _nearest((stand + 1 + known.start + trial.first_frame) * plate.rate_hz / rate_hz) - 1
-    stand_sample = min(stand_sample - trial.first_sample - contact, x.size - 1)
-    k = peak - contact
-    F = force[part]
-    published = Published(
-        compression_at_peak_m=float(path[frame_0] - path[frame_peak]),
-        deepest_m=float(path[frame_0] - path[stand]),
-        work_to_peak_j=float(np.trapezoid(F[: k + 1], x[: k + 1])),
-        work_to_standstill_j=float(np.trapezoid(F[: stand_sample + 1], x[: stand_sample + 1])),
-        contact_speed_m_s=float(-velocity[frame_0]),
-        time_to_peak_s=float(time[peak] - time[contact]),
-        time_to_standstill_s=float(frame_time[stand] - time[contact]),
-        peak_n=float(force[peak]),
-        turned=turned,
-    )
-    return Strike(
-        trial.subject, trial.speed, trial.number, time[part] - time[contact], F, x, v, k, stand_sample, "measured", published
-    )
+    raw = gain * np.asarray(trial.force_volts, float)[:, 4:].sum(axis=1)
+    return Steps(
+        time, raw, force, contact, peak, application, heel, frame_time[known], height[known], path, velocity,
+        (frame_0, frame_peak, stand), turned,
+    )  # fmt: skip
 
 
 def _check_markers(lower: np.ndarray, upper: np.ndarray, distance_m: float) -> None:
@@ -234,10 +266,10 @@ def _check_markers(lower: np.ndarray, upper: np.ndarray, distance_m: float) -> N
         )
 
 
-def _heel_point(
+def _in_the_shank(
     application: np.ndarray, time: np.ndarray, frame_time: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
-    """The mean point of application (3,) [m] in the shank's frame, the floor being at z = 0."""
+    """Points of application (k, 3) [m] in the shank's frame, the floor being at z = 0."""
     a, b = np.searchsorted(frame_time, [time[0], time[-1]])
     near = slice(max(a - 1, 0), b + 1)
     markers = np.concatenate([lower, upper], axis=1)[near]
@@ -246,7 +278,7 @@ def _heel_point(
     local = shank.into(floor, seen[:, :3], shank.frames(seen[:, :3], seen[:, 3:]))
     if not np.isfinite(local).all():
         raise RecordingError("a marker is hidden while the heel point is found.")
-    return local.mean(axis=0)
+    return local
 
 
 def _filtered(path: np.ndarray, contact: int) -> tuple[slice, np.ndarray]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from fasbody.exceptions import FasError, InputFileError, RecordingError, unknown
 from fasbody.heel.plate import Plate
-from fasbody.heel.strike import THRESHOLD_N, Published, Strike, Trial, contact_and_peak, heel_strike
+from fasbody.heel.strike import THRESHOLD_N, Published, Steps, Strike, Trial, contact_and_peak, corrected, heel_strike
 
 #: What study.toml calls such a study.
 KIND = "heel strikes"
@@ -135,25 +135,111 @@ def _document(file: Path) -> dict[str, Any]:
 
 def _raw(files: list[Path], document: dict[str, Any]) -> tuple[list[Strike | str], dict[str, float]]:
     """Strikes and sentences of raw files, and the body weights [N]."""
-    given = {key: tuple(value) if isinstance(value, list) else value for key, value in document.get("plate", {}).items()}
-    plate = Plate(**given)
-    rate = float(document.get("markers", {}).get("rate_hz", 1293.5))
-    known = document.get("sha256", {})
+    plate, rate, known = _plate(document)
     found: list[Strike | str] = [f"{name}: is listed in study.toml and is not there."
                                  for name in known if name not in {file.name for file in files}]  # fmt: skip
     weights = {}
     for file in files:
         subject = file.stem.rpartition("_")[2]
         try:
-            arrays = _arrays(file, known.get(file.name))
-            gain = plate.gain(arrays.get("calibration_volts", np.array([])))
-            weights[subject] = gain * float(np.mean(arrays.get("standing_volts", np.array([np.nan]))))
-            found += _person(subject, arrays, plate, gain, rate)
+            person = Person.read(file, plate, rate, known.get(file.name))
+            weights[subject] = person.body_weight_n
+            found += person.strikes()
         except RecordingError as error:
             found.append(f"{file.name}: {error}")
         except FasError as error:
             found.append(str(error))
     return found, weights
+
+
+def _plate(document: dict[str, Any]) -> tuple[Plate, float, dict[str, str]]:
+    """The plate, the markers' rate [Hz] and the digests that study.toml gives."""
+    given = {key: tuple(value) if isinstance(value, list) else value for key, value in document.get("plate", {}).items()}
+    return Plate(**given), float(document.get("markers", {}).get("rate_hz", 1293.5)), document.get("sha256", {})
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """The raw file of one person.
+
+    Attributes:
+        subject: the file's number. plate, gain: what makes newtons of volts. rate_hz: of the markers. lower_first: whether
+        the first marker is the lower one on the standing person. distance_m: between the two, NaN if that is not known.
+        body_weight_n: NaN if it is not known. arrays: what the file holds.
+    """
+
+    subject: str
+    plate: Plate
+    gain: float
+    rate_hz: float
+    lower_first: bool
+    distance_m: float
+    body_weight_n: float
+    arrays: Mapping[str, np.ndarray]
+
+    @classmethod
+    def bundled(cls, subject: str) -> "Person":
+        """A person of the shipped study."""
+        plate, rate, known = _plate(_document(BUNDLED / "study.toml"))
+        file = BUNDLED / f"subject_{subject}.npz"
+        if not file.is_file():
+            raise InputFileError(file, "no such file", "valid: 02 to 13")
+        return cls.read(file, plate, rate, known.get(file.name))
+
+    @classmethod
+    def read(cls, file: Path, plate: Plate, rate_hz: float, sha256: str | None = None) -> "Person":
+        """Read a raw file; a wrong digest, a broken file and a missing calibration are errors."""
+        arrays = _arrays(file, sha256)
+        gain = plate.gain(arrays.get("calibration_volts", np.array([])))
+        weight = gain * float(np.mean(arrays.get("standing_volts", np.array([np.nan]))))
+        lower_first, distance = _standing(arrays.get("standing_markers_mm"))
+        return cls(file.stem.rpartition("_")[2], plate, gain, rate_hz, lower_first, distance, weight, arrays)
+
+    def names(self) -> list[tuple[str, str]]:
+        """Speed and number of each trial."""
+        return [match.groups() for match in map(_TRIAL.fullmatch, self.arrays) if match]  # type: ignore[misc]
+
+    def trial(self, speed: str, number: str) -> Trial:
+        """One trial.
+
+        Raises:
+            RecordingError: its arrays have shapes that no trial has.
+        """
+        stem = f"{speed}_{number}"
+        force = np.asarray(self.arrays[f"{stem}_force_volts"], float)
+        markers = 1e-3 * np.asarray(self.arrays.get(f"{stem}_markers_mm", np.empty((0, 6))), float)
+        if force.ndim != 2 or force.shape[1] != 8 or markers.ndim != 2 or markers.shape[1] != 6:
+            raise RecordingError(
+                f"subject {self.subject}, {speed}, trial {number}: the arrays have shapes {force.shape} and "
+                f"{markers.shape}; valid: (n, 8) volts and (m, 6) millimetres."
+            )
+        pairs = markers.reshape(-1, 2, 3)
+        return Trial(
+            self.subject, speed, number, force, self.arrays.get(f"{stem}_offset_volts", np.zeros(8)),
+            int(self.arrays.get(f"{stem}_first_force_sample", 0)), pairs if self.lower_first else pairs[:, ::-1],
+            int(self.arrays.get(f"{stem}_first_marker_frame", 0)),
+        )  # fmt: skip
+
+    def steps(self, speed: str, number: str) -> Steps:
+        """What each correction made of a trial."""
+        return corrected(self.trial(speed, number), self.plate, self.gain, self.distance_m, self.rate_hz)
+
+    def strikes(self) -> list[Strike | str]:
+        """Every strike, or the sentence on why it cannot be used; trials without markers share one."""
+        found: list[Strike | str] = []
+        without = 0
+        for speed, number in self.names():
+            try:
+                trial = self.trial(speed, number)
+                if not len(trial.markers_m):
+                    without += 1
+                    continue
+                found.append(heel_strike(trial, self.plate, self.gain, self.distance_m, self.rate_hz))
+            except RecordingError as error:
+                found.append(str(error))
+        if without:
+            found.append(f"subject {self.subject}: {without} trials have no markers, so they have a force and no compression.")
+        return found
 
 
 def _arrays(file: Path, sha256: str | None) -> dict[str, np.ndarray]:
@@ -167,48 +253,8 @@ def _arrays(file: Path, sha256: str | None) -> dict[str, np.ndarray]:
         raise InputFileError(file, f"cannot be read ({str(error) or type(error).__name__})", "an NPZ file is needed") from None
 
 
-def _person(subject: str, arrays: dict[str, np.ndarray], plate: Plate, gain: float, rate: float) -> list[Strike | str]:
-    """Strikes of a person, and one sentence for each kind of what could not be used."""
-    lower_first, distance = _standing(arrays.get("standing_markers_mm"))
-    found: list[Strike | str] = []
-    without: list[str] = []
-    for name in arrays:
-        match = _TRIAL.fullmatch(name)
-        if not match:
-            continue
-        speed, number = match.groups()
-        stem = f"{speed}_{number}"
-        try:
-            force = np.asarray(arrays[name], float)
-            markers = 1e-3 * np.asarray(arrays.get(f"{stem}_markers_mm", np.empty((0, 6))), float)
-            if force.ndim != 2 or force.shape[1] != 8 or markers.ndim != 2 or markers.shape[1] != 6:
-                raise RecordingError(
-                    f"subject {subject}, {speed}, trial {number}: the arrays have shapes {force.shape} and {markers.shape}; "
-                    "valid: (n, 8) volts and (m, 6) millimetres."
-                )
-            if not markers.size:
-                without.append(f"{speed} {number}")
-                continue
-            pairs = markers.reshape(-1, 2, 3)
-            trial = Trial(
-                subject, speed, number, force, arrays.get(f"{stem}_offset_volts", np.zeros(8)),
-                int(arrays.get(f"{stem}_first_force_sample", 0)), pairs if lower_first else pairs[:, ::-1],
-                int(arrays.get(f"{stem}_first_marker_frame", 0)),
-            )  # fmt: skip
-            found.append(heel_strike(trial, plate, gain, distance, rate))
-        except RecordingError as error:
-            found.append(str(error))
-    if without:
-        found.append(f"subject {subject}: {len(without)} trials have no markers, so they have a force and no compression.")
-    return found
-
-
 def _standing(markers_mm: np.ndarray | None) -> tuple[bool, float]:
-    """Whether the first marker is the lower one on the standing person, and how far apart they are [m].
-
-    Raises:
-        RecordingError: none of the standing trials shows both markers, and yet there are markers.
-    """
+    """Whether the first marker is the lower one on the standing person, and how far apart they are [m]."""
     if markers_mm is None or not markers_mm.size:
         return True, np.nan
     pairs = 1e-3 * np.asarray(markers_mm, float).reshape(-1, 2, 3)
