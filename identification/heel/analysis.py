@@ -1,5 +1,6 @@
 """The whole analysis of a study of heel strikes, resumable: persons, laws, population, and what follows for the shaker."""
 
+import os
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -20,8 +21,8 @@ from identification.heel.study import Document, Task, judge, persons
 
 #: What the compression of these studies is.
 INCLUDES = "everything between the skin of the heel and the shank: fat pad, bones, arch and ankle"
-#: The law of the population: the best of those whose parameters are decided for everybody.
-POPULATION_LAW = "hunt_crossley"
+#: The law of the population and its window: the best of those whose parameters the strikes decide for everybody.
+POPULATION_LAW, POPULATION_WINDOW = "power", "loading"
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +105,7 @@ class Analysis:
 
 def analyse(
     study: HeelStudy, out: Path | None = None, laws: Iterable[str] = tuple(LAWS), law: str = POPULATION_LAW,
-    window: str = "whole", processes: int = 0,
+    window: str = POPULATION_WINDOW, processes: int = 0,
 ) -> Analysis:  # fmt: skip
     """Analyse a study; with a folder, what it holds already is not computed again.
 
@@ -123,8 +124,6 @@ def analyse(
     missing = [task for task in tasks if task.key not in kept]
     computed = 0
     try:
-        import os
-
         count = processes or min(len(os.sched_getaffinity(0)), max(1, len(missing)))
         for index, document in parallel.run(judge, missing, "laws", count):
             kept[missing[index].key] = document

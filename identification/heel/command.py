@@ -12,7 +12,7 @@ from fasbody.exceptions import SettingError
 from fasbody.heel.laws import LAWS
 from fasbody.heel.laws import law as law_of
 from fasbody.heel.study import BUNDLED, HeelStudy
-from identification.heel.analysis import INCLUDES, POPULATION_LAW, Analysis, analyse
+from identification.heel.analysis import INCLUDES, POPULATION_LAW, POPULATION_WINDOW, Analysis, analyse
 from identification.heel.estimate import WINDOWS
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -23,7 +23,7 @@ def main(
     study: Annotated[Path, typer.Argument(help="folder of heel strikes (default: the bundled twelve walkers)")] = BUNDLED,
     law: Annotated[list[str] | None, typer.Option(help=f"only this law; repeat ({', '.join(LAWS)})")] = None,
     population: Annotated[str, typer.Option(help="law of the population")] = POPULATION_LAW,
-    window: Annotated[str, typer.Option(help=f"contact that the population's law describes: {', '.join(WINDOWS)}")] = "whole",
+    window: Annotated[str, typer.Option(help=f"contact that the population's law describes: {', '.join(WINDOWS)}")] = POPULATION_WINDOW,
     out: Annotated[Path | None, typer.Option(help="folder for documents and figures; resumes what is there")] = None,
     mjcf: Annotated[Path | None, typer.Option(help="write two_dof.xml with the population's law as its pad")] = None,
     load_n: Annotated[float, typer.Option(min=1.0, help="load under which that pad rests [N]")] = 43.0,

@@ -39,8 +39,8 @@ def persons(found: "Analysis") -> Figure:
         for ax, subject in zip(axes, subjects, strict=False):
             for colour, speed in zip(COLOURS, speeds, strict=False):
                 for strike in groups.get((subject, speed), ()):
-                    x, F = 1e3 * strike.compression_m[strike.whole], strike.force_n[strike.whole]
-                    ax.plot(x, F, color=colour, lw=0.5, alpha=0.55)
+                    part = getattr(strike, found.window)
+                    ax.plot(1e3 * strike.compression_m[part], strike.force_n[part], color=colour, lw=0.5, alpha=0.55)
             for item in document["persons"] if document else ():
                 if item["subject"] == subject:
                     _law(ax, found, groups[subject, item["speed"]], item)
@@ -59,12 +59,12 @@ def _law(ax: Any, found: "Analysis", strikes: Any, item: Mapping[str, Any]) -> N
     """The fitted law along the mean path of a person's strikes."""
     share = np.linspace(0.0, 1.0, 80)
     resampled = [
-        [np.interp(share, np.linspace(0, 1, s.time_s[s.whole].size), values[s.whole])
+        [np.interp(share, np.linspace(0, 1, getattr(s, found.window).stop), values[getattr(s, found.window)])
          for values in (s.time_s, s.compression_m, s.rate_m_s)] for s in strikes
     ]  # fmt: skip
     t, x, v = np.mean(resampled, axis=0)
     force = LAWS[found.law].force(t, x + 1e-3 * item["offset_mm"], v, np.asarray(item["theta"], float))
-    ax.plot(1e3 * x, force, color="k", lw=1.1, ls="-" if item["speed"] != "slow" else "--")
+    ax.plot(1e3 * x, force, color="k", lw=1.2, ls="-" if item["speed"] != "slow" else "--")
 
 
 def errors(found: "Analysis") -> Figure:
@@ -124,10 +124,10 @@ def population(found: "Analysis") -> Figure:
             ax.fill_between(1e3 * x, low, high, color=colour, alpha=0.25, lw=0, label="a new person, 95 %")
             ax.plot(1e3 * x, middle, color=colour, lw=1.8, label=f"population, {law.name}")
             ax.plot([], [], color="0.6", lw=0.8, label=f"{len(strikes)} strikes")
-            top = 1.15 * max(s.published.peak_n for s in strikes)
-            ax.set(title=f"{speed or 'all'}", xlabel="compression, skin to shank [mm]", xlim=(0, None), ylim=(0, top))
+            ax.set(title=f"{speed or 'all'}", xlabel="compression, skin to shank [mm]", xlim=(0, None))
             ax.legend(loc="upper left", fontsize=7)
         axes[0].set_ylabel("vertical force [N]")
+        axes[0].set_ylim(0, 1.1 * max(s.published.peak_n for s in found.study.strikes))
     return figure
 
 
