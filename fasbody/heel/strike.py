@@ -25,6 +25,8 @@ STEPS = {
 }  # fmt: skip
 #: Cut-off of the filter over the Nyquist frequency, and its order.
 CUTOFF, ORDER = 0.15, 2
+#: Frames and order of the gentle smoothing (Savitzky-Golay) of the path that the laws see.
+GENTLE = (17, 5)
 #: Force that only a foot makes [N].
 THRESHOLD_N = 100.0
 #: Share of the peak from which the point of application is trusted.
@@ -190,6 +192,9 @@ def heel_strike(trial: Trial, plate: Plate, gain: float, distance_m: float, rate
     Raises:
         RecordingError: no markers, hidden or exchanged markers, or no strike; one sentence that names the trial.
     """
+    from scipy.interpolate import CubicSpline
+    from scipy.signal import savgol_filter
+
     try:
         steps = corrected(trial, plate, gain, distance_m, rate_hz)
     except RecordingError as error:
@@ -198,16 +203,19 @@ def heel_strike(trial: Trial, plate: Plate, gain: float, distance_m: float, rate
     time, frame_time = steps.time_s, steps.frame_time_s
     last = int(np.searchsorted(time, frame_time[-1], side="right")) - 1
     part = slice(steps.contact, last + 1)
-    x, v = (np.interp(time[part], frame_time, values) for values in (steps.path_m, steps.velocity_m_s))
-    x, v, F = x[0] - x, -v, steps.force_n[part]
+    filtered = np.interp(time[part], frame_time, steps.path_m)
+    filtered, F = filtered[0] - filtered, steps.force_n[part]
+    smooth, rise = (savgol_filter(steps.raw_path_m, *GENTLE, deriv=k, delta=1.0 / rate_hz) for k in (0, 1))
+    travel = CubicSpline(frame_time, smooth)(time[part])
+    x, v = travel[0] - travel, -CubicSpline(frame_time, rise)(time[part])
     k = steps.peak - steps.contact
     standstill = _nearest(frame_time[stand] * plate.rate_hz) - 1 - trial.first_sample - steps.contact
     standstill = min(standstill, x.size - 1)
     published = Published(
         compression_at_peak_m=float(steps.path_m[frame_0] - steps.path_m[frame_peak]),
         deepest_m=float(steps.path_m[frame_0] - steps.path_m[stand]),
-        work_to_peak_j=float(np.trapezoid(F[: k + 1], x[: k + 1])),
-        work_to_standstill_j=float(np.trapezoid(F[: standstill + 1], x[: standstill + 1])),
+        work_to_peak_j=float(np.trapezoid(F[: k + 1], filtered[: k + 1])),
+        work_to_standstill_j=float(np.trapezoid(F[: standstill + 1], filtered[: standstill + 1])),
         contact_speed_m_s=float(-steps.velocity_m_s[frame_0]),
         time_to_peak_s=float(time[steps.peak] - time[steps.contact]),
         time_to_standstill_s=float(frame_time[stand] - time[steps.contact]),

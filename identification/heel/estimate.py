@@ -19,11 +19,11 @@ Array = np.ndarray
 #: What a law is held against: contact to first force peak, or to standstill.
 WINDOWS = ("loading", "whole")
 #: Standard deviation that is believed of the offsets [m], and the bound that they cannot pass.
-OFFSET_STD_M, OFFSET_M = 5e-4, 2e-3
-#: So many samples of a strike are taken to be independent when its misfit is weighed against that belief.
+OFFSET_STD_M, OFFSET_M = 1e-3, 3e-3
+#: Samples of a strike that count as independent at the start, before the errors' own correlation tells.
 _INDEPENDENT = 5.0
 #: How often misfit and belief are weighed anew.
-_ROUNDS = 4
+_ROUNDS = 6
 #: Samples of a strike that are used: more at 3 kHz say the same, as the path is filtered at 97 Hz.
 _SAMPLES = 40
 #: Level of the intervals.
@@ -80,6 +80,13 @@ class Paths:
         """Errors (n,) of the force over the peak, if each contact was (g,) [m] of compression earlier than found."""
         x = self.compression_m + np.repeat(offsets_m, np.diff(self.begins))
         return (law.force(self.time_s, x, self.rate_m_s, theta) - self.force_n) * self.scale
+
+    def independent(self, law: HeelLaw, theta: Array, offsets_m: Array) -> float:
+        """How many samples of a strike count as independent, from the correlation of neighbouring errors."""
+        r = self.residual(law, theta, offsets_m)
+        inner = np.setdiff1d(np.arange(r.size - 1), self.begins[1:-1] - 1)
+        rho = float(np.clip((r[inner] @ r[inner + 1]) / (r @ r), 0.0, 0.99))
+        return max(1.0, r.size / len(self) * (1.0 - rho) / (1.0 + rho))
 
     def misfits(self, law: HeelLaw, theta: Array, offset_m: float = 0.0) -> Array:
         """Root mean square error of the force over its peak, strike by strike (g,), at one offset [m] for all."""
@@ -155,24 +162,26 @@ _Found = tuple[Array, Array, float, list[Array], list[Array]]
 
 def _weighed(law: HeelLaw, paths: Paths, first: Array, bounds: Array) -> _Found:
     """`_search` with the belief in small offsets weighed by the misfit of the round before."""
-    q, misfit = np.concatenate([first, np.zeros(len(paths))]), np.inf
+    q, belief = np.concatenate([first, np.zeros(len(paths))]), 0.3 / np.sqrt(_INDEPENDENT)
     for _ in range(_ROUNDS):
-        before = misfit
-        q, misfit, found = _search(law, paths, q, bounds, misfit if np.isfinite(misfit) else 0.3)
-        if abs(misfit - before) < 0.02 * misfit:
+        q, found = _search(law, paths, q, bounds, belief)
+        before, belief = belief, found[2] / np.sqrt(paths.independent(law, np.exp(found[0]), found[1]))
+        if abs(belief - before) < 0.05 * belief:
             break
     return found
 
 
 def _search(
-    law: HeelLaw, paths: Paths, start: Array, bounds: Array, expected: float
-) -> tuple[Array, float, _Found]:
-    """The minimum from a start (p + g,), its misfit, and parameters, offsets, misfit, Jacobian and residual by strike."""
+    law: HeelLaw, paths: Paths, start: Array, bounds: Array, belief: float
+) -> tuple[Array, _Found]:
+    """The minimum from a start (p + g,), and parameters, offsets, misfit, Jacobian and residual by strike.
+
+    `belief` is the error that an offset of one standard deviation counts as, one more for each strike.
+    """
     from scipy.optimize import least_squares
 
     g, n = len(paths), paths.force_n.size
     p = start.size - g
-    belief = expected / np.sqrt(_INDEPENDENT)  # one error more for each strike, behind the samples
     top = OFFSET_M / OFFSET_STD_M
     own_strike = np.repeat(np.arange(g), np.diff(paths.begins))
 
@@ -206,7 +215,7 @@ def _search(
         blocks.append(J[part, :p] - np.outer(own, own @ J[part, :p]) * inside)  # what the strike's offset cannot imitate
         rests.append(r[part] - own * (own @ r[part]) * inside)
     misfit = float(np.sqrt(r[:n] @ r[:n] / g))
-    return found.x, misfit, (found.x[:p], OFFSET_STD_M * found.x[p:], misfit, blocks, rests)
+    return found.x, (found.x[:p], OFFSET_STD_M * found.x[p:], misfit, blocks, rests)
 
 
 def _jackknife(jacobian: Sequence[Array], residual: Sequence[Array], free: Array) -> Array:

@@ -44,14 +44,18 @@ class Density:
         self.lower = np.tril_indices(self.p, -1)
         self.count = self.p + self.lower[0].size
         self.ends = np.cumsum([0, self.speeds * self.p, self.count, self.count])
-        self.blocks = []
+        groups: dict[tuple[int, ...], list[list[Observed]]] = {}
         for person in sorted({item.person for item in observed}):
-            own = [item for item in observed if item.person == person]
-            own_covariance = np.zeros((len(own), self.p, len(own), self.p))
-            for k, item in enumerate(own):
-                own_covariance[k, :, k] = item.covariance / np.outer(self.level, self.level)
-            y = np.array([(item.log - self.middle) / self.level for item in own])
-            self.blocks.append((y, [speeds.index(item.speed) for item in own], own_covariance))
+            own = sorted((item for item in observed if item.person == person), key=lambda item: speeds.index(item.speed))
+            groups.setdefault(tuple(speeds.index(item.speed) for item in own), []).append(own)
+        self.blocks = []  # persons with the same speeds together: data (persons, n, p), speeds, and covariances
+        for speed, persons in groups.items():
+            y = np.array([[(item.log - self.middle) / self.level for item in own] for own in persons])
+            V = np.zeros((len(persons), len(speed), self.p, len(speed), self.p))
+            for i, own in enumerate(persons):
+                for k, item in enumerate(own):
+                    V[i, k, :, k] = item.covariance / np.outer(self.level, self.level)
+            self.blocks.append((y, list(speed), V))
 
     @property
     def ndim(self) -> int:
@@ -87,16 +91,16 @@ class Density:
         value, g_mu = -0.5 * float((mu**2).sum()) / _MEAN**2, -mu / _MEAN**2
         g_between, g_within = np.zeros((p, p)), np.zeros((p, p))
         for y, speed, own in self.blocks:
-            n = len(y)
-            V = own + between[None, :, None, :]
+            m, n = y.shape[:2]
+            V = own + between[None, None, :, None, :]
             for k in range(n):
-                V[k, :, k] += within
-            inverse = np.linalg.inv(V.reshape(n * p, n * p))
-            r = (y - mu[speed]).ravel()
-            pull = inverse @ r
-            value += 0.5 * float(np.linalg.slogdet(inverse)[1] - r @ pull)
-            np.add.at(g_mu, speed, pull.reshape(n, p))
-            G = 0.5 * (np.outer(pull, pull) - inverse).reshape(n, p, n, p)
+                V[:, k, :, k] += within
+            inverse = np.linalg.inv(V.reshape(m, n * p, n * p))
+            r = (y - mu[speed]).reshape(m, n * p)
+            pull = np.einsum("mij,mj->mi", inverse, r)
+            value += 0.5 * float(np.linalg.slogdet(inverse)[1].sum() - (r * pull).sum())
+            np.add.at(g_mu, speed, pull.reshape(m, n, p).sum(axis=0))
+            G = 0.5 * (pull.T @ pull - inverse.sum(axis=0)).reshape(n, p, n, p)
             g_between += G.sum(axis=(0, 2))
             g_within += np.einsum("kikj->ij", G)
         gradient = [g_mu.ravel()]
