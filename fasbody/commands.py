@@ -16,7 +16,7 @@ PACKAGES = ("fasbody", "identification", "viz", "reproduction", "benchmarks")
 GROUPS = {
     "A foot from its recordings": (
         "identification.fit", "fasbody.recording", "fasbody.transmissibility", "identification.study",
-        "identification.blackbox", "fasbody.laboratory", "fasbody.acquire",
+        "identification.blackbox", "fasbody.laboratory", "fasbody.acquire", "identification.heel",
     ),
     "The models": (
         "viz.foot", "fasbody.arch.sensitivity", "fasbody.arch.reduction", "fasbody.arch.load",

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 #: Colour-blind safe.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 STYLE: Any = {
-    "font.size": 8, "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False, "axes.titlesize": 8.5,
+    "font.size": 8, "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False,
+    "axes.titlesize": 8.5,
     "axes.titlelocation": "left", "lines.linewidth": 1.2,
 }  # fmt: skip
 

@@ -1,9 +1,10 @@
 """Laws of the heel pad: force over compression and its rate, in closed form.
 
 The three of the thesis (Eqs. (4.22) to (4.24), functions of strain) and four beside them (power, exponential,
-Hunt-Crossley, Ogden). Forces are compressive [N], compressions x [m] and rates v [m/s] positive while the heel is pressed.
-The strain is x/h with a nominal thickness h: nobody measured it on these people, and only the products with h are found.
-Where a law gives a pull (a damper that outruns its spring) the force is nothing, as a heel does not stick to a plate.
+Hunt-Crossley, Ogden). Forces are compressive [N], compressions x [m] and rates v [m/s] positive while the heel is
+pressed. The strain is x/h with a nominal thickness h: nobody measured it on these people, and only the products with h
+are found. Where a law gives a pull (a damper that outruns its spring) the force is nothing, as a heel does not stick
+to a plate.
 """
 
 from collections.abc import Callable, Mapping
@@ -60,7 +61,9 @@ class HeelLaw:
         """Force (n,) [N] of a pad held at each compression (n,) [m]: fully relaxed."""
         x = np.atleast_1d(np.asarray(compression_m, float))
         if self.key == "qlv":
-            return damper.elastic.py_func(x / THICKNESS_M, theta[0], theta[1]) / (1.0 + theta[2] * np.log(TAU_S[1] / TAU_S[0]))
+            return damper.elastic.py_func(x / THICKNESS_M, theta[0], theta[1]) / (
+                1.0 + theta[2] * np.log(TAU_S[1] / TAU_S[0])
+            )
         return self.force(np.arange(x.size, dtype=float), x, np.zeros_like(x), theta)
 
     def stiffness_at(self, force_n: float, theta: Array) -> float:
@@ -83,7 +86,7 @@ def _quasilinear(t: Array, x: Array, v: Array, theta: Array) -> Array:
 
 
 @njit(cache=True)
-def _relaxed(t: Array, sigma: Array, c: float) -> Array:  # type: ignore[no-untyped-def]
+def _relaxed(t: Array, sigma: Array, c: float) -> Array:
     """Eq. (4.22): the convolution of each exponential, exact for a stress that is linear between samples.
 
     A clock that does not rise begins another strike, so that many can stand in one array (n,).
@@ -146,7 +149,8 @@ LAWS: dict[str, HeelLaw] = {law.key: law for law in (
     HeelLaw(
         "nonlinear", "nonlinear spring and damper", "4.23", "j (x/h)^k + l (x/h)^m |v/h|^n sign(v)",
         (Parameter("j", "N", 1500.0, 1e-1, 1e7), Parameter("k", "", 2.5, 0.5, 12.0),
-         Parameter("l", "N s^n", 50.0, 1e-4, 1e6), Parameter("m", "", 2.5, 0.1, 12.0), Parameter("n", "", 1.0, 0.1, 3.0)),
+         Parameter("l", "N s^n", 50.0, 1e-4, 1e6), Parameter("m", "", 2.5, 0.1, 12.0),
+         Parameter("n", "", 1.0, 0.1, 3.0)),
         _nonlinear, True,
     ),
     HeelLaw(

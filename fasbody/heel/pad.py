@@ -10,7 +10,7 @@ import mjcf
 from fasbody.exceptions import SettingError
 from fasbody.heel.laws import REFERENCE_M, THICKNESS_M, HeelLaw
 
-#: Laws that a joint can carry; Eq. (4.22) has a memory and needs an actuator, the others are no sum of powers.
+#: Laws that a joint can carry; the law 4.22 has a memory and needs an actuator, the others are no sum of powers.
 CARRIED = ("nonlinear", "strain_damper", "power", "hunt_crossley")
 
 

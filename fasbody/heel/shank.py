@@ -1,7 +1,8 @@
 """A point fixed to the shank, seen by two markers: into the shank's frame and back.
 
-The frame has its origin in the lower marker and its z axis through the upper one; it does not turn about that axis (its y
-axis stays in the plane of progression), as two markers cannot show that. Baines, Schwab and van Soest (2018), Fig. 1.
+The frame has its origin in the lower marker and its z axis through the upper one; it does not turn about that axis
+(its y axis stays in the plane of progression), as two markers cannot show that. Baines, Schwab and van Soest (2018),
+Fig. 1.
 """
 
 import numpy as np

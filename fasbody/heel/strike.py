@@ -1,8 +1,8 @@
 """One heel strike: force over compression and rate, by the published procedure, each correction a named step.
 
-The procedure is that of Baines, Schwab and van Soest (2018), doi 10.1371/journal.pone.0197428, as their public scripts do
-it. The compression is the fall of a heel point fixed to the shank, so everything between the skin of the heel and the
-shank is in it: fat pad, bones, arch and ankle.
+The procedure is that of Baines, Schwab and van Soest (2018), doi 10.1371/journal.pone.0197428, as their public scripts
+do it. The compression is the fall of a heel point fixed to the shank, so everything between the skin of the heel and
+the shank is in it: fat pad, bones, arch and ankle.
 """
 
 from dataclasses import dataclass
@@ -19,9 +19,10 @@ STEPS = {
     "gain": "volts become newtons by the mass that stood on the plate",
     "contact": "the last sample below zero before the force passes its threshold",
     "peak": "the last sample before the force first falls after that",
-    "heel point": "the point of application, fixed to the shank as its mean between a quarter of the peak and as long after",
+    "heel point": "the mean point of application in the shank's frame, from a quarter of the peak to as long after it",
     "filter": "the heel point's path, Butterworth of order 2 forwards and backwards, over the stretch without gaps",
     "standstill": "where the heel point's vertical velocity turns positive",
+    "travel": "for the laws only: the path smoothed gently, as the filter above rounds a strike of 15 ms",
 }  # fmt: skip
 #: Cut-off of the filter over the Nyquist frequency, and its order.
 CUTOFF, ORDER = 0.15, 2
@@ -161,10 +162,10 @@ class Steps:
 
     Attributes:
         time_s, raw_n, force_n: (n,) clock of the whole trial, force with the plate's offset still in it, and without.
-        contact, peak: samples. application_m: (k, 3) points of application in the shank's frame. heel_point_m: (3,) their
-        mean. frame_time_s, raw_path_m, path_m, velocity_m_s: (m,) height of the heel point before and after the filter, and
-        its velocity upwards, over the stretch without gaps. frames: those of contact, peak and standstill. turned: whether
-        the heel point stands there.
+        contact, peak: samples. application_m: (k, 3) points of application in the shank's frame. heel_point_m: (3,)
+        their mean. frame_time_s, raw_path_m, path_m, velocity_m_s: (m,) height of the heel point before and after the
+        filter, and its velocity upwards, over the stretch without gaps. frames: those of contact, peak and standstill.
+        turned: whether the heel point stands there.
     """
 
     time_s: np.ndarray
@@ -240,7 +241,8 @@ def corrected(trial: Trial, plate: Plate, gain: float, distance_m: float, rate_h
     time = (trial.first_sample + np.arange(force.size) + 1) / plate.rate_hz
     frame_time = (trial.first_frame + np.arange(len(trial.markers_m)) + 1) / rate_hz
     frame_0, frame_peak = (
-        _nearest((trial.first_sample + i + 1) * rate_hz / plate.rate_hz) - 1 - trial.first_frame for i in (contact, peak)
+        _nearest((trial.first_sample + i + 1) * rate_hz / plate.rate_hz) - 1 - trial.first_frame
+        for i in (contact, peak)
     )
     lower, upper = trial.markers_m[:, 0], trial.markers_m[:, 1]
     if not 0 < frame_0 < frame_peak < len(lower) or not np.isfinite(trial.markers_m[frame_0 : frame_peak + 1]).all():

@@ -6,6 +6,7 @@
 """
 
 import hashlib
+import io
 import re
 import tomllib
 import zipfile
@@ -79,7 +80,13 @@ class HeelStudy:
         folder = Path(folder)
         file = folder / "study.toml"
         document = _document(file)
-        about = {"name": folder.resolve().name, "licence": "", "doi": "", "description": "", **document.get("study", {})}
+        about = {
+            "name": folder.resolve().name,
+            "licence": "",
+            "doi": "",
+            "description": "",
+            **document.get("study", {}),
+        }
         if about.get("origin") not in ("measured", "synthetic"):
             raise InputFileError(
                 file, f"origin is {about.get('origin')!r}", 'say origin = "measured" or "synthetic" under [study]'
@@ -154,7 +161,9 @@ def _raw(files: list[Path], document: dict[str, Any]) -> tuple[list[Strike | str
 
 def _plate(document: dict[str, Any]) -> tuple[Plate, float, dict[str, str]]:
     """The plate, the markers' rate [Hz] and the digests that study.toml gives."""
-    given = {key: tuple(value) if isinstance(value, list) else value for key, value in document.get("plate", {}).items()}
+    given: dict[str, Any] = {
+        key: tuple(value) if isinstance(value, list) else value for key, value in document.get("plate", {}).items()
+    }
     return Plate(**given), float(document.get("markers", {}).get("rate_hz", 1293.5)), document.get("sha256", {})
 
 
@@ -163,8 +172,9 @@ class Person:
     """The raw file of one person.
 
     Attributes:
-        subject: the file's number. plate, gain: what makes newtons of volts. rate_hz: of the markers. lower_first: whether
-        the first marker is the lower one on the standing person. distance_m: between the two, NaN if that is not known.
+        subject: the file's number. plate, gain: what makes newtons of volts. rate_hz: of the markers. lower_first:
+        whether the first marker is the lower one on the standing person. distance_m: between the two, NaN if that is
+        not known.
         body_weight_n: NaN if it is not known. arrays: what the file holds.
     """
 
@@ -238,19 +248,27 @@ class Person:
             except RecordingError as error:
                 found.append(str(error))
         if without:
-            found.append(f"subject {self.subject}: {without} trials have no markers, so they have a force and no compression.")
+            found.append(
+                f"subject {self.subject}: {without} trials have no markers, so they have a force and no compression."
+            )
         return found
 
 
 def _arrays(file: Path, sha256: str | None) -> dict[str, np.ndarray]:
     """The arrays of an NPZ file without pickles, its digest checked where study.toml has one."""
-    if sha256 is not None and hashlib.sha256(file.read_bytes()).hexdigest() != sha256:
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise InputFileError(file, f"cannot be read ({error.strerror})") from None
+    if sha256 is not None and hashlib.sha256(data).hexdigest() != sha256:
         raise InputFileError(file, "is not the file that study.toml lists (its SHA-256 differs)", "fetch it again")
     try:
-        with np.load(file, allow_pickle=False) as content:
+        with np.load(io.BytesIO(data), allow_pickle=False) as content:
             return {name: content[name] for name in content.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise InputFileError(file, f"cannot be read ({str(error) or type(error).__name__})", "an NPZ file is needed") from None
+        raise InputFileError(
+            file, f"cannot be read ({str(error) or type(error).__name__})", "an NPZ file is needed"
+        ) from None
 
 
 def _standing(markers_mm: np.ndarray | None) -> tuple[bool, float]:
@@ -273,7 +291,9 @@ def _tables(folder: Path, threshold_n: float, origin: str) -> Iterator[Strike | 
     try:
         table = pd.read_csv(file, dtype=str, keep_default_na=False)
     except FileNotFoundError:
-        raise InputFileError(file, "no such file", "a study needs strikes.csv (file, subject, speed) or NPZ files") from None
+        raise InputFileError(
+            file, "no such file", "a study needs strikes.csv (file, subject, speed) or NPZ files"
+        ) from None
     except (OSError, ValueError) as error:
         raise InputFileError(file, f"cannot be read ({error})") from None
     missing = [name for name in ("file", "subject", "speed") if name not in table]

@@ -1,4 +1,4 @@
-"""The whole analysis of a study of heel strikes, resumable: persons, laws, population, and what follows for the shaker."""
+"""The whole analysis of heel strikes, resumable: persons, laws, population, and what follows for the shaker."""
 
 import os
 import time
@@ -19,6 +19,8 @@ from identification.heel.estimate import WINDOWS
 from identification.heel.population import Population
 from identification.heel.study import Document, Task, judge, persons
 
+#: How a law is held against strikes that it was not fitted to.
+TESTS = ("other_speed", "other_person")
 #: What the compression of these studies is.
 INCLUDES = "everything between the skin of the heel and the shank: fat pad, bones, arch and ankle"
 #: The law of the population and its window: the best of those whose parameters the strikes decide for everybody.
@@ -60,9 +62,14 @@ class Analysis:
         """What was found of the laws, in words."""
         out = []
         for window, words in (("loading", "up to the first force peak"), ("whole", "over the whole contact")):
-            for test, asked in (("other_speed", "slow strikes predict normal ones"), ("other_person", "others predict a person")):
+            for test, asked in (
+                ("other_speed", "slow strikes predict normal ones"),
+                ("other_person", "others predict a person"),
+            ):
                 if best := self.best(window, test):
-                    out.append(f"{words}, {asked} best by the {LAWS[best[0]].name}: error {100 * best[1]:.1f} % of the peak.")
+                    out.append(
+                        f"{words}, {asked} best by the {LAWS[best[0]].name}: error {100 * best[1]:.1f} % of the peak."
+                    )
         return out
 
     def document(self) -> dict[str, Any]:
@@ -74,7 +81,7 @@ class Analysis:
             "study": study.name, "origin": study.origin, "doi": study.doi, "licence": study.licence,
             "compression_includes": INCLUDES, "strikes": len(study.strikes), "problems": list(study.problems),
             "persons": list(self.persons), "laws": list(self.laws),
-            "best": {f"{window}, {test}": self.best(window, test) for window in WINDOWS for test in ("other_speed", "other_person")},
+            "best": {f"{window}, {test}": self.best(window, test) for window in WINDOWS for test in TESTS},
             "population": self._population(), "stiffness": stiffness.rows(self.slopes, beside()),
             "remarks": list(self.remarks), "computed": self.computed, "seconds": self.seconds,
         }  # fmt: skip
@@ -91,13 +98,15 @@ class Analysis:
                 low, high = found.predictive(speed, item.name)
                 i = found.names.index(item.name)
                 out.append({
-                    "speed": speed, "parameter": item.name, "unit": item.unit, "median": value, "lower": lower, "upper": upper,
+                    "speed": speed, "parameter": item.name, "unit": item.unit, "median": value,
+                    "lower": lower, "upper": upper,
                     "new_person_lower": low, "new_person_upper": high,
                     "std_between_persons": float(np.sqrt(found.between[i, i])),
                     "std_within_person": float(np.sqrt(found.within[i, i])),
                 })  # fmt: skip
         return {
-            "law": self.law, "window": self.window, "formula": law.formula, "method": "Laplace, restricted maximum likelihood",
+            "law": self.law, "window": self.window, "formula": law.formula,
+            "method": "Laplace, restricted maximum likelihood",
             "persons": found.persons, "parameters": out,
             "diagnostics": {"converged": found.converged, "inside_95_percent": found.inside},
         }  # fmt: skip
@@ -110,7 +119,8 @@ def analyse(
     """Analyse a study; with a folder, what it holds already is not computed again.
 
     Args:
-        study: the strikes. out: folder for the documents. laws: keys of the laws to judge. law, window: of the population.
+        study: the strikes. out: folder for the documents. laws: keys of the laws to judge. law, window: of the
+        population.
         processes: 0 for all cores.
 
     Raises:
@@ -120,7 +130,7 @@ def analyse(
     groups = study.groups()
     tasks = [Task(key, which, groups, study.digest) for which in WINDOWS for key in laws]
     folder = make_folder(out / "laws") if out else None
-    kept = {task.key: found for task in tasks if folder and (found := store.read(folder, task.key))}
+    kept = {task.key: old for task in tasks if folder and (old := store.read(folder, task.key))}
     missing = [task for task in tasks if task.key not in kept]
     computed = 0
     try:
@@ -138,13 +148,16 @@ def analyse(
         ) from None
     documents = [kept[task.key] for task in tasks]
     remarks = [sentence for document in documents[:1] for sentence in document["left_out"]]
-    found, slopes = None, []
+    found: Population | None = None
+    slopes: Sequence[Population] = ()
     try:
         chosen = next((d for d in documents if d["law"] == law and d["window"] == window), None)
         if chosen is not None:
             observed, dropped = population.of_documents(chosen)
             if dropped:
-                remarks.append(f"{dropped} estimates of the {LAWS[law].name} rest on a bound and are not in the population.")
+                remarks.append(
+                    f"{dropped} estimates of the {LAWS[law].name} rest on a bound and are not in the population."
+                )
             found = population.estimate([item.name for item in LAWS[law].parameters], observed)
         slopes = stiffness.measured(groups)
     except RecordingError as error:

@@ -20,10 +20,14 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def main(
-    study: Annotated[Path, typer.Argument(help="folder of heel strikes (default: the bundled twelve walkers)")] = BUNDLED,
+    study: Annotated[
+        Path, typer.Argument(help="folder of heel strikes (default: the bundled twelve walkers)")
+    ] = BUNDLED,
     law: Annotated[list[str] | None, typer.Option(help=f"only this law; repeat ({', '.join(LAWS)})")] = None,
     population: Annotated[str, typer.Option(help="law of the population")] = POPULATION_LAW,
-    window: Annotated[str, typer.Option(help=f"contact that the population's law describes: {', '.join(WINDOWS)}")] = POPULATION_WINDOW,
+    window: Annotated[
+        str, typer.Option(help=f"contact that the population's law describes: {', '.join(WINDOWS)}")
+    ] = POPULATION_WINDOW,
     out: Annotated[Path | None, typer.Option(help="folder for documents and figures; resumes what is there")] = None,
     mjcf: Annotated[Path | None, typer.Option(help="write two_dof.xml with the population's law as its pad")] = None,
     load_n: Annotated[float, typer.Option(min=1.0, help="load under which that pad rests [N]")] = 43.0,
@@ -92,7 +96,8 @@ def show(found: Analysis) -> None:
     """The findings as tables."""
     results.print(f"{found.study}; {found.study.origin}; compression: {INCLUDES}", markup=False, soft_wrap=True)
     table = Table(title="Persons: means of their strikes", title_justify="left")
-    heads = ("subject", "speed", "strikes", r"at peak \[mm]", r"work \[J]", r"speed \[m/s]", r"to peak \[ms]", r"deepest \[mm]",
+    heads = ("subject", "speed", "strikes", r"at peak \[mm]", r"work \[J]", r"speed \[m/s]", r"to peak \[ms]",
+             r"deepest \[mm]",
              r"work to standstill \[J]")  # fmt: skip
     for head in heads:
         table.add_column(head, justify="left" if head in heads[:2] else "right")
@@ -107,7 +112,9 @@ def show(found: Analysis) -> None:
     for head in ("law", "Eq.", "contact", "own strikes", "slow to normal", "another person", "on a bound"):
         table.add_column(head, justify="left" if head in ("law", "Eq.", "contact") else "right")
     for d in found.laws:
-        errors = [np.mean([i["error"] for i in d[test]]) if d[test] else np.nan for test in ("other_speed", "other_person")]
+        errors = [
+            np.mean([i["error"] for i in d[test]]) if d[test] else np.nan for test in ("other_speed", "other_person")
+        ]
         misfit = np.nan if d["misfit"] is None else d["misfit"]
         table.add_row(
             d["name"], d["equation"], "to peak" if d["window"] == "loading" else "whole",
@@ -129,8 +136,9 @@ def _show_population(found: Analysis) -> None:
             for item in LAWS[found.law].parameters:
                 value, lower, upper = found.population.interval(speed, item.name)
                 low, high = found.population.predictive(speed, item.name)
-                table.add_row(speed, f"{item.name} [{item.unit}]".replace(" []", "").replace("[", r"\["), f"{value:.3g}",
-                              f"{lower:.3g} to {upper:.3g}", f"{low:.3g} to {high:.3g}")  # fmt: skip
+                unit = rf" \[{item.unit}]" if item.unit else ""
+                table.add_row(speed, f"{item.name}{unit}", f"{value:.3g}", f"{lower:.3g} to {upper:.3g}",
+                              f"{low:.3g} to {high:.3g}")  # fmt: skip
         results.print(table)
     if found.slopes:
         table = Table(title=r"Slope of the loading where the foot rests on the shaker \[kN/m]", title_justify="left")

@@ -2,7 +2,8 @@
 
 Least squares of the force over the peak, every strike with the same weight. The first newtons of a contact lie in the
 noise of the plate, so the contact is found early or late; each strike therefore has an offset of its compression,
-estimated with the law and believed to be small: the worse the law fits anyway, the less it is let imitate. Samples of one strike are not independent and no law is the truth, so intervals come from the scatter between
+estimated with the law and believed to be small: the worse the law fits anyway, the less it is let imitate. Samples of
+one strike are not independent and no law is the truth, so intervals come from the scatter between
 strikes: the jackknife that leaves one strike out, linearised, with Student's t.
 """
 
@@ -68,10 +69,13 @@ class Paths:
         for strike in strikes:
             part: slice = getattr(strike, window)
             chosen = np.unique(np.linspace(0, part.stop - 1, min(part.stop, _SAMPLES)).round().astype(int))
-            parts.append([values[chosen] for values in (strike.time_s, strike.compression_m, strike.rate_m_s, strike.force_n)])
+            parts.append(
+                [values[chosen] for values in (strike.time_s, strike.compression_m, strike.rate_m_s, strike.force_n)]
+            )
             scales.append(np.full(chosen.size, 1.0 / (strike.published.peak_n * np.sqrt(chosen.size))))
         begins = np.cumsum([0] + [len(scale) for scale in scales])
-        return cls(*(np.concatenate(values) for values in zip(*parts, strict=True)), np.concatenate(scales), begins)
+        t, x, v, F = (np.concatenate(values) for values in zip(*parts, strict=True))
+        return cls(t, x, v, F, np.concatenate(scales), begins)
 
     def __len__(self) -> int:
         return self.begins.size - 1
@@ -100,8 +104,8 @@ class LawFit:
 
     Attributes:
         law: which. window: of `WINDOWS`. theta: (p,) parameters. covariance: (p, p) of their logarithms, by the
-        jackknife over strikes. parameters: by name, with intervals. offsets_m: (strikes,). misfit: root mean square error
-        of the force over its peak.
+        jackknife over strikes. parameters: by name, with intervals. offsets_m: (strikes,). misfit: root mean square
+        error of the force over its peak.
     """
 
     law: HeelLaw
@@ -127,8 +131,8 @@ def fit(law: HeelLaw, strikes: Sequence[Strike], window: str = "whole", start: A
     """Estimate a law from strikes.
 
     Args:
-        law: which. strikes: of one person at one speed, or of many. window: of `WINDOWS`. start: (p,) parameters to start
-        from, beside the law's own.
+        law: which. strikes: of one person at one speed, or of many. window: of `WINDOWS`. start: (p,) parameters to
+        start from, beside the law's own.
 
     Raises:
         RecordingError: there are fewer than three strikes, so that no interval can be found.
@@ -171,9 +175,7 @@ def _weighed(law: HeelLaw, paths: Paths, first: Array, bounds: Array) -> _Found:
     return found
 
 
-def _search(
-    law: HeelLaw, paths: Paths, start: Array, bounds: Array, belief: float
-) -> tuple[Array, _Found]:
+def _search(law: HeelLaw, paths: Paths, start: Array, bounds: Array, belief: float) -> tuple[Array, _Found]:
     """The minimum from a start (p + g,), and parameters, offsets, misfit, Jacobian and residual by strike.
 
     `belief` is the error that an offset of one standard deviation counts as, one more for each strike.
@@ -204,7 +206,14 @@ def _search(
 
     limits = np.concatenate([bounds[0], np.full(g, -top)]), np.concatenate([bounds[1], np.full(g, top)])
     found = least_squares(
-        residual, np.clip(start, *limits), jac=jacobian, bounds=limits, x_scale="jac", max_nfev=100, ftol=1e-7, xtol=1e-7
+        residual,
+        np.clip(start, *limits),
+        jac=jacobian,
+        bounds=limits,
+        x_scale="jac",
+        max_nfev=100,
+        ftol=1e-7,
+        xtol=1e-7,
     )
     J, r = jacobian(found.x), found.fun
     blocks, rests = [], []
@@ -212,14 +221,16 @@ def _search(
         part = np.append(np.arange(paths.begins[k], paths.begins[k + 1]), n + k)
         own = J[part, p + k] / np.linalg.norm(J[part, p + k])
         inside = abs(found.x[p + k]) < top - 1e-6
-        blocks.append(J[part, :p] - np.outer(own, own @ J[part, :p]) * inside)  # what the strike's offset cannot imitate
+        blocks.append(
+            J[part, :p] - np.outer(own, own @ J[part, :p]) * inside
+        )  # what the strike's offset cannot imitate
         rests.append(r[part] - own * (own @ r[part]) * inside)
     misfit = float(np.sqrt(r[:n] @ r[:n] / g))
     return found.x, (found.x[:p], OFFSET_STD_M * found.x[p:], misfit, blocks, rests)
 
 
 def _jackknife(jacobian: Sequence[Array], residual: Sequence[Array], free: Array) -> Array:
-    """Covariance (p, p) of the parameters by leaving one strike out, linearised; zero for those that rest on a bound."""
+    """Covariance (p, p) by leaving one strike out, linearised; zero for parameters that rest on a bound."""
     p, g = free.size, len(jacobian)
     normal = [J[:, free].T @ J[:, free] for J in jacobian]
     whole, moves = sum(normal), []

@@ -47,7 +47,9 @@ def persons(found: "Analysis") -> Figure:
             ax.set_title(f"subject {subject}")
         for ax in axes[len(subjects) :]:
             ax.set_axis_off()
-        handles = [ax.plot([], [], color=c, label=speed or "strikes")[0] for c, speed in zip(COLOURS, speeds, strict=False)]
+        handles = [
+            ax.plot([], [], color=c, label=speed or "strikes")[0] for c, speed in zip(COLOURS, speeds, strict=False)
+        ]
         handles += ax.plot([], [], color="k", lw=1.2, label=f"{LAWS[found.law].name}, mean strike")
         figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
         figure.supxlabel("compression, skin to shank [mm]", fontsize=8)
@@ -76,7 +78,8 @@ def errors(found: "Analysis") -> Figure:
         for ax, window in zip(axes, windows, strict=True):
             laws = [d for d in found.laws if d["window"] == window]
             for k, d in enumerate(laws):
-                sets = (("own strikes", [p["misfit"] for p in d["persons"]]), ("slow predicts normal", d["other_speed"]),
+                sets = (("own strikes", [p["misfit"] for p in d["persons"]]),
+                        ("slow predicts normal", d["other_speed"]),
                         ("others predict a person", d["other_person"]))  # fmt: skip
                 for i, (name, values) in enumerate(sets):
                     numbers = [100 * (value if isinstance(value, float) else value["error"]) for value in values]
@@ -116,7 +119,9 @@ def population(found: "Analysis") -> Figure:
             for s in strikes:
                 part = getattr(s, found.window)
                 own = np.linspace(0, 1, part.stop)
-                resampled.append([np.interp(share, own, values[part]) for values in (s.time_s, s.compression_m, s.rate_m_s)])
+                resampled.append(
+                    [np.interp(share, own, values[part]) for values in (s.time_s, s.compression_m, s.rate_m_s)]
+                )
             t, x, v = np.mean(resampled, axis=0)
             curves = np.array([law.force(t, x, v, theta) for theta in found.population.draws(speed, 1000)])
             low, high = np.percentile(curves, [2.5, 97.5], axis=0)
@@ -150,10 +155,13 @@ def stiffness(found: "Analysis") -> Figure:
             for load, slope in zip(loads, found.slopes, strict=True):
                 if speed in slope.speeds:
                     value, lower, upper = (1e-3 * x for x in slope.interval(speed, slope.names[0]))
-                    ax.errorbar(load + shift, value, [[value - lower], [upper - value]], fmt="s", color=colour, ms=5, capsize=3,
-                                label=f"{speed or 'strikes'}: population, 95 %" if load == loads[0] else None)  # fmt: skip
+                    ax.errorbar(load + shift, value, [[value - lower], [upper - value]], fmt="s", color=colour, ms=5,
+                                capsize=3,
+                                label=f"{speed}: population, 95 %" if load == loads[0] else None)  # fmt: skip
         ax.axhline(1e-3 * numbers["nominal_n_per_m"], color="k", lw=1, label="nominal $k_F$ of two_dof.xml")
         ax.axhline(1e-3 * numbers["bundled_n_per_m"], color="k", lw=1, ls=":", label="bundled synthetic subject")
-        ax.set(xlabel="load on the heel [N]", ylabel="slope of force over compression [kN/m]", xticks=loads, ylim=(0, None))
+        ax.set(
+            xlabel="load on the heel [N]", ylabel="slope of force over compression [kN/m]", xticks=loads, ylim=(0, None)
+        )
         ax.legend(loc="lower right", fontsize=7)
     return figure

@@ -1,8 +1,8 @@
 """The population behind persons, speeds and strikes: a hierarchical model in closed form.
 
 The logarithms of a law's parameters of person i at speed s are mu_s + u_i + w_is. People differ by u_i, one person's
-speeds by w_is; the strikes of one person and speed give the estimate and its covariance (estimate.py). That likelihood is
-taken as Gaussian (Laplace's approximation), so u and w integrate out exactly, and their covariances are found by
+speeds by w_is; the strikes of one person and speed give the estimate and its covariance (estimate.py). That likelihood
+is taken as Gaussian (Laplace's approximation), so u and w integrate out exactly, and their covariances are found by
 restricted maximum likelihood. Intervals have Student's t with the number of persons less one.
 """
 
@@ -37,7 +37,8 @@ class Population:
     """A population of laws.
 
     Attributes:
-        names: of the parameters. speeds: in order. mu: (speeds, p) mean logarithms. covariance: (speeds p, speeds p) of mu.
+        names: of the parameters. speeds: in order. mu: (speeds, p) mean logarithms. covariance: (speeds p, speeds p)
+        of mu.
         between: (p, p) covariance between persons. within: (p, p) between the speeds of one person, beyond the common
         difference. persons: how many. converged: whether the search ended at a minimum. inside: share of persons whose
         estimates lie in the 95 % region predicted from the others.
@@ -130,7 +131,9 @@ def _inside(found: Population, observed: Sequence[Observed], people: Sequence[st
     return float(np.mean(hits)) if hits else None
 
 
-def _blocks(observed: Sequence[Observed], speeds: Sequence[str], between: Array, within: Array) -> list[tuple[Array, ...]]:
+def _blocks(
+    observed: Sequence[Observed], speeds: Sequence[str], between: Array, within: Array
+) -> list[tuple[Array, Array, Array]]:
     """Design, covariance and data of each person."""
     p, out = between.shape[0], []
     for name in sorted({item.person for item in observed}):

@@ -1,8 +1,9 @@
-"""The population sampled by NUTS (nutpie) instead of found at its maximum: the same model, its covariances uncertain too.
+"""The population sampled by NUTS (nutpie) instead of found at its maximum: the same model, its covariances uncertain
+too.
 
-The likelihood of a person is the Gaussian of its estimate, so persons and speeds integrate out exactly, and what is left to
-sample are the means and the Cholesky factors of two covariances, in parts of each parameter's own scatter. Behind the extra
-`population`.
+The likelihood of a person is the Gaussian of its estimate, so persons and speeds integrate out exactly, and what is
+left to sample are the means and the Cholesky factors of two covariances, in parts of each parameter's own scatter.
+Behind the extra `population`.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
 Array = np.ndarray
 #: Draws of each chain after as many to adapt, chains, seed.
 DRAWS, CHAINS, SEED = 1000, 4, 0
-#: Beliefs: standard deviations of a mean logarithm about its start, of the logarithm of a scatter about a half, and of a
-#: correlation's slope, all in parts of the parameter's scatter.
+#: Beliefs: standard deviations of a mean logarithm about its start, of the logarithm of a scatter about a half, and of
+#: a correlation's slope, all in parts of the parameter's scatter.
 _MEAN, _SCATTER, _SLOPE = 3.0, 1.0, 0.5
 
 
@@ -46,7 +47,9 @@ class Density:
         self.ends = np.cumsum([0, self.speeds * self.p, self.count, self.count])
         groups: dict[tuple[int, ...], list[list[Observed]]] = {}
         for person in sorted({item.person for item in observed}):
-            own = sorted((item for item in observed if item.person == person), key=lambda item: speeds.index(item.speed))
+            own = sorted(
+                (item for item in observed if item.person == person), key=lambda item: speeds.index(item.speed)
+            )
             groups.setdefault(tuple(speeds.index(item.speed) for item in own), []).append(own)
         self.blocks = []  # persons with the same speeds together: data (persons, n, p), speeds, and covariances
         for speed, persons in groups.items():
@@ -123,7 +126,10 @@ def sampled(found: "Analysis") -> dict[str, Any]:
     observed, _ = of_documents(document)
     density = Density(observed, found.population.speeds)
     draws, divergences, gradients = sample(density)
-    mu = draws[..., : density.ends[1]].reshape(*draws.shape[:2], density.speeds, density.p) * density.level + density.middle
+    mu = (
+        draws[..., : density.ends[1]].reshape(*draws.shape[:2], density.speeds, density.p) * density.level
+        + density.middle
+    )
     rows = []
     for s, speed in enumerate(found.population.speeds):
         for i, name in enumerate(found.population.names):

@@ -1,6 +1,6 @@
 """How stiff the heels are where a foot on the shaker rests: the slope of force over compression at a load.
 
-Read off the strikes themselves, without a law: a straight line through the samples of the loading around the load.
+Read off the strikes themselves, without a law: a parabola through the samples of the loading around the load.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ from identification.heel.study import Groups
 
 #: Static loads on the foot of chapter 2 [N]: leg alone, with 2.3 kg and with 4.5 kg on the knee.
 LOADS_N = (43.0, 66.0, 88.0)
-#: The line goes through the samples whose force lies between these shares of the load.
+#: The parabola goes through the samples whose force lies between these shares of the load.
 _AROUND = (0.6, 1.4)
 
 
@@ -22,10 +22,13 @@ def slopes(strike: Strike, loads_n: Sequence[float] = LOADS_N) -> np.ndarray:
     F, x = strike.force_n[strike.loading], strike.compression_m[strike.loading]
     out = []
     for load in loads_n:
-        i = int(np.argmax(F > load))
-        near = np.flatnonzero((F > _AROUND[0] * load) & (F < _AROUND[1] * load) & (np.abs(np.arange(F.size) - i) < 30))
-        enough = F.max() > _AROUND[1] * load and near.size > 3 and np.ptp(x[near]) > 0
-        out.append(float(np.polyfit(x[near], F[near], 1)[0]) if enough else np.nan)
+        i = int(np.argmax(load < F))
+        near = np.flatnonzero((_AROUND[0] * load < F) & (_AROUND[1] * load > F) & (np.abs(np.arange(F.size) - i) < 30))
+        if F.max() > _AROUND[1] * load and near.size > 3 and np.ptp(x[near]) > 0:
+            at = float(np.interp(load, F[near], x[near]))
+            out.append(float(np.polyfit(1e3 * (x[near] - at), F[near], 2)[1]) * 1e3)
+        else:
+            out.append(np.nan)
     return np.array(out)
 
 

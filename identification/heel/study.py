@@ -32,7 +32,9 @@ class Task:
     def key(self) -> str:
         """Name of the document: of the data, the law and this program."""
         parameters = [(item.name, item.start, item.lower, item.upper) for item in LAWS[self.law].parameters]
-        return hashlib.sha256(f"{VERSION} {self.digest} {self.law} {self.window} {parameters}".encode()).hexdigest()[:24]
+        return hashlib.sha256(f"{VERSION} {self.digest} {self.law} {self.window} {parameters}".encode()).hexdigest()[
+            :24
+        ]
 
 
 def judge(task: Task) -> Document:
@@ -110,7 +112,9 @@ def persons(groups: Groups, body_weight_n: Mapping[str, float]) -> list[Document
     """What the published analysis says of each person and speed: means of the strikes."""
     out = []
     for (subject, speed), strikes in groups.items():
-        mean = {name: float(np.mean([getattr(s.published, name) for s in strikes])) for name in vars(strikes[0].published)}
+        mean = {
+            name: float(np.mean([getattr(s.published, name) for s in strikes])) for name in vars(strikes[0].published)
+        }
         work, returned = (float(np.mean([getattr(s, name) for s in strikes])) for name in ("work_j", "returned_j"))
         out.append({
             "subject": subject, "speed": speed, "strikes": len(strikes),
