@@ -45,9 +45,9 @@ def _force(ax: Any, steps: "Steps") -> None:
     part = (t > -15) & (t < 70)
     ax.plot(t[part], steps.raw_n[part], color="0.7", label="volts × gain")
     ax.plot(t[part], steps.force_n[part], color=COLOURS[0], label="less the empty plate")
-    for sample, name in ((steps.contact, "contact"), (steps.peak, "first peak")):
+    for sample, name, shift in ((steps.contact, "contact", (-36, 7)), (steps.peak, "first peak", (5, 5))):
         ax.plot(t[sample], steps.force_n[sample], "o", color=COLOURS[1], ms=4)
-        ax.annotate(name, (t[sample], steps.force_n[sample]), (4, 5), textcoords="offset points")
+        ax.annotate(name, (t[sample], steps.force_n[sample]), shift, textcoords="offset points")
     ax.set(title="a  offset, gain, contact, peak", xlabel="time from contact [ms]", ylabel="vertical force [N]")
     ax.legend(loc="lower right")
 
@@ -71,9 +71,11 @@ def _path(ax: Any, steps: "Steps") -> None:
     ax.plot(t[part], 1e3 * (steps.raw_path_m[part] - at_contact), ".", color="0.6", ms=3, label="markers")
     ax.plot(t[part], 1e3 * (steps.path_m[part] - at_contact), color=COLOURS[0], label="filtered")
     ax.axhline(0.0, color="0.8", lw=0.6, zorder=0)
-    for frame, name in zip(steps.frames, ("contact", "first peak", "standstill"), strict=True):
+    places = (("contact", (5, 4)), ("first peak", (5, 4)), ("standstill", (-20, -13)))
+    for frame, (name, shift) in zip(steps.frames, places, strict=True):
         ax.plot(t[frame], 1e3 * (steps.path_m[frame] - at_contact), "o", color=COLOURS[1], ms=4)
-        ax.annotate(name, (t[frame], 1e3 * (steps.path_m[frame] - at_contact)), (5, 4), textcoords="offset points")
+        ax.annotate(name, (t[frame], 1e3 * (steps.path_m[frame] - at_contact)), shift, textcoords="offset points")
+    ax.margins(y=0.15)
     ax.set(title="c  filter, standstill", xlabel="time from contact [ms]", ylabel="height of the heel point [mm]")
     ax.legend(loc="upper right")
 

@@ -51,6 +51,8 @@ def persons(found: "Analysis") -> Figure:
             ax.plot([], [], color=c, label=speed or "strikes")[0] for c, speed in zip(COLOURS, speeds, strict=False)
         ]
         handles += ax.plot([], [], color="k", lw=1.2, label=f"{LAWS[found.law].name}, mean strike")
+        if "slow" in speeds:
+            handles += ax.plot([], [], color="k", lw=1.2, ls="--", label="the same, slow")
         figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
         figure.supxlabel("compression, skin to shank [mm]", fontsize=8)
         figure.supylabel("vertical force [N]", fontsize=8)
