@@ -82,6 +82,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "blackbox", "identification.blackbox", "",
             "Linear and Hammerstein-Wiener models of recordings with one input and one output.",
         ),
+        Command(
+            "heel", "identification.heel", "", "Hold laws of the heel pad against measured heel strikes of people.",
+            "identification.heel.command",
+        ),
         Command("laboratory", "fasbody.laboratory", "", "Make a synthetic study with known truth."),
         Command(
             "record", "fasbody.acquire", "record",
@@ -182,6 +186,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         Command(
             "bench reality", "benchmarks.reality", "",
             "Verdicts and intervals in worlds that depart from the model, by its own simulator.",
+        ),
+        Command(
+            "bench heel", "benchmarks.heel", "",
+            "Count how often the intervals of the heel's laws hold the truth, and time the analysis.",
         ),
         Command(
             "bench study", "benchmarks.study", "",

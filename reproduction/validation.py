@@ -13,7 +13,11 @@ from scipy.integrate import solve_ivp
 from fasbody.arch.bones import Arch
 from fasbody.arch.linear import linearise, response, transmissibility
 from fasbody.arch.load import ARANGIO_CUT, ARANGIO_SAG, HEEL, MEASURED_HZ, LoadStudy, SagStudy, load_study, sag_study
+from fasbody.heel.study import HeelStudy
 from fasbody.laboratory.subject import constants
+from identification.heel.shaker import beside
+from identification.heel.stiffness import measured
+from identification.heel.study import Task, judge
 from reproduction.check import Check, near, within
 from reproduction.row import Outcome, Rows
 
@@ -186,4 +190,39 @@ def goggins_midfoot() -> Outcome:
     return Outcome(
         printed=[within(f"peak of the joint {name}", peak, 51, 84, "Hz") for name, peak in peaks.items()],
         note="Seated and unloaded, where they stood. The toes (99-147 Hz) cannot be compared: the model has none.",
+    )
+
+
+HEEL_STRIKES = "python -m identification.heel"
+
+
+@ROWS(
+    "Validation 11", "Eq. 4.22-4.24 and k_F, judged by 216 heel strikes of eleven walkers (Baines 2018)", HEEL_STRIKES
+)
+def heel_strikes() -> Outcome:
+    study = HeelStudy.read()
+    groups = study.groups()
+    error = {}
+    for law in ("qlv", "nonlinear", "strain_damper", "power"):
+        found = judge(Task(law, "loading", groups, study.digest))
+        error[law] = 100 * float(np.mean([item["error"] for item in found["other_speed"]]))
+    nominal, checks = beside()["nominal_n_per_m"], []
+    for slope in measured(groups):
+        (load,) = slope.names
+        low, high = slope.predictive("normal", load)
+        checks.append(
+            within(
+                f"nominal k_F against a walker's slope at {load}, 95 %", nominal / 1e3, low / 1e3, high / 1e3, "kN/m"
+            )
+        )
+    best = 1.1 * error["power"]
+    for law, equation in (("qlv", "4.22"), ("nonlinear", "4.23"), ("strain_damper", "4.24")):
+        what = (
+            f"Eq. {equation}, slow strikes predict normal ones up to the peak: error (power law {error['power']:.3g})"
+        )
+        checks.append(within(what, error[law], 0.0, best, "%"))
+    return Outcome(
+        printed=checks,
+        note="Compression is everything between skin and shank, and the heel is pressed at half a metre a second: "
+        "neither is the vibration of a resting foot (docs/heel_pad.md).",
     )

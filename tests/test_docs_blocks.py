@@ -41,6 +41,7 @@ NOT_RUN = {
 SHORTER = {
     r"acquire --simulate": ["--sweep", "20:30:10", "--seconds", "0.5", "--out", "virtual_bench"],
     r"identification\.fit\b": ["--starts", "1"],
+    r"identification\.heel\b": ["--law", "power", "--workers", "1"],
     r"identification\.study\b": ["--starts", "1", "--workers", "1", "--frequency", "20", "--added-mass", "0"],
     r"laboratory\b.*--subjects": ["--subjects", "2", "--seconds", "1", "--frequency", "20", "--jobs", "1"],
     r"laboratory\b": ["--seconds", "1", "--frequency", "10", "--frequency", "20"],

@@ -7,6 +7,7 @@ import black_box_order
 import cell_modes
 import edit_the_mjcf
 import fit_a_sweep
+import heel_strike
 import hysteresis
 import mirror_solution
 import numpy as np
@@ -126,3 +127,10 @@ def test_gallery_shows_every_example() -> None:
     gallery = (ROOT / "docs" / "examples.md").read_text()
     for file in (ROOT / "examples").glob("*.py"):
         assert f"examples/{file.name}" in gallery, file.name
+
+
+def test_measured_strike_goes_from_volts_to_work(picture: Path) -> None:
+    strike = heel_strike.main(picture)
+    assert strike.origin == "measured" and 0 < strike.peak < strike.standstill
+    assert 0.2 < strike.published.work_to_peak_j < 3 and 5 < 1e3 * strike.published.compression_at_peak_m < 15
+    assert drawn(picture)

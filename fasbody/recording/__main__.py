@@ -41,7 +41,12 @@ def check(
     Examples:
       python -m fasbody.recording check measured.tdms --study study.toml --json
     """
+    from fasbody.heel.study import is_heel_study
+
     rows: list[dict[str, Any]] = []
+    if path.is_dir() and is_heel_study(path):
+        _check_heel(path, json_)
+        return
     if path.is_dir():
         folder = StudyFolder.open(path)
         for remark in posture_remarks(folder.trials):
@@ -64,6 +69,38 @@ def check(
         raise RecordingError(
             wrong[0]["problem"].rstrip(".") + (f" (and {len(wrong) - 1} more)." if len(wrong) > 1 else ".")
         )
+
+
+def _check_heel(path: Path, json_: bool) -> None:
+    """The same of a study of heel strikes: strikes by person and speed, and a sentence on each that cannot serve."""
+    from rich.table import Table
+
+    from fasbody.heel.study import HeelStudy
+
+    study = HeelStudy.read(path)
+    rows = [
+        {"subject": subject, "speed": speed, "strikes": len(strikes)}
+        for (subject, speed), strikes in study.groups().items()
+    ]
+    if json_:
+        about = {
+            "path": str(path),
+            "kind": "heel strikes",
+            "origin": study.origin,
+            "doi": study.doi,
+            "licence": study.licence,
+        }
+        print_json({**about, "strikes": len(study.strikes), "persons": rows, "problems": list(study.problems)})
+        return
+    results.print(
+        f"{study}; licence: {study.licence or 'not said'}; doi: {study.doi or 'none'}", markup=False, soft_wrap=True
+    )
+    table = Table("subject", "speed", "strikes")
+    for row in rows:
+        table.add_row(*map(str, row.values()))
+    results.print(table)
+    for problem in study.problems:
+        console.print(problem, style="yellow", markup=False, soft_wrap=True)
 
 
 @app.command()

@@ -1,0 +1,184 @@
+"""Laws of the heel pad: force over compression and its rate, in closed form.
+
+The three of the thesis (Eqs. (4.22) to (4.24), functions of strain) and four beside them (power, exponential,
+Hunt-Crossley, Ogden). Forces are compressive [N], compressions x [m] and rates v [m/s] positive while the heel is
+pressed. The strain is x/h with a nominal thickness h: nobody measured it on these people, and only the products with h
+are found. Where a law gives a pull (a damper that outruns its spring) the force is nothing, as a heel does not stick
+to a plate.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from fasbody.exceptions import SettingError, unknown
+from fasbody.foot import damper
+
+Array = np.ndarray
+#: Thickness of an unloaded heel pad [m]: nominal, as ultrasound finds it in adults.
+THICKNESS_M = 0.018
+#: Relaxation times of Eq. (4.22) [s]: a strike of 40 ms sampled at 3 kHz tells nothing beyond these, so they are held.
+TAU_S = (1e-3, 1.0)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a law: its symbol, unit, and where the search starts and must stay (all are positive)."""
+
+    name: str
+    unit: str
+    start: float
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True)
+class HeelLaw:
+    """A law of the heel pad.
+
+    Attributes:
+        key: short name. name: in words. equation: of the thesis, "" if it has none. formula: as one writes it.
+        parameters: what is estimated. force: of time [s], compression [m], rate [m/s] (n,) and parameters (p,), [N].
+        rate: whether it knows the rate or the past.
+    """
+
+    key: str
+    name: str
+    equation: str
+    formula: str
+    parameters: tuple[Parameter, ...]
+    force: Callable[[Array, Array, Array, Array], Array]
+    rate: bool
+
+    def predict(self, time_s: Array, compression_m: Array, rate_m_s: Array, values: Mapping[str, float]) -> Array:
+        """Force (n,) [N] along a path with the parameters by name."""
+        theta = np.array([values[item.name] for item in self.parameters])
+        return self.force(time_s, compression_m, rate_m_s, theta)
+
+    def static_force(self, compression_m: Array, theta: Array) -> Array:
+        """Force (n,) [N] of a pad held at each compression (n,) [m]: fully relaxed."""
+        x = np.atleast_1d(np.asarray(compression_m, float))
+        if self.key == "qlv":
+            return damper.elastic.py_func(x / THICKNESS_M, theta[0], theta[1]) / (
+                1.0 + theta[2] * np.log(TAU_S[1] / TAU_S[0])
+            )
+        return self.force(np.arange(x.size, dtype=float), x, np.zeros_like(x), theta)
+
+    def stiffness_at(self, force_n: float, theta: Array) -> float:
+        """Tangent stiffness [N/m] of the resting pad that carries a force [N]; NaN where it cannot carry it."""
+        from scipy.optimize import brentq
+
+        top = 0.98 * THICKNESS_M if self.key == "ogden" else 0.1
+        if not self.static_force(np.array([top]), theta)[0] > force_n:
+            return float("nan")
+        x = brentq(lambda at: float(self.static_force(np.array([at]), theta)[0]) - force_n, 0.0, top, xtol=1e-12)
+        step = 1e-4 * x
+        low, high = self.static_force(np.array([x - step, x + step]), theta)
+        return float(high - low) / (2 * step)
+
+
+def _quasilinear(t: Array, x: Array, v: Array, theta: Array) -> Array:
+    A, B, c = theta
+    sigma = damper.elastic.py_func(np.maximum(x, 0.0) / THICKNESS_M, A, B)
+    return np.maximum(_relaxed(np.asarray(t, float), sigma, c), 0.0)
+
+
+@njit(cache=True)
+def _relaxed(t: Array, sigma: Array, c: float) -> Array:
+    """Eq. (4.22): the convolution of each exponential, exact for a stress that is linear between samples.
+
+    A clock that does not rise begins another strike, so that many can stand in one array (n,).
+    """
+    total = sigma.copy()
+    for i in range(damper.BRANCHES):
+        tau, weight, h = damper.branch_time(i, *TAU_S), damper.branch_weight(i, *TAU_S), 0.0
+        for k in range(1, t.size):
+            if t[k] <= t[k - 1]:  # another strike begins
+                h = 0.0
+                continue
+            decay = np.exp(-(t[k] - t[k - 1]) / tau)
+            h = h * decay + (sigma[k] - sigma[k - 1]) * tau / (t[k] - t[k - 1]) * (1.0 - decay)
+            total[k] += c * weight * h
+    return total / (1.0 + c * np.log(TAU_S[1] / TAU_S[0]))
+
+
+def _nonlinear(t: Array, x: Array, v: Array, theta: Array) -> Array:
+    e = np.maximum(x, 1e-9) / THICKNESS_M
+    return np.maximum(damper.power_law.py_func(e, v / THICKNESS_M, *theta), 0.0)  # Eq. (4.23), exponents corrected
+
+
+def _strain_damper(t: Array, x: Array, v: Array, theta: Array) -> Array:
+    e = np.maximum(x, 0.0) / THICKNESS_M
+    return np.maximum(damper.strain_damper.py_func(e, v / THICKNESS_M, *theta), 0.0)  # Eq. (4.24)
+
+
+def _power(t: Array, x: Array, v: Array, theta: Array) -> Array:
+    F_5, n = theta
+    return F_5 * (np.maximum(x, 0.0) / REFERENCE_M) ** n
+
+
+def _exponential(t: Array, x: Array, v: Array, theta: Array) -> Array:
+    A, b = theta
+    return A * np.expm1(b * np.maximum(x, 0.0))
+
+
+def _hunt_crossley(t: Array, x: Array, v: Array, theta: Array) -> Array:
+    F_5, n, c = theta
+    return np.maximum(F_5 * (np.maximum(x, 0.0) / REFERENCE_M) ** n * (1.0 + c * v), 0.0)
+
+
+def _ogden(t: Array, x: Array, v: Array, theta: Array) -> Array:
+    P, alpha = theta
+    stretch = np.maximum(1.0 - np.maximum(x, 0.0) / THICKNESS_M, 0.01)
+    return 2.0 * P / alpha * (stretch ** (-0.5 * alpha - 1.0) - stretch ** (alpha - 1.0))
+
+
+#: Compression at which the power laws' force is quoted [m]: force and exponent are then nearly uncorrelated.
+REFERENCE_M = 5e-3
+_F5 = Parameter("F_5", "N", 60.0, 1e-2, 5e3)
+_EXPONENT = Parameter("n", "", 2.5, 0.5, 12.0)
+
+LAWS: dict[str, HeelLaw] = {law.key: law for law in (
+    HeelLaw(
+        "qlv", "quasi-linear viscoelastic pad", "4.22", "G(t) * A (exp(B x/h) - 1)",
+        (Parameter("A", "N", 20.0, 1e-3, 5e3), Parameter("B", "", 6.0, 0.1, 40.0), Parameter("c", "", 0.1, 1e-4, 20.0)),
+        _quasilinear, True,
+    ),
+    HeelLaw(
+        "nonlinear", "nonlinear spring and damper", "4.23", "j (x/h)^k + l (x/h)^m |v/h|^n sign(v)",
+        (Parameter("j", "N", 1500.0, 1e-1, 1e7), Parameter("k", "", 2.5, 0.5, 12.0),
+         Parameter("l", "N s^n", 50.0, 1e-4, 1e6), Parameter("m", "", 2.5, 0.1, 12.0),
+         Parameter("n", "", 1.0, 0.1, 3.0)),
+        _nonlinear, True,
+    ),
+    HeelLaw(
+        "strain_damper", "linear spring, strain-proportional damper", "4.24", "E x/h + eta (x/h) v/h",
+        (Parameter("E", "N", 600.0, 1e-2, 1e5), Parameter("eta", "N s", 5.0, 1e-4, 1e4)), _strain_damper, True,
+    ),
+    HeelLaw("power", "power law", "", "F_5 (x/5 mm)^n", (_F5, _EXPONENT), _power, False),
+    HeelLaw(
+        "exponential", "exponential", "", "A (exp(b x) - 1)",
+        (Parameter("A", "N", 20.0, 1e-3, 5e3), Parameter("b", "1/m", 350.0, 5.0, 3e3)), _exponential, False,
+    ),
+    HeelLaw(
+        "hunt_crossley", "Hunt-Crossley", "", "F_5 (x/5 mm)^n (1 + c v)",
+        (_F5, _EXPONENT, Parameter("c", "s/m", 0.5, 1e-4, 20.0)), _hunt_crossley, True,
+    ),
+    HeelLaw(
+        "ogden", "Ogden, one term, incompressible", "", "2 P/alpha (s^(-alpha/2 - 1) - s^(alpha - 1)), s = 1 - x/h",
+        (Parameter("P", "N", 30.0, 1e-2, 1e4), Parameter("alpha", "", 4.0, 0.1, 40.0)), _ogden, False,
+    ),
+)}  # fmt: skip
+
+
+def law(key: str) -> HeelLaw:
+    """The law of a key.
+
+    Raises:
+        SettingError: there is none; the message lists those that exist.
+    """
+    if key not in LAWS:
+        raise SettingError(f"{unknown('law of the heel', key, LAWS)}.")
+    return LAWS[key]

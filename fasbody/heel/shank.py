@@ -1,0 +1,38 @@
+"""A point fixed to the shank, seen by two markers: into the shank's frame and back.
+
+The frame has its origin in the lower marker and its z axis through the upper one; it does not turn about that axis
+(its y axis stays in the plane of progression), as two markers cannot show that. Baines, Schwab and van Soest (2018),
+Fig. 1.
+"""
+
+import numpy as np
+
+
+def frames(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Rotations (n, 3, 3) from the shank's frame into the plate's; NaN where a marker is hidden.
+
+    Args:
+        lower, upper: (n, 3) positions [m], z up.
+    """
+    along = upper - lower
+    with np.errstate(invalid="ignore", divide="ignore"):
+        along = along / np.linalg.norm(along, axis=1, keepdims=True)
+        psi = np.arcsin(along[:, 0])  # about y
+        phi = np.arctan2(-along[:, 1], along[:, 2])  # about x
+    zero = np.zeros_like(psi)
+    rows = [
+        [np.cos(psi), zero, np.sin(psi)],
+        [np.sin(phi) * np.sin(psi), np.cos(phi), -np.sin(phi) * np.cos(psi)],
+        [-np.cos(phi) * np.sin(psi), np.sin(phi), np.cos(phi) * np.cos(psi)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def into(point: np.ndarray, lower: np.ndarray, rotations: np.ndarray) -> np.ndarray:
+    """Points (n, 3) [m] of the plate's frame, in the shank's."""
+    return np.einsum("nji,nj->ni", rotations, point - lower)
+
+
+def out_of(local: np.ndarray, lower: np.ndarray, rotations: np.ndarray) -> np.ndarray:
+    """Path (n, 3) [m] in the plate's frame of a point (3,) that is fixed in the shank's."""
+    return lower + rotations @ local
