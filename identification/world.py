@@ -174,7 +174,8 @@ class WorldSpace:
     @cached_property
     def _scale(self) -> np.ndarray:
         """What one unit of each variable is: of the logarithm, or in the unit of the constant."""
-        own = [_BEND**2 if name in self.squared else float(s) for name, s in zip(self.base, self.feet.scale)]  # noqa: B905
+        scale = self.feet.scale[: len(self.base)]
+        own = [_BEND**2 if name in self.squared else s for name, s in zip(self.base, scale, strict=True)]
         return np.array([*own, *(each.std for each in self.nuisances)])
 
     @cached_property
@@ -363,48 +364,52 @@ class WorldSpace:
         q[ankle], q[pad] = q[pad] + la, q[ankle] - la
         pairs = [("c_12", "c_22"), ("c_13", "c_23"), ("relaxing k_T", "relaxing k_F")]
         loads = {name.split(" under ")[1] for name in self.index if " under " in name}
-        pairs += [(f"{a} under {load}", f"{b} under {load}") for load in loads for a, b in zip(EXCHANGED[::2], EXCHANGED[1::2], strict=True)]
+        for load in loads:
+            pairs += [(f"k_T under {load}", f"k_F under {load}"), (f"c_11 under {load}", f"c_21 under {load}")]
         for a, b in pairs:
             if a in self.index and b in self.index:
                 i, j = self.index[a], self.index[b]
                 q[i], q[j] = q[j], q[i]
         return np.clip(q, *self.bounds)
 
-    def estimates(self, q: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Constants in the foot's own space: q (p,), standard errors of it, and limits of 95 % in the units.
+    def estimates(self, q: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, ...]:
+        """The foot's constants as the fit reports them, of q (n,) with the covariance C (n, n).
 
-        The delay stands where the foot's space has it; what is squared has limits of its own.
+        Returns:
+            Values (p,), standard errors (p,), limits of 95 % (p,), (p,), and the correlation (p, p). What is squared
+            has limits of its own; a delay that is known to be none has neither.
         """
-        z, std = np.empty(len(self.feet.free)), np.empty(len(self.feet.free))
-        lower, upper = np.full(z.size, np.nan), np.full(z.size, np.nan)
-        for i, item in enumerate(self.feet.free):
-            if item.name not in self.index:  # a delay that is known to be none
-                z[i], std[i] = 0.0, 0.0
+        feet, p = self.feet, len(self.feet.free)
+        rows, z = np.zeros((p, q.size)), np.zeros(p)
+        for i, item in enumerate(feet.free):
+            if item.name not in self.index:
                 continue
-            j, row = self.index[item.name], np.zeros(q.size)
+            j = self.index[item.name]
             if self.ratio is not None and item.name in ("k_T", "k_F"):
                 half = 0.5 if item.name == "k_T" else -0.5
-                row[self.index["k_T"]], row[self.index["k_F"]] = 1.0, half
-                z[i] = row @ q + half * np.log(self.ratio)
-            elif item.name in self.squared:
-                square, spread = q[j] * self._scale[j], np.sqrt(C[j, j]) * self._scale[j]
-                ends = np.sqrt(np.clip([square - _Z95 * spread, square + _Z95 * spread], 0.0, self.feet.upper[i] ** 2))
-                lower[i], upper[i] = ends
-                z[i] = 0.0 if square < 1e-2 * spread else np.sqrt(square) / self.feet.scale[i]
-                std[i] = (ends[1] - ends[0]) / (2 * _Z95) / self.feet.scale[i]
-                continue
-            elif item.name == DELAY.name:
-                row[j] = self._scale[j] / self.feet.scale[i]
-                z[i] = row @ q
+                rows[i, self.index["k_T"]], rows[i, self.index["k_F"]] = 1.0, half
+                z[i] = half * np.log(self.ratio)
             else:
-                row[j] = 1.0
-                z[i] = q[j]
-            std[i] = np.sqrt(row @ C @ row) if np.isfinite(C[row != 0][:, row != 0]).all() else np.inf
-        theta = np.clip(self.feet.to_theta(z), self.feet.lower, self.feet.upper)
-        low, high = self.feet.interval(theta, std)
-        return theta, std * self.feet.slope(theta), np.where(np.isnan(lower), low, lower), np.where(
-            np.isnan(upper), high, upper
-        )
+                rows[i, j] = self._scale[j] / feet.scale[i] if item.name == DELAY.name else 1.0
+        z += rows @ q
+        known = np.isfinite(C).all(axis=1)
+        blind = (rows[:, ~known] != 0).any(axis=1)
+        covariance = rows[:, known] @ C[np.ix_(known, known)] @ rows[:, known].T
+        std = np.where(blind, np.inf, np.sqrt(np.diag(covariance)))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            correlation = np.nan_to_num(covariance / np.outer(std, std))
+        limits: dict[int, np.ndarray] = {}
+        for name in self.squared:
+            i = j = self.index[name]
+            square, spread = q[j] * self._scale[j], std[i] * self._scale[j]
+            limits[i] = np.sqrt(np.clip([square - _Z95 * spread, square + _Z95 * spread], 0.0, feet.upper[i] ** 2))
+            z[i] = 0.0 if square < 1e-2 * spread else np.sqrt(square) / feet.scale[i]
+            std[i] = (limits[i][1] - limits[i][0]) / (2 * _Z95) / feet.scale[i]
+        theta = np.clip(feet.to_theta(z), feet.lower, feet.upper)
+        low, high = feet.interval(theta, std)
+        for i, (least, most) in limits.items():
+            low[i], high[i] = least, most
+        return theta, std * feet.slope(theta), low, high, correlation
 
 
 _Z95 = 1.959963984540054

@@ -98,12 +98,12 @@ class Layout:
 
     Attributes:
         channels: by name, "time" included; those not listed are found by name and unit in the file.
-        rate_hz: sampling rate of files that have no time. known: what the laboratory knows beyond the recordings.
+        rate_hz: sampling rate of files that have no time. beyond: what the laboratory knows beyond the recordings.
     """
 
     channels: Mapping[str, Channel] = field(default_factory=dict)
     rate_hz: float | None = None
-    known: Known = field(default_factory=Known)
+    beyond: Known = field(default_factory=Known)
 
     @classmethod
     def from_toml(

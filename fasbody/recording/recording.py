@@ -132,7 +132,7 @@ class Recording:
             origin=origin,
             warnings=_remarks(Path(file).with_suffix(".json")),
             calibration=layout.channels if layout else {},
-            known=layout.known if layout else Known(),
+            known=layout.beyond if layout else Known(),
         )
 
     @property

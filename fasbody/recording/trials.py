@@ -38,9 +38,7 @@ def describe(file: Path) -> tuple[dict[str, str], Layout]:
     about |= {key: str(value) for key, value in given.items() if key in about}
     if about["origin"] not in ("measured", "synthetic"):
         raise InputFileError(file, f"origin is {about['origin']!r}", 'valid: "measured", "synthetic"')
-    return about, Layout.from_toml(
-        file, channels, given.get("sampling_rate_hz"), _table(file, document, "known")
-    )
+    return about, Layout.from_toml(file, channels, given.get("sampling_rate_hz"), _table(file, document, "known"))
 
 
 _KEYS = ("name", "origin", "description", "sampling_rate_hz")
