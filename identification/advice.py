@@ -85,14 +85,14 @@ def departures(world: World) -> list[str]:
     for mass in world.masses:
         if mass.learned > _WEIGHED:
             texts.append(
-                f"The recordings weigh the leg: {mass.name} is {mass.value:.3g} kg without load ({mass.lower:.3g} to "
-                f"{mass.upper:.3g} kg), {100 * (mass.value / mass.stated - 1):+.1f} % of the {mass.stated:.3g} kg stated."
+                f"The recordings weigh the leg: {mass.name} without load is {mass.value:.3g} kg ({mass.lower:.3g} to "
+                f"{mass.upper:.3g} kg), {100 * (mass.value / mass.stated - 1):+.1f} % off the {mass.stated:.3g} stated."
             )
     if world.masses and all(mass.learned <= _WEIGHED for mass in world.masses):
         texts.append(
-            "The recordings do not weigh the leg, and all stiffness and damping scale with its mass: intervals are as "
-            f"wide as masses are known ({100 * max(m.prior_std for m in world.masses):.3g} %, --mass-std). A second load "
-            "weighs it."
+            "The recordings do not weigh the leg, and all stiffness and damping scale with its mass: intervals are at "
+            f"least as wide as masses are known ({100 * max(m.prior_std for m in world.masses):.3g} %, --mass-std). "
+            "Two loads weigh it."
         )
     for each in world.nuisances:
         if each.group in ("masses", "gain", "delay", "drift"):
@@ -129,14 +129,20 @@ def _sign(each: Allowance) -> str:
             f"({share(each.lower - 1)} to {share(each.upper - 1)})."
         )
     if each.group == "rocking":
-        return f"A sign that the leg rocks: rotation adds {share(each.value)} of the base ({share(each.lower)} to {share(each.upper)})."
+        return (
+            f"A sign that the leg rocks: rotation adds {share(each.value)} of the base ({share(each.lower)} to "
+            f"{share(each.upper)})."
+        )
     if each.group == "delay":
         return (
-            f"A sign of a wrong model: the delay of {1e3 * each.value:.3g} ms is {abs(each.off):.1f} standard deviations "
-            "of what the instrument can have, so it stands for something else."
+            f"A sign of a wrong model: the delay of {1e3 * each.value:.3g} ms is {abs(each.off):.1f} standard "
+            "deviations of what the instrument can have, so it stands for something else."
         )
     if each.group == "masses":
-        return f"A sign of a wrong model or a wrong body mass: the {each.name} is {share(each.value - 1)} off what was stated."
+        return (
+            f"A sign of a wrong model or a wrong body mass: the {each.name} is {share(each.value - 1)} off what was "
+            "stated."
+        )
     return (
         f"A sign of a wrong calibration or model: the {each.name} of the malleolus' channel is {share(each.value)}, "
         f"{abs(each.off):.1f} standard deviations of what was expected."

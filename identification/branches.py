@@ -109,7 +109,8 @@ def judge(
         chi_square: misfit of the best, for dof degrees of freedom: where the model does not fit to the noise, the
             difference is scaled down by the reduced chi-square.
         dof: see chi_square. rests: stiffness and damping of the second branch that rest on their bounds (`pinned`). It
-            would fit better beyond, so that the bounds and not the data may speak against it: nothing is decided. loads: how many were on the knee.
+            would fit better beyond, so that the bounds and not the data may speak against it: nothing is decided.
+        loads: how many were on the knee.
     """
     if len(names) < 2:
         text = "The mirror image of this solution lies outside the bounds or leads back here, so nothing was compared."

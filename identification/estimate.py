@@ -30,8 +30,8 @@ _MORE_ROUNDS = 3
 _IMAGES, _APART = 4, 1e-2
 _LEFT_OUT = "The {name} branch is left out: the motions at its best ends do not last in MuJoCo."
 _LOST = (
-    "No branch is decided, as the model does not follow the recordings, whatever else may be true (chi-square {per:.3g} "
-    "per degree of freedom)."
+    "No branch is decided, as the model does not follow the recordings, whatever else may be true (chi-square "
+    "{per:.3g} per degree of freedom)."
 )
 _PASSED_OVER = "The best end of the {name} branch was passed over: its motion does not last in MuJoCo."
 
@@ -313,7 +313,7 @@ def certify(question: Question, explored: Explored, advance: Advance) -> Answer:
 
 
 def widen(question: Question, answer: Answer, advance: Advance) -> list[End]:
-    """Each branch once more with whatever else may be true; nothing where one frequency or the time domain is fitted."""
+    """Each branch once more with whatever else may be true; nothing for one frequency or in the time domain."""
     if question.name != "periodic" or not _tells_delay(question.domain.recordings):
         return []
     advance("allowing for whatever else may be true", 0, 1)

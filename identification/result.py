@@ -402,9 +402,8 @@ class FitResult(Presented):
         if self.domain != "periodic" or not best.dof:
             return ""
         p = best.p_value
-        alone = f"chi-square {best.chi_square / best.dof:.2f} per degree of freedom" + (
-            f", {chance(p)}" if p is not None else ""
-        )
+        alone = f"chi-square {best.chi_square / best.dof:.2f} per degree of freedom"
+        alone += "" if p is None else f", {chance(p)}"
         if self.wide and not self.wide.follows:
             return (
                 "The model does not follow the recordings, whatever else may be true (chi-square "
