@@ -26,9 +26,11 @@ from identification.world import WorldProblem, WorldSpace, nuisances
 #: Chi-square per degree of freedom beyond which not even the wide fit follows the recordings.
 FOLLOWS = 2.0
 #: Evaluations of a descent, and of one in MuJoCo, where each costs a simulation a parameter.
-_MOST, _MOST_IN_MUJOCO = 45, 6
+_MOST, _MOST_IN_MUJOCO = 60, 6
 #: An image whose sum of squares is larger by this than the branch's own end is not descended from.
 _FAR = 20.0
+#: Rounds in which a branch's best end goes on until it has converged.
+_ROUNDS = 4
 _Z95 = 1.959963984540054
 _IF_TRUE = ", if the model is true"
 
@@ -39,13 +41,14 @@ class End:
 
     Attributes:
         name: of the branch. q: search variable (n,). problem: whose residual it minimises. objective: chi-square and
-            the squares of the prior's rows.
+            the squares of the prior's rows. converged: by its tolerances.
     """
 
     name: str
     q: np.ndarray
     problem: WorldProblem
     objective: float
+    converged: bool
 
 
 def widest(
@@ -68,7 +71,7 @@ def widest(
     narrow = certified[0].problem
     if not allowed or not isinstance(narrow, PeriodicProblem):
         return []
-    world = WorldSpace(space, allowed, data, masses, domain.twin, ratio if domain.twin else None)
+    world = WorldSpace(space, allowed, data, foot.values(), masses, domain.twin, ratio if domain.twin else None)
     finest = min((c.problem.engine for c in certified), key=lambda e: min(d.step for d in e.drives))  # type: ignore[attr-defined]
     weighed = any(each.group == "masses" for each in allowed)
     drives: list[Excitation] = [replace(d, masses={}) if weighed else d for d in finest.drives]
@@ -98,6 +101,10 @@ def widest(
         other = STIFF_PAD if name == STIFF_ANKLE else STIFF_ANKLE
         if other in sides:
             enter(other, world.image(end.q), _FAR)
+    for name in ends:  # the odds are between ends, not between places on the way
+        for _ in range(_ROUNDS):
+            if not ends[name].converged:
+                enter(name, ends[name].q)
     return sorted(ends.values(), key=_objective)
 
 
@@ -112,7 +119,7 @@ def _descend(problem: WorldProblem, name: str, q: np.ndarray, low: np.ndarray, h
         problem.residual, inside, problem.jacobian, bounds=(low, high), method="trf", x_scale="jac",
         ftol=1e-5, xtol=1e-6, gtol=1e-8, max_nfev=most,
     )  # fmt: skip
-    return End(name, found.x, problem, 2 * float(found.cost))
+    return End(name, found.x, problem, 2 * float(found.cost), bool(found.success))
 
 
 def widened(end: End, narrow: Branch | None, space: Space, dof: int) -> Branch:

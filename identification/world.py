@@ -132,13 +132,14 @@ class WorldSpace:
 
     Attributes:
         feet: space of the foot's constants. nuisances: what else may be true. recordings: their conditions count.
-        masses: the model's own, where a condition has none. twin: the compiled model stands for it, so that its
+        own: values of the model's constants. masses: those where a condition has none. twin: the compiled model stands for it, so that its
             constants may differ from one recording to the next. ratio: of the mirror image, None where there is none.
     """
 
     feet: Space
     nuisances: tuple[Nuisance, ...]
     recordings: Sequence[Recording]
+    own: Mapping[str, float]
     masses: Mapping[str, float]
     twin: bool
     ratio: float | None
@@ -175,7 +176,7 @@ class WorldSpace:
     def _scale(self) -> np.ndarray:
         """What one unit of each variable is: of the logarithm, or in the unit of the constant."""
         scale = self.feet.scale[: len(self.base)]
-        own = [_BEND**2 if name in self.squared else s for name, s in zip(self.base, scale, strict=True)]
+        own: list[float] = [_BEND**2 if name in self.squared else s for name, s in zip(self.base, scale, strict=True)]
         return np.array([*own, *(each.std for each in self.nuisances)])
 
     @cached_property
@@ -342,8 +343,13 @@ class WorldSpace:
     # from the narrow fit and back
 
     def start(self, values: Mapping[str, float]) -> np.ndarray:
-        """Search variable of constants by name, with every nuisance where its prior is centred."""
+        """Search variable of constants by name, with every nuisance where its prior is centred.
+
+        A narrow fit that a wrong model has driven to bounds is no place to start: bends are taken no larger than the
+        prior has them, and what rests on a bound starts where the model itself has it.
+        """
         mean, _ = self.prior
+        values = {**values, **self._inside(values)}
         q = np.where(np.isfinite(mean), mean, 0.0)
         theta = np.array([values.get(item.name, 0.0) for item in self.feet.free])
         q[: len(self.base)] = self.feet.to_q(theta)[: len(self.base)]
@@ -354,6 +360,17 @@ class WorldSpace:
             ankle, pad = q[T], q[F]
             q[T], q[F] = 0.5 * (ankle + pad), ankle - pad - np.log(self.ratio)
         return np.clip(q, *self.bounds)
+
+    def _inside(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Better starts of constants whose values are no good ones."""
+        found = {}
+        theta = np.array([values.get(item.name, 0.0) for item in self.feet.free])
+        for item, rests in zip(self.feet.free, self.feet.at_bound(theta), strict=True):
+            if item.name in ("c_12", "c_13", "c_22", "c_23") and self.twin:
+                found[item.name] = float(np.clip(values[item.name], -_BEND, _BEND))
+            elif rests and item.name in self.own:
+                found[item.name] = self.own[item.name]
+        return found
 
     def image(self, q: np.ndarray) -> np.ndarray:
         """The mirror image of q: the two joints change places, with what they do besides."""

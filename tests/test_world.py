@@ -32,7 +32,7 @@ def opened(foot: Foot, data: Sequence[Recording], known: Known | None = None) ->
     masses = {name: value for name, value in foot.values().items() if name in MASSES}
     ratio = branches.ratio([r.condition.masses for r in data], foot.values())
     allowed = nuisances(data, known or Known(), tuple(masses), True)
-    space = WorldSpace(space_of(foot), allowed, data, masses, True, ratio)
+    space = WorldSpace(space_of(foot), allowed, data, foot.values(), masses, True, ratio)
     lines = [Line.of(r) for r in data]
     drives = excitations(lines, foot)
     narrow = PeriodicProblem(lines, Twin(foot, drives), space_of(foot))
@@ -44,7 +44,7 @@ def opened(foot: Foot, data: Sequence[Recording], known: Known | None = None) ->
 
 @pytest.fixture(scope="module")
 def two_loads(trial: Trial) -> list[Recording]:
-    return [trial(GENTLE, f, added=m, noise=(0.01, 0.01)) for m in (0.0, 2.3) for f in FREQUENCIES]
+    return [trial(GENTLE, f, added=m, noise=(0.03, 0.05)) for m in (0.0, 2.3) for f in FREQUENCIES]
 
 
 def test_jacobian_of_everything_that_may_be_true(foot: Foot, two_loads: list[Recording]) -> None:
@@ -130,8 +130,7 @@ def test_two_loads_weigh_the_leg(heavy: FitResult) -> None:
     assert m_S.value / m_S.stated - 1 == pytest.approx(-0.087, abs=0.04) and m_S.learned > 0.3
     assert m_S.lower < oracle.MASSES["m_S"] < m_S.upper
     assert any(text.startswith("The recordings weigh the leg: m_S") for text in heavy.warnings)
-    narrow = heavy.best["k_T"].if_model_true
-    assert narrow is not None and abs(narrow.value / TRUTH["k_T"] - 1) > 5 * narrow.std_error / narrow.value
+    assert heavy.best.chi_square > 20 * heavy.best.dof and heavy.wide.per_dof < 2  # the stated mass cannot be
     for branch in heavy.open:
         if branch.name == "stiff ankle":
             assert all(branch[name].lower < TRUTH[name] < branch[name].upper for name in ("k_T", "k_F"))
@@ -203,7 +202,7 @@ def test_known_of_a_study(tmp_path: Path) -> None:
     assert Known.of_all([known, Known(mass_std=0.1)]) == Known(mass_std=0.1)
     assert known.told(mass_std=0.0, exclude=("all",)).excluded >= {"load", "rocking"}
     for table in ({"mount": True}, {"mass_std": -1}, {"weather": "fine"}):
-        with pytest.raises(InputFileError, match="study.toml"):
+        with pytest.raises(InputFileError, match=r"study\.toml"):
             Known.from_toml(file, table)
     for wrong in ({"exclude": ("weather",)}, {"mass_std": 3.0}):
         with pytest.raises(SettingError):
