@@ -132,8 +132,9 @@ class WorldSpace:
 
     Attributes:
         feet: space of the foot's constants. nuisances: what else may be true. recordings: their conditions count.
-        own: values of the model's constants. masses: those where a condition has none. twin: the compiled model stands for it, so that its
-            constants may differ from one recording to the next. ratio: of the mirror image, None where there is none.
+        own: values of the model's constants. masses: those where a condition has none. twin: the compiled model stands
+            for it, so that its constants may differ from one recording to the next. ratio: of the mirror image, None
+            where there is none.
     """
 
     feet: Space
