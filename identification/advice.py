@@ -8,7 +8,7 @@ from fasbody.recording.recording import Recording
 from identification.branches import Verdict
 from identification.certification import Replay
 from identification.periodic import Line
-from identification.result import Branch
+from identification.result import UNLIKELY, Allowance, Branch, World
 from identification.space import Space
 
 #: Fit below which something is wrong [%], and error of the base above which the shaker is.
@@ -59,17 +59,94 @@ def advice(
         rest = ", ".join(key for key in bound if key not in zero)
         texts.append(f"At its bound: {rest}. The value says where the bound is, not where the foot is.")
     weak = [key for key, e in best.parameters.items() if e.identifiability == "not identifiable" and not e.at_bound]
-    if weak:
+    if weak and not (best.world and not best.world.follows):
         texts.append(f"Not identifiable from these recordings: {', '.join(weak)} (standard error too large).")
-    if best.p_value is not None and best.p_value < 1e-3:
+    if best.p_value is not None and best.p_value < UNLIKELY:
         texts.append(
             f"The model does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
             f"{best.dof} degrees of freedom); the standard errors are widened accordingly."
         )
     loads = {recording.condition.added_mass_kg for recording in data}
     if len(loads) == 1 and str(verdict) == "undecided":
-        texts.append("All recordings carry one load; a second load separates the mirror solutions.")
+        texts.append(
+            "All recordings carry one load; a second load separates the mirror solutions. That rests on constants that "
+            "do not change with the load."
+        )
+    return [*texts, *(departures(best.world) if best.world else [])]
+
+
+#: Standard deviations of a prior, or standard errors, beyond which something else is named.
+_FAR = 3.0
+
+
+def departures(world: World) -> list[str]:
+    """What the recordings say of the masses, and of each thing that may be true beside the model and seems to be."""
+    texts = []
+    for mass in world.masses:
+        if mass.learned > _WEIGHED:
+            texts.append(
+                f"The recordings weigh the leg: {mass.name} without load is {mass.value:.3g} kg ({mass.lower:.3g} to "
+                f"{mass.upper:.3g} kg), {100 * (mass.value / mass.stated - 1):+.1f} % off the {mass.stated:.3g} stated."
+            )
+    if world.masses and all(mass.learned <= _WEIGHED for mass in world.masses):
+        texts.append(
+            "The recordings do not weigh the leg, and all stiffness and damping scale with its mass: intervals are at "
+            f"least as wide as masses are known ({100 * max(m.prior_std for m in world.masses):.3g} %, --mass-std). "
+            "Two loads weigh it."
+        )
+    for each in world.nuisances:
+        if each.group in ("masses", "gain", "delay", "drift"):
+            signs = abs(each.off) > _FAR
+        else:
+            signs = (each.name in _SIGNS or each.group == "load") and abs(each.seen) > _FAR
+        if signs:
+            texts.append(_sign(each))
     return texts
+
+
+#: Standard deviation of a mass that the recordings must take away to have weighed it.
+_WEIGHED = 0.3
+_SIGNS = ("mount", "relaxing k_T", "relaxing k_F", "rocking")
+
+
+def _sign(each: Allowance) -> str:
+    share = lambda x: f"{100 * x:.3g} %"  # noqa: E731
+    if each.name == "mount":
+        low = f"{each.upper**-0.5:.0f}"
+        high = f"{each.lower**-0.5:.0f} Hz" if each.lower > 0 else "beyond any"
+        return (
+            f"A sign of a sensor on soft tissue: its mount would ring at {each.value**-0.5:.0f} Hz ({low} to {high}). "
+            "Tap the sensor to know it (mount in [known] of study.toml)."
+        )
+    if each.group == "relaxation":
+        return (
+            f"A sign that the spring {each.name.split()[1]} relaxes: {share(each.value)} of it beside it "
+            f"({share(each.lower)} to {share(each.upper)})."
+        )
+    if each.group == "load":
+        return (
+            f"A sign that constants follow the load: {each.name} is {share(each.value - 1)} off its value without "
+            f"({share(each.lower - 1)} to {share(each.upper - 1)})."
+        )
+    if each.group == "rocking":
+        return (
+            f"A sign that the leg rocks: rotation adds {share(each.value)} of the base ({share(each.lower)} to "
+            f"{share(each.upper)})."
+        )
+    if each.group == "delay":
+        return (
+            f"A sign of a wrong model: the delay of {1e3 * each.value:.3g} ms is {abs(each.off):.1f} standard "
+            "deviations of what the instrument can have, so it stands for something else."
+        )
+    if each.group == "masses":
+        return (
+            f"A sign of a wrong model or a wrong body mass: the {each.name} is {share(each.value - 1)} off what was "
+            "stated."
+        )
+    return (
+        f"A sign of a wrong calibration or model: the {each.name} of the malleolus' channel is {share(each.value)}, "
+        f"{abs(each.off):.1f} standard deviations of what was expected."
+    )
 
 
 def excitation_rank(recordings: Sequence[Recording]) -> int:

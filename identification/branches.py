@@ -17,6 +17,12 @@ from fasbody.foot.two_dof import NAMES, TwoDof
 DECISIVE_ODDS = 1000.0
 #: Log of the odds up to which branches are tied: rounding alone then orders them, and the name does it instead.
 TIE = 0.01
+#: What would tell them apart.
+_SECOND_LOAD = "A second load decides if the constants do not change with the load."
+_SECOND_SENSOR = (
+    "The loads do not tell them apart if the constants may change with the load; a second sensor, or to exclude what "
+    "else may be true (--exclude, [known] in study.toml), can."
+)
 #: Names of the branches by what is stiffer than its mirror image.
 STIFF_ANKLE, STIFF_PAD = "stiff ankle", "stiff pad"
 #: What a foot and its mirror image exchange.
@@ -88,7 +94,12 @@ class Verdict:
 
 
 def judge(
-    names: Sequence[str], deviances: Sequence[float], chi_square: float, dof: int, rests: Sequence[str] = ()
+    names: Sequence[str],
+    deviances: Sequence[float],
+    chi_square: float,
+    dof: int,
+    rests: Sequence[str] = (),
+    loads: int = 1,
 ) -> Verdict:
     """Compare branches by -2 log likelihood.
 
@@ -99,6 +110,7 @@ def judge(
             difference is scaled down by the reduced chi-square.
         dof: see chi_square. rests: stiffness and damping of the second branch that rest on their bounds (`pinned`). It
             would fit better beyond, so that the bounds and not the data may speak against it: nothing is decided.
+        loads: how many were on the knee.
     """
     if len(names) < 2:
         text = "The mirror image of this solution lies outside the bounds or leads back here, so nothing was compared."
@@ -119,6 +131,6 @@ def judge(
     else:
         text = (
             f"The data do not decide between {both} ({for_}): both parameter sets "
-            "describe the recordings. A second load decides if the constants do not change with the load."
+            f"describe the recordings. {_SECOND_LOAD if loads == 1 else _SECOND_SENSOR}"
         )
     return Verdict("decided" if decided else "undecided", float(ratio_), text)

@@ -10,6 +10,7 @@ import numpy as np
 from fasbody.exceptions import RecordingError, SettingError, SimulationError, unknown
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
+from fasbody.recording.known import Known
 from fasbody.recording.recording import UNSTATED, Recording
 from fasbody.recording.study import Study
 from identification import branches, search
@@ -21,12 +22,17 @@ from identification.engines.twin import twin_applies
 from identification.result import FitResult, RecordingFit
 from identification.search import ZERO, Descent
 from identification.space import MASSES, Space, space_of
+from identification.wide import End, widened, widest
 
 #: Rounds of as many random starts again, while a recording that the parameters can follow exactly is not followed.
 _MORE_ROUNDS = 3
 #: Ends of a branch whose mirror images are entered, and by which share of the cost they must differ.
 _IMAGES, _APART = 4, 1e-2
 _LEFT_OUT = "The {name} branch is left out: the motions at its best ends do not last in MuJoCo."
+_LOST = (
+    "No branch is decided, as the model does not follow the recordings, whatever else may be true (chi-square "
+    "{per:.3g} per degree of freedom)."
+)
 _PASSED_OVER = "The best end of the {name} branch was passed over: its motion does not last in MuJoCo."
 
 #: Called with what is done, how many, and of how many.
@@ -41,6 +47,9 @@ class Settings:
         free: parameters to estimate, None for all the model declares but the masses. bounds: name -> (lower, upper).
         starts: how many starts, the model's values and their mirror image included. seed: of the random ones.
         domain: "auto", "periodic" or "time". delay: estimate the delay between the channels. threads: 0 for all cores.
+        mass_std, gain_std: relative standard deviations of the segment masses and of the malleolus' gain, delay_std_s:
+            of the delay [s]; None for what study.toml says, or the usual (`world`). exclude: what cannot be beside the
+            model, of `known.DEPARTURES`, or "all".
 
     In the time domain, steady recordings are explored on their harmonics, and fitted to every sample from there.
     """
@@ -52,6 +61,10 @@ class Settings:
     domain: str = "auto"
     delay: bool | None = None
     threads: int = 0
+    mass_std: float | None = None
+    gain_std: float | None = None
+    delay_std_s: float | None = None
+    exclude: tuple[str, ...] = ()
 
 
 def fit_foot(
@@ -83,7 +96,8 @@ def fit_foot(
     settings = _with(settings or Settings(), chosen)
     question = Question.of(list(study), foot, settings)
     explored = explore(question, settings, advance, interruptible)
-    result = judge(question, explored, certify(question, explored, advance))
+    answer = certify(question, explored, advance)
+    result = judge(question, explored, answer, widen(question, answer, advance))
     source = study.name if isinstance(study, Study) else result.source
     return replace(result, source=source, seconds=time.perf_counter() - began)
 
@@ -98,6 +112,8 @@ def _with(settings: Settings, chosen: Mapping[str, Any]) -> Settings:
     if isinstance(free, str):
         raise SettingError(f'free is {free!r}; give a list of names, for example free=["{free}"].')
     settings = replace(settings, **{**chosen, "free": None if free is None else tuple(free)})
+    if isinstance(settings.exclude, str):
+        raise SettingError(f'exclude is {settings.exclude!r}; give a list of names, for example exclude=["mount"].')
     if settings.starts < 1:
         raise SettingError(f"the number of starts is {settings.starts}; at least one is needed.")
     return settings
@@ -109,7 +125,8 @@ class Question:
 
     Attributes:
         domain: recordings and model. name: of the domain. space: what is searched. ratio: of the mirror image
-            (`branches.ratio`), None where there is none. why_not: the reason for that. warnings: so far.
+            (`branches.ratio`), None where there is none. why_not: the reason for that. known: of what else may be
+            true. warnings: so far.
     """
 
     domain: Domain
@@ -117,6 +134,7 @@ class Question:
     space: Space
     ratio: float | None
     why_not: str
+    known: Known
     warnings: tuple[str, ...]
 
     @classmethod
@@ -128,6 +146,8 @@ class Question:
         """
         if not recordings:
             raise RecordingError("there is no recording to fit.")
+        told = {name: getattr(settings, name) for name in ("mass_std", "gain_std", "delay_std_s", "exclude")}
+        known = Known.of_all([recording.known for recording in recordings]).told(**told)
         data = [checked(recording) for recording in recordings]
         warnings = [text for recording in data for text in recording.warnings]
         name, why = choose_domain(data, settings.domain)
@@ -143,7 +163,7 @@ class Question:
         domain = kind(foot, data, space, twin_applies(foot), settings.threads)
         why_not = branches.has_mirror(space.names, foot.parameters)
         ratio = None if why_not else branches.ratio([r.condition.masses for r in data], foot.values())
-        return cls(domain, name, space, ratio, why_not, tuple(warnings))
+        return cls(domain, name, space, ratio, why_not, known, tuple(warnings))
 
     def side(self, descent: Descent) -> str:
         """The branch on which a descent ended."""
@@ -292,16 +312,33 @@ def certify(question: Question, explored: Explored, advance: Advance) -> Answer:
     return Answer(sorted(certified, key=lambda c: c.deviance), tuple(left_out), tuple(warnings))
 
 
-def judge(question: Question, explored: Explored, answer: Answer) -> FitResult:
+def widen(question: Question, answer: Answer, advance: Advance) -> list[End]:
+    """Each branch once more with whatever else may be true; nothing for one frequency or in the time domain."""
+    if question.name != "periodic" or not _tells_delay(question.domain.recordings):
+        return []
+    advance("allowing for whatever else may be true", 0, 1)
+    return widest(question.domain, question.space, question.ratio, answer.branches, question.known, answer.left_out)
+
+
+def judge(question: Question, explored: Explored, answer: Answer, ends: Sequence[End]) -> FitResult:
     """Compare the branches, and say what the data tell of the foot."""
     data, certified = question.domain.recordings, answer.branches
     built = [branch_of(c, question.space) for c in certified]
+    first, deviances, excess = built[0], [b.deviance for b in built], built[0].chi_square
+    if ends:
+        narrow = {b.name: b for b in built}
+        built = [widened(end, narrow.get(end.name), question.space, first.dof) for end in ends]
+        deviances, excess = [end.objective for end in ends], 0.0  # what else may be true has explained the misfit
+        certified = sorted(certified, key=lambda c: [b.name for b in built].index(c.name))
     rests = branches.pinned({key: e.at_bound for key, e in built[-1].parameters.items()})
-    first = built[0]
-    verdict = branches.judge([b.name for b in built], [b.deviance for b in built], first.chi_square, first.dof, rests)
+    loads = len({recording.condition.added_mass_kg for recording in data})
+    verdict = branches.judge([b.name for b in built], deviances, excess, first.dof, rests, loads)
     if verdict.tied:
         certified = sorted(certified, key=lambda c: c.name)
         built.sort(key=lambda b: b.name)
+    wide = built[0].world
+    if wide is not None and not wide.follows and len(built) > 1:
+        verdict = Verdict("undecided", verdict.log_likelihood_ratio, _LOST.format(per=wide.per_dof))
     best = certified[0].run
     if question.why_not or answer.left_out:
         why = question.why_not or _LEFT_OUT.format(name=answer.left_out[0])

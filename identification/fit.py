@@ -33,6 +33,16 @@ def main(
     starts: Annotated[int, typer.Option(help="starts of the search")] = 8,
     seed: Annotated[int, typer.Option(min=0, help="seed of the random starts")] = 0,
     domain: Annotated[str, typer.Option(help="auto, periodic (steady state) or time")] = "auto",
+    mass_std: Annotated[
+        float | None, typer.Option(help="what the segment masses may be off, as a share (default 0.1; 0: exact)")
+    ] = None,
+    gain_std: Annotated[float | None, typer.Option(help="what the gain may be off, as a share (default 0.01)")] = None,
+    delay_std: Annotated[
+        float | None, typer.Option(help="what the delay between channels may be, in s (default a tenth of a sample)")
+    ] = None,
+    exclude: Annotated[
+        str | None, typer.Option(help="what cannot be: mount, relaxation, load, rocking, drift, or all")
+    ] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
     out: Annotated[Path | None, typer.Option(help="folder for result.json, parameters.csv, report.html")] = None,
 ) -> None:
@@ -45,6 +55,8 @@ def main(
 
       python -m identification.fit 20hz.csv 30hz.csv --body-mass 72.5 --added-mass 2.3
 
+      python -m identification.fit my_study --exclude mount,rocking --mass-std 0.03
+
       python -m identification.fit my_study --model my_foot.xml --free k_T,k_F --bounds k_F=3e3:5e5
     """
     from fasbody.foot.model import load
@@ -53,7 +65,10 @@ def main(
     from identification.space import limits, names
 
     source, recordings, truth = gather(data or [BUNDLED], body_mass, added_mass)
-    settings = Settings(free=names(free), bounds=limits(bounds), starts=starts, seed=seed, domain=domain)
+    settings = Settings(
+        free=names(free), bounds=limits(bounds), starts=starts, seed=seed, domain=domain, mass_std=mass_std,
+        gain_std=gain_std, delay_std_s=delay_std, exclude=names(exclude) or (),
+    )  # fmt: skip
     foot = load(model)
     folder = out or (None if json_ else Path("results") / _slug(source))
     if folder is not None:

@@ -20,9 +20,18 @@ def label(key: str) -> str:
     return f"{symbol} [{unit}]" if unit else symbol
 
 
+#: Heads of the two columns of intervals.
+WHATEVER, IF_TRUE = "95 %, whatever else may be true", "95 %, if the model is true"
+#: Chance below which the model is said to miss the recordings.
+UNLIKELY = 1e-3
 #: Standard error up to which a parameter counts as identified, and as weakly identified: as a share of its value, or
 #: of a tenth of its range for parameters that may be zero.
 IDENTIFIED, WEAK = 0.1, 0.5
+
+
+def chance(p_value: float) -> str:
+    """A p-value for people: below 1e-16 rounding alone decides what is left."""
+    return "p < 1e-16" if p_value < 1e-16 else f"p = {p_value:.2g}"
 
 
 def identifiability(value: float, std_error: float, size: float, at_bound: bool) -> str:
@@ -40,7 +49,12 @@ def identifiability(value: float, std_error: float, size: float, at_bound: bool)
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter: value, standard error, 95 % limits, whether it ended at its bound, and how well it is known."""
+    """One parameter: value, standard error, 95 % limits, whether it ended at its bound, and how well it is known.
+
+    They allow for whatever else may be true (`World`), and `if_model_true` has those that trust the model, the masses
+    and the instrument. Where no such fit was made (time domain, one frequency, all excluded) that is None, and these
+    hold if the model is true.
+    """
 
     value: float
     std_error: float
@@ -48,6 +62,7 @@ class Estimate:
     upper: float
     at_bound: bool
     identifiability: str
+    if_model_true: "Estimate | None" = None
 
     def interval(self) -> str:
         """Value and half width of the 95 % interval, rounded to what is known."""
@@ -74,6 +89,81 @@ class Estimate:
         return f"{round(number, digits):.{max(0, digits)}f}"
 
 
+def _flat(e: Estimate) -> dict[str, Any]:
+    """An estimate as a row, with the limits that hold if the model is true (the same where no others are known)."""
+    row = asdict(e)
+    narrow = e.if_model_true or e
+    del row["if_model_true"]
+    return row | {"lower_if_model_true": narrow.lower, "upper_if_model_true": narrow.upper}
+
+
+@dataclass(frozen=True)
+class Mass:
+    """A segment's mass without the load [kg]: as stated, and as the recordings weigh it.
+
+    Attributes:
+        name: thesis symbol. stated: [kg]. prior_std: its relative standard deviation. value, lower, upper: estimate and
+            95 % interval [kg]. learned: by which share the recordings made the standard deviation smaller.
+    """
+
+    name: str
+    stated: float
+    prior_std: float
+    value: float
+    lower: float
+    upper: float
+    learned: float
+
+
+@dataclass(frozen=True)
+class Allowance:
+    """Something else that may be true, and what the recordings say of it.
+
+    Attributes:
+        name, group: what it is, and what is excluded together. does: to the recordings. unit: "" for a share.
+        prior, prior_lower, prior_upper: what was held possible. value, lower, upper: estimate with 95 % interval.
+        off: how many standard deviations of the prior it lies from where it was expected. seen: how many standard
+            errors. source: where the prior comes from.
+    """
+
+    name: str
+    group: str
+    does: str
+    unit: str
+    prior: float
+    prior_lower: float
+    prior_upper: float
+    value: float
+    lower: float
+    upper: float
+    off: float
+    seen: float
+    source: str
+
+
+@dataclass(frozen=True)
+class World:
+    """A branch fitted with everything else that may be true.
+
+    Attributes:
+        chi_square: of the recordings, for dof degrees of freedom. objective: that and the squares of the prior's rows.
+        dof: see chi_square. follows: it describes the recordings; if not, no constant is offered.
+        masses, nuisances: what was estimated beside the constants.
+    """
+
+    chi_square: float
+    objective: float
+    dof: int
+    follows: bool
+    masses: tuple[Mass, ...]
+    nuisances: tuple[Allowance, ...]
+
+    @property
+    def per_dof(self) -> float:
+        """Chi-square per degree of freedom."""
+        return self.chi_square / max(1, self.dof)
+
+
 @dataclass(frozen=True, repr=False)
 class Branch(Presented):
     """One of the two mirror solutions.
@@ -82,7 +172,8 @@ class Branch(Presented):
         name: "stiff ankle", "stiff pad", or "best" where no mirror exists. cost: weighted sum of squares.
         deviance: -2 log likelihood up to a constant. fit_percent: mean over recordings, Eq. (3.20).
         parameters: key with unit -> estimate. correlation: (p, p) of the search variables, in the order of parameters.
-        chi_square, dof, p_value: goodness of fit (steady state; in the time domain chi_square is only a ratio).
+        chi_square, dof, p_value: goodness of fit of the model alone (steady state; in the time domain chi_square is
+            only a ratio). world: the fit with whatever else may be true, None where none was made.
     """
 
     name: str
@@ -94,6 +185,7 @@ class Branch(Presented):
     chi_square: float
     dof: int
     p_value: float | None
+    world: World | None = None
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of a parameter, by thesis symbol or by its key with the unit.
@@ -112,7 +204,7 @@ class Branch(Presented):
 
     def records(self) -> list[dict[str, Any]]:
         """One row a parameter: as parameters.csv has it."""
-        return [{"branch": self.name, "parameter": key, **asdict(e)} for key, e in self.parameters.items()]
+        return [{"branch": self.name, "parameter": key, **_flat(e)} for key, e in self.parameters.items()]
 
     def sheet(self) -> Sheet:
         """Parameters with their intervals."""
@@ -213,14 +305,25 @@ class FitResult(Presented):
             truth = self.truth_of(key)
             known = ["" if truth is None else f"{truth:.6g}"] if self.truth else []
             others = [branch.parameters[key].interval() for branch in self.branches[1:]]
-            rows.append([label(key), e.interval(), *others, *known, e.known])
-        columns = ["parameter", "95 % interval", *mirrors, *(["truth"] if self.truth else []), ""]
+            narrow = [e.if_model_true.interval() if e.if_model_true else "–"] if self.wide else []
+            rows.append([label(key), e.interval(), *narrow, *others, *known, e.known])
+        columns = ["parameter", *self.intervals, *mirrors, *(["truth"] if self.truth else []), ""]
         notes = [self.sentence(), self.reason, *(f"note: {text}" for text in self.warnings)]
         return Sheet(f"{self.source} ({self.origin}), model {self.model}", columns, rows, notes)
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write result.json, parameters.csv and report.html into a folder, each whole or not at all."""
         return list(import_module("identification.report").write(self, Path(folder)))
+
+    @property
+    def wide(self) -> World | None:
+        """The fit with whatever else may be true, of the likelier branch; None where none was made."""
+        return self.best.world
+
+    @property
+    def intervals(self) -> tuple[str, ...]:
+        """What the intervals of a table allow for, in the order of its columns."""
+        return (WHATEVER, IF_TRUE) if self.wide else (IF_TRUE,)
 
     @property
     def open(self) -> tuple[Branch, ...]:
@@ -265,6 +368,9 @@ class FitResult(Presented):
             "goodness_of_fit": {
                 "chi_square": self.best.chi_square, "dof": self.best.dof, "p_value": self.best.p_value,
             },
+            "chi_square_wide": self.wide.chi_square if self.wide else None,
+            "masses": [asdict(mass) for mass in self.wide.masses] if self.wide else [],
+            "nuisances": [asdict(each) for each in self.wide.nuisances] if self.wide else [],
             "excitation_rank": self.excitation_rank,
             "twin_mujoco_difference": self.twin_mujoco_difference,
             "base_acceleration_error": self.base_acceleration_error,
@@ -276,21 +382,52 @@ class FitResult(Presented):
 
     def csv(self) -> str:
         """parameters.csv: one row a parameter and branch."""
-        rows = ["branch,parameter,value,std_error,lower,upper,at_bound,identifiability"]
+        rows = [
+            "branch,parameter,value,std_error,lower,upper,at_bound,identifiability,"
+            "lower_if_model_true,upper_if_model_true"
+        ]
         for branch in self.branches:
             for key, e in branch.parameters.items():
                 numbers = ",".join(f"{x:.8g}" for x in (e.value, e.std_error, e.lower, e.upper))
-                rows.append(f"{branch.name},{key},{numbers},{str(e.at_bound).lower()},{e.identifiability}")
+                narrow = e.if_model_true or e
+                rows.append(
+                    f"{branch.name},{key},{numbers},{str(e.at_bound).lower()},{e.identifiability},"
+                    f"{narrow.lower:.8g},{narrow.upper:.8g}"
+                )
         return "\n".join(rows) + "\n"
 
+    def misfit(self) -> str:
+        """That the model misses the recordings, in words; nothing where it does not."""
+        best = self.best
+        if self.domain != "periodic" or not best.dof:
+            return ""
+        p = best.p_value
+        alone = f"chi-square {best.chi_square / best.dof:.2f} per degree of freedom"
+        alone += "" if p is None else f", {chance(p)}"
+        if self.wide and not self.wide.follows:
+            return (
+                "The model does not follow the recordings, whatever else may be true (chi-square "
+                f"{self.wide.per_dof:.3g} per degree of freedom): no constant is identified. For what they are worth: "
+            )
+        if p is None or p >= UNLIKELY:
+            return ""
+        if self.wide:
+            return (
+                f"The model alone misses the recordings ({alone}); with whatever else may be true it follows them "
+                f"({self.wide.per_dof:.2f}): "
+            )
+        return f"The model misses the recordings ({alone}): "
+
     def sentence(self) -> str:
-        """The result in one sentence, with the values of both branches where the data do not decide."""
+        """The result in one sentence, with the values of both branches where the data do not decide; a misfit first."""
         values = " or ".join(branch.stiffness(len(self.open) > 1) for branch in self.open)
-        chance = ""
+        found = ""
         if self.domain == "periodic":
             per = f"chi-square {self.best.chi_square / max(1, self.best.dof):.2f} per degree of freedom"
-            chance = f", {per}" if self.best.dof else ", no degrees of freedom left"
-        return f"{values}; fit {self.fit_percent:.1f} %{chance}; {self.verdict}."
+            found = f", {per}" if self.best.dof else ", no degrees of freedom left"
+        rests_on = "whatever else may be true" if self.wide else "if the model is true"
+        word = self.verdict if self.verdict == "not compared" else f"{self.verdict}, {rests_on}"
+        return f"{self.misfit()}{values}; fit {self.fit_percent:.1f} %{found}; {word}."
 
     def __str__(self) -> str:
         lines = [self.sentence(), self.reason]

@@ -54,8 +54,8 @@ def test_the_mirror_is_reported_and_is_worse(bundled: tuple) -> None:
     assert (true["name"], mirror["name"]) == ("stiff ankle", "stiff pad")
     a = ratio([oracle.MASSES], {})
     p = mirror["parameters"]
-    assert p["k_T_n_per_m"]["value"] == pytest.approx(a * TRUTH["k_F"], rel=0.03)
-    assert p["k_F_n_per_m"]["value"] == pytest.approx(TRUTH["k_T"] / a, rel=0.03)
+    assert p["k_T_n_per_m"]["if_model_true"]["value"] == pytest.approx(a * TRUTH["k_F"], rel=0.03)
+    assert p["k_F_n_per_m"]["if_model_true"]["value"] == pytest.approx(TRUTH["k_T"] / a, rel=0.03)
     assert mirror["cost"] > 5 * true["cost"]
     assert document["verdict"] == "decided"
     assert document["log_likelihood_ratio"] > np.log(1000)

@@ -2,8 +2,8 @@
 
 States are x = (z1, z2, z1', z2'): z1 = y1 - y2 across the talocrural joint, z2 = y2 - y0 across the fat pad. The input
 is the base acceleration, the output the malleolus acceleration. The twin integrates the states and their derivatives
-with respect to the four initial states and the eight parameters together, with the same Runge-Kutta scheme, step and
-input as the MuJoCo model, so that the two differ by rounding only.
+with respect to the four initial states, the eight parameters and, if asked, the two masses together, with the same
+Runge-Kutta scheme, step and input as the MuJoCo model, so that the two differ by rounding only.
 """
 
 from collections.abc import Mapping
@@ -16,8 +16,12 @@ from fasbody.foot.damper import damping
 
 #: Order of the parameters everywhere in this module.
 NAMES = ("k_T", "k_F", "c_11", "c_12", "c_13", "c_21", "c_22", "c_23")
+#: The two masses, whose sensitivities follow those to the parameters.
+MASSES = ("m_S", "m_F")
 STATES = 4
 _COLUMNS = STATES + len(NAMES)
+#: Columns of all sensitivities, those to the masses among them.
+WITH_MASSES = _COLUMNS + len(MASSES)
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ class TwoDof:
     @classmethod
     def from_values(cls, values: Mapping[str, float]) -> "TwoDof":
         """From named values, such as `Foot.values()`; other names are ignored."""
-        return cls(**{name: float(values[name]) for name in (*NAMES, "m_S", "m_F")})
+        return cls(**{name: float(values[name]) for name in (*NAMES, *MASSES)})
 
     @property
     def theta(self) -> np.ndarray:
@@ -113,6 +117,7 @@ def _rates(x, p, m_S, m_F, u, f, A, B):  # type: ignore[no-untyped-def]
     B[1, 0], B[1, 2], B[1, 3], B[1, 4] = a_F * dT[0], a_F * dT[1], a_F * dT[2], a_F * dT[3]
     B[0, 1], B[0, 5], B[0, 6], B[0, 7] = a_F * dF[0], a_F * dF[1], a_F * dF[2], a_F * dF[3]
     B[1, 1], B[1, 5], B[1, 6], B[1, 7] = -a_F * dF[0], -a_F * dF[1], -a_F * dF[2], -a_F * dF[3]
+    B[0, 8], B[0, 9], B[1, 9] = f_T / m_S**2, (f_T - f_F) / m_F**2, (f_F - f_T) / m_F**2
     return f_T
 
 
@@ -124,20 +129,21 @@ def trajectory(x0, p, m_S, m_F, u, h, stride, columns):  # type: ignore[no-untyp
         x0: (4,) initial states. p: (8,) parameters in the order of `NAMES`. m_S, m_F: masses [kg].
         u: (2 n + 1,) base acceleration at half steps [m/s^2] (`BaseMotion.half_steps`). h: step [s].
         stride: output every `stride` steps.
-        columns: 0 no sensitivities, 4 those to the initial states, 12 those to the parameters as well.
+        columns: 0 no sensitivities, 4 those to the initial states, 12 those to the parameters as well, 14 those to m_S
+            and m_F, too.
 
     Returns:
-        Y (n // stride,) malleolus acceleration, Eq. (4.31); DY (n // stride, 12) its derivatives (x0 first, then p);
-        the final states (4,) and their derivatives (4, 12).
+        Y (n // stride,) malleolus acceleration, Eq. (4.31); DY (n // stride, 12 or 14) its derivatives (x0 first, then
+        p, then the masses); the final states (4,) and their derivatives (4, 12 or 14).
     """
-    n = (u.size - 1) // 2
-    Y, DY = np.empty(n // stride), np.zeros((n // stride, _COLUMNS))
-    x, S = x0.copy(), np.zeros((STATES, _COLUMNS))
+    n, width = (u.size - 1) // 2, max(_COLUMNS, columns)
+    Y, DY = np.empty(n // stride), np.zeros((n // stride, width))
+    x, S = x0.copy(), np.zeros((STATES, width))
     for i in range(STATES):
         S[i, i] = 1.0
-    A, B, f = np.zeros((2, 4)), np.zeros((2, 8)), np.empty(4)
-    kx, kS = np.empty((4, 4)), np.zeros((4, 4, _COLUMNS))
-    xt, St = np.empty(4), np.empty((4, _COLUMNS))
+    A, B, f = np.zeros((2, 4)), np.zeros((2, 10)), np.empty(4)
+    kx, kS = np.empty((4, 4)), np.zeros((4, 4, width))
+    xt, St = np.empty(4), np.empty((4, width))
     for k in range(n):
         for stage in range(4):
             w = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
@@ -176,21 +182,21 @@ def path(x0, p, m_S, m_F, u, h):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def periodic(x0, p, m_S, m_F, u, h, tolerance, passes):  # type: ignore[no-untyped-def]
+def periodic(x0, p, m_S, m_F, u, h, tolerance, passes, columns=_COLUMNS):  # type: ignore[no-untyped-def]
     """Periodic orbit by shooting: Newton on the initial states over one period, then exact derivatives along the orbit.
 
     Args: as `trajectory`; `u` spans one period.
         tolerance: largest relative gap after one period at which the orbit is corrected to first order and accepted.
-        passes: at most so many periods are integrated.
+        passes: at most so many periods are integrated. columns: 12, or 14 with the masses.
 
     Returns:
-        Y (n,) output over one period, dY/dp (n, 8), initial states (4,), their derivatives (4, 8), the last gap
-        (infinite if the motion grew without bound, or no one orbit closes).
+        Y (n,) output over one period, dY/dp (n, 8 or 10), initial states (4,), their derivatives (4, 8 or 10), the last
+        gap (infinite if the motion grew without bound, or no one orbit closes).
     """
     eye = np.eye(STATES)
     x = x0.copy()
     for _ in range(passes):
-        Y, DY, xT, S = trajectory(x, p, m_S, m_F, u, h, 1, _COLUMNS)
+        Y, DY, xT, S = trajectory(x, p, m_S, m_F, u, h, 1, columns)
         if not (np.isfinite(xT).all() and np.isfinite(S).all()):
             return Y, DY[:, STATES:].copy(), x, S[:, STATES:].copy(), np.inf
         by_state, by_p = np.ascontiguousarray(S[:, :STATES]), np.ascontiguousarray(S[:, STATES:])

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import InputFileError, shown, unknown
+from fasbody.recording.known import Known
 
 _G = 9.80665
 #: Units that a CSV header or a board may carry behind a channel's name, and what they are in SI.
@@ -97,15 +98,18 @@ class Layout:
 
     Attributes:
         channels: by name, "time" included; those not listed are found by name and unit in the file.
-        rate_hz: sampling rate of files that have no time.
+        rate_hz: sampling rate of files that have no time. beyond: what the laboratory knows beyond the recordings.
     """
 
     channels: Mapping[str, Channel] = field(default_factory=dict)
     rate_hz: float | None = None
+    beyond: Known = field(default_factory=Known)
 
     @classmethod
-    def from_toml(cls, file: Path, tables: Mapping[str, Any], rate_hz: object = None) -> "Layout":
-        """From the [channels.*] tables of study.toml.
+    def from_toml(
+        cls, file: Path, tables: Mapping[str, Any], rate_hz: object = None, known: Mapping[str, Any] | None = None
+    ) -> "Layout":
+        """From the [channels.*] tables of study.toml, and its [known].
 
         Raises:
             InputFileError: a channel, key or value that does not exist.
@@ -120,7 +124,8 @@ class Layout:
             channels[name] = _channel(file, name, table)
         if rate_hz is not None and not (_is_number(rate_hz) and 0 < rate_hz < 1e7):  # type: ignore[operator]
             raise InputFileError(file, f"sampling_rate_hz = {rate_hz!r}", "valid: a positive number")
-        return cls(channels, None if rate_hz is None else float(rate_hz))  # type: ignore[arg-type]
+        rate = None if rate_hz is None else float(rate_hz)  # type: ignore[arg-type]
+        return cls(channels, rate, Known.from_toml(file, known or {}))
 
     def known(self, names: Sequence[str]) -> int:
         """How many of a file's columns are channels by their names."""

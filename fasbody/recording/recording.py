@@ -13,6 +13,7 @@ from fasbody.exceptions import RecordingError
 from fasbody.recording import files
 from fasbody.recording.channels import Channel, Channels, Layout
 from fasbody.recording.condition import Condition, plausible
+from fasbody.recording.known import Known
 
 #: The three columns that a recording needs, and one that it may have.
 HEADER = ("time_s", "base_m_s2", "malleolus_m_s2", "tuberosity_m_s2")
@@ -33,6 +34,7 @@ class Recording:
         origin: "measured", "synthetic" or "of unstated origin" (a bare file).
         warnings: what the checks found that does not forbid its use.
         calibration: what study.toml says of the channels, by name; uncertainties are taken from there.
+        known: what the laboratory knows beyond the recording.
     """
 
     time_s: np.ndarray
@@ -44,6 +46,7 @@ class Recording:
     origin: str = UNSTATED
     warnings: tuple[str, ...] = ()
     calibration: Mapping[str, Channel] = field(default_factory=dict)
+    known: Known = field(default_factory=Known)
 
     @property
     def rate_hz(self) -> float:
@@ -129,6 +132,7 @@ class Recording:
             origin=origin,
             warnings=_remarks(Path(file).with_suffix(".json")),
             calibration=layout.channels if layout else {},
+            known=layout.beyond if layout else Known(),
         )
 
     @property

@@ -31,14 +31,14 @@ def describe(file: Path) -> tuple[dict[str, str], Layout]:
         document = tomllib.loads(file.read_text("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputFileError(file, f"is not TOML ({error})") from None
-    _known(file, document, "table", ("study", "channels"))
+    _known(file, document, "table", ("study", "channels", "known"))
     given, channels = _table(file, document, "study"), _table(file, document, "channels")
     _known(file, given, "key of [study]", _KEYS)
     about = {"name": file.parent.resolve().name, "origin": "measured", "description": ""}
     about |= {key: str(value) for key, value in given.items() if key in about}
     if about["origin"] not in ("measured", "synthetic"):
         raise InputFileError(file, f"origin is {about['origin']!r}", 'valid: "measured", "synthetic"')
-    return about, Layout.from_toml(file, channels, given.get("sampling_rate_hz"))
+    return about, Layout.from_toml(file, channels, given.get("sampling_rate_hz"), _table(file, document, "known"))
 
 
 _KEYS = ("name", "origin", "description", "sampling_rate_hz")

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from fasbody.foot.model import Foot
-from fasbody.foot.two_dof import NAMES, STATES, TwoDof, periodic, trajectory
+from fasbody.foot.two_dof import MASSES, NAMES, STATES, WITH_MASSES, TwoDof, periodic, trajectory
 from identification.engines.engine import PASSES, D, Orbits
 
 
@@ -35,8 +35,12 @@ class Twin(Orbits[D]):
         """See `Engine`: arrays (n,), (n, p)."""
         d = self.drives[number]
         masses = {**values, **d.masses}
-        theta = np.array([values[name] for name in NAMES])
-        arguments = (theta, masses["m_S"], masses["m_F"], self.inputs[number], d.step, tolerance, PASSES)
+        weighed = any(name in MASSES for name in names)
+        order = (*NAMES, *MASSES) if weighed else NAMES
+        theta = np.array([masses[name] for name in order])
+        columns = WITH_MASSES if weighed else STATES + len(NAMES)
+        motion = (masses["m_S"], masses["m_F"], self.inputs[number], d.step, tolerance, PASSES, columns)
+        arguments = (theta[: len(NAMES)], *motion)
         try:
             Y, DY, x, dx, gap = periodic(self._guess(number, theta), *arguments)
             if not gap < tolerance:  # a bad guess: once more from rest
@@ -44,7 +48,7 @@ class Twin(Orbits[D]):
         except np.linalg.LinAlgError:  # neutral: any start is an orbit, or none
             gap, Y, DY, x, dx = np.inf, np.empty(0), np.empty((0, 0)), np.empty(0), np.empty((0, 0))
         self._keep(number, x, dx, theta, gap)
-        return Y, DY[:, [NAMES.index(name) for name in names]]
+        return Y, DY[:, [order.index(name) for name in names]]
 
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray

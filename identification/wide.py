@@ -1,0 +1,190 @@
+"""The fit once more, with everything else that may be true: one constrained optimum a branch, from the certified ends.
+
+What is said of a foot follows this fit: its intervals, whether a constant is identified, whether a branch is decided.
+Where not even that follows the recordings, no constant and no branch is offered.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from fasbody.recording.known import Known
+from identification.branches import STIFF_ANKLE, STIFF_PAD
+from identification.certification import Certified, size_that_matters
+from identification.domains import Domain
+from identification.engines.engine import Engine, Excitation
+from identification.engines.mujoco import Rollouts
+from identification.engines.twin import Twin
+from identification.periodic import Line, PeriodicProblem
+from identification.result import Allowance, Branch, Estimate, Mass, World, identifiability
+from identification.search import inverse_of_gram
+from identification.space import MASSES, Space
+from identification.world import WorldProblem, WorldSpace, nuisances
+
+#: Chi-square per degree of freedom beyond which not even the wide fit follows the recordings.
+FOLLOWS = 2.0
+#: Evaluations of a descent, and of one in MuJoCo, where each costs a simulation a parameter.
+_MOST, _MOST_IN_MUJOCO = 60, 6
+#: An image whose sum of squares is larger by this than the branch's own end is not descended from.
+_FAR = 20.0
+#: Rounds in which a branch's best end goes on until it has converged.
+_ROUNDS = 4
+_Z95 = 1.959963984540054
+_IF_TRUE = ", if the model is true"
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """Where the wide fit of a branch ended.
+
+    Attributes:
+        name: of the branch. q: search variable (n,). problem: whose residual it minimises. objective: chi-square and
+            the squares of the prior's rows. converged: by its tolerances.
+    """
+
+    name: str
+    q: np.ndarray
+    problem: WorldProblem
+    objective: float
+    converged: bool
+
+
+def widest(
+    domain: Domain,
+    space: Space,
+    ratio: float | None,
+    certified: Sequence[Certified],
+    known: Known,
+    without: Sequence[str],
+) -> list[End]:
+    """The wide fit of each branch, best first; nothing where all else is excluded.
+
+    Args:
+        domain: of the certified fit, on harmonics. space: its constants. ratio: of the mirror image. certified: the
+            branches, best first. known: by the laboratory. without: names of branches that cannot be.
+    """
+    foot, data = domain.foot, list(domain.recordings)
+    masses = {name: value for name, value in foot.values().items() if name in MASSES}
+    allowed = nuisances(data, known, tuple(masses), domain.twin)
+    narrow = certified[0].problem
+    if not allowed or not isinstance(narrow, PeriodicProblem):
+        return []
+    world = WorldSpace(space, allowed, data, foot.values(), masses, domain.twin, ratio if domain.twin else None)
+    finest = min((c.problem.engine for c in certified), key=lambda e: min(d.step for d in e.drives))  # type: ignore[attr-defined]
+    weighed = any(each.group == "masses" for each in allowed)
+    drives: list[Excitation] = [replace(d, masses={}) if weighed else d for d in finest.drives]
+    engine: Engine[Excitation]
+    engine = Twin(finest.foot, drives) if domain.twin else Rollouts(finest.foot, drives, world.names, domain.threads)
+    problem = WorldProblem([Line.of(r) for r in data], engine, world, narrow)
+    most = _MOST if domain.twin else _MOST_IN_MUJOCO
+    starts = [(c.name, world.start(space.values(c.descent.theta))) for c in certified]
+    if world.ratio is None:
+        return sorted((_descend(problem, name, q, *world.bounds, most) for name, q in starts), key=_objective)
+    ends: dict[str, End] = {}
+    sides = {name: sign for name, sign in ((STIFF_ANKLE, 1), (STIFF_PAD, -1)) if name not in without}
+
+    def enter(name: str, q: np.ndarray, far: float = np.inf) -> None:
+        low, high = world.side(sides[name])
+        best = ends.get(name)
+        if best is not None and np.sum(problem.residual(np.clip(q, low, high)) ** 2) > best.objective + far:
+            return
+        found = _descend(problem, name, q, low, high, most)
+        if best is None or found.objective < best.objective:
+            ends[name] = found
+
+    for name in sides:
+        for whose, q in starts:
+            enter(name, q if whose == name else world.image(q), np.inf if whose == name else 50 * _FAR)
+    for name, end in list(ends.items()):
+        other = STIFF_PAD if name == STIFF_ANKLE else STIFF_ANKLE
+        if other in sides:
+            enter(other, world.image(end.q), _FAR)
+    for name in ends:  # the odds are between ends, not between places on the way
+        for _ in range(_ROUNDS):
+            if not ends[name].converged:
+                enter(name, ends[name].q)
+    return sorted(ends.values(), key=_objective)
+
+
+def _objective(end: End) -> float:
+    return end.objective
+
+
+def _descend(problem: WorldProblem, name: str, q: np.ndarray, low: np.ndarray, high: np.ndarray, most: int) -> End:
+    problem.start(q)  # orbits are sought from rest
+    inside = np.clip(q, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
+    found = least_squares(
+        problem.residual, inside, problem.jacobian, bounds=(low, high), method="trf", x_scale="jac",
+        ftol=1e-5, xtol=1e-6, gtol=1e-8, max_nfev=most,
+    )  # fmt: skip
+    return End(name, found.x, problem, 2 * float(found.cost), bool(found.success))
+
+
+def widened(end: End, narrow: Branch | None, space: Space, dof: int) -> Branch:
+    """A branch as the wide fit knows it, beside what the narrow one says of it; None where that had no such end.
+
+    Args:
+        end: of the wide fit. narrow: the same branch if the model is true. space: the constants. dof: of the narrow.
+    """
+    world, q = end.problem.world, end.q
+    chi_square = end.problem.chi(q)
+    excess = chi_square / max(1, dof)
+    follows = excess <= FOLLOWS or not dof
+    C = inverse_of_gram(end.problem.jacobian(q)) * max(1.0, excess)
+    theta, std, low, high, correlation = world.estimates(q, C)
+    at_bound = space.at_bound(theta)
+    theta = space.snapped(theta)
+    parameters = {}
+    for i, item in enumerate(space.free):
+        word = identifiability(theta[i], std[i], size_that_matters(item), bool(at_bound[i]))
+        before = None if narrow is None else narrow.parameters[item.key]
+        if before is not None and before.identifiability != "not identifiable":
+            before = replace(before, identifiability=before.identifiability + _IF_TRUE)
+        parameters[item.key] = Estimate(
+            float(theta[i]), float(std[i]), float(low[i]), float(high[i]), bool(at_bound[i]),
+            word if follows else "not identifiable", before,
+        )  # fmt: skip
+    told = World(chi_square, end.objective, dof, follows, _masses(world, q, C), _allowances(world, q, C))
+    if narrow is not None:
+        return replace(narrow, parameters=parameters, world=told)
+    fit = float(np.mean([_percent(y, line) for y, line in zip(end.problem.predict(q), end.problem.lines, strict=True)]))
+    return Branch(
+        end.name, end.objective, end.objective, fit, parameters, correlation.tolist(), chi_square, dof, None, told
+    )
+
+
+def _percent(y: np.ndarray, line: Line) -> float:
+    """Fit percentage of model harmonics (H,): Eq. (3.20) of the periodic motion that they make."""
+    Y = line.malleolus.amplitudes
+    return float(100 * (1 - np.linalg.norm(y - Y) / np.linalg.norm(Y)))
+
+
+def _masses(world: WorldSpace, q: np.ndarray, C: np.ndarray) -> tuple[Mass, ...]:
+    found = []
+    for name, stated in world.stated(0).items():
+        kind = world._weighed[name]
+        if kind in world.index:
+            i, prior = world.index[kind], world.slope(kind)
+            x, std = world.of(q, kind), float(np.sqrt(C[i, i]))
+            low, high = (stated * float(np.exp(x + sign * _Z95 * std * prior)) for sign in (-1, 1))
+            found.append(Mass(name, stated, prior, stated * float(np.exp(x)), low, high, max(0.0, 1 - std)))
+    return tuple(found)
+
+
+def _allowances(world: WorldSpace, q: np.ndarray, C: np.ndarray) -> tuple[Allowance, ...]:
+    found = []
+    for each in world.nuisances:
+        i = world.index[each.name]
+        x, std = world.of(q, each.name), float(np.sqrt(C[i, i])) * each.std
+        low, high = (float(np.clip(x + sign * _Z95 * std, each.lower, each.upper)) for sign in (-1, 1))
+        ends = [float(np.clip(each.mean + sign * _Z95 * each.std, each.lower, each.upper)) for sign in (-1, 1)]
+        found.append(
+            Allowance(
+                each.name, each.group, each.does, each.unit, each.value(each.mean), each.value(ends[0]),
+                each.value(ends[1]), each.value(x), each.value(low), each.value(high), (x - each.mean) / each.std,
+                (x - each.mean) / std, each.source,
+            )
+        )  # fmt: skip
+    return tuple(found)

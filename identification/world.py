@@ -1,0 +1,556 @@
+"""What else may be true: departures of the world from the model, each a named nuisance with a prior.
+
+A fit that trusts masses, instruments and laws to the last digit is surer than anyone can be. Here the same recordings
+are described by the model and by what a laboratory seldom excludes: masses that are stated a little wrong, gain, delay
+and drift of the channels, a sensor on soft tissue, springs that relax, constants that follow the load, and a leg that
+rocks. Each has a prior, a row of the least-squares problem, and all are estimated together with the foot.
+
+The branch is the sign of rho, ln k_T = sigma + (rho + ln a) / 2 and ln k_F = sigma - (rho + ln a) / 2 with
+a = m_S / (m_S + m_F) of the stated masses: each branch has its own constrained optimum, which at worst lies at rho = 0.
+The response is even in c_13 and c_23, so their squares are the variables.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fasbody.foot.two_dof import NAMES
+from fasbody.recording.known import Known
+from fasbody.recording.recording import Recording, gain_and_delay
+from identification.branches import EXCHANGED
+from identification.engines.engine import Engine, Excitation
+from identification.periodic import Line, PeriodicProblem
+from identification.search import UNSTABLE
+from identification.space import DELAY, MASSES, Space
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """One thing that may be true beside the model.
+
+    Attributes:
+        name: of the variable. group: what is excluded together (`Known`). unit: of its value, "" for a share.
+        mean, std: of the prior. lower, upper: bounds; a half-normal prior has its mean at its lower bound.
+        source: where the prior comes from. does: to the recordings.
+        logarithmic: mean, std and bounds are of the natural logarithm of the value.
+    """
+
+    name: str
+    group: str
+    unit: str
+    mean: float
+    std: float
+    lower: float
+    upper: float
+    source: str
+    does: str
+    logarithmic: bool = False
+
+    def value(self, x: float) -> float:
+        """The value in its unit."""
+        return float(np.exp(x)) if self.logarithmic else float(x)
+
+
+_SEGMENTS = "body-segment tables differ by 5 to 11 % between samples"
+_MOUNT = "a skin-mounted sensor overestimates bone by 12 % at 15 to 30 Hz, J Biomech Eng 115:47 (1993)"
+_ROCK = "transverse sensitivity of accelerometers up to 5 %, and a lever arm"
+_PAD = "the heel pad loses 30 % of its energy a cycle, Ker (1996)"
+#: Default uncertainty of segment masses and gain (shares), and of the delay in samples.
+MASS_STD, GAIN_STD, DELAY_STD_SAMPLES = 0.10, 0.01, 0.1
+#: Change of a constant under 2.3 kg that is as likely as not (share).
+LOAD_STD, LOAD_KG = 0.10, 2.3
+
+NUISANCES = (
+    Nuisance("shank mass", "masses", "", 0.0, MASS_STD, -0.5, 0.5, _SEGMENTS, "multiplies m_S, without the load", True),
+    Nuisance("foot mass", "masses", "", 0.0, MASS_STD, -0.5, 0.5, _SEGMENTS, "multiplies m_F", True),
+    Nuisance(
+        "gain", "gain", "", 0.0, GAIN_STD, -0.2, 0.2, "calibration certificates state 1 to 3 %",
+        "of the malleolus' channel against the base's",
+    ),
+    Nuisance("delay", "delay", "s", 0.0, 1e-4, -2e-3, 2e-3, "a multiplexed converter", "of the malleolus' channel"),
+    Nuisance("drift", "drift", "", 0.0, 0.01, -0.2, 0.2, "as the gain", "of the gain from first to last recording"),
+    Nuisance("mount", "mount", "s^2", 0.0, 1e-4, 0.0, 3e-3, _MOUNT, "1 / f^2 of the sensor on its tissue"),
+    Nuisance("mount damping", "mount", "", 0.2, 0.1, 0.02, 0.6, _MOUNT, "damping ratio of the sensor on its tissue"),
+    Nuisance("relaxing k_T", "relaxation", "", 0.0, 0.35, 0.0, 3.0, _PAD, "share of k_T beside it that relaxes"),
+    Nuisance("relaxing k_F", "relaxation", "", 0.0, 0.35, 0.0, 3.0, _PAD, "share of k_F beside it that relaxes"),
+    Nuisance(
+        "relaxation time", "relaxation", "s", float(np.log(5e-3)), float(np.log(2)), float(np.log(5e-4)),
+        float(np.log(5e-2)), "where 10 to 50 Hz see one element", "of both springs", True,
+    ),
+    Nuisance("rocking", "rocking", "", 0.0, 0.03, -0.5, 0.5, _ROCK, "share of the base that rotation adds"),
+    Nuisance(
+        "rocking frequency", "rocking", "Hz", float(np.log(60)), 0.2, float(np.log(30)), float(np.log(150)),
+        "above the band of the recordings", "of the leg's rotation", True,
+    ),
+    Nuisance("rocking damping", "rocking", "", 0.1, 0.05, 0.01, 0.5, "as soft tissue", "ratio of the leg's rotation"),
+)  # fmt: skip
+#: Bends of the dampers, 1/m, and their squares: proper and weak.
+_BEND = 200.0
+#: Below this square [1/m^2] a damper's c_13 is no different from zero.
+_LEAST = 1e-2
+
+
+def nuisances(
+    recordings: Sequence[Recording], known: Known, declared: Sequence[str], twin: bool
+) -> tuple[Nuisance, ...]:
+    """What may be true of these recordings, with what is known of it.
+
+    Args:
+        recordings: in the order of the session. known: what a laboratory or a user has said.
+        declared: masses that the model declares. twin: the compiled two-mass model stands for the model.
+    """
+    stated = np.array([gain_and_delay(r, "malleolus", "base") for r in recordings]).max(axis=0)
+    sample = DELAY_STD_SAMPLES / min(r.rate_hz for r in recordings)
+    gain, delay = (float(s) if s > 0 else usual for s, usual in zip(stated, (GAIN_STD, sample), strict=True))
+    sizes = {
+        "masses": MASS_STD if known.mass_std is None else known.mass_std,
+        "gain": gain if known.gain_std is None else known.gain_std,
+        "delay": delay if known.delay_std_s is None else known.delay_std_s,
+    }
+    found = [replace(each, std=sizes.get(each.group, each.std)) for each in NUISANCES]
+    if not twin:  # without the twin's equations only the instrument and the masses can be told
+        found = [each for each in found if each.group != "relaxation"]
+    shank, foot = bool({"m_S", "m_T"} & set(declared)), "m_F" in declared
+    found = [each for each in found if each.group != "masses" or (shank if "shank" in each.name else foot)]
+    first, *others = sorted({r.condition.added_mass_kg for r in recordings})
+    if twin:
+        for load in others:
+            std = LOAD_STD * (load - first) / LOAD_KG
+            text = f"force on a heel grows as deformation to the power 2.6, against {first:g} kg"
+            found += [
+                Nuisance(f"{name} under {load:g} kg", "load", "", 0.0, std, -1.0, 1.0, text, f"multiplies {name}", True)
+                for name in EXCHANGED
+            ]
+    return tuple(each for each in found if each.std > 0 and each.group not in known.excluded)
+
+
+@dataclass(frozen=True, eq=False)
+class WorldSpace:
+    """Search space of a foot and what else may be true: the constants first, then the nuisances.
+
+    Attributes:
+        feet: space of the foot's constants. nuisances: what else may be true. recordings: their conditions count.
+        own: values of the model's constants. masses: those where a condition has none. twin: the compiled model stands
+            for it, so that its constants may differ from one recording to the next. ratio: of the mirror image, None
+            where there is none.
+    """
+
+    feet: Space
+    nuisances: tuple[Nuisance, ...]
+    recordings: Sequence[Recording]
+    own: Mapping[str, float]
+    masses: Mapping[str, float]
+    twin: bool
+    ratio: float | None
+
+    @cached_property
+    def base(self) -> list[str]:
+        """Names of the constants' variables: k_T and k_F are sigma and rho where a mirror is known."""
+        return list(self.feet.names)
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Place of each variable."""
+        return {name: i for i, name in enumerate([*self.base, *(each.name for each in self.nuisances)])}
+
+    @cached_property
+    def squared(self) -> list[str]:
+        """Constants of which the response is even, so that their squares are searched."""
+        return [name for name in ("c_13", "c_23") if self.twin and name in self.base]
+
+    @cached_property
+    def prior(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard deviation (n,), (n,) of each variable; infinite where nothing is known before."""
+        mean, std = np.zeros(len(self.index)), np.full(len(self.index), np.inf)
+        for name in self.base if self.twin else []:
+            if name in self.squared:
+                std[self.index[name]] = 1.0
+            elif name in ("c_12", "c_22"):
+                std[self.index[name]] = _BEND / self._scale[self.index[name]]
+        for each in self.nuisances:
+            mean[self.index[each.name]], std[self.index[each.name]] = each.mean / each.std, 1.0
+        return mean, std
+
+    @cached_property
+    def _scale(self) -> np.ndarray:
+        """What one unit of each variable is: of the logarithm, or in the unit of the constant."""
+        scale = self.feet.scale[: len(self.base)]
+        own: list[float] = [_BEND**2 if name in self.squared else s for name, s in zip(self.base, scale, strict=True)]
+        return np.array([*own, *(each.std for each in self.nuisances)])
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of the search variable; sigma and rho may go where k_T and k_F may."""
+        p = len(self.base)
+        low, high = (limit[:p].copy() for limit in self.feet.bounds)
+        for name in self.squared:
+            i = self.index[name]
+            ends = np.array([self.feet.lower[i], self.feet.upper[i]]) ** 2 / self._scale[i]
+            low[i], high[i] = 0.0 if self.feet.lower[i] <= 0 else ends.min(), ends.max()
+        if self.ratio is not None:
+            T, F, la = self.index["k_T"], self.index["k_F"], np.log(self.ratio)
+            (l_T, h_T), (l_F, h_F) = (low[T], high[T]), (low[F], high[F])
+            low[T], high[T] = 0.5 * (l_T + l_F), 0.5 * (h_T + h_F)  # sigma
+            low[F], high[F] = l_T - h_F - la, h_T - l_F - la  # rho
+        scale = self._scale[p:]
+        ends_of = np.array([(each.lower, each.upper) for each in self.nuisances]).reshape(-1, 2).T / scale
+        return np.concatenate([low, ends_of[0]]), np.concatenate([high, ends_of[1]])
+
+    def side(self, sign: int) -> tuple[np.ndarray, np.ndarray]:
+        """The bounds of one branch: rho above zero (a stiff ankle), or below."""
+        low, high = (limit.copy() for limit in self.bounds)
+        rho = self.index["k_F"]
+        (low if sign > 0 else high)[rho] = 0.0
+        return low, high
+
+    # what a problem needs (identification.space.SearchSpace)
+
+    @property
+    def lower(self) -> np.ndarray:
+        """Lower bounds of the search variable."""
+        return self.bounds[0]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Parameters of a recording's foot: all of the twin's, and the masses where they are estimated."""
+        weighed = tuple(self._weighed) if any(each.group == "masses" for each in self.nuisances) else ()
+        return (*(NAMES if self.twin else self.feet.names), *weighed)
+
+    @cached_property
+    def _weighed(self) -> dict[str, str]:
+        """Masses that the model declares -> the nuisance that multiplies them."""
+        kinds = {"m_S": "shank mass", "m_T": "shank mass", "m_F": "foot mass"}
+        return {name: kinds[name] for name in MASSES if name in self.masses}
+
+    has_delay = False
+
+    def stated(self, number: int) -> dict[str, float]:
+        """Masses of one recording as they were stated, without the load [kg]; the model's own where none were."""
+        condition = self.recordings[number].condition
+        bare = replace(condition, added_mass_kg=0.0).masses
+        return {name: bare.get(name, self.masses[name]) for name in self._weighed}
+
+    def _load(self, number: int, name: str) -> float:
+        condition = self.recordings[number].condition
+        return condition.added_mass_kg if condition.masses and name != "m_F" else 0.0
+
+    def of(self, q: np.ndarray, name: str) -> float:
+        """A nuisance at q: its value, or its logarithm; where it is left out, what the model says of it."""
+        i = self.index.get(name)
+        return 0.0 if i is None else float(q[i] * self._scale[i])
+
+    def slope(self, name: str) -> float:
+        """Its derivative to the search variable."""
+        return float(self._scale[self.index[name]])
+
+    def constants(self, q: np.ndarray, load: float | None = None) -> dict[str, tuple[float, np.ndarray]]:
+        """The foot's constants by name, each with its derivatives (n,), under a load [kg] that they may follow."""
+        n = q.size
+        found: dict[str, tuple[float, np.ndarray]] = {}
+        for name in NAMES if self.twin else self.base:
+            i, row = self.index.get(name), np.zeros(n)
+            if i is None:
+                found[name] = (float(self.feet.fixed[name]), row)
+                continue
+            if self.ratio is not None and name in ("k_T", "k_F"):
+                half = 0.5 if name == "k_T" else -0.5
+                sigma, rho = self.index["k_T"], self.index["k_F"]
+                value = float(np.exp(q[sigma] + half * (q[rho] + np.log(self.ratio))))
+                row[sigma], row[rho] = value, half * value
+            elif name in self.squared:
+                value = float(np.sqrt(max(q[i] * self._scale[i], _LEAST)))
+                row[i] = 0.5 / value * self._scale[i]
+            elif self.feet.free[i].logarithmic:
+                value = float(np.exp(q[i]))
+                row[i] = value
+            else:
+                value, row[i] = float(q[i] * self._scale[i]), self._scale[i]
+            follows = f"{name} under {load or 0:g} kg"
+            if follows in self.index:
+                more = np.exp(self.of(q, follows))
+                value, row = value * more, row * more
+                row[self.index[follows]] += value * self.slope(follows)
+            found[name] = (value, row)
+        return found
+
+    def at(self, number: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Parameters (p,) of one recording's foot, and their derivatives (p, n) to q."""
+        recording = self.recordings[number]
+        found = self.constants(q, recording.condition.added_mass_kg)
+        if "relaxation time" in self.index:
+            w = 2 * np.pi * (recording.condition.frequency_hz or 0.0)
+            for joint in (("k_T", "c_11", "c_12", "c_13"), ("k_F", "c_21", "c_22", "c_23")):
+                found |= self._relaxed(q, w, joint, found)
+        for name, value in self.stated(number).items():
+            kind, row = self._weighed[name], np.zeros(q.size)
+            segment = value * np.exp(self.of(q, kind))
+            if kind in self.index:
+                row[self.index[kind]] = segment * self.slope(kind)
+            found[name] = (segment + self._load(number, name), row)
+        theta = np.array([found[name][0] for name in self.names])
+        return theta, np.stack([found[name][1] for name in self.names])
+
+    def _relaxed(
+        self, q: np.ndarray, w: float, joint: tuple[str, str, str, str], found: Mapping[str, tuple[float, np.ndarray]]
+    ) -> dict[str, tuple[float, np.ndarray]]:
+        """A joint whose spring relaxes, as the constants that move alike at the fundamental w [rad/s].
+
+        The spring is K(i w) = k (1 + r i w tau / (1 + i w tau)): at w it adds stiffness and damping, and the added
+        damping does not bend.
+        """
+        (k, dk), (c, dc), (c2, d2), (c3, d3) = (found[name] for name in joint)
+        name = f"relaxing {joint[0]}"
+        r, by_r, by_tau = self.of(q, name), self.index[name], self.index["relaxation time"]
+        tau, r_slope, tau_slope = np.exp(self.of(q, "relaxation time")), self.slope(name), self.slope("relaxation time")
+        x = w * tau
+        real, imaginary = x * x / (1 + x * x), tau / (1 + x * x)
+        by_log = (2 * x * x / (1 + x * x) ** 2, imaginary - 2 * x * x * imaginary / (1 + x * x))
+        stiff, more = k * (1 + r * real), k * r * imaginary
+        dstiff, dmore = dk * (1 + r * real), dk * r * imaginary
+        dstiff[by_r] += k * real * r_slope
+        dstiff[by_tau] += k * r * by_log[0] * tau_slope
+        dmore[by_r] += k * imaginary * r_slope
+        dmore[by_tau] += k * r * by_log[1] * tau_slope
+        damp, ddamp = c + more, dc + dmore
+        s, ds = c / damp, dc / damp - c * ddamp / damp**2
+        bend, dbend = s * c2, s * d2 + ds * c2
+        square = bend**2 - s * (c2**2 - c3**2)
+        if square > _LEAST:
+            dsquare = 2 * bend * dbend - ds * (c2**2 - c3**2) - s * (2 * c2 * d2 - 2 * c3 * d3)
+            wave, dwave = float(np.sqrt(square)), dsquare / (2 * np.sqrt(square))
+        else:
+            wave, dwave = float(np.sqrt(_LEAST)), np.zeros(q.size)
+        return dict(zip(joint, ((stiff, dstiff), (damp, ddamp), (bend, dbend), (wave, dwave)), strict=True))
+
+    def values(self, theta: np.ndarray) -> dict[str, float]:
+        """All parameter values of a foot by name."""
+        return {**self.feet.fixed, **self.masses, **dict(zip(self.names, map(float, theta), strict=True))}
+
+    def to_q(self, theta: np.ndarray) -> np.ndarray:
+        """Variables are searched as they are reported."""
+        return np.clip(theta, *self.bounds)
+
+    def to_theta(self, q: np.ndarray) -> np.ndarray:
+        """Variables are reported as they are searched."""
+        return q
+
+    def at_bound(self, theta: np.ndarray) -> np.ndarray:
+        """Which variables (n,) rest on a bound."""
+        low, high = self.bounds
+        return np.minimum(theta - low, high - theta) < 1e-4 * (high - low)
+
+    # from the narrow fit and back
+
+    def start(self, values: Mapping[str, float]) -> np.ndarray:
+        """Search variable of constants by name, with every nuisance where its prior is centred.
+
+        A narrow fit that a wrong model has driven to bounds is no place to start: bends are taken no larger than the
+        prior has them, and what rests on a bound starts where the model itself has it.
+        """
+        mean, _ = self.prior
+        values = {**values, **self._inside(values)}
+        q = np.where(np.isfinite(mean), mean, 0.0)
+        theta = np.array([values.get(item.name, 0.0) for item in self.feet.free])
+        q[: len(self.base)] = self.feet.to_q(theta)[: len(self.base)]
+        for name in self.squared:
+            q[self.index[name]] = values[name] ** 2 / self._scale[self.index[name]]
+        if self.ratio is not None:
+            T, F = self.index["k_T"], self.index["k_F"]
+            ankle, pad = q[T], q[F]
+            q[T], q[F] = 0.5 * (ankle + pad), ankle - pad - np.log(self.ratio)
+        return np.clip(q, *self.bounds)
+
+    def _inside(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Better starts of constants whose values are no good ones."""
+        found = {}
+        theta = np.array([values.get(item.name, 0.0) for item in self.feet.free])
+        for item, rests in zip(self.feet.free, self.feet.at_bound(theta), strict=True):
+            if item.name in ("c_12", "c_13", "c_22", "c_23") and self.twin:
+                found[item.name] = float(np.clip(values[item.name], -_BEND, _BEND))
+            elif rests and item.name in self.own:
+                found[item.name] = self.own[item.name]
+        return found
+
+    def image(self, q: np.ndarray) -> np.ndarray:
+        """The mirror image of q: the two joints change places, with what they do besides."""
+        assert self.ratio is not None
+        q, la = q.copy(), np.log(self.ratio)
+        ankle, pad = self.index["c_11"], self.index["c_21"]
+        q[self.index["k_F"]] *= -1
+        q[ankle], q[pad] = q[pad] + la, q[ankle] - la
+        pairs = [("c_12", "c_22"), ("c_13", "c_23"), ("relaxing k_T", "relaxing k_F")]
+        loads = {name.split(" under ")[1] for name in self.index if " under " in name}
+        for load in loads:
+            pairs += [(f"k_T under {load}", f"k_F under {load}"), (f"c_11 under {load}", f"c_21 under {load}")]
+        for a, b in pairs:
+            if a in self.index and b in self.index:
+                i, j = self.index[a], self.index[b]
+                q[i], q[j] = q[j], q[i]
+        return np.clip(q, *self.bounds)
+
+    def estimates(self, q: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, ...]:
+        """The foot's constants as the fit reports them, of q (n,) with the covariance C (n, n).
+
+        Returns:
+            Values (p,), standard errors (p,), limits of 95 % (p,), (p,), and the correlation (p, p). What is squared
+            has limits of its own; a delay that is known to be none has neither.
+        """
+        feet, p = self.feet, len(self.feet.free)
+        rows, z = np.zeros((p, q.size)), np.zeros(p)
+        for i, item in enumerate(feet.free):
+            if item.name not in self.index:
+                continue
+            j = self.index[item.name]
+            if self.ratio is not None and item.name in ("k_T", "k_F"):
+                half = 0.5 if item.name == "k_T" else -0.5
+                rows[i, self.index["k_T"]], rows[i, self.index["k_F"]] = 1.0, half
+                z[i] = half * np.log(self.ratio)
+            else:
+                rows[i, j] = self._scale[j] / feet.scale[i] if item.name == DELAY.name else 1.0
+        z += rows @ q
+        known = np.isfinite(C).all(axis=1)
+        blind = (rows[:, ~known] != 0).any(axis=1)
+        covariance = rows[:, known] @ C[np.ix_(known, known)] @ rows[:, known].T
+        std = np.where(blind, np.inf, np.sqrt(np.diag(covariance)))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            correlation = np.nan_to_num(covariance / np.outer(std, std))
+        limits: dict[int, np.ndarray] = {}
+        for name in self.squared:
+            i = j = self.index[name]
+            square, spread = q[j] * self._scale[j], std[i] * self._scale[j]
+            limits[i] = np.sqrt(np.clip([square - _Z95 * spread, square + _Z95 * spread], 0.0, feet.upper[i] ** 2))
+            z[i] = 0.0 if square < 1e-2 * spread else np.sqrt(square) / feet.scale[i]
+            std[i] = (limits[i][1] - limits[i][0]) / (2 * _Z95) / feet.scale[i]
+        theta = np.clip(feet.to_theta(z), feet.lower, feet.upper)
+        low, high = feet.interval(theta, std)
+        for i, (least, most) in limits.items():
+            low[i], high[i] = least, most
+        return theta, std * feet.slope(theta), low, high, correlation
+
+
+_Z95 = 1.959963984540054
+
+
+class WorldProblem(PeriodicProblem):
+    """The steady-state problem with everything else that may be true; a row of the residual for each prior.
+
+    Args:
+        lines: the measured harmonics. engine: of drives without masses, which the space gives. space: see `WorldSpace`.
+        weights: the problem whose weights are taken over.
+    """
+
+    def __init__(
+        self, lines: Sequence[Line], engine: Engine[Excitation], space: WorldSpace, weights: PeriodicProblem
+    ) -> None:
+        super().__init__(lines, engine, space, tolerance=1e-4)
+        self.world = space
+        self._whiten = weights._whiten
+
+    def _shared_errors(self, amplitudes: Sequence[np.ndarray]) -> np.ndarray:
+        return np.zeros((sum(2 * Y.size for Y in amplitudes), 0))  # gain and delay are estimated here
+
+    def prior_rows(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residual (k,) and derivatives (k, n) of what is known before."""
+        mean, std = self.world.prior
+        has = np.isfinite(std)
+        return ((q - mean) / std)[has], np.diag(1 / std)[has]
+
+    def _evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        r, J = super()._evaluate(q)
+        rows, slopes = self.prior_rows(q)
+        if (r == UNSTABLE).all():
+            rows = np.full(rows.size, UNSTABLE)
+        return np.concatenate([r, rows]), np.concatenate([J, slopes])
+
+    def chi(self, q: np.ndarray) -> float:
+        """Chi-square of the recordings alone."""
+        r = self.residual(q)[: self.size]
+        return float(r @ r)
+
+    def response(self, number: int, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Model harmonics (H,) of one recording and their derivatives (H, n); the third is the identity."""
+        Y, DY, slope = super().response(number, z)
+        line, world = self.lines[number], self.world
+        J = DY @ slope.astype(complex)
+        h = np.arange(1, line.count + 1)
+        f, U = line.base.frequency_hz * h, line.base.amplitudes
+        if "relaxation time" in world.index and line.count > 1:
+            y, j = self._overtones(number, z, 2 * np.pi * f)
+            above = np.where(h > 1, U, 0)
+            Y, J = Y + y * above, J + j * above[:, None]
+        if "rocking" in world.index:
+            size, zeta = world.of(z, "rocking"), world.of(z, "rocking damping")
+            own = np.exp(world.of(z, "rocking frequency"))
+            below = own**2 - f**2 + 2j * zeta * own * f
+            Y = Y - size * U * f**2 / below
+            J[:, world.index["rocking"]] -= U * f**2 / below * world.slope("rocking")
+            more = size * U * f**2 / below**2
+            by_frequency = more * (2 * own**2 + 2j * zeta * own * f)
+            J[:, world.index["rocking frequency"]] += by_frequency * world.slope("rocking frequency")
+            J[:, world.index["rocking damping"]] += more * 2j * own * f * world.slope("rocking damping")
+        if "mount" in world.index:
+            u, zeta = max(world.of(z, "mount"), 0.0), world.of(z, "mount damping")
+            above_ = 1 + 2j * zeta * f * np.sqrt(u)
+            below = above_ - f**2 * u
+            M = above_ / below
+            J *= M[:, None]
+            J[:, world.index["mount"]] += Y * f**2 * (1 + 1j * zeta * f * np.sqrt(u)) / below**2 * world.slope("mount")
+            by_zeta = 2j * f * np.sqrt(u) * (below - above_) / below**2
+            J[:, world.index["mount damping"]] += Y * by_zeta * world.slope("mount damping")
+            Y = Y * M
+        place = number / max(1, len(self.lines) - 1) - 0.5
+        late = 2j * np.pi * f
+        turn = np.exp(-late * world.of(z, "delay"))
+        factor = (1 + world.of(z, "gain") + world.of(z, "drift") * place) * turn
+        J *= factor[:, None]
+        for name, by in (("gain", turn), ("drift", place * turn), ("delay", -late * factor)):
+            if name in world.index:
+                J[:, world.index[name]] += Y * by * world.slope(name)
+        return Y * factor, J, np.eye(z.size)
+
+    def _overtones(self, number: int, z: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What relaxing springs add to the linear transmissibility (H,) at w [rad/s], and its derivatives (H, n).
+
+        The constants of `WorldSpace.at` are right at the fundamental. Of the harmonics above it the part that the
+        base drives is linear, so that its error is known and taken off.
+        """
+        world, s = self.world, 1j * w
+        theta, slope = world.at(number, z)
+        mapped = {name: (theta[i], slope[i]) for i, name in enumerate(world.names)}
+        plain = world.constants(z, world.recordings[number].condition.added_mass_kg)
+        tau, by_tau = np.exp(world.of(z, "relaxation time")), world.index["relaxation time"]
+        x = s * tau
+        exact, alike = [], []
+        for k, c in (("k_T", "c_11"), ("k_F", "c_21")):
+            (k0, dk), (c0, dc) = plain[k], plain[c]
+            name = f"relaxing {k}"
+            r = world.of(z, name)
+            d = np.outer(1 + r * x / (1 + x), dk) + np.outer(s, dc)
+            d[:, world.index[name]] += k0 * x / (1 + x) * world.slope(name)
+            d[:, by_tau] += k0 * r * x / (1 + x) ** 2 * world.slope("relaxation time")
+            exact.append((k0 * (1 + r * x / (1 + x)) + c0 * s, d))
+            (k1, dk), (c1, dc) = mapped[k], mapped[c]
+            alike.append((k1 + c1 * s, dk[None, :] + np.outer(s, dc)))
+        masses = {name: (value, np.zeros(z.size)) for name, value in world.stated(number).items()}
+        masses = {name: (value[0] + world._load(number, name), value[1]) for name, value in masses.items()}
+        m_S, m_F = ({**masses, **mapped}[name] for name in ("m_S", "m_F"))
+        (G, dG), (H, dH) = (_linear(s, *pair, m_S, m_F) for pair in (exact, alike))
+        return G - H, dG - dH
+
+
+def _linear(
+    s: np.ndarray,
+    ankle: tuple[np.ndarray, np.ndarray],
+    pad: tuple[np.ndarray, np.ndarray],
+    m_S: tuple[float, np.ndarray],
+    m_F: tuple[float, np.ndarray],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Malleolus over base (H,) at s = i w of two masses on complex springs, and its derivatives (H, n)."""
+    (a, da), (b, db) = ankle, pad
+    u, v = m_S[0] * s**2 + a, m_F[0] * s**2 + a + b
+    below = u * v - a * a
+    G = a * b / below
+    d = ((b - G * (v + u - 2 * a)) / below)[:, None] * da + ((a - G * u) / below)[:, None] * db
+    return G, d - np.outer(G / below * s**2 * v, m_S[1]) - np.outer(G / below * s**2 * u, m_F[1])
