@@ -33,6 +33,10 @@ _LOST = (
     "No branch is decided, as the model does not follow the recordings, whatever else may be true (chi-square "
     "{per:.3g} per degree of freedom)."
 )
+_UNSETTLED = (
+    "No branch is decided, as the fit that allows for whatever else may be true has not come to rest; more starts or "
+    "what the laboratory knows ([known] in study.toml) may help."
+)
 _PASSED_OVER = "The best end of the {name} branch was passed over: its motion does not last in MuJoCo."
 
 #: Called with what is done, how many, and of how many.
@@ -339,6 +343,8 @@ def judge(question: Question, explored: Explored, answer: Answer, ends: Sequence
     wide = built[0].world
     if wide is not None and not wide.follows and len(built) > 1:
         verdict = Verdict("undecided", verdict.log_likelihood_ratio, _LOST.format(per=wide.per_dof))
+    if verdict.word == "decided" and not all(end.converged for end in ends):
+        verdict = Verdict("undecided", verdict.log_likelihood_ratio, _UNSETTLED)
     best = certified[0].run
     if question.why_not or answer.left_out:
         why = question.why_not or _LEFT_OUT.format(name=answer.left_out[0])

@@ -139,6 +139,8 @@ def widened(end: End, narrow: Branch | None, space: Space, dof: int) -> Branch:
     parameters = {}
     for i, item in enumerate(space.free):
         word = identifiability(theta[i], std[i], size_that_matters(item), bool(at_bound[i]))
+        if word == "identified" and not end.converged:
+            word = "weak"  # another place may fit better, and say something else
         before = None if narrow is None else narrow.parameters[item.key]
         if before is not None and before.identifiability != "not identifiable":
             before = replace(before, identifiability=before.identifiability + _IF_TRUE)

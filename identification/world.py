@@ -182,7 +182,7 @@ class WorldSpace:
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds of the search variable; sigma and rho may go where k_T and k_F may."""
+        """Bounds (n,) of the search variable; sigma and rho may go where k_T and k_F may."""
         p = len(self.base)
         low, high = (limit[:p].copy() for limit in self.feet.bounds)
         for name in self.squared:
@@ -199,7 +199,7 @@ class WorldSpace:
         return np.concatenate([low, ends_of[0]]), np.concatenate([high, ends_of[1]])
 
     def side(self, sign: int) -> tuple[np.ndarray, np.ndarray]:
-        """The bounds of one branch: rho above zero (a stiff ankle), or below."""
+        """The bounds (n,) of one branch: rho above zero (a stiff ankle), or below."""
         low, high = (limit.copy() for limit in self.bounds)
         rho = self.index["k_F"]
         (low if sign > 0 else high)[rho] = 0.0
@@ -209,7 +209,7 @@ class WorldSpace:
 
     @property
     def lower(self) -> np.ndarray:
-        """Lower bounds of the search variable."""
+        """Lower bounds (n,) of the search variable."""
         return self.bounds[0]
 
     @cached_property
@@ -237,7 +237,7 @@ class WorldSpace:
         return condition.added_mass_kg if condition.masses and name != "m_F" else 0.0
 
     def of(self, q: np.ndarray, name: str) -> float:
-        """A nuisance at q: its value, or its logarithm; where it is left out, what the model says of it."""
+        """A nuisance at q (n,): its value, or its logarithm; where it is left out, what the model says of it."""
         i = self.index.get(name)
         return 0.0 if i is None else float(q[i] * self._scale[i])
 
@@ -325,15 +325,15 @@ class WorldSpace:
         return dict(zip(joint, ((stiff, dstiff), (damp, ddamp), (bend, dbend), (wave, dwave)), strict=True))
 
     def values(self, theta: np.ndarray) -> dict[str, float]:
-        """All parameter values of a foot by name."""
+        """All parameter values of a foot by name, from those of the space (p,)."""
         return {**self.feet.fixed, **self.masses, **dict(zip(self.names, map(float, theta), strict=True))}
 
     def to_q(self, theta: np.ndarray) -> np.ndarray:
-        """Variables are searched as they are reported."""
+        """Variables (n,) are searched as they are reported."""
         return np.clip(theta, *self.bounds)
 
     def to_theta(self, q: np.ndarray) -> np.ndarray:
-        """Variables are reported as they are searched."""
+        """Variables (n,) are reported as they are searched."""
         return q
 
     def at_bound(self, theta: np.ndarray) -> np.ndarray:
@@ -344,7 +344,7 @@ class WorldSpace:
     # from the narrow fit and back
 
     def start(self, values: Mapping[str, float]) -> np.ndarray:
-        """Search variable of constants by name, with every nuisance where its prior is centred.
+        """Search variable (n,) of constants by name, with every nuisance where its prior is centred.
 
         A narrow fit that a wrong model has driven to bounds is no place to start: bends are taken no larger than the
         prior has them, and what rests on a bound starts where the model itself has it.
@@ -374,7 +374,7 @@ class WorldSpace:
         return found
 
     def image(self, q: np.ndarray) -> np.ndarray:
-        """The mirror image of q: the two joints change places, with what they do besides."""
+        """The mirror image (n,) of q: the two joints change places, with what they do besides."""
         assert self.ratio is not None
         q, la = q.copy(), np.log(self.ratio)
         ankle, pad = self.index["c_11"], self.index["c_21"]
@@ -465,7 +465,7 @@ class WorldProblem(PeriodicProblem):
         return np.concatenate([r, rows]), np.concatenate([J, slopes])
 
     def chi(self, q: np.ndarray) -> float:
-        """Chi-square of the recordings alone."""
+        """Chi-square of the recordings alone, at q (n,)."""
         r = self.residual(q)[: self.size]
         return float(r @ r)
 
@@ -536,7 +536,7 @@ class WorldProblem(PeriodicProblem):
         masses = {name: (value, np.zeros(z.size)) for name, value in world.stated(number).items()}
         masses = {name: (value[0] + world._load(number, name), value[1]) for name, value in masses.items()}
         m_S, m_F = ({**masses, **mapped}[name] for name in ("m_S", "m_F"))
-        (G, dG), (H, dH) = (_linear(s, *pair, m_S, m_F) for pair in (exact, alike))
+        (G, dG), (H, dH) = (_linear(s, ankle, pad, m_S, m_F) for ankle, pad in (exact, alike))
         return G - H, dG - dH
 
 
