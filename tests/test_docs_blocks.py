@@ -230,7 +230,7 @@ def test_table_of_make_fit_is_what_the_fit_finds(tmp_path: Path, monkeypatch: py
         symbol, _ = symbol_and_unit(key)
         if symbol in shown:
             assert abs(found["value"] - float(shown[symbol])) < 0.2 * found["std_error"], key
-    assert f"{result['verdict']}." in readme
+    assert f"{result['verdict']}, whatever else may be true." in readme
 
 
 def test_a_wrong_block_would_be_found() -> None:
