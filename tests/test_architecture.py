@@ -68,6 +68,7 @@ ROOMS = (
 ENTRANCES = (
     "__main__",
     "commands",
+    "load_effect",
     "crosscheck",
     "reduction",
     "sensitivity",

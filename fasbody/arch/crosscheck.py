@@ -291,6 +291,11 @@ def _rotation(quaternion: Array) -> Array:
 
 
 def import_pinocchio() -> Any:
+    """Pinocchio.
+
+    Raises:
+        FasError: it is not installed.
+    """
     try:
         import pinocchio
     except ImportError as error:

@@ -122,7 +122,8 @@ def stepped_response(foot: Foot, leg: Leg, frequency_hz: float, sites: tuple[str
     qvel[dofs] = (1j * omega * z).real
     motion = harmonics(frequency_hz, [-1j * TABLE_PEAK], periods * period)
     out = Batch(foot, 1).run(motion.controls(step, periods * count)[None], step, qpos, qvel)
-    data, found = mujoco.MjData(foot.model), {s: [] for s in sites}  # type: dict[str, list[float]]
+    data = mujoco.MjData(foot.model)
+    found: dict[str, list[float]] = {s: [] for s in sites}
     first = (periods - 1) * count
     with callbacks():
         controls = motion.controls(step, periods * count)[first:]

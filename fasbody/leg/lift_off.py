@@ -4,8 +4,8 @@ With d the compression of the pad and W the static force (the weight and what re
 
     d'' = a_0(t) - (P - W) / m,    P = max(0, A d^n + c(d) d') for d > 0, else 0
 
-where a_0 is the acceleration of the table and (P - W) / m that of the mass. The tangent stiffness at `REFERENCE_N` is k,
-the damper goes with the tangent stiffness and is c there. Stepped by Runge-Kutta of fourth order from the static
+where a_0 is the acceleration of the table and (P - W) / m that of the mass. The tangent stiffness at `REFERENCE_N` is
+k, the damper goes with the tangent stiffness and is c there. Stepped by Runge-Kutta of fourth order from the static
 state; where the steady motion does not repeat after one period that is said, and the fundamental is read over four.
 """
 

@@ -131,8 +131,9 @@ def lift_off(frequency_hz: Array, values: dict[str, Array]) -> tuple[Array, Arra
     share = values.get("share", np.zeros_like(values["m"]))
     static = values["rest"][:, None] + G * np.array(ADDED_KG)  # its weight presses in either case
     mass = values["m"][:, None] + share[:, None] * np.array(ADDED_KG)
-    many = [np.broadcast_to(values[n][:, None], static.shape).ravel() for n in ("k", "exponent", "c")]
-    MB = steady(frequency_hz, mass.ravel(), static.ravel(), *many).response.reshape(*static.shape, -1)
+    k, exponent, c = (np.broadcast_to(values[n][:, None], static.shape).ravel() for n in ("k", "exponent", "c"))
+    found = steady(frequency_hz, mass.ravel(), static.ravel(), k, exponent, c)
+    MB = found.response.reshape(*static.shape, -1)
     return MB, np.full_like(MB, np.nan)
 
 

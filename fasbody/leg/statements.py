@@ -135,6 +135,11 @@ def _alike_under_load(c: Curves) -> Array:
     return _alike(at(c.size("TB", 1), 15, 20, 25, 30, 35), at(c.size("TB", 2), 15, 20, 25, 30, 35))
 
 
+def _near_one(load: int, hz: float) -> Callable[[Curves], Array]:
+    """TM "close to unity, like a rigid body": twice `EQUAL` below is still close."""
+    return lambda c: np.all(c.size("TM", load)[..., hz >= _F] >= 1 - 2 * EQUAL, axis=-1)
+
+
 def _falls_with_load(c: Curves) -> Array:
     slow = [at(c.size("MB", load), 10, 15) for load in range(3)]
     return np.all((slow[0] > slow[1]) & (slow[1] > slow[2]), axis=-1)
@@ -185,8 +190,7 @@ STATEMENTS: tuple[Statement, ...] = (
         for load, kg in enumerate(ADDED_KG) if load
     ),
     *(
-        Statement("2.4", "TM", f"{kg:g} kg: close to 1 up to {hz} Hz", lambda c, load=load, hz=hz: np.all(
-            c.size("TM", load)[..., hz >= _F] >= 1 - 2 * EQUAL, axis=-1))
+        Statement("2.4", "TM", f"{kg:g} kg: close to 1 up to {hz} Hz", _near_one(load, hz))
         for load, (kg, hz) in enumerate(zip(ADDED_KG, (25, 35, 35), strict=True))
     ),
 )  # fmt: skip
