@@ -124,6 +124,18 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Sag of the arch under a static load, and its resonance under the added masses of Chapter 2.",
         ),
         Command(
+            "leg peaks", "fasbody.leg", "peaks",
+            "Where MB, TB and TM of a leg are highest under 0, 2.3 and 4.5 kg, and which statements they meet.",
+        ),
+        Command(
+            "leg crosscheck", "fasbody.leg", "crosscheck",
+            "Matrices and stepped response of a leg from the equations, Pinocchio and MuJoCo; exit 1 on disagreement.",
+        ),
+        Command(
+            "load effect", "fasbody.load_effect", "",
+            "Which mechanisms can raise the resonance with the load, in how much of what the literature allows them.",
+        ),
+        Command(
             "arch crosscheck", "fasbody.arch", "crosscheck",
             "Mass matrix and velocity terms of the arch from the equations, Pinocchio and MuJoCo; "
             "exit 1 on disagreement.",

@@ -160,7 +160,7 @@ class Question:
         if not delay:
             warnings.append("One frequency cannot tell a delay between the channels from damping: it is held at zero.")
         space = space_of(foot, settings.free, settings.bounds, delay)
-        if any(not r.condition.masses for r in data) and set(MASSES) & set(foot.parameters):
+        if any("m_F" not in r.condition.masses for r in data) and set(MASSES) & set(foot.parameters):
             held = ", ".join(f"{n} {v:.3g} kg" for n, v in foot.values().items() if n in MASSES)
             warnings.append(f"The body mass is unknown, so the model's own masses are used ({held}); give --body-mass.")
         kind = PeriodicDomain if name == "periodic" else TimeDomain

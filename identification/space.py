@@ -14,7 +14,7 @@ from fasbody.foot.parameters import Parameter
 #: Delay of the malleolus channel behind the base channel: a parameter of the instrument, so of no model.
 DELAY = Parameter("delay", "s", -2e-3, 2e-3, (), "channels of a multiplexed converter are sampled one after another")
 #: Parameters that a fit never frees: masses come from the recording's condition.
-MASSES = ("m_S", "m_F", "m_T")
+MASSES = ("m_S", "m_F", "m_T", "added_mass")
 _Z95 = 1.959963984540054
 
 

@@ -62,12 +62,13 @@ def test_one_door(foreign: str) -> None:
 #: The rooms of fasbody from the ground up: each imports from the rows above its own, never from beside it or below.
 ROOMS = (
     ("exceptions", "lazy"), ("console",), ("presentation", "runner"), ("foot",), ("arch", "recording", "cell", "heel"),
-    ("laboratory", "transmissibility"), ("acquire",),
+    ("laboratory", "transmissibility"), ("acquire", "leg"),
 )  # fmt: skip
 #: Commands look into every room, and no room looks at them.
 ENTRANCES = (
     "__main__",
     "commands",
+    "load_effect",
     "crosscheck",
     "reduction",
     "sensitivity",

@@ -60,7 +60,12 @@ def test_study(folder: Path) -> None:
     assert one.condition == Condition("7", "midstance", 0.0, 54.43, 10.0)
     assert two.condition.frequency_hz is None
     shank = 0.0465 * 54.43 + 2.3
-    assert two.condition.masses == {"m_S": shank, "m_T": shank, "m_F": 0.0145 * 54.43}
+    assert two.condition.masses == {
+        "m_S": shank,
+        "m_T": shank,
+        "m_F": 0.0145 * 54.43,
+        "added_mass": two.condition.added_mass_kg,
+    }
     assert two.tuberosity_m_s2 is not None
     assert one.file == f"{folder.name}/recordings/a.csv"
 
@@ -217,7 +222,12 @@ def test_one_file_of_a_study_has_its_conditions(folder: Path) -> None:
 def test_masses_from_the_command_line() -> None:
     given = with_masses(make(), 72.57, 4.5)
     shank = 0.0465 * 72.57 + 4.5
-    assert given.condition.masses == {"m_S": shank, "m_T": shank, "m_F": 0.0145 * 72.57}
+    assert given.condition.masses == {
+        "m_S": shank,
+        "m_T": shank,
+        "m_F": 0.0145 * 72.57,
+        "added_mass": given.condition.added_mass_kg,
+    }
     assert with_masses(given, None, None).condition == given.condition
     assert with_masses(given, None, 0.0).condition.masses["m_S"] == 0.0465 * 72.57
     for body, added, sentence in ((2.0, None, "body mass is 2 kg"), (70.0, -1.0, "added mass is -1 kg")):

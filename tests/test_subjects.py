@@ -27,5 +27,7 @@ def test_segment_masses() -> None:
     assert subjects.foot_mass(72.57) == thesis.FOOT_SHARE * 72.57
     assert subjects.ADDED_MASSES_KG == thesis.ADDED_MASSES_KG
     shank = 0.0465 * 80 + 4.5  # m_S of the two-mass foot, m_T of the arch
-    assert Condition(body_mass_kg=80.0, added_mass_kg=4.5).masses == {"m_S": shank, "m_T": shank, "m_F": 0.0145 * 80}
-    assert Condition(added_mass_kg=4.5).masses == {}
+    assert Condition(body_mass_kg=80.0, added_mass_kg=4.5).masses == {
+        "m_S": shank, "m_T": shank, "m_F": 0.0145 * 80, "added_mass": 4.5,
+    }  # fmt: skip
+    assert Condition(added_mass_kg=4.5).masses == {"added_mass": 4.5}

@@ -13,7 +13,7 @@ from fasbody.foot.shaker import PEAK_TO_PEAK, BaseMotion, samples, sweep
 from fasbody.recording.recording import Recording
 
 #: Parameters that an added mass on the knee raises.
-CARRIERS = ("m_S", "m_T")
+CARRIERS = ("m_S", "m_T", "added_mass")
 #: What the parameters of the shipped models are: the page says these words before the thesis symbol.
 WORDS = {
     "k_T": "ankle stiffness", "c_T": "ankle damping", "k_F": "fat pad stiffness", "c_F": "fat pad damping",

@@ -221,7 +221,7 @@ def mujoco_tree(model: mujoco.MjModel, name: str, tree: Array, velocity: Array) 
 
 def pinocchio_tree(model: mujoco.MjModel, name: str, tree: Array, velocity: Array) -> tuple[Array, Array]:
     """The same from Pinocchio: composite rigid body algorithm and nonlinear effects."""
-    pin = _import_pinocchio()
+    pin = import_pinocchio()
     built = build_pinocchio(model, name)
     data = built.createData()
     dofs = [built.joints[built.getJointId(joint)].idx_v for joint in JOINTS]
@@ -246,7 +246,7 @@ def build_pinocchio(model: mujoco.MjModel, name: str = "model") -> Any:
     Raises:
         ModelError: the model has other joints, or the built one differs in size or mass.
     """
-    pin = _import_pinocchio()
+    pin = import_pinocchio()
     built = pin.Model()
     built.gravity.linear = model.opt.gravity.copy()
     # MuJoCo body -> the Pinocchio joint that carries it, and its frame in that joint's
@@ -290,7 +290,12 @@ def _rotation(quaternion: Array) -> Array:
     return matrix.reshape(3, 3)
 
 
-def _import_pinocchio() -> Any:
+def import_pinocchio() -> Any:
+    """Pinocchio.
+
+    Raises:
+        FasError: it is not installed.
+    """
     try:
         import pinocchio
     except ImportError as error:

@@ -148,7 +148,19 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
     base = int(model.jnt_qposadr[model.joint("base").id])
     if not can_be_constrained(model):  # MuJoCo then need not look for contacts: a fifth of a step
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    return Foot(name, model, declared(model, name), base, first, sensor)
+    parameters = declared(model, name)
+    _check_added_mass(parameters, name)
+    return Foot(name, model, parameters, base, first, sensor)
+
+
+def _check_added_mass(parameters: Parameters, name: str) -> None:
+    """The added mass goes to one place: that of `added_mass`, or with the shank into m_S or m_T."""
+    shank = next((symbol for symbol in ("m_S", "m_T") if symbol in parameters), None)
+    if "added_mass" in parameters and shank:
+        raise ModelError(
+            f"{name}: declares added_mass and {shank}, and {shank} of a recording holds the added mass already; "
+            f"call {shank} otherwise, such as m_K, or leave added_mass out."
+        )
 
 
 def _check_base(model: mujoco.MjModel, name: str, shaker: int) -> None:

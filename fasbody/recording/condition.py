@@ -65,11 +65,15 @@ class Condition:
 
     @property
     def masses(self) -> dict[str, float]:
-        """m_S (in the arch m_T) and m_F [kg] of section 4.5; empty if the body mass is unknown."""
+        """m_S (in the arch m_T) and m_F [kg] of section 4.5, if the body mass is known; and the added mass.
+
+        A model that declares `added_mass` takes the last; m_S and m_T are the shank with what rests on it.
+        """
+        added = {"added_mass": self.added_mass_kg}
         if self.body_mass_kg is None:
-            return {}
+            return added
         shank = shank_mass(self.body_mass_kg, self.added_mass_kg)
-        return {"m_S": shank, "m_T": shank, "m_F": foot_mass(self.body_mass_kg)}
+        return {"m_S": shank, "m_T": shank, "m_F": foot_mass(self.body_mass_kg)} | added
 
 
 def plausible(mass_kg: float, name: str, here: str) -> float:

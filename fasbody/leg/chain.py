@@ -1,0 +1,202 @@
+"""A leg as a chain of masses that go up and down on the table: matrices and frequency response in closed form.
+
+Every mass m_i hangs on the one below it (or on the table) by a spring k_i and a damper c_i. With z_i the stretch of its
+joint, a mass is at y = y_0 + P z, where P_ij = 1 if joint j lies on the way from the table to mass i. In z the
+equations are
+
+    P^T m P z'' + diag(c) z' + diag(k) z = - P^T m 1 y_0''
+
+so that the acceleration of mass i over that of the table is T_i = 1 + (P Z)_i with
+Z = s^2 / (s^2 P^T m P + s c + k) (-P^T m 1) and s = 2 pi j f. The chain may branch.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from fasbody.exceptions import ModelError, unknown
+from fasbody.foot import damper
+from fasbody.foot.model import check_constants
+from fasbody.foot.parameters import declared, names
+
+Array = np.ndarray
+#: Sites that a leg has: where the accelerometers of section 2.2 sit, and the knee.
+SITES = ("malleolus", "tuberosity", "knee")
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """A chain on the table.
+
+    Attributes:
+        names: joint of each mass, from the table up, (n,).
+        mass: [kg], (n,), with every body that is welded to it.
+        parent: number of the mass below, -1 for the table, (n,).
+        stiffness: of each joint [N/m], (n,).
+        damping: of each joint [N s/m], (n,).
+        site: site -> number of the mass it sits on, -1 for the table.
+        carrier: number of the mass that carries the added one, None if the model names none.
+    """
+
+    names: tuple[str, ...]
+    mass: Array
+    parent: tuple[int, ...]
+    stiffness: Array
+    damping: Array
+    site: Mapping[str, int]
+    carrier: int | None = None
+
+    @classmethod
+    def from_model(cls, model: mujoco.MjModel, name: str = "model") -> "Leg":
+        """Read a compiled model: any tree of slides along y on the joint base, with linear springs and dampers.
+
+        Laws in `user` fields are taken for small motion about rest.
+
+        Args:
+            model: the compiled model.
+            name: what to call it in messages.
+
+        Raises:
+            ModelError: something in the model is not in these equations; the message names it.
+        """
+        check_constants(model, name)
+        _check_nothing_else(model, name)
+        base = _slides(model, name)
+        joints = [j for j in range(model.njnt) if j != base]
+        at = {int(model.jnt_bodyid[j]): i for i, j in enumerate(joints)}
+        on = {0: -1, int(model.jnt_bodyid[base]): -1}  # body -> the mass it belongs to
+        mass, parent = np.zeros(len(joints)), [0] * len(joints)
+        for body in range(1, model.nbody):
+            below = on[int(model.body_parentid[body])]
+            on.setdefault(body, at.get(body, below))
+            if body in at:
+                parent[at[body]] = below
+            if on[body] >= 0:
+                mass[on[body]] += model.body_mass[body]
+        laws = [_law(model, j, name) for j in joints]
+        sites = {site: on[int(model.site(site).bodyid[0])] for site in names(model, "site")}
+        labels = tuple(model.joint(j).name for j in joints)
+        k, c = (np.array([law[i] for law in laws]) for i in (0, 1))
+        added = declared(model, name).get("added_mass")
+        carrier = on[added.places[0].index] if added else None
+        return cls(labels, mass, tuple(parent), k, c, sites, carrier)
+
+    @property
+    def path(self) -> Array:
+        """P, shape (n, n): 1 where a joint lies between the table and a mass."""
+        P = np.eye(len(self.mass))
+        for i, below in enumerate(self.parent):
+            if below >= 0:
+                P[i] += P[below]
+        return P
+
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """Mass [kg], damping [N s/m] and stiffness [N/m] in the stretches of the joints, each (n, n)."""
+        P = self.path
+        return P.T @ (self.mass[:, None] * P), np.diag(self.damping), np.diag(self.stiffness)
+
+    def with_added(self, added_mass_kg: float) -> "Leg":
+        """The leg with a mass [kg] where the model says that it goes.
+
+        Raises:
+            ModelError: the model names no place for it.
+        """
+        if not added_mass_kg:
+            return self
+        if self.carrier is None:
+            raise ModelError("the model declares no parameter 'added_mass', so that nothing carries the added mass.")
+        mass = self.mass.copy()
+        mass[self.carrier] += added_mass_kg
+        return replace(self, mass=mass)
+
+    def stretch(self, frequency_hz: Array) -> Array:
+        """Stretch of each joint per acceleration of the table [s^2], complex, shape (f, n)."""
+        M, C, K = self.matrices()
+        s = 2j * np.pi * np.asarray(frequency_hz, float).reshape(-1, 1, 1)
+        push = -self.path.T @ self.mass
+        return np.linalg.solve(s**2 * M + s * C + K, np.broadcast_to(push[:, None], (s.shape[0], push.size, 1)))[..., 0]
+
+    def response(self, frequency_hz: Array) -> Array:
+        """Acceleration of each mass over that of the table, complex, shape (f, n)."""
+        s = 2j * np.pi * np.asarray(frequency_hz, float).reshape(-1, 1)
+        return 1 + s**2 * (self.stretch(frequency_hz) @ self.path.T)
+
+    def at(self, site: str, frequency_hz: Array) -> Array:
+        """The same at a site, shape (f,).
+
+        Raises:
+            ModelError: there is no such site.
+        """
+        if site not in self.site:
+            raise ModelError(f"{unknown('site', site, self.site)}.")
+        number = self.site[site]
+        return np.ones(np.size(frequency_hz), complex) if number < 0 else self.response(frequency_hz)[:, number]
+
+    def modes(self) -> tuple[Array, Array]:
+        """Natural frequencies [Hz] and damping ratios of the oscillating modes, sorted by frequency."""
+        M, C, K = self.matrices()
+        n = len(M)
+        A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+        poles = np.linalg.eigvals(A)
+        poles = poles[poles.imag > 0]
+        poles = poles[np.argsort(np.abs(poles))]
+        return np.abs(poles) / (2 * np.pi), -poles.real / np.abs(poles)
+
+
+def _slides(model: mujoco.MjModel, name: str) -> int:
+    """Number of the joint base; every joint must be a slide along y, one to a body, the bodies not turned."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    for j in range(model.njnt):
+        off = np.abs(data.xaxis[j] - (0, 1, 0)).max()
+        if model.jnt_type[j] != mujoco.mjtJoint.mjJNT_SLIDE or off > 1e-9:
+            raise ModelError(f"{name}: joint {model.joint(j).name!r} is no slide along y, and a leg goes up and down.")
+        if model.jnt_limited[j]:
+            raise ModelError(f"{name}: joint {model.joint(j).name!r} has a limit, which no linear equation has.")
+        if model.qpos_spring[model.jnt_qposadr[j]] != model.qpos0[model.jnt_qposadr[j]]:
+            raise ModelError(f"{name}: joint {model.joint(j).name!r} has a springref; a leg begins at rest.")
+    for body in range(model.nbody):
+        if model.body_jntnum[body] > 1:
+            raise ModelError(f"{name}: body {model.body(body).name!r} has several joints; give each a body of its own.")
+    base = int(model.joint("base").id)
+    for dof in range(model.nv):
+        if model.dof_jntid[dof] != base and model.dof_armature[dof]:
+            joint = model.joint(model.dof_jntid[dof]).name
+            raise ModelError(f"{name}: joint {joint!r} has an armature, which is no mass; give its body the mass.")
+    return base
+
+
+def _check_nothing_else(model: mujoco.MjModel, name: str) -> None:
+    """Refuse what pushes or holds and is not in the equations."""
+    for kind, count in (("tendon", model.ntendon), ("equality", model.neq)):
+        if count:
+            raise ModelError(f"{name}: {kind} {getattr(model, kind)(0).name!r} is not in the equations of a leg.")
+    base = int(model.joint("base").id)
+    for a in range(model.nactuator):
+        if model.actuator_trnid[a, 0] != base:
+            raise ModelError(f"{name}: actuator {model.actuator(a).name!r} is not in the equations of a leg.")
+    for field in ("jnt_stiffnesspoly", "dof_dampingpoly"):
+        values = getattr(model, field)
+        if np.any(values):
+            number = int(np.flatnonzero(np.any(values.reshape(len(values), -1), axis=1))[0])
+            joint = number if field.startswith("jnt") else int(model.dof_jntid[number])
+            raise ModelError(f"{name}: joint {model.joint(joint).name!r} has a polynomial law; a leg's are linear.")
+    if np.any(model.dof_frictionloss):
+        joint = model.joint(model.dof_jntid[int(np.flatnonzero(model.dof_frictionloss)[0])]).name
+        raise ModelError(f"{name}: joint {joint!r} has dry friction, which no linear equation has.")
+    if np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any():
+        raise ModelError(f'{name}: geoms can touch, which no linear equation has; use contype="0" conaffinity="0".')
+
+
+def _law(model: mujoco.MjModel, joint: int, name: str) -> tuple[float, float]:
+    """Stiffness and damping of a joint for small motion about rest."""
+    user = model.jnt_user[joint] if model.jnt_user.shape[1] else np.zeros(damper.USER_SIZE)
+    try:
+        k, c = damper.at_rest(user)
+    except ValueError as error:
+        raise ModelError(f"{name}: joint {model.joint(joint).name!r} {error}.") from None
+    own = float(model.dof_damping[model.jnt_dofadr[joint]])
+    own = 0.0 if user[0] == damper.DAMPER else own  # there the own damping is a share of the law's
+    return float(model.jnt_stiffness[joint]) + k, own + c

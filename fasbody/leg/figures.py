@@ -1,0 +1,87 @@
+"""Figures of the leg. Every function returns a matplotlib Figure."""
+
+from collections.abc import Sequence
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from fasbody.leg.statements import ADDED_KG, RANGES_HZ
+
+if TYPE_CHECKING:
+    from fasbody.leg.mechanisms import Searched
+    from fasbody.leg.peaks import Peaks
+
+#: One colour and one line a load, so that a print without colour tells them apart.
+COLOURS, LINES = ("#0072b2", "#d55e00", "#009e73"), ("-", "--", "-.")
+
+
+def png(figure: Figure, dpi: int = 200) -> bytes:
+    """The figure as a PNG file."""
+    buffer = BytesIO()
+    FigureCanvasAgg(figure)
+    figure.savefig(buffer, format="png", dpi=dpi)
+    return buffer.getvalue()
+
+
+def _plain(ax: Axes) -> None:
+    ax.axhline(1, color="0.6", lw=0.8, zorder=0)
+    ax.grid(color="0.92")
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def _ranges(ax: Axes) -> None:
+    """Bars at the foot of a panel: where each load's resonance was measured."""
+    for load, ((low, high), colour) in enumerate(zip(RANGES_HZ, COLOURS, strict=True)):
+        height = 0.03 + 0.035 * load
+        ax.plot(
+            [low, high], [height] * 2, color=colour, lw=4, solid_capstyle="butt", transform=ax.get_xaxis_transform()
+        )
+
+
+def peaks(result: "Peaks") -> Figure:
+    """MB, TB and TM over frequency under three loads; bars mark where MB was measured to resonate."""
+    figure = Figure(figsize=(7.2, 2.9), layout="constrained")
+    panels = figure.subplots(1, 3)
+    for ax, pair in zip(panels, ("MB", "TB", "TM"), strict=True):
+        for added, T, colour, line in zip(ADDED_KG, getattr(result, pair), COLOURS, LINES, strict=True):
+            ax.plot(result.frequency_hz, np.abs(T), color=colour, ls=line, lw=1.4, label=f"{added:g} kg added")
+        ax.set_title(pair, fontsize=9, loc="left")
+        ax.set_xlabel("frequency [Hz]")
+        ax.set_ylim(bottom=0)
+        _plain(ax)
+    _ranges(panels[0])
+    panels[0].set_ylabel("transmissibility [1]")
+    panels[1].legend(fontsize=8, frameon=False)
+    return figure
+
+
+def mechanisms(found: "Sequence[Searched]") -> Figure:
+    """MB of each mechanism's best set under three loads, 10-50 Hz; bars mark the measured ranges."""
+    rows = -(-len(found) // 2)
+    figure = Figure(figsize=(7.2, 2.2 * rows), layout="constrained")
+    panels = figure.subplots(rows, 2, sharex=True).ravel()
+    f = np.arange(10.0, 50.25, 0.5)
+    for ax, each in zip(panels, found, strict=False):
+        values = {name: np.array([value]) for name, value in each.best.items()}
+        MB = np.abs(each.mechanism.response(f, values)[0][0])
+        for added, T, colour, line in zip(ADDED_KG, MB, COLOURS, LINES, strict=True):
+            ax.plot(f, T, color=colour, ls=line, lw=1.4, label=f"{added:g} kg added")
+        ax.set_title(f"{each.mechanism.name}: {each.best_judged.ranges[0]} of 3 ranges", fontsize=9, loc="left")
+        ax.set_ylim(0, 1.15 * max(1.2, MB.max()))
+        ax.tick_params(labelbottom=True)
+        _ranges(ax)
+        _plain(ax)
+    handles, labels = panels[0].get_legend_handles_labels()
+    for ax in panels[len(found) :]:
+        ax.axis("off")
+        ax.legend(handles, labels, frameon=False, loc="center", title="bars: measured resonance")
+    if len(found) == panels.size:
+        panels[0].legend(fontsize=8, frameon=False)
+    figure.supxlabel("frequency [Hz]", fontsize=10)
+    figure.supylabel("MB [1]", fontsize=10)
+    return figure

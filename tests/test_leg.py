@@ -1,0 +1,123 @@
+"""The leg above the foot: three engines, an independent ODE, edits followed or refused, the shipped peaks."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import mjcf
+from fasbody.exceptions import ModelError
+from fasbody.foot.model import load
+from fasbody.leg.chain import Leg
+from fasbody.leg.crosscheck import MATRICES, RESPONSES, crosscheck
+from fasbody.leg.statements import ADDED_KG, RANGES_HZ
+
+Edit = Callable[..., Path]
+
+
+@pytest.fixture
+def edit(tmp_path: Path) -> Edit:
+    def edited(*changes: tuple[str, str]) -> Path:
+        text = mjcf.path("leg").read_text()
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        file = tmp_path / "edited.xml"
+        file.write_text(text)
+        return file
+
+    return edited
+
+
+def read(model: str | Path) -> Leg:
+    foot = load(model)
+    return Leg.from_model(foot.model, foot.name)
+
+
+def test_three_engines_agree_on_a_loaded_leg() -> None:
+    result = crosscheck(added_mass_kg=4.5)
+    assert max(result.matrices.values()) < MATRICES
+    assert max(result.responses.values()) < RESPONSES
+    assert result.agrees
+
+
+def test_response_is_that_of_an_independent_ode_in_absolute_coordinates() -> None:
+    leg, f = read("leg").with_added(2.3), 25.0
+    n, omega = len(leg.mass), 2 * np.pi * f
+
+    def rates(t: float, x: np.ndarray) -> np.ndarray:
+        y, v = np.append(x[:n], -np.sin(omega * t) / omega**2), np.append(x[n:], -np.cos(omega * t) / omega)
+        push = np.zeros(n + 1)
+        for i, below in enumerate(leg.parent):  # the table is the last
+            pull = leg.stiffness[i] * (y[i] - y[below]) + leg.damping[i] * (v[i] - v[below])
+            push[i] -= pull
+            push[below] += pull
+        return np.append(v[:n], push[:n] / leg.mass)
+
+    times = np.linspace(3, 3 + 1 / f, 201)[:-1]
+    start = np.append(np.zeros(n), np.full(n, -1 / omega))
+    out = solve_ivp(rates, (0, times[-1]), start, method="Radau", t_eval=times, rtol=1e-9, atol=1e-13)
+    at = leg.site["malleolus"]
+    wave = 2 / 200 * out.y[at] @ np.exp(-1j * omega * times)
+    assert -(omega**2) * wave / -1j == pytest.approx(leg.at("malleolus", np.array([f]))[0], rel=1e-6)
+
+
+def test_peaks_lie_where_they_were_measured_and_no_constant_changes() -> None:
+    leg, f = read("leg"), np.arange(10, 50, 0.1)
+    for added, (low, high) in zip(ADDED_KG, RANGES_HZ, strict=True):
+        assert low < f[np.abs(leg.with_added(added).at("malleolus", f)).argmax()] < high
+    assert all(leg.with_added(added).modes()[0][0] < 15 for added in ADDED_KG)
+    assert abs(leg.stiffness[2] - 14.9e3) < 2 * 3.5e3
+    assert abs(leg.damping[2] - 430) < 2 * 36
+
+
+def test_a_load_that_moves_with_the_shank_misses_the_ranges(edit: Edit) -> None:
+    """The control: bolted to the shank the same load raises the peak too, but not to where it was measured."""
+    file = edit(('name="tissue" stiffness="', 'name="tissue" stiffness="1000'))
+    bolted, leg, f = read(file), read("leg"), np.arange(10, 50, 0.1)
+    for added in ADDED_KG[1:]:
+        soft, stiff = (f[np.abs(x.with_added(added).at("malleolus", f)).argmax()] for x in (leg, bolted))
+        assert stiff < 30 < soft
+
+
+def test_added_mass_goes_where_the_model_says(edit: Edit) -> None:
+    foot = load("leg")
+    heavy = foot.with_values({"added_mass": 2.3})
+    np.testing.assert_allclose(
+        Leg.from_model(heavy.model).matrices()[0], read("leg").with_added(2.3).matrices()[0], rtol=1e-12
+    )
+    moved = edit(("body load mass", "body thigh mass"))
+    assert read(moved).names[read(moved).carrier] == "thigh"
+    with pytest.raises(ModelError, match="declares added_mass and m_S"):
+        load(edit(('name="m_K"', 'name="m_S"')))
+
+
+def test_an_insole_is_followed(edit: Edit) -> None:
+    pad = '<body name="foot" childclass="bone">'
+    insole = '<body name="insole" childclass="bone"><joint name="insole" stiffness="9e4" damping="70"/>'
+    insole += '<inertial pos="0 0 0" mass="0.3" diaginertia="1e-3 1e-3 1e-3"/>'
+    file = edit((pad, insole + pad), ("</worldbody>", "</body></worldbody>"))
+    leg = read(file)
+    assert leg.names[0] == "insole"
+    assert leg.parent[1] == 0
+    assert crosscheck(file).agrees
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "names"),
+    [
+        ('<joint name="thigh"', '<joint name="thigh" axis="1 0 0"', "joint 'thigh' is no slide along y"),
+        ('<joint name="thigh"', '<joint name="thigh" range="0 1"', "joint 'thigh' has a limit"),
+        ('<joint name="thigh"', '<joint name="thigh" springref="1"', "joint 'thigh' has a springref"),
+        ('<joint name="thigh"', '<joint name="thigh" armature="1"', "joint 'thigh' has an armature"),
+        ('<joint name="thigh"', '<joint name="thigh" frictionloss="1"', "joint 'thigh' has dry friction"),
+        ('<joint name="tissue" stiffness="', '<joint name="tissue" stiffness="0 1 ', "joint 'tissue' has a polynomial"),
+        ('<joint name="hindfoot"', '<joint name="more"/><joint name="hindfoot"', "'malleolus' has several joints"),
+        ("</actuator>", '<motor name="m" joint="thigh"/></actuator>', "actuator 'm' is not in the equations"),
+    ],
+)
+def test_what_the_equations_do_not_have_is_refused_by_name(edit: Edit, old: str, new: str, names: str) -> None:
+    with pytest.raises(ModelError, match=names):
+        read(edit((old, new)))
