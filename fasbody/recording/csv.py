@@ -173,9 +173,7 @@ def read_csv(file: Path, layout: Layout | None = None) -> Channels:
     places = {name: index for name, (index, _) in wanted.items()}
     columns = _numbers(file, text, separator, names, places, first)
     channels = {name: columns[name] * factor for name, (_, factor) in wanted.items()}
-    if layout.rate_hz and "time_s" not in channels:
-        channels["time_s"] = np.arange(channels["base_m_s2"].size) / layout.rate_hz
-    return channels
+    return layout.timed(file, channels)
 
 
 def _units(text: str, line: int, separator: str, names: Sequence[str]) -> list[str] | None:

@@ -1,6 +1,7 @@
 """A recording's channels from a file and into one, whatever its format: CSV here, instruments' files in formats/."""
 
 import importlib
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from fasbody.recording.channels import Channels, Layout
 from fasbody.recording.csv import read_csv
 from fasbody.recording.formats import ENDINGS
 from fasbody.recording.formats.reader import read_series
-from fasbody.recording.formats.series import FormatError, need
+from fasbody.recording.formats.series import FormatError, Series, need
 
 #: Endings of text files, which are read as CSV.
 TEXTS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
@@ -38,21 +39,57 @@ def read(file: Path, layout: Layout | None = None) -> Channels:
     found = read_series(file)
     series = [s for s in found if not s.what]
     passed = [f"{s.name!r} is {s.what}" for s in found if s.what]
+    stated = {s.rate_hz for s in series} - {None}
     wanted = layout.find(
-        file, [s.name for s in series], [s.unit for s in series], None, passed, [s.values.size for s in series]
-    )
+        file, [s.name for s in series], [s.unit for s in series], None, passed, [s.values.size for s in series],
+        clocked=bool(stated),
+    )  # fmt: skip
     channels = {name: series[index].values * factor for name, (index, factor) in wanted.items()}
-    if "time_s" not in channels:
-        rates = {series[index].rate_hz for index, _ in wanted.values()} - {None}
-        rates = rates or {next((s.rate_hz for s in series if s.rate_hz), None)} - {None}
-        if len(rates) > 1:
-            listed = ", ".join(f"{rate:g}" for rate in sorted(r for r in rates if r))
-            raise InputFileError(file, f"its channels have different rates ({listed} Hz)", "resample them to one rate")
-        rate = layout.rate_hz or next(iter(rates), None)
-        if not rate:
-            raise InputFileError(file, "has neither a time nor a sampling rate", "give sampling_rate_hz in study.toml")
-        channels["time_s"] = np.arange(channels["base_m_s2"].size) / rate
-    return _long_enough(file, layout.aligned(file, channels))
+    sources = {name: series[index] for name, (index, _) in wanted.items() if not name.startswith("time")}
+    for name, source in sources.items():
+        _one_scale(file, name.removesuffix("_m_s2"), source, layout)
+    rates = {s.rate_hz for s in sources.values() if s.rate_hz}
+    rates = rates or {rate for rate in (next((s.rate_hz for s in series if s.rate_hz), None),) if rate}
+    if len(rates) > 1:
+        listed = ", ".join(f"{rate:g}" for rate in sorted(rates))
+        raise InputFileError(file, f"its channels have different rates ({listed} Hz)", "resample them to one rate")
+    own = bool({"time", "time_s"} & channels.keys())
+    channels = layout.timed(file, channels, next(iter(rates), None))
+    return _long_enough(file, layout.aligned(file, channels, _starts(file, sources, own)))
+
+
+def _one_scale(file: Path, channel: str, source: Series, layout: Layout) -> None:
+    """Refuse a scale of the file that may be applied twice, or not at all."""
+    told = layout.channels.get(channel)
+    sensitivity = bool(told and told.sensitivity != 1.0)
+    if source.scaled and sensitivity and told and not told.volts:
+        raise InputFileError(
+            file, f"scales {source.name!r} itself ({source.scaled}), and study.toml gives "
+            f"channels.{channel}.sensitivity = {told.sensitivity:g}", "keep one of them",
+        )  # fmt: skip
+    if source.unclear and not sensitivity:
+        raise InputFileError(
+            file, f"says {source.unclear} with {source.name!r}, and not whether its numbers contain it",
+            f"give study.toml channels.{channel}.sensitivity, or delete the attribute (scale_factor is applied)",
+        )  # fmt: skip
+
+
+def _starts(file: Path, sources: Mapping[str, Series], own_time: bool) -> dict[str, float]:
+    """When each channel's first sample was taken [s], as the file says; all start together if it says nothing."""
+    known = {name: s.start_s for name, s in sources.items() if s.start_s is not None}
+    listed = ", ".join(f"{sources[name].name} {start:.6g} s" for name, start in known.items())
+    if known and len(known) < len(sources):
+        lacking = next(s.name for name, s in sources.items() if name not in known)
+        raise InputFileError(
+            file, f"says when some channels start ({listed}) and not when {lacking!r} does",
+            "valid: a start time for every channel, or for none",
+        )  # fmt: skip
+    if own_time and known and max(known.values()) - min(known.values()) > 1e-9:
+        raise InputFileError(
+            file, f"its channels have one time and start at different times ({listed})",
+            "valid: one time for all channels, or start times without it",
+        )  # fmt: skip
+    return known
 
 
 def _long_enough(file: Path, channels: Channels) -> Channels:

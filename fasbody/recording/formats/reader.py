@@ -15,6 +15,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import fields
 from pathlib import Path
 from typing import BinaryIO
 
@@ -59,7 +60,10 @@ def read_series(file: Path, patience_s: float = PATIENCE_S) -> list[Series]:
     ends = np.cumsum([s["size"] for s in header["series"]])
     parts = np.split(values, ends[:-1]) if len(ends) else []
     told = header["series"]
-    return [Series(s["name"], s["unit"], v, s["rate_hz"], s["what"]) for s, v in zip(told, parts, strict=True)]
+    return [
+        Series(values=v, **{key: value for key, value in s.items() if key != "size"})
+        for s, v in zip(told, parts, strict=True)
+    ]
 
 
 def _reader() -> "_Child":
@@ -150,7 +154,7 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
                 others = ", ".join(f"{s.name!r} is {s.what}" for s in series[:5])
                 raise FormatError(f"holds no numeric channel{others and f' ({others})'}; save plain real vectors")
             told = [
-                {"name": s.name, "unit": s.unit, "rate_hz": s.rate_hz, "size": s.values.size, "what": s.what}
+                {f.name: getattr(s, f.name) for f in fields(s) if f.name != "values"} | {"size": s.values.size}
                 for s in series
             ]
             header: dict = {"series": told}

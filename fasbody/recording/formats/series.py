@@ -24,6 +24,8 @@ class Series:
     Attributes:
         name, unit: as in the file, unit "" if it does not say. values: (n,). rate_hz: if the file says.
         what: empty, or what this is instead of a column of real numbers; it then has no values.
+        start_s: when the first sample was taken [s], on one clock for the whole file, if the file says.
+        scaled: by which statement of the file its values were scaled. unclear: a scale that was not applied.
     """
 
     name: str
@@ -31,6 +33,9 @@ class Series:
     values: np.ndarray
     rate_hz: float | None = None
     what: str = ""
+    start_s: float | None = None
+    scaled: str = ""
+    unclear: str = ""
 
 
 def passed_over(name: str, what: str) -> Series:
