@@ -120,8 +120,8 @@ def _each(data: Sequence[Path], masses: Sequence[float] | None, option: str) -> 
     if len(masses) not in (1, len(data)) or (len(masses) > 1 and any(path.is_dir() for path in data)):
         given = ", ".join(f"{mass:g}" for mass in masses)
         raise SettingError(
-            f"{option} is given {len(masses)} times ({given}) for {len(data)} files or folders; valid: once for all, or "
-            "once for each file in their order."
+            f"{option} is given {len(masses)} times ({given}) for {len(data)} files or folders; valid: once for all, "
+            "or once for each file in their order."
         )
     return list(masses) if len(masses) > 1 else [masses[0]] * len(data)
 

@@ -9,7 +9,7 @@ from rich.markup import escape
 from fasbody.console import command_line, console, print_json, progress_bar, results
 from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
 from fasbody.recording.channels import Layout
-from fasbody.recording.checks import checked, understood, verdict
+from fasbody.recording.checks import QUALITIES, checked, quality_cells, understood, verdict
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import StudyFolder
 from fasbody.recording.trials import describe, posture_remarks
@@ -111,7 +111,8 @@ def _show(rows: list[dict[str, Any]]) -> None:
     from rich.table import Table
 
     colours = {"unusable": "red", "usable, see below": "yellow", "sound": "default"}
-    table = Table("file", "samples", r"rate \[Hz]", r"excitation \[Hz]", r"rms \[m/s²]", "verdict")
+    heads = ("file", "samples", "rate [Hz]", "excitation [Hz]", "rms [m/s²]", *QUALITIES, "verdict")
+    table = Table(*map(escape, heads))
     for row in rows:
         found = row.get("frequency_hz")
         table.add_row(
@@ -120,6 +121,7 @@ def _show(rows: list[dict[str, Any]]) -> None:
             f"{row['rate_hz']:.6g}" if "rate_hz" in row else "",
             "" if row["problem"] else "broadband" if found is None else f"{found:.5g}",
             ", ".join(f"{name} {value:.3g}" for name, value in row.get("rms_m_s2", {}).items()),
+            *quality_cells(row),
             f"[{colours[verdict(row)]}]{verdict(row)}[/]",
         )
     results.print(table)

@@ -169,9 +169,9 @@ class Layout:
             for index, (name, unit) in enumerate(zip(names, units, strict=True)):
                 stem, behind = name_and_unit(name)
                 if told.column:
-                    bare, claimed = heading(name)
+                    plain, claimed = heading(name)
                     behind = behind if stem == channel else claimed
-                    stem = channel if told.column.strip().lower() in (name.strip().lower(), bare) else ""
+                    stem = channel if told.column.strip().lower() in (name.strip().lower(), plain) else ""
                 if stem != channel:
                     continue
                 self._agree(file, channel, behind, unit, "its heading says", "a unit with the column says")
@@ -192,7 +192,7 @@ class Layout:
             if not clocked and self.rate_hz is None:
                 hint = 'name the column time_s, time_ms or time_us, or give study.toml [channels.time] unit = "s"'
                 raise InputFileError(file, f"{names[bare[0]]!r} has no unit", hint, line=line)
-            wanted = {"time": bare} | wanted
+            wanted["time"] = bare
         clock = ("time_s",) if line and self.rate_hz is None else ()  # only text has no rate of its own
         for name in (*clock, "base_m_s2", "malleolus_m_s2"):
             if name not in wanted:
@@ -317,7 +317,7 @@ class Layout:
             told = ", ".join(f"{name.removesuffix('_m_s2')} {delay:.6g} s" for name, delay in late.items())
             source = "the start times of its channels and " if starts and np.ptp(list(starts.values())) else ""
             raise InputFileError(
-                file, f"lasts {t[-1] - t[0]:.4g} s, too short for {source}delay_s of study.toml (late: {told})",
+                file, f"lasts {t[-1] - t[0]:.4g} s, too short for {source}delay_s of study.toml ({told})",
                 f"valid: delays that leave {100 - 100 * _LONGEST_DELAY:.0f} % of a recording",
             )  # fmt: skip
         # a channel that is late by d holds at t + d what the others hold at t; beyond its ends it holds nothing

@@ -4,8 +4,6 @@ import importlib
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-
 from fasbody.console import write_whole
 from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import Channels, Layout

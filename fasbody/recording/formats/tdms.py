@@ -48,7 +48,9 @@ def decode(file: Path) -> list[Series]:
 
 def _starts(stamps: list[Any], offsets: list[float | None]) -> list[float | None]:
     """Start of each channel [s] after the first: its `wf_start_time` and the `wf_start_offset` after that."""
-    dated = [np.datetime64(stamp) if isinstance(stamp, np.datetime64 | datetime) else None for stamp in stamps]
+    dated: list[Any] = [
+        np.datetime64(stamp) if isinstance(stamp, np.datetime64 | datetime) else None for stamp in stamps
+    ]
     first = min((stamp for stamp in dated if stamp is not None), default=None)
     if first is None:  # no date at all: offsets alone, 0 where there is none
         return (
