@@ -1,5 +1,6 @@
 """`python -m fasbody.recording check PATH` and `convert FROM TO`: what a file holds, and the same in another format."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,6 +17,9 @@ from fasbody.recording.trials import describe, posture_remarks
 
 app: typer.Typer = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
 
+_Columns = Annotated[
+    str | None, typer.Option("--columns", help="names of the columns of a text file without a header, by commas")
+]
 _Study = Annotated[Path | None, typer.Option("--study", help="study.toml that maps channels, units and sensitivities")]
 
 
@@ -30,8 +34,9 @@ def main() -> None:
 
 @app.command()
 def check(
-    path: Annotated[Path, typer.Argument(help="a recording (CSV, MAT, HDF5, UFF, TDMS) or a study folder")],
+    path: Annotated[Path, typer.Argument(help="a recording (CSV, Excel, MAT, HDF5, UFF, TDMS ...) or a study folder")],
     study: _Study = None,
+    columns: _Columns = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Tell what was understood of a recording or a study, and what is wrong with it.
@@ -40,6 +45,8 @@ def check(
 
     Examples:
       python -m fasbody.recording check measured.tdms --study study.toml --json
+
+      python -m fasbody.recording check bare.log --columns time_s,base_g,malleolus_g
     """
     rows: list[dict[str, Any]] = []
     if path.is_dir():
@@ -53,7 +60,9 @@ def check(
                 except FasError as error:
                     rows.append({"file": trial.label, "problem": str(error)})
     else:
-        recording = Recording.read(path, layout=_layout(study))  # a file that cannot be read at all: one sentence
+        recording = Recording.read(
+            path, layout=_layout(study, columns)
+        )  # unreadable: one sentence
         rows.append(understood(recording))
     if json_:
         print_json({"path": str(path), "recordings": rows})
@@ -71,6 +80,7 @@ def convert(
     source: Annotated[Path, typer.Argument(help="the recording to read")],
     target: Annotated[Path, typer.Argument(help="file to write: .csv, .mat, .h5, .uff or .tdms")],
     study: _Study = None,
+    columns: _Columns = None,
     matlab: Annotated[
         str | None, typer.Option(help="version of a .mat file: 5 (default), or 7.3 (which is HDF5)")
     ] = None,
@@ -90,7 +100,7 @@ def convert(
         raise SettingError(f"--matlab {matlab} is not written (valid: 5, 7.3).")
     if matlab and target.suffix.lower() != ".mat":
         raise SettingError(f"--matlab {matlab} is for .mat files, and {target} is none.")
-    recording = Recording.read(source, layout=_layout(study))
+    recording = Recording.read(source, layout=_layout(study, columns))
     recording.write(target, matlab or "5")
     try:
         remarks = checked(recording).warnings
@@ -103,8 +113,11 @@ def convert(
     )
 
 
-def _layout(study: Path | None) -> Layout | None:
-    return None if study is None else describe(study)[1]
+def _layout(study: Path | None, columns: str | None) -> Layout | None:
+    layout = None if study is None else describe(study)[1]
+    if columns is None:
+        return layout
+    return replace(layout or Layout(), columns=tuple(name.strip() for name in columns.split(",")))
 
 
 def _show(rows: list[dict[str, Any]]) -> None:

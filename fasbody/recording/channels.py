@@ -107,13 +107,16 @@ class Layout:
     Attributes:
         channels: by name, "time" included; those not listed are found by name and unit in the file.
         rate_hz: sampling rate of files that have no time.
+        columns: names of the columns of text files without a header. units: of those columns, if known apart.
     """
 
     channels: Mapping[str, Channel] = field(default_factory=dict)
     rate_hz: float | None = None
+    columns: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
 
     @classmethod
-    def from_toml(cls, file: Path, tables: Mapping[str, Any], rate_hz: object = None) -> "Layout":
+    def from_toml(cls, file: Path, tables: Mapping[str, Any], rate_hz: object = None, columns: object = ()) -> "Layout":
         """From the [channels.*] tables of study.toml.
 
         Raises:
@@ -129,7 +132,9 @@ class Layout:
             channels[name] = _channel(file, name, table)
         if rate_hz is not None and not (_is_number(rate_hz) and 0 < rate_hz < 1e7):  # type: ignore[operator]
             raise InputFileError(file, f"sampling_rate_hz = {rate_hz!r}", "valid: a positive number")
-        return cls(channels, None if rate_hz is None else float(rate_hz))  # type: ignore[arg-type]
+        if not (isinstance(columns, list | tuple) and all(isinstance(name, str) for name in columns)):
+            raise InputFileError(file, f"columns = {columns!r}", 'valid: a list of names, ["time_s", "base_g"]')
+        return cls(channels, None if rate_hz is None else float(rate_hz), tuple(columns))  # type: ignore[arg-type]
 
     def known(self, names: Sequence[str]) -> int:
         """How many of a file's columns are channels by their names."""

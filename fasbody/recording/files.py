@@ -1,14 +1,16 @@
 """A recording's channels from a file and into one, whatever its format: CSV here, instruments' files in formats/."""
 
 import importlib
+import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from fasbody.console import write_whole
 from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import Channels, Layout
-from fasbody.recording.csv import read_csv
-from fasbody.recording.formats import ENDINGS
+from fasbody.recording.csv import read_csv, read_table, read_text
+from fasbody.recording.formats import ENDINGS, READ, ending
 from fasbody.recording.formats.reader import read_series
 from fasbody.recording.formats.series import FormatError, Series, need
 
@@ -29,11 +31,13 @@ def read(file: Path, layout: Layout | None = None) -> Channels:
         InputFileError: what is wrong with the file, in one sentence.
     """
     layout = layout or Layout()
-    ending = file.suffix.lower()
-    if ending in TEXTS:
+    end = ending(file)
+    if end in TEXTS:
+        layout = beside(file, layout)
         return _long_enough(file, layout.aligned(file, read_csv(file, layout)))
-    if ending not in ENDINGS:
-        raise InputFileError(file, f"no format has the ending {ending!r}", f"valid: {', '.join((*TEXTS, *ENDINGS))}")
+    if end not in READ:
+        listed = f"valid: {', '.join((*TEXTS, *READ))}, and .gz behind any"
+        raise InputFileError(file, f"no format has the ending {end!r}", listed)
     found = read_series(file)
     series = [s for s in found if not s.what]
     passed = [f"{s.name!r} is {s.what}" for s in found if s.what]
@@ -54,6 +58,41 @@ def read(file: Path, layout: Layout | None = None) -> Channels:
     own = bool({"time", "time_s"} & channels.keys())
     channels = layout.timed(file, channels, next(iter(rates), None))
     return _long_enough(file, layout.aligned(file, channels, _starts(file, sources, own)))
+
+
+def beside(file: Path, layout: Layout) -> Layout:
+    """The layout with what BIDS writes beside a .tsv: rate and columns in its JSON, names and units in _channels.tsv.
+
+    Raises:
+        InputFileError: that file is broken, or its rate is not that of study.toml.
+    """
+    if ending(file) != ".tsv":
+        return layout
+    stem = file.name.removesuffix(".gz").removesuffix(".tsv")
+    sidecar, table = file.with_name(f"{stem}.json"), file.with_name(f"{stem.rpartition('_')[0]}_channels.tsv")
+    if not sidecar.is_file():
+        return layout
+    try:
+        told = json.loads(read_text(sidecar))
+        rate, columns = told.get("SamplingFrequency"), told.get("Columns", [])
+        units = [str((told.get(name) or {}).get("Units", "")) for name in columns]
+        good = all(isinstance(name, str) for name in columns) and isinstance(rate, int | float | None)
+    except (ValueError, AttributeError, TypeError):
+        good = False
+    if not good or (rate is not None and not 0 < rate < 1e9):
+        raise InputFileError(sidecar, "is no sidecar of BIDS", "valid: SamplingFrequency, a number, and Columns, names")
+    if rate and layout.rate_hz and abs(rate / layout.rate_hz - 1) > 1e-3:
+        raise InputFileError(
+            sidecar, f"SamplingFrequency is {rate:g} Hz, and study.toml says sampling_rate_hz = {layout.rate_hz:g}",
+            "correct one of them",
+        )  # fmt: skip
+    if not columns and table.is_file() and table != file:
+        listed = read_table(table, ("name", "units"))
+        columns, units = ([str(cell or "") for cell in listed[key]] for key in ("name", "units"))
+    units = ["" if unit.lower() == "n/a" else unit for unit in units]
+    if columns and layout.columns:
+        return replace(layout, rate_hz=rate or layout.rate_hz)
+    return replace(layout, rate_hz=rate or layout.rate_hz, columns=tuple(columns), units=tuple(units))
 
 
 def _one_scale(file: Path, channel: str, source: Series, layout: Layout) -> None:
@@ -105,10 +144,12 @@ def write(file: Path, channels: Channels, matlab: str = "5") -> None:
     Raises:
         InputFileError: no such format, or the folder cannot be written.
     """
-    ending = file.suffix.lower()
-    if ending not in ENDINGS:
-        raise InputFileError(file, f"no format has the ending {ending!r}", f"valid: .csv, {', '.join(ENDINGS)}")
-    name = "mat73" if ending == ".mat" and matlab == "7.3" else ENDINGS[ending]
+    end = file.suffix.lower()
+    if end not in ENDINGS:
+        raise InputFileError(
+            file, f"no format has the ending {end!r} for writing", f"valid: .csv, {', '.join(ENDINGS)}"
+        )
+    name = "mat73" if end == ".mat" and matlab == "7.3" else ENDINGS[end]
     module = importlib.import_module(f"fasbody.recording.formats.{name}")
     need(module.LIBRARY)
     try:

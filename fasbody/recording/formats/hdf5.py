@@ -16,6 +16,7 @@ from fasbody.recording.formats.series import (
     check_size,
     columns_of,
     passed_over,
+    short,
     with_rate,
 )
 
@@ -54,7 +55,7 @@ def decode(file: Path) -> list[Series]:
             values, scaled, unclear = _scaled(item)
             columns = columns_of(name, values, text, _rate(item.attrs) or base_rate)
             found += [replace(s, scaled=scaled, unclear=unclear) for s in columns]
-    return with_rate([_short(s, found) for s in found])
+    return with_rate(short(found))
 
 
 #: Attributes that may be a scale, applied or not; nobody can know.
@@ -97,13 +98,6 @@ def _no_numbers(item: Any) -> str:
     if item.dtype.kind not in "fiub":
         return "a cell array" if kind == b"cell" else "no numbers"
     return "" if item.shape is not None and item.ndim <= 2 else "no vector or matrix"
-
-
-def _short(series: Series, among: list[Series]) -> Series:
-    """Named without its group where that is unambiguous."""
-    last = series.name.rsplit("/", 1)[-1]
-    twice = sum(s.name.rsplit("/", 1)[-1] == last for s in among) > 1
-    return series if twice else replace(series, name=last)
 
 
 def _rate(attributes: Any) -> float | None:

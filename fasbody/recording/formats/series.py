@@ -1,6 +1,7 @@
 """What every format is read into, and the sizes beyond which a file is refused before anything is allocated."""
 
 import importlib.util
+from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,6 +64,12 @@ def columns_of(name: str, values: np.ndarray, unit: str = "", rate_hz: float | N
     return [Series(f"{name}_{i + 1}", unit, tall[:, i].copy(), rate_hz) for i in range(tall.shape[1])]
 
 
+def short(series: list[Series]) -> list[Series]:
+    """Named without their groups where that is unambiguous."""
+    lasts = Counter(s.name.rsplit("/", 1)[-1] for s in series)
+    return [s if lasts[last] > 1 else replace(s, name=last) for s in series for last in (s.name.rsplit("/", 1)[-1],)]
+
+
 #: Names under which programs store the sampling rate [Hz].
 RATES = ("rate_hz", "sampling_rate_hz", "fs", "sample_rate", "samplerate")
 
@@ -100,7 +107,14 @@ def step_of(time_s: np.ndarray) -> float:
     return step
 
 
+#: Packages that are not called as they are imported.
+_PACKAGES = {"nptdms": "npTDMS"}
+
+
 def need(library: str) -> None:
     """Say which extra to install if a format's library is missing."""
     if importlib.util.find_spec(library) is None:
-        raise SettingError(f"this format needs {library}: pip install 'fasbody[formats]'.")
+        raise SettingError(
+            f"this format needs {library}: pip install {_PACKAGES.get(library, library)}, or all formats by "
+            "pip install 'fasbody[formats]' (in a clone of the project: pip install -e '.[formats]')."
+        )
