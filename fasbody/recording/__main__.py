@@ -1,4 +1,4 @@
-"""`python -m fasbody.recording check PATH` and `convert FROM TO`: what a file holds, and the same in another format."""
+"""`python -m fasbody.recording`: check what a file holds, convert it to another format, init a study of a folder."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +11,7 @@ from fasbody.console import command_line, console, print_json, progress_bar, res
 from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
 from fasbody.recording.channels import Layout
 from fasbody.recording.checks import QUALITIES, checked, quality_cells, understood, verdict
+from fasbody.recording.proposal import TABLES, propose
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import StudyFolder
 from fasbody.recording.trials import describe, posture_remarks
@@ -25,7 +26,7 @@ _Study = Annotated[Path | None, typer.Option("--study", help="study.toml that ma
 
 @app.callback()
 def main() -> None:
-    """Recordings: check what was understood of a file, convert it.
+    """Recordings: check what was understood of a file, convert it, make a study of a folder.
 
     Examples:
       python -m fasbody.recording check my_study
@@ -60,9 +61,7 @@ def check(
                 except FasError as error:
                     rows.append({"file": trial.label, "problem": str(error)})
     else:
-        recording = Recording.read(
-            path, layout=_layout(study, columns)
-        )  # unreadable: one sentence
+        recording = Recording.read(path, layout=_layout(study, columns))  # unreadable: one sentence
         rows.append(understood(recording))
     if json_:
         print_json({"path": str(path), "recordings": rows})
@@ -111,6 +110,38 @@ def convert(
     console.print(
         f"{recording.time_s.size} samples of {len(recording.channels) - 1} channels in {target}", markup=False
     )
+
+
+@app.command()
+def init(
+    folder: Annotated[Path, typer.Argument(help="the folder that holds the recordings, also in folders of its own")],
+    pattern: Annotated[
+        str | None, typer.Option(help="of the file names, with {subject}, {posture}, {load}, {frequency}, {any}")
+    ] = None,
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+) -> None:
+    """Make a study of a folder of recordings: study.toml, subjects.csv and recordings.csv, to be completed.
+
+    File names are scanned and one file of each kind is read. Nothing is overwritten.
+
+    Examples:
+      python -m fasbody.recording init my_study
+
+      python -m fasbody.recording init my_study --pattern "S{subject}_{frequency}Hz_{load}kg"
+    """
+    found = propose(folder, pattern)
+    found.write()
+    if json_:
+        keys = ("pattern", "count", "left_out", "missing")
+        print_json({"folder": str(folder)} | {key: getattr(found, key) for key in keys})
+        return
+    results.print(f"{found.count} recordings named {found.pattern}", markup=False, soft_wrap=True)
+    if found.left_out:
+        named = ", ".join(found.left_out[:5]) + (" ..." if len(found.left_out) > 5 else "")
+        results.print(f"left out, named otherwise: {len(found.left_out)} ({named})", markup=False, soft_wrap=True)
+    results.print(f"written: {', '.join(TABLES)} in {folder}; still missing:", markup=False, soft_wrap=True)
+    for text in found.missing:
+        results.print(f"  {text}", markup=False, soft_wrap=True)
 
 
 def _layout(study: Path | None, columns: str | None) -> Layout | None:

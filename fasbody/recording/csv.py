@@ -201,6 +201,15 @@ def read_csv(file: Path, layout: Layout | None = None) -> Channels:
     return layout.timed(file, channels)
 
 
+def headings(file: Path, layout: Layout) -> tuple[list[str], list[str]]:
+    """Names and units of a recording's columns; none if it has no header."""
+    text = read_text(file)
+    line, separator, names = header(text, layout.known)
+    if all(numeric(cell) for cell in names if cell):
+        return list(layout.columns), list(layout.units) or [""] * len(layout.columns)
+    return names, _units(text, line, separator, names) or [""] * len(names)
+
+
 def _units(text: str, line: int, separator: str, names: Sequence[str]) -> list[str] | None:
     """Units in a row below the header: no number in it, and at least one unit that is known."""
     cells = [re.sub(r"^[\[(]\s*|\s*[\])]$", "", cell) for cell in _row(text, line, separator)]
