@@ -23,7 +23,19 @@ import numpy as np
 from fasbody.exceptions import FasError
 from fasbody.recording import files
 
-ENDINGS = ("csv", "excel.csv", "logger.csv", "mat", "h5", "uff", "tdms", "v73.mat", "lvm", "csv.gz", "tdms.gz")
+ENDINGS: tuple[str, ...] = (
+    "csv",
+    "excel.csv",
+    "logger.csv",
+    "mat",
+    "h5",
+    "uff",
+    "tdms",
+    "v73.mat",
+    "lvm",
+    "csv.gz",
+    "tdms.gz",
+)
 #: Formats whose libraries may be missing.
 ENDINGS += tuple(
     ending

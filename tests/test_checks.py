@@ -204,6 +204,11 @@ def test_a_sensor_that_saturates_softly_is_found() -> None:
     assert np.sqrt(2) * soft.std() / 8.95 < 1.01
     with pytest.raises(RecordingError, match=r"malleolus_m_s2 has flattened tops at 20 Hz .* its sensor saturates"):
         checked(replace(r, malleolus_m_s2=soft))
+    fast = replace(r, base_m_s2=8.95 * np.cos(80 * np.pi * r.time_s))
+    with pytest.raises(RecordingError, match="flattened tops at 40 Hz"):
+        checked(replace(fast, malleolus_m_s2=9.5 * np.tanh(1.2 * np.cos(80 * np.pi * r.time_s - 0.3))))
+    barely = checked(replace(r, malleolus_m_s2=25.0 * np.tanh(r.malleolus_m_s2 / 25.0)))
+    assert "slightly flattened tops at 20 Hz" in barely.warnings[0]
     both = 30.0 * np.tanh(r.base_m_s2 / 12.0) / 2.5  # a shaker that distorts moves base and foot alike
     checked(replace(r, base_m_s2=both, malleolus_m_s2=0.8 * np.roll(both, 2)))
 

@@ -31,6 +31,7 @@ _UNLIKELY = 500.0
 _LEAD_DEG = 1.0
 #: The third harmonic, over the fundamental, of tops that a saturated sensor flattens, and over the base's.
 _FLAT_TOPS, _MORE_THAN_BASE = 0.025, 3.0
+_SUSPECT_TOPS = 0.01
 #: From where on distortion, drift, uneven level and coherence are told (of a sine, and broadband).
 _DISTORTED, _DRIFTS, _UNSTEADY = 0.1, 0.3, 0.1
 _COHERENT = {True: 0.95, False: 0.5}
@@ -279,6 +280,11 @@ def _quality(recording: Recording, found: Quality, frequency: float | None, warn
                 recording,
                 f"{name}_m_s2 has flattened tops {at} (a third harmonic of {100 * flat:.1f} % in phase with them, base "
                 f"{100 * own:.1f} %): its sensor saturates; record with a larger range",
+            )
+        if name != "base" and flat > max(_SUSPECT_TOPS, _MORE_THAN_BASE * own):
+            warnings.append(
+                f"{recording.file}: {name}_m_s2 has slightly flattened tops {at} (a third harmonic of "
+                f"{100 * flat:.1f} % in phase with them); a sensor that begins to saturate reads too little."
             )
         if channel.distortion > _DISTORTED:
             warnings.append(

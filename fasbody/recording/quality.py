@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.recording.harmonics import fit_harmonics, harmonic_count
+from fasbody.recording.harmonics import fit_harmonics
 
 #: Segments that levels are told of, and the periods that one needs.
 _SEGMENTS = 10
@@ -78,7 +78,7 @@ def quality(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: f
         return _broadband(time_s, channels)
     edges = _edges(time_s, frequency_hz)
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
-    count = min(_DISTORTING, harmonic_count(frequency_hz, 2 * rate))
+    count = max(1, min(_DISTORTING, int(0.45 * rate // frequency_hz)))
     found, amplitudes, fits = {}, {}, {}
     for name, values in channels.items():
         whole = fits[name] = fit_harmonics(time_s, values, frequency_hz, count)
