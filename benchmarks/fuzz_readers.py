@@ -5,6 +5,7 @@ another format under the wrong name. A reader must answer with a recording or wi
 and memory, and stay usable. Deterministic for a seed.
 """
 
+import gzip
 import random
 import resource
 import sys
@@ -13,6 +14,8 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from functools import partial
+from importlib.util import find_spec
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +23,25 @@ import numpy as np
 from fasbody.exceptions import FasError
 from fasbody.recording import files
 
-ENDINGS = ("csv", "excel.csv", "logger.csv", "mat", "h5", "uff", "tdms", "v73.mat")
+ENDINGS: tuple[str, ...] = (
+    "csv",
+    "excel.csv",
+    "logger.csv",
+    "mat",
+    "h5",
+    "uff",
+    "tdms",
+    "v73.mat",
+    "lvm",
+    "csv.gz",
+    "tdms.gz",
+)
+#: Formats whose libraries may be missing.
+ENDINGS += tuple(
+    ending
+    for ending, library in {"xlsx": "openpyxl", "wav": "soundfile", "flac": "soundfile", "c3d": "ezc3d"}.items()
+    if find_spec(library)
+)
 _EXTREMES = (
     b"\x00" * 8,
     b"\xff" * 8,
@@ -50,7 +71,50 @@ def sound(samples: int = 200) -> dict[str, bytes]:
     excel = "Gerät 4711; von Hand\n\n" + units.replace(".", ",").replace("\t", ";").replace("\n", "\r\n")
     logger = "# Gerät 4711\n" + units.replace("\t", "|") + "# Ende\n"
     made |= {"csv": plain.replace("\t", ",").encode(), "excel.csv": excel.encode("utf-16")}
-    return made | {"logger.csv": logger.encode("latin-1")}
+    made |= {"csv.gz": gzip.compress(made["csv"], mtime=0), "tdms.gz": gzip.compress(made["tdms"], mtime=0)}
+    names = {"time_s": "X_Value", "base_m_s2": "base", "malleolus_m_s2": "malleolus", "tuberosity_m_s2": "tuberosity"}
+    head = ["LabVIEW Measurement", "Separator\tTab", "X_Columns\tOne", "***End_of_Header***", "", "Channels\t3"]
+    head += [
+        "Y_Unit_Label" + 3 * "\tm/s^2",
+        "Delta_X" + 3 * "\t0.001",
+        "***End_of_Header***",
+        "\t".join(names.values()),
+    ]
+    made |= {"lvm": "\n".join([*head, *rows, ""]).encode(), "logger.csv": logger.encode("latin-1")}
+    return made | {
+        ending: _read_only(ending, channels) for ending in ENDINGS if ending in ("xlsx", "wav", "flac", "c3d")
+    }
+
+
+def _read_only(ending: str, channels: dict[str, np.ndarray]) -> bytes:
+    """A recording in a format that only its own library writes."""
+    file = BytesIO()
+    table = np.column_stack(list(channels.values()))
+    if ending == "xlsx":
+        import openpyxl
+
+        book = openpyxl.Workbook()
+        book.active.append(list(channels))
+        for row in table.tolist():
+            book.active.append(row)
+        book.save(file)
+        return file.getvalue()
+    if ending in ("wav", "flac"):
+        import soundfile
+
+        soundfile.write(file, table[:, 1:] / 40, 1000, format=ending.upper(), subtype="PCM_16")
+        return file.getvalue()
+    import ezc3d
+
+    made = ezc3d.c3d()
+    analog = made["parameters"]["ANALOG"]
+    made["parameters"]["POINT"]["RATE"]["value"] = [100.0]
+    analog["RATE"]["value"], analog["LABELS"]["value"] = [1000.0], ["base", "malleolus", "tuberosity"]
+    analog["UNITS"]["value"] = ["m/s^2"] * 3
+    made["data"]["points"], made["data"]["analogs"] = np.zeros((4, 0, table.shape[0] // 10)), table[None, :, 1:].mT
+    with tempfile.TemporaryDirectory() as folder:
+        made.write(f"{folder}/sound.c3d")
+        return (Path(folder) / "sound.c3d").read_bytes()
 
 
 def mutated(content: bytes, others: list[bytes], rng: random.Random) -> bytes:
@@ -89,7 +153,7 @@ def fuzz(ending: str, count: int, seed: int = 0, advance: Callable[[], None] = l
     rng = random.Random(f"{ending}{seed}")
     seen: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / f"fuzz.{ending.rsplit('.')[-1]}"
+        file = Path(folder) / f"fuzz.{ending if ending.endswith('.gz') else ending.rsplit('.')[-1]}"
         for _ in range(count):
             file.write_bytes(mutated(intact[ending], list(intact.values()), rng))
             start = time.monotonic()

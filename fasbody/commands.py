@@ -60,7 +60,10 @@ def _folder(module: str) -> Path:
 GROUPS: dict[str, tuple[Command, ...]] = {
     "A foot from its recordings": (
         Command("fit", "identification.fit", "", "Estimate the parameters of a foot from recordings of its vibration."),
-        Command("recording", "fasbody.recording", "", "Recordings: check what was understood of a file, convert it."),
+        Command(
+            "recording", "fasbody.recording", "",
+            "Recordings: check what was understood of a file, convert it, make a study of a folder.",
+        ),
         Command(
             "check", "fasbody.recording", "check",
             "Tell what was understood of a recording or a study, and what is wrong with it.",
@@ -68,6 +71,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         Command(
             "convert", "fasbody.recording", "convert",
             "Write a recording in another format, in m/s^2, signs, sensitivities and delays applied.",
+        ),
+        Command(
+            "study init", "fasbody.recording", "init",
+            "Make a study of a folder of recordings: study.toml, subjects.csv and recordings.csv, to be completed.",
         ),
         Command(
             "transmissibility", "fasbody.transmissibility", "",

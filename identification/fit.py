@@ -8,7 +8,7 @@ import typer
 from rich.markup import escape
 
 from fasbody.console import command_line, console, make_folder, print_json, progress_bar, results
-from fasbody.exceptions import InputFileError
+from fasbody.exceptions import InputFileError, SettingError
 from fasbody.recording.recording import Recording, with_masses
 from fasbody.recording.study import BUNDLED, Study, read_file, read_truth
 
@@ -24,8 +24,12 @@ def main(
         list[Path] | None, typer.Argument(help="study folder, or CSV recordings", show_default="bundled study")
     ] = None,
     model: Annotated[str, typer.Option(help="shipped model or MJCF file")] = "two_dof",
-    body_mass: Annotated[float | None, typer.Option(help="body mass in kg, for bare files")] = None,
-    added_mass: Annotated[float | None, typer.Option(help="mass on the knee in kg, for bare files")] = None,
+    body_mass: Annotated[
+        list[float] | None, typer.Option(help="body mass in kg, for bare files; once, or once a file in their order")
+    ] = None,
+    added_mass: Annotated[
+        list[float] | None, typer.Option(help="mass on the knee in kg, for bare files; once, or once a file")
+    ] = None,
     free: Annotated[
         str | None, typer.Option(help="parameters to estimate, e.g. k_T,k_F,c_11,c_21 (default: all)")
     ] = None,
@@ -56,6 +60,8 @@ def main(
       python -m identification.fit 20hz.csv 30hz.csv --body-mass 72.5 --added-mass 2.3
 
       python -m identification.fit my_study --exclude mount,rocking --mass-std 0.03
+
+      python -m identification.fit bare.csv loaded.csv --body-mass 72.5 --added-mass 0 --added-mass 2.3
 
       python -m identification.fit my_study --model my_foot.xml --free k_T,k_F --bounds k_F=3e3:5e5
     """
@@ -95,30 +101,44 @@ def main(
 
 
 def gather(
-    data: Sequence[Path], body_mass: float | None, added_mass: float | None
+    data: Sequence[Path], body_mass: Sequence[float] | None, added_mass: Sequence[float] | None
 ) -> tuple[str, list[Recording], dict[str, float]]:
     """Recordings of study folders and files, with masses from the command line, and the truth of a synthetic study.
 
     Raises:
         InputFileError: nothing of that name, or it cannot be read.
+        SettingError: several masses, and not one for each of the files.
     """
+    bodies, loads = _each(data, body_mass, "--body-mass"), _each(data, added_mass, "--added-mass")
     sources: list[str] = []
     recordings: list[Recording] = []
     truth: dict[str, float] = {}
-    for path in data:
+    for path, body, load in zip(data, bodies, loads, strict=True):
         if path.is_dir():
             study = Study.read(path)
             sources.append(study.name)
-            recordings += study.recordings
+            recordings += [with_masses(recording, body, load) for recording in study.recordings]
             truth = read_truth(path) if len(data) == 1 else {}
         elif path.exists():
             sources.append(path.name)
-            recordings.append(read_file(path))
+            recordings.append(with_masses(read_file(path), body, load))
         else:
             raise InputFileError(path, "no such file or folder", "give a study folder or CSV recordings")
-    return ", ".join(sources[:3]) + (f" and {len(sources) - 3} more" if len(sources) > 3 else ""), [
-        with_masses(recording, body_mass, added_mass) for recording in recordings
-    ], truth  # fmt: skip
+    named = ", ".join(sources[:3]) + (f" and {len(sources) - 3} more" if len(sources) > 3 else "")
+    return named, recordings, truth
+
+
+def _each(data: Sequence[Path], masses: Sequence[float] | None, option: str) -> list[float | None]:
+    """The mass for each of the files: none, one for all, or one each."""
+    if not masses:
+        return [None] * len(data)
+    if len(masses) not in (1, len(data)) or (len(masses) > 1 and any(path.is_dir() for path in data)):
+        given = ", ".join(f"{mass:g}" for mass in masses)
+        raise SettingError(
+            f"{option} is given {len(masses)} times ({given}) for {len(data)} files or folders; valid: once for all, "
+            "or once for each file in their order."
+        )
+    return list(masses) if len(masses) > 1 else [masses[0]] * len(data)
 
 
 def _slug(text: str) -> str:

@@ -8,7 +8,7 @@ import oracle
 import pytest
 
 from fasbody.exceptions import RecordingError
-from fasbody.recording.checks import checked
+from fasbody.recording.checks import checked, understood
 from fasbody.recording.recording import Condition, Recording
 
 RATE, N = 1000.0, 2000
@@ -166,3 +166,89 @@ def test_quantised_sines_are_not_called_clipped() -> None:
         checked(replace(r, base_m_s2=q(r.base_m_s2), malleolus_m_s2=q(r.malleolus_m_s2)))
         turn = 8.95 * np.cos(2 * np.pi * frequency * T)  # without noise the tops are flat
         checked(replace(r, base_m_s2=q(turn)))
+
+
+def swapped(r: Recording) -> Recording:
+    return replace(r, base_m_s2=r.malleolus_m_s2, malleolus_m_s2=r.base_m_s2)
+
+
+def made(ratio: float, lag_deg: float, seconds: float = 10.0) -> Recording:
+    """A sine at 20 Hz whose malleolus answers with a ratio and a lag that are known."""
+    t = np.arange(round(seconds * RATE)) / RATE
+    rng = np.random.default_rng(1)
+    turn = 8.95 * np.exp(2j * np.pi * 20.0 * t)
+    out = ratio * turn * np.exp(-1j * np.radians(lag_deg))
+    return Recording(t, turn.real + rng.normal(0, 0.05, t.size), out.real + rng.normal(0, 0.05, t.size), file="x.csv")
+
+
+def test_channels_swapped_with_a_small_lag_are_found() -> None:
+    for lag in (2.0, 4.0, 8.0):
+        checked(made(0.90, lag))
+        with pytest.raises(
+            RecordingError, match=r"leads the base by \d\.\d degrees at 20 Hz, .* swapped or misaligned"
+        ):
+            checked(swapped(made(0.90, lag)))
+    rng = np.random.default_rng(0)
+    base = rng.normal(0, 5, 20000)
+    late = np.convolve(base, np.exp(-np.arange(40) / 4) / 4.5)[:20000]  # first order: lags at every frequency
+    broad = Recording(np.arange(20000) / RATE, base, late, file="x.csv")
+    checked(broad)
+    with pytest.raises(RecordingError, match="degrees over the band"):
+        checked(swapped(broad))
+
+
+def test_a_sensor_that_saturates_softly_is_found() -> None:
+    """The tops of a tanh: the sine fit reads 0.995 for 1.30."""
+    r = made(1.30, 20.0)
+    soft = 9.5 * np.tanh(r.malleolus_m_s2 / 9.5)
+    assert np.sqrt(2) * soft.std() / 8.95 < 1.01
+    with pytest.raises(RecordingError, match=r"malleolus_m_s2 has flattened tops at 20 Hz .* its sensor saturates"):
+        checked(replace(r, malleolus_m_s2=soft))
+    fast = replace(r, base_m_s2=8.95 * np.cos(80 * np.pi * r.time_s))
+    with pytest.raises(RecordingError, match="flattened tops at 40 Hz"):
+        checked(replace(fast, malleolus_m_s2=9.5 * np.tanh(1.2 * np.cos(80 * np.pi * r.time_s - 0.3))))
+    barely = checked(replace(r, malleolus_m_s2=25.0 * np.tanh(r.malleolus_m_s2 / 25.0)))
+    assert "slightly flattened tops at 20 Hz" in barely.warnings[0]
+    both = 30.0 * np.tanh(r.base_m_s2 / 12.0) / 2.5  # a shaker that distorts moves base and foot alike
+    checked(replace(r, base_m_s2=both, malleolus_m_s2=0.8 * np.roll(both, 2)))
+
+
+@pytest.mark.parametrize("name", [BASE, MALLEOLUS])
+@pytest.mark.parametrize("held", ["value", "noise"])
+def test_a_sensor_frozen_for_a_part_is_found(name: str, held: str) -> None:
+    r = made(0.9, 10.0)
+    values = getattr(r, name).copy()
+    values[4000:7000] = values[4000] if held == "value" else np.random.default_rng(3).normal(0, 0.05, 3000)
+    with pytest.raises(RecordingError, match=rf"{name} stands still from 4 to 6\.999 s while another channel moves"):
+        checked(replace(r, **{name: values}))
+
+
+def test_quality_is_measured_and_judged() -> None:
+    """Each number against the one that the signal was made with."""
+    r = made(0.9, 10.0)
+    t, wt = r.time_s, 2 * np.pi * 20.0 * r.time_s
+    odd = replace(r, malleolus_m_s2=r.malleolus_m_s2 + 0.15 * 0.9 * 8.95 * np.sin(2 * wt))
+    row = understood(odd)
+    assert row["quality"]["malleolus"]["distortion"] == pytest.approx(0.15, abs=0.002)
+    assert row["quality"]["coherence"] == pytest.approx(1, abs=1e-3)
+    assert "malleolus_m_s2 has harmonics of 15 % of its fundamental" in row["warnings"][0]
+    drifting = understood(replace(r, base_m_s2=r.base_m_s2 + 3.5 * t / t[-1]))
+    assert drifting["quality"]["base"]["drift"] == pytest.approx(0.9 * 3.5 / 8.95, rel=0.01)  # of nine tenths' middles
+    assert any("base_m_s2 drifts by 35 % of its amplitude" in text for text in drifting["warnings"])
+    fading = understood(replace(r, malleolus_m_s2=r.malleolus_m_s2 * (1.2 - 0.4 * t / t[-1])))
+    levels = np.array(fading["quality"]["malleolus"]["level_m_s2"])
+    np.testing.assert_allclose(levels, 0.9 * 8.95 * (1.18 - 0.04 * np.arange(10)), rtol=2e-3)
+    assert any("malleolus_m_s2 is not steady, 6.6 to 9.5" in text for text in fading["warnings"])
+    turning = 0.9 * 8.95 * np.cos(wt - 0.4 * np.pi * t / t[-1])  # the phase runs away by 72 degrees
+    lost = understood(replace(r, malleolus_m_s2=turning))
+    share = abs(np.mean(np.exp(0.4j * np.pi * (np.arange(10) + 0.5) / 10))) ** 2
+    assert lost["quality"]["coherence"] == pytest.approx(share, abs=5e-3)
+    assert any("the coherence of malleolus and base is 0.88 at 20 Hz" in text for text in lost["warnings"])
+
+
+def test_quality_of_broadband() -> None:
+    rng = np.random.default_rng(0)
+    base = rng.normal(0, 5, 20000)
+    alone = understood(Recording(np.arange(20000) / RATE, base, rng.normal(0, 5, 20000), file="x.csv"))
+    assert alone["quality"]["coherence"] < 0.2 and "coherence of malleolus and base" in alone["warnings"][0]
+    assert alone["quality"]["base"]["distortion"] is None

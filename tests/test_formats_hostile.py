@@ -138,6 +138,6 @@ def test_missing_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_other_endings_are_refused_and_the_known_ones_listed(tmp_path: Path) -> None:
-    (tmp_path / "r.xlsx").write_bytes(b"PK\x03\x04 text")
-    with pytest.raises(InputFileError, match=r"no format has the ending '\.xlsx'; valid: \.csv, \.txt, .*, \.tdms"):
-        Recording.read(tmp_path / "r.xlsx")
+    (tmp_path / "r.docx").write_bytes(b"PK\x03\x04 text")
+    with pytest.raises(InputFileError, match=r"no format has the ending '\.docx'; valid: \.csv, \.txt, .*, \.tdms"):
+        Recording.read(tmp_path / "r.docx")

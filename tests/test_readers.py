@@ -58,7 +58,7 @@ def test_order_extra_columns_byte_order_mark_and_empty_lines(tmp_path: Path) -> 
     [
         ("", r"is empty; the first line must be time_s,base_m_s2,malleolus_m_s2\."),
         ("time_s,base_m_s2\n0,1\n", r"line 1: has no column 'malleolus_m_s2' \(found: time_s, base_m_s2\)"),
-        ("0,1,2\n0.001,1,2\n", r"has no header line; the first line must be time_s,base_m_s2,malleolus_m_s2\."),
+        ("0,1,2\n0.001,1,2\n", r"has no header line; the first line must be time_s,base_m_s2,malleolus_m_s2, or --c"),
         ("time_s,base_ft_s2,malleolus_m_s2\n0,1,2\n", r"line 1: unknown unit of the column 'base': 'ft_s2'"),
         (table() + "0.003,abc,1\n", r"line 5: base_m_s2 is 'abc', not a number"),
         (table() + "0.003,1\n", r"line 5: malleolus_m_s2 is '', not a number"),

@@ -1,5 +1,6 @@
-"""`python -m fasbody.recording check PATH` and `convert FROM TO`: what a file holds, and the same in another format."""
+"""`python -m fasbody.recording`: check what a file holds, convert it to another format, init a study of a folder."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,19 +10,23 @@ from rich.markup import escape
 from fasbody.console import command_line, console, print_json, progress_bar, results
 from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
 from fasbody.recording.channels import Layout
-from fasbody.recording.checks import checked, understood, verdict
+from fasbody.recording.checks import QUALITIES, checked, quality_cells, understood, verdict
+from fasbody.recording.proposal import TABLES, propose
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import StudyFolder
 from fasbody.recording.trials import describe, posture_remarks
 
 app: typer.Typer = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
 
+_Columns = Annotated[
+    str | None, typer.Option("--columns", help="names of the columns of a text file without a header, by commas")
+]
 _Study = Annotated[Path | None, typer.Option("--study", help="study.toml that maps channels, units and sensitivities")]
 
 
 @app.callback()
 def main() -> None:
-    """Recordings: check what was understood of a file, convert it.
+    """Recordings: check what was understood of a file, convert it, make a study of a folder.
 
     Examples:
       python -m fasbody.recording check my_study
@@ -30,8 +35,9 @@ def main() -> None:
 
 @app.command()
 def check(
-    path: Annotated[Path, typer.Argument(help="a recording (CSV, MAT, HDF5, UFF, TDMS) or a study folder")],
+    path: Annotated[Path, typer.Argument(help="a recording (CSV, Excel, MAT, HDF5, UFF, TDMS ...) or a study folder")],
     study: _Study = None,
+    columns: _Columns = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Tell what was understood of a recording or a study, and what is wrong with it.
@@ -40,6 +46,8 @@ def check(
 
     Examples:
       python -m fasbody.recording check measured.tdms --study study.toml --json
+
+      python -m fasbody.recording check bare.log --columns time_s,base_g,malleolus_g
     """
     from fasbody.heel.study import is_heel_study
 
@@ -58,7 +66,7 @@ def check(
                 except FasError as error:
                     rows.append({"file": trial.label, "problem": str(error)})
     else:
-        recording = Recording.read(path, layout=_layout(study))  # a file that cannot be read at all: one sentence
+        recording = Recording.read(path, layout=_layout(study, columns))  # unreadable: one sentence
         rows.append(understood(recording))
     if json_:
         print_json({"path": str(path), "recordings": rows})
@@ -108,6 +116,7 @@ def convert(
     source: Annotated[Path, typer.Argument(help="the recording to read")],
     target: Annotated[Path, typer.Argument(help="file to write: .csv, .mat, .h5, .uff or .tdms")],
     study: _Study = None,
+    columns: _Columns = None,
     matlab: Annotated[
         str | None, typer.Option(help="version of a .mat file: 5 (default), or 7.3 (which is HDF5)")
     ] = None,
@@ -127,7 +136,7 @@ def convert(
         raise SettingError(f"--matlab {matlab} is not written (valid: 5, 7.3).")
     if matlab and target.suffix.lower() != ".mat":
         raise SettingError(f"--matlab {matlab} is for .mat files, and {target} is none.")
-    recording = Recording.read(source, layout=_layout(study))
+    recording = Recording.read(source, layout=_layout(study, columns))
     recording.write(target, matlab or "5")
     try:
         remarks = checked(recording).warnings
@@ -140,15 +149,51 @@ def convert(
     )
 
 
-def _layout(study: Path | None) -> Layout | None:
-    return None if study is None else describe(study)[1]
+@app.command()
+def init(
+    folder: Annotated[Path, typer.Argument(help="the folder that holds the recordings, also in folders of its own")],
+    pattern: Annotated[
+        str | None, typer.Option(help="of the file names, with {subject}, {posture}, {load}, {frequency}, {any}")
+    ] = None,
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+) -> None:
+    """Make a study of a folder of recordings: study.toml, subjects.csv and recordings.csv, to be completed.
+
+    File names are scanned and one file of each kind is read. Nothing is overwritten.
+
+    Examples:
+      python -m fasbody.recording init my_study
+
+      python -m fasbody.recording init my_study --pattern "S{subject}_{frequency}Hz_{load}kg"
+    """
+    found = propose(folder, pattern)
+    found.write()
+    if json_:
+        keys = ("pattern", "count", "left_out", "missing")
+        print_json({"folder": str(folder)} | {key: getattr(found, key) for key in keys})
+        return
+    results.print(f"{found.count} recordings named {found.pattern}", markup=False, soft_wrap=True)
+    if found.left_out:
+        named = ", ".join(found.left_out[:5]) + (" ..." if len(found.left_out) > 5 else "")
+        results.print(f"left out, named otherwise: {len(found.left_out)} ({named})", markup=False, soft_wrap=True)
+    results.print(f"written: {', '.join(TABLES)} in {folder}; still missing:", markup=False, soft_wrap=True)
+    for text in found.missing:
+        results.print(f"  {text}", markup=False, soft_wrap=True)
+
+
+def _layout(study: Path | None, columns: str | None) -> Layout | None:
+    layout = None if study is None else describe(study)[1]
+    if columns is None:
+        return layout
+    return replace(layout or Layout(), columns=tuple(name.strip() for name in columns.split(",")))
 
 
 def _show(rows: list[dict[str, Any]]) -> None:
     from rich.table import Table
 
     colours = {"unusable": "red", "usable, see below": "yellow", "sound": "default"}
-    table = Table("file", "samples", r"rate \[Hz]", r"excitation \[Hz]", r"rms \[m/s²]", "verdict")
+    heads = ("file", "samples", "rate [Hz]", "excitation [Hz]", "rms [m/s²]", *QUALITIES, "verdict")
+    table = Table(*map(escape, heads))
     for row in rows:
         found = row.get("frequency_hz")
         table.add_row(
@@ -157,6 +202,7 @@ def _show(rows: list[dict[str, Any]]) -> None:
             f"{row['rate_hz']:.6g}" if "rate_hz" in row else "",
             "" if row["problem"] else "broadband" if found is None else f"{found:.5g}",
             ", ".join(f"{name} {value:.3g}" for name, value in row.get("rms_m_s2", {}).items()),
+            *quality_cells(row),
             f"[{colours[verdict(row)]}]{verdict(row)}[/]",
         )
     results.print(table)

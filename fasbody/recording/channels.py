@@ -16,11 +16,11 @@ from fasbody.recording.known import Known
 
 _G = 9.80665
 #: Units that a CSV header or a board may carry behind a channel's name, and what they are in SI.
-UNITS = {"m_s2": 1.0, "g": _G, "mm_s2": 1e-3, "cm_s2": 1e-2}
+UNITS = {"m_s2": 1.0, "g": _G, "mg": 1e-3 * _G, "mm_s2": 1e-3, "cm_s2": 1e-2}
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 #: Those and what else instruments write into their files.
 ACCELERATIONS = UNITS | {
-    "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "gn": _G, "mm/s^2": 1e-3, "cm/s^2": 1e-2,
+    "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "m/s/s": 1.0, "gn": _G, "mm/s^2": 1e-3, "cm/s^2": 1e-2,
 }  # fmt: skip
 VOLTAGES = {"v": 1.0, "mv": 1e-3}
 KNOWN_UNITS = frozenset(ACCELERATIONS | VOLTAGES | TIME_UNITS)
@@ -32,11 +32,20 @@ _SENSITIVITY = re.compile(
 def name_and_unit(name: str) -> tuple[str, str]:
     """Name and unit of a heading such as ``base_m_s2``, ``base [m/s^2]``, ``Base (g)``."""
     text = name.strip().strip('"').lower()
-    match = re.fullmatch(r"([a-z]+)\s*[\[(]\s*([^\])]*?)\s*[\])]", text)
+    match = re.fullmatch(r"([^\[\]()]+?)\s*[\[(]\s*([^\])]*?)\s*[\])]", text)
     if match:
         return match[1], match[2]
     stem, _, unit = text.partition("_")
     return stem, unit
+
+
+def heading(name: str) -> tuple[str, str]:
+    """A column's name as study.toml may give it, and the unit that its heading claims: ``AI0 [g]``, ``acc_x_mm_s2``."""
+    stem, unit = name_and_unit(name)
+    if unit in KNOWN_UNITS and name.strip().strip('"')[-1:] in ")]":
+        return stem, unit
+    behind = (unit for unit in sorted(UNITS, key=len, reverse=True) if name.strip().lower().endswith(f"_{unit}"))
+    return name.strip().lower(), next(behind, "")
 
 
 def factor(file: Path, channel: str, unit: str, valid: Mapping[str, float], line: int | None = None) -> float:
@@ -98,16 +107,25 @@ class Layout:
 
     Attributes:
         channels: by name, "time" included; those not listed are found by name and unit in the file.
-        rate_hz: sampling rate of files that have no time. beyond: what the laboratory knows beyond the recordings.
+        rate_hz: sampling rate of files that have no time.
+        columns: names of the columns of text files without a header. units: of those columns, if known apart.
+        beyond: what the laboratory knows beyond the recordings.
     """
 
     channels: Mapping[str, Channel] = field(default_factory=dict)
     rate_hz: float | None = None
+    columns: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
     beyond: Known = field(default_factory=Known)
 
     @classmethod
     def from_toml(
-        cls, file: Path, tables: Mapping[str, Any], rate_hz: object = None, known: Mapping[str, Any] | None = None
+        cls,
+        file: Path,
+        tables: Mapping[str, Any],
+        rate_hz: object = None,
+        columns: object = (),
+        known: Mapping[str, Any] | None = None,
     ) -> "Layout":
         """From the [channels.*] tables of study.toml, and its [known].
 
@@ -124,8 +142,10 @@ class Layout:
             channels[name] = _channel(file, name, table)
         if rate_hz is not None and not (_is_number(rate_hz) and 0 < rate_hz < 1e7):  # type: ignore[operator]
             raise InputFileError(file, f"sampling_rate_hz = {rate_hz!r}", "valid: a positive number")
+        if not (isinstance(columns, list | tuple) and all(isinstance(name, str) for name in columns)):
+            raise InputFileError(file, f"columns = {columns!r}", 'valid: a list of names, ["time_s", "base_g"]')
         rate = None if rate_hz is None else float(rate_hz)  # type: ignore[arg-type]
-        return cls(channels, rate, Known.from_toml(file, known or {}))
+        return cls(channels, rate, tuple(columns), beyond=Known.from_toml(file, known or {}))
 
     def known(self, names: Sequence[str]) -> int:
         """How many of a file's columns are channels by their names."""
@@ -140,6 +160,7 @@ class Layout:
         line: int | None = None,
         passed: Sequence[str] = (),
         sizes: Sequence[int] = (),
+        clocked: bool = False,
     ) -> dict[str, tuple[int, float]]:
         """Which of the file's columns is which channel.
 
@@ -147,10 +168,10 @@ class Layout:
             file: for messages. names, units: of the file's columns; a unit may also stand behind a name
                 (``base_g``, ``base [g]``). line: of the header, for messages.
             passed: what else the file holds and why it is no channel, for messages.
-            sizes: how many samples each column has, if they may differ.
+            sizes: how many samples each column has, if they may differ. clocked: the file says its rate.
 
         Returns:
-            ``time_s``, ``base_m_s2`` ... -> (index, factor to SI).
+            ``time_s``, ``base_m_s2`` ... -> (index, factor to SI); ``time`` if that has no unit and a rate is known.
 
         Raises:
             InputFileError: a unit is unknown, missing or contradicts study.toml; a channel is missing or there twice;
@@ -163,18 +184,31 @@ class Layout:
             told = self.channels.get(channel, Channel())
             for index, (name, unit) in enumerate(zip(names, units, strict=True)):
                 stem, behind = name_and_unit(name)
-                if name.strip().lower() == told.column.strip().lower() if told.column else stem == channel:
-                    found = told.unit or unit or (behind if stem == channel else "")
-                    if told.unit and (unit or behind) and stem == channel:
-                        self._agree(file, channel, told.unit, unit or behind)
-                    key = "time_s" if channel == "time" else f"{channel}_m_s2"
-                    if channel == "time" and found not in TIME_UNITS and not told.column:
-                        continue
-                    if key in wanted:
-                        raise InputFileError(file, f"has two columns for {channel}", "keep one of them", line=line)
-                    wanted[key] = (index, found or ("s" if channel == "time" else ""))
-            if told.column and not any(key.startswith(f"{channel}_") for key in wanted):
+                if told.column:
+                    plain, claimed = heading(name)
+                    behind = behind if stem == channel else claimed
+                    stem = channel if told.column.strip().lower() in (name.strip().lower(), plain) else ""
+                if stem != channel:
+                    continue
+                self._agree(file, channel, behind, unit, "its heading says", "a unit with the column says")
+                self._agree(file, channel, told.unit, unit or behind, "study.toml says", "the file says")
+                found = told.unit or unit or behind
+                key = "time_s" if channel == "time" else f"{channel}_m_s2"
+                if channel == "time" and not found:
+                    key = "time"
+                elif channel == "time" and found.lower() not in TIME_UNITS and not told.column:
+                    continue
+                if key in wanted:
+                    raise InputFileError(file, f"has two columns for {channel}", "keep one of them", line=line)
+                wanted[key] = (index, found)
+            if told.column and not {channel, f"{channel}_s", f"{channel}_m_s2"} & wanted.keys():
                 raise InputFileError(file, f"has no column {told.column!r} for {channel} ({listed})")
+        bare = wanted.pop("time", None)  # a time that does not say its unit; a known rate tells it
+        if bare and "time_s" not in wanted:
+            if not clocked and self.rate_hz is None:
+                hint = 'name the column time_s, time_ms or time_us, or give study.toml [channels.time] unit = "s"'
+                raise InputFileError(file, f"{names[bare[0]]!r} has no unit", hint, line=line)
+            wanted["time"] = bare
         clock = ("time_s",) if line and self.rate_hz is None else ()  # only text has no rate of its own
         for name in (*clock, "base_m_s2", "malleolus_m_s2"):
             if name not in wanted:
@@ -189,6 +223,8 @@ class Layout:
         return {key: (index, self._factor(file, key, unit, line)) for key, (index, unit) in wanted.items()}
 
     def _factor(self, file: Path, key: str, unit: str, line: int | None) -> float:
+        if key == "time":
+            return 1.0
         if key == "time_s":
             return factor(file, "time", unit, TIME_UNITS, line)
         channel = key.removesuffix("_m_s2")
@@ -209,33 +245,95 @@ class Layout:
         return told.sign * scale / told.sensitivity
 
     @staticmethod
-    def _agree(file: Path, channel: str, told: str, found: str) -> None:
-        if told.lower() in VOLTAGES and found == "m_s2":
+    def _agree(file: Path, channel: str, told: str, found: str, one: str, other: str) -> None:
+        """Refuse two units of one column that are not the same; a text that is no unit says nothing."""
+        by_file = other == "the file says"
+        told, found = told.lower(), found.lower()
+        if not told or not found or (told in VOLTAGES and found == "m_s2"):
             return  # the standard heading over numbers that study.toml makes m/s^2
-        both = ACCELERATIONS | VOLTAGES | TIME_UNITS
-        if both.get(told.lower()) != both.get(found.lower()) or (told.lower() in VOLTAGES) != (
-            found.lower() in VOLTAGES
-        ):
-            raise InputFileError(file, f"{channel} is in {found}, and study.toml says {told}", "correct one of them")
+        valid = TIME_UNITS if channel == "time" else ACCELERATIONS | VOLTAGES
+        if told not in valid or (found not in valid and not by_file):
+            return
+        if valid[told] != valid.get(found) or (told in VOLTAGES) != (found in VOLTAGES):
+            source = "" if by_file else f" ({other.removesuffix(' says')})"
+            raise InputFileError(file, f"{channel} is in {found}{source}, and {one} {told}", "correct one of them")
 
-    def aligned(self, file: Path, channels: Channels) -> Channels:
+    def timed(self, file: Path, channels: Channels, rate_hz: float | None = None) -> Channels:
+        """The channels with ``time_s``: the file's own, or counted from a sampling rate.
+
+        Args:
+            file: for messages. channels: with ``time_s``, with ``time`` of unknown unit, or without.
+            rate_hz: sampling rate that the file states.
+
+        Raises:
+            InputFileError: time, the file's rate and that of study.toml disagree, or there is none of them.
+        """
+        if rate_hz and self.rate_hz and abs(rate_hz / self.rate_hz - 1) > _SAME_RATE:
+            raise InputFileError(
+                file, f"states a sampling rate of {rate_hz:.6g} Hz, and study.toml sampling_rate_hz = "
+                f"{self.rate_hz:.6g}", "correct or delete that of study.toml",
+            )  # fmt: skip
+        rate = rate_hz or self.rate_hz
+        channels = dict(channels)
+        time = channels.pop("time", None)
+        if time is None:
+            time = channels.get("time_s")
+        if time is None:
+            if not rate:
+                raise InputFileError(
+                    file, "has neither a time nor a sampling rate", "give sampling_rate_hz in study.toml"
+                )
+            return {"time_s": np.arange(channels["base_m_s2"].size) / rate} | channels
+        said = (
+            f"states {rate:.6g} Hz" if rate_hz else f"is said by study.toml to have sampling_rate_hz = {rate or 0:.6g}"
+        )
+        span = float(time[-1] - time[0]) if time.size > 1 else 0.0
+        counted = (time.size - 1) / span if np.isfinite(span) and span > 0 else 0.0
+        tolerance = max(_SAME_RATE, 2 / max(1, time.size))
+        if "time_s" not in channels:
+            units = [unit for unit in TIME_UNITS.values() if rate and abs(counted / unit / rate - 1) <= tolerance]
+            if not units:
+                raise InputFileError(
+                    file, f"{said}, and the steps of its time (without unit) are {1 / counted if counted else 0:.6g}",
+                    "correct one of them, and name the column time_s, time_ms or time_us",
+                )  # fmt: skip
+            return {"time_s": time * units[0]} | channels
+        if rate and counted and abs(counted / rate - 1) > tolerance:
+            raise InputFileError(
+                file, f"{said}, and its time runs at {counted:.6g} Hz", "correct one of them, or delete the rate"
+            )
+        return channels
+
+    def aligned(self, file: Path, channels: Channels, starts: Mapping[str, float] | None = None) -> Channels:
         """The channels with their known delays undone (by a spline), over the time that all of them cover.
+
+        Args:
+            file: for messages. channels: with ``time_s``. starts: when each channel's first sample was taken [s],
+                where the file says so.
 
         Raises:
             InputFileError: a delay that takes more than a tenth of the recording.
         """
         from scipy.interpolate import CubicSpline
 
-        late = {f"{name}_m_s2": c.delay_s for name, c in self.channels.items() if c.delay_s and name != "time"}
+        first_of_all = min(starts.values(), default=0.0) if starts else 0.0
+        late = {
+            name: first_of_all - start for name, start in (starts or {}).items()
+        }  # an early start is a late channel
+        for name, c in self.channels.items():
+            if name != "time":
+                late[f"{name}_m_s2"] = late.get(f"{name}_m_s2", 0.0) + c.delay_s
+        late = {name: delay for name, delay in late.items() if abs(delay) > 1e-9}
         t = channels["time_s"]
         if not late or t.size < 2 or np.any(np.diff(t) <= 0) or not np.isfinite(t).all():
             return channels  # the checks will say what is wrong with such a time
         late = {name: delay for name, delay in late.items() if name in channels}
         first, last = (float(limit(0.0, *late.values())) for limit in (min, max))
         if last - first > _LONGEST_DELAY * (t[-1] - t[0]):
-            told = ", ".join(f"{name.removesuffix('_m_s2')} {delay:g} s" for name, delay in late.items())
+            told = ", ".join(f"{name.removesuffix('_m_s2')} {delay:.6g} s" for name, delay in late.items())
+            source = "the start times of its channels and " if starts and np.ptp(list(starts.values())) else ""
             raise InputFileError(
-                file, f"lasts {t[-1] - t[0]:.4g} s, too short for delay_s of study.toml ({told})",
+                file, f"lasts {t[-1] - t[0]:.4g} s, too short for {source}delay_s of study.toml ({told})",
                 f"valid: delays that leave {100 - 100 * _LONGEST_DELAY:.0f} % of a recording",
             )  # fmt: skip
         # a channel that is late by d holds at t + d what the others hold at t; beyond its ends it holds nothing
@@ -251,6 +349,8 @@ class Layout:
 
 #: Delays may take this share of a recording.
 _LONGEST_DELAY = 0.1
+#: Two sampling rates are the same within this share: a nominal rate and a logger's own clock.
+_SAME_RATE = 1e-3
 _HELP = "units may also be g or ms, and study.toml can name the column: [channels.base] column = ..."
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from fasbody.exceptions import RecordingError
 from fasbody.presentation import Presented, Sheet
 from fasbody.recording.harmonics import find_frequency, fit_harmonics, sine_share
-from fasbody.recording.recording import Recording
+from fasbody.recording.quality import Quality, quality, still
+from fasbody.recording.recording import Recording, gain_and_delay
 
 #: Sampling rate needed, as a multiple of the excitation frequency.
 OVERSAMPLING = 10
@@ -26,6 +27,14 @@ _CLIPPED_RUN = 4
 _IMPOSSIBLE = 1e6
 #: The largest range of the accelerometers that are strapped to people, 50 g [m/s^2].
 _UNLIKELY = 500.0
+#: A passive foot lags behind its base; it may seem to lead by so much where loggers take channels one by one [deg].
+_LEAD_DEG = 1.0
+#: The third harmonic, over the fundamental, of tops that a saturated sensor flattens, and over the base's.
+_FLAT_TOPS, _MORE_THAN_BASE = 0.025, 3.0
+_SUSPECT_TOPS = 0.01
+#: From where on distortion, drift, uneven level and coherence are told (of a sine, and broadband).
+_DISTORTED, _DRIFTS, _UNSTEADY = 0.1, 0.3, 0.1
+_COHERENT = {True: 0.95, False: 0.5}
 
 
 @functools.lru_cache(maxsize=32)  # a study's job looks for what cannot serve, and its fit checks again
@@ -53,17 +62,27 @@ def checked(recording: Recording) -> Recording:
             warnings.append(f"{recording.file}: {name} has {kind} of {values.mean():.3g} m/s^2, which is taken out.")
         channels[name] = values - values.mean()
     recording = replace(recording, **channels)
-    frequency = _excitation(recording)
+    found = find_frequency(recording.time_s, recording.base_m_s2)
+    share = sine_share(recording.time_s, recording.base_m_s2, found)
+    _moving(recording, channels, found if share > 0.5 else None)
+    frequency = _excitation(recording, found, share)
     for name in channels:
         _clipping(recording, name, frequency)
     if frequency is not None:
         _level(recording, frequency, warnings)
+    _quality(recording, quality_of(recording, frequency), frequency, warnings)
     condition = replace(recording.condition, frequency_hz=frequency)
     return replace(recording, condition=condition, warnings=tuple(warnings))
 
 
+def quality_of(recording: Recording, frequency_hz: float | None) -> Quality:
+    """Coherence, distortion, drift and level by segment of a recording without offsets."""
+    channels = {name.removesuffix("_m_s2"): x for name, x in recording.channels.items() if name != "time_s"}
+    return quality(recording.time_s, channels, frequency_hz)
+
+
 def understood(recording: Recording) -> dict[str, Any]:
-    """Length, rate, excitation and root mean square of each channel; the problem, if any, and the warnings."""
+    """Length, rate, excitation, level and quality of each channel; the problem, if any, and the warnings."""
     row: dict[str, Any] = {"file": recording.file, "problem": "", "warnings": []}
     try:
         good = checked(recording)
@@ -82,6 +101,7 @@ def understood(recording: Recording) -> dict[str, Any]:
     if not row["problem"]:
         found = good.condition.frequency_hz or find_frequency(good.time_s, good.base_m_s2)
         row["sine_share"] = sine_share(good.time_s, good.base_m_s2, found)
+        row["quality"] = quality_of(good, good.condition.frequency_hz).row()
     return row
 
 
@@ -106,7 +126,9 @@ class Checked(Presented):
         """One row a recording."""
         flat = []
         for row in self.rows:
-            plain = {key: value for key, value in row.items() if key not in ("warnings", "rms_m_s2")}
+            plain = {key: value for key, value in row.items() if key not in ("warnings", "rms_m_s2", "quality")}
+            for name, value in row.get("quality", {}).items():
+                plain |= {f"{key}_{name}": v for key, v in value.items()} if isinstance(value, dict) else {name: value}
             rms = {f"rms_{name}_m_s2": value for name, value in row.get("rms_m_s2", {}).items()}
             flat.append(plain | rms | {"warnings": " ".join(row.get("warnings", ()))})
         return flat
@@ -118,11 +140,28 @@ class Checked(Presented):
             found = row.get("frequency_hz")
             at = "" if row["problem"] else "broadband" if found is None else f"{found:.5g}"
             rate = f"{row['rate_hz']:.6g}" if "rate_hz" in row else ""
-            rows.append((row["file"], str(row.get("samples", "")), rate, at, verdict(row)))
+            rows.append((row["file"], str(row.get("samples", "")), rate, at, *quality_cells(row), verdict(row)))
         sound = sum(verdict(row) == "sound" for row in self.rows)
         notes = [*self.problems, *self.remarks, *(text for row in self.rows for text in row.get("warnings", ()))]
-        columns = ("file", "samples", "rate [Hz]", "excitation [Hz]", "verdict")
+        columns = ("file", "samples", "rate [Hz]", "excitation [Hz]", *QUALITIES, "verdict")
         return Sheet(f"{self.name}: {sound} of {len(self.rows)} recordings are sound", columns, rows, notes)
+
+
+#: Columns of the tables of quality: coherence, and the worst channel's distortion, drift and range of levels.
+QUALITIES = ("coherence", "distortion [%]", "drift [%]", "level range [%]")
+
+
+def quality_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """What stands below `QUALITIES` for a row of `understood`, empty where there is none."""
+    found = row.get("quality")
+    if not found:
+        return "", "", "", ""
+    channels = [value for value in found.values() if isinstance(value, dict)]
+    coherence = "" if found["coherence"] is None else f"{found['coherence']:.4f}"
+    distortion = [c["distortion"] for c in channels if c["distortion"] is not None]
+    ranges = [float(np.ptp(c["level_m_s2"]) / np.mean(c["level_m_s2"])) for c in channels]
+    drift = [c["drift"] for c in channels if c["drift"] is not None]
+    return coherence, *(f"{100 * max(x):.2g}" if x else "" for x in (distortion, drift, ranges))
 
 
 def verdict(row: Mapping[str, Any]) -> str:
@@ -210,12 +249,69 @@ def _clipping(recording: Recording, name: str, frequency: float | None) -> None:
             )
 
 
-def _excitation(recording: Recording) -> float | None:
+def _moving(recording: Recording, channels: Mapping[str, np.ndarray], frequency: float | None) -> None:
+    """Refuse a sensor that stands still for a part of the recording while another moves."""
+    stands = still(recording.time_s, dict(channels), frequency)
+    if stands:
+        name, start, end = stands
+        raise _fail(
+            recording,
+            f"{name} stands still from {start:.4g} to {end:.4g} s while another channel moves; cut this part off, or "
+            "check sensor and cable",
+        )
+
+
+def _quality(recording: Recording, found: Quality, frequency: float | None, warnings: list[str]) -> None:
+    """What coherence, distortion, drift and level say: tops that a sensor flattened, channels swapped or uneven."""
+    at = "over the band" if frequency is None else f"at {frequency:.4g} Hz"
+    base, malleolus = found.channels["base"], found.channels["malleolus"]
+    _, delay_std = gain_and_delay(recording, "malleolus", "base")
+    sure = 3 * np.hypot(found.lead_std_deg, 360 * (frequency or 20.0) * delay_std)
+    if found.lead_deg > _LEAD_DEG + sure and found.coherence > _COHERENT[False]:
+        raise _fail(
+            recording,
+            f"the malleolus leads the base by {found.lead_deg:.1f} degrees {at}, which no passive foot does; the "
+            "channels are swapped or misaligned (study.toml: column, delay_s; delay_std_s says how sure that is)",
+        )
+    for name, channel in found.channels.items():
+        flat, own = channel.flat_tops, base.distortion
+        if name != "base" and flat > max(_FLAT_TOPS, _MORE_THAN_BASE * own):
+            raise _fail(
+                recording,
+                f"{name}_m_s2 has flattened tops {at} (a third harmonic of {100 * flat:.1f} % in phase with them, base "
+                f"{100 * own:.1f} %): its sensor saturates; record with a larger range",
+            )
+        if name != "base" and flat > max(_SUSPECT_TOPS, _MORE_THAN_BASE * own):
+            warnings.append(
+                f"{recording.file}: {name}_m_s2 has slightly flattened tops {at} (a third harmonic of "
+                f"{100 * flat:.1f} % in phase with them); a sensor that begins to saturate reads too little."
+            )
+        if channel.distortion > _DISTORTED:
+            warnings.append(
+                f"{recording.file}: {name}_m_s2 has harmonics of {100 * channel.distortion:.0f} % of its fundamental."
+            )
+        if channel.drift > (_DRIFTS if frequency else 1.0):
+            warnings.append(f"{recording.file}: {name}_m_s2 drifts by {100 * channel.drift:.0f} % of its amplitude.")
+        if frequency and channel.unsteady > _UNSTEADY and channel.level_m_s2.size > 1:
+            low, high = channel.level_m_s2.min(), channel.level_m_s2.max()
+            warnings.append(
+                f"{recording.file}: the level of {name}_m_s2 is not steady, {low:.3g} to {high:.3g} m/s^2 by segment."
+            )
+    if base.flat_tops > _FLAT_TOPS and malleolus.flat_tops < 0.1 * base.flat_tops:
+        warnings.append(
+            f"{recording.file}: base_m_s2 has flattened tops {at} and the malleolus none; does its sensor saturate?"
+        )
+    if found.coherence < _COHERENT[frequency is not None]:
+        warnings.append(
+            f"{recording.file}: the coherence of malleolus and base is {found.coherence:.2f} {at}; noise, or a foot "
+            "that does not answer its base alike."
+        )
+
+
+def _excitation(recording: Recording, found: float, share: float) -> float | None:
     """Excitation frequency [Hz] found in the base channel, None for broadband; it must agree with the table."""
-    t, base = recording.time_s, recording.base_m_s2
+    t = recording.time_s
     nominal = recording.condition.frequency_hz
-    found = find_frequency(t, base)
-    share = sine_share(t, base, found)
     if share < PERIODIC_SHARE:
         if nominal is None:
             return None

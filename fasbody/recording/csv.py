@@ -5,7 +5,9 @@ Encoding, separator, decimal comma, comments and quotes are understood, and what
 
 import codecs
 import csv
+import gzip
 import re
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from io import BytesIO, StringIO
 from itertools import islice
@@ -44,9 +46,17 @@ def read_text(file: Path) -> str:
     if file.stat().st_size > _LARGEST:
         raise InputFileError(file, f"is larger than {_LARGEST // 1_000_000} MB", "split it into recordings")
     try:
-        data = file.read_bytes()
+        if file.suffix.lower() == ".gz":
+            with gzip.open(file, "rb") as packed:
+                data = packed.read(_LARGEST + 1)
+        else:
+            data = file.read_bytes()
+    except (EOFError, zlib.error, gzip.BadGzipFile):
+        raise InputFileError(file, "is not a sound .gz file; it is damaged, cut off, or of another format") from None
     except OSError as error:
         raise InputFileError(file, f"cannot be read ({error.strerror})") from None
+    if len(data) > _LARGEST:
+        raise InputFileError(file, f"unpacks to more than {_LARGEST // 1_000_000} MB", "split it into recordings")
     for encoding in _encodings(data):
         try:
             text = data.decode(encoding)
@@ -165,17 +175,39 @@ def read_csv(file: Path, layout: Layout | None = None) -> Channels:
     line, separator, names = header(text, layout.known)
     if not any(names):
         raise InputFileError(file, "is empty", "the first line must be time_s,base_m_s2,malleolus_m_s2")
-    if not layout.known(names) and all(numeric(cell) for cell in names if cell):
-        raise InputFileError(file, "has no header line", "the first line must be time_s,base_m_s2,malleolus_m_s2")
-    units = _units(text, line, separator, names)
-    first = line + (units is not None)
-    wanted = layout.find(file, names, units or [""] * len(names), line=line)
+    headless = not layout.known(names) and all(numeric(cell) for cell in names if cell)
+    if headless and not layout.columns:
+        raise InputFileError(
+            file, "has no header line",
+            "the first line must be time_s,base_m_s2,malleolus_m_s2, or --columns time_s,base_g,... (study.toml: "
+            "columns) must name its columns",
+        )  # fmt: skip
+    if headless and len(names) != len(layout.columns):
+        raise InputFileError(
+            file, f"has {len(names)} columns, and {len(layout.columns)} are named ({shown(', '.join(layout.columns))})",
+            "name every column, with any word for those that are no channel", line,
+        )  # fmt: skip
+    if headless:
+        line, names = line - 1, list(layout.columns)
+        units: list[str] | None = list(layout.units) or None
+        first = line
+    else:
+        units = _units(text, line, separator, names)
+        first = line + (units is not None)
+    wanted = layout.find(file, names, units or [""] * len(names), line=line or 1)
     places = {name: index for name, (index, _) in wanted.items()}
     columns = _numbers(file, text, separator, names, places, first)
     channels = {name: columns[name] * factor for name, (_, factor) in wanted.items()}
-    if layout.rate_hz and "time_s" not in channels:
-        channels["time_s"] = np.arange(channels["base_m_s2"].size) / layout.rate_hz
-    return channels
+    return layout.timed(file, channels)
+
+
+def headings(file: Path, layout: Layout) -> tuple[list[str], list[str]]:
+    """Names and units of a recording's columns; none if it has no header."""
+    text = read_text(file)
+    line, separator, names = header(text, layout.known)
+    if all(numeric(cell) for cell in names if cell):
+        return list(layout.columns), list(layout.units) or [""] * len(layout.columns)
+    return names, _units(text, line, separator, names) or [""] * len(names)
 
 
 def _units(text: str, line: int, separator: str, names: Sequence[str]) -> list[str] | None:

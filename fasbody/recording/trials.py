@@ -38,10 +38,11 @@ def describe(file: Path) -> tuple[dict[str, str], Layout]:
     about |= {key: str(value) for key, value in given.items() if key in about}
     if about["origin"] not in ("measured", "synthetic"):
         raise InputFileError(file, f"origin is {about['origin']!r}", 'valid: "measured", "synthetic"')
-    return about, Layout.from_toml(file, channels, given.get("sampling_rate_hz"), _table(file, document, "known"))
+    rate, columns = given.get("sampling_rate_hz"), given.get("columns", ())
+    return about, Layout.from_toml(file, channels, rate, columns, _table(file, document, "known"))
 
 
-_KEYS = ("name", "origin", "description", "sampling_rate_hz")
+_KEYS = ("name", "origin", "description", "sampling_rate_hz", "columns")
 
 
 def _known(file: Path, table: dict[str, Any], kind: str, valid: tuple[str, ...]) -> None:

@@ -1,10 +1,19 @@
-"""Files of measuring instruments: MATLAB 5 and 7.3, HDF5, UFF 58 and TDMS.
+"""Files of measuring instruments: MATLAB 5 and 7.3, HDF5, UFF 58, TDMS, LVM, Excel, sound and C3D.
 
 Each module turns a file into `Series`, named columns with a unit and a rate, and writes channels. Files are read in a
 child process of limited memory and time (reader.py), so that a broken or hostile file ends in a sentence.
 """
 
-#: Endings of the binary formats, and the module that reads and writes each.
+from pathlib import Path
+
+#: Endings of the formats that are read and written, and the module of each.
 ENDINGS = {
     ".mat": "mat", ".h5": "hdf5", ".hdf5": "hdf5", ".uff": "uff", ".unv": "uff", ".tdms": "tdms",
 }  # fmt: skip
+#: Those, and what is only read.
+READ = ENDINGS | {".xlsx": "xlsx", ".xlsm": "xlsx", ".lvm": "lvm", ".wav": "audio", ".flac": "audio", ".c3d": "c3d"}
+
+
+def ending(file: Path) -> str:
+    """A file's ending in lower case, that of what is packed for `.gz`."""
+    return Path(file.stem if file.suffix.lower() == ".gz" else file.name).suffix.lower()

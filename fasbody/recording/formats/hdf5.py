@@ -16,6 +16,7 @@ from fasbody.recording.formats.series import (
     check_size,
     columns_of,
     passed_over,
+    short,
     with_rate,
 )
 
@@ -51,8 +52,40 @@ def decode(file: Path) -> list[Series]:
             check_size(total)
             unit = item.attrs.get("units", item.attrs.get("unit", b""))
             text = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else unit if isinstance(unit, str) else ""
-            found += columns_of(name, item[()], text, _rate(item.attrs) or base_rate)
-    return with_rate([_short(s, found) for s in found])
+            values, scaled, unclear = _scaled(item)
+            columns = columns_of(name, values, text, _rate(item.attrs) or base_rate)
+            found += [replace(s, scaled=scaled, unclear=unclear) for s in columns]
+    return with_rate(short(found))
+
+
+#: Attributes that may be a scale, applied or not; nobody can know.
+_SCALES = ("scale", "scaling", "scaling_factor", "gain", "sensitivity", "calibration", "calibration_factor")
+
+
+def _scaled(item: Any) -> tuple[np.ndarray, str, str]:
+    """The values with `scale_factor` and `add_offset` applied, as the CF conventions say, and what scales there are."""
+    values = item[()]
+    told = {key: _number(item.attrs.get(key)) for key in ("scale_factor", "add_offset", *_SCALES)}
+    for key in ("scale_factor", "add_offset"):
+        if key in item.attrs and told[key] is None:
+            raise FormatError(f"the attribute {key} of {item.name!r} is no number; give one, or delete it")
+    empty = _number(item.attrs.get("_FillValue"))
+    if empty is not None and item.dtype.kind in "iuf":
+        values = np.where(values == empty, np.nan, values)
+    factor, offset = told["scale_factor"], told["add_offset"]
+    if factor is not None or offset is not None:
+        values = np.asarray(values, float) * (1.0 if factor is None else factor) + (offset or 0.0)
+    scaled = f"scale_factor = {factor:g}" if factor not in (None, 1.0) else ""
+    unclear = [f"{key} = {value:g}" for key, value in told.items() if key in _SCALES and value not in (None, 1.0)]
+    return values, scaled, ", ".join(unclear)
+
+
+def _number(value: Any) -> float | None:
+    """A numeric attribute, also if it is an array of one."""
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.reshape(-1)[0]
+    good = isinstance(value, int | float | np.number) and np.isfinite(value)
+    return float(value) if good else None
 
 
 def _no_numbers(item: Any) -> str:
@@ -67,18 +100,11 @@ def _no_numbers(item: Any) -> str:
     return "" if item.shape is not None and item.ndim <= 2 else "no vector or matrix"
 
 
-def _short(series: Series, among: list[Series]) -> Series:
-    """Named without its group where that is unambiguous."""
-    last = series.name.rsplit("/", 1)[-1]
-    twice = sum(s.name.rsplit("/", 1)[-1] == last for s in among) > 1
-    return series if twice else replace(series, name=last)
-
-
 def _rate(attributes: Any) -> float | None:
     for name in RATES:
-        value = attributes.get(name)
-        if isinstance(value, int | float | np.number) and 0 < float(value) < 1e9:
-            return float(value)
+        value = _number(attributes.get(name))
+        if value is not None and 0 < value < 1e9:
+            return value
     return None
 
 

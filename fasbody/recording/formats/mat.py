@@ -2,10 +2,11 @@
 
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 from fasbody.recording.channels import Channels
 from fasbody.recording.formats import hdf5
-from fasbody.recording.formats.series import FormatError, Series, check_size, columns_of, passed_over, with_rate
+from fasbody.recording.formats.series import FormatError, Series, check_size, columns_of, passed_over, short, with_rate
 
 LIBRARY = "scipy"
 _NUMERIC = {
@@ -13,16 +14,16 @@ _NUMERIC = {
 }  # fmt: skip
 
 _KINDS = {
-    "struct": "a structure (save its fields: save('file.mat', '-struct', 'name'))", "cell": "a cell array",
+    "cell": "a cell array",
     "char": "text", "sparse": "a sparse matrix", "function": "a function", "object": "an object",
-    "opaque": "an object (a table? save its columns)",
+    "opaque": "an object (a timetable? save s = table2struct(timetable2table(T), 'ToScalar', true))",
 }  # fmt: skip
 
 
 def decode(file: Path) -> list[Series]:
     """Numeric vectors and the columns of numeric matrices; a scalar named fs or rate_hz gives the rate.
 
-    Structures, cells, text, objects and complex numbers are passed over, the former never built.
+    Fields of single structures are named ``structure/field``. Cells, text, objects and complex numbers are passed over.
     """
     from scipy.io import loadmat, whosmat
 
@@ -43,6 +44,8 @@ def decode(file: Path) -> list[Series]:
             total += size
             check_size(total)
             chosen.append(name)
+        elif kind == "struct" and size == 1 and not name.startswith("__"):
+            chosen.append(name)
         elif not name.startswith("__"):
             found.append(
                 passed_over(name, _KINDS.get(kind, f"of the class {kind}" if kind not in _NUMERIC else "no matrix"))
@@ -51,13 +54,27 @@ def decode(file: Path) -> list[Series]:
         return found
     loaded = loadmat(str(file), variable_names=chosen, chars_as_strings=False, struct_as_record=True)
     for name in chosen:
-        values = loaded.get(name)
-        kind = getattr(getattr(values, "dtype", None), "kind", "")
-        if kind in ("f", "i", "u", "b"):
-            found += columns_of(name, values)
-        elif kind == "c":
-            found.append(passed_over(name, "complex"))
-    return with_rate(found)
+        found += _fields(name, loaded.get(name))
+    check_size(sum(s.values.size for s in found), len(found))
+    return short(with_rate(found))
+
+
+def _fields(name: str, values: Any, depth: int = 0) -> list[Series]:
+    """Series of a variable, for a structure those of its fields."""
+    kind = getattr(getattr(values, "dtype", None), "kind", "")
+    if kind in ("f", "i", "u", "b") and values.ndim <= 2:
+        return columns_of(name, values)
+    if kind == "c":
+        return [passed_over(name, "complex")]
+    if kind == "V" and values.dtype.names and values.size == 1 and depth < _DEEPEST:
+        record = values.reshape(-1)[0]
+        return [s for field in values.dtype.names for s in _fields(f"{name}/{field}", record[field], depth + 1)]
+    what = {"U": "text", "S": "text", "O": "a cell array", "V": "a structure of several"}.get(kind, "no vector")
+    return [passed_over(name, what)]
+
+
+#: Structures in structures are read so deep.
+_DEEPEST = 8
 
 
 def encode(channels: Channels) -> bytes:

@@ -7,21 +7,25 @@ answers with one line of JSON and the raw samples: nothing is pickled, and nothi
 
 import atexit
 import contextlib
+import gzip
 import importlib
 import json
 import os
 import select
 import subprocess
 import sys
+import tempfile
 import threading
 import time
+from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
 from fasbody.exceptions import InputFileError, SettingError
-from fasbody.recording.formats import ENDINGS
+from fasbody.recording.formats import READ, ending
 from fasbody.recording.formats.series import FormatError, Series, check_size, need
 
 #: Address space of the child [bytes], and the time it may take for one file [s].
@@ -59,7 +63,10 @@ def read_series(file: Path, patience_s: float = PATIENCE_S) -> list[Series]:
     ends = np.cumsum([s["size"] for s in header["series"]])
     parts = np.split(values, ends[:-1]) if len(ends) else []
     told = header["series"]
-    return [Series(s["name"], s["unit"], v, s["rate_hz"], s["what"]) for s, v in zip(told, parts, strict=True)]
+    return [
+        Series(values=v, **{key: value for key, value in s.items() if key != "size"})
+        for s, v in zip(told, parts, strict=True)
+    ]
 
 
 def _reader() -> "_Child":
@@ -81,10 +88,27 @@ def end_child() -> None:
 
 
 def _format(file: Path):  # type: ignore[no-untyped-def]
-    ending = file.suffix.lower()
-    if ending not in ENDINGS:
-        raise SettingError(f"{file}: no format has the ending {ending!r} (valid: {', '.join(ENDINGS)}).")
-    return importlib.import_module(f"fasbody.recording.formats.{ENDINGS[ending]}")
+    end = ending(file)
+    if end not in READ:
+        raise SettingError(f"{file}: no format has the ending {end!r} (valid: {', '.join(READ)}).")
+    return importlib.import_module(f"fasbody.recording.formats.{READ[end]}")
+
+
+@contextlib.contextmanager
+def _unpacked(file: Path) -> Iterator[Path]:
+    """The file, or for a time what is packed in it as `.gz`."""
+    if file.suffix.lower() != ".gz":
+        yield file
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        plain, size = Path(folder) / file.stem, 0
+        with gzip.open(file, "rb") as packed, plain.open("wb") as out:
+            while part := packed.read(1 << 20):
+                size += len(part)
+                if size > _LARGEST_FILE:
+                    raise FormatError(f"unpacks to more than {_LARGEST_FILE // 1_000_000} MB; split it into recordings")
+                out.write(part)
+        yield plain
 
 
 class _Child:
@@ -144,13 +168,14 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
     for line in requests:
         file = Path(json.loads(line))
         try:
-            series = _format(file).decode(file)
+            with _unpacked(file) as plain:
+                series = _format(file).decode(plain)
             check_size(sum(s.values.size for s in series), len(series))
             if all(s.what for s in series):
                 others = ", ".join(f"{s.name!r} is {s.what}" for s in series[:5])
                 raise FormatError(f"holds no numeric channel{others and f' ({others})'}; save plain real vectors")
             told = [
-                {"name": s.name, "unit": s.unit, "rate_hz": s.rate_hz, "size": s.values.size, "what": s.what}
+                {f.name: getattr(s, f.name) for f in fields(s) if f.name != "values"} | {"size": s.values.size}
                 for s in series
             ]
             header: dict = {"series": told}
@@ -161,7 +186,7 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
         except Exception:
             # Any error of a parser on a file from outside is a broken file; its own words would tell a user nothing.
             what = "it is damaged, cut off, or of another format"
-            series, header = [], {"problem": f"is not a sound {file.suffix.lower()} file; {what}"}
+            series, header = [], {"problem": f"is not a sound {ending(file)} file; {what}"}
         text = json.dumps(header).encode()
         answers.write(f"{len(text):08x}".encode() + text)
         for s in series:

@@ -1,6 +1,7 @@
 """What every format is read into, and the sizes beyond which a file is refused before anything is allocated."""
 
 import importlib.util
+from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +25,8 @@ class Series:
     Attributes:
         name, unit: as in the file, unit "" if it does not say. values: (n,). rate_hz: if the file says.
         what: empty, or what this is instead of a column of real numbers; it then has no values.
+        start_s: when the first sample was taken [s], on one clock for the whole file, if the file says.
+        scaled: by which statement of the file its values were scaled. unclear: a scale that was not applied.
     """
 
     name: str
@@ -31,6 +34,9 @@ class Series:
     values: np.ndarray
     rate_hz: float | None = None
     what: str = ""
+    start_s: float | None = None
+    scaled: str = ""
+    unclear: str = ""
 
 
 def passed_over(name: str, what: str) -> Series:
@@ -56,6 +62,12 @@ def columns_of(name: str, values: np.ndarray, unit: str = "", rate_hz: float | N
     tall = array if array.shape[0] >= array.shape[1] else array.T
     check_size(tall.size, tall.shape[1])
     return [Series(f"{name}_{i + 1}", unit, tall[:, i].copy(), rate_hz) for i in range(tall.shape[1])]
+
+
+def short(series: list[Series]) -> list[Series]:
+    """Named without their groups where that is unambiguous."""
+    lasts = Counter(s.name.rsplit("/", 1)[-1] for s in series)
+    return [s if lasts[last] > 1 else replace(s, name=last) for s in series for last in (s.name.rsplit("/", 1)[-1],)]
 
 
 #: Names under which programs store the sampling rate [Hz].
@@ -95,7 +107,14 @@ def step_of(time_s: np.ndarray) -> float:
     return step
 
 
+#: Packages that are not called as they are imported.
+_PACKAGES = {"nptdms": "npTDMS"}
+
+
 def need(library: str) -> None:
     """Say which extra to install if a format's library is missing."""
     if importlib.util.find_spec(library) is None:
-        raise SettingError(f"this format needs {library}: pip install 'fasbody[formats]'.")
+        raise SettingError(
+            f"this format needs {library}: pip install {_PACKAGES.get(library, library)}, or all formats by "
+            "pip install 'fasbody[formats]' (in a clone of the project: pip install -e '.[formats]')."
+        )

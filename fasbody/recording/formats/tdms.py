@@ -1,5 +1,7 @@
-"""TDMS of National Instruments by npTDMS: every numeric channel, its `unit_string` and `wf_increment`."""
+"""TDMS of National Instruments by npTDMS: every numeric channel, its unit, increment and start."""
 
+from dataclasses import replace
+from datetime import datetime
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,7 @@ def decode(file: Path) -> list[Series]:
         if start.read(4) != b"TDSm":
             raise FormatError("is not a TDMS file: it does not begin with TDSm")
     found, total = [], 0
+    stamps, offsets = list[Any](), list[float | None]()
     with TdmsFile.open(str(file)) as source:
         channels = [c for group in source.groups() for c in group.channels()]
         check_size(0, len(channels))
@@ -35,8 +38,30 @@ def decode(file: Path) -> list[Series]:
             name = channel.name if names.count(channel.name) == 1 else f"{channel.group_name}/{channel.name}"
             unit = channel.properties.get("unit_string", "")
             rate = _rate(channel.properties.get("wf_increment"))
+            stamps.append(channel.properties.get("wf_start_time"))
+            offset = channel.properties.get("wf_start_offset")
+            offsets.append(float(offset) if isinstance(offset, int | float) and np.isfinite(offset) else None)
             found.append(Series(name, str(unit), values.astype(float), rate))
-    return found
+    starts = _starts(stamps, offsets)
+    return [replace(s, start_s=start) for s, start in zip(found, starts, strict=True)]
+
+
+def _starts(stamps: list[Any], offsets: list[float | None]) -> list[float | None]:
+    """Start of each channel [s] after the first: its `wf_start_time` and the `wf_start_offset` after that."""
+    dated: list[Any] = [
+        np.datetime64(stamp) if isinstance(stamp, np.datetime64 | datetime) else None for stamp in stamps
+    ]
+    first = min((stamp for stamp in dated if stamp is not None), default=None)
+    if first is None:  # no date at all: offsets alone, 0 where there is none
+        return (
+            [offset or 0.0 for offset in offsets]
+            if any(offset is not None for offset in offsets)
+            else [None] * len(stamps)
+        )
+    return [
+        None if stamp is None else float((stamp - first) / np.timedelta64(1, "ns")) * 1e-9 + (offset or 0.0)
+        for stamp, offset in zip(dated, offsets, strict=True)
+    ]
 
 
 def _rate(increment: Any) -> float | None:

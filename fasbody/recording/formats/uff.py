@@ -3,6 +3,7 @@
 import re
 import tempfile
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,23 +42,25 @@ def decode(file: Path) -> list[Series]:
         check_size(total)
         x = np.asarray(data["x"], float)
         step: float | None = float(data.get("abscissa_inc") or 0.0)
+        start = float(data.get("abscissa_min") or 0.0)
         if int(data.get("abscissa_spacing", 1)) == 0:  # uneven: every sample has its own time
-            step = uniform_step(x)
+            step, start = uniform_step(x), float(x[0]) if x.size else 0.0
         times += [x] if step is None else []
         name = str(data.get("id1", "")).strip() or f"{data.get('rsp_node', 0)}:{data.get('rsp_dir', 0)}"
         unit = str(data.get("ordinate_axis_units_lab", "")).strip()
         rate = 1 / step if step and np.isfinite(step) and step > 0 else None
-        found.append(Series(name, "" if unit in ("NONE", "*") else unit, values.astype(float), rate))
+        found.append(
+            Series(
+                name, "" if unit in ("NONE", "*") else unit, values.astype(float), rate, start_s=start if rate else None
+            )
+        )
     again = {name for name, count in Counter(s.name for s in found).items() if count > 1}
     if times and any(s.rate_hz is not None for s in found):
         raise FormatError("has channels with a sampling rate and channels with uneven times; resample them to one rate")
     if any(x.shape != times[0].shape or not np.allclose(x, times[0], rtol=0, atol=1e-9) for x in times):
         raise FormatError("has channels sampled at different uneven times; resample them to one rate")
     clock = [Series("time", "s", times[0])] if times else []
-    return clock + [
-        Series(f"{s.name}_{i + 1}" if s.name in again else s.name, s.unit, s.values, s.rate_hz)
-        for i, s in enumerate(found)
-    ]
+    return clock + [replace(s, name=f"{s.name}_{i + 1}" if s.name in again else s.name) for i, s in enumerate(found)]
 
 
 def encode(channels: Channels) -> bytes:

@@ -1,0 +1,66 @@
+"""LabVIEW's measurement files, .lvm: text of one segment, with its increment, starts and units."""
+
+from pathlib import Path
+
+import numpy as np
+
+from fasbody.recording.formats.series import FormatError, Series, check_size
+
+LIBRARY = "numpy"
+_END = "***End_of_Header***"
+
+
+def decode(file: Path) -> list[Series]:
+    """The channels of the only segment, named by the row below its header."""
+    text = file.read_bytes().decode("utf-8-sig", "replace").replace("\r\n", "\n").replace("\r", "\n")
+    if not text.startswith("LabVIEW Measurement"):
+        raise FormatError("is not a LabVIEW measurement file: it does not begin with those words")
+    lines = text.split("\n")
+    comma = any(line.split(",")[:2] == ["Separator", "Comma"] for line in lines[:40])
+    mark = "," if comma else "\t"
+    table = [line.split(mark) for line in lines]
+    about = {row[0].strip(): [cell.strip() for cell in row[1:]] for row in table[: _ends(table)[0]]}
+    ends = _ends(table)
+    if len(ends) != 2:
+        raise FormatError(f"holds {len(ends) - 1} segments; save each segment as a file of its own")
+    told = {row[0].strip(): [cell.strip() for cell in row[1:]] for row in table[ends[0] + 1 : ends[1]]}
+    decimal = about.get("Decimal_Separator", ["."])[0]
+    x_columns = about.get("X_Columns", ["One"])[0].lower()
+    names = [cell.strip() for cell in table[ends[1] + 1]]
+    count = int(told.get("Channels", ["0"])[0] or 0)
+    body = [row for row in table[ends[1] + 2 :] if any(cell.strip() for cell in row)]
+    check_size(len(body) * max(1, len(names)), len(names))
+    if x_columns == "multi":
+        raise FormatError("has a time for every channel (X_Columns Multi); save it with one, or none")
+    if not 0 < count < len(names) + 1:
+        raise FormatError(f"announces {count} channels and names {len(names)}")
+
+    def column(index: int) -> np.ndarray:
+        cells = [row[index].strip() if index < len(row) else "" for row in body]
+        try:
+            return np.array([float(cell.replace(decimal, ".")) for cell in cells])
+        except ValueError:
+            raise FormatError(f"the column {names[index]!r} holds something else than numbers") from None
+
+    def value(key: str, place: int) -> float | None:
+        cells = told.get(key, [])
+        try:
+            return float(cells[place].replace(decimal, "."))
+        except (IndexError, ValueError):
+            return None
+
+    units = told.get("Y_Unit_Label", [])
+    found = [Series("time", "s", column(0))] if x_columns == "one" else []
+    for i in range(count):  # X_Value stands first, also where its cells are empty
+        step = value("Delta_X", i)
+        rate = 1 / step if step and step > 0 else None
+        start = value("X0", i) if x_columns != "one" else None
+        found.append(Series(names[i + 1], units[i] if i < len(units) else "", column(i + 1), rate, start_s=start))
+    return found
+
+
+def _ends(table: list[list[str]]) -> list[int]:
+    ends = [i for i, row in enumerate(table) if row[0].strip() == _END]
+    if not ends:
+        raise FormatError("is cut off: its header has no end")
+    return ends

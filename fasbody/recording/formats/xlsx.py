@@ -1,0 +1,89 @@
+"""Excel's .xlsx by openpyxl: the columns below each sheet's header, units in brackets or in a row of their own."""
+
+from collections import Counter
+from dataclasses import replace
+from datetime import datetime, time, timedelta
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fasbody.recording.channels import KNOWN_UNITS
+from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over
+
+LIBRARY = "openpyxl"
+#: Rows above which a sheet has its header.
+_HEADER_ROWS = 200
+
+
+def decode(file: Path) -> list[Series]:
+    """Numeric columns of all sheets, with the sheet's name in front where two sheets have the same column."""
+    from openpyxl import load_workbook
+
+    book = load_workbook(file, read_only=True, data_only=True)
+    found, sheets = [], list[str]()
+    for sheet in book.worksheets:
+        columns = _columns(sheet.title, list(_rows(sheet)))
+        found += columns
+        sheets += [sheet.title] * len(columns)
+    again = Counter(s.name for s in found)
+    return [
+        replace(s, name=f"{sheet}/{s.name}") if again[s.name] > 1 else s for s, sheet in zip(found, sheets, strict=True)
+    ]
+
+
+def _rows(sheet: Any) -> Any:
+    total = 0
+    for row in sheet.iter_rows(values_only=True):
+        total += len(row)
+        check_size(total)
+        yield row
+
+
+def _columns(sheet: str, rows: list[tuple[Any, ...]]) -> list[Series]:
+    """Below the last row of texts before the first row of numbers; a row of units may stand between."""
+    first = next((i for i, row in enumerate(islice(rows, _HEADER_ROWS)) if sum(map(_numeric, row)) >= 2), None)
+    if first is None:
+        return []
+    above = [row for row in rows[:first] if sum(isinstance(cell, str) for cell in row) >= 2]
+    if not above:
+        raise FormatError(f"the sheet {sheet!r} has no header row; write time_s, base_m_s2, ... above its numbers")
+    units: list[str] = [""] * len(rows[first])
+    bare = [str(cell or "").strip(" []()") for cell in above[-1]]
+    if len(above) > 1 and any(cell.lower() in KNOWN_UNITS for cell in bare):
+        units = (bare + units)[: len(units)]
+        above.pop()
+    body = rows[first:]
+    while body and not any(cell is not None for cell in body[-1]):
+        body.pop()
+    found = []
+    for index, (name, unit) in enumerate(zip(above[-1], units, strict=False)):
+        cells = [row[index] if index < len(row) else None for row in body]
+        if name is None or all(cell is None for cell in cells):
+            continue
+        if any(isinstance(cell, datetime | time | timedelta) for cell in cells):
+            cells, unit = _seconds(cells), "s"
+        odd = next((i for i, cell in enumerate(cells) if not _numeric(cell) and cell is not None), None)
+        if odd is not None:
+            found.append(passed_over(str(name), f"no column of numbers (row {first + odd + 1})"))
+            continue
+        values = np.array([np.nan if cell is None else float(cell) for cell in cells])
+        found.append(Series(str(name), unit, values))
+    return found
+
+
+def _numeric(cell: Any) -> bool:
+    return (isinstance(cell, int | float) and not isinstance(cell, bool)) or isinstance(
+        cell, datetime | time | timedelta
+    )
+
+
+def _seconds(cells: list[Any]) -> list[Any]:
+    """Dates and times of the day as seconds after the first."""
+    day = datetime(2000, 1, 1)
+    dated = [
+        datetime.combine(day, c) if isinstance(c, time) else day + c if isinstance(c, timedelta) else c for c in cells
+    ]
+    start = next((c for c in dated if isinstance(c, datetime)), day)
+    return [(c - start).total_seconds() if isinstance(c, datetime) else c for c in dated]

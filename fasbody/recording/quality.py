@@ -1,0 +1,179 @@
+"""How good a recording is, in numbers: coherence, harmonic distortion, drift, and level by segment of each channel."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from fasbody.recording.harmonics import fit_harmonics
+
+#: Segments that levels are told of, and the periods that one needs.
+_SEGMENTS = 10
+_PERIODS = 3
+#: Harmonics of which distortion is the sum.
+_DISTORTING = 5
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelQuality:
+    """One channel.
+
+    Attributes:
+        level_m_s2: (segments,) amplitude of the excitation in each segment, for broadband the standard deviation.
+        drift: range of the segments' means over the channel's amplitude (broadband: standard deviation).
+        distortion: root of the harmonics' power over the fundamental, nan for broadband.
+        flat_tops: the third harmonic over the fundamental, as far as it flattens the tops; nan for broadband.
+    """
+
+    level_m_s2: np.ndarray
+    drift: float
+    distortion: float
+    flat_tops: float
+
+    @property
+    def unsteady(self) -> float:
+        """Range of the levels over their mean."""
+        return float(np.ptp(self.level_m_s2) / max(1e-300, self.level_m_s2.mean()))
+
+
+@dataclass(frozen=True, eq=False)
+class Quality:
+    """A recording.
+
+    Attributes:
+        coherence: of malleolus and base, at the excitation; for broadband the mean over the base's power to 100 Hz.
+        lead_deg: how far the malleolus is ahead, and its standard deviation `lead_std_deg`; likewise for broadband.
+        channels: by name.
+    """
+
+    coherence: float
+    lead_deg: float
+    lead_std_deg: float
+    channels: dict[str, ChannelQuality]
+
+    def row(self) -> dict[str, Any]:
+        """For the check's table and document."""
+        return {"coherence": _shown(self.coherence)} | {
+            name: {
+                "distortion": _shown(c.distortion),
+                "drift": _shown(c.drift),
+                "level_m_s2": [float(f"{level:.4g}") for level in c.level_m_s2],
+            }
+            for name, c in self.channels.items()
+        }
+
+
+def _shown(value: float) -> float | None:
+    return float(f"{value:.4g}") if np.isfinite(value) else None
+
+
+def quality(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: float | None) -> Quality:
+    """Of channels "base", "malleolus" and perhaps more, (n,) each.
+
+    Args:
+        time_s: (n,) [s]. channels: (n,) each [m/s^2]. frequency_hz: of the excitation, None for broadband.
+    """
+    if frequency_hz is None:
+        return _broadband(time_s, channels)
+    edges = _edges(time_s, frequency_hz)
+    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    count = max(1, min(_DISTORTING, int(0.45 * rate // frequency_hz)))
+    found, amplitudes, fits = {}, {}, {}
+    for name, values in channels.items():
+        whole = fits[name] = fit_harmonics(time_s, values, frequency_hz, count)
+        parts = np.array([_one(time_s[a:b], values[a:b], frequency_hz) for a, b in pairwise(edges)])
+        amplitudes[name] = parts[:, 1]
+        first = abs(whole.amplitudes[0])
+        beyond = whole.amplitudes[1:]
+        third = 0.0
+        if count >= 3 and abs(whole.amplitudes[2]) > 5 * whole.std[2]:
+            turned = whole.amplitudes[2] / (whole.amplitudes[0] / first) ** 3  # of a cosine with its top at zero
+            third = max(0.0, -turned.real) if abs(turned.imag) < -0.5 * turned.real else 0.0
+        found[name] = ChannelQuality(
+            np.abs(parts[:, 1]), float(np.ptp(parts[:, 0].real) / first),
+            float(np.sqrt(np.sum(np.abs(beyond) ** 2)) / first), float(third / first),
+        )  # fmt: skip
+    base, malleolus = fits["base"], fits["malleolus"]
+    ratio = malleolus.amplitudes[0] / base.amplitudes[0]
+    spread = np.hypot(*(fit.std[0] / abs(fit.amplitudes[0]) for fit in (base, malleolus)))
+    return Quality(
+        _coherence(amplitudes["base"], amplitudes["malleolus"]), float(np.degrees(np.angle(ratio))),
+        float(np.degrees(spread)), found,
+    )  # fmt: skip
+
+
+def _edges(time_s: np.ndarray, frequency_hz: float) -> np.ndarray:
+    periods = (time_s[-1] - time_s[0]) * frequency_hz
+    return np.linspace(0, time_s.size, max(1, min(_SEGMENTS, int(periods / _PERIODS))) + 1).astype(int)
+
+
+def _one(time_s: np.ndarray, values: np.ndarray, frequency_hz: float) -> tuple[complex, complex]:
+    """Offset and complex amplitude of one segment."""
+    turn = 2 * np.pi * frequency_hz * time_s
+    basis = np.column_stack([np.ones_like(turn), np.cos(turn), np.sin(turn)])
+    offset, real, imaginary = np.linalg.lstsq(basis, values, rcond=None)[0]
+    return complex(offset), complex(real, -imaginary)
+
+
+def _coherence(base: np.ndarray, malleolus: np.ndarray) -> float:
+    """Of complex amplitudes by segment; one segment tells nothing."""
+    if base.size < 3:
+        return float("nan")
+    power = np.mean(np.abs(base) ** 2) * np.mean(np.abs(malleolus) ** 2)
+    return float(np.abs(np.mean(malleolus * base.conj())) ** 2 / max(1e-300, power))
+
+
+def _broadband(time_s: np.ndarray, channels: dict[str, np.ndarray]) -> Quality:
+    from scipy.signal import csd
+
+    edges = np.linspace(0, time_s.size, _SEGMENTS + 1).astype(int)
+    found = {}
+    for name, values in channels.items():
+        levels = np.array([values[a:b].std() for a, b in pairwise(edges)])
+        means = np.array([values[a:b].mean() for a, b in pairwise(edges)])
+        found[name] = ChannelQuality(
+            levels, float(np.ptp(means) / max(1e-300, values.std())), float("nan"), float("nan")
+        )
+    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    length = max(16, time_s.size // 8)
+    base, malleolus = channels["base"], channels["malleolus"]
+    f, cross = csd(base, malleolus, rate, nperseg=length)
+    into, out = (csd(x, x, rate, nperseg=length)[1].real for x in (base, malleolus))
+    band = (f >= 2) & (f <= 100)
+    if not band.any():
+        return Quality(float("nan"), 0.0, float("inf"), found)
+    weight = into[band] / max(1e-300, into[band].sum())
+    coherent = np.abs(cross[band]) ** 2 / np.maximum(1e-300, into[band] * out[band])
+    phase = cross[band] / np.maximum(1e-300, np.abs(cross[band]))
+    mean = np.sum(weight * coherent * phase)
+    lines = 1 / max(1e-300, float(np.sum(weight**2)))  # how many lines carry the power
+    coherence = float(np.sum(weight * coherent))
+    spread = np.sqrt(max(0.0, 1 - coherence) / max(1e-9, 2 * coherence * 8 * lines))
+    return Quality(coherence, float(np.degrees(np.angle(mean))), float(np.degrees(spread)), found)
+
+
+def still(
+    time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: float | None
+) -> tuple[str, float, float] | None:
+    """A channel that stands still while another moves: its name, and from when to when [s].
+
+    Args:
+        time_s: (n,) [s]. channels: (n,) each. frequency_hz: of a signal that is mostly one sine, else None.
+    """
+    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    window = max(16, time_s.size // 50, round(rate / frequency_hz) if frequency_hz else 0)
+    count = time_s.size // window
+    if count < 4:
+        return None
+    spread = {name: x[: count * window].reshape(count, window).std(axis=1) for name, x in channels.items()}
+    share = 0.25 if frequency_hz else 1e-3  # a sweep leaves the foot nearly at rest where it isolates well
+    moving = {name: s > 0.5 * (np.median(s[s > 0]) if (s > 0).any() else np.inf) for name, s in spread.items()}
+    for name, levels in spread.items():
+        usual = np.quantile(levels, 0.75)
+        others = np.any([m for other, m in moving.items() if other != name], axis=0)
+        where = np.flatnonzero((levels < share * usual) & others)
+        if where.size:
+            run = max(np.split(where, np.flatnonzero(np.diff(where) > 1) + 1), key=len)
+            return name, float(time_s[run[0] * window]), float(time_s[(run[-1] + 1) * window - 1])
+    return None

@@ -1,0 +1,90 @@
+"""A study proposed from a folder: completed by what it says is missing, it reads; nothing is overwritten."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from nptdms import ChannelObject, TdmsWriter
+
+from fasbody.exceptions import InputFileError, SettingError
+from fasbody.recording.proposal import TABLES, propose
+from fasbody.recording.study import Study
+
+T = np.arange(2000) / 1000
+
+
+def logger(file: Path, unit: str = "g", frequency: float = 20.0) -> None:
+    """A TDMS file as a logger names its columns."""
+    base = np.sin(2 * np.pi * frequency * T)
+    later = 0.9 * np.sin(2 * np.pi * frequency * T - 0.2)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with TdmsWriter(file) as writer:
+        about = {"wf_increment": 1e-3, "unit_string": unit}
+        pairs = (("Shaker table", base), ("Ankle med", later))
+        writer.write_segment([ChannelObject("g", name, x, properties=about) for name, x in pairs])
+
+
+def test_names_say_subject_frequency_and_load(tmp_path: Path) -> None:
+    for name, f in (("S1_20Hz_0kg", 20), ("S1_20Hz_2.3kg", 20), ("S12_30Hz_4p5kg", 30)):
+        logger(tmp_path / "raw" / f"{name}.tdms", frequency=f)
+    (tmp_path / "readme.txt").write_text("notes")
+    (tmp_path / "lunch.csv").write_text("a,b\n1,2\n")
+    found = propose(tmp_path)
+    assert found.pattern == "raw/S{subject}_{frequency}Hz_{load}kg"
+    assert found.count == 3 and found.left_out == ("lunch.csv",)
+    assert found.missing == ("subjects.csv: mass_kg of 2 subjects",)
+    found.write()
+    people = tmp_path / "subjects.csv"
+    people.write_text(
+        people.read_text().replace("1,,,", "1,,,70").replace("12,,,70", "12,,,80").replace("12,,,\n", "12,,,80\n")
+    )
+    study = Study.read(tmp_path)
+    told = [(r.condition.subject, r.condition.frequency_hz, r.condition.added_mass_kg) for r in study.recordings]
+    assert told == [("1", 20, 0), ("1", 20, 2.3), ("12", 30, 4.5)]
+    assert np.sqrt(2) * study.recordings[0].base_m_s2.std() == pytest.approx(9.80665)
+    assert not study.check().problems
+
+
+def test_what_is_missing_is_said(tmp_path: Path) -> None:
+    logger(tmp_path / "a1.tdms", unit="V")
+    logger(tmp_path / "a2.tdms", unit="V")
+    (tmp_path / "b.log").write_text("1 2\n3 4\n")
+    found = propose(tmp_path)
+    assert found.pattern == "a{any}" and found.left_out == ("b.log",)
+    text = " ".join(found.missing)
+    for what in ("channels.base.sensitivity", "added_mass_kg", "recordings.csv: subject", "frequency_hz of sines"):
+        assert what in text
+    bare = propose(tmp_path, "b")
+    assert "study.toml: columns, for b.log has no header" in bare.missing
+
+
+def test_patterns(tmp_path: Path) -> None:
+    logger(tmp_path / "left-7-at-25.tdms")
+    found = propose(tmp_path, "{any}-{subject}-at-{frequency}")
+    assert "left-7-at-25.tdms,7,,,25" in found.tables["recordings.csv"]
+    with pytest.raises(SettingError, match=r"unknown field 'hz' \(valid: subject, posture, load, frequency, any\)"):
+        propose(tmp_path, "{hz}")
+    with pytest.raises(InputFileError, match=r"no file is named S\{subject\}; the first is left-7-at-25"):
+        propose(tmp_path, "S{subject}")
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    logger(tmp_path / "S1_20Hz_0kg.tdms")
+    for name in TABLES:
+        (tmp_path / name).write_text("mine")
+        with pytest.raises(InputFileError, match=rf"{name}: exists, and nothing is overwritten"):
+            propose(tmp_path)
+        assert (tmp_path / name).read_text() == "mine"
+        (tmp_path / name).unlink()
+
+
+def test_the_command(tmp_path: Path) -> None:
+    logger(tmp_path / "S1_20Hz_0kg.tdms")
+    words = [sys.executable, "-m", "fasbody", "study", "init", str(tmp_path), "--json"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout)["pattern"] == "S{subject}_{frequency}Hz_{load}kg"
+    again = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert again.returncode == 2 and "exists, and nothing is overwritten" in again.stderr.replace("\n", " ")
