@@ -62,8 +62,14 @@ def _makefile() -> str:
 
 def run() -> None:
     """What `fasbody` does: the command that its first words name, as `python -m` runs it, or else the map."""
-    if sys.argv[1:] and not sys.argv[1].startswith("-"):
-        command, rest = found(sys.argv[1:])
+    words = sys.argv[1:]
+    group = [command for command in commands() if words and command.words.startswith(f"{words[0]} ")]
+    if group and all(word.startswith("-") for word in words[1:]):
+        for command in group:
+            results.print(f"fasbody {command.words}: {command.does}", soft_wrap=True)
+        results.print("\nEach has --help with examples.")
+    elif words and not words[0].startswith("-"):
+        command, rest = found(words)
         sys.argv[1:] = [command.name, *rest] if command.name else rest
         runpy.run_module(command.module, run_name="__main__", alter_sys=True)
     else:

@@ -1,12 +1,22 @@
 """Errors that a user can mend: each builds one sentence from the facts, naming what would be valid."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from pathlib import Path
 
 
 class FasError(Exception):
     """Base of all errors whose cause is the input; commands print it and exit with 2."""
+
+    def __reduce__(self) -> tuple[Callable[..., "FasError"], tuple[type["FasError"], tuple[object, ...]]]:
+        # a worker process sends it home as its sentence, whatever the facts that it was built from
+        return _remade, (type(self), self.args)
+
+
+def _remade(kind: type[FasError], args: tuple[object, ...]) -> FasError:
+    error = kind.__new__(kind)
+    error.args = args
+    return error
 
 
 class Stopped(Exception):

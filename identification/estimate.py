@@ -72,7 +72,7 @@ class Settings:
 
 
 def fit_foot(
-    study: Study | Iterable[Recording],
+    study: Study | Recording | Iterable[Recording],
     foot: Foot,
     settings: Settings | None = None,
     *,
@@ -85,7 +85,7 @@ def fit_foot(
         result = fit_foot(study, load("two_dof"), free=["k_T", "k_F"], starts=4)
 
     Args:
-        study: a study, or recordings as read; they are checked here.
+        study: a study, or one or more recordings as read; they are checked here.
         foot: the model.
         settings: how to fit.
         advance: called with what is done, how many of how many, for a progress bar.
@@ -98,6 +98,10 @@ def fit_foot(
     """
     began = time.perf_counter()
     settings = _with(settings or Settings(), chosen)
+    if not isinstance(foot, Foot):
+        raise SettingError(f"the foot is {foot!r}; give a loaded model, load('two_dof') for example.")
+    if isinstance(study, Recording):
+        study = [study]
     question = Question.of(list(study), foot, settings)
     explored = explore(question, settings, advance, interruptible)
     answer = certify(question, explored, advance)
@@ -118,8 +122,14 @@ def _with(settings: Settings, chosen: Mapping[str, Any]) -> Settings:
     settings = replace(settings, **{**chosen, "free": None if free is None else tuple(free)})
     if isinstance(settings.exclude, str):
         raise SettingError(f'exclude is {settings.exclude!r}; give a list of names, for example exclude=["mount"].')
-    if settings.starts < 1:
-        raise SettingError(f"the number of starts is {settings.starts}; at least one is needed.")
+    for name, what, least in (
+        ("starts", "number of starts", 1),
+        ("seed", "seed", 0),
+        ("threads", "number of threads", 0),
+    ):
+        value = getattr(settings, name)
+        if not isinstance(value, int | np.integer) or value < least:
+            raise SettingError(f"the {what} is {value!r}; give a whole number, {least} or more.")
     return settings
 
 

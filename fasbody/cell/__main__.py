@@ -10,7 +10,7 @@ import typer
 
 from fasbody.cell.dome import Dome, Nucleus, shape
 from fasbody.cell.materials import MODULI_PA, Preset, preset
-from fasbody.console import command_line, console, print_json, progress_bar, to_json, write_whole
+from fasbody.console import command_line, console, make_folder, print_json, progress_bar, to_json, write_whole
 from fasbody.exceptions import SettingError
 
 if TYPE_CHECKING:
@@ -23,7 +23,10 @@ SizeOption = Annotated[float, typer.Option("--size", help=r"element size \[um]; 
 ModesOption = Annotated[int, typer.Option("--modes", help="number of modes")]
 ModulusOption = Annotated[float | None, typer.Option("--modulus", help="Young's modulus of the cytoplasm [Pa]")]
 JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
-OutOption = Annotated[Path | None, typer.Option("--out", help="folder for results and figures")]
+OutOption = Annotated[
+    Path | None,
+    typer.Option("--out", help="folder for results and figures", callback=lambda out: out and make_folder(out)),
+]
 
 #: Parameters that only a dome, only a mesh of the user's own, or only a closed surface has.
 OF_DOME = {"shape_text", "height", "profile", "nucleus_centre", "no_nucleus"}

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 import mjcf
-from fasbody.exceptions import InputFileError, ModelError, unknown
+from fasbody.exceptions import InputFileError, ModelError, SettingError, unknown
 from fasbody.foot import damper
 from fasbody.foot.engine import SHAKER, SHAKER_CONTROLS
 from fasbody.foot.parameters import Parameters, declared, names
@@ -59,11 +59,14 @@ class Foot:
             step: time step [s].
 
         Raises:
-            SettingError: unknown parameter; the message lists those that exist.
+            SettingError: unknown parameter (the message lists those that exist), or a value that it cannot have.
         """
         changed = copy.copy(self.model)
         for name, value in values.items():
             item = self.parameters[name]
+            if not np.isfinite(value) or (value < 0 and item.lower >= 0):
+                wanted = "a number of zero or more" if item.lower >= 0 else "a finite number"
+                raise SettingError(f"{name} is {value}; it must be {wanted} {item.unit}".rstrip() + ".")
             item.write({field: getattr(changed, field).reshape(-1) for field in item.fields}, value)
         if step is not None:
             changed.opt.timestep = step

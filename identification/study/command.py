@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fasbody.console import console, print_json, progress_bar, results
+from fasbody.console import console, make_folder, print_json, progress_bar, results
 from fasbody.exceptions import Stopped
 from fasbody.recording.study import StudyFolder
 from identification.study.filters import KINDS, MODES, Filters
@@ -90,6 +90,7 @@ def main(
     space = ensure(mode, settings, foot, profiled, agreement)
     plan = Plan(folder, filters.choose(folder.trials), settings, Model.of(foot))
     out = out or Path("results") / f"{study.resolve().name}_study"
+    make_folder(out)
     fits, checks = Store(out / "fits"), Store(out / "checks")
     jobs = plan.jobs(mode)
     checking = [job for name in profiled for job in plan.jobs(mode, "profile", name)]
