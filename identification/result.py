@@ -47,7 +47,7 @@ def identifiability(value: float, std_error: float, size: float, at_bound: bool)
     return "identified" if relative <= IDENTIFIED else "weak"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Estimate:
     """One parameter: value, standard error, 95 % limits, whether it ended at its bound, and how well it is known.
 
@@ -63,6 +63,9 @@ class Estimate:
     at_bound: bool
     identifiability: str
     if_model_true: "Estimate | None" = None
+
+    def __repr__(self) -> str:
+        return f"{self.interval()}, {self.known}"
 
     def interval(self) -> str:
         """Value and half width of the 95 % interval, rounded to what is known."""

@@ -88,6 +88,8 @@ class Recording:
             RecordingError: an array is no row of numbers, their lengths differ, or a mass is not plausible.
         """
         time = _seconds(time_s, name)
+        if not np.all(np.diff(time) > 0):
+            raise RecordingError(f"{name}: time_s does not increase from sample to sample; give the times in order.")
         given = {"base": base, "malleolus": malleolus, "tuberosity": tuberosity}
         rows = {channel: _row(values, channel, name) for channel, values in given.items() if values is not None}
         for channel, values in rows.items():
