@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from fasbody import runner
-from fasbody.exceptions import FasError, InputFileError
-from fasbody.runner import ROOT, Store, key, program, run, sources
+from fasbody.exceptions import InputFileError
+from fasbody.runner import ROOT, Store, key, program, sources
 
 
 def test_all_that_python_loads_for_a_result_is_in_its_key() -> None:
@@ -70,20 +70,38 @@ def test_what_a_killed_run_left_is_cleared_away(tmp_path: Path) -> None:
     assert sorted(tmp_path.iterdir()) == [new, mine, whole]
 
 
-def _square(x: int) -> int:
+_WORK = """
+import os
+from fasbody.exceptions import FasError, InputFileError
+from fasbody.runner import run
+
+def square(x):
     if x < 0:
-        raise FasError("no square.")
+        raise InputFileError(f"{x}.csv", "no square")
     return x * x
 
-
-def _die(x: int) -> None:
+def die(x):
     os._exit(1)
 
-
-def test_results_come_with_their_place_from_here_or_from_processes() -> None:
+if __name__ == "__main__":
     for processes in (1, 2):
-        assert dict(run(_square, [3, 4], "squares", processes)) == {0: 9, 1: 16}
-        with pytest.raises(FasError, match="no square"):
-            list(run(_square, [3, -4], "squares", processes))
-    with pytest.raises(FasError, match="ended by the system"):
-        list(run(_die, [1], "dying", 2))
+        print(sorted(run(square, [3, 4], "squares", processes)))
+        for function, task in ((square, -4), *([(die, 1)] if processes == 2 else [])):
+            try:
+                list(run(function, [task], "refused", processes))
+            except FasError as error:
+                print(type(error).__name__, error)
+"""
+
+
+def test_results_come_with_their_place_from_here_or_from_processes(tmp_path: Path) -> None:
+    """In a process of its own, for one of its children ends without a word."""
+    (tmp_path / "work.py").write_text(_WORK)
+    environment = {**os.environ, "PYTHONPATH": str(Path(runner.__file__).parents[1])}
+    done = subprocess.run(
+        [sys.executable, "work.py"], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+    )
+    once = ["[(0, 9), (1, 16)]", "InputFileError -4.csv: no square."]
+    assert done.stdout.splitlines() == [
+        *once, *once, "FasError a worker process was ended by the system; memory may be short.",
+    ]  # fmt: skip
