@@ -55,6 +55,8 @@ class Settings:
             of the delay [s]; None for what study.toml says, or the usual (`world`). exclude: what cannot be beside the
             model, of `known.DEPARTURES`, or "all".
 
+        wide: fit each branch once more with whatever else may be true; without, all words hold if the model is true.
+
     In the time domain, steady recordings are explored on their harmonics, and fitted to every sample from there.
     """
 
@@ -69,6 +71,7 @@ class Settings:
     gain_std: float | None = None
     delay_std_s: float | None = None
     exclude: tuple[str, ...] = ()
+    wide: bool = True
 
 
 def fit_foot(
@@ -105,7 +108,7 @@ def fit_foot(
     question = Question.of(list(study), foot, settings)
     explored = explore(question, settings, advance, interruptible)
     answer = certify(question, explored, advance)
-    result = judge(question, explored, answer, widen(question, answer, advance))
+    result = judge(question, explored, answer, widen(question, answer, advance) if settings.wide else [])
     source = study.name if isinstance(study, Study) else result.source
     return replace(result, source=source, seconds=time.perf_counter() - began)
 

@@ -202,8 +202,12 @@ class Branch(Presented):
         raise SettingError(f"{unknown('estimate', name, (symbol_and_unit(key)[0] for key in self.parameters))}.")
 
     def values(self) -> dict[str, float]:
-        """Key -> value of the foot's parameters, as `Foot.with_values` takes them; the channels' delay is none."""
-        return {key: e.value for key, e in self.parameters.items() if symbol_and_unit(key)[0] != "delay"}
+        """Key -> value of the foot's parameters, as `Foot.with_values` takes them; the channels' delay is none.
+
+        They hold if the model is true: with the masses as stated, the foot then moves as recorded.
+        """
+        kept = {key: e.if_model_true or e for key, e in self.parameters.items() if symbol_and_unit(key)[0] != "delay"}
+        return {key: e.value for key, e in kept.items()}
 
     def records(self) -> list[dict[str, Any]]:
         """One row a parameter: as parameters.csv has it."""

@@ -25,7 +25,7 @@ FIT, BUNDLE = "python -m identification.fit", "bundled fit"
 @cache
 def result() -> FitResult:
     """All eight constants from the nine recordings of the bundled subject, pooled."""
-    found = fit_foot(bundled(), load("two_dof"), threads=1)
+    found = fit_foot(bundled(), load("two_dof"), threads=1, wide=False)
     return found.with_source(found.source, read_truth(BUNDLED))
 
 
@@ -176,7 +176,7 @@ def other_frequencies() -> Outcome:
     foot, worst = load("two_dof"), []
     for left_out in (20.0, 35.0):
         kept = [r for r in bundled() if r.condition.frequency_hz != left_out]
-        best = fit_foot(kept, foot, starts=4, threads=1).best
+        best = fit_foot(kept, foot, starts=4, threads=1, wide=False).best
         values = foot.values() | {symbol_and_unit(key)[0]: e.value for key, e in best.parameters.items()}
         worst.append(fit_percent(*predicted(values, left_out)))
     return Outcome(

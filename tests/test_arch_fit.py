@@ -29,7 +29,7 @@ def test_fit_of_named_arch_parameters_recovers_them() -> None:
     truth = {"k_F": 1.4e5, "c_F": 2200.0, "m_T": 0.0465 * 72.57}
     rng = np.random.default_rng(4)
     data = [recording(truth, frequency, rng) for frequency in (20.0, 40.0)]
-    result = fit_foot(data, load("foot_arch"), Settings(free=("k_F", "c_F"), starts=1, delay=False))
+    result = fit_foot(data, load("foot_arch"), Settings(wide=False, free=("k_F", "c_F"), starts=1, delay=False))
     assert result.parameters["k_F_n_per_m"].value == pytest.approx(1.4e5, rel=0.01)
     assert result.parameters["c_F_n_s_per_m"].value == pytest.approx(2200.0, rel=0.01)
     assert result.verdict == "not compared"
@@ -47,5 +47,5 @@ def test_the_fascia_s_series_spring_can_be_fitted() -> None:
     """k_12 free, its dashpot fixed: records of a soft fascia give it back."""
     rng = np.random.default_rng(0)
     data = [recording({"k_12": 5e4, "m_T": 0.0465 * 72.57}, frequency, rng) for frequency in (20.0, 40.0)]
-    result = fit_foot(data, load("foot_arch"), Settings(free=("k_12",), starts=1, delay=False))
+    result = fit_foot(data, load("foot_arch"), Settings(wide=False, free=("k_12",), starts=1, delay=False))
     assert result.parameters["k_12_n_per_m"].value == pytest.approx(5e4, rel=0.05)

@@ -25,13 +25,13 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def planned(folder: Path, foot: Foot, mode: str = "per-recording", **settings: object) -> list[str]:
     opened = StudyFolder.open(folder)
-    plan = Plan(opened, opened.trials, dataclasses.replace(Settings(), **settings), Model.of(foot))  # type: ignore[arg-type]
+    plan = Plan(opened, opened.trials, dataclasses.replace(Settings(wide=False), **settings), Model.of(foot))  # type: ignore[arg-type]
     return [job.key for job in plan.jobs(mode)]
 
 
 def test_modes_take_together_what_they_say(study: Path, foot: Foot) -> None:
     opened = StudyFolder.open(study)
-    plan = Plan(opened, opened.trials, Settings(), Model.of(foot))
+    plan = Plan(opened, opened.trials, Settings(wide=False), Model.of(foot))
     each, pooled, trend = (plan.jobs(mode) for mode in ("per-recording", "pooled", "trend"))
     assert [len(job.trials) for job in each] == [1] * 8
     assert [(j.subject, j.added_mass_kg, len(j.trials)) for j in pooled] == [
@@ -98,7 +98,10 @@ def test_filters(study: Path) -> None:
 
 def test_what_cannot_be_meant(study: Path, foot: Foot) -> None:
     opened = StudyFolder.open(study)
-    for settings, said in ((Settings(starts=0), "starts is 0"), (Settings(domain="tme"), "did you mean 'time'")):
+    for settings, said in (
+        (Settings(wide=False, starts=0), "starts is 0"),
+        (Settings(wide=False, domain="tme"), "did you mean 'time'"),
+    ):
         with pytest.raises(SettingError, match=said):
             Plan(opened, opened.trials, settings, Model.of(foot))
 

@@ -117,7 +117,7 @@ def test_linearised_criteria_find_the_order_and_the_scatter(foot: Foot) -> None:
 @pytest.fixture(scope="module")
 def known(foot: Foot) -> TrendResult:
     return fit_trend(
-        study(power_laws, F, (0.0, 4.5), seed=5, seconds=2.0), foot, Settings(starts=1, threads=1),
+        study(power_laws, F, (0.0, 4.5), seed=5, seconds=2.0), foot, Settings(wide=False, starts=1, threads=1),
         order=Order(2, 1, 1), scatter=False,
     )  # fmt: skip
 
@@ -217,7 +217,7 @@ def test_an_unstable_branch_is_said_to_be_unstable(foot: Foot, monkeypatch: pyte
     monkeypatch.setattr(trend, "grown", lambda frame, states, *_: states)
     monkeypatch.setattr(trend, "both_ways", lambda frame, states: states if explored else ways(frame, states))
     recordings = study(power_laws, (15.0, 30.0), (0.0,), seconds=1.0)
-    settings = Settings(starts=1, threads=1)
+    settings = Settings(wide=False, starts=1, threads=1)
     found = fit_trend(recordings, foot, settings, order=Order(2, 0, 1), scatter=False, certify=False)
     assert [b.name for b in found.branches] == ["stiff pad"]
     assert found.verdict == "not compared"
@@ -237,7 +237,7 @@ def test_curves_that_misfit_decide_nothing(foot: Foot) -> None:
         return values | {"k_F": values["k_F"] * {10.0: 2.2, 15.0: 0.5, 20.0: 1.6, 30.0: 0.5}[f]}
 
     recordings = study(jumping, (10.0, 15.0, 20.0, 30.0), (0.0,))
-    found = fit_trend(recordings, foot, Settings(starts=1, threads=1), order=Order(2, 0, 1), certify=False)
+    found = fit_trend(recordings, foot, Settings(wide=False, starts=1, threads=1), order=Order(2, 0, 1), certify=False)
     assert max(found.best.scatter.values()) > 0.3
     assert found.log_likelihood_ratio > np.log(1000)  # what would have been called decided
     assert found.verdict == "undecided"

@@ -82,7 +82,7 @@ def test_estimates_that_are_power_laws_predict_what_is_left_out(foot: Foot) -> N
 
 
 def test_pooled_constants_predict_constants_and_not_a_trend(foot: Foot) -> None:
-    settings = Settings(starts=1, threads=1)
+    settings = Settings(wide=False, starts=1, threads=1)
     good = leave_one_frequency_out(study(constant, F, (0.0,)), foot, "pooled", settings)
     bad = leave_one_frequency_out(study(power_laws, F[:3], (0.0,)), foot, "pooled", settings)
     assert good.chi_square_per_number < 4
@@ -94,9 +94,9 @@ def test_pooled_constants_predict_constants_and_not_a_trend(foot: Foot) -> None:
 def test_trend_predicts_a_trend(foot: Foot) -> None:
     data = study(power_laws, F[:4], (0.0,))
     whole = fit_trend(
-        data, foot, Settings(starts=1, threads=1), order=Order(2, 0, 1), scatter=False, certify=False
+        data, foot, Settings(wide=False, starts=1, threads=1), order=Order(2, 0, 1), scatter=False, certify=False
     )  # fmt: skip
-    found = leave_one_frequency_out(data, foot, "trend", Settings(threads=1), branch=whole.best)
+    found = leave_one_frequency_out(data, foot, "trend", Settings(wide=False, threads=1), branch=whole.best)
     assert len(found.rows) == 4
     assert not found.failed
     assert found.chi_square_per_number < 10  # three frequencies for the curves: their error adds to the noise
@@ -104,7 +104,7 @@ def test_trend_predicts_a_trend(foot: Foot) -> None:
 
 
 def test_criteria_know_linear_damping_from_nonlinear(foot: Foot) -> None:
-    settings = Settings(starts=1, threads=1)
+    settings = Settings(wide=False, starts=1, threads=1)
     bent = compare_damping(study(constant, F[:4], (0.0,)), foot, "pooled", settings)
     assert bent.preferred("aic") == bent.preferred("bic") == bent.preferred("held_out_percent") == "nonlinear"
     assert bent.linear.held_out_chi_square > 10 * bent.nonlinear.held_out_chi_square  # type: ignore[operator]
@@ -118,7 +118,7 @@ def test_criteria_know_linear_damping_from_nonlinear(foot: Foot) -> None:
 
 
 def test_quick_fit_is_the_truth(foot: Foot) -> None:
-    found = quick_fit(study(constant, F, (0.0,), noise=0.1), foot, Settings(starts=1, threads=1), True)
+    found = quick_fit(study(constant, F, (0.0,), noise=0.1), foot, Settings(wide=False, starts=1, threads=1), True)
     truth = constant(20.0, 0.0)
     for name in ("k_T", "k_F", "c_21"):
         assert found.values[name] == pytest.approx(truth[name], rel=5e-3)

@@ -36,6 +36,8 @@ _TRIAL = re.compile(r"([^_]+)_(\w+)_force_volts")
 _APART_M = 0.01
 #: Samples that a strike from a CSV file needs.
 _FEWEST = 10
+#: No heel is pressed deeper [m]; a larger compression is of another unit.
+_DEEPEST_M = 0.1
 
 
 @dataclass(frozen=True)
@@ -95,16 +97,18 @@ class HeelStudy:
         if raw:
             outcomes, weights = _raw(raw, document)
         else:
-            outcomes, weights = list(_tables(folder, float(about.get("threshold_n", THRESHOLD_N)), about["origin"])), {}
+            threshold = _number(file, "threshold_n", about.get("threshold_n", THRESHOLD_N))
+            outcomes, weights = list(_tables(folder, threshold, about["origin"])), {}
         strikes = tuple(found for found in outcomes if isinstance(found, Strike))
         problems = tuple(found for found in outcomes if isinstance(found, str))
         if not strikes:
             raise InputFileError(folder, f"no heel strike can be used ({problems[0] if problems else 'no files'})")
         digest = hashlib.sha256()
         for strike in strikes:
-            digest.update(f"{strike}".encode())
-            for values in (strike.time_s, strike.force_n, strike.compression_m):
-                digest.update(np.ascontiguousarray(values).tobytes())
+            for field in fields(strike):
+                value = getattr(strike, field.name)
+                told = np.ascontiguousarray(value).tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
+                digest.update(field.name.encode() + told)
         return cls(
             about["name"], about["origin"], about["licence"], about["doi"], about["description"].strip(), strikes,
             problems, weights, digest.hexdigest(),
@@ -154,6 +158,10 @@ def _raw(files: list[Path], document: dict[str, Any]) -> tuple[list[Strike | str
             found += person.strikes()
         except RecordingError as error:
             found.append(f"{file.name}: {error}")
+        except (ValueError, TypeError, IndexError, KeyError) as error:  # an array of another kind or shape
+            found.append(
+                f"{file.name}: holds arrays that no raw file has ({error}); see README.md of the bundled study."
+            )
         except FasError as error:
             found.append(str(error))
     return found, weights
@@ -161,10 +169,28 @@ def _raw(files: list[Path], document: dict[str, Any]) -> tuple[list[Strike | str
 
 def _plate(document: dict[str, Any]) -> tuple[Plate, float, dict[str, str]]:
     """The plate, the markers' rate [Hz] and the digests that study.toml gives."""
-    given: dict[str, Any] = {
-        key: tuple(value) if isinstance(value, list) else value for key, value in document.get("plate", {}).items()
-    }
-    return Plate(**given), float(document.get("markers", {}).get("rate_hz", 1293.5)), document.get("sha256", {})
+    given: dict[str, Any] = {}
+    for key, value in document.get("plate", {}).items():
+        where = Path("study.toml")
+        if isinstance(value, list):
+            if len(value) != 2:
+                raise InputFileError(where, f"[plate] {key} has {len(value)} numbers", "give two, [x, y]")
+            given[key] = tuple(_number(where, f"[plate] {key}", each) for each in value)
+        else:
+            given[key] = _number(where, f"[plate] {key}", value)
+    rate = _number(Path("study.toml"), "[markers] rate_hz", document.get("markers", {}).get("rate_hz", 1293.5))
+    return Plate(**given), rate, document.get("sha256", {})
+
+
+def _number(file: Path, name: str, value: object) -> float:
+    """A number of study.toml that is above or below zero.
+
+    Raises:
+        InputFileError: it is none.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        raise InputFileError(file, f"{name} is {value!r}", "give a number")
+    return float(value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,11 +249,22 @@ class Person:
                 f"subject {self.subject}, {speed}, trial {number}: the arrays have shapes {force.shape} and "
                 f"{markers.shape}; valid: (n, 8) volts and (m, 6) millimetres."
             )
+        needed = ["offset_volts", "first_force_sample", *(["first_marker_frame"] if len(markers) else [])]
+        missing = [name for name in needed if f"{stem}_{name}" not in self.arrays]
+        if missing:
+            raise RecordingError(
+                f"subject {self.subject}, {speed}, trial {number}: no {stem}_{missing[0]}, without which "
+                "force and markers do not belong together."
+            )
+        offset = np.asarray(self.arrays[f"{stem}_offset_volts"], float)
+        if offset.shape != (8,):
+            raise RecordingError(
+                f"subject {self.subject}, {speed}, trial {number}: the offsets have shape {offset.shape}, not (8,)."
+            )
         pairs = markers.reshape(-1, 2, 3)
         return Trial(
-            self.subject, speed, number, force, self.arrays.get(f"{stem}_offset_volts", np.zeros(8)),
-            int(self.arrays.get(f"{stem}_first_force_sample", 0)), pairs if self.lower_first else pairs[:, ::-1],
-            int(self.arrays.get(f"{stem}_first_marker_frame", 0)),
+            self.subject, speed, number, force, offset, int(self.arrays[f"{stem}_first_force_sample"]),
+            pairs if self.lower_first else pairs[:, ::-1], int(self.arrays.get(f"{stem}_first_marker_frame", 0)),
         )  # fmt: skip
 
     def steps(self, speed: str, number: str) -> Steps:
@@ -348,6 +385,12 @@ def read_csv(
         raise RecordingError(f"{file}: {error}") from None
     t, F, x = t[contact:] - t[contact], F[contact:], x[contact:] - x[contact]
     v, k = np.gradient(x, t), peak - contact
+    if x[k] <= 0.0:
+        raise RecordingError(f"{file}: the compression falls while the force rises; pressing must be positive.")
+    if np.abs(x).max() > _DEEPEST_M:
+        raise RecordingError(
+            f"{file}: the compression reaches {np.abs(x).max():.3g} m, more than a heel has; give metres."
+        )
     back = np.flatnonzero(v[k:] <= 0.0)
     stand = k + int(back[0]) if back.size else t.size - 1
     published = Published(

@@ -10,13 +10,14 @@ import numpy as np
 from fasbody.exceptions import RecordingError
 from fasbody.heel.laws import LAWS, HeelLaw
 from fasbody.heel.strike import Strike
+from fasbody.runner import program
 from identification.heel.estimate import LawFit, Paths, fit
 
 Array = np.ndarray
 Groups = Mapping[tuple[str, str], tuple[Strike, ...]]
 Document = dict[str, Any]
-#: Changes with everything that changes a document.
-VERSION = 1
+#: What this module imports is part of the key of a document.
+_COMPUTES = "identification.heel.study"
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +33,9 @@ class Task:
     def key(self) -> str:
         """Name of the document: of the data, the law and this program."""
         parameters = [(item.name, item.start, item.lower, item.upper) for item in LAWS[self.law].parameters]
-        return hashlib.sha256(f"{VERSION} {self.digest} {self.law} {self.window} {parameters}".encode()).hexdigest()[
-            :24
-        ]
+        return hashlib.sha256(
+            f"{program(_COMPUTES)} {self.digest} {self.law} {self.window} {parameters}".encode()
+        ).hexdigest()[:24]
 
 
 def judge(task: Task) -> Document:

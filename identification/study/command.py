@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fasbody.console import console, make_folder, print_json, progress_bar, results
-from fasbody.exceptions import Stopped
+from fasbody.console import console, print_json, progress_bar, results
+from fasbody.exceptions import InputFileError, Stopped
 from fasbody.recording.study import StudyFolder
 from identification.study.filters import KINDS, MODES, Filters
 from identification.study.store import Store
@@ -83,14 +83,17 @@ def main(
 
     folder = StudyFolder.open(study)
     filters = Filters(tuple(subject or ()), tuple(posture or ()), tuple(added_mass or ()), tuple(frequency or ()))
-    settings = Settings(free=names(free), bounds=limits(bounds), starts=starts, seed=seed, domain=domain, threads=1)
+    settings = Settings(
+        free=names(free), bounds=limits(bounds), starts=starts, seed=seed, domain=domain, threads=1, wide=False
+    )
     believed = Prior.read(prior or ())
     foot = load(model)
     profiled = tuple(dict.fromkeys(names(profile) or ()))
     space = ensure(mode, settings, foot, profiled, agreement)
     plan = Plan(folder, filters.choose(folder.trials), settings, Model.of(foot))
     out = out or Path("results") / f"{study.resolve().name}_study"
-    make_folder(out)
+    if out.is_file():
+        raise InputFileError(out, "is a file", "name a folder")
     fits, checks = Store(out / "fits"), Store(out / "checks")
     jobs = plan.jobs(mode)
     checking = [job for name in profiled for job in plan.jobs(mode, "profile", name)]
