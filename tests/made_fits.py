@@ -18,7 +18,7 @@ from identification.study.loops import cycles
 def document(mode: str, recordings: Sequence[Recording], files: Sequence[str], starts: int = 4) -> dict[str, Any]:
     """One fit as `OUT/fits` holds it."""
     foot = load("two_dof")
-    result = fit_foot(recordings, foot, starts=starts, threads=1).document()
+    result = fit_foot(recordings, foot, starts=starts, threads=1, wide=False).document()
     first = recordings[0].condition
     single = mode == "per-recording"
     made = {

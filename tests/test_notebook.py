@@ -89,4 +89,4 @@ def test_the_viewer_is_beside_the_notebook(fitted: idn.FitResult, foot: fb.Foot,
         viewer.close()
     assert repr(viewer).endswith("(closed)")
     file = viz.export(foot, tmp_path / "foot.html", result=fitted)
-    assert f"{fitted['k_T'].value:.6f}"[:6] in file.read_text()
+    assert f"{fitted.values()['k_T_n_per_m']:.6f}"[:6] in file.read_text()
