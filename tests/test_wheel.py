@@ -86,7 +86,8 @@ def test_main_job_runs_from_another_folder(installed: Path, tmp_path: Path) -> N
     assert "synthetic" in (tmp_path / "results" / "report.html").read_text()
     result = json.loads((tmp_path / "results" / "result.json").read_text())
     assert result["verdict"] == "decided"
-    assert result["parameters"]["k_T_n_per_m"]["value"] == pytest.approx(131_000, rel=0.01)
+    if_true = result["parameters"]["k_T_n_per_m"]["if_model_true"]
+    assert if_true["value"] == pytest.approx(131_000, rel=0.01)
 
 
 def test_map_of_commands_is_in_the_wheel(installed: Path, tmp_path: Path) -> None:
