@@ -12,6 +12,9 @@ from pathlib import Path
 import pytest
 from study_runs import ENVIRONMENT, arguments, documents, done, elsewhere, fitted, small
 
+from fasbody.exceptions import FasError
+from identification.study import cluster
+
 pytest.importorskip("distributed")
 
 
@@ -106,6 +109,19 @@ def test_a_lost_scheduler_is_one_sentence(study: Path, tmp_path: Path) -> None:
         for each in (worker, process):
             each.kill()
             each.wait()
+
+
+def test_a_scheduler_lost_while_workers_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The moment of the loss decides which of Dask's calls meets it: this one failed with a traceback."""
+    from distributed.comm.core import CommClosedError
+
+    class Lost:
+        def nthreads(self) -> dict[str, int]:
+            raise CommClosedError("reset by peer")
+
+    monkeypatch.setattr("distributed.as_completed", list)
+    with pytest.raises(FasError, match="the connection to the scheduler is lost"):
+        next(cluster._on(Lost(), []))
 
 
 def test_local_processes_give_the_same(study: Path, serial: dict, tmp_path: Path) -> None:  # type: ignore[type-arg]

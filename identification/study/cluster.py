@@ -27,6 +27,7 @@ FEW = 8
 _AHEAD = 2
 #: How long to wait for a scheduler, and for its first worker [s].
 _PATIENCE_S = 15
+_GONE = "the connection to the scheduler is lost; the same command goes on from here."
 _QUIET = {"distributed.worker.daemon": True, "distributed.comm.timeouts.connect": f"{_PATIENCE_S}s"}
 
 
@@ -142,7 +143,20 @@ def _there(work: Work, program: str) -> Document:
 
 
 def _on(client: Any, works: Iterable[Work]) -> Iterator[Document]:
-    """Documents in the order in which they are ready; at most a few jobs a thread are with the cluster at a time."""
+    """Documents in the order in which they are ready; at most a few jobs a thread are with the cluster at a time.
+
+    Raises:
+        FasError: the scheduler is gone, whether it is met while a job is sent, asked for, or while workers are counted.
+    """
+    from distributed.client import CancelledError, ClosedClientError
+
+    try:
+        yield from _sent(client, works)
+    except (OSError, CancelledError, ClosedClientError):  # CommClosedError is an OSError
+        raise FasError(_GONE) from None
+
+
+def _sent(client: Any, works: Iterable[Work]) -> Iterator[Document]:
     from distributed import as_completed
 
     program, run, waiting = plan.program(), uuid.uuid4().hex[:8], iter(works)
@@ -165,7 +179,7 @@ def _on(client: Any, works: Iterable[Work]) -> Iterator[Document]:
         elif future.status == "error":
             yield _lost(work, future.exception())
         else:
-            raise FasError("the connection to the scheduler is lost; the same command goes on from here.")
+            raise FasError(_GONE)
         future.release()
         refill()
 
