@@ -34,7 +34,7 @@ def show(found: Analysis) -> None:
         misfit = np.nan if d["misfit"] is None else d["misfit"]
         table.add_row(
             d["name"], d["equation"], "to peak" if d["window"] == "loading" else "whole",
-            *(f"{100 * value:.1f} %" for value in (misfit, *errors)), f"{d['at_bound']} of {len(d['persons'])}",
+            *("-" if np.isnan(value) else f"{100 * value:.1f} %" for value in (misfit, *errors)), f"{d['at_bound']} of {len(d['persons'])}",
         )  # fmt: skip
     results.print(table)
     _show_population(found)
