@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.presentation import Presented, Sheet
 from fasbody.recording.recording import Recording
+
+if TYPE_CHECKING:
+    from identification.evidence import Evidence
 
 
 def label(key: str) -> str:
@@ -277,6 +280,8 @@ class FitResult(Presented):
     warnings: tuple[str, ...]
     truth: Mapping[str, float] = field(default_factory=dict)
     seconds: float = 0.0
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    evidence: "Evidence | None" = None
 
     @property
     def best(self) -> Branch:
@@ -384,6 +389,7 @@ class FitResult(Presented):
             "starts": [dict(start) for start in self.starts],
             "truth": dict(self.truth),
             "warnings": list(self.warnings),
+            "provenance": dict(self.provenance),
             "seconds": self.seconds,
         }  # fmt: skip
 

@@ -1,8 +1,9 @@
 """Is a recording fit for identification? Each problem gets one sentence: the file, the place and the remedy."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,23 @@ def checked(recording: Recording) -> Recording:
     _quality(recording, quality_of(recording, frequency), frequency, warnings)
     condition = replace(recording.condition, frequency_hz=frequency)
     return replace(recording, condition=condition, warnings=tuple(warnings))
+
+
+def apart(recordings: Sequence[Recording]) -> None:
+    """Refuse the same recording twice, under whatever name: counted twice, it would seem twice as sure.
+
+    Raises:
+        RecordingError: two of them hold the same base and malleolus.
+    """
+    seen: dict[str, str] = {}
+    for recording in recordings:
+        digest = sha256(recording.base_m_s2.tobytes() + recording.malleolus_m_s2.tobytes()).hexdigest()
+        if digest in seen:
+            raise RecordingError(
+                f"{seen[digest]} and {recording.file} are the same recording (sha256 of the samples {digest[:12]}); "
+                "leave one of them out."
+            )
+        seen[digest] = recording.file
 
 
 def quality_of(recording: Recording, frequency_hz: float | None) -> Quality:

@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,7 @@ class Recording:
         warnings: what the checks found that does not forbid its use.
         calibration: what study.toml says of the channels, by name; uncertainties are taken from there.
         known: what the laboratory knows beyond the recording.
+        digest: sha256 of the file that it was read from, in hexadecimal; "" where there was none.
     """
 
     time_s: np.ndarray
@@ -47,6 +49,7 @@ class Recording:
     warnings: tuple[str, ...] = ()
     calibration: Mapping[str, Channel] = field(default_factory=dict)
     known: Known = field(default_factory=Known)
+    digest: str = ""
 
     @property
     def rate_hz(self) -> float:
@@ -135,6 +138,7 @@ class Recording:
             warnings=_remarks(Path(file).with_suffix(".json")),
             calibration=layout.channels if layout else {},
             known=layout.beyond if layout else Known(),
+            digest=sha256(Path(file).read_bytes()).hexdigest(),
         )
 
     @property
