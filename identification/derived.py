@@ -147,7 +147,8 @@ class Derived:
     Attributes:
         data: measured transmissibility and phase lag at the excited frequencies, with 95 % limits of their noise.
         curves: the same of each branch over frequency. modes: natural frequencies and damping ratios, of small motion.
-        dampers: laws over the displacement that was reached. energies: dissipated a cycle.
+        dampers: laws over the displacement that was reached. reached: from where to where, by load. energies:
+            dissipated a cycle.
         chi_square: parts by recording and harmonic, which add up to the total.
     """
 
@@ -155,6 +156,7 @@ class Derived:
     curves: list[Row]
     modes: list[Row]
     dampers: list[Row]
+    reached: list[Row]
     energies: list[Row]
     chi_square: list[Row]
 
@@ -164,7 +166,7 @@ def derived(result: FitResult) -> Derived:
     """Everything that figures and tables of a result need beyond its parameters."""
     evidence = result.evidence
     if evidence is None:
-        return Derived(_data(result), [], [], [], [], [])
+        return Derived(_data(result), [], [], [], [], [], [])
     views = _views(result, evidence)
     cycles = {(id(view), i): found for view in views for i, found in _cycles(evidence, view)}
     return Derived(
@@ -172,6 +174,7 @@ def derived(result: FitResult) -> Derived:
         _curves(result, evidence),
         [row for view in views for row in _modes(evidence, view)],
         [row for view in views for row in _dampers(evidence, view, cycles)],
+        _reached(evidence, views[:1], cycles),
         [row for view in views for row in _energies(evidence, view, cycles)],
         _chi_square(result, evidence),
     )
@@ -189,10 +192,15 @@ def _views(result: FitResult, evidence: "Evidence") -> list[View]:
 def _data(result: FitResult) -> list[Row]:
     """Measured fundamental of the malleolus over that of the base; the scatter of the noise alone."""
     rows = []
+    known = {r.file: r for r in result.evidence.domain.recordings} if result.evidence else {}
     for r in result.recordings:
         if r.frequency_hz is None:
             continue
-        out, into = (fit_harmonics(r.time_s, x, r.frequency_hz, 1) for x in (r.measured, r.base))
+        if r.file in known:
+            line = Line.of(known[r.file])
+            out, into = line.malleolus, line.base
+        else:
+            out, into = (fit_harmonics(r.time_s, x, r.frequency_hz, 1) for x in (r.measured, r.base))
         H = out.amplitudes[0] / into.amplitudes[0]
         std = float(np.hypot(out.std[0] / abs(out.amplitudes[0]), into.std[0] / abs(into.amplitudes[0])))
         size, lag, half = float(abs(H)), float(-np.degrees(np.angle(H))), _Z95 * std
@@ -200,8 +208,8 @@ def _data(result: FitResult) -> list[Row]:
             {
                 "file": r.file, "added_mass_kg": r.added_mass_kg, "frequency_hz": r.frequency_hz,
                 "transmissibility": size, "lower": size * (1 - half), "upper": size * (1 + half),
-                "phase_lag_deg": lag, "phase_lower_deg": lag - np.degrees(half),
-                "phase_upper_deg": lag + np.degrees(half),
+                "phase_lag_deg": lag, "phase_lower_deg": float(lag - np.degrees(half)),
+                "phase_upper_deg": float(lag + np.degrees(half)),
             }
         )  # fmt: skip
     return rows
@@ -279,7 +287,9 @@ def poles(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     swinging = found[found.imag > 0]
     real = np.sort(np.abs(found[found.imag == 0].real))
     pairs = [(abs(p), -p.real / abs(p)) for p in swinging]
-    pairs += [(np.sqrt(a * b), 0.5 * (a + b) / np.sqrt(a * b)) for a, b in zip(real[::2], real[1::2], strict=False) if a]
+    pairs += [
+        (np.sqrt(a * b), 0.5 * (a + b) / np.sqrt(a * b)) for a, b in zip(real[::2], real[1::2], strict=False) if a
+    ]
     pairs.sort()
     w, zeta = (np.array(each, float) for each in zip(*pairs, strict=True)) if pairs else (np.zeros(0), np.zeros(0))
     return w / (2 * np.pi), zeta
@@ -324,7 +334,9 @@ def _modes(evidence: "Evidence", view: View) -> Iterator[Row]:
             if domain.twin:
                 A = TwoDof.from_values(values).state_space()[0]
             else:
-                A = linearised(domain.foot.with_values({k: v for k, v in values.items() if k in domain.foot.parameters}))
+                A = linearised(
+                    domain.foot.with_values({k: v for k, v in values.items() if k in domain.foot.parameters})
+                )
             f, zeta = poles(A)
             return np.log(np.concatenate([f[:_MODES], np.maximum(zeta[:_MODES], 1e-12)]))
 
@@ -378,6 +390,19 @@ def _dampers(evidence: "Evidence", view: View, cycles: Mapping[tuple[int, int], 
                 "branch": view.branch, "basis": view.basis, "damper": joint, "displacement_m": float(place),
                 "damping_n_s_per_m": float(c), "lower": float(c - h), "upper": float(c + h),
             }  # fmt: skip
+
+
+def _reached(evidence: "Evidence", views: Sequence[View], cycles: Mapping[tuple[int, int], Cycle]) -> list[Row]:
+    """Relative displacements of ankle and pad under each load, over its recordings, of the first view."""
+    rows = []
+    for joint, (*_, part) in DAMPERS.items() if views else ():
+        for load, numbers in _by_load(evidence).items():
+            mine = [cycles[id(views[0]), i] for i in numbers if (id(views[0]), i) in cycles]
+            if mine:
+                x = np.concatenate([getattr(found, part).displacement_m for found in mine])
+                row = {"damper": joint, "added_mass_kg": load, "lower_m": float(x.min()), "upper_m": float(x.max())}
+                rows.append(row)
+    return rows
 
 
 def _energies(evidence: "Evidence", view: View, cycles: Mapping[tuple[int, int], Cycle]) -> Iterator[Row]:
@@ -435,9 +460,7 @@ def _chi_square(result: FitResult, evidence: "Evidence") -> list[Row]:
     for line in lines:
         condition = line.recording.condition
         for h in range(line.count):
-            parts = {
-                name: float(r[first + h] ** 2 + r[first + line.count + h] ** 2) for name, r in residuals.items()
-            }
+            parts = {name: float(r[first + h] ** 2 + r[first + line.count + h] ** 2) for name, r in residuals.items()}
             rows.append(
                 {
                     "file": line.recording.file, "added_mass_kg": condition.added_mass_kg,
@@ -447,5 +470,3 @@ def _chi_square(result: FitResult, evidence: "Evidence") -> list[Row]:
             )  # fmt: skip
         first += 2 * line.count
     return rows
-
-

@@ -1,6 +1,6 @@
 """What a result was made from: kept beside it, so that figures and tables can be computed when they are asked for."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from platform import python_version
@@ -54,12 +54,3 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:  # run from a folder that was never installed
         return "not installed"
-
-
-def told(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The same as rows for a person: what, and its value."""
-    rows = [("command", provenance["command"])] if provenance.get("command") else []
-    if "seed" in provenance:
-        rows.append(("seed of the random starts", str(provenance["seed"])))
-    rows += [(name, f"{low:g} to {high:g}") for name, (low, high) in provenance.get("bounds", {}).items()]
-    return rows
