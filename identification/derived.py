@@ -54,8 +54,8 @@ class View(ABC):
     """A branch's foot with what is uncertain of it.
 
     Attributes:
-        branch: its name. basis: what its intervals allow for. q, C: search variable (n,) and its covariance (n, n), with
-            zeros for what has no standard error.
+        branch: its name. basis: what its intervals allow for. q, C: search variable (n,) and its covariance (n, n),
+            with zeros for what has no standard error. bounds: of q.
     """
 
     branch: str

@@ -1,6 +1,7 @@
 """The printed figures of a fit, and the rows that each of them draws: one colour a load in all of them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
 from io import BytesIO
 from typing import Any
 
@@ -33,7 +34,8 @@ def save(figure: Figure, ending: str) -> bytes:
     out = BytesIO()
     with matplotlib.rc_context(STYLE):
         metadata = {"Date": None} if ending == "svg" else None
-        figure.savefig(out, format=ending, dpi=_DPI, bbox_inches="tight", metadata=metadata)
+        figure.savefig(out, format=ending, dpi=_DPI, metadata=metadata)
+        figure.set_layout_engine("none")  # it is laid out, and the next format need not be
     return out.getvalue()
 
 
@@ -41,6 +43,17 @@ def svg(figure: Figure) -> str:
     """A figure as SVG text without date or declaration, to be put into a page."""
     text = save(figure, "svg").decode()
     return text[text.index("<svg") :]
+
+
+def _styled(draw: Callable[[FitResult], Figure]) -> Callable[[FitResult], Figure]:
+    """Draw with this file's style, and leave matplotlib's own as it is."""
+
+    @wraps(draw)
+    def styled(result: FitResult) -> Figure:
+        with matplotlib.rc_context(STYLE):
+            return draw(result)
+
+    return styled
 
 
 def panels(rows: int, columns: int, width: float, height: float, **options: object) -> tuple[Figure, np.ndarray]:
@@ -71,6 +84,11 @@ def _by_recording(result: FitResult, height: float, x: str, y: str, **options: o
     return figure, axes
 
 
+def _legend(figure: Figure, axes: np.ndarray) -> None:
+    """One legend for all panels, above them."""
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize=8)
+
+
 def _title(recording: RecordingFit) -> str:
     at = "broadband" if recording.frequency_hz is None else f"{recording.frequency_hz:.4g} Hz"
     return f"{at}, {recording.added_mass_kg:g} kg added"
@@ -90,6 +108,7 @@ def trace_rows(result: FitResult) -> list[Row]:
     return rows
 
 
+@_styled
 def traces(result: FitResult) -> Figure:
     """Measured and modelled malleolus acceleration, three periods of each recording (or its first second)."""
     figure, axes = _by_recording(result, 2.0, "time [ms]", "malleolus [m/s²]")
@@ -101,7 +120,7 @@ def traces(result: FitResult) -> Figure:
         axis.plot(t, [row["measured_m_s2"] for row in mine], ".", ms=2.5, color=_DATA, label="data")
         axis.plot(t, [row["model_m_s2"] for row in mine], lw=1.1, color=colour, label="model")
         axis.set_title(f"{_title(recording)}: fit {recording.fit_percent:.1f} %")
-    axes[0, 0].legend(loc="upper right", fontsize=7)
+    _legend(figure, axes)
     return figure
 
 
@@ -111,6 +130,7 @@ def _window(recording: RecordingFit) -> tuple[float, float]:
     return (float(recording.time_s[0]), length) if recording.frequency_hz is None else (middle, length)
 
 
+@_styled
 def transmissibility(result: FitResult) -> Figure:
     """Malleolus over base at the excited frequencies with 95 % limits, and its phase lag; both branches' curves."""
     figure, axes = panels(2, 1, 5.2, 5.2, sharex=True)
@@ -167,6 +187,7 @@ def _spectrum_ratio(recording: RecordingFit, trace: np.ndarray) -> tuple[np.ndar
     return estimate.frequency_hz, estimate.H
 
 
+@_styled
 def chi_square(result: FitResult) -> Figure:
     """Chi-square of every harmonic of every recording, over the harmonic's frequency."""
     figure, axes = panels(1, 1, 5.2, 3.2)
@@ -194,6 +215,7 @@ def chi_square(result: FitResult) -> Figure:
 _LEAST, _RARE = 1e-2, 13.82
 
 
+@_styled
 def modes(result: FitResult) -> Figure:
     """Natural frequencies and damping ratios of small motion under each load, with 95 % limits."""
     rows, loads = derived(result).modes, _loads(result)
@@ -220,12 +242,13 @@ def modes(result: FitResult) -> Figure:
                 x += 1
         axis.set_xticks(*zip(*ticks, strict=True))
         axis.set_xlim(-0.5, x - 0.25)
-        axis.set_title(f"mode {mode}: {title}")
+        axis.set_title(f"mode {mode}\n{title}")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=8)
     return figure
 
 
+@_styled
 def dampers(result: FitResult) -> Figure:
     """Damping of ankle and fat pad over the displacement that the recordings reached, with bands of 95 %."""
     found, loads = derived(result), _loads(result)
@@ -249,7 +272,7 @@ def dampers(result: FitResult) -> Figure:
                 )
                 axis.fill_between(_MM * x, low, high, color=grey, lw=0, alpha=0.8, label=f"{name}{basis}")
                 if number == 0:
-                    axis.plot(_MM * x, c, line, lw=1.2, color=_DATA, zorder=3)
+                    axis.plot(_MM * x, c, line, lw=1.2, color=_DATA, zorder=3, label=f"{name}estimate")
         spans = [row for row in found.reached if row["damper"] == joint]
         for place, row in enumerate(spans):
             colour, _ = loads[row["added_mass_kg"]]
@@ -268,6 +291,7 @@ def dampers(result: FitResult) -> Figure:
     return figure
 
 
+@_styled
 def energies(result: FitResult) -> Figure:
     """Energy that ankle and fat pad dissipate in a cycle, by frequency and load, with 95 % limits."""
     rows, loads = derived(result).energies, _loads(result)
@@ -283,7 +307,8 @@ def energies(result: FitResult) -> Figure:
                 label = f"{load:g} kg added" + (f", {branch.name}" if len(result.open) > 1 else "")
                 if mine:
                     keys = ("dissipated_j", "lower_j", "upper_j")
-                    style = {"marker": mark, "ls": line, "ms": 4, "color": colour, "capsize": 2, "lw": 1.0}
+                    face = colour if line == _LINES[0] else "white"
+                    style = {"fmt": mark, "ms": 4.5, "mfc": face, "color": colour, "capsize": 2, "lw": 1.0}
                     _limits(axis, x, mine, keys, _MJ, label=label, **style)
         axis.set_yscale("log")
         axis.set_title(joint)
@@ -312,6 +337,7 @@ def residual_rows(result: FitResult) -> list[Row]:
 _HIGHEST_HZ = 160.0
 
 
+@_styled
 def residuals(result: FitResult) -> Figure:
     """Amplitude spectrum of what the model leaves, beside that of the recording."""
     figure, axes = _by_recording(result, 1.9, "frequency [Hz]", "amplitude [m/s²]", sharex=True, sharey=True)
@@ -323,12 +349,14 @@ def residuals(result: FitResult) -> Figure:
         axis.semilogy(f, [row["data_m_s2"] for row in mine], lw=0.8, color=_OTHER, label="data")
         axis.semilogy(f, [row["residual_m_s2"] for row in mine], lw=0.8, color=colour, label="residual")
         axis.set_title(_title(recording))
+        axis.minorticks_off()  # they cost as much as all the rest
         axis.set_xlim(0, _HIGHEST_HZ)
         axis.set_ylim(bottom=1e-5)
-    axes[0, 0].legend(loc="upper right", fontsize=7)
+    _legend(figure, axes)
     return figure
 
 
+@_styled
 def parameters(result: FitResult) -> Figure:
     """Estimates with 95 % intervals of both branches, each parameter on its own scale; the truth where it is known."""
     keys = list(result.parameters)
@@ -337,7 +365,11 @@ def parameters(result: FitResult) -> Figure:
         for place, (branch, colour) in enumerate(zip(result.branches, (_DATA, _OTHER), strict=False)):
             e = branch.parameters[key]
             error = [[max(0.0, e.value - e.lower)], [max(0.0, e.upper - e.value)]]
-            axis.errorbar([place], [e.value], yerr=error, fmt="o", ms=4, color=colour, capsize=3, label=branch.name)
+            style = {"fmt": "o", "ms": 4, "color": colour, "capsize": 3, "label": branch.name}
+            if e.at_bound:
+                axis.errorbar([place], [e.value], mfc="white", clip_on=False, **style)
+            else:
+                axis.errorbar([place], [e.value], yerr=error, **style)
         truth = result.truth_of(key)
         if truth is not None:
             axis.axhline(truth, color=_DATA, lw=1, ls=":", label="truth")
@@ -359,6 +391,7 @@ def label_of(key: str) -> str:
     return (f"${stem}_{{{index}}}$" if index else stem) + (f"\n[{unit}]" if unit else "")
 
 
+@_styled
 def waterfall(result: FitResult) -> Figure:
     """Final cost of every start, best first, coloured by the branch it ended in."""
     figure, axes = panels(1, 1, 5.2, 2.6)
@@ -374,6 +407,7 @@ def waterfall(result: FitResult) -> Figure:
     return figure
 
 
+@_styled
 def correlation(result: FitResult) -> Figure:
     """Correlation matrix of the estimates of the likelier branch."""
     keys = list(result.parameters)

@@ -1,6 +1,7 @@
 """report.html: everything a fit found on one self-contained page, with its figures and their numbers beside it."""
 
 import csv
+import math
 from collections.abc import Callable, Sequence
 from datetime import date
 from io import StringIO
@@ -14,11 +15,13 @@ from fasbody import console
 from fasbody.recording.condition import FOOT_MASS_FRACTION, SHANK_MASS_FRACTION
 from identification import figures
 from identification.derived import Row, derived
-from identification.result import FitResult, chance, label
+from identification.result import Allowance, Estimate, FitResult, chance, label
 from identification.space import DELAY
 
 #: Parts of chi-square that the page lists.
 _WORST = 5
+#: A nuisance below this share of what was held possible is none.
+_NOTHING = 1e-4
 
 
 def html(result: FitResult, drawn: dict[str, str] | None = None) -> str:
@@ -40,7 +43,8 @@ def html(result: FitResult, drawn: dict[str, str] | None = None) -> str:
     worst = sorted((row for row in found.chi_square if row[key] is not None), key=lambda row: -row[key])
     misfit = [text for text in result.warnings if text.startswith(_MISFIT)]
     return environment.get_template("report.html").render(
-        result=result, label=label, chance=chance, day=date.today().isoformat(), found=found, key=key,
+        result=result, label=label, chance=chance, interval=interval, allowed=allowed, energies=_energies(result),
+        day=date.today().isoformat(), found=found, key=key,
         pictures={name: {"svg": Markup(drawn[name][drawn[name].index("<svg") :]), "caption": texts[name]}
                   for name in texts},
         worst=worst[:_WORST], notes=[*misfit, *(text for text in result.warnings if text not in misfit)],
@@ -48,6 +52,8 @@ def html(result: FitResult, drawn: dict[str, str] | None = None) -> str:
     )  # fmt: skip
 
 
+#: Figures that a paper prints; of the others a PNG would take longer than the fit.
+_PRINTED = ("chi_square", "parameters", "transmissibility", "modes", "dampers", "energies")
 #: Notes that say that the model misses; they come first.
 _MISFIT = ("The model does not describe", "The model follows")
 
@@ -55,7 +61,7 @@ _MISFIT = ("The model does not describe", "The model follows")
 def write(result: FitResult, folder: Path) -> list[Path]:
     """Write result.json, parameters.csv, report.html and figures/ into a folder, each file whole or not at all.
 
-    Each figure is there as SVG, as PNG, and as a CSV file of what it draws.
+    Each figure is there as SVG with a CSV file of what it draws, and those that a paper prints as PNG, too.
     """
     pictures = {name: getattr(figures, name)(result) for name in captions(result)}
     drawn = {name: figures.save(figure, "svg") for name, figure in pictures.items()}
@@ -66,7 +72,8 @@ def write(result: FitResult, folder: Path) -> list[Path]:
     }
     for name, figure in pictures.items():
         files[f"figures/{name}.svg"] = drawn[name]
-        files[f"figures/{name}.png"] = figures.save(figure, "png")
+        if name in _PRINTED:
+            files[f"figures/{name}.png"] = figures.save(figure, "png")
     for name, rows in tables(result).items():
         files[f"figures/{name}.csv"] = table(rows)
     return [console.write_whole(folder / name, text) for name, text in files.items()]
@@ -120,15 +127,16 @@ def captions(result: FitResult) -> dict[str, str]:
         basis = "whatever else may be true" if result.wide else "if the model is true"
         texts["chi_square"] = (
             f"Where chi-square comes from: {harmonics} harmonics of {n}, {basis}. Noise alone gives 2 a harmonic on "
-            "average. Parts above the dashed line, or a row of them at one load or frequency, show where the model misses."
+            "average. Parts above the dashed line, or many high ones at one load or frequency, show where the model "
+            "misses."
         )
     texts["parameters"] = f"Estimates of each branch from {n}. {rests}." + (
         " The dotted line is the truth." if result.truth else ""
     )
     if found.data or result.recordings:
         curve = (
-            f"Solid lines: the {best.name} branch{other}, each if the model is true, for a sine as large as the recorded "
-            "ones. " if found.curves else ""
+            f"Solid lines: the {best.name} branch{other}, each if the model is true, for a sine as large as the "
+            "recorded ones. " if found.curves else ""
         )  # fmt: skip
         texts["transmissibility"] = (
             f"Acceleration of the malleolus over that of the base, and its phase lag ({n}). Marks: data with 95 % "
@@ -148,8 +156,9 @@ def captions(result: FitResult) -> dict[str, str]:
         )
     if found.energies:
         texts["energies"] = (
-            f"Energy that ankle and fat pad dissipate in one cycle, one point a recording ({n}). {rests}, and are not "
-            "known for other models than the two-mass foot."
+            f"Energy that ankle and fat pad dissipate in one cycle, one mark a recording ({n}). {rests}."
+            if all(math.isfinite(row["upper_j"]) for row in found.energies)
+            else f"Energy that ankle and fat pad dissipate in one cycle, one mark a recording ({n})."
         )
     texts["traces"] = f"Acceleration of the malleolus over three periods, data and model ({best.name}); {n}."
     texts["residuals"] = f"What the model leaves, as amplitude spectrum, beside that of the data; {n}."
@@ -159,9 +168,26 @@ def captions(result: FitResult) -> dict[str, str]:
     )
     if result.starts:
         texts["waterfall"] = (
-            f"Where each of the {len(result.starts)} starts ended. A flat first step says that the minimum was found often."
+            f"Where each of the {len(result.starts)} starts ended. A flat first step says that the minimum was found "
+            "often."
         )
     return texts
+
+
+def interval(value: float, lower: float, upper: float, scale: float = 1.0) -> str:
+    """Value and half width of a 95 % interval, rounded to what is known; the value alone where there is none."""
+    if not math.isfinite(upper - lower):
+        return f"{scale * value:.3g}"
+    std = (upper - lower) / 3.92
+    return Estimate(scale * value, scale * std, scale * lower, scale * upper, False, "").interval()
+
+
+def allowed(each: Allowance) -> str:
+    """What else may be true as the recordings have it; at the bound of a half-normal prior, as that."""
+    size = max(abs(each.prior_upper), abs(each.prior_lower))
+    if each.prior == each.prior_lower and abs(each.value - each.prior_lower) < _NOTHING * size:
+        return f"{each.prior_lower:g} (bound)"
+    return "0" if abs(each.value) < _NOTHING * size else f"{each.value:.2g}"
 
 
 def _counted(result: FitResult) -> str:
@@ -175,6 +201,12 @@ def _loads(result: FitResult) -> dict[float, list[Any]]:
     for recording in result.recordings:
         found.setdefault(recording.added_mass_kg, []).append(recording)
     return dict(sorted(found.items()))
+
+
+def _energies(result: FitResult) -> list[tuple[Row, Row]]:
+    """Ankle and pad of each recording and open branch, on the wider basis."""
+    rows = [row for row in derived(result).energies if row["basis"] == result.intervals[0]]
+    return list(zip(rows[::2], rows[1::2], strict=True))
 
 
 def methods(result: FitResult) -> list[str]:
@@ -209,8 +241,8 @@ def _reduction(result: FitResult) -> str:
     numbers = f": {2 * len(rows)} numbers in all" if rows else ""
     return (
         "Each recording was reduced to the complex amplitudes of its harmonics (up to six, below 100 Hz) by least "
-        f"squares{numbers}. The residual was weighted by the noise of the harmonics of both channels, so that its sum of "
-        f"squares follows the chi-square distribution with {best.dof} degrees of freedom if the model is true."
+        f"squares{numbers}. The residual was weighted by the noise of the harmonics of both channels, so that its sum "
+        f"of squares follows the chi-square distribution with {best.dof} degrees of freedom if the model is true."
     )
 
 
@@ -221,8 +253,8 @@ def _model(result: FitResult) -> str:
     text = f"The model {result.model} with {len(result.parameters)} free parameters was fitted ({free}). "
     if stated:
         text += (
-            f"Segment masses were {100 * SHANK_MASS_FRACTION:.3g} % (shank) and {100 * FOOT_MASS_FRACTION:.3g} % (foot) "
-            f"of the body mass ({stated}, standard deviation) and were estimated with the rest. "
+            f"Segment masses were {100 * SHANK_MASS_FRACTION:.3g} % (shank) and {100 * FOOT_MASS_FRACTION:.3g} % "
+            f"(foot) of the body mass ({stated}, standard deviation) and were estimated with the rest. "
         )
     seed = result.provenance.get("seed")
     text += f"The search had {len(result.starts)} starts" + (f" (seed {seed})" if seed is not None else "")
@@ -240,9 +272,9 @@ def _beyond(result: FitResult) -> str:
     names = [n.name for n in result.wide.nuisances if n.group != "masses"]
     names = ["delay between the channels" if name == DELAY.name else name for name in names]
     return (
-        "A second fit had everything that a laboratory seldom excludes as nuisances with priors, estimated together with "
-        f"the constants: segment masses, {', '.join(names)}. Unless said otherwise, 95 % intervals are of this fit. "
-        "The others hold if the model is true. Errors of derived quantities are propagated linearly; natural "
+        "A second fit had everything that a laboratory seldom excludes as nuisances with priors, estimated together "
+        f"with the constants: segment masses, {', '.join(names)}. Unless said otherwise, 95 % intervals are of this "
+        "fit. The others hold if the model is true. Errors of derived quantities are propagated linearly; natural "
         "frequencies and damping ratios are of small motion about rest."
     )
 
