@@ -141,7 +141,7 @@ def transmissibility(result: FitResult) -> Figure:
         mine = sorted((row for row in found.data if row["added_mass_kg"] == load), key=lambda row: row["frequency_hz"])
         f = np.array([row["frequency_hz"] for row in mine])
         if mine:
-            bars = {"fmt": mark, "ms": 4.5, "mfc": "white", "color": colour, "capsize": 2, "lw": 0.9}
+            bars: Any = {"fmt": mark, "ms": 4.5, "mfc": "white", "color": colour, "capsize": 2, "lw": 0.9}
             label = f"data, {load:g} kg added"
             _limits(size, f, mine, ("transmissibility", "lower", "upper"), label=label, **bars)
             lag = unwrapped(np.array([row["phase_lag_deg"] for row in mine]))
@@ -308,7 +308,7 @@ def energies(result: FitResult) -> Figure:
                 if mine:
                     keys = ("dissipated_j", "lower_j", "upper_j")
                     face = colour if line == _LINES[0] else "white"
-                    style = {"fmt": mark, "ms": 4.5, "mfc": face, "color": colour, "capsize": 2, "lw": 1.0}
+                    style: Any = {"fmt": mark, "ms": 4.5, "mfc": face, "color": colour, "capsize": 2, "lw": 1.0}
                     _limits(axis, x, mine, keys, _MJ, label=label, **style)
         axis.set_yscale("log")
         axis.set_title(joint)
@@ -365,7 +365,7 @@ def parameters(result: FitResult) -> Figure:
         for place, (branch, colour) in enumerate(zip(result.branches, (_DATA, _OTHER), strict=False)):
             e = branch.parameters[key]
             error = [[max(0.0, e.value - e.lower)], [max(0.0, e.upper - e.value)]]
-            style = {"fmt": "o", "ms": 4, "color": colour, "capsize": 3, "label": branch.name}
+            style: Any = {"fmt": "o", "ms": 4, "color": colour, "capsize": 3, "label": branch.name}
             if e.at_bound:
                 axis.errorbar([place], [e.value], mfc="white", clip_on=False, **style)
             else:

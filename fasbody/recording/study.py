@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -77,6 +77,11 @@ class Study:
 
     def __repr__(self) -> str:
         return str(self)
+
+    def under(self, added_mass_kg: float) -> "Study":
+        """The recordings with this mass on the knee alone."""
+        kept = tuple(r for r in self.recordings if r.condition.added_mass_kg == added_mass_kg)
+        return replace(self, recordings=kept)
 
     def check(self) -> Checked:
         """What the checks say of each recording: what is wrong with it, and what was understood."""
