@@ -19,7 +19,6 @@ from fasbody.foot.damper import damping
 from fasbody.foot.engine import callbacks
 from fasbody.foot.model import Foot
 from fasbody.foot.two_dof import TwoDof, periodic
-from fasbody.recording.harmonics import fit_harmonics
 from identification.certification import Certified, standard_errors
 from identification.engines.engine import LONGEST_STEP, Excitation
 from identification.periodic import Line, PeriodicProblem
@@ -36,7 +35,7 @@ Row = dict[str, Any]
 
 _Z95 = 1.959963984540054
 #: Steps of differences: in standard errors of a search variable, and as a share of a constant.
-_STEP, _SHARE = 0.05, 1e-4
+_STEP, _SHARE = 1e-3, 1e-4
 #: Frequencies of a curve, and displacements of a damper's law.
 _POINTS, _PLACES = 81, 61
 #: Relative gap of the orbits of a curve.
@@ -166,11 +165,11 @@ def derived(result: FitResult) -> Derived:
     """Everything that figures and tables of a result need beyond its parameters."""
     evidence = result.evidence
     if evidence is None:
-        return Derived(_data(result), [], [], [], [], [], [])
+        return Derived([], [], [], [], [], [], [])
     views = _views(result, evidence)
     cycles = {(id(view), i): found for view in views for i, found in _cycles(evidence, view)}
     return Derived(
-        _data(result),
+        _data(evidence),
         _curves(result, evidence),
         [row for view in views for row in _modes(evidence, view)],
         [row for view in views for row in _dampers(evidence, view, cycles)],
@@ -189,24 +188,20 @@ def _views(result: FitResult, evidence: "Evidence") -> list[View]:
     return found
 
 
-def _data(result: FitResult) -> list[Row]:
+def _data(evidence: "Evidence") -> list[Row]:
     """Measured fundamental of the malleolus over that of the base; the scatter of the noise alone."""
     rows = []
-    known = {r.file: r for r in result.evidence.domain.recordings} if result.evidence else {}
-    for r in result.recordings:
-        if r.frequency_hz is None:
+    for r in evidence.domain.recordings:
+        if r.condition.frequency_hz is None:
             continue
-        if r.file in known:
-            line = Line.of(known[r.file])
-            out, into = line.malleolus, line.base
-        else:
-            out, into = (fit_harmonics(r.time_s, x, r.frequency_hz, 1) for x in (r.measured, r.base))
+        line = Line.of(r)
+        out, into = line.malleolus, line.base
         H = out.amplitudes[0] / into.amplitudes[0]
         std = float(np.hypot(out.std[0] / abs(out.amplitudes[0]), into.std[0] / abs(into.amplitudes[0])))
         size, lag, half = float(abs(H)), float(-np.degrees(np.angle(H))), _Z95 * std
         rows.append(
             {
-                "file": r.file, "added_mass_kg": r.added_mass_kg, "frequency_hz": r.frequency_hz,
+                "file": r.file, "added_mass_kg": r.condition.added_mass_kg, "frequency_hz": into.frequency_hz,
                 "transmissibility": size, "lower": size * (1 - half), "upper": size * (1 + half),
                 "phase_lag_deg": lag, "phase_lower_deg": float(lag - np.degrees(half)),
                 "phase_upper_deg": float(lag + np.degrees(half)),
@@ -321,6 +316,15 @@ def linearised(foot: Foot, step: float = 1e-6) -> np.ndarray:
     return A
 
 
+def _limits(values: np.ndarray, half: np.ndarray) -> list[tuple[float, float]]:
+    """95 % limits: symmetric in the logarithm, as of the constants, where the value is positive."""
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        grown = np.exp(half / np.abs(values))
+        low = np.where(values > 0, values / grown, values - half)
+        high = np.where(values > 0, values * grown, values + half)
+    return list(zip(low.tolist(), high.tolist(), strict=True))
+
+
 def _modes(evidence: "Evidence", view: View) -> Iterator[Row]:
     """Natural frequencies and damping ratios of small motion under each load, with 95 % limits."""
     domain = evidence.domain
@@ -385,10 +389,10 @@ def _dampers(evidence: "Evidence", view: View, cycles: Mapping[tuple[int, int], 
             return np.array([damping(place, *(values[name] for name in names)) for place in x])
 
         centre, half = law(view.q), _Z95 * view.spread(view.slopes(law))
-        for place, c, h in zip(x, centre, half, strict=True):
+        for place, c, (low, high) in zip(x, centre, _limits(centre, half), strict=True):
             yield {
                 "branch": view.branch, "basis": view.basis, "damper": joint, "displacement_m": float(place),
-                "damping_n_s_per_m": float(c), "lower": float(c - h), "upper": float(c + h),
+                "damping_n_s_per_m": float(c), "lower": low, "upper": high,
             }  # fmt: skip
 
 
@@ -413,11 +417,11 @@ def _energies(evidence: "Evidence", view: View, cycles: Mapping[tuple[int, int],
         r = evidence.domain.recordings[i]
         energies = np.array([found.ankle.dissipated_j, found.fat_pad.dissipated_j])
         half = _Z95 * _energy_spread(evidence, view, i, energies) if evidence.domain.twin else np.full(2, np.nan)
-        for joint, value, h in zip(DAMPERS, energies, half, strict=True):
+        for joint, value, (low, high) in zip(DAMPERS, energies, _limits(energies, half), strict=True):
             yield {
                 "branch": view.branch, "basis": view.basis, "file": r.file,
                 "added_mass_kg": r.condition.added_mass_kg, "frequency_hz": r.condition.frequency_hz, "damper": joint,
-                "dissipated_j": float(value), "lower_j": float(value - h), "upper_j": float(value + h),
+                "dissipated_j": float(value), "lower_j": low, "upper_j": high,
                 "share": float(value / found.dissipated_j), "imbalance": found.imbalance,
             }  # fmt: skip
 

@@ -41,21 +41,18 @@ def html(result: FitResult, drawn: dict[str, str] | None = None) -> str:
     found = derived(result)
     key = "chi_square" if result.wide else "chi_square_if_model_true"
     worst = sorted((row for row in found.chi_square if row[key] is not None), key=lambda row: -row[key])
-    misfit = [text for text in result.warnings if text.startswith(_MISFIT)]
     return environment.get_template("report.html").render(
         result=result, label=label, chance=chance, interval=interval, allowed=allowed, energies=_energies(result),
         day=date.today().isoformat(), found=found, key=key,
         pictures={name: {"svg": Markup(drawn[name][drawn[name].index("<svg") :]), "caption": texts[name]}
                   for name in texts},
-        worst=worst[:_WORST], notes=[*misfit, *(text for text in result.warnings if text not in misfit)],
+        worst=worst[:_WORST],
         methods=methods(result), loads=_loads(result),
     )  # fmt: skip
 
 
 #: Figures that a paper prints; of the others a PNG would take longer than the fit.
 _PRINTED = ("chi_square", "parameters", "transmissibility", "modes", "dampers", "energies")
-#: Notes that say that the model misses; they come first.
-_MISFIT = ("The model does not describe", "The model follows")
 
 
 def write(result: FitResult, folder: Path) -> list[Path]:
@@ -133,7 +130,7 @@ def captions(result: FitResult) -> dict[str, str]:
     texts["parameters"] = f"Estimates of each branch from {n}. {rests}." + (
         " The dotted line is the truth." if result.truth else ""
     )
-    if found.data or result.recordings:
+    if found.data or any(recording.frequency_hz is None for recording in result.recordings):
         curve = (
             f"Solid lines: the {best.name} branch{other}, each if the model is true, for a sine as large as the "
             "recorded ones. " if found.curves else ""
