@@ -9,7 +9,7 @@ import numpy as np
 
 from fasbody.exceptions import RecordingError, SettingError, SimulationError, unknown
 from fasbody.foot.model import Foot
-from fasbody.recording.checks import apart, checked
+from fasbody.recording.checks import apart, checked, gathered
 from fasbody.recording.known import Known
 from fasbody.recording.recording import UNSTATED, Recording
 from fasbody.recording.study import Study
@@ -174,7 +174,7 @@ class Question:
         known = Known.of_all([recording.known for recording in recordings]).told(**told)
         apart(recordings)
         data = [checked(recording) for recording in recordings]
-        warnings = [text for recording in data for text in recording.warnings]
+        warnings = gathered([text for recording in data for text in recording.warnings])
         name, why = choose_domain(data, settings.domain)
         warnings += why
         delay = _tells_delay(data) if settings.delay is None else settings.delay

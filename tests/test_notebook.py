@@ -26,6 +26,8 @@ def test_a_study_says_what_is_wrong_with_it() -> None:
     table = three.check()
     assert "2 of 2 recordings are sound" in repr(table)
     assert table.to_dataframe()["frequency_hz"].to_list() == pytest.approx([10, 15], rel=1e-3)
+    with pytest.raises(SettingError, match=r"a Checked has no plot; its numbers are in to_dataframe\(\)\."):
+        table.plot()
     dead = fb.Recording.from_arrays(np.arange(2000) / 1e3, np.zeros(2000), np.zeros(2000), name="dead.csv")
     broken = fb.Study("mine", "measured", "", (study.recordings[0], dead)).check()
     assert broken.problems == ("dead.csv: base_m_s2 is dead (it varies by 0 m/s^2); check the cable and the units.",)

@@ -101,6 +101,8 @@ class Recording:
         if body_mass_kg is not None:
             plausible(body_mass_kg, "body", name)
         plausible(added_mass_kg, "added", name)
+        if isinstance(frequency_hz, str):
+            raise RecordingError(f"{name}: the frequency is {frequency_hz!r}; give a number of hertz, such as 20.")
         condition = Condition(subject, posture, added_mass_kg, body_mass_kg, frequency_hz)
         tibia = rows.get("tuberosity")
         return cls(time, rows["base"], rows["malleolus"], tibia, condition=condition, file=name, origin=origin)
