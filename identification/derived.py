@@ -42,7 +42,7 @@ _POINTS, _PLACES = 81, 61
 _GAP = 1e-6
 #: Modes listed at most; a model may have many.
 _MODES = 6
-#: The dampers of the two-mass foot: joint -> parameters of Eq. (4.32), and the name of its loop.
+#: The dampers of the two-mass foot: joint -> parameters of its law, and the name of its loop.
 DAMPERS: Mapping[str, tuple[str, str, str, str]] = {
     "ankle": ("c_11", "c_12", "c_13", "ankle"),
     "fat pad": ("c_21", "c_22", "c_23", "fat_pad"),

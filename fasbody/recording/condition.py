@@ -85,7 +85,7 @@ def plausible(mass_kg: float, name: str, here: str) -> float:
         RecordingError: nobody weighs that; `here` is the place it was read from.
     """
     low, high = _MASS_LIMITS_KG[name]
-    if isinstance(mass_kg, str) or not np.isscalar(mass_kg):
+    if isinstance(mass_kg, str) or np.ndim(mass_kg):
         raise RecordingError(f"{here}: the {name} mass is {mass_kg!r}; give a number of kilograms, such as 72.5.")
     if not low <= mass_kg <= high:
         raise RecordingError(f"{here}: the {name} mass is {mass_kg:g} kg; it must lie between {low} and {high} kg.")
