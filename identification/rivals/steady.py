@@ -11,9 +11,9 @@ projected back; all that is linear is a number a harmonic, at s = i h omega:
     M(s) = load + m_S [1 - w + w T(s; f_w, zeta_w)]          a share w of the shank hangs on a spring
     T(s; f, zeta) = (1 + 2 zeta s / W) / (1 + 2 zeta s / W + (s / W)^2), W = 2 pi f
 
-What the sensor gives is Y = [s^2 (Z1 + Z2) + U + e G(s) U] T(s; 1 / sqrt(u), zeta_u) (1 + gain + drift x) exp(-s delay),
-with G(s) = s^2 / (s^2 + 2 zeta_r W s + W^2) of a leg that rocks, and x from -1/2 to 1/2 over a session. Springs and
-dampers may follow the load: k_T, c_11 times exp(e_T load / 2.3 kg), and so for the pad.
+What the sensor gives is Y = [s^2 (Z1 + Z2) + U] T(s; 1 / sqrt(u), zeta_u) (1 + gain + drift x) exp(-s delay), with x
+from -1/2 to 1/2 over a session. Springs and dampers may follow the load: k_T, c_11 times exp(e_T load / 2.3 kg), and
+so for the pad.
 """
 
 import numpy as np
@@ -22,12 +22,11 @@ from numba import njit
 #: Constants in the order of the compiled code; the first twenty-two move the foot, the others only its sensor.
 CONSTANTS = (
     "k_T", "k_F", "c_11", "c_12", "c_13", "c_21", "c_22", "c_23", "b_T", "p_T", "d_T", "b_F", "p_F", "d_F", "r_T", "r_F",
-    "tau", "w", "f_w", "zeta_w", "m_S", "m_F", "e_T", "e_F", "rock", "f_r", "zeta_r", "u", "zeta_u", "gain", "drift",
-    "delay",
+    "tau", "w", "f_w", "zeta_w", "m_S", "m_F", "e_T", "e_F", "u", "zeta_u", "gain", "drift", "delay",
 )  # fmt: skip
 INDEX = {name: i for i, name in enumerate(CONSTANTS)}
 #: Harmonics of the motion, and instants of a period.
-HARMONICS, INSTANTS = 10, 40
+HARMONICS, INSTANTS = 8, 32
 #: Load at which e_T and e_F are told [kg].
 LOAD_KG = 2.3
 _MOVING, _ALL = 22, len(CONSTANTS)
@@ -200,7 +199,7 @@ def felt(c, load, hz, U, place, q, noisy):  # type: ignore[no-untyped-def]
         place: of the recording in its session, -1/2 to 1/2. noisy: derivatives to U instead of those to the constants.
 
     Returns:
-        Whether there is a motion, harmonics Y (H',) [m/s^2], and derivatives (H', 32) or (H', 2 H').
+        Whether there is a motion, harmonics Y (H',) [m/s^2], and derivatives (H', 29) or (H', 2 H').
     """
     count, n = U.size, _SIZE
     found, dq = motion(c, load, hz, U, q)
@@ -212,38 +211,31 @@ def felt(c, load, hz, U, place, q, noisy):  # type: ignore[no-untyped-def]
         s = 2j * np.pi * hz * h
         a, b = 2 * h - 1, 2 * h
         moved = s * s * (q[a] + q[n + a] + 1j * (q[b] + q[n + b])) + U[h - 1]
-        below = c[25] ** 2 - (hz * h) ** 2 + 2j * c[26] * c[25] * hz * h
-        turn = -((hz * h) ** 2) / below
         f = hz * h
-        root = np.sqrt(max(c[27], 0.0))
-        upper = 1 + 2j * c[28] * f * root
-        lower = upper - f * f * c[27]
+        root = np.sqrt(max(c[24], 0.0))
+        upper = 1 + 2j * c[25] * f * root
+        lower = upper - f * f * c[24]
         mount = upper / lower
-        late = np.exp(-s * c[31])
-        chain = (1 + c[29] + c[30] * place) * late
-        true = moved + c[24] * turn * U[h - 1]
-        Y[h - 1] = true * mount * chain
+        late = np.exp(-s * c[28])
+        chain = (1 + c[26] + c[27] * place) * late
+        Y[h - 1] = moved * mount * chain
         if noisy:
             for j in range(2 * count):
                 k = _MOVING + j
                 D[h - 1, j] = s * s * (dq[a, k] + dq[n + a, k] + 1j * (dq[b, k] + dq[n + b, k]))
-            D[h - 1, 2 * h - 2] += 1 + c[24] * turn
-            D[h - 1, 2 * h - 1] += 1j * (1 + c[24] * turn)
+            D[h - 1, 2 * h - 2] += 1.0
+            D[h - 1, 2 * h - 1] += 1j
             for j in range(2 * count):
                 D[h - 1, j] *= mount * chain
             continue
         for j in range(24):
             k = j if j < 22 else _MOVING + 2 * count + j - 22
             D[h - 1, j] = s * s * (dq[a, k] + dq[n + a, k] + 1j * (dq[b, k] + dq[n + b, k])) * mount * chain
-        D[h - 1, 24] = turn * U[h - 1] * mount * chain
-        more = c[24] * U[h - 1] * f * f / below**2 * mount * chain
-        D[h - 1, 25] = more * (2 * c[25] + 2j * c[26] * f)
-        D[h - 1, 26] = more * 2j * c[25] * f
-        D[h - 1, 27] = true * f * f * (1 + 1j * c[28] * f * root) / lower**2 * chain
-        D[h - 1, 28] = true * 2j * f * root * (lower - upper) / lower**2 * chain
-        D[h - 1, 29] = true * mount * late
-        D[h - 1, 30] = true * mount * late * place
-        D[h - 1, 31] = -s * Y[h - 1]
+        D[h - 1, 24] = moved * f * f * (1 + 1j * c[25] * f * root) / lower**2 * chain
+        D[h - 1, 25] = moved * 2j * f * root * (lower - upper) / lower**2 * chain
+        D[h - 1, 26] = moved * mount * late
+        D[h - 1, 27] = moved * mount * late * place
+        D[h - 1, 28] = -s * Y[h - 1]
     return True, Y, D
 
 
@@ -252,9 +244,9 @@ def whitened(c, loads, hz, U, counts, places, measured, W, starts, q, r, J):  # 
     """Whitened residual and its derivatives to the constants, of all recordings.
 
     Args:
-        c: (32,) constants. loads, hz, places: (n,). U, measured: (n, H) complex, of which counts (n,) are used.
+        c: (29,) constants. loads, hz, places: (n,). U, measured: (n, H) complex, of which counts (n,) are used.
         W: (n, 2 H, 2 H) whiteners. starts: (n,) first row of each. q: (n, 2 (2 H + 1)) motions, overwritten.
-        r: (m,) and J: (m, 32), overwritten.
+        r: (m,) and J: (m, 29), overwritten.
 
     Returns:
         Whether every recording has a motion.
