@@ -12,8 +12,10 @@ from identification.rivals.problem import Measured, RungProblem
 from identification.search import inverse_of_gram
 
 SIDES = {STIFF_ANKLE: 1, STIFF_PAD: -1}
-#: Evaluations of a descent, and of a refit without some recordings; best points of the grid that are descended from.
-_MOST, _REFIT, _BEST = 80, 15, 3
+#: Evaluations of a descent, of the first ones from several starts, and of a refit without some recordings.
+_MOST, _FIRST, _REFIT = 80, 15, 15
+#: Starts that are descended from.
+_BEST = 3
 #: Bends of the dampers that the model starts from beside none [1/m].
 _BENDS = ((90.0, -90.0), (-90.0, 90.0), (90.0, 90.0), (-90.0, -90.0))
 
@@ -85,10 +87,11 @@ def _best(data: Measured, space: RungSpace, side: str, starts: Sequence[np.ndarr
     problem, (low, high) = RungProblem(data, space), space.side(SIDES[side])
     inside = [np.clip(q if q[1] * SIDES[side] >= 0 else image(space, q), low, high) for q in starts]
     costs = [float(np.sum(problem.evaluate(q)[0] ** 2)) for q in inside]
-    ends = []
-    for number in np.argsort(costs)[:_BEST]:
-        ends.append(Side(side, *problem.descend(inside[number], low, high, _MOST)))
-    return min(ends, key=lambda end: end.objective)
+    ends = [
+        Side(side, *problem.descend(inside[number], low, high, _FIRST)) for number in np.argsort(costs)[:_BEST]
+    ]  # fmt: skip
+    best = min(ends, key=lambda end: end.objective)
+    return best if best.converged else Side(side, *problem.descend(best.q, low, high, _MOST))
 
 
 def _again(

@@ -31,7 +31,7 @@ HARMONICS, INSTANTS = 8, 32
 LOAD_KG = 2.3
 _MOVING, _ALL = 22, len(CONSTANTS)
 _SIZE = 2 * HARMONICS + 1
-_PASSES, _LARGEST = 40, 2e-3
+_PASSES, _LARGEST, _SMALL = 40, 2e-3, 1e-6
 _theta = 2 * np.pi * np.arange(INSTANTS) / INSTANTS
 _h = np.arange(1, HARMONICS + 1)
 #: Positions (N, 2 H + 1) of the real coefficients (mean, then real and imaginary part of each harmonic), their rates
@@ -140,14 +140,14 @@ def motion(c, load, hz, U, q):  # type: ignore[no-untyped-def]
             R[2 * h] += one.imag
             R[n + 2 * h - 1] += two.real
             R[n + 2 * h] += two.imag
-        if settled:
-            break
         step = np.linalg.solve(A, R)
         size = np.abs(step).max()
         if not np.isfinite(size):
             return False, np.empty((0, 0))
         q -= step * min(1.0, _LARGEST / size)
-        settled = size < 1e-7 * np.abs(q).max() + 1e-16  # the error after such a step is its square
+        if size < _SMALL * np.abs(q).max() + 1e-16:  # what is left is the square of it
+            settled = True
+            break
     if not settled:
         return False, np.empty((0, 0))
     B = np.zeros((2 * n, _MOVING + 2 * count + 2))
