@@ -20,8 +20,8 @@ from benchmarks.worlds import CLEAN, WORLDS, Member, member, recordings
 from fasbody.console import command_line, progress_bar
 from fasbody.exceptions import FasError, SettingError
 from identification.branches import STIFF_ANKLE, STIFF_PAD
-from identification.rivals.ladder import KINDS, LADDER, LINEAR, MODEL
-from identification.rivals.result import Rival, Rivals, preferred
+from identification.rivals.ladder import KINDS, LADDER, LINEAR
+from identification.rivals.result import MODEL, Rival, Rivals, preferred
 from reproduction.check import Check, at_least, told
 
 ROOT = Path(__file__).parents[1]

@@ -17,7 +17,8 @@ from identification.domains import steady
 from identification.engines.twin import twin_applies
 from identification.periodic import Line
 from identification.result import Estimate, identifiability
-from identification.rivals.ladder import LADDER, LINEAR, MODEL, Rung, RungSpace, nuisances
+from identification.rivals.edited import edited
+from identification.rivals.ladder import LADDER, LINEAR, Rung, RungSpace, nuisances
 from identification.rivals.problem import Measured, RungProblem
 from identification.rivals.result import Own, Point, Rival, Rivals, preferred
 from identification.rivals.search import Side, climb, held_out
@@ -37,6 +38,7 @@ def compare_rivals(
     mass_std: float | None = None,
     gain_std: float | None = None,
     delay_std_s: float | None = None,
+    source: str = "",
     advance: Advance = lambda what, done, total: None,
 ) -> Rivals:
     """Compare rival models on recordings of one foot in steady vibration.
@@ -49,7 +51,7 @@ def compare_rivals(
         rungs: names of rivals to compare beside the linear foot and the model, default all (`ladder.LADDER`).
         files: edited MJCF models to compare, too.
         mass_std, gain_std, delay_std_s: what masses, gain and delay may be off, as in `fit_foot`.
-        advance: called with what is done, how many of how many.
+        source: name of the data, if not that of the study. advance: called with what is done, how many of how many.
 
     Raises:
         RecordingError: a recording is not steady, or they are of several persons. ModelError: the model is not the
@@ -77,12 +79,10 @@ def compare_rivals(
         advance(space.rung.title, number + 1, len(spaces) + len(models))
         found.append(_rival(measured, space, ends[space.rung.name]))
     for number, model in enumerate(models):
-        from identification.rivals.edited import edited
-
         advance(model.name, len(spaces) + number, len(spaces) + len(models))
         found.append(edited(model, data, lines, measured, known))
     return Rivals(
-        source=study.name if isinstance(study, Study) else data[0].file,
+        source=source or (study.name if isinstance(study, Study) else data[0].file),
         model=foot.name,
         rivals=tuple(preferred(found)),
         points=tuple(

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from identification.rivals.result import MODEL
 from identification.rivals.steady import CONSTANTS, INDEX
 from identification.world import LOAD_STD, NUISANCES, Nuisance
 
@@ -132,7 +133,7 @@ class Rung:
         return bool(self.held)
 
 
-MODEL, LINEAR = "model", "linear"
+LINEAR = "linear"
 LADDER = (
     Rung(LINEAR, "linear dampers", held=("c_12", "c_13", "c_22", "c_23")),
     Rung(MODEL, "the model"),

@@ -23,7 +23,7 @@ from fasbody.exceptions import InputFileError, ModelError
 from fasbody.foot.model import load
 from identification.engines.engine import Excitation
 from identification.engines.mujoco import Rollouts
-from identification.rivals.ladder import MODEL
+from identification.rivals.result import MODEL
 from identification.rivals.result import Rivals
 from identification.rivals.steady import CONSTANTS, HARMONICS, LOAD_KG, felt
 

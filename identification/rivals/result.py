@@ -1,11 +1,12 @@
 """What rivals say of the same recordings, side by side, and what they all agree on."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
+from fasbody.exceptions import SettingError, unknown
 from fasbody.presentation import Presented, Sheet
 from identification.branches import DECISIVE_ODDS
 from identification.result import Estimate
@@ -13,6 +14,8 @@ from identification.wide import FOLLOWS
 
 #: Difference of BIC that odds of 1000 to 1 make.
 DECISIVE = 2 * float(np.log(DECISIVE_ODDS))
+#: Name of the rung that is the model itself.
+MODEL = "model"
 
 
 @dataclass(frozen=True)
@@ -142,8 +145,6 @@ class Rivals(Presented):
 
     def __getitem__(self, name: str) -> Rival:
         """A rival by its name."""
-        from fasbody.exceptions import SettingError, unknown
-
         for rival in self.rivals:
             if rival.name == name:
                 return rival
@@ -251,7 +252,7 @@ def preferred(rivals: list[Rival]) -> list[Rival]:
     """
     least = min(r.bic for r in rivals), min(r.surprise for r in rivals)
     order = sorted(rivals, key=lambda r: r.bic - least[0] + r.surprise - least[1])
-    model = next((r for r in rivals if not r.extra and not r.nested), None)
+    model = next((r for r in rivals if r.name == MODEL), None)
     if model is None:
         return order
     first = order[0]
@@ -276,7 +277,8 @@ def conclusions(adequate: tuple[Rival, ...]) -> tuple[Conclusion, ...]:
         each = [e for r in told for e in _open(r, name)]
         low, high = min(e.lower for e in each), max(e.upper for e in each)
         shared = all(e.lower <= each[0].value <= e.upper for e in each)
-        text = f"{name} is {low:.3g} to {high:.3g} N/m"
+        both = replace(each[0], value=0.5 * (low + high), lower=low, upper=high)
+        text = f"{name} is {both.text(low)} to {both.text(high)} N/m"
         found.append(Conclusion(name, shared, text, low, high))
     compared = [r for r in told if r.log_odds is not None]
     if compared:

@@ -7,8 +7,9 @@ from itertools import product
 import numpy as np
 
 from identification.branches import STIFF_ANKLE, STIFF_PAD
-from identification.rivals.ladder import LINEAR, MODEL, Rung, RungSpace
+from identification.rivals.ladder import LINEAR, Rung, RungSpace
 from identification.rivals.problem import Measured, RungProblem
+from identification.rivals.result import MODEL
 from identification.search import inverse_of_gram
 
 SIDES = {STIFF_ANKLE: 1, STIFF_PAD: -1}
