@@ -205,7 +205,9 @@ def rows_of(found: Sequence[Run]) -> list[Check]:
         by = {run.world: 0 for run in found}
         for run in found:
             by[run.world] += sum(not true for true in run.shared.values())
-        rows.append(told("wrong shared conclusions by world", ", ".join(f"{w} {n}" for w, n in by.items() if n) or "none"))
+        rows.append(
+            told("wrong shared conclusions by world", ", ".join(f"{w} {n}" for w, n in by.items() if n) or "none")
+        )
     seconds = np.array([run.seconds for run in found])
     return [*rows, told("CPU time a comparison, median", f"{np.median(seconds):.3g} s", f"worst {seconds.max():.3g} s")]
 

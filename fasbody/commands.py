@@ -62,6 +62,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
     "A foot from its recordings": (
         Command("fit", "identification.fit", "", "Estimate the parameters of a foot from recordings of its vibration."),
         Command(
+            "rivals", "identification.rivals", "",
+            "Compare rival models on the same recordings, ranked by BIC and by held-out prediction.",
+        ),
+        Command(
             "recording", "fasbody.recording", "",
             "Recordings: check what was understood of a file, convert it, make a study of a folder.",
         ),
@@ -206,6 +210,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         Command(
             "bench reality", "benchmarks.reality", "",
             "Verdicts and intervals in worlds that depart from the model, by its own simulator.",
+        ),
+        Command(
+            "bench rivals", "benchmarks.rivals", "",
+            "Which rival is named in worlds that depart from the model, by its own simulator.",
         ),
         Command(
             "bench heel", "benchmarks.heel", "",

@@ -20,7 +20,7 @@ def main(
     data: Annotated[
         list[Path] | None, typer.Argument(help="study folder, or CSV recordings", show_default="bundled study")
     ] = None,
-    model: Annotated[str, typer.Option(help="two-mass model that the rivals are edits of, or its MJCF file")] = "two_dof",
+    model: Annotated[str, typer.Option(help="two-mass model that rivals are edits of, or its file")] = "two_dof",
     rival: Annotated[list[Path] | None, typer.Option(help="an edited MJCF to compare, too; repeat for more")] = None,
     rungs: Annotated[
         str | None,

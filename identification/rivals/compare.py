@@ -20,7 +20,7 @@ from identification.result import Estimate, identifiability
 from identification.rivals.edited import edited
 from identification.rivals.ladder import LADDER, LINEAR, Rung, RungSpace, nuisances
 from identification.rivals.problem import Measured, RungProblem
-from identification.rivals.result import Own, Point, Rival, Rivals, preferred
+from identification.rivals.result import MODEL, Own, Point, Rival, Rivals, preferred
 from identification.rivals.search import Side, climb, held_out
 from identification.search import inverse_of_gram
 from identification.world import DELAY_STD_SAMPLES, GAIN_STD, MASS_STD

@@ -9,6 +9,7 @@ from scipy.optimize import least_squares
 from fasbody.foot.model import Foot
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
+from identification.engines.engine import Engine, Excitation
 from identification.engines.mujoco import Rollouts
 from identification.estimate import fit_foot
 from identification.periodic import Line, excitations
@@ -71,7 +72,9 @@ def edited(foot: Foot, data: Sequence[Recording], lines: Sequence[Line], measure
 class _Weighed(WorldProblem):
     """The problem of a user's model with the weights of the rungs; recordings may be left out."""
 
-    def __init__(self, lines: Sequence[Line], engine: Rollouts, world: WorldSpace, measured: Measured) -> None:  # type: ignore[type-arg]
+    def __init__(
+        self, lines: Sequence[Line], engine: Engine[Excitation], world: WorldSpace, measured: Measured
+    ) -> None:
         self._all = [W[: 2 * k, : 2 * k] for W, k in zip(measured.W, measured.counts, strict=True)]
         super().__init__(lines, engine, world, self)
         self.keep(np.ones(len(lines), bool))

@@ -23,7 +23,6 @@ from fasbody.exceptions import InputFileError, ModelError
 from fasbody.foot.model import load
 from identification.engines.engine import Excitation
 from identification.engines.mujoco import Rollouts
-from identification.rivals.result import MODEL
 from identification.rivals.result import Rivals
 from identification.rivals.steady import CONSTANTS, HARMONICS, LOAD_KG, felt
 
@@ -119,7 +118,8 @@ def difference(file: Path, name: str, values: Mapping[str, float], hz: float, U:
     """How far MuJoCo's steady motion of a written model is from the compiled one, as a share of the fundamental.
 
     Args:
-        file: the model. name: of the rung. values: its constants. hz: fundamental. U: (H,) base [m/s^2]. load_kg: on it.
+        file: the model. name: of the rung. values: its constants. hz: fundamental. U: (H,) base [m/s^2].
+        load_kg: on it.
     """
     foot = load(file)
     masses = {"m_S": values["m_S"] + load_kg, "m_F": values["m_F"], "added_mass": load_kg}
@@ -154,8 +154,9 @@ def _swinging(name: str, mass: float, hz: float, zeta: float) -> ET.Element:
     """A body on a spring and a damper along the model's vertical."""
     w = 2 * np.pi * hz
     body = ET.Element("body", name=name)
-    options = {"type": "slide", "axis": "0 1 0", "stiffness": f"{mass * w * w:.12g}", "armature": "0"}
-    ET.SubElement(body, "joint", name=name, damping=f"{2 * zeta * mass * w:.12g}", **options)
+    options = {"name": name, "type": "slide", "axis": "0 1 0", "armature": "0"}
+    options |= {"stiffness": f"{mass * w * w:.12g}", "damping": f"{2 * zeta * mass * w:.12g}"}
+    ET.SubElement(body, "joint", options)
     ET.SubElement(body, "inertial", pos="0 0 0", mass=f"{mass:.12g}", diaginertia=_TINY)
     return body
 
@@ -185,8 +186,8 @@ def _pad(root: ET.Element, name: str, joint: str, numbers: Sequence[float], gear
     actuators = root.find("actuator")
     assert actuators is not None  # every foot has its shaker there
     prm = " ".join(f"{x:.17g}" for x in (4.22, *numbers))
-    options = {"dyntype": "user", "actdim": "8", "gainprm": "0", "biastype": "user", "biasprm": prm}
-    ET.SubElement(actuators, "general", name=name, joint=joint, gear=str(gear), **options)
+    options = {"name": name, "joint": joint, "gear": str(gear), "dyntype": "user", "actdim": "8", "gainprm": "0"}
+    ET.SubElement(actuators, "general", options | {"biastype": "user", "biasprm": prm})
 
 
 def _exponential(root: ET.Element, joint: ET.Element, letter: str, v: Mapping[str, float]) -> None:

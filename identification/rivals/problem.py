@@ -104,9 +104,7 @@ class RungProblem:
             d, m = self.data, self.data.size
             c, slope = self.space.constants(q)
             r, J = np.empty(m), np.empty((m, c.size))
-            found = whitened(
-                c, d.loads_kg, d.hz, d.U, d.counts, d.places, d.Y, d.W, self._starts, self._motions, r, J
-            )
+            found = whitened(c, d.loads_kg, d.hz, d.U, d.counts, d.places, d.Y, d.W, self._starts, self._motions, r, J)
             has, mean = self.space.prior
             rows = np.zeros((has.size, q.size))
             rows[np.arange(has.size), has] = 1.0

@@ -63,7 +63,7 @@ def climb(data: Measured, spaces: Sequence[RungSpace]) -> tuple[Measured, dict[s
 
 
 def _starts(by: dict[str, RungSpace], ends: dict[str, list[Side]], rung: Rung) -> list[tuple[dict[str, float], int]]:
-    """Constants, and which of a rung's own starts: the ends of the model and the linear foot with each of its starts."""
+    """The ends of the model and of the linear foot, each with each of a rung's own starts."""
     count = max([len(v.start) for v in rung.own], default=1)
     return [
         (by[name].named(end.q), i) for name in (MODEL, LINEAR) for end in ends[name] for i in range(count)

@@ -21,8 +21,8 @@ from numba import njit
 
 #: Constants in the order of the compiled code; the first twenty-two move the foot, the others only its sensor.
 CONSTANTS = (
-    "k_T", "k_F", "c_11", "c_12", "c_13", "c_21", "c_22", "c_23", "b_T", "p_T", "d_T", "b_F", "p_F", "d_F", "r_T", "r_F",
-    "tau", "w", "f_w", "zeta_w", "m_S", "m_F", "e_T", "e_F", "u", "zeta_u", "gain", "drift", "delay",
+    "k_T", "k_F", "c_11", "c_12", "c_13", "c_21", "c_22", "c_23", "b_T", "p_T", "d_T", "b_F", "p_F", "d_F", "r_T",
+    "r_F", "tau", "w", "f_w", "zeta_w", "m_S", "m_F", "e_T", "e_F", "u", "zeta_u", "gain", "drift", "delay",
 )  # fmt: skip
 INDEX = {name: i for i, name in enumerate(CONSTANTS)}
 #: Harmonics of the motion, and instants of a period.
