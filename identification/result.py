@@ -25,6 +25,8 @@ def label(key: str) -> str:
 
 #: Heads of the two columns of intervals.
 WHATEVER, IF_TRUE = "95 %, whatever else may be true", "95 %, if the model is true"
+#: What tells models apart where this one misses.
+_ASK = "python -m identification.rivals"
 #: Chance below which the model is said to miss the recordings.
 UNLIKELY = 1e-3
 #: Standard error up to which a parameter counts as identified, and as weakly identified: as a share of its value, or
@@ -439,14 +441,15 @@ class FitResult(Presented):
         if self.wide and not self.wide.follows:
             return (
                 "The model does not follow the recordings, whatever else may be true (chi-square "
-                f"{self.wide.per_dof:.3g} per degree of freedom): no constant is identified. For what they are worth: "
+                f"{self.wide.per_dof:.3g} per degree of freedom): no constant is identified; "
+                f"{_ASK} compares rivals. For what they are worth: "
             )
         if p is None or p >= UNLIKELY:
             return ""
         if self.wide:
             return (
                 f"The model alone misses the recordings ({alone}); with whatever else may be true it follows them "
-                f"({self.wide.per_dof:.2f}): "
+                f"({self.wide.per_dof:.2f}), and {_ASK} compares rivals: "
             )
         return f"The model misses the recordings ({alone}): "
 
