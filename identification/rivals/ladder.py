@@ -58,7 +58,7 @@ class Variable:
 #: Square below which a damper's c_3 is no different from zero [1/m^2], and a bend that is as likely as not [1/m].
 _LEAST, _BEND = 1e-2, 200.0
 _FORCE = "a heel's force grows as deformation to the power 2.6, which is -600 to -1600 1/m at 1 to 3 mm"
-_TISSUE = "triceps surae and quadriceps swing freely at 10 to 50 Hz, J Appl Physiol 90:412 (2001)"
+_TISSUE = "soft tissue of the leg rings at frequencies of running impacts, J Appl Physiol 90:412 (2001)"
 _FLAT = "bounds of the model"
 
 
