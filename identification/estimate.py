@@ -13,7 +13,7 @@ from fasbody.recording.checks import checked
 from fasbody.recording.known import Known
 from fasbody.recording.recording import UNSTATED, Recording
 from fasbody.recording.study import Study
-from identification import branches, search
+from identification import branches, search, sensors
 from identification.advice import advice, excitation_rank
 from identification.branches import STIFF_ANKLE, STIFF_PAD, Verdict
 from identification.certification import Certified, branch_of, certify_first
@@ -54,6 +54,7 @@ class Settings:
         mass_std, gain_std: relative standard deviations of the segment masses and of the malleolus' gain, delay_std_s:
             of the delay [s]; None for what study.toml says, or the usual (`world`). exclude: what cannot be beside the
             model, of `known.DEPARTURES`, or "all".
+        sensors: accelerometers to fit, None for all that model and recordings have by the same name.
 
         wide: fit each branch once more with whatever else may be true; without, all words hold if the model is true.
 
@@ -72,6 +73,7 @@ class Settings:
     delay_std_s: float | None = None
     exclude: tuple[str, ...] = ()
     wide: bool = True
+    sensors: tuple[str, ...] | None = None
 
 
 def fit_foot(
@@ -123,6 +125,8 @@ def _with(settings: Settings, chosen: Mapping[str, Any]) -> Settings:
     if isinstance(free, str):
         raise SettingError(f'free is {free!r}; give a list of names, for example free=["{free}"].')
     settings = replace(settings, **{**chosen, "free": None if free is None else tuple(free)})
+    if isinstance(settings.sensors, str):
+        raise SettingError(f'sensors is {settings.sensors!r}; give a list of names, ["malleolus", "foot"] for example.')
     if isinstance(settings.exclude, str):
         raise SettingError(f'exclude is {settings.exclude!r}; give a list of names, for example exclude=["mount"].')
     for name, what, least in (
@@ -172,12 +176,14 @@ class Question:
         delay = _tells_delay(data) if settings.delay is None else settings.delay
         if not delay:
             warnings.append("One frequency cannot tell a delay between the channels from damping: it is held at zero.")
-        space = space_of(foot, settings.free, settings.bounds, delay)
+        fitted, told = sensors.chosen(data, foot, settings.sensors)
+        warnings += told
+        space = space_of(foot, settings.free, settings.bounds, delay, fitted)
         if any("m_F" not in r.condition.masses for r in data) and set(MASSES) & set(foot.parameters):
             held = ", ".join(f"{n} {v:.3g} kg" for n, v in foot.values().items() if n in MASSES)
             warnings.append(f"The body mass is unknown, so the model's own masses are used ({held}); give --body-mass.")
         kind = PeriodicDomain if name == "periodic" else TimeDomain
-        domain = kind(foot, data, space, twin_applies(foot), settings.threads)
+        domain = kind(foot, data, space, twin_applies(foot, fitted), settings.threads, fitted)
         why_not = branches.has_mirror(space.names, foot.parameters)
         ratio = None if why_not else branches.ratio([r.condition.masses for r in data], foot.values())
         return cls(domain, name, space, ratio, why_not, known, tuple(warnings))
@@ -241,7 +247,7 @@ def explore(question: Question, settings: Settings, advance: Advance, interrupti
 def _scout(domain: Domain) -> Domain:
     """Steady recordings are explored on their harmonics: there the same foot is found a hundred times sooner."""
     if isinstance(domain, PeriodicDomain) or steady(domain.recordings):
-        made = (domain.foot, domain.recordings, domain.space, domain.twin, domain.threads)
+        made = (domain.foot, domain.recordings, domain.space, domain.twin, domain.threads, domain.sensors)
         return PeriodicDomain(*made, excess=np.inf)
     return domain
 

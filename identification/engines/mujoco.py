@@ -61,9 +61,7 @@ class Columns:
         sensors: whose outputs are wanted.
     """
 
-    def __init__(
-        self, foot: Foot, names: Sequence[str], threads: int = 0, sensors: Sequence[str] = MALLEOLUS
-    ) -> None:
+    def __init__(self, foot: Foot, names: Sequence[str], threads: int = 0, sensors: Sequence[str] = MALLEOLUS) -> None:
         self.foot, self.names, self._coordinates, self.sensors = foot, tuple(names), Coordinates(foot), tuple(sensors)
         self.scale = self._coordinates.scale
         self.states = self.scale.size
