@@ -238,9 +238,7 @@ def table(rng: np.random.Generator, departure: Departure) -> np.ndarray:
     return size * np.exp(1j * rng.uniform(0, 2 * np.pi, 3))
 
 
-def recordings(
-    member: Member, frequencies_hz: Sequence[float] = FREQUENCIES_HZ, foot: bool = False
-) -> list[Recording]:
+def recordings(member: Member, frequencies_hz: Sequence[float] = FREQUENCIES_HZ, foot: bool = False) -> list[Recording]:
     """What the laboratory writes: one recording a load and frequency, with the body mass as stated.
 
     Args:

@@ -377,7 +377,10 @@ def judge(question: Question, explored: Explored, answer: Answer, ends: Sequence
         model=question.domain.foot.name,
         domain=question.name,
         branches=tuple(built),
-        recordings=tuple(RecordingFit.of(r, f, y) for r, f, y in zip(data, best.fits, best.traces, strict=True)),
+        recordings=tuple(
+            RecordingFit.of(r, f, y, each)
+            for r, f, y, each in zip(data, best.fits, best.traces, certified[0].sensors(data), strict=True)
+        ),
         verdict=str(verdict),
         reason=verdict.sentence,
         log_likelihood_ratio=verdict.log_likelihood_ratio,

@@ -333,7 +333,7 @@ class PeriodicProblem:
         return np.linalg.inv(self._whiten[number].T @ self._whiten[number])
 
     def widen(self, number: int, extra: np.ndarray) -> None:
-        """Add a covariance (2 k H, 2 k H) to that of one recording's residual: what the model leaves beyond the noise."""
+        """Add a covariance (2 k H, 2 k H) to that of one recording's residual: what is left beyond the noise."""
         self._whiten[number] = np.linalg.inv(np.linalg.cholesky(self.noise(number) + extra))
         self._cache = None
 

@@ -12,6 +12,7 @@ from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.presentation import Presented, Sheet
 from fasbody.recording.recording import Recording
+from identification.sensors import SensorFit, summary
 
 
 def label(key: str) -> str:
@@ -206,7 +207,11 @@ class Branch(Presented):
 
         They hold if the model is true: with the masses as stated, the foot then moves as recorded.
         """
-        kept = {key: e.if_model_true or e for key, e in self.parameters.items() if symbol_and_unit(key)[0] != "delay"}
+        kept = {
+            key: e.if_model_true or e
+            for key, e in self.parameters.items()
+            if not symbol_and_unit(key)[0].startswith("delay")
+        }
         return {key: e.value for key, e in kept.items()}
 
     def records(self) -> list[dict[str, Any]]:
@@ -228,7 +233,10 @@ class Branch(Presented):
 
 @dataclass(frozen=True, eq=False)
 class RecordingFit:
-    """One recording: measured and model traces, and how well they agree; `base` is what shook both."""
+    """One recording: measured and model traces, and how well they agree; `base` is what shook both.
+
+    `sensors` has every accelerometer that was fitted, the malleolus first.
+    """
 
     file: str
     frequency_hz: float | None
@@ -238,12 +246,16 @@ class RecordingFit:
     measured: np.ndarray
     model: np.ndarray
     base: np.ndarray
+    sensors: tuple[SensorFit, ...] = ()
 
     @classmethod
-    def of(cls, recording: Recording, fit_percent: float, model: np.ndarray) -> "RecordingFit":
+    def of(
+        cls, recording: Recording, fit_percent: float, model: np.ndarray, sensors: tuple[SensorFit, ...] = ()
+    ) -> "RecordingFit":
         """A recording beside the model's malleolus (n,) [m/s^2]."""
         c, r = recording.condition, recording
-        return cls(r.file, c.frequency_hz, c.added_mass_kg, fit_percent, r.time_s, r.malleolus_m_s2, model, r.base_m_s2)
+        about = (r.file, c.frequency_hz, c.added_mass_kg, fit_percent)
+        return cls(*about, r.time_s, r.malleolus_m_s2, model, r.base_m_s2, sensors)
 
     def __repr__(self) -> str:
         return f"{self.file}: fit {self.fit_percent:.1f} %, {self.time_s.size} samples"
@@ -315,12 +327,17 @@ class FitResult(Presented):
             narrow = [e.if_model_true.interval() if e.if_model_true else "–"] if self.wide else []
             rows.append([label(key), e.interval(), *narrow, *others, *known, e.known])
         columns = ["parameter", *self.intervals, *mirrors, *(["truth"] if self.truth else []), ""]
-        notes = [self.sentence(), self.reason, *(f"note: {text}" for text in self.warnings)]
+        notes = [self.sentence(), self.reason, *self.by_sensor, *(f"note: {text}" for text in self.warnings)]
         return Sheet(f"{self.source} ({self.origin}), model {self.model}", columns, rows, notes)
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write result.json, parameters.csv and report.html into a folder, each whole or not at all."""
         return list(import_module("identification.report").write(self, Path(folder)))
+
+    @property
+    def by_sensor(self) -> list[str]:
+        """How each sensor is followed, in a line; nothing where the malleolus is alone."""
+        return summary([recording.sensors for recording in self.recordings])
 
     @property
     def wide(self) -> World | None:
@@ -365,6 +382,7 @@ class FitResult(Presented):
             "fit_percent": self.fit_percent,
             "recordings": [
                 {name: getattr(r, name) for name in ("file", "frequency_hz", "added_mass_kg", "fit_percent")}
+                | {"sensors": [sensor.document() for sensor in r.sensors]}
                 for r in self.recordings
             ],
             "parameters": {key: asdict(value) for key, value in self.parameters.items()},

@@ -16,6 +16,7 @@ from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
 from fasbody.foot.shaker import BaseMotion, harmonics, samples
 from fasbody.recording.recording import Recording
+from identification.sensors import MALLEOLUS as MALLEOLUS
 
 #: Longest time step [s], and fewest steps a period, to begin with. RK4 then errs by 1e-5 of the peak in the median of
 #: fitted feet, but by 2 % where a damper is at its bound under 4.5 kg: domains.py halves it there.
@@ -161,7 +162,7 @@ class Engine(Protocol[D]):
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Output (k n,) [m/s^2] at the samples, from states x0 (s,), and derivatives (k n, s + p) to states and names."""
+        """Output (k n,) [m/s^2] at the samples, from states x0 (s,), and derivatives (k n, s + p) to both."""
 
     def start(self, number: int) -> np.ndarray:
         """States (s,) of the last orbit at time zero."""
@@ -171,10 +172,6 @@ class Engine(Protocol[D]):
 
     def on(self, drives: Sequence[D], foot: Foot | None = None) -> Self:
         """An engine of the same kind on other drives, and on another foot if one is given."""
-
-
-#: The sensor that every recording has.
-MALLEOLUS = ("malleolus",)
 
 
 @dataclass
