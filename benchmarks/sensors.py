@@ -90,17 +90,16 @@ def judged(truth: Member, data: Sequence[Recording], sensors: tuple[str, ...], w
     spent = time.process_time() - began
     name = STIFF_ANKLE if truth.leg.stiff_ankle else STIFF_PAD
     branch = next((b for b in result.branches if b.name == name), None)
-    off: list[float | None] = [None, None]
-    holds = [False, False]
-    for i, constant in enumerate(("k_T", "k_F") if branch else ()):
+    off: dict[str, float | None] = {"k_T": None, "k_F": None}
+    holds = {"k_T": False, "k_F": False}
+    for constant in off if branch else ():
         assert branch is not None
         exact, e = getattr(truth.leg, constant), branch[constant]
-        off[i], holds[i] = e.value / exact - 1, bool(e.lower <= exact <= e.upper)
+        off[constant], holds[constant] = e.value / exact - 1, bool(e.lower <= exact <= e.upper)
     follows = result.wide is not None and result.wide.follows
     right = result.best.name == name
-    return Judged(
-        world, truth.seed, len(sensors), result.verdict, right, *off, (holds[0], holds[1]), follows, spent
-    )  # fmt: skip
+    about = (world, truth.seed, len(sensors), result.verdict, right, off["k_T"], off["k_F"])
+    return Judged(*about, (holds["k_T"], holds["k_F"]), follows, spent)
 
 
 def trial(world: str, sensors: tuple[str, ...], seed: int) -> Judged:

@@ -19,6 +19,7 @@ from identification.branches import STIFF_ANKLE, STIFF_PAD, Verdict
 from identification.certification import Certified, branch_of, certify_first
 from identification.domains import Domain, PeriodicDomain, TimeDomain, choose_domain, steady
 from identification.engines.twin import twin_applies
+from identification.lifting import contacts
 from identification.result import FitResult, RecordingFit
 from identification.search import ZERO, Descent
 from identification.space import MASSES, Space, space_of
@@ -176,8 +177,8 @@ class Question:
         delay = _tells_delay(data) if settings.delay is None else settings.delay
         if not delay:
             warnings.append("One frequency cannot tell a delay between the channels from damping: it is held at zero.")
-        fitted, told = sensors.chosen(data, foot, settings.sensors)
-        warnings += told
+        fitted, passed_over = sensors.chosen(data, foot, settings.sensors)
+        warnings += passed_over
         space = space_of(foot, settings.free, settings.bounds, delay, fitted)
         if any("m_F" not in r.condition.masses for r in data) and set(MASSES) & set(foot.parameters):
             held = ", ".join(f"{n} {v:.3g} kg" for n, v in foot.values().items() if n in MASSES)
@@ -389,6 +390,7 @@ def judge(question: Question, explored: Explored, answer: Answer, ends: Sequence
         base_acceleration_error=best.base_error,
         starts=tuple(_start_row(question, descent) for descent in explored.descents),
         warnings=tuple(dict.fromkeys(warnings)),
+        contact=contacts(certified[0], question.domain.foot, data),
     )
 
 

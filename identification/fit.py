@@ -164,7 +164,7 @@ def show(result: "FitResult") -> None:
     results.print(table)
     results.print(f"[bold]{escape(result.sentence())}[/]", soft_wrap=True)
     results.print(result.reason, soft_wrap=True)
-    for text in result.by_sensor:
+    for text in (*result.by_sensor, *result.impossible):
         results.print(text, soft_wrap=True, markup=False)
     for text in result.warnings:
         results.print(f"[yellow]note:[/] {text}", soft_wrap=True, markup=True)

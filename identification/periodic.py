@@ -57,7 +57,8 @@ class Line:
         count = harmonic_count(frequency, recording.rate_hz)
         time = recording.time_s - recording.time_s[0]  # phases count from the first sample, where rollouts start
         channels = (recording.base_m_s2, recording.malleolus_m_s2)
-        return cls(recording, *(fit_harmonics(time, c, frequency, count) for c in channels))
+        base, malleolus = (fit_harmonics(time, c, frequency, count) for c in channels)
+        return cls(recording, base, malleolus)
 
     @classmethod
     @functools.lru_cache(maxsize=128)

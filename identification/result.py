@@ -12,6 +12,8 @@ from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.presentation import Presented, Sheet
 from fasbody.recording.recording import Recording
+from identification.contact import Contact
+from identification.contact import summary as lifted
 from identification.sensors import SensorFit, summary
 
 
@@ -289,6 +291,7 @@ class FitResult(Presented):
     warnings: tuple[str, ...]
     truth: Mapping[str, float] = field(default_factory=dict)
     seconds: float = 0.0
+    contact: tuple[Contact, ...] = ()
 
     @property
     def best(self) -> Branch:
@@ -327,12 +330,24 @@ class FitResult(Presented):
             narrow = [e.if_model_true.interval() if e.if_model_true else "–"] if self.wide else []
             rows.append([label(key), e.interval(), *narrow, *others, *known, e.known])
         columns = ["parameter", *self.intervals, *mirrors, *(["truth"] if self.truth else []), ""]
-        notes = [self.sentence(), self.reason, *self.by_sensor, *(f"note: {text}" for text in self.warnings)]
+        notes = [
+            self.sentence(),
+            self.reason,
+            *self.by_sensor,
+            *self.impossible,
+            *(f"note: {text}" for text in self.warnings),
+        ]
         return Sheet(f"{self.source} ({self.origin}), model {self.model}", columns, rows, notes)
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write result.json, parameters.csv and report.html into a folder, each whole or not at all."""
         return list(import_module("identification.report").write(self, Path(folder)))
+
+    @property
+    def impossible(self) -> list[str]:
+        """That the foot would leave the table, in a sentence; nothing where the table only presses."""
+        text = lifted(self.contact)
+        return [text] if text else []
 
     @property
     def by_sensor(self) -> list[str]:
@@ -396,6 +411,7 @@ class FitResult(Presented):
             "chi_square_wide": self.wide.chi_square if self.wide else None,
             "masses": [asdict(mass) for mass in self.wide.masses] if self.wide else [],
             "nuisances": [asdict(each) for each in self.wide.nuisances] if self.wide else [],
+            "contact": [each.document() for each in self.contact],
             "excitation_rank": self.excitation_rank,
             "twin_mujoco_difference": self.twin_mujoco_difference,
             "base_acceleration_error": self.base_acceleration_error,

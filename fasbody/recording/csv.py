@@ -159,9 +159,9 @@ def read_csv(file: Path, layout: Layout | None = None) -> Channels:
     """Read one recording.
 
     The header names the columns with their units, ``time_s,base_m_s2,malleolus_m_s2[,tuberosity_m_s2]``; other columns
-    are further accelerometers where their unit or study.toml says so, else ignored. Units may also be ms or us, g, mm_s2 or cm_s2, or stand in a row of their own below the names. Comma,
-    semicolon, tab, bar or blank separate the columns; decimal commas, comments, and lines above the header are
-    understood.
+    are further accelerometers where their unit or study.toml says so, else ignored. Units may also be ms or us, g,
+    mm_s2 or cm_s2, or stand in a row of their own below the names. Comma, semicolon, tab, bar or blank separate the
+    columns; decimal commas, comments, and lines above the header are understood.
 
     Args:
         file: the file. layout: what study.toml says of its columns.

@@ -83,7 +83,8 @@ class Recording:
 
         Args:
             time_s: (n,) sample times [s]. base, malleolus, tuberosity: (n,) accelerations [m/s^2].
-            others: (n,) accelerations of further sensors by name [m/s^2]. body_mass_kg: of the subject. added_mass_kg: on the knee.
+            others: (n,) accelerations of further sensors by name [m/s^2]. body_mass_kg: of the subject.
+            added_mass_kg: on the knee.
             frequency_hz: of a sine, None where the checks are to find it.
             subject, posture: who and how. name: what to call it in messages. origin: "measured" or "synthetic".
 

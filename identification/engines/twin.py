@@ -61,8 +61,8 @@ class Twin(Orbits[D]):
             gap, Y, DY, x, dx = np.inf, np.empty(0), np.empty((0, 0)), np.empty(0), np.empty((0, 0))
             Z, DZ = Y, DY
         self._keep(number, x, dx, theta, gap)
-        columns = [order.index(name) for name in names]
-        return self.stacked(Y, Z), self.stacked(DY, DZ)[:, columns]
+        wanted = [order.index(name) for name in names]
+        return self.stacked(Y, Z), self.stacked(DY, DZ)[:, wanted]
 
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
