@@ -66,8 +66,9 @@ class Contact:
 
     def document(self) -> dict[str, Any]:
         """As plain data."""
-        names = "file frequency_hz added_mass_kg element static_force_n stated share missing_n".split()
-        about = {name: getattr(self, name) for name in names}
+        names = ("file", "frequency_hz", "added_mass_kg", "element", "static_force_n", "stated")
+        about: dict[str, Any] = {name: getattr(self, name) for name in names}
+        about |= {"share": self.share, "missing_n": self.missing_n}
         about |= {"harmonics_added": self.added, "harmonics_found": self.found, "harmonics_speak": self.harmonics}
         return about | {"time_s": self.time_s.tolist(), "force_n": self.force_n.tolist()}
 

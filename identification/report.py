@@ -7,7 +7,7 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 
 from fasbody import console
-from identification import figures
+from identification import figures, sensor_figures
 from identification.result import FitResult, label
 
 
@@ -23,7 +23,8 @@ def html(result: FitResult) -> str:
         name: Markup(figures.svg(getattr(figures, name)(result)))
         for name in ("traces", "residuals", "parameters", "waterfall", "correlation")
     }
-
+    own = (("sensors", len(result.by_sensor) > 0), ("contact", len(result.contact) > 0))
+    pictures |= {name: Markup(figures.svg(getattr(sensor_figures, name)(result))) for name, shown in own if shown}
     page = environment.get_template("report.html")
     return page.render(result=result, pictures=pictures, label=label, day=date.today().isoformat())
 
