@@ -78,9 +78,10 @@ class Contact:
             return ""
         source = "stated in study.toml (known.static_force_n)" if self.stated else "the weight of leg and load"
         text = (
-            f"The foot would leave the table for {100 * self.share:.0f} % of the cycle at {self.frequency_hz:.4g} Hz "
-            f"under {self.added_mass_kg:g} kg ({self.file}): the force of {self.element} pulls, and something else must "
-            f"press the foot down with at least {self.missing_n:.3g} N beside {self.static_force_n:.3g} N, {source}."
+            f"The foot would leave the table for {100 * self.share:.0f} % of the cycle at "
+            f"{self.frequency_hz:.4g} Hz under {self.added_mass_kg:g} kg ({self.file}): the force of {self.element} "
+            f"pulls, and something else must press the foot down with at least {self.missing_n:.3g} N beside "
+            f"{self.static_force_n:.3g} N, {source}."
         )
         if self.harmonics:
             added, found = 100 * (self.added or 0.0), 100 * (self.found or 0.0)

@@ -12,6 +12,8 @@ from fasbody.recording.harmonics import fit_harmonics
 from fasbody.transmissibility.estimate import ratio, unwrapped
 from fasbody.transmissibility.spectra import h1
 from identification.result import FitResult, RecordingFit
+from identification.sensor_figures import contact as contact
+from identification.sensor_figures import sensors as sensors
 
 _MEASURED, _MODEL, _OTHER, _TRUTH = "#2b2b2b", "#c8102e", "#1f6fb2", "#2e8b57"
 #: One colour an added mass, apart for the colour-blind.

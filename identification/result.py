@@ -272,7 +272,7 @@ class FitResult(Presented):
 
     figures: ClassVar[str] = "identification.figures"
     plots: ClassVar[tuple[str, ...]] = (
-        "transmissibility", "traces", "residuals", "parameters", "waterfall", "correlation",
+        "transmissibility", "traces", "residuals", "parameters", "waterfall", "correlation", "sensors", "contact",
     )  # fmt: skip
 
     source: str

@@ -79,7 +79,7 @@ def test_a_force_on_the_foot_moves_the_malleolus_as_the_matrices_say(linear: Foo
 
 @pytest.mark.parametrize("value", [-3, 0, "much", True, 1e5])
 def test_a_static_force_that_cannot_be_is_refused(value: object, tmp_path: Path) -> None:
-    with pytest.raises(InputFileError, match="known.static_force_n"):
+    with pytest.raises(InputFileError, match=r"known\.static_force_n"):
         Known.from_toml(tmp_path / "study.toml", {"static_force_n": value})
     known = Known.from_toml(tmp_path / "study.toml", {"static_force_n": 120, "mount": "tapped"})
     assert known.static_force_n == 120.0 and known.told(mass_std=0.0).static_force_n == 120.0

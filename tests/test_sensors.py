@@ -127,7 +127,7 @@ def test_the_twin_gives_every_sensor_on_its_masses(linear: Foot, edited: Edit) -
     drive = Excitation(30.0, np.array([8.95 + 0j]), {})
     y, _ = Twin(linear, [drive], BOTH).orbit(0, values, (), 1e-10)
     found = 2 / drive.steps * np.fft.rfft(y.reshape(2, -1))[:, 1] / 8.95
-    np.testing.assert_allclose(found, linear_motion(p, 30.0), rtol=2e-6)
+    np.testing.assert_allclose(found, linear_motion(p, 30.0), rtol=2e-5)  # of RK4's step
     other, _ = Rollouts(linear, [drive], (), sensors=BOTH).orbit(0, values, (), 1e-10)
     np.testing.assert_allclose(other, y, atol=1e-8 * np.abs(y).max())
 
@@ -169,7 +169,7 @@ def test_each_sensor_has_nuisances_of_its_own(foot: Foot, linear: Foot) -> None:
     for kind in ("gain", "delay", "drift", "mount", "mount damping", "rocking"):
         assert prior[f"{kind} of foot"] == prior[kind]
     assert "rocking frequency of foot" not in prior and problem.size == 2 * sum(line.size for line in problem.lines)
-    low, high = world.bounds
+    low, _ = world.bounds
     rng = np.random.default_rng(0)
     q = world.start(foot.values() | BENT) + 0.2 * rng.uniform(0.2, 1, low.size) * np.isfinite(world.prior[1])
     J = problem.jacobian(q)
@@ -219,9 +219,8 @@ def test_a_further_channel_never_stands_in_the_way(linear: Foot, tmp_path: Path)
     made = recorded(TwoDof.from_values(linear.values()), 20.0)
     dead = checked(replace(made, others=made.others | {"heel": np.zeros(made.time_s.size)}))
     assert list(dead.others) == ["foot"] and "The channel heel is left out." in dead.warnings[-1]
-    rows = [
-        f"{t},{a},{y},{'x' if i == 7 else 1.0}" for i, (t, a, y) in enumerate(zip(*list(made.channels.values())[:3]))
-    ]
+    each = zip(made.time_s, made.base_m_s2, made.malleolus_m_s2, strict=True)
+    rows = [f"{t},{a},{y},{'x' if i == 7 else 1.0}" for i, (t, a, y) in enumerate(each)]
     (tmp_path / "odd.csv").write_text("\n".join(["time_s,base_m_s2,malleolus_m_s2,heel_m_s2", *rows]))
     assert not Recording.read(tmp_path / "odd.csv").others
     (tmp_path / "toe.csv").write_text("\n".join(["time_s,base_m_s2,malleolus_m_s2,AI7", *rows]).replace("x", "1"))
@@ -236,8 +235,8 @@ def test_a_further_channel_never_stands_in_the_way(linear: Foot, tmp_path: Path)
 
 
 def test_the_laboratory_writes_a_second_sensor(tmp_path: Path) -> None:
-    plain = Study.read(make_study(tmp_path / "one", frequencies_hz=[20.0], seconds=1.0)).recordings[0]
-    both = Study.read(make_study(tmp_path / "two", frequencies_hz=[20.0], seconds=1.0, second=True)).recordings[0]
+    plain = Study.read(make_study(tmp_path / "one", frequencies_hz=[20.0], seconds=0.5)).recordings[0]
+    both = Study.read(make_study(tmp_path / "two", frequencies_hz=[20.0], seconds=0.5, second=True)).recordings[0]
     np.testing.assert_array_equal(both.malleolus_m_s2, plain.malleolus_m_s2)
     assert list(both.others) == ["foot"] and both.calibration["foot"].delay_std_s == 2e-4
 
@@ -262,7 +261,7 @@ def test_the_judging_simulator_moves_the_foot(linear: Foot) -> None:
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_sensor_on_the_foot_decides_the_mirror_of_a_nearly_linear_leg(foot: Foot, seed: int) -> None:
-    made = second.member(second.CLEAN, seed)
+    made = replace(second.member(second.CLEAN, seed), loads_kg=(0.0,))
     data = worlds.recordings(made, (10.0, 20.0, 30.0, 40.0), foot=True)
     result = fit_foot(data, foot, starts=2, threads=1)
     name = branches.STIFF_ANKLE if made.leg.stiff_ankle else branches.STIFF_PAD
