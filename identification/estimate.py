@@ -354,7 +354,8 @@ def judge(question: Question, explored: Explored, answer: Answer, ends: Sequence
         built = [widened(end, narrow.get(end.name), question.space, first.dof) for end in ends]
         deviances, excess = [end.objective for end in ends], 0.0  # what else may be true has explained the misfit
         certified = sorted(certified, key=lambda c: [b.name for b in built].index(c.name))
-    rests = branches.pinned({key: e.at_bound for key, e in built[-1].parameters.items()})
+    last = built[-1].parameters
+    rests = branches.pinned({key: e.at_bound for key, e in last.items()}, {key: e.value for key, e in last.items()})
     loads = len({recording.condition.added_mass_kg for recording in data})
     verdict = branches.judge([b.name for b in built], deviances, excess, first.dof, rests, loads)
     if verdict.tied:
