@@ -5,6 +5,7 @@ A row says all that it takes to show and to start a command, so that the map imp
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 
 import fasbody
@@ -247,4 +248,9 @@ def found(arguments: Sequence[str]) -> tuple[Command, list[str]]:
         if command := known.get(tuple(arguments[:count])):
             return command, list(arguments[count:])
     listed = [words for words in map(" ".join, known) if words.split()[0] == arguments[0]]
-    raise SettingError(f"{unknown('command', ' '.join(arguments[:2]), listed or map(' '.join, known))}.")
+    if listed:
+        raise SettingError(f"{unknown('command', ' '.join(arguments[:2]), listed)}.")
+    names = list(dict.fromkeys(word for words in known for word in (words[0], " ".join(words))))
+    near = get_close_matches(arguments[0], names, n=3, cutoff=0.5)
+    hint = f", did you mean {' or '.join(map(repr, near))}?" if near else ";"
+    raise SettingError(f"unknown command {arguments[0]!r}{hint} python -m fasbody shows all {len(known)}.")

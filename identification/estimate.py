@@ -9,7 +9,7 @@ import numpy as np
 
 from fasbody.exceptions import RecordingError, SettingError, SimulationError, unknown
 from fasbody.foot.model import Foot
-from fasbody.recording.checks import checked
+from fasbody.recording.checks import apart, checked, gathered
 from fasbody.recording.known import Known
 from fasbody.recording.recording import UNSTATED, Recording
 from fasbody.recording.study import Study
@@ -19,6 +19,7 @@ from identification.branches import STIFF_ANKLE, STIFF_PAD, Verdict
 from identification.certification import Certified, branch_of, certify_first
 from identification.domains import Domain, PeriodicDomain, TimeDomain, choose_domain, steady
 from identification.engines.twin import twin_applies
+from identification.evidence import Evidence, provenance
 from identification.lifting import contacts
 from identification.result import FitResult, RecordingFit
 from identification.search import ZERO, Descent
@@ -111,9 +112,15 @@ def fit_foot(
     question = Question.of(list(study), foot, settings)
     explored = explore(question, settings, advance, interruptible)
     answer = certify(question, explored, advance)
-    result = judge(question, explored, answer, widen(question, answer, advance) if settings.wide else [])
-    source = study.name if isinstance(study, Study) else result.source
-    return replace(result, source=source, seconds=time.perf_counter() - began)
+    ends = widen(question, answer, advance) if settings.wide else []
+    result = judge(question, explored, answer, ends)
+    return replace(
+        result,
+        source=study.name if isinstance(study, Study) else result.source,
+        provenance=provenance(settings, question.space, question.domain.recordings),
+        evidence=Evidence(question.domain, question.space, answer.branches, ends),
+        seconds=time.perf_counter() - began,
+    )
 
 
 def _with(settings: Settings, chosen: Mapping[str, Any]) -> Settings:
@@ -170,8 +177,9 @@ class Question:
             raise RecordingError("there is no recording to fit.")
         told = {name: getattr(settings, name) for name in ("mass_std", "gain_std", "delay_std_s", "exclude")}
         known = Known.of_all([recording.known for recording in recordings]).told(**told)
+        apart(recordings)
         data = [checked(recording) for recording in recordings]
-        warnings = [text for recording in data for text in recording.warnings]
+        warnings = gathered([text for recording in data for text in recording.warnings])
         name, why = choose_domain(data, settings.domain)
         warnings += why
         delay = _tells_delay(data) if settings.delay is None else settings.delay

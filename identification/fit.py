@@ -1,7 +1,10 @@
 """`python -m identification.fit`: stiffness and damping of a foot from its recordings."""
 
+import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -51,7 +54,9 @@ def main(
         str | None, typer.Option(help="accelerometers to fit, e.g. malleolus,foot (default: all that the model has)")
     ] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
-    out: Annotated[Path | None, typer.Option(help="folder for result.json, parameters.csv, report.html")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="folder for report.html, result.json, parameters.csv, figures/")
+    ] = None,
 ) -> None:
     """Estimate the parameters of a foot from recordings of its vibration.
 
@@ -72,7 +77,6 @@ def main(
     """
     from fasbody.foot.model import load
     from identification.estimate import Settings, fit_foot
-    from identification.report import write
     from identification.space import limits, names
 
     source, recordings, truth = gather(data or [BUNDLED], body_mass, added_mass)
@@ -91,18 +95,25 @@ def main(
             progress.update(task, description=what, completed=done, total=total)
 
         result = fit_foot(recordings, foot, settings, advance=advance).with_source(source, truth)
-    if folder is not None:
-        from identification.report import write  # matplotlib takes a second that --json and --help need not wait
-
-        write(result, folder)
+    result = replace(result, provenance={**result.provenance, "command": _typed()})
     if json_:
         print_json(result.document())
     else:
         show(result)
     if folder is not None:
+        from identification.report import write  # its figures take seconds that the table need not wait
+
+        write(result, folder)
         console.print(
-            f"report: [bold]{folder / 'report.html'}[/], with result.json and parameters.csv beside it", soft_wrap=True
+            f"report: [bold]{escape(str(folder / 'report.html'))}[/], with result.json, parameters.csv and figures/ "
+            "beside it",
+            soft_wrap=True,
         )
+
+
+def _typed() -> str:
+    """The command as it was typed."""
+    return " ".join(["python -m identification.fit", *map(quote, sys.argv[1:])])
 
 
 def gather(

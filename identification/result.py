@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from fasbody.recording.recording import Recording
 from identification.contact import Contact
 from identification.contact import summary as lifted
 from identification.sensors import SensorFit, summary
+
+if TYPE_CHECKING:
+    from identification.evidence import Evidence
 
 
 def label(key: str) -> str:
@@ -30,6 +33,8 @@ UNLIKELY = 1e-3
 #: Standard error up to which a parameter counts as identified, and as weakly identified: as a share of its value, or
 #: of a tenth of its range for parameters that may be zero.
 IDENTIFIED, WEAK = 0.1, 0.5
+#: Share of a mass's standard deviation that the recordings must take away to have weighed it.
+WEIGHED = 0.3
 
 
 def chance(p_value: float) -> str:
@@ -119,6 +124,16 @@ class Mass:
     lower: float
     upper: float
     learned: float
+
+    @property
+    def weighed(self) -> bool:
+        """Whether the recordings say more of it than what was stated."""
+        return self.learned > WEIGHED
+
+    def interval(self) -> str:
+        """Value and half width of the 95 % interval [kg]."""
+        std = (self.upper - self.lower) / 3.92
+        return Estimate(self.value, std, self.lower, self.upper, False, "").interval()
 
 
 @dataclass(frozen=True)
@@ -272,7 +287,8 @@ class FitResult(Presented):
 
     figures: ClassVar[str] = "identification.figures"
     plots: ClassVar[tuple[str, ...]] = (
-        "transmissibility", "traces", "residuals", "parameters", "waterfall", "correlation", "sensors", "contact",
+        "transmissibility", "chi_square", "modes", "dampers", "energies", "traces", "residuals", "parameters",
+        "waterfall", "correlation", "sensors", "contact",
     )  # fmt: skip
 
     source: str
@@ -292,6 +308,8 @@ class FitResult(Presented):
     truth: Mapping[str, float] = field(default_factory=dict)
     seconds: float = 0.0
     contact: tuple[Contact, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    evidence: "Evidence | None" = None
 
     @property
     def best(self) -> Branch:
@@ -329,6 +347,12 @@ class FitResult(Presented):
             others = [branch.parameters[key].interval() for branch in self.branches[1:]]
             narrow = [e.if_model_true.interval() if e.if_model_true else "–"] if self.wide else []
             rows.append([label(key), e.interval(), *narrow, *others, *known, e.known])
+        for number, mass in enumerate(self.wide.masses if self.wide else ()):
+            truth = self.truth_of(f"{mass.name}_kg")
+            known = ["" if truth is None else f"{truth:.4g}"] if self.truth else []
+            others = [b.world.masses[number].interval() if b.world else "" for b in self.branches[1:]]
+            word = "weighed" if mass.weighed else "as stated"
+            rows.append([f"{mass.name} [kg]", mass.interval(), f"{mass.stated:.4g} stated", *others, *known, word])
         columns = ["parameter", *self.intervals, *mirrors, *(["truth"] if self.truth else []), ""]
         notes = [
             self.sentence(),
@@ -418,6 +442,7 @@ class FitResult(Presented):
             "starts": [dict(start) for start in self.starts],
             "truth": dict(self.truth),
             "warnings": list(self.warnings),
+            "provenance": dict(self.provenance),
             "seconds": self.seconds,
         }  # fmt: skip
 

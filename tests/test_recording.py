@@ -254,6 +254,8 @@ def test_bundled_study_is_plainly_synthetic() -> None:
     assert study.origin == "synthetic"
     assert all(r.origin == "synthetic" for r in study)
     assert "Nobody was measured" in study.description
-    assert [r.condition.frequency_hz for r in study] == list(range(10, 55, 5))
+    assert [r.condition.frequency_hz for r in study.under(0.0)] == list(range(10, 55, 5))
+    assert [r.condition.frequency_hz for r in study.under(2.3)] == [10, 25, 40]
+    assert len(study.recordings) == 12
     assert {r.condition.body_mass_kg for r in study} == {72.57}
     assert sum(f.stat().st_size for f in BUNDLED.rglob("*") if f.is_file()) < 2_000_000

@@ -34,6 +34,10 @@ def main(
     frequency: Annotated[
         list[float] | None, typer.Option(help="excitation in Hz; repeat (default 10, 15 ... 50)")
     ] = None,
+    loaded_frequency: Annotated[
+        list[float] | None,
+        typer.Option(help="of one foot: excitation in Hz under its second and further added masses; repeat"),
+    ] = None,
     excitation: Annotated[str, typer.Option(help=f"{', '.join(EXCITATIONS)} (studies)")] = "sine",
     peak_to_peak: Annotated[float, typer.Option(help="base acceleration in m/s^2 (studies)")] = 17.9,
     seconds: Annotated[
@@ -54,6 +58,8 @@ def main(
       python -m fasbody.laboratory two_sensors --foot-sensor
 
       python -m fasbody.laboratory one_foot --added-mass 0 --added-mass 2.3 --seconds 10
+
+      python -m fasbody.laboratory small --added-mass 0 --added-mass 2.3 --loaded-frequency 10 --loaded-frequency 40
     """
     from fasbody.laboratory.foot import make_study
     from fasbody.laboratory.study import FREQUENCIES_HZ, Plan, make
@@ -73,10 +79,13 @@ def main(
             4.0 if seconds is None else seconds,
             16 if seed is None else seed,
             second=foot_sensor,
+            loaded_frequencies_hz=loaded_frequency,
         )
     elif foot_sensor:
         raise SettingError("--foot-sensor records one foot; leave --subjects out.")
     else:
+        if loaded_frequency:
+            raise SettingError("--loaded-frequency is of one foot; a study (--subjects) has the same at every load.")
         conditions = tuple((p, m) for p in posture or ["midstance"] for m in added_mass or ADDED_MASSES_KG)
         plan = Plan(
             subjects=subjects, conditions=conditions if posture or added_mass else (), frequencies_hz=frequencies,

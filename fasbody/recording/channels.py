@@ -216,10 +216,17 @@ class Layout:
                 hint = 'name the column time_s, time_ms or time_us, or give study.toml [channels.time] unit = "s"'
                 raise InputFileError(file, f"{names[bare[0]]!r} has no unit", hint, line=line)
             wanted["time"] = bare
+        if line and not wanted:  # text, perhaps in another language
+            columns = ", ".join(f'[channels.{name}] column = "..."' for name in ("time", "base", "malleolus"))
+            raise InputFileError(
+                file, f"names no channel ({listed})",
+                f"call its columns time_s, base_m_s2, malleolus_m_s2, or say in study.toml which is which: {columns}",
+                line=line,
+            )  # fmt: skip
         clock = ("time_s",) if line and self.rate_hz is None else ()  # only text has no rate of its own
         for name in (*clock, "base_m_s2", "malleolus_m_s2"):
             if name not in wanted:
-                hint = "or give sampling_rate_hz in study.toml" if name in clock else _HELP
+                hint = _CLOCK if name in clock else _HELP
                 raise InputFileError(file, f"has no column {name!r} ({listed})", hint, line=line)
         wanted |= self._others(names, units, sizes, wanted)
         lengths = {name: sizes[index] for name, (index, _) in wanted.items()} if sizes else {}
@@ -378,6 +385,7 @@ class Layout:
 _LONGEST_DELAY = 0.1
 #: Two sampling rates are the same within this share: a nominal rate and a logger's own clock.
 _SAME_RATE = 1e-3
+_CLOCK = "study.toml can name it ([channels.time] column = ...), or give sampling_rate_hz"
 _HELP = "units may also be g or ms, and study.toml can name the column: [channels.base] column = ..."
 
 

@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,7 @@ class Recording:
         warnings: what the checks found that does not forbid its use.
         calibration: what study.toml says of the channels, by name; uncertainties are taken from there.
         known: what the laboratory knows beyond the recording.
+        digest: sha256 of the file that it was read from, in hexadecimal; "" where there was none.
         others: (n,) of further accelerometers by name, such as ``foot`` [m/s^2].
     """
 
@@ -48,6 +50,7 @@ class Recording:
     warnings: tuple[str, ...] = ()
     calibration: Mapping[str, Channel] = field(default_factory=dict)
     known: Known = field(default_factory=Known)
+    digest: str = ""
     others: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
@@ -102,6 +105,8 @@ class Recording:
         if body_mass_kg is not None:
             plausible(body_mass_kg, "body", name)
         plausible(added_mass_kg, "added", name)
+        if isinstance(frequency_hz, str):
+            raise RecordingError(f"{name}: the frequency is {frequency_hz!r}; give a number of hertz, such as 20.")
         condition = Condition(subject, posture, added_mass_kg, body_mass_kg, frequency_hz)
         rest = {channel: rows[channel] for channel in others or {}}
         own = (time, rows["base"], rows["malleolus"], rows.get("tuberosity"))
@@ -140,6 +145,7 @@ class Recording:
             warnings=_remarks(Path(file).with_suffix(".json")),
             calibration=layout.channels if layout else {},
             known=layout.beyond if layout else Known(),
+            digest=sha256(Path(file).read_bytes()).hexdigest(),
             others={name.removesuffix("_m_s2"): values for name, values in channels.items() if name not in HEADER},
         )
 
