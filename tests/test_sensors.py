@@ -23,6 +23,7 @@ from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study
 from identification import branches
+from identification.derived import derived
 from identification.engines.certified import CertifiedRollouts
 from identification.engines.engine import Excitation, Whole
 from identification.engines.mujoco import Rollouts
@@ -272,6 +273,8 @@ def test_a_sensor_on_the_foot_decides_the_mirror_of_a_nearly_linear_leg(foot: Fo
     row = result.document()["recordings"][0]["sensors"]
     assert [sensor["name"] for sensor in row] == list(BOTH) and row[1]["harmonics"][0]["off"] < 6
     assert any("foot: fit" in text for text in result.sheet().notes) and "delay_foot_s" in result.parameters
+    total = sum(part["chi_square_if_model_true"] for part in derived(result).chi_square)
+    assert total == pytest.approx(result.best.chi_square, rel=1e-6)
     assert "delay_foot_s" not in result.values() and result.plot("sensors").axes
 
 
