@@ -220,6 +220,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Count how often the intervals of the heel's laws hold the truth, and time the analysis.",
         ),
         Command(
+            "bench sensors", "benchmarks.sensors", "",
+            "What a second sensor on the foot decides, by a simulator of its own.",
+        ),
+        Command(
             "bench study", "benchmarks.study", "",
             "Speed of a study from its first to its last fit; some ten minutes on two idle cores.",
         ),

@@ -464,7 +464,9 @@ def _chi_square(result: FitResult, evidence: "Evidence") -> list[Row]:
     for line in lines:
         condition = line.recording.condition
         for h in range(line.count):
-            parts = {name: float(r[first + h] ** 2 + r[first + line.count + h] ** 2) for name, r in residuals.items()}
+            # real parts of all sensors, then imaginary ones; a harmonic's part is the sum over sensors
+            at = first + h + line.count * np.arange(2 * len(line.sensors))
+            parts = {name: float(r[at] @ r[at]) for name, r in residuals.items()}
             rows.append(
                 {
                     "file": line.recording.file, "added_mass_kg": condition.added_mass_kg,
@@ -472,5 +474,5 @@ def _chi_square(result: FitResult, evidence: "Evidence") -> list[Row]:
                     "chi_square": parts.get(WHATEVER), "chi_square_if_model_true": parts.get(IF_TRUE),
                 }
             )  # fmt: skip
-        first += 2 * line.count
+        first += 2 * line.size
     return rows

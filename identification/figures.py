@@ -14,6 +14,8 @@ from fasbody.transmissibility.estimate import unwrapped
 from fasbody.transmissibility.spectra import h1
 from identification.derived import Row, derived
 from identification.result import FitResult, RecordingFit
+from identification.sensor_figures import contact as contact
+from identification.sensor_figures import sensors as sensors
 
 #: Loads have colours and marks in all figures, apart for the colour-blind and in grey; what is of no load is black.
 LOADS = (("#0072B2", "o"), ("#D55E00", "s"), ("#009E73", "^"), ("#CC79A7", "D"), ("#E69F00", "v"))

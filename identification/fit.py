@@ -50,6 +50,9 @@ def main(
     exclude: Annotated[
         str | None, typer.Option(help="what cannot be: mount, relaxation, load, rocking, drift, or all")
     ] = None,
+    sensors: Annotated[
+        str | None, typer.Option(help="accelerometers to fit, e.g. malleolus,foot (default: all that the model has)")
+    ] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
     out: Annotated[
         Path | None, typer.Option(help="folder for report.html, result.json, parameters.csv, figures/")
@@ -66,6 +69,8 @@ def main(
 
       python -m identification.fit my_study --exclude mount,rocking --mass-std 0.03
 
+      python -m identification.fit my_study --sensors malleolus,foot
+
       python -m identification.fit bare.csv loaded.csv --body-mass 72.5 --added-mass 0 --added-mass 2.3
 
       python -m identification.fit my_study --model my_foot.xml --free k_T,k_F --bounds k_F=3e3:5e5
@@ -77,7 +82,7 @@ def main(
     source, recordings, truth = gather(data or [BUNDLED], body_mass, added_mass)
     settings = Settings(
         free=names(free), bounds=limits(bounds), starts=starts, seed=seed, domain=domain, mass_std=mass_std,
-        gain_std=gain_std, delay_std_s=delay_std, exclude=names(exclude) or (),
+        gain_std=gain_std, delay_std_s=delay_std, exclude=names(exclude) or (), sensors=names(sensors),
     )  # fmt: skip
     foot = load(model)
     folder = out or (None if json_ else Path("results") / _slug(source))
@@ -170,6 +175,8 @@ def show(result: "FitResult") -> None:
     results.print(table)
     results.print(f"[bold]{escape(result.sentence())}[/]", soft_wrap=True)
     results.print(result.reason, soft_wrap=True)
+    for text in (*result.by_sensor, *result.impossible):
+        results.print(text, soft_wrap=True, markup=False)
     for text in result.warnings:
         results.print(f"[yellow]note:[/] {text}", soft_wrap=True, markup=True)
 

@@ -168,6 +168,16 @@ def captions(result: FitResult) -> dict[str, str]:
             f"Where each of the {len(result.starts)} starts ended. A flat first step says that the minimum was found "
             "often."
         )
+    if result.by_sensor:
+        texts["sensors"] = (
+            f"Each sensor over the base ({n}): data as points, the {best.name} branch as lines. "
+            f"{'; '.join(result.by_sensor)}."
+        )
+    if result.contact:
+        texts["contact"] = (
+            f"Force between table and foot over a cycle ({len(result.contact)} recordings, {best.name} branch): the "
+            "static force (dashed) and what the motion adds. Below zero the foot would leave the table."
+        )
     return texts
 
 

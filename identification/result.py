@@ -12,6 +12,9 @@ from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.presentation import Presented, Sheet
 from fasbody.recording.recording import Recording
+from identification.contact import Contact
+from identification.contact import summary as lifted
+from identification.sensors import SensorFit, summary
 
 if TYPE_CHECKING:
     from identification.evidence import Evidence
@@ -223,7 +226,11 @@ class Branch(Presented):
 
         They hold if the model is true: with the masses as stated, the foot then moves as recorded.
         """
-        kept = {key: e.if_model_true or e for key, e in self.parameters.items() if symbol_and_unit(key)[0] != "delay"}
+        kept = {
+            key: e.if_model_true or e
+            for key, e in self.parameters.items()
+            if not symbol_and_unit(key)[0].startswith("delay")
+        }
         return {key: e.value for key, e in kept.items()}
 
     def records(self) -> list[dict[str, Any]]:
@@ -245,7 +252,10 @@ class Branch(Presented):
 
 @dataclass(frozen=True, eq=False)
 class RecordingFit:
-    """One recording: measured and model traces, and how well they agree; `base` is what shook both."""
+    """One recording: measured and model traces, and how well they agree; `base` is what shook both.
+
+    `sensors` has every accelerometer that was fitted, the malleolus first.
+    """
 
     file: str
     frequency_hz: float | None
@@ -255,12 +265,16 @@ class RecordingFit:
     measured: np.ndarray
     model: np.ndarray
     base: np.ndarray
+    sensors: tuple[SensorFit, ...] = ()
 
     @classmethod
-    def of(cls, recording: Recording, fit_percent: float, model: np.ndarray) -> "RecordingFit":
+    def of(
+        cls, recording: Recording, fit_percent: float, model: np.ndarray, sensors: tuple[SensorFit, ...] = ()
+    ) -> "RecordingFit":
         """A recording beside the model's malleolus (n,) [m/s^2]."""
         c, r = recording.condition, recording
-        return cls(r.file, c.frequency_hz, c.added_mass_kg, fit_percent, r.time_s, r.malleolus_m_s2, model, r.base_m_s2)
+        about = (r.file, c.frequency_hz, c.added_mass_kg, fit_percent)
+        return cls(*about, r.time_s, r.malleolus_m_s2, model, r.base_m_s2, sensors)
 
     def __repr__(self) -> str:
         return f"{self.file}: fit {self.fit_percent:.1f} %, {self.time_s.size} samples"
@@ -276,7 +290,7 @@ class FitResult(Presented):
     figures: ClassVar[str] = "identification.figures"
     plots: ClassVar[tuple[str, ...]] = (
         "transmissibility", "chi_square", "modes", "dampers", "energies", "traces", "residuals", "parameters",
-        "waterfall", "correlation",
+        "waterfall", "correlation", "sensors", "contact",
     )  # fmt: skip
 
     source: str
@@ -295,6 +309,7 @@ class FitResult(Presented):
     warnings: tuple[str, ...]
     truth: Mapping[str, float] = field(default_factory=dict)
     seconds: float = 0.0
+    contact: tuple[Contact, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
     evidence: "Evidence | None" = None
 
@@ -341,12 +356,29 @@ class FitResult(Presented):
             word = "weighed" if mass.weighed else "as stated"
             rows.append([f"{mass.name} [kg]", mass.interval(), f"{mass.stated:.4g} stated", *others, *known, word])
         columns = ["parameter", *self.intervals, *mirrors, *(["truth"] if self.truth else []), ""]
-        notes = [self.sentence(), self.reason, *(f"note: {text}" for text in self.warnings)]
+        notes = [
+            self.sentence(),
+            self.reason,
+            *self.by_sensor,
+            *self.impossible,
+            *(f"note: {text}" for text in self.warnings),
+        ]
         return Sheet(f"{self.source} ({self.origin}), model {self.model}", columns, rows, notes)
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write result.json, parameters.csv and report.html into a folder, each whole or not at all."""
         return list(import_module("identification.report").write(self, Path(folder)))
+
+    @property
+    def impossible(self) -> list[str]:
+        """That the foot would leave the table, in a sentence; nothing where the table only presses."""
+        text = lifted(self.contact)
+        return [text] if text else []
+
+    @property
+    def by_sensor(self) -> list[str]:
+        """How each sensor is followed, in a line; nothing where the malleolus is alone."""
+        return summary([recording.sensors for recording in self.recordings])
 
     @property
     def wide(self) -> World | None:
@@ -391,6 +423,7 @@ class FitResult(Presented):
             "fit_percent": self.fit_percent,
             "recordings": [
                 {name: getattr(r, name) for name in ("file", "frequency_hz", "added_mass_kg", "fit_percent")}
+                | {"sensors": [sensor.document() for sensor in r.sensors]}
                 for r in self.recordings
             ],
             "parameters": {key: asdict(value) for key, value in self.parameters.items()},
@@ -404,6 +437,7 @@ class FitResult(Presented):
             "chi_square_wide": self.wide.chi_square if self.wide else None,
             "masses": [asdict(mass) for mass in self.wide.masses] if self.wide else [],
             "nuisances": [asdict(each) for each in self.wide.nuisances] if self.wide else [],
+            "contact": [each.document() for each in self.contact],
             "excitation_rank": self.excitation_rank,
             "twin_mujoco_difference": self.twin_mujoco_difference,
             "base_acceleration_error": self.base_acceleration_error,

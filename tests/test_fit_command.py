@@ -133,7 +133,7 @@ def test_a_missing_element_of_a_model_gets_the_sentence(fit: Callable, bare: Pat
     file = edited(('<framelinacc name="malleolus"', '<framelinacc name="ankle"'))
     code, _, err = fit(bare, "--model", file)
     assert code == 2
-    assert "there is no sensor 'malleolus' (valid: base, ankle)" in err
+    assert "there is no sensor 'malleolus' (valid: base, ankle, foot)" in err
     assert "every foot model needs joint base, actuator shaker, sensor base and malleolus, site malleolus." in err
 
 

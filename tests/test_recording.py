@@ -112,7 +112,7 @@ def test_a_delay_longer_than_a_tenth_of_the_recording_is_refused(folder: Path) -
         ("study.toml", None, "no such file; a study folder needs study.toml, subjects.csv and recordings.csv"),
         ("study.toml", "[study\n", r"study.toml: is not TOML \("),
         ("study.toml", '[study]\norigin = "guessed"\n', 'origin is \'guessed\'; valid: "measured", "synthetic"'),
-        ("study.toml", "[channels.knee]\nsign = 1\n", "the channel 'knee'; valid: base, malleolus, tuberosity"),
+        ("study.toml", "[channels.maleolus]\nsign = 1\n", "the channel 'maleolus'; valid: base, malleolus, tuberosity"),
         ("study.toml", "[channels.base]\ngain = 1\n", "base.gain = 1; valid: unit, sign, sensitivity, delay_s"),
         ("study.toml", '[channels.base]\nsign = "minus"\n', "channels.base.sign = 'minus'; valid: 1, -1"),
         (

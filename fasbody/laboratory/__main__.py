@@ -44,6 +44,9 @@ def main(
         float | None, typer.Option(help="length of each recording in s (default 4, for studies 10)")
     ] = None,
     file_format: Annotated[str, typer.Option("--format", help="csv, mat, h5, uff or tdms (studies)")] = "csv",
+    foot_sensor: Annotated[
+        bool, typer.Option("--foot-sensor", help="a second sensor, on the foot: the channel foot (one foot)")
+    ] = False,
     seed: Annotated[int | None, typer.Option(min=0, help="seed of subjects, phases and noise")] = None,
     jobs: Annotated[int, typer.Option(help="processes; 0 for all cores")] = 0,
 ) -> None:
@@ -51,6 +54,8 @@ def main(
 
     Examples:
       python -m fasbody.laboratory my_study --subjects 20
+
+      python -m fasbody.laboratory two_sensors --foot-sensor
 
       python -m fasbody.laboratory one_foot --added-mass 0 --added-mass 2.3 --seconds 10
 
@@ -73,8 +78,11 @@ def main(
             added_mass or [0.0],
             4.0 if seconds is None else seconds,
             16 if seed is None else seed,
+            second=foot_sensor,
             loaded_frequencies_hz=loaded_frequency,
         )
+    elif foot_sensor:
+        raise SettingError("--foot-sensor records one foot; leave --subjects out.")
     else:
         if loaded_frequency:
             raise SettingError("--loaded-frequency is of one foot; a study (--subjects) has the same at every load.")

@@ -33,17 +33,26 @@ def record(
     instrument: Instrument,
     rng: np.random.Generator,
     settle: float = 1.0,
+    second: bool = False,
 ) -> Recording:
     """One synthetic recording of a foot on the shaker.
 
     Args:
         foot: true parameters. motion: base motion. seconds: length [s]. instrument: what it adds. rng: noise source.
         settle: the shaker runs this long before the recording starts [s]; 0 records the transient from rest.
+        second: a sensor on the foot writes the channel foot, as late and as noisy as that of the malleolus.
     """
-    return instrument.observe(exact(foot, motion, seconds, instrument, settle), rng)
+    return instrument.observe(exact(foot, motion, seconds, instrument, settle, second), rng)
 
 
-def exact(foot: TwoDof, motion: BaseMotion, seconds: float, instrument: Instrument, settle: float = 1.0) -> Recording:
+def exact(
+    foot: TwoDof,
+    motion: BaseMotion,
+    seconds: float,
+    instrument: Instrument,
+    settle: float = 1.0,
+    second: bool = False,
+) -> Recording:
     """The same without noise and quantisation: what happened at the samples, the channel delay included."""
     t = np.arange(round(seconds * instrument.rate_hz)) / instrument.rate_hz
     late = np.maximum(t + settle - instrument.delay_s, 0.0)  # at rest until the shaker starts
@@ -51,7 +60,8 @@ def exact(foot: TwoDof, motion: BaseMotion, seconds: float, instrument: Instrume
         lambda time, x: foot.rates(time, x, float(motion.acceleration(np.array([time]))[0])),
         (0.0, late[-1]), np.zeros(4), method="DOP853", t_eval=late, rtol=1e-9, atol=1e-12, max_step=5e-3,
     )  # fmt: skip
-    return Recording(t, motion.acceleration(t + settle), foot.output(solution.y), origin="synthetic")
+    others = {"foot": foot.foot_output(solution.y)} if second else {}
+    return Recording(t, motion.acceleration(t + settle), foot.output(solution.y), origin="synthetic", others=others)
 
 
 def make_study(
@@ -62,6 +72,7 @@ def make_study(
     seconds: float = 4.0,
     seed: int = 16,
     instrument: Instrument | None = None,
+    second: bool = False,
     loaded_frequencies_hz: Sequence[float] | None = None,
 ) -> Path:
     """Write a synthetic study folder with `truth.json` beside it; see the module's docstring.
@@ -70,7 +81,7 @@ def make_study(
         folder: to write. subject: of Table 2.1, for the body mass. frequencies_hz: of the sines.
             added_masses_kg: on the knee. seconds: length of each recording. seed: of phases and noise.
             instrument: what it adds. loaded_frequencies_hz: of the sines under the second and further added masses,
-            as without where none are given.
+            as without where none are given. second: a sensor on the foot writes the channel foot.
 
     Raises:
         SettingError: no such subject, or a length or frequency that makes no recording.
@@ -93,7 +104,7 @@ def make_study(
     with progress_bar() as progress:
         for added, f in progress.track(trials, description="recording"):
             foot = TwoDof(**TRUTH, m_S=shank_mass(body, added), m_F=foot_mass(body))
-            made = record(foot, instrument.motion(f, seconds + 2, rng), seconds, instrument, rng)
+            made = record(foot, instrument.motion(f, seconds + 2, rng), seconds, instrument, rng, second=second)
             condition = Condition(str(subject), "midstance", added, body, f)
             name = f"recordings/{f:g}hz_{added:g}kg.csv"
             replace(made, condition=condition).write(folder / name)
@@ -112,6 +123,7 @@ def make_study(
         (folder / table).unlink(missing_ok=True)
     loads = " and ".join(f"{added:g} kg" for added in added_masses_kg)
     text = _STUDY.format(subject=subject, body=body, command=command, loads=loads, instrument=instrument)
+    text += _FOOT.format(instrument=instrument) if second else ""
     write_whole(folder / "study.toml", text)
     return folder
 
@@ -148,3 +160,8 @@ unit = "m/s^2"
 unit = "m/s^2"
 delay_std_s = {instrument.delay_s:g}
 '''
+_FOOT = """
+[channels.foot]
+unit = "m/s^2"
+delay_std_s = {instrument.delay_s:g}
+"""

@@ -46,13 +46,30 @@ def checked(recording: Recording) -> Recording:
 
     Raises:
         RecordingError: it cannot serve: too short, time not uniform, NaN, dead, clipped, wrong units, excitation not
-            found, sampled too slowly, or channels not aligned.
+            found, sampled too slowly, or channels not aligned. A further accelerometer that cannot serve is left out.
     """
+    try:
+        return _checked(recording)
+    except RecordingError:
+        if not recording.others:
+            raise
+    alone = _checked(replace(recording, others={}))
+    kept, notes = {}, []
+    for name, values in recording.others.items():
+        try:
+            _checked(replace(recording, others={name: values}))
+            kept[name] = values
+        except RecordingError as error:
+            notes.append(f"{error} The channel {name} is left out.")
+    good = _checked(replace(recording, others=kept)) if kept else alone
+    return replace(good, warnings=(*good.warnings, *notes))
+
+
+def _checked(recording: Recording) -> Recording:
+    """The same of all channels alike."""
     warnings = list(recording.warnings)
     _time(recording)
-    channels = {name: getattr(recording, name) for name in ("base_m_s2", "malleolus_m_s2")}
-    if recording.tuberosity_m_s2 is not None:
-        channels["tuberosity_m_s2"] = recording.tuberosity_m_s2
+    channels = {name: values for name, values in recording.channels.items() if name != "time_s"}
     for name, values in channels.items():
         _channel(recording, name, values)
         peak = float(np.abs(values).max())
@@ -64,7 +81,7 @@ def checked(recording: Recording) -> Recording:
             kind = "gravity" if abs(abs(values.mean()) - 9.81) < 1 else "an offset"
             warnings.append(f"{recording.file}: {name} has {kind} of {values.mean():.3g} m/s^2, which is taken out.")
         channels[name] = values - values.mean()
-    recording = replace(recording, **channels)
+    recording = recording.with_channels(channels)
     found = find_frequency(recording.time_s, recording.base_m_s2)
     share = sine_share(recording.time_s, recording.base_m_s2, found)
     _moving(recording, channels, found if share > 0.5 else None)
@@ -261,7 +278,7 @@ def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
 
 def _clipping(recording: Recording, name: str, frequency: float | None) -> None:
     """Refuse flat tops: longer runs at an extreme value than the converter's step gives a sine, in many periods."""
-    values, t = getattr(recording, name), recording.time_s
+    values, t = recording.channels[name], recording.time_s
     levels = np.unique(values)
     step, size = float(np.diff(levels).min()), 0.5 * float(np.ptp(values))
     shortest = _CLIPPED_RUN
