@@ -83,7 +83,8 @@ def tables(result: FitResult) -> dict[str, Sequence[Row]]:
     rows: dict[str, Sequence[Row]] = {
         "transmissibility_data": found.data, "transmissibility_curves": found.curves, "chi_square": found.chi_square,
         "modes": found.modes, "dampers": found.dampers, "dampers_reached": found.reached, "energies": found.energies,
-        "masses": masses, "traces": figures.trace_rows(result), "residuals": figures.residual_rows(result),
+        "masses": masses, "sensors": figures.sensor_rows(result), "contact": figures.contact_rows(result),
+        "traces": figures.trace_rows(result), "residuals": figures.residual_rows(result),
         "parameters": result.records(), "waterfall": [dict(start) for start in result.starts],
         "correlation": [
             {"parameter": key, **dict(zip(result.parameters, row, strict=True))}
@@ -175,7 +176,7 @@ def captions(result: FitResult) -> dict[str, str]:
         )
     if result.contact:
         texts["contact"] = (
-            f"Force between table and foot over a cycle ({len(result.contact)} recordings, {best.name} branch): the "
+            f"Force between table and foot over a cycle ({n}, {best.name} branch): the "
             "static force (dashed) and what the motion adds. Below zero the foot would leave the table."
         )
     return texts

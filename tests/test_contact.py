@@ -11,7 +11,7 @@ from fasbody.exceptions import InputFileError
 from fasbody.foot.model import Foot
 from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.known import Known
-from identification import sensor_figures
+from identification import figures
 from identification.contact import Contact, summary
 from identification.estimate import fit_foot
 from identification.lifting import GRAVITY, lifting
@@ -54,7 +54,7 @@ def test_what_cannot_be_is_said_and_shown(fitted: FitResult) -> None:
     assert text in fitted.sheet().notes
     row = fitted.document()["contact"][0]
     assert row["share"] == lifted.share and len(row["force_n"]) == len(row["time_s"]) == lifted.force_n.size
-    axis = sensor_figures.contact(fitted).axes[0]
+    axis = figures.contact(fitted).axes[0]
     np.testing.assert_allclose(axis.lines[0].get_ydata()[:-1], lifted.force_n)
 
 
