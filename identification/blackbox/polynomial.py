@@ -68,6 +68,11 @@ class Orders:
         """Number of estimated coefficients d."""
         return self.na + self.nb + self.nc + self.nd + self.nf
 
+    def within(self, larger: "Orders") -> bool:
+        """Whether models of the `larger` orders hold all of these."""
+        counts = all(getattr(self, name) <= getattr(larger, name) for name in ("na", "nc", "nd", "nf"))
+        return counts and larger.nk <= self.nk and self.nk + self.nb <= larger.nk + larger.nb
+
     @property
     def first_row(self) -> int:
         """First sample whose regressors are all measured."""
@@ -99,11 +104,13 @@ class Residuals:
     Args:
         recordings: estimation data, means removed.
         orders: of the model.
+        first_row: first sample whose residual counts, at least the first with complete regressors.
     """
 
-    def __init__(self, recordings: Sequence[Series], orders: Orders) -> None:
+    def __init__(self, recordings: Sequence[Series], orders: Orders, first_row: int = 0) -> None:
         self.recordings = recordings
         self.orders = orders
+        self.first_row = max(first_row, orders.first_row)
 
     def admissible(self, theta: np.ndarray) -> bool:
         """Whether C, D, F of theta (d,) have all roots well inside the unit circle: stable predictor and noise."""
@@ -117,7 +124,7 @@ class Residuals:
     def _one(self, series: Series, theta: np.ndarray, gradient: bool) -> tuple[np.ndarray, np.ndarray]:
         o = self.orders
         a, b, c, d, f = unpack(theta, o)
-        first, length = o.first_row, len(series)
+        first, length = self.first_row, len(series)
         w = lfilter(b, f, series.u)  # undisturbed output, Eq. (3.7)
         v = lfilter(a, [1.0], series.y) - w
         errors = lfilter(d, c, v)  # Eq. (3.14): y - (L1 y + L2 u), L1 = 1 - A D/C, L2 = B D/(C F)
