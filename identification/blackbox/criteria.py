@@ -1,6 +1,9 @@
 """Numbers that compare models: AIC, FPE, BIC and the fit percentage."""
 
+from collections.abc import Sequence
+
 import numpy as np
+from scipy import linalg
 
 
 def fpe(loss: float, parameters: int, samples: int) -> float:
@@ -37,3 +40,19 @@ def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
     if not np.isfinite(error):
         return -np.inf
     return float(100 * (1 - error / np.linalg.norm(measured - measured.mean())))
+
+
+def whitened_bic(errors: Sequence[np.ndarray], parameters: int, order: int = 20) -> float:
+    """Schwarz' criterion, times the number of samples, of errors (N_i,) that need not be white: N log V + d log N.
+
+    V is the variance that an autoregression of `order` leaves. So a plant too small is seen behind coloured noise, and
+    one too large gains nothing by following it.
+    """
+    count = sum(len(e) for e in errors)
+    order = min(order, min(len(e) for e in errors) // 10)
+    moments = np.sum([[e[: len(e) - k] @ e[k:] for k in range(order + 1)] for e in errors], axis=0) / count
+    if not np.isfinite(moments).all() or moments[0] <= 1e-300:
+        return np.inf if not np.isfinite(moments).all() else -np.inf
+    moments[0] *= 1 + 1e-9
+    left = moments[0] - (linalg.solve_toeplitz(moments[:-1], moments[1:]) @ moments[1:] if order else 0.0)
+    return float(count * np.log(max(left, 1e-12 * moments[0])) + parameters * np.log(count))

@@ -5,12 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import lfilter
 
 from fasbody.exceptions import SettingError
 from identification.blackbox import pem
 from identification.blackbox.data import Series
-from identification.blackbox.filters import largest_root, pulse_response, shifted
+from identification.blackbox.filters import largest_root, lfilter, pulse_response, shifted
 from identification.blackbox.frequency import Response
 from identification.blackbox.least_squares import Linearisation, minimise, project_states, spread
 from identification.blackbox.polynomial import RADIUS, Orders, PolynomialModel

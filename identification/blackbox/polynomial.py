@@ -7,11 +7,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import signal
-from scipy.signal import lfilter
 
 from fasbody.exceptions import SettingError, unknown
 from identification.blackbox.data import Series
-from identification.blackbox.filters import free_run, largest_root, pulse_response, shifted
+from identification.blackbox.filters import free_run, largest_root, lfilter, pulse_response, shifted
 from identification.blackbox.frequency import Response
 from identification.blackbox.least_squares import Linearisation, project_states
 

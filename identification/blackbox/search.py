@@ -20,7 +20,7 @@ LONGEST = 1000  # samples searched for the peak
 LARGEST = 12  # n_f up to here
 PATIENCE = 3  # growing orders without a better one after which growth ends
 NOISE = 5  # n_c, n_d up to here, as in the thesis
-ROUNDS = 6  # of moves to neighbouring orders
+MOVES = 12  # to neighbouring orders
 HEAVY = 30_000  # samples above which growth ends sooner
 
 
@@ -50,8 +50,9 @@ class Search:
             fitting = [model for model in starts if model.orders.within(orders)]
             try:
                 self.found[orders] = pem.estimate(
-                    self.structure, self.recordings, orders, starts=[*fitting, *nested], first_row=self.first_row
-                )
+                    self.structure, self.recordings, orders, starts=[*fitting, *nested], first_row=self.first_row,
+                    quick=True,
+                )  # fmt: skip
             except FasError:
                 self.found[orders] = None
         return self.found[orders]
@@ -64,19 +65,21 @@ class Search:
 
 
 def climb(
-    search: Search, referee: Referee, begun: dict[Orders, Candidate], moves: Callable[[Orders], Iterator[Orders]],
-    by_simulation: bool, rounds: int = ROUNDS,
-) -> Selection:  # fmt: skip
-    """From the best of the models begun with to its neighbours, until none of these is preferred."""
-    chosen = rank(list(begun.values()), referee, by_simulation=by_simulation)
-    for _ in range(rounds):
+    search: Search, referee: Referee, begun: dict[Orders, Candidate], moves: Callable[[Orders], Iterator[Orders]]
+) -> Selection:
+    """From the best of the models begun with to the first neighbour that is preferred, until none is."""
+    chosen = rank(list(begun.values()), referee)
+    for _ in range(MOVES):
         here = chosen.best.model.orders  # type: ignore[attr-defined]  # all are polynomial
         for orders in moves(here):
             model = None if orders in begun else search.at(orders)
-            if model is not None:
-                begun[orders] = referee.judge(model)
-        chosen = rank(list(begun.values()), referee, by_simulation=by_simulation)
-        if chosen.best.model.orders == here:  # type: ignore[attr-defined]
+            if model is None:
+                continue
+            begun[orders] = referee.judge(model)
+            chosen = rank(list(begun.values()), referee)
+            if chosen.best.model.orders != here:  # type: ignore[attr-defined]
+                break
+        else:
             break
     return replace(chosen, warnings=(*chosen.warnings, *search.failed))
 
@@ -116,7 +119,7 @@ def select_oe(referee: Referee, nk: int, largest: int = LARGEST) -> Selection:
         better = n if best == n or not better else better
         if n - better >= (2 if heavy else PATIENCE):
             break
-    chosen = climb(search, referee, begun, plant_moves, referee.simulates)
+    chosen = climb(search, referee, begun, plant_moves)
     return edge(_again(chosen, "oe", referee), nf=largest)
 
 
@@ -191,7 +194,7 @@ def select_armax(referee: Referee, from_arx: Orders, from_oe: Orders | None) -> 
             if o.na + na >= 0 and o.nb + nb >= 1 and o.nk + nk >= 0:
                 yield replace(o, na=o.na + na, nb=o.nb + nb, nk=o.nk + nk)
 
-    return edge(climb(search, whole, begun, moves, by_simulation=False, rounds=4), nc=NOISE)
+    return edge(climb(search, whole, begun, moves), nc=NOISE)
 
 
 def select_bj(referee: Referee, from_oe: PolynomialModel) -> Selection:
@@ -212,7 +215,7 @@ def select_bj(referee: Referee, from_oe: PolynomialModel) -> Selection:
                 yield replace(here, nc=here.nc + c, nd=here.nd + d)
         yield from plant_moves(here)
 
-    return edge(climb(search, whole, begun, moves, by_simulation=False, rounds=4), nc=NOISE, nd=NOISE)
+    return edge(climb(search, whole, begun, moves), nc=NOISE, nd=NOISE)
 
 
 def select_state_space(referee: Referee, orders: Sequence[int] = tuple(range(1, 16))) -> Selection:
@@ -252,7 +255,7 @@ def delay(recordings: Sequence[Series], *, far: bool = True) -> int:
     def loss(nk: int) -> float:
         if nk not in losses:
             try:
-                at = pem.estimate("oe", recordings, Orders(nb=4, nf=4, nk=nk))
+                at = pem.estimate("oe", recordings, Orders(nb=4, nf=4, nk=nk), quick=True)
                 losses[nk] = round(float(np.log(max(at.loss, 1e-300))), 4)
             except FasError:
                 losses[nk] = np.inf
@@ -295,8 +298,7 @@ def _leading_zeros(recordings: Sequence[Series], lags: int = 20) -> int:
         squares = r[lags + 1 : lags + width + 2, -1] ** 2  # of each input lag, the nearest last; then what is left
         samples = sum(len(series) - row for series in recordings)
         rest = np.maximum(np.cumsum(squares[::-1])[:-1], 1e-300)  # entry k: with the lags from first + k on
-        left = rest + 0.0
-        score = samples * np.log(left) - np.log(samples) * np.arange(len(left))
+        score = samples * np.log(rest) - np.log(samples) * np.arange(len(rest))
         found = first + int(np.argmin(score))
         if found > first or first == 0:
             return found

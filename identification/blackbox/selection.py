@@ -1,7 +1,7 @@
 """The judge of models: free simulation of data not used for estimation, or BIC where simulation cannot serve."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +17,7 @@ ALIKE = 10.0  # difference of N times AIC below which data hardly tell models ap
 NEGLIGIBLE = 2e-3  # of the output's amplitude left unexplained justifies no further parameter
 FITTED = 2 / 3  # of the data to choose on are fitted, the rest simulated
 SHORTEST_CHECK = 40  # samples; fewer do not tell models apart
+NOISE_MODELS = ("arx", "armax", "bj")  # whose one-step errors are meant to be white
 BLOCKS = 20  # of the held-out data, over which two models' squared errors are compared
 
 
@@ -72,12 +73,14 @@ class Candidate:
         fit_percent: over all held-out parts together.
         block_errors: mean squared simulation error in each block of the held-out data, shape (BLOCKS,).
         one_step_percent: the same fit of one-step predictions.
+        score: N times the whitened BIC on the data fitted, see `criteria.whitened_bic`; NaN where not asked for.
     """
 
     model: Model
     fit_percent: float
     block_errors: np.ndarray
     one_step_percent: float
+    score: float = np.nan
 
     def no_worse_than(self, other: "Candidate") -> bool:
         """Whether held-out data do not show `other` to be better by two standard errors and more than negligibly."""
@@ -156,8 +159,10 @@ class Referee:
         return not self.reason
 
     def judge(self, model: Model) -> Candidate:
-        """The model on the data kept for the choice."""
-        return judge(model, self.check)
+        """The model on the data kept for the choice, with its score on those fitted."""
+        one_step = model.structure in NOISE_MODELS or not self.simulates
+        errors = [model.residuals(s) if one_step else s.y - model.simulate(s) for s in self.fitted]
+        return replace(judge(model, self.check), score=criteria.whitened_bic(errors, model.parameters))
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,8 +170,8 @@ class Selection:
     """The models tried for one structure, best first.
 
     Attributes:
-        candidates: by free simulation: fewest parameters among those the data kept for the choice cannot tell from the
-            best fit, then by fit; else by BIC.
+        candidates: by free simulation: the best score among those the data kept for the choice cannot tell from the
+            best fit (fewest parameters where the rest is negligible), then by fit; else by BIC.
         tried: number of models compared, those of the ARX grid included.
         alike: labels of the models whose AIC differs by less than 10 / N from the least.
         warnings: sentences for the user.
@@ -193,7 +198,6 @@ def demoted(model: Model, shortest: int) -> bool:
 
 def rank(
     candidates: Sequence[Candidate], referee: Referee, tried: int = 0, warnings: Sequence[str] = (),
-    by_simulation: bool | None = None,
 ) -> Selection:  # fmt: skip
     """Candidates in the order of `Selection`.
 
@@ -213,11 +217,13 @@ def rank(
         late = [c.model.label for c in ordered if c not in driven]
         more = f" and {len(late) - 3} more" if len(late) > 3 else ""
         said.append(f"ranked last, as their free motion outlasts the record: {', '.join(late[:3])}{more}")
-    if referee.simulates if by_simulation is None else by_simulation:
+    if referee.simulates:
         near = [c for c in driven if c is ordered[0] or c.no_worse_than(ordered[0])]
-        first = min(near, key=lambda c: (c.model.parameters, -c.fit_percent))
+        first = min(near, key=lambda c: c.score)
+        same = [c for c in near if c.missed**2 - first.missed**2 <= NEGLIGIBLE**2]
+        first = min(same, key=lambda c: (c.model.parameters, -c.fit_percent))
     else:
-        ordered.sort(key=lambda c: (c not in driven, c.bic))
+        ordered.sort(key=lambda c: (c not in driven, c.bic if c.model.structure in NOISE_MODELS else c.score))
         first = ordered[0]
     ordered = [first, *(c for c in ordered if c is not first)]
     least = min(c.aic for c in candidates)
