@@ -183,8 +183,9 @@ class _Chooser:
             return search.select_state_space(referee)
         if name == "hw":
             return self._hammerstein_wiener()
-        best = narx.estimate(referee.fitted, referee.check)
-        return Selection((best,), narx.LARGEST_TERMS, (best.model.label,), ())
+        best = narx.estimate(referee.fitted, referee.check, nk=self.delay)
+        whole = narx.refine(best.model, referee.estimation)  # type: ignore[arg-type]
+        return Selection((replace(best, model=whole),), narx.LARGEST_TERMS, (whole.label,), ())
 
     def _hammerstein_wiener(self) -> Selection:
         referee, linear = self.referee, self._model("oe")

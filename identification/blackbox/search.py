@@ -233,9 +233,10 @@ def select_state_space(referee: Referee, orders: Sequence[int] = tuple(range(1, 
     standing_out = found.order()
     if standing_out != order:
         warnings.append(f"{standing_out} singular values stand out of the noise, order {order} was chosen")
-    better = refined.no_worse_than(chosen.best) if referee.simulates else refined.model.loss <= chosen.best.model.loss
-    whole = found if not referee.simulates else subspace.decompose(referee.estimation, rows)
-    best = replace(refined if better else chosen.best, model=whole.model(order, refine=better))
+    better = refined.no_worse_than(chosen.best) if referee.simulates else refined.score <= chosen.best.score
+    whole = subspace.decompose(referee.estimation, rows)
+    models = [whole.model(order, refine=refine) for refine in ((False, True) if better else (False,))]
+    best = min((replace(referee.judge(m), model=m) for m in models), key=lambda c: c.score)
     return replace(chosen, candidates=(best, *chosen.candidates[1:]), warnings=tuple(warnings))
 
 
