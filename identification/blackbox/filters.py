@@ -4,7 +4,9 @@ import numpy as np
 from scipy import linalg, signal
 
 
-def lfilter(num: np.ndarray | list[float], den: np.ndarray | list[float], values: np.ndarray, axis: int = 0) -> np.ndarray:
+def lfilter(
+    num: np.ndarray | list[float], den: np.ndarray | list[float], values: np.ndarray, axis: int = 0
+) -> np.ndarray:
     """`scipy.signal.lfilter` along the first axis from rest, without its detours for filters of no or few taps."""
     if len(den) == 1 and len(num) == 1:
         return values * (num[0] / den[0])

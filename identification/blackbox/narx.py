@@ -89,9 +89,24 @@ class Narx:
         empty = np.full((len(frequency), 2, 1), np.nan)
         return Response(frequency, np.full(len(frequency), np.nan + 0j), empty)
 
-    def simulate(self, series: Series) -> np.ndarray:
-        """Free simulation from the measured first outputs, shape (N,); infinite once it diverges."""
-        return self._run(series.u, series.y)
+    def simulate(self, u: Series | ArrayLike, x0: ArrayLike = 0.0) -> np.ndarray:
+        """Free simulation, shape (N,); of a recording from its first outputs; infinite once it diverges.
+
+        Args:
+            u: input (N,), or a recording.
+            x0: outputs at the first samples of an input alone, shape (first,).
+        """
+        if isinstance(u, Series):
+            return self._run(u.u, u.y)
+        values = np.asarray(u, dtype=float)
+        begin = np.zeros(len(values))
+        begin[: self.first] = np.broadcast_to(np.asarray(x0, dtype=float), self.first)[: len(values)]
+        return self._run(values, begin)
+
+    def extend(self, series: Series, u: np.ndarray) -> np.ndarray:
+        """Output (M,) after the end of a recording for the input `u` (M,) there."""
+        begin = np.concatenate([series.y[len(series) - self.first :], np.zeros(len(u))])
+        return self._run(np.concatenate([series.u[len(series) - self.first :], u]), begin)[self.first :]
 
     def _run(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Outputs (N,) from inputs (N,), beginning with the first outputs of `y` (N,)."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import linalg
 
-from fasbody.exceptions import FasError, SettingError
+from fasbody.exceptions import FasError
 from identification.blackbox import criteria, pem, subspace
 from identification.blackbox.data import Series
 from identification.blackbox.filters import shifted

@@ -1,6 +1,6 @@
 """The judge of models: free simulation of data not used for estimation, or BIC where simulation cannot serve."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -57,8 +57,8 @@ class Model(Protocol):
     def response(self, frequency_hz: ArrayLike) -> Response:
         """Frequency response at (M,) frequencies [Hz]."""
 
-    def simulate(self, series: Series) -> np.ndarray:
-        """Output (N,) in free simulation."""
+    def simulate(self, u: Series | ArrayLike, x0: ArrayLike = 0.0) -> np.ndarray:
+        """Output (N,) in free simulation of a recording, or of an input alone from the state `x0`."""
 
     def residuals(self, series: Series) -> np.ndarray:
         """One-step prediction errors, shape (N - first,)."""
