@@ -69,14 +69,16 @@ def _for_matlab(value: Any) -> Any:
     if isinstance(value, dict):
         return {_identifier(str(key)): _for_matlab(item) for key, item in value.items()}
     if isinstance(value, tuple | list):
-        ragged = len({np.shape(item) for item in value}) > 1
-        return np.array(list(value) if not ragged else [*map(np.array, value), None], dtype=object if ragged else None)
+        cells = np.empty(len(value), dtype=object)  # rows of unequal length, as MATLAB's cells
+        cells[:] = [np.array(item) for item in value]
+        return cells
     return value
 
 
 def _identifier(key: str) -> str:
     """A name that MATLAB takes for a field: `y(t-1) u(t)` is y_t_1_u_t."""
-    return "_".join("".join(c if c.isalnum() else " " for c in key).split())[:60] or "x"
+    words = "_".join("".join(c if c.isalnum() else " " for c in key).split())[:60]
+    return words if words[:1].isalpha() else f"x{words}"
 
 
 def load(path: Path) -> Model:

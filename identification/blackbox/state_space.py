@@ -107,16 +107,17 @@ class StateSpaceModel:
         The state at the end is that of the one-step predictor, its initial state and a level fitted to the recording.
         """
         observer = self.A - np.outer(self.K, self.C)
-        gain = np.column_stack([self.B - self.K * self.D, self.K])
-        drive = np.column_stack([series.u, series.y])
-        forced = modal_response(observer, self.C, gain, drive) + self.D * series.u
-        free = free_responses(observer, self.C, len(series))
-        free[:, -1] -= modal_response(observer, self.C, self.K[:, None], np.ones((len(series), 1)))
-        fitted, _ = project_states(series.y - forced, free)
-        state, level = fitted[:-1], fitted[-1]
-        drive[:, 1] -= level
-        for row in drive:
-            state = observer @ state + gain @ row
+        states = np.column_stack([np.zeros(self.order), np.zeros(self.order), np.eye(self.order)])
+        seen = np.empty((len(series), states.shape[1]))  # of the data, of a level, of each initial state
+        for t, (value, measured) in enumerate(zip(series.u, series.y, strict=True)):
+            seen[t] = self.C @ states
+            seen[t, 0] += self.D * value
+            states = observer @ states
+            states[:, 0] += (self.B - self.K * self.D) * value + self.K * measured
+            states[:, 1] -= self.K
+        seen[:, 1] += 1.0
+        fitted, _ = project_states(series.y - seen[:, 0], seen[:, 1:])
+        state, level = states @ np.concatenate([[1.0], fitted]), fitted[0]
         spread, answer = np.zeros(len(u)), self.K
         for k in range(1, len(u)):
             spread[k] = spread[k - 1] + (self.C @ answer) ** 2
