@@ -3,7 +3,6 @@
 import linear_foot as foot
 import numpy as np
 import pytest
-
 from scipy import signal
 
 from identification.blackbox import criteria, pem, search, selection

@@ -18,7 +18,8 @@ EXAMPLES = """
 Linear and Hammerstein-Wiener models of recordings with one input and one output.
 
 Works on a study folder, on recordings (time_s, base_m_s2, malleolus_m_s2) and on any CSV with two signals. Orders are
-ranked by free simulation of held-out data; warnings say what the input did not excite.
+chosen by free simulation of a part of the data, or by one-step errors where simulation cannot serve (steps, feedback,
+unstable plants); the fit shown is of held-out data that no choice has seen. Warnings say what the input did not excite.
 
 Examples:
   python -m identification.blackbox recording.csv
@@ -26,6 +27,8 @@ Examples:
   python -m identification.blackbox motor.csv --input volts --output speed --sample-time 0.01
 
   python -m identification.blackbox recording.csv --structures oe,ss --orders "oe=4,4,1;ss=4" --json
+
+  python -m identification.blackbox drifting.csv --detrend 1 --robust --structures oe,bj
 
   python -m identification.blackbox study/ --pool --structures oe --out results/
 """
@@ -43,8 +46,12 @@ def main(
     ] = "auto",
     split: Annotated[float, typer.Option(help="fraction used for estimation; the rest is held out")] = 0.5,
     pool: Annotated[bool, typer.Option("--pool", help="one model of all recordings, an initial state each")] = False,
+    detrend: Annotated[int, typer.Option(help="degree of the polynomials in time taken off input and output")] = 0,
+    robust: Annotated[bool, typer.Option("--robust", help="replace single wrong samples of the output")] = False,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
-    out: Annotated[Path | None, typer.Option(help="folder for result.json, models.csv and figures")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="folder for report.html, result.json, models.csv, figures and models")
+    ] = None,
 ) -> None:
     """Identify, report, draw."""
     from identification.blackbox import data, report
@@ -74,7 +81,7 @@ def main(
             def step(text: str, name: str = name) -> None:
                 progress.update(task, advance=1, description=f"{name}: {text}")
 
-            reports.append(identify(group, chosen, wanted, split, step))
+            reports.append(identify(group, chosen, wanted, split, step, detrend=detrend, robust=robust))
     document = report.document(reports)
     if json:
         print_json(document)
@@ -111,6 +118,8 @@ def _show(reports: "list[Report]", pool: bool) -> None:
 
     for one in reports:
         console.print(report.single_table(one))
+        for text in one.notes:
+            console.print(f"  [yellow]{text}[/]", soft_wrap=True)
         sentences: dict[str, list[str]] = {}
         for name, found in one.models.items():
             for text in found.warnings:
@@ -128,14 +137,17 @@ def _show(reports: "list[Report]", pool: bool) -> None:
 
 
 def _write(folder: Path, reports: "list[Report]", document: dict[str, object]) -> None:
-    from identification.blackbox import figures, report
+    from identification.blackbox import figures, keep, page, report
 
     write_whole(folder / "result.json", to_json(document))
+    write_whole(folder / "report.html", page.html(reports))
     write_whole(folder / "models.csv", report.csv_text(reports))
     for one in reports:
         stem = "".join(c if c.isalnum() or c in "-_." else "_" for c in one.name)
         for name, content in figures.all_figures(one).items():
             write_whole(folder / f"{stem}_{name}.png", content)
+        for name, found in one.models.items():
+            keep.save(found.best.model, folder / f"{stem}_{name}.json")  # type: ignore[arg-type]
     console.print(f"written to {folder}", markup=False)
 
 

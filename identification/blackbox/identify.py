@@ -20,6 +20,8 @@ from identification.blackbox.validation import ALARM, ResidualTest, residual_tes
 DEGREES = ((3, 1), (1, 3), (3, 3), (5, 3))  # of the Hammerstein-Wiener polynomials tried
 WHITE = ("arx", "armax", "bj")  # their standard errors assume that e(t) is white; those of OE do not
 FEW = 20  # excitation rank up to which a pulse response cannot be seen
+#: Half-widths from a resonance at which its curve is drawn.
+AROUND = np.array([-8.0, -4.0, -2.0, -1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0])
 LOOKED_AT = 20_000  # samples of a recording that are examined for drift, spikes and feedback
 
 #: Structure -> orders in the sequence of Table 3.2; structures not named are selected automatically.
@@ -62,6 +64,7 @@ class Report:
         models: by structure.
         left_out: leave-one-frequency-out errors of the rational fit, for pools of single sines; else None.
         rational: rational function through the points of such a pool; else None.
+        nonparametric: response without a model, where the spectrum is continuous; else None.
         failures: sentences on structures that could not be estimated.
     """
 
@@ -74,6 +77,7 @@ class Report:
     models: Mapping[str, Found]
     left_out: frequency.LeftOut | None
     rational: Rational | None
+    nonparametric: frequency.Points | None
     failures: tuple[str, ...]
 
     def __str__(self) -> str:
@@ -132,11 +136,14 @@ def identify(
             failures.append(f"{name}: {error}")
     if not models:
         raise SettingError("; ".join(failures))
+    shown = shown_frequencies(seen, [found.best.model for found in models.values()], pooled[0].sample_time)
+    models = {name: replace(found, response=found.best.model.response(shown)) for name, found in models.items()}
     rational, left_out = _through_points(pooled)
+    free = None if seen.lines or seen.single_sine else frequency.local(referee.estimation, shown_frequencies(seen))
     title = pooled[0].name if len(pooled) == 1 else f"{len(pooled)} recordings pooled"
     return Report(
         title, tuple(referee.estimation), tuple(chooser.validation), seen, state, tuple(notes), models, left_out,
-        rational, tuple(failures),
+        rational, free, tuple(failures),
     )  # fmt: skip
 
 
@@ -234,7 +241,7 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
         )
     if not np.isfinite(chosen.best.fit_percent):
         warnings.append("free simulation diverges, so there is no fit")
-    return Found(chosen, test, model.response(shown_frequencies(seen)), tuple(warnings) + test.warnings)
+    return Found(chosen, test, model.response([]), tuple(warnings) + test.warnings)
 
 
 def _no_intervals(model: selection.Model, test: ResidualTest, state: Condition) -> str:
@@ -259,15 +266,30 @@ def _without_intervals(model: Any) -> Any:
     return model
 
 
-def shown_frequencies(seen: Excitation, count: int = 60) -> np.ndarray:
-    """Frequencies [Hz] at which a response may be shown: the excited ones."""
+def shown_frequencies(
+    seen: Excitation, models: Sequence[selection.Model] = (), sample_time: float = 1.0, count: int = 60
+) -> np.ndarray:
+    """Frequencies [Hz] at which a response may be shown: the excited ones, and those around the poles of `models`.
+
+    Without the latter a sharp resonance falls between two points and is drawn too low.
+    """
     if seen.single_sine:
         return seen.frequency_hz * np.array(seen.harmonics)
-    if len(seen.band_hz) <= count:
+    if seen.lines:
         return seen.band_hz
-    grid = np.geomspace(seen.band_hz[0], seen.band_hz[-1], count)
+    low, high = seen.band_hz[0], seen.band_hz[-1]
+    grid = np.geomspace(low, high, count)
     nearest = np.searchsorted(seen.band_hz, np.sqrt(grid[1:] * grid[:-1]))
-    return seen.band_hz[np.unique(np.clip(nearest, 0, len(seen.band_hz) - 1))]
+    found = [seen.band_hz[np.unique(np.clip(nearest, 0, len(seen.band_hz) - 1))]]
+    places: list[complex] = []
+    for pole in np.concatenate([[], *(model.poles() for model in models)]):
+        s = np.log(complex(pole)) / (2 * np.pi * sample_time) if pole else 0j
+        known = any(abs(s - other) < 0.2 * abs(other.real) for other in places)
+        if low < s.imag < high and abs(s.real) < 0.3 * s.imag and not known:
+            places.append(s)
+            found.append(s.imag + abs(s.real) * AROUND)
+    frequencies = np.unique(np.concatenate(found))
+    return frequencies[(frequencies >= low) & (frequencies <= high)]
 
 
 def _through_points(pooled: Sequence[Series]) -> tuple[Rational | None, frequency.LeftOut | None]:
