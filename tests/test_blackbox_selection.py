@@ -232,14 +232,14 @@ def test_coloured_noise_neither_traps_nor_hides_the_delay() -> None:
     assert (bj.orders.nf, bj.orders.nk, bj.orders.nd) == (3, 7, 1)  # type: ignore[attr-defined]
 
 
-def test_whitened_bic_sees_a_small_plant_behind_coloured_noise() -> None:
+def test_whitened_score_sees_a_small_plant_behind_coloured_noise() -> None:
     """The plain loss of output errors hardly tells the orders apart, the whitened one does, and knows no overfit."""
     series, _ = coloured(1)
-    scores = {n: criteria.whitened_bic(
-        [pem.estimate("oe", series, Orders(nb=3, nf=n, nk=7)).residuals(series)], n + 3) for n in (1, 3, 5)}  # fmt: skip
+    models = {n: pem.estimate("oe", series, Orders(nb=3, nf=n, nk=7)) for n in (1, 3, 5)}
+    scores = {n: criteria.whitened_score([model.residuals(series)], n + 3) for n, model in models.items()}
     assert scores[1] - scores[3] > 100 and scores[5] > scores[3]
     white = np.random.default_rng(0).standard_normal(5000)
-    assert criteria.whitened_bic([2 * white], 0) == pytest.approx(5000 * np.log(4 * np.mean(white**2)), abs=40)
+    assert criteria.whitened_score([2 * white], 0) == pytest.approx(5000 * np.log(4 * np.mean(white**2)), abs=40)
 
 
 def test_the_referee_keeps_data_for_the_choice_or_says_why_not() -> None:

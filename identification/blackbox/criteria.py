@@ -42,11 +42,12 @@ def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
     return float(100 * (1 - error / np.linalg.norm(measured - measured.mean())))
 
 
-def whitened_bic(errors: Sequence[np.ndarray], parameters: int, order: int = 20) -> float:
-    """Schwarz' criterion, times the number of samples, of errors (N_i,) that need not be white: N log V + d log N.
+def whitened_score(errors: Sequence[np.ndarray], parameters: int, order: int = 20) -> float:
+    """Criterion, times the number of samples, of errors (N_i,) that need not be white: N log V + 4 d.
 
     V is the variance that an autoregression of `order` leaves. So a plant too small is seen behind coloured noise, and
-    one too large gains nothing by following it.
+    one too large gains nothing by following it. A coefficient enters when it stands out by two standard errors: what
+    is left out by Schwarz' stricter rule would lie outside the intervals of the rest.
     """
     count = sum(len(e) for e in errors)
     order = min(order, min(len(e) for e in errors) // 10)
@@ -55,4 +56,4 @@ def whitened_bic(errors: Sequence[np.ndarray], parameters: int, order: int = 20)
         return np.inf if not np.isfinite(moments).all() else -np.inf
     moments[0] *= 1 + 1e-9
     left = moments[0] - (linalg.solve_toeplitz(moments[:-1], moments[1:]) @ moments[1:] if order else 0.0)
-    return float(count * np.log(max(left, 1e-12 * moments[0])) + parameters * np.log(count))
+    return float(count * np.log(max(left, 1e-12 * moments[0])) + 4.0 * parameters)

@@ -159,7 +159,8 @@ def single_table(report: Report) -> Table:
             if np.isfinite(response.gain_std[place]):
                 gain += f" +- {CONFIDENCE * response.gain_std[place]:.1g}"
         table.add_row(
-            c.model.label, f"[bold]{fit}[/]" if found is best else fit, f"{c.one_step_percent:.2f}", f"{c.aic:.3f}", f"{c.bic:.3f}", gain,
+            c.model.label, f"[bold]{fit}[/]" if found is best else fit,
+            f"{c.one_step_percent:.2f}", f"{c.aic:.3f}", f"{c.bic:.3f}", gain,
             str(len(found.selection.alike)),
         )  # fmt: skip
     return table

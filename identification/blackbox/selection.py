@@ -73,7 +73,7 @@ class Candidate:
         fit_percent: over all held-out parts together.
         block_errors: mean squared simulation error in each block of the held-out data, shape (BLOCKS,).
         one_step_percent: the same fit of one-step predictions.
-        score: N times the whitened BIC on the data fitted, see `criteria.whitened_bic`; NaN where not asked for.
+        score: `criteria.whitened_score` on the data fitted; NaN where not asked for.
     """
 
     model: Model
@@ -162,7 +162,7 @@ class Referee:
         """The model on the data kept for the choice, with its score on those fitted."""
         one_step = model.structure in NOISE_MODELS or not self.simulates
         errors = [model.residuals(s) if one_step else s.y - model.simulate(s) for s in self.fitted]
-        return replace(judge(model, self.check), score=criteria.whitened_bic(errors, model.parameters))
+        return replace(judge(model, self.check), score=criteria.whitened_score(errors, model.parameters))
 
 
 @dataclass(frozen=True, eq=False)
