@@ -30,6 +30,8 @@ Examples:
 
   python -m identification.blackbox drifting.csv --detrend 1 --robust --structures oe,bj
 
+  python -m identification.blackbox plant.csv --input u1,u2 --output y1,y2 --structures arx,ss
+
   python -m identification.blackbox study/ --pool --structures oe --out results/
 """
 
@@ -37,8 +39,8 @@ Examples:
 @app.command(help=EXAMPLES)
 def main(
     files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="CSV files or study folders")],
-    input: Annotated[str, typer.Option(help="input column, by name or number from 1")] = "",
-    output: Annotated[str, typer.Option(help="output column, by name or number from 1")] = "",
+    input: Annotated[str, typer.Option(help="input column, by name or number from 1; several with commas")] = "",
+    output: Annotated[str, typer.Option(help="output column, by name or number from 1; several with commas")] = "",
     sample_time: Annotated[float | None, typer.Option(help=r"sample time \[s] when there is no time column")] = None,
     structures: Annotated[str, typer.Option(help=f"of {', '.join(ALL)}, separated by commas")] = ",".join(DEFAULT),
     orders: Annotated[
@@ -57,6 +59,9 @@ def main(
     from identification.blackbox import data, report
     from identification.blackbox.identify import identify
 
+    if "," in input + output:
+        _several(files, (input, output), sample_time, structures, orders, split, json, out)
+        return
     chosen = tuple(name.strip().lower() for name in structures.split(",") if name.strip())
     if not chosen:
         raise SettingError(f"no structure named (valid: {', '.join(ALL)}).")
@@ -88,6 +93,35 @@ def main(
     _show(reports, pool)
     if out is not None:
         _write(out, reports, document)
+
+
+def _several(
+    files: list[Path], columns: tuple[str, str], sample_time: float | None, structures: str, orders: str, split: float,
+    json: bool, out: Path | None,
+) -> None:  # fmt: skip
+    """Models of several inputs or outputs of one file."""
+    from identification.blackbox import data, keep, mimo
+
+    if len(files) != 1:
+        raise SettingError("several inputs or outputs are identified from one file at a time.")
+    inputs, outputs = ([name.strip() for name in text.split(",") if name.strip()] for text in columns)
+    if not inputs or not outputs:
+        raise SettingError("several inputs or outputs need both --input and --output.")
+    named = structures != ",".join(DEFAULT)
+    chosen = tuple(name.strip().lower() for name in structures.split(",")) if named else mimo.STRUCTURES
+    wanted = parse_orders(orders, chosen)
+    if out is not None:
+        make_folder(out)
+    pairs = [[data.read_csv(files[0], input=u, output=y, sample_time=sample_time) for u in inputs] for y in outputs]
+    found = mimo.identify(mimo.Channels.of(pairs), chosen, wanted, split)
+    console.print(str(found), markup=False, soft_wrap=True)
+    if json:
+        print_json(found.document())
+    if out is not None:
+        write_whole(out / "result.json", to_json(found.document()))
+        for name, one in found.models.items():
+            keep.save(one.model, out / f"{files[0].stem}_{name}.json")  # type: ignore[arg-type]
+        console.print(f"written to {out}", markup=False)
 
 
 def parse_orders(text: str, structures: tuple[str, ...]) -> dict[str, tuple[int, ...]]:

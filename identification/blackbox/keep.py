@@ -12,18 +12,25 @@ from numpy.typing import ArrayLike
 from fasbody.console import to_json, write_whole
 from fasbody.exceptions import InputFileError, SettingError, unknown
 from identification.blackbox.data import Series
+from identification.blackbox.mimo import MimoModel
 from identification.blackbox.narx import Narx
 from identification.blackbox.nonlinear import HammersteinWiener
 from identification.blackbox.polynomial import Orders, PolynomialModel
 from identification.blackbox.state_space import StateSpaceModel, innovations
 
 FORMAT = "fasbody black-box model 1"
-KINDS = {kind.__name__: kind for kind in (Orders, PolynomialModel, StateSpaceModel, HammersteinWiener, Narx)}
-Model = PolynomialModel | StateSpaceModel | HammersteinWiener | Narx
+KINDS = {kind.__name__: kind for kind in (Orders, PolynomialModel, StateSpaceModel, HammersteinWiener, Narx, MimoModel)}
+Model = PolynomialModel | StateSpaceModel | HammersteinWiener | Narx | MimoModel
 
 
 def named(model: Model) -> dict[str, dict[str, float]]:
     """Value and standard error of each coefficient by its name: b1, f1, ...; the products of a NARX model."""
+    if isinstance(model, MimoModel):
+        parts = {letter: getattr(model, letter) for letter in "ABCDK"}
+        return {
+            f"{letter}{i + 1}_{j + 1}": {"value": value, "std_error": np.nan}
+            for letter, part in parts.items() for (i, j), value in np.ndenumerate(part)
+        }  # fmt: skip
     if isinstance(model, StateSpaceModel):
         return named(model.transfer)
     if isinstance(model, HammersteinWiener):
@@ -135,8 +142,10 @@ def forecast(model: Model, series: Series, steps: int, u: ArrayLike | None = Non
         Forecast (steps,) and standard deviation (steps,), that of future disturbances alone; NaN for NARX.
 
     Raises:
-        SettingError: `steps` or the shape of `u` cannot be meant.
+        SettingError: `steps` or the shape of `u` cannot be meant, or a model of several outputs.
     """
+    if isinstance(model, MimoModel):
+        raise SettingError("forecasts are of models with one input and one output.")
     ahead = np.zeros(steps) if u is None else np.asarray(u, dtype=float)
     if steps < 1 or ahead.shape != (steps,):
         raise SettingError(
