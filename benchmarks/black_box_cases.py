@@ -127,7 +127,7 @@ def one(case: Case, seed: int, given: bool) -> tuple[str, float, float, float]:
     wanted = {case.structure: case.orders} if given else {}
     found = identify(case.record(seed), (case.structure,), wanted, 0.5, **case.options).models[case.structure]
     seconds = time.process_time() - begin
-    response = found.best.model.response(FREQUENCY)
+    response = found.selection.curve(FREQUENCY)
     inside = np.abs(np.abs(response.value) - case.truth()) < 1.96 * response.gain_std
     held = float(np.mean(inside)) if np.isfinite(response.gain_std).all() else np.nan
     return found.best.model.label, fresh_fit(case, found.best.model), held, seconds

@@ -228,7 +228,7 @@ def test_coloured_noise_neither_traps_nor_hides_the_delay() -> None:
     free = pem.estimate("oe", series, orders)
     told = pem.PolynomialModel("oe", orders, truth, np.eye(6), 1.0, 1, 1.0)
     assert free.loss <= pem.estimate("oe", series, orders, starts=[told]).loss * (1 + 1e-5)
-    bj = search.select_bj(Referee([series]), free).best.model
+    bj = search.select_bj(Referee([series]), free, 7).best.model
     assert (bj.orders.nf, bj.orders.nk, bj.orders.nd) == (3, 7, 1)  # type: ignore[attr-defined]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import FasError, SettingError, unknown
-from identification.blackbox import condition, excitation, frequency, narx, nonlinear, pem, search, selection, subspace
+from identification.blackbox import condition, criteria, excitation, frequency, narx, nonlinear, pem, search, selection, subspace
 from identification.blackbox.condition import Condition
 from identification.blackbox.data import ALL, DEFAULT, Series
 from identification.blackbox.excitation import Excitation
@@ -19,6 +19,7 @@ from identification.blackbox.validation import ALARM, ResidualTest, residual_tes
 
 DEGREES = ((3, 1), (1, 3), (3, 3), (5, 3))  # of the Hammerstein-Wiener polynomials tried
 WHITE = ("arx", "armax", "bj")  # their standard errors assume that e(t) is white; those of OE do not
+STRONGLY = 5.0  # times its whitened variance that noise may have before output errors follow it
 FEW = 20  # excitation rank up to which a pulse response cannot be seen
 #: Half-widths from a resonance at which its curve is drawn.
 AROUND = np.array([-8.0, -4.0, -2.0, -1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0])
@@ -137,7 +138,7 @@ def identify(
     if not models:
         raise SettingError("; ".join(failures))
     shown = shown_frequencies(seen, [found.best.model for found in models.values()], pooled[0].sample_time)
-    models = {name: replace(found, response=found.best.model.response(shown)) for name, found in models.items()}
+    models = {name: replace(found, response=found.selection.curve(shown)) for name, found in models.items()}
     rational, left_out = _through_points(pooled)
     free = None if seen.lines or seen.single_sine else frequency.local(referee.estimation, shown_frequencies(seen))
     title = pooled[0].name if len(pooled) == 1 else f"{len(pooled)} recordings pooled"
@@ -185,7 +186,7 @@ class _Chooser:
             from_oe = None if self.state.unstable else self._model("oe").orders
             return search.select_armax(referee, self._model("arx").orders, from_oe)
         if name == "bj":
-            return search.select_bj(referee, self._model("oe"))
+            return search.select_bj(referee, self._model("oe"), self.delay)
         if name == "ss":
             return search.select_state_space(referee)
         if name == "hw":
@@ -224,7 +225,7 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
     tests = [residual_test(model.residuals(series), series, noise) for series in chooser.validation]
     test = max(tests, key=lambda t: -min(t.cross_p, t.white_p))
     warnings = [*model.warnings, *chosen.warnings]
-    why = _no_intervals(model, test, chooser.state)
+    why = _no_intervals(model, test, chooser)
     if why:
         warnings.append(f"no standard errors or band: {why}")
         model = _without_intervals(model)
@@ -244,13 +245,17 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
     return Found(chosen, test, model.response([]), tuple(warnings) + test.warnings)
 
 
-def _no_intervals(model: selection.Model, test: ResidualTest, state: Condition) -> str:
+def _no_intervals(model: selection.Model, test: ResidualTest, chooser: _Chooser) -> str:
     """Why the standard errors of a model would mislead, or an empty string."""
-    name = model.structure.upper()
+    name, state = model.structure.upper(), chooser.state
+    errors = [model.residuals(series) for series in chooser.referee.estimation]
+    coloured = STRONGLY * criteria.whitened_variance(errors) < np.mean(np.concatenate(errors) ** 2)
     if model.structure in WHITE and test.white_p < ALARM:
         return f"those of {name} are valid for white residuals only"
     if model.structure not in WHITE and state.feedback:
         return f"{name} has no noise model, so feedback biases it"
+    if model.structure not in WHITE and coloured:
+        return f"the errors of {name} are so strongly coloured that it follows them; BJ models them"
     if state.spikes:
         return "outliers are no noise that a standard error describes"
     return ""

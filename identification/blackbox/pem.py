@@ -5,7 +5,7 @@ are linear least squares, too.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
@@ -364,3 +364,9 @@ def noise_orders(noises: list[np.ndarray], largest: int) -> tuple[int, int]:
             loss = sum(float(np.sum(lfilter(d, c, v) ** 2)) for v in noises) / samples
             scores[nc, nd] = samples * np.log(max(loss, 1e-300)) + (nc + nd) * np.log(samples)
     return min(scores, key=lambda key: scores[key])
+
+
+def whitened(recordings: Sequence[Series], noises: Sequence[np.ndarray], order: int) -> list[Series]:
+    """Recordings with input and output filtered so that noises (N_i,) like those given come out white."""
+    _, d = _noise_model(list(noises), 0, order)
+    return [replace(s, u=lfilter(d, ONE, s.u), y=lfilter(d, ONE, s.y), part=True) for s in recordings]

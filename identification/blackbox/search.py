@@ -11,7 +11,7 @@ from identification.blackbox import criteria, pem, subspace
 from identification.blackbox.data import Series
 from identification.blackbox.filters import shifted
 from identification.blackbox.polynomial import Orders, PolynomialModel
-from identification.blackbox.selection import ALIKE, Candidate, Referee, Selection, rank
+from identification.blackbox.selection import ALIKE, NEARLY, Candidate, Referee, Selection, rank, with_rivals
 
 NEAR = range(1, 6)  # n_k compared for sines, whose pulse response is periodic
 CERTAIN = 4.0  # standard errors that the coefficient of direct feedthrough must stand out by
@@ -21,6 +21,7 @@ LARGEST = 12  # n_f up to here
 PATIENCE = 3  # growing orders without a better one after which growth ends
 NOISE = 5  # n_c, n_d up to here, as in the thesis
 MOVES = 12  # to neighbouring orders
+SLIGHTLY = 2.0  # times its whitened variance that noise may have and still count as hardly coloured
 HEAVY = 30_000  # samples above which growth ends sooner
 
 
@@ -120,7 +121,34 @@ def select_oe(referee: Referee, nk: int, largest: int = LARGEST) -> Selection:
         if n - better >= (2 if heavy else PATIENCE):
             break
     chosen = climb(search, referee, begun, plant_moves)
-    return edge(_again(chosen, "oe", referee), nf=largest)
+    return edge(with_rivals(_on_the_whole(chosen, referee, search.first_row)), nf=largest)
+
+
+def _score(candidate: Candidate) -> float:
+    return candidate.score
+
+
+def _on_the_whole(chosen: Selection, referee: Referee, first_row: int) -> Selection:
+    """Output-error orders once more, from the preferred ones, on all data that orders may be chosen on.
+
+    Models that simulated as well are compared by their scores: what a third of the data was kept for is known now.
+    """
+    errors = [chosen.best.model.residuals(series) for series in referee.fitted]
+    coloured = criteria.whitened_variance(errors) * SLIGHTLY < np.mean(np.concatenate(errors) ** 2)
+    if not referee.simulates or coloured:  # output errors follow such noise, and only simulation keeps them from it
+        return _again(chosen, "oe", referee)
+    whole = replace(referee, reason="orders that simulate alike are compared by one-step errors")
+    search = Search("oe", whole.estimation, first_row)
+    best = sorted(chosen.candidates[1:], key=_score)[:2]
+    begun: dict[Orders, Candidate] = {}
+    best += sorted((c for c in chosen.candidates if c.model.parameters > chosen.best.model.parameters), key=_score)[:1]
+    for one in (chosen.best, *(c for c in best if c.missed <= NEARLY * chosen.best.missed)):
+        model = search.at(one.model.orders, one.model)  # type: ignore[attr-defined,arg-type]
+        if model is not None:
+            begun[model.orders] = whole.judge(model)
+    again = climb(search, whole, begun, plant_moves)
+    again = replace(again, tried=chosen.tried + again.tried, warnings=(*chosen.warnings, *again.warnings))
+    return _again(again, "oe", referee)
 
 
 def _again(chosen: Selection, structure: str, referee: Referee) -> Selection:
@@ -194,17 +222,26 @@ def select_armax(referee: Referee, from_arx: Orders, from_oe: Orders | None) -> 
             if o.na + na >= 0 and o.nb + nb >= 1 and o.nk + nk >= 0:
                 yield replace(o, na=o.na + na, nb=o.nb + nb, nk=o.nk + nk)
 
-    return edge(climb(search, whole, begun, moves), nc=NOISE)
+    return edge(with_rivals(climb(search, whole, begun, moves)), nc=NOISE)
 
 
-def select_bj(referee: Referee, from_oe: PolynomialModel) -> Selection:
-    """Box-Jenkins by BIC: noise orders from what the OE model leaves, then neighbours of plant and noise."""
+def select_bj(referee: Referee, from_oe: PolynomialModel, nk: int) -> Selection:
+    """Box-Jenkins by BIC: noise orders from what the OE model leaves, then neighbours of plant and noise.
+
+    Where the noise is coloured, plant orders are searched once more on data that a model of it has whitened.
+    """
     whole = replace(referee, reason=referee.reason or "noise models are compared by one-step errors")
     o = from_oe.orders
-    search = Search("bj", whole.estimation, o.nk + o.nb + 3)
-    nc, nd = pem.noise_orders([from_oe.residuals(series) for series in whole.estimation], NOISE)
+    noises = [from_oe.residuals(series) for series in whole.estimation]
+    nc, nd = pem.noise_orders(noises, NOISE)
+    plants = [o]
+    if nc + nd:
+        white = pem.whitened(whole.estimation, noises, NOISE)
+        again: PolynomialModel = select_oe(replace(whole, estimation=white), nk, NOISE + 3).best.model  # type: ignore[assignment]
+        plants = [again.orders]
+    search = Search("bj", whole.estimation, max(plant.nk + plant.nb for plant in plants) + 3)
     begun: dict[Orders, Candidate] = {}
-    for orders in {replace(o, nc=nc, nd=nd), replace(o, nc=1, nd=1)}:
+    for orders in {replace(plant, nc=c, nd=d) for plant in plants for c, d in ((nc, nd), (1, 1))}:
         model = search.at(orders)
         if model is not None:
             begun[orders] = whole.judge(model)
@@ -215,7 +252,7 @@ def select_bj(referee: Referee, from_oe: PolynomialModel) -> Selection:
                 yield replace(here, nc=here.nc + c, nd=here.nd + d)
         yield from plant_moves(here)
 
-    return edge(climb(search, whole, begun, moves), nc=NOISE, nd=NOISE)
+    return edge(with_rivals(climb(search, whole, begun, moves)), nc=NOISE, nd=NOISE)
 
 
 def select_state_space(referee: Referee, orders: Sequence[int] = tuple(range(1, 16))) -> Selection:

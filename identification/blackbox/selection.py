@@ -18,6 +18,8 @@ NEGLIGIBLE = 2e-3  # of the output's amplitude left unexplained justifies no fur
 FITTED = 2 / 3  # of the data to choose on are fitted, the rest simulated
 SHORTEST_CHECK = 40  # samples; fewer do not tell models apart
 NOISE_MODELS = ("arx", "armax", "bj")  # whose one-step errors are meant to be white
+NEGLIGIBLE_WEIGHT = 0.01  # Akaike weight below which a rival is left out
+NEARLY = 1.1  # times the least miss in simulation that is as good: errors of a long free motion hang together
 BLOCKS = 20  # of the held-out data, over which two models' squared errors are compared
 
 
@@ -162,7 +164,8 @@ class Referee:
         """The model on the data kept for the choice, with its score on those fitted."""
         one_step = model.structure in NOISE_MODELS or not self.simulates
         errors = [model.residuals(s) if one_step else s.y - model.simulate(s) for s in self.fitted]
-        return replace(judge(model, self.check), score=criteria.whitened_score(errors, model.parameters))
+        score = criteria.whitened_score(errors, model.parameters, len(model.poles()))
+        return replace(judge(model, self.check), score=score)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,20 +178,46 @@ class Selection:
         tried: number of models compared, those of the ARX grid included.
         alike: labels of the models whose AIC differs by less than 10 / N from the least.
         warnings: sentences for the user.
+        rivals: other models of the same data with their Akaike weights, for the uncertainty of the choice itself.
     """
 
     candidates: tuple[Candidate, ...]
     tried: int
     alike: tuple[str, ...]
     warnings: tuple[str, ...]
+    rivals: tuple[tuple[float, Model], ...] = ()
 
     @property
     def best(self) -> Candidate:
         """The one to report."""
         return self.candidates[0]
 
+    def curve(self, frequency_hz: ArrayLike) -> Response:
+        """Response of the best model; how far the rivals are from it widens the spread (Burnham and Anderson 2002)."""
+        response = self.best.model.response(frequency_hz)
+        apart = [np.sqrt(w) * (other.response(frequency_hz).value - response.value) for w, other in self.rivals]
+        more = [np.stack([gap.real, gap.imag], axis=-1)[:, :, None] for gap in apart]
+        return replace(response, spread=np.concatenate([response.spread, *more], axis=2))
+
     def __str__(self) -> str:
         return "\n".join([f"{self.tried} models tried", *(f"  {c}" for c in self.candidates[:5]), *self.warnings])
+
+
+def with_rivals(selection: Selection) -> Selection:
+    """The selection with those of its candidates as rivals that have a weight to speak of.
+
+    All candidates must come from the same samples. Weights follow N log V + 2 d, with V whitened for models without
+    noise dynamics.
+    """
+    costs = []
+    for c in selection.candidates:
+        d, poles = c.model.parameters, len(c.model.poles())
+        whitened = c.score - 2.0 * d - 4.0 * poles
+        costs.append(c.aic * c.model.samples if c.model.structure in NOISE_MODELS else whitened)
+    weights = np.exp(-0.5 * (np.array(costs) - min(costs)))
+    weights /= weights.sum()
+    pairs = zip(weights[1:], selection.candidates[1:], strict=True)
+    return replace(selection, rivals=tuple((float(w), c.model) for w, c in pairs if w > NEGLIGIBLE_WEIGHT))
 
 
 def demoted(model: Model, shortest: int) -> bool:
@@ -218,7 +247,8 @@ def rank(
         more = f" and {len(late) - 3} more" if len(late) > 3 else ""
         said.append(f"ranked last, as their free motion outlasts the record: {', '.join(late[:3])}{more}")
     if referee.simulates:
-        near = [c for c in driven if c is ordered[0] or c.no_worse_than(ordered[0])]
+        least = ordered[0].missed * NEARLY
+        near = [c for c in driven if c is ordered[0] or c.missed <= least or c.no_worse_than(ordered[0])]
         first = min(near, key=lambda c: c.score)
         same = [c for c in near if c.missed**2 - first.missed**2 <= NEGLIGIBLE**2]
         first = min(same, key=lambda c: (c.model.parameters, -c.fit_percent))
@@ -226,6 +256,6 @@ def rank(
         ordered.sort(key=lambda c: (c not in driven, c.bic if c.model.structure in NOISE_MODELS else c.score))
         first = ordered[0]
     ordered = [first, *(c for c in ordered if c is not first)]
-    least = min(c.aic for c in candidates)
-    alike = tuple(c.model.label for c in ordered if (c.aic - least) * c.model.samples < ALIKE)
+    lowest = min(c.aic for c in candidates)
+    alike = tuple(c.model.label for c in ordered if (c.aic - lowest) * c.model.samples < ALIKE)
     return Selection(tuple(ordered), tried or len(ordered), alike, tuple(said))
