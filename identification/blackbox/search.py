@@ -141,7 +141,7 @@ def _on_the_whole(chosen: Selection, referee: Referee, first_row: int) -> Select
     search = Search("oe", whole.estimation, first_row)
     best = sorted(chosen.candidates[1:], key=_score)[:2]
     begun: dict[Orders, Candidate] = {}
-    best += sorted((c for c in chosen.candidates if c.model.parameters > chosen.best.model.parameters), key=_score)[:1]
+    best.append(max(chosen.candidates, key=lambda c: c.fit_percent))
     for one in (chosen.best, *(c for c in best if c.missed <= NEARLY * chosen.best.missed)):
         model = search.at(one.model.orders, one.model)  # type: ignore[attr-defined,arg-type]
         if model is not None:
