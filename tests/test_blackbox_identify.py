@@ -14,11 +14,12 @@ from typer.testing import CliRunner
 
 from fasbody.console import command_line
 from fasbody.exceptions import FasError, SettingError
-from identification.blackbox import excitation, figures, keep, pem, published, report
+from identification.blackbox import excitation, figures, keep, pem, report
 from identification.blackbox.__main__ import app, parse_orders
 from identification.blackbox.data import Series
 from identification.blackbox.identify import identify
 from identification.blackbox.polynomial import Orders
+from reproduction import published
 
 ROOT = Path(__file__).parent.parent
 GOOD = "".join(f"{k},{k % 5},{k % 7}\n" for k in range(60))

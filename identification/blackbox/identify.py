@@ -8,7 +8,18 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import FasError, SettingError, unknown
-from identification.blackbox import condition, criteria, excitation, frequency, narx, nonlinear, pem, search, selection, subspace
+from identification.blackbox import (
+    condition,
+    criteria,
+    excitation,
+    frequency,
+    narx,
+    nonlinear,
+    pem,
+    search,
+    selection,
+    subspace,
+)
 from identification.blackbox.condition import Condition
 from identification.blackbox.data import ALL, DEFAULT, Series
 from identification.blackbox.excitation import Excitation
