@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from identification.blackbox import criteria
+from benchmarks import black_box_peers
+from identification.blackbox import criteria, mimo
 from identification.blackbox.data import Series
 from identification.blackbox.identify import identify
-from reproduction.check import Check, told
+from reproduction.check import Check, at_most, told
 
 SAMPLES = 2000
 FREQUENCY = np.linspace(0.01, 0.45, 20)
@@ -151,3 +152,62 @@ def rows(seeds: int) -> Iterator[Check]:
             yield told(what, measured)
             what = f"{case.name}, orders {'given' if given else 'not given'}: 95 % intervals of the gain with the truth"
             yield Check(what, coverage, 90, 98, said=said, beside="90 to 98 %", asked=seeds >= 20 and len(shown) > 0)
+
+
+def several(seeds: int = 5) -> Iterator[Check]:
+    """Two inputs and two outputs, third order: orders not given; ARX intervals hold for its own structure only."""
+    A, B = np.array([[0.9, 0.2, 0.0], [-0.2, 0.9, 0.1], [0.0, 0.0, 0.6]]), np.array([[1, 0], [0.3, 0.5], [0, 1.0]])
+    C = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, -1.0]])
+    fits, labels, begin = [], [], time.process_time()
+
+    def plant(u: np.ndarray) -> np.ndarray:
+        x, y = np.zeros(3), np.empty((len(u), 2))
+        for t, value in enumerate(u):
+            y[t], x = C @ x, A @ x + B @ value
+        return y
+
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        u, fresh = rng.standard_normal((2, SAMPLES, 2))
+        y = plant(u)
+        y += 0.1 * y.std(axis=0) * rng.standard_normal(y.shape)
+        found = mimo.identify(mimo.Channels(u, y, 1.0, "plant", ("u1", "u2"), ("y1", "y2")), ("ss",)).models["ss"].model
+        exact = plant(fresh)
+        fits.append(criteria.fit_percent(exact.ravel(), found.simulate(fresh).ravel()))  # type: ignore[arg-type]
+        labels.append(found.label)
+    usual = max(set(labels), key=labels.count)
+    said = f"{np.median(fits):.2f} % (worst {min(fits):.2f} %), {usual} {labels.count(usual)} times"
+    seconds = (time.process_time() - begin) / seeds
+    yield told(f"2 inputs, 2 outputs, orders not given, {seeds} seeds: fit on fresh data", f"{said}, {seconds:.2f} s")
+
+
+def search_time() -> Iterator[Check]:
+    """Processor time of the choice of orders of five structures, mean over three plants."""
+    found = []
+    for case in (CASES[0], CASES[1], CASES[-1]):
+        series = case.record(0)
+        begin = time.process_time()
+        identify(series, ("arx", "armax", "oe", "bj", "ss"))
+        found.append(time.process_time() - begin)
+    yield at_most("choice of orders, five structures, 2000 samples, processor time", float(np.mean(found)), 2.5, "s")
+
+
+def peers(timeout: float, seeds: int = 5) -> Iterator[Check]:
+    """Subspace models of other packages on the estimation halves of the same records, free simulation only."""
+    arrays: dict[str, np.ndarray] = {}
+    fresh = np.random.default_rng(999).standard_normal(SAMPLES)
+    for case in CASES:
+        if case.gain:
+            continue  # an unstable plant is not simulated freely
+        order = max(len(case.b), len(case.f)) - 1
+        arrays |= {f"{case.name}|order": np.array(order), f"{case.name}|seeds": np.array(seeds)}
+        arrays |= {f"{case.name}|fresh": fresh, f"{case.name}|exact": lfilter(case.b, case.f, fresh)}
+        for seed in range(seeds):
+            first, _ = case.record(seed).split()
+            arrays |= {f"{case.name}|u{seed}": first.u, f"{case.name}|y{seed}": first.y}
+    for title, found in black_box_peers.run_cases(arrays, timeout).items():
+        if isinstance(found, str):
+            continue
+        for key, (fit, seconds) in found.items():
+            name, given = key.split("|")
+            yield told(f"{name}, orders {given}: {title} N4SID, fit on fresh data", f"{fit:.2f} % in {seconds:.2f} s")

@@ -271,7 +271,7 @@ class _Subspace:
         gamma = self.left[:, :order] * np.sqrt(self.values[:order])
         C, A = gamma[:p], linalg.lstsq(gamma[:-p], gamma[p:])[0]
         inside = np.abs(np.linalg.eigvals(A)).max()
-        warnings = ()
+        warnings: tuple[str, ...] = ()
         if inside >= 0.9999:
             A = A * (0.999 / inside)
             warnings = (f"A was scaled to be stable: its largest pole {inside:.4f} moved to 0.999",)
