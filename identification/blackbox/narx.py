@@ -223,7 +223,7 @@ def estimate(
         validation: data kept for the choice of the number of terms.
         lags: lags of y; u has one more, from the delay on.
         degree: largest degree of a product.
-        step: samples between lags; default: about 25 lags in a period of the strongest input line.
+        step: samples between lags; default: the better of 1 and about 25 lags in a period of the strongest input line.
         nk: delay of the nearest input; 0 for the direct term.
     """
     pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
@@ -231,6 +231,8 @@ def estimate(
         lines = [excitation.fundamental(s.u - s.u.mean(), s.sample_time) for s in pooled]
         step = max(round(1.0 / (25 * max(lines) * pooled[0].sample_time)), 1)
         step = max(min(step, min(len(series) for series in pooled) // (4 * lags)), 1)
+        tried = [estimate(pooled, validation, lags, degree, one, nk) for one in sorted({1, step})]
+        return max(tried, key=lambda candidate: candidate.fit_percent)
     y_scale, u_scale = (
         float(np.sqrt(np.mean(np.concatenate(signals) ** 2)))
         for signals in ([s.y for s in pooled], [s.u for s in pooled])
