@@ -173,7 +173,7 @@ def several(seeds: int = 5) -> Iterator[Check]:
         y += 0.1 * y.std(axis=0) * rng.standard_normal(y.shape)
         found = mimo.identify(mimo.Channels(u, y, 1.0, "plant", ("u1", "u2"), ("y1", "y2")), ("ss",)).models["ss"].model
         exact = plant(fresh)
-        fits.append(criteria.fit_percent(exact.ravel(), found.simulate(fresh).ravel()))  # type: ignore[arg-type]
+        fits.append(criteria.fit_percent(exact.ravel(), found.simulate(fresh).ravel()))
         labels.append(found.label)
     usual = max(set(labels), key=labels.count)
     said = f"{np.median(fits):.2f} % (worst {min(fits):.2f} %), {usual} {labels.count(usual)} times"
