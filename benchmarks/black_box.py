@@ -16,7 +16,7 @@ import linear_foot as foot
 import numpy as np
 import typer
 
-from benchmarks import black_box_peers
+from benchmarks import black_box_cases, black_box_peers
 from benchmarks.table import JsonOption, faster, report
 from fasbody.console import command_line, console
 from identification.blackbox import nonlinear, pem, selection, subspace
@@ -166,7 +166,9 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def main(
     seeds: Annotated[int, typer.Option(help="records for the medians")] = 20,
     intervals: Annotated[int, typer.Option(help="records for the coverage of the intervals")] = 100,
-    with_peers: Annotated[bool, typer.Option("--peers/--no-peers", help="install and run SIPPY and pysib, too")] = True,
+    with_peers: Annotated[
+        bool, typer.Option("--peers/--no-peers", help="install and run SIPPY, pysib and nfoursid, too")
+    ] = True,
     timeout: Annotated[float, typer.Option(help="seconds for each peer")] = 400.0,
     json_: JsonOption = False,
 ) -> None:
@@ -175,8 +177,10 @@ def main(
     Examples:
       OMP_NUM_THREADS=1 python -m benchmarks.black_box --no-peers
     """
-    rows = [*accuracy(seeds), *grid(), *loaded_foot(), *coverage(intervals)]
-    report("black-box models", rows + (list(peers(timeout)) if with_peers else []), json_)
+    rows = [*accuracy(seeds), *grid(), *loaded_foot(), *coverage(intervals), *black_box_cases.rows(seeds)]
+    rows += [*black_box_cases.several(), *black_box_cases.search_time()]
+    others = [*peers(timeout), *black_box_cases.peers(timeout)] if with_peers else []
+    report("black-box models", rows + others, json_)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Peers of the black-box estimators: SIPPY and pysib on the same data, each in an environment of its own.
+"""Peers of the black-box estimators: SIPPY, pysib and nfoursid on the same data, each in an environment of its own.
 
 They are installed by pip under a temporary folder with the versions of numpy and scipy that they want; a peer that does
 not install is left out with a sentence.
@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 
 PEERS = {"sippy_unipi": "SIPPY", "pysib": "pysib"}
+#: Those that choose or take the order of a state-space model of the systems of known truth.
+SPACES = {"sippy_unipi": "SIPPY", "nfoursid": "nfoursid"}
 
 PEER_CODE = r"""
 import json, sys, time, warnings
@@ -66,6 +68,62 @@ for excitation in ("PRBS", "multisine"):
         run(excitation + " bj", lambda: response(pysib.bj_filtered(u, y, 4, 2, 2, 4, 1), "F"))
 print("RESULT " + json.dumps(out))
 """
+
+CASE_CODE = r"""
+import json, sys, time, warnings
+import numpy as np
+warnings.filterwarnings("ignore")
+package, path = sys.argv[1], sys.argv[2]
+data = np.load(path)
+out = {}
+
+def space(u, y, order):
+    if package == "nfoursid":
+        import pandas as pd
+        from nfoursid.nfoursid import NFourSID
+        frame = pd.DataFrame({"u": u, "y": y})
+        found = NFourSID(frame, input_columns=["u"], output_columns=["y"], num_block_rows=15)
+        found.subspace_identification()
+        model, _ = found.system_identification(rank=order)
+        return model.a, model.b, model.c, model.d
+    from sippy_unipi import system_identification as identify
+    free = {"IC": "AIC", "SS_orders": [1, 8]} if order is None else {"SS_fixed_order": order}
+    model = identify(y, u, "N4SID", SS_f=15, SS_p=15, **free)
+    return model.A, model.B, model.C, model.D
+
+for case in sorted(set(key.split("|")[0] for key in data.files)):
+    for order in (int(data[case + "|order"]), None):
+        if order is None and package == "nfoursid":
+            continue
+        fits, seconds = [], []
+        for seed in range(int(data[case + "|seeds"])):
+            u, y = data[f"{case}|u{seed}"], data[f"{case}|y{seed}"]
+            begin = time.process_time()
+            try:
+                A, B, C, D = (np.asarray(part) for part in space(u - u.mean(), y - y.mean(), order))
+                state, answer = np.zeros(len(A)), []
+                for value in data[case + "|fresh"]:
+                    answer.append((C @ state).item() + D.item() * value)
+                    state = A @ state + B[:, 0] * value
+                exact = data[case + "|exact"]
+                fits.append(100 * (1 - np.linalg.norm(exact - answer) / np.linalg.norm(exact - exact.mean())))
+            except Exception:
+                fits.append(-np.inf)
+            seconds.append(time.process_time() - begin)
+        fit = float(np.median(fits))
+        key = f"{case}|{'not given' if order is None else 'given'}"
+        out[key] = [fit if np.isfinite(fit) else -999.0, float(np.median(seconds))]
+print("RESULT " + json.dumps(out))
+"""
+
+
+def run_cases(arrays: Mapping[str, np.ndarray], timeout: float) -> dict[str, dict[str, list[float]] | str]:
+    """Fit [%] of fresh data and seconds of each peer's subspace model, by "case|given" or "case|not given"."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        np.savez(folder / "data.npz", **arrays)  # type: ignore[arg-type]
+        (folder / "peer.py").write_text(CASE_CODE)
+        return {title: _one(package, folder, timeout) for package, title in SPACES.items()}
 
 
 def run(arrays: Mapping[str, np.ndarray], timeout: float) -> dict[str, dict[str, list[float]] | str]:

@@ -7,8 +7,7 @@ import numpy as np
 from fasbody.arch import lagrange
 from fasbody.arch.bones import DAMPERS
 from fasbody.arch.kinematics import arms
-from identification.blackbox import published
-from reproduction import printed
+from reproduction import printed, published
 from reproduction.arch_energies import mass_from_energy, only, printed_damping, velocity_terms_from_energy
 from reproduction.chapter3_findings import ALL, BLACK_BOX, PUBLISHED, SUBJECT, panels
 from reproduction.chapter4_arch import ARCH, pose

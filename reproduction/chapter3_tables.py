@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from identification.blackbox import published
 from identification.blackbox.polynomial import STRUCTURES
+from reproduction import published
 from reproduction.chapter3_findings import ALL, PUBLISHED
 from reproduction.check import at_least, at_most, exactly
 from reproduction.row import Outcome, Rows
@@ -31,7 +31,7 @@ def range_of_fits() -> Outcome:
 @ROWS(
     "Finding 3.3, 2",
     "output error fits best",
-    "python -c 'from identification.blackbox import published; print(published.plausibility())'",
+    "python -c 'from reproduction import published; print(published.plausibility())'",
 )
 def output_error_fits_best() -> Outcome:
     share = published.plausibility().best_share

@@ -7,7 +7,7 @@ import numpy as np
 
 from fasbody.transmissibility.findings import LOADS
 from fasbody.transmissibility.table import Table
-from identification.blackbox import published
+from reproduction import published
 from reproduction.chapter3_findings import PUBLISHED, RANK_UNKNOWN
 from reproduction.chapter3_tables import range_of_fits
 from reproduction.chapter4_energy import pad_dissipates_more

@@ -14,11 +14,12 @@ from typer.testing import CliRunner
 
 from fasbody.console import command_line
 from fasbody.exceptions import FasError, SettingError
-from identification.blackbox import excitation, figures, pem, published, report
+from identification.blackbox import excitation, figures, keep, pem, report
 from identification.blackbox.__main__ import app, parse_orders
 from identification.blackbox.data import Series
 from identification.blackbox.identify import identify
 from identification.blackbox.polynomial import Orders
+from reproduction import published
 
 ROOT = Path(__file__).parent.parent
 GOOD = "".join(f"{k},{k % 5},{k % 7}\n" for k in range(60))
@@ -66,7 +67,12 @@ def test_command_prints_one_json_document_and_writes_figures(tmp_path: Path) -> 
     assert isinstance(oe["warnings"], list)
     names = {path.name for path in (tmp_path / "out").iterdir()}
     pictures = {f"prbs_{kind}.png" for kind in ("output", "bode", "residuals", "poles_zeros")}
-    assert names == pictures | {"result.json", "models.csv"}
+    kept = {f"prbs_{name}.json" for name in by_name}
+    assert names == pictures | kept | {"result.json", "models.csv", "report.html"}
+    loaded = keep.load(tmp_path / "out" / "prbs_oe.json")
+    np.testing.assert_allclose(np.sort_complex(loaded.poles()), poles, rtol=1e-9)
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert page.count("<svg") == 4 and "OE (4, 4, 1)" in page and "http://" not in page.split("</style>")[0]
     for picture in pictures:
         assert (tmp_path / "out" / picture).read_bytes().startswith(b"\x89PNG")
     assert json.loads((tmp_path / "out" / "result.json").read_text()) == document
@@ -214,8 +220,8 @@ def test_table_and_csv_give_the_gain_where_the_input_is_strongest() -> None:
     found = identify(series(u), ("oe",), {"oe": (2, 2, 1)})
     row = next(csv.DictReader(io.StringIO(report.csv_text([found]))))
     assert float(row["gain_frequency_hz"]) == pytest.approx(45.0, abs=0.5)
-    heading = str(report.single_table(found).columns[4].header)
+    heading = str(report.single_table(found).columns[5].header)
     assert heading == f"gain at {float(row['gain_frequency_hz']):.4g} Hz, 95 %"
-    gain, interval = str(next(report.single_table(found).columns[4].cells)).split(" +- ")
+    gain, interval = str(next(report.single_table(found).columns[5].cells)).split(" +- ")
     assert float(gain) == pytest.approx(float(row["gain"]), rel=1e-3)
     assert float(interval) == pytest.approx(1.96 * float(row["gain_std"]), rel=0.2)

@@ -82,8 +82,58 @@ def test_narx_recursion_is_found_and_simulated() -> None:
     assert "y(t-1) u(t-1)" in str(model)
 
 
+def duffing(n: int = 3000) -> Series:
+    """m y'' + d y' + k y + k3 y^3 = u, stepped by RK4 between samples of a smooth random force: y answers u(t) at once.
+
+    The force is a sum of sines, so that it is known between the samples, too.
+    """
+    rng = np.random.default_rng(2)
+    angular, phase = 2 * np.pi * np.arange(1, 41) * 2.5, rng.uniform(0, 2 * np.pi, 40)
+    time = np.arange(0, 2 * n + 1) * 0.5e-3
+    force = 150.0 * np.cos(np.outer(time, angular) + phase).sum(axis=1)
+
+    def slope(state: np.ndarray, u: float) -> np.ndarray:
+        return np.array([state[1], u - 30.0 * state[1] - 9e4 * state[0] - 4e7 * state[0] ** 3])
+
+    state, y, h = np.zeros(2), np.zeros(n), 1e-3
+    for t in range(n):
+        y[t] = state[0]
+        u0, u1, u2 = force[2 * t : 2 * t + 3]
+        k1 = slope(state, u0)
+        k2 = slope(state + h / 2 * k1, u1)
+        k3 = slope(state + h / 2 * k2, u1)
+        state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + slope(state + h * k3, u2))
+    return Series(force[:-1:2], y + 1e-6 * rng.standard_normal(n), 1e-3).centred()
+
+
+def test_the_direct_term_and_simulation_serve_a_duffing_circuit() -> None:
+    series = duffing()
+    fit, check, fresh = series.cut(0, 1400), series.cut(1400, 2000), series.cut(2000, 3000)
+    missed = {}
+    for nk in (0, 1):
+        found = narx.estimate(fit, [check], lags=2, step=1, nk=nk).model
+        missed[nk] = 1 - selection.judge(found, [fresh]).fit_percent / 100
+        assert isinstance(found, narx.Narx) and ("u(t)" in found.names) == (nk == 0)
+    linear = selection.judge(pem.estimate("oe", fit, Orders.of("oe", (3, 2, 0))), [fresh])
+    assert missed[0] < 0.02 and missed[0] < 0.5 * missed[1]
+    assert missed[0] < 0.1 * (1 - linear.fit_percent / 100)
+
+
+def test_derivatives_of_the_simulation_error() -> None:
+    """Against central differences, with every kind of factor."""
+    series = duffing(300)
+    terms = ((0,), (1,), (2,), (0, 0, 1), (1, 3), ())
+    theta = np.array([1.2, -0.5, 0.1, -0.02, 0.01, 0.003])
+    model = narx.Narx(terms, theta, 2, 1, 0, 2e-3, 500.0, 1.0, 1, np.eye(6), 1e-3)
+    problem = narx._Simulation([series], model)
+    exact = problem.at(theta, gradient=True).gradient[0]
+    for k, step in enumerate(1e-6 * np.eye(6)):
+        central = (problem.at(theta + step).errors[0] - problem.at(theta - step).errors[0]) / 2e-6
+        np.testing.assert_allclose(exact[:, k], central, atol=1e-6 * np.abs(exact).max())
+
+
 def test_a_diverging_narx_has_no_fit() -> None:
-    model = narx.Narx(((0, 0),), np.array([2.0]), 1, 1, 1.0, 1.0, 1.0, 100)
+    model = narx.Narx(((0, 0),), np.array([2.0]), 1, 1, 1, 1.0, 1.0, 1.0, 100, np.eye(1), 1e-3)
     series = Series(foot.prbs(100), 9 * foot.sine(20.0, 100) + 3, 1e-3)
     assert selection.judge(model, [series]).fit_percent == -np.inf
 

@@ -3,10 +3,12 @@
 import linear_foot as foot
 import numpy as np
 import pytest
+from scipy import signal
 
-from identification.blackbox import criteria, pem, selection
+from identification.blackbox import criteria, pem, search, selection
 from identification.blackbox.data import Series
 from identification.blackbox.polynomial import Orders
+from identification.blackbox.selection import Referee
 from identification.blackbox.validation import residual_test
 
 
@@ -86,8 +88,8 @@ def test_independence_test_on_sines() -> None:
 
 
 def test_arx_selection_warns_at_the_edge_and_lists_what_is_alike() -> None:
-    estimation, validation = halves(foot.prbs(3000))
-    chosen = selection.select_arx([estimation], [validation])
+    estimation, _ = halves(foot.prbs(3000))
+    chosen = search.select_arx(Referee([estimation]))
     assert chosen.tried == 3375
     assert any("edge of the grid" in text for text in chosen.warnings)
     fits = [c.fit_percent for c in chosen.candidates]
@@ -95,22 +97,21 @@ def test_arx_selection_warns_at_the_edge_and_lists_what_is_alike() -> None:
 
 
 def test_sine_leaves_arx_orders_undecided() -> None:
-    estimation, validation = halves(foot.sine(20.0, 4000))
-    chosen = selection.select_arx([estimation], [validation])
+    estimation, _ = halves(foot.sine(20.0, 4000))
+    chosen = search.select_arx(Referee([estimation], poor=True))
     assert any("orders are not decided" in text for text in chosen.warnings)
     spread = [c.fit_percent for c in chosen.candidates if c.model.parameters >= 8]
     assert np.ptp(spread[:20]) < 0.5
 
 
 def test_output_error_orders_are_found_with_few_parameters() -> None:
-    estimation, validation = halves(foot.prbs(4000))
-    trials = [Orders(nb=nb, nf=nf, nk=1) for nb in (1, 2, 4, 8) for nf in (1, 2, 3, 4, 5)]
-    chosen = selection.select_polynomial("oe", trials, [estimation], [validation])
+    estimation, _ = halves(foot.prbs(4000))
+    chosen = search.select_oe(Referee([estimation]), 1)
     best = chosen.best.model
     assert len(best.poles()) == 4
     band = np.linspace(5, 60, 30)
     assert np.abs(best.response(band).value / foot.response(band) - 1).max() < 0.03
-    assert chosen.tried == 20
+    assert chosen.tried < 30
     assert best.label in chosen.alike or len(chosen.alike) >= 1
 
 
@@ -118,18 +119,21 @@ def test_delay_of_a_delayed_foot() -> None:
     base = foot.prbs(2000)
     y = np.concatenate([np.zeros(3), foot.linear_output(base)[:-3]])
     late = Series(base, y + 0.05 * np.random.default_rng(0).standard_normal(2000), 1e-3).centred()
-    assert selection.delay([late]) == 4
+    assert search.delay([late]) == 4
 
 
 def test_state_space_selection() -> None:
-    estimation, validation = halves(foot.prbs(4000))
-    chosen = selection.select_state_space([estimation], [validation], range(2, 9))
+    estimation, _ = halves(foot.prbs(4000))
+    chosen = search.select_state_space(Referee([estimation]), range(2, 9))
     assert 4 <= chosen.best.model.order <= 5  # type: ignore[attr-defined]
     assert chosen.best.fit_percent > 97
 
 
 def test_a_free_motion_that_outlasts_the_record_ranks_last() -> None:
-    """A model that only rings at the input's frequency simulates any sine from its start, and proves nothing."""
+    """A model that only rings at the input's frequency simulates any sine from its start, and proves nothing.
+
+    Under a rich input the same pole is no reason to demote anything.
+    """
     estimation, validation = halves(foot.sine(20.0, 4000))
     angle = 2 * np.pi * 20.0 * foot.SAMPLE_TIME
     honest = pem.estimate("oe", estimation, Orders.of("oe", (2, 2, 1)))
@@ -138,7 +142,10 @@ def test_a_free_motion_that_outlasts_the_record_ranks_last() -> None:
         honest.loss, honest.samples, honest.sample_time,
     )  # fmt: skip
     assert selection.judge(ringing, [validation]).fit_percent > 95
-    assert selection.rank([ringing, honest], [validation], 2, ()).best.model is honest
+    referee = Referee([validation], poor=True)
+    ranked = selection.rank([referee.judge(ringing), referee.judge(honest)], referee)
+    assert ranked.best.model is honest
+    assert "ranked last, as their free motion outlasts the record: OE (2, 2, 1)" in ranked.warnings[0]
 
 
 def lag(wait: int, n: int = 800) -> Series:
@@ -154,20 +161,93 @@ def lag(wait: int, n: int = 800) -> Series:
 def test_delays_from_none_to_long(wait: int) -> None:
     """Direct feedthrough and a delay far beyond the grid are found, by OE and by ARX."""
     series = lag(wait)
-    assert selection.delay([series]) == wait
-    first, second = series.split()
-    best = selection.select_arx([first], [second], largest=6, nk=wait).best
+    assert search.delay([series]) == wait
+    first, _ = series.split()
+    best = search.select_arx(Referee([first]), wait, largest=6).best
     assert best.model.orders.nk == wait  # type: ignore[attr-defined]
     assert best.fit_percent > 80
 
 
 def test_the_edge_of_every_order_is_named() -> None:
-    estimation, validation = halves(foot.prbs(1500))
-    trials = [Orders(nb=nb, nf=nf, nk=1) for nb in (1, 2) for nf in (1, 2)]
-    chosen = selection.select_polynomial("oe", trials, [estimation], [validation])
-    assert any("n_f = 2 is the largest tried" in text or "n_b = 2" in text for text in chosen.warnings)
-    inner = selection.edge(chosen, {"nb": 15, "nf": 5})
-    assert inner is chosen
-    noise = pem.estimate("bj", estimation, Orders.of("bj", (2, 5, 3, 2, 1)))
-    ranked = selection.rank([noise], [validation], 1, ())
-    assert "n_c = 5 is the largest" in selection.edge(ranked, {"nc": 5, "nd": 5}).warnings[0]
+    estimation, _ = halves(foot.prbs(1500))
+    referee = Referee([estimation])
+    chosen = search.select_oe(referee, 1, largest=2)
+    assert any("n_f = 2 is the largest tried" in text for text in chosen.warnings)
+    assert search.edge(chosen, nb=15, nf=5) is chosen
+
+
+def light(n: int = 1000, noise: float = 0.05) -> tuple[Series, np.ndarray, np.ndarray]:
+    """Two resonances, poles at 0.9995 and 0.99."""
+    rng = np.random.default_rng(5)
+    poles = np.array([0.9995 * np.exp(0.3j), 0.99 * np.exp(0.9j)])
+    b, f = np.array([0.0, 1.0, 0.5, -0.3, 0.2]), np.poly([*poles, *poles.conj()]).real
+    u = rng.standard_normal(n)
+    y = signal.lfilter(b, f, u)
+    return Series(u, y + noise * np.std(y) * rng.standard_normal(n), 1.0, "light").centred(), b, f
+
+
+def test_a_lightly_damped_plant_is_chosen_by_itself() -> None:
+    """Free motion lasts longer than the record; the fit on data that no choice has seen is that of the noise."""
+    series, _, f = light()
+    estimation, validation = series.split()
+    best = search.select_oe(Referee([estimation]), 1).best.model
+    assert np.abs(best.poles()).max() == pytest.approx(0.9995, abs=3e-4)
+    assert len(best.poles()) == len(f) - 1
+    assert selection.judge(best, [validation]).fit_percent > 94
+
+
+def test_a_model_that_nests_another_never_has_a_higher_loss() -> None:
+    """Every pair of a grid, on the same rows; two resonances hide many minima."""
+    series, _, _ = light(500, 0.1)
+    grid = search.Search("oe", [series], last_lag=8)
+    found = {(nb, nf): grid.at(Orders(nb=nb, nf=nf, nk=1)) for nf in range(1, 6) for nb in range(1, 6)}
+    pairs = [(small, large) for small in found for large in found if small != large and small[0] <= large[0]]
+    pairs = [(small, large) for small, large in pairs if small[1] <= large[1]]
+    assert len(pairs) == 200
+    for small, large in pairs:
+        assert found[large].loss <= found[small].loss * (1 + 1e-5), (small, large)  # type: ignore[union-attr]
+    wide = pem.embedded(found[2, 2], Orders(nb=4, nf=5, nk=0))  # type: ignore[arg-type]
+    np.testing.assert_allclose(wide[[1, 2, 4, 5]], found[2, 2].theta)  # type: ignore[union-attr]
+    assert not wide[[0, 3, 6, 7, 8]].any()
+
+
+def coloured(seed: int, n: int = 1200) -> tuple[Series, np.ndarray]:
+    """Third order, delay 7, noise an autoregression at 0.95 half as strong as the output."""
+    rng = np.random.default_rng(seed)
+    b, f = np.array([1.0, 0.5, 0.25]), np.poly([0.8, 0.7 * np.exp(0.9j), 0.7 * np.exp(-0.9j)]).real
+    u = rng.standard_normal(n)
+    y, v = signal.lfilter(b, f, np.r_[np.zeros(7), u[:-7]]), signal.lfilter([1.0], [1, -0.95], rng.standard_normal(n))
+    return Series(u, y + 0.5 * np.std(y) / np.std(v) * v, 1.0, "coloured").centred(), np.r_[b, f[1:]]
+
+
+def test_coloured_noise_neither_traps_nor_hides_the_delay() -> None:
+    """The estimate ends where one begun at the truth ends; the delay is 7, not the 5 of leading coefficients near 0."""
+    series, truth = coloured(1)
+    assert search.delay([series]) == 7
+    orders = Orders.of("oe", (3, 3, 7))
+    free = pem.estimate("oe", series, orders)
+    told = pem.PolynomialModel("oe", orders, truth, np.eye(6), 1.0, 1, 1.0)
+    assert free.loss <= pem.estimate("oe", series, orders, starts=[told]).loss * (1 + 1e-5)
+    bj = search.select_bj(Referee([series]), free, 7).best.model
+    assert (bj.orders.nf, bj.orders.nk, bj.orders.nd) == (3, 7, 1)  # type: ignore[attr-defined]
+
+
+def test_whitened_score_sees_a_small_plant_behind_coloured_noise() -> None:
+    """The plain loss of output errors hardly tells the orders apart, the whitened one does, and knows no overfit."""
+    series, _ = coloured(1)
+    models = {n: pem.estimate("oe", series, Orders(nb=3, nf=n, nk=7)) for n in (1, 3, 5)}
+    scores = {n: criteria.whitened_score([model.residuals(series)], n + 3) for n, model in models.items()}
+    assert scores[1] - scores[3] > 100 and scores[5] > scores[3]
+    white = np.random.default_rng(0).standard_normal(5000)
+    assert criteria.whitened_score([2 * white], 0) == pytest.approx(5000 * np.log(4 * np.mean(white**2)), abs=40)
+
+
+def test_the_referee_keeps_data_for_the_choice_or_says_why_not() -> None:
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal(900)
+    rich = Referee([Series(u, u + rng.standard_normal(900), 1.0)])
+    assert rich.simulates and len(rich.fitted[0]) == 600 and len(rich.check[0]) == 300
+    step = np.r_[np.zeros(100), np.ones(800)]
+    still = Referee([Series(step, step + rng.standard_normal(900), 1.0)])
+    assert not still.simulates and "still" in still.reason and len(still.fitted[0]) == 900
+    assert "too few" in Referee([Series(u[:60], u[:60] + rng.standard_normal(60), 1.0)]).reason

@@ -50,7 +50,7 @@ SHORTER = {
     r"fasbody\.cell\b": ["--size", "9", "--modes", "5"],
     r"blackbox\b": ["--structures", "oe", "--orders", "oe=4,4,1"],
 }
-PLAUSIBILITY = "from identification.blackbox import published; print(published.plausibility())"
+PLAUSIBILITY = "from reproduction import published; print(published.plausibility())"
 #: Text blocks that a quick command prints: page, what the block begins with, command.
 PRINTED = (
     ("black_box.md", "270 recordings", f"python -c '{PLAUSIBILITY}'"),

@@ -18,7 +18,8 @@ EXAMPLES = """
 Linear and Hammerstein-Wiener models of recordings with one input and one output.
 
 Works on a study folder, on recordings (time_s, base_m_s2, malleolus_m_s2) and on any CSV with two signals. Orders are
-ranked by free simulation of held-out data; warnings say what the input did not excite.
+chosen by free simulation of a part of the data, or by one-step errors where simulation cannot serve (steps, feedback,
+unstable plants); the fit shown is of held-out data that no choice has seen. Warnings say what the input did not excite.
 
 Examples:
   python -m identification.blackbox recording.csv
@@ -27,6 +28,10 @@ Examples:
 
   python -m identification.blackbox recording.csv --structures oe,ss --orders "oe=4,4,1;ss=4" --json
 
+  python -m identification.blackbox drifting.csv --detrend 1 --robust --structures oe,bj
+
+  python -m identification.blackbox plant.csv --input u1,u2 --output y1,y2 --structures arx,ss
+
   python -m identification.blackbox study/ --pool --structures oe --out results/
 """
 
@@ -34,8 +39,8 @@ Examples:
 @app.command(help=EXAMPLES)
 def main(
     files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="CSV files or study folders")],
-    input: Annotated[str, typer.Option(help="input column, by name or number from 1")] = "",
-    output: Annotated[str, typer.Option(help="output column, by name or number from 1")] = "",
+    input: Annotated[str, typer.Option(help="input column, by name or number from 1; several with commas")] = "",
+    output: Annotated[str, typer.Option(help="output column, by name or number from 1; several with commas")] = "",
     sample_time: Annotated[float | None, typer.Option(help=r"sample time \[s] when there is no time column")] = None,
     structures: Annotated[str, typer.Option(help=f"of {', '.join(ALL)}, separated by commas")] = ",".join(DEFAULT),
     orders: Annotated[
@@ -43,13 +48,20 @@ def main(
     ] = "auto",
     split: Annotated[float, typer.Option(help="fraction used for estimation; the rest is held out")] = 0.5,
     pool: Annotated[bool, typer.Option("--pool", help="one model of all recordings, an initial state each")] = False,
+    detrend: Annotated[int, typer.Option(help="degree of the polynomials in time taken off input and output")] = 0,
+    robust: Annotated[bool, typer.Option("--robust", help="replace single wrong samples of the output")] = False,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
-    out: Annotated[Path | None, typer.Option(help="folder for result.json, models.csv and figures")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="folder for report.html, result.json, models.csv, figures and models")
+    ] = None,
 ) -> None:
     """Identify, report, draw."""
     from identification.blackbox import data, report
     from identification.blackbox.identify import identify
 
+    if "," in input + output:
+        _several(files, (input, output), sample_time, structures, orders, split, json, out)
+        return
     chosen = tuple(name.strip().lower() for name in structures.split(",") if name.strip())
     if not chosen:
         raise SettingError(f"no structure named (valid: {', '.join(ALL)}).")
@@ -74,13 +86,42 @@ def main(
             def step(text: str, name: str = name) -> None:
                 progress.update(task, advance=1, description=f"{name}: {text}")
 
-            reports.append(identify(group, chosen, wanted, split, step))
+            reports.append(identify(group, chosen, wanted, split, step, detrend=detrend, robust=robust))
     document = report.document(reports)
     if json:
         print_json(document)
     _show(reports, pool)
     if out is not None:
         _write(out, reports, document)
+
+
+def _several(
+    files: list[Path], columns: tuple[str, str], sample_time: float | None, structures: str, orders: str, split: float,
+    json: bool, out: Path | None,
+) -> None:  # fmt: skip
+    """Models of several inputs or outputs of one file."""
+    from identification.blackbox import data, keep, mimo
+
+    if len(files) != 1:
+        raise SettingError("several inputs or outputs are identified from one file at a time.")
+    inputs, outputs = ([name.strip() for name in text.split(",") if name.strip()] for text in columns)
+    if not inputs or not outputs:
+        raise SettingError("several inputs or outputs need both --input and --output.")
+    named = structures != ",".join(DEFAULT)
+    chosen = tuple(name.strip().lower() for name in structures.split(",")) if named else mimo.STRUCTURES
+    wanted = parse_orders(orders, chosen)
+    if out is not None:
+        make_folder(out)
+    pairs = [[data.read_csv(files[0], input=u, output=y, sample_time=sample_time) for u in inputs] for y in outputs]
+    found = mimo.identify(mimo.Channels.of(pairs), chosen, wanted, split)
+    console.print(str(found), markup=False, soft_wrap=True)
+    if json:
+        print_json(found.document())
+    if out is not None:
+        write_whole(out / "result.json", to_json(found.document()))
+        for name, one in found.models.items():
+            keep.save(one.model, out / f"{files[0].stem}_{name}.json")  # type: ignore[arg-type]
+        console.print(f"written to {out}", markup=False)
 
 
 def parse_orders(text: str, structures: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
@@ -111,6 +152,8 @@ def _show(reports: "list[Report]", pool: bool) -> None:
 
     for one in reports:
         console.print(report.single_table(one))
+        for text in one.notes:
+            console.print(f"  [yellow]{text}[/]", soft_wrap=True)
         sentences: dict[str, list[str]] = {}
         for name, found in one.models.items():
             for text in found.warnings:
@@ -128,14 +171,17 @@ def _show(reports: "list[Report]", pool: bool) -> None:
 
 
 def _write(folder: Path, reports: "list[Report]", document: dict[str, object]) -> None:
-    from identification.blackbox import figures, report
+    from identification.blackbox import figures, keep, page, report
 
     write_whole(folder / "result.json", to_json(document))
+    write_whole(folder / "report.html", page.html(reports))
     write_whole(folder / "models.csv", report.csv_text(reports))
     for one in reports:
         stem = "".join(c if c.isalnum() or c in "-_." else "_" for c in one.name)
         for name, content in figures.all_figures(one).items():
             write_whole(folder / f"{stem}_{name}.png", content)
+        for name, found in one.models.items():
+            keep.save(found.best.model, folder / f"{stem}_{name}.json")  # type: ignore[arg-type]
     console.print(f"written to {folder}", markup=False)
 
 

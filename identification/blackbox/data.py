@@ -194,6 +194,8 @@ def read_csv(path: Path, *, input: str = "", output: str = "", sample_time: floa
     names = list(table.columns)
     time_name, unit = _time_column(path, table, names, sample_time)
     signals = [name for name in names if name != time_name]
+    if not (input and output) and len(signals) > 2 and not {*INPUT_OUTPUT} <= {*signals}:
+        _never_guess(path, signals, input, output)
     input_name = _column(path, names, signals, input, INPUT_NAMES, "input")
     others = [name for name in signals if name != input_name]
     output_name = _column(path, names, others, output, OUTPUT_NAMES, "output")
@@ -203,6 +205,21 @@ def read_csv(path: Path, *, input: str = "", output: str = "", sample_time: floa
         sample_time = _sample_time(path, _numbers(path, table, time_name) * unit)
     u, y = _numbers(path, table, input_name), _numbers(path, table, output_name)
     return replace(Series(u, y, sample_time, str(path), (input_name, output_name)), name=path.stem)
+
+
+def _never_guess(path: Path, signals: list[str], input: str, output: str) -> None:
+    """Refuse a file with more signals than two when the names do not say which is which."""
+    said = {"input": bool(input) or any(n in signals for n in INPUT_NAMES), "output": bool(output)}
+    said["output"] = said["output"] or any(n in signals for n in OUTPUT_NAMES)
+    if all(said.values()):
+        return
+    u = [name for name in signals if re.fullmatch(r"(?:u|in|input)[\s_]?\d+", name, re.IGNORECASE)]
+    y = [name for name in signals if re.fullmatch(r"(?:y|out|output)[\s_]?\d+", name, re.IGNORECASE)]
+    example = f"--input {','.join(u)} --output {','.join(y)}" if u and y else "--input and --output"
+    raise InputFileError(
+        path, f"has {len(signals)} signals ({', '.join(signals[:8])}), and which is input is not said",
+        f"name them: {example}",
+    )  # fmt: skip
 
 
 def _time_column(

@@ -10,6 +10,7 @@ from identification.blackbox.data import Series
 
 THRESHOLD = 1e-3  # of the largest singular value: weaker directions drown in sensor noise, whatever eps allows
 LAGS = 200  # the largest excitation order looked for
+LINES = 60  # excited frequencies up to which they count as separate lines
 SIGNIFICANT = 20.0  # times the median power: noise of a whole record reaches 14 to 17
 
 
@@ -35,6 +36,11 @@ class Excitation:
     def single_sine(self) -> bool:
         """Whether the input is one sine with its harmonics."""
         return bool(self.harmonics)
+
+    @property
+    def lines(self) -> bool:
+        """Whether the input is separate spectral lines, between which nothing is known."""
+        return len(self.band_hz) <= LINES
 
     def warning(self, parameters: int) -> str:
         """The sentence for a model with `parameters` plant coefficients, or an empty string."""

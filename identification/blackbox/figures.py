@@ -1,6 +1,7 @@
 """Figures of a report: output (as Figures 3.3 to 3.6), Bode with confidence, residual tests, poles and zeros."""
 
 import io
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -24,8 +25,7 @@ DASHES: dict[str, Any] = {
 
 def all_figures(report: Report) -> dict[str, bytes]:
     """PNG files by name: output, bode, residuals, poles_zeros."""
-    drawings = {"output": output, "bode": bode, "residuals": residuals, "poles_zeros": poles}
-    return {name: png(draw(report)) for name, draw in drawings.items()}
+    return {name: png(draw(report)) for name, draw in DRAWINGS.items()}
 
 
 def png(figure: Figure, dpi: int = 160) -> bytes:
@@ -34,6 +34,13 @@ def png(figure: Figure, dpi: int = 160) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi)
     return buffer.getvalue()
+
+
+def svg(figure: Figure) -> str:
+    """The figure as SVG text without date or declaration, to be put into a page."""
+    text = io.StringIO()
+    figure.savefig(text, format="svg", metadata={"Date": None})
+    return text.getvalue()[text.getvalue().index("<svg") :]
 
 
 def output(report: Report) -> Figure:
@@ -91,7 +98,16 @@ def _responding(report: Report) -> dict[str, Found]:
 def _bode_band(report: Report) -> Figure:
     figure = Figure(figsize=(7, 5.6), layout="constrained")
     gain, phase = figure.subplots(2, 1, sharex=True)
-    lines = len(report.excitation.band_hz) <= 60  # separate lines: points, for nothing is known between them
+    lines = report.excitation.lines  # points, for nothing is known between them
+    if report.nonparametric is not None:
+        seen = report.nonparametric
+        size = np.abs(seen.value)
+        sure = CONFIDENCE * seen.std < 0.5 * size
+        angle = np.rad2deg(np.unwrap(np.angle(seen.value[sure])))
+        style: dict[str, Any] = {"fmt": "o", "ms": 2, "color": "0.55", "elinewidth": 0.6, "zorder": 0}
+        shown = seen.frequency_hz[sure]
+        gain.errorbar(shown, size[sure], CONFIDENCE * seen.std[sure], label="no model", **style)
+        phase.errorbar(shown, angle, np.rad2deg(CONFIDENCE * seen.std[sure] / size[sure]), **style)
     for name, found in _responding(report).items():
         r = found.response
         size, angle = np.abs(r.value), np.rad2deg(np.unwrap(np.angle(r.value)))
@@ -103,7 +119,7 @@ def _bode_band(report: Report) -> Figure:
             value = np.where(unknown, np.nan, value)
             if lines:
                 size_of = 7 - list(report.models).index(name)
-                style: dict[str, Any] = {"fmt": "o", "ms": size_of, "mfc": "none", "capsize": 2, "lw": 1}
+                style = {"fmt": "o", "ms": size_of, "mfc": "none", "capsize": 2, "lw": 1}
                 axes.errorbar(r.frequency_hz, value, band, color=COLOURS[name], label=label, **style)
                 continue
             axes.plot(r.frequency_hz, value, color=COLOURS[name], ls=DASHES[name], label=label)
@@ -218,3 +234,8 @@ def poles(report: Report) -> Figure:
     figure.legend(handles=marks, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
     figure.suptitle(f"{report.name}: poles and zeros", fontsize=11)
     return figure
+
+
+DRAWINGS: dict[str, Callable[[Report], Figure]] = {
+    "output": output, "bode": bode, "residuals": residuals, "poles_zeros": poles,
+}  # fmt: skip

@@ -4,6 +4,17 @@ import numpy as np
 from scipy import linalg, signal
 
 
+def lfilter(
+    num: np.ndarray | list[float], den: np.ndarray | list[float], values: np.ndarray, axis: int = 0
+) -> np.ndarray:
+    """`scipy.signal.lfilter` along the first axis from rest, without its detours for filters of no or few taps."""
+    if len(den) == 1 and len(num) == 1:
+        return values * (num[0] / den[0])
+    if len(den) == 1 and values.ndim == 1:
+        return np.convolve(values, num)[: len(values)] / den[0]
+    return signal.lfilter(num, den, values, axis=axis)
+
+
 def stabilise(polynomial: np.ndarray, radius: float = 0.9995) -> np.ndarray:
     """The monic polynomial (n,) with roots outside the unit circle mirrored into it, and none beyond `radius`."""
     if len(polynomial) < 2:
@@ -46,7 +57,7 @@ def free_run(num: np.ndarray, den: np.ndarray, u: np.ndarray, y: np.ndarray) -> 
     """
     if largest_root(den) >= 1.0:
         return np.full(len(u), np.inf)
-    forced = signal.lfilter(num, den, u)
+    forced = lfilter(num, den, u)
     states = max(len(num), len(den)) - 1
     free = np.column_stack([shifted(pulse_response(den, len(u)), states), np.ones(len(u))])
     start, *_ = linalg.lstsq(free, y - forced, lapack_driver="gelsy", cond=1e-10, check_finite=False)
@@ -57,7 +68,7 @@ def pulse_response(den: np.ndarray, length: int) -> np.ndarray:
     """Response (length,) of 1/den to a unit pulse at the first sample."""
     pulse = np.zeros(length)
     pulse[0] = 1.0
-    return signal.lfilter([1.0], den, pulse)
+    return lfilter([1.0], den, pulse)
 
 
 def shifted(values: np.ndarray, count: int, first: int = 0) -> np.ndarray:

@@ -113,6 +113,38 @@ def points(recordings: Series | Sequence[Series]) -> Points:
     return Points(np.array(frequency), np.array(value), np.array(std), distortion)
 
 
+def local(recordings: Series | Sequence[Series], frequency_hz: ArrayLike, reach: int = 6) -> Points:
+    """Response without a model, at the spectral lines nearest to `frequency_hz` (M,).
+
+    The local polynomial method (Pintelon, Schoukens and others 2010): over `reach` lines at either side the response
+    and the leakage of the record's ends are parabolas, fitted together; what they leave is the noise.
+
+    Args:
+        recordings: one or many, means removed; averaged with their weights.
+        frequency_hz: wanted, shape (M,).
+        reach: lines at either side, at least 4.
+    """
+    pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
+    wanted = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
+    value, weight = np.zeros(len(wanted), dtype=complex), np.zeros(len(wanted))
+    offset = np.arange(-reach, reach + 1)
+    parabola = (offset / reach)[:, None] ** np.arange(3)
+    for series in pooled:
+        U, Y = np.fft.rfft(series.u), np.fft.rfft(series.y)
+        at = np.rint(wanted * len(series) * series.sample_time).astype(int)
+        at = np.clip(at, reach + 1, len(U) - reach - 2)
+        for k, middle in enumerate(at):
+            part = middle + offset
+            phi = np.hstack([parabola * U[part, None], parabola])
+            inverse = np.linalg.pinv(phi, rcond=1e-10)
+            theta = inverse @ Y[part]
+            left = float(np.sum(np.abs(Y[part] - phi @ theta) ** 2)) / (len(part) - phi.shape[1])
+            variance = max(left * float(np.sum(np.abs(inverse[0]) ** 2)) / 2, 1e-300)
+            value[k] += theta[0] / variance
+            weight[k] += 1.0 / variance
+    return Points(wanted, value / weight, 1.0 / np.sqrt(weight))
+
+
 def _steady(series: Series) -> Series:
     """The recording without its start-up: tenths are cut while the first is missed half as badly again as the rest."""
     for _ in range(3):

@@ -8,18 +8,33 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import FasError, SettingError, unknown
-from identification.blackbox import excitation, frequency, narx, nonlinear, pem, selection, subspace
+from identification.blackbox import (
+    condition,
+    criteria,
+    excitation,
+    frequency,
+    narx,
+    nonlinear,
+    pem,
+    search,
+    selection,
+    subspace,
+)
+from identification.blackbox.condition import Condition
 from identification.blackbox.data import ALL, DEFAULT, Series
 from identification.blackbox.excitation import Excitation
 from identification.blackbox.frequency import Rational, Response
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
-from identification.blackbox.selection import Candidate, Selection
+from identification.blackbox.selection import Candidate, Referee, Selection
 from identification.blackbox.validation import ALARM, ResidualTest, residual_test
 
 DEGREES = ((3, 1), (1, 3), (3, 3), (5, 3))  # of the Hammerstein-Wiener polynomials tried
 WHITE = ("arx", "armax", "bj")  # their standard errors assume that e(t) is white; those of OE do not
+STRONGLY = 5.0  # times its whitened variance that noise may have before output errors follow it
 FEW = 20  # excitation rank up to which a pulse response cannot be seen
-HEAVY = 30_000  # estimation samples above which the grid of n_b is cut from 15 to 6
+#: Half-widths from a resonance at which its curve is drawn.
+AROUND = np.array([-8.0, -4.0, -2.0, -1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0])
+LOOKED_AT = 20_000  # samples of a recording that are examined for drift, spikes and feedback
 
 #: Structure -> orders in the sequence of Table 3.2; structures not named are selected automatically.
 Wanted = Mapping[str, tuple[int, ...]]
@@ -56,9 +71,12 @@ class Report:
         estimation: data behind the estimates, means removed.
         validation: held-out data, the estimation means removed.
         excitation: what the estimation input excites.
+        condition: spikes, drift, feedback and steps found before any model was made.
+        notes: sentences on the condition and on what was done about it.
         models: by structure.
         left_out: leave-one-frequency-out errors of the rational fit, for pools of single sines; else None.
         rational: rational function through the points of such a pool; else None.
+        nonparametric: response without a model, where the spectrum is continuous; else None.
         failures: sentences on structures that could not be estimated.
     """
 
@@ -66,13 +84,16 @@ class Report:
     estimation: tuple[Series, ...]
     validation: tuple[Series, ...]
     excitation: Excitation
+    condition: Condition
+    notes: tuple[str, ...]
     models: Mapping[str, Found]
     left_out: frequency.LeftOut | None
     rational: Rational | None
+    nonparametric: frequency.Points | None
     failures: tuple[str, ...]
 
     def __str__(self) -> str:
-        rows = [f"{self.name}: {self.excitation}"]
+        rows = [f"{self.name}: {self.excitation}", *(f"  {text}" for text in self.notes)]
         for found in self.models.values():
             rows += [f"  {found.best}", *(f"    {text}" for text in found.warnings)]
         return "\n".join([*rows, *(str(extra) for extra in (self.rational, self.left_out) if extra), *self.failures])
@@ -80,16 +101,18 @@ class Report:
 
 def identify(
     recordings: Series | Sequence[Series], structures: Sequence[str] = DEFAULT, wanted: Wanted | None = None,
-    split: float = 0.5, step: Callable[[str], Any] = lambda text: None,
+    split: float = 0.5, step: Callable[[str], Any] = lambda text: None, *, detrend: int = 0, robust: bool = False,
 ) -> Report:  # fmt: skip
     """Estimate, select and judge models of all `structures` from one recording or from several pooled.
 
     Args:
-        recordings: whole recordings; each is split into an estimation and a held-out part.
+        recordings: whole recordings; each is split into an estimation and a held-out part, which only judges.
         structures: of "arx", "armax", "oe", "bj", "ss", "hw", "narx".
         wanted: orders to use instead of selecting them.
-        split: fraction used for estimation.
+        split: fraction used for estimation and for the choice of orders.
         step: called with what is about to begin.
+        detrend: degree of the polynomials in time that are taken off input and output; 0 for the means.
+        robust: replace single wrong samples of the output.
 
     Raises:
         FasError: the recordings cannot be used, or no structure could be estimated.
@@ -98,10 +121,23 @@ def identify(
         if name not in ALL:
             raise SettingError(unknown("structure", name, ALL) + ".")
     pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
+    notes = []
+    if robust:
+        repaired = [condition.mend(series.centred()) for series in pooled]
+        count = sum(len(where) for _, where in repaired)
+        notes.append(f"{count} outliers in the output were replaced" if count else "no outliers were found")
+        pooled = [series for series, _ in repaired]
+    if detrend:
+        pooled = [condition.detrend(series, detrend) for series in pooled]
     parts = [series.split(split) for series in pooled]
     step("excitation")
     seen = excitation.examine([first for first, _ in parts])
-    chooser = _Chooser([first for first, _ in parts], [second for _, second in parts], wanted or {}, step, seen)
+    state = condition.together([
+        condition.examine(series.cut(0, min(len(series), LOOKED_AT)).centred()) for series in pooled
+    ])  # fmt: skip
+    notes += state.warnings()
+    referee = Referee([first for first, _ in parts], state.by_prediction, poor=seen.rank <= FEW)
+    chooser = _Chooser(referee, [second for _, second in parts], wanted or {}, step, state)
     models, failures = {}, []
     for name in structures:
         try:
@@ -112,29 +148,26 @@ def identify(
             failures.append(f"{name}: {error}")
     if not models:
         raise SettingError("; ".join(failures))
+    shown = shown_frequencies(seen, [found.best.model for found in models.values()], pooled[0].sample_time)
+    models = {name: replace(found, response=found.selection.curve(shown)) for name, found in models.items()}
     rational, left_out = _through_points(pooled)
+    free = None if seen.lines or seen.single_sine else frequency.local(referee.estimation, shown_frequencies(seen))
     title = pooled[0].name if len(pooled) == 1 else f"{len(pooled)} recordings pooled"
     return Report(
-        title, tuple(chooser.estimation), tuple(chooser.validation), seen, models, left_out, rational, tuple(failures)
-    )
+        title, tuple(referee.estimation), tuple(chooser.validation), seen, state, tuple(notes), models, left_out,
+        rational, free, tuple(failures),
+    )  # fmt: skip
 
 
 class _Chooser:
     """Selections of all structures on the same data; the later ones build on the orders of ARX and OE."""
 
     def __init__(
-        self,
-        estimation: list[Series],
-        validation: list[Series],
-        wanted: Wanted,
-        step: Callable[[str], Any],
-        seen: Excitation,
+        self, referee: Referee, validation: list[Series], wanted: Wanted, step: Callable[[str], Any], state: Condition
     ) -> None:
-        self.estimation, self.validation = estimation, validation
-        self.wanted, self.step = wanted, step
+        self.referee, self.validation = referee, validation
+        self.wanted, self.step, self.state = wanted, step, state
         self.done: dict[str, Selection] = {}
-        self.sines = seen.rank <= FEW
-        self.heavy = sum(len(series) for series in estimation) > HEAVY
 
     def select(self, name: str) -> Selection:
         """The selection of one structure, made once."""
@@ -145,61 +178,70 @@ class _Chooser:
 
     @cached_property
     def delay(self) -> int:
-        """The plant's delay n_k in samples."""
-        return selection.delay(self.estimation, far=not self.sines)
+        """The plant's delay n_k in samples; a controller that answers at once leaves at least one."""
+        found = search.delay(self.referee.estimation, far=not self.referee.poor)
+        return max(found, 1) if self.state.feedback else found
 
-    def _orders(self, name: str) -> Orders:
-        return self.select(name).best.model.orders  # type: ignore[attr-defined]  # arx and oe are polynomial
+    def _model(self, name: str) -> PolynomialModel:
+        return self.select(name).best.model  # type: ignore[return-value]  # arx and oe are polynomial
 
     def _select(self, name: str) -> Selection:
-        estimation, validation = self.estimation, self.validation
+        referee = self.referee
         if name in self.wanted:
-            return selection.rank([self._given(name, self.wanted[name])], validation, 1, ())
+            return Selection((selection.judge(self._given(name, self.wanted[name]), self.validation),), 1, (), ())
         if name == "arx":
-            return selection.select_arx(estimation, validation, nk=self.delay)
+            return search.select_arx(referee, self.delay)
         if name == "oe":
-            trials = selection.oe_trials(self.delay, 6 if self.heavy else 15)
-            return selection.select_polynomial("oe", trials, estimation, validation)
+            return search.select_oe(referee, self.delay)
         if name == "armax":
-            trials = selection.armax_trials(self._orders("arx"), self._orders("oe"))
-            return selection.select_polynomial("armax", trials, estimation, validation)
+            from_oe = None if self.state.unstable else self._model("oe").orders
+            return search.select_armax(referee, self._model("arx").orders, from_oe)
         if name == "bj":
-            return selection.select_polynomial("bj", selection.bj_trials(self._orders("oe")), estimation, validation)
+            return search.select_bj(referee, self._model("oe"), self.delay)
         if name == "ss":
-            return selection.select_state_space(estimation, validation)
+            return search.select_state_space(referee)
         if name == "hw":
-            linear = self.select("oe").best.model
-            levels = min(nonlinear.levels(series.u) for series in estimation)
-            degrees = [(p, q) for p, q in DEGREES if p < levels]
-            models = [nonlinear.estimate(estimation, self._orders("oe"), d, linear) for d in degrees]  # type: ignore[arg-type]
-            skipped = len(degrees) < len(DEGREES)
-            said = [f"the input has {levels:g} levels: no input polynomial of that degree or more is tried"] * skipped
-            return selection.rank(models, validation, len(models), said)
-        best = narx.estimate(estimation, validation)
-        return Selection((best,), narx.LARGEST_TERMS, (best.model.label,), ())
+            return self._hammerstein_wiener()
+        best = narx.estimate(referee.fitted, referee.check, nk=self.delay)
+        whole = narx.refine(best.model, referee.estimation)  # type: ignore[arg-type]
+        return Selection((replace(best, model=whole),), narx.LARGEST_TERMS, (whole.label,), ())
+
+    def _hammerstein_wiener(self) -> Selection:
+        referee, linear = self.referee, self._model("oe")
+        levels = min(nonlinear.levels(series.u) for series in referee.estimation)
+        degrees = [(p, q) for p, q in DEGREES if p < levels]
+        models = [nonlinear.estimate(referee.fitted, linear.orders, d, linear) for d in degrees]
+        said = [f"the input has {levels:g} levels: no input polynomial of that degree or more is tried"]
+        chosen = selection.rank([referee.judge(m) for m in models], referee, 0, said * (len(degrees) < len(DEGREES)))
+        best: nonlinear.HammersteinWiener = chosen.best.model  # type: ignore[assignment]
+        whole = nonlinear.estimate(referee.estimation, linear.orders, best.degrees, linear)
+        return replace(chosen, candidates=(replace(chosen.best, model=whole), *chosen.candidates[1:]))
 
     def _given(self, name: str, numbers: tuple[int, ...]) -> selection.Model:
+        estimation = self.referee.estimation
         if name in STRUCTURES:
-            return pem.estimate(name, self.estimation, Orders.of(name, numbers))
+            return pem.estimate(name, estimation, Orders.of(name, numbers))
         if name == "ss" and len(numbers) == 1:
-            return subspace.estimate(self.estimation, numbers[0], refine=True)
+            return subspace.estimate(estimation, numbers[0], refine=True)
         if name == "hw" and len(numbers) == 5:
-            return nonlinear.estimate(self.estimation, Orders.of("oe", numbers[:3]), (numbers[3], numbers[4]))
+            return nonlinear.estimate(estimation, Orders.of("oe", numbers[:3]), (numbers[3], numbers[4]))
         valid = {"ss": "1 order", "hw": "5 orders (nb, nf, nk, input degree, output degree)", "narx": "no orders"}
         raise SettingError(f"{name} takes {valid.get(name, 'no orders')}, not {len(numbers)}.")
 
 
 def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
+    """The chosen model on the held-out data, which no choice has seen."""
     model = chosen.best.model
     noise = sum(getattr(getattr(model, "orders", None), key, 0) for key in ("na", "nc", "nd"))
     tests = [residual_test(model.residuals(series), series, noise) for series in chooser.validation]
     test = max(tests, key=lambda t: -min(t.cross_p, t.white_p))
     warnings = [*model.warnings, *chosen.warnings]
-    if test.white_p < ALARM and isinstance(model, PolynomialModel) and model.structure in WHITE:
-        name = model.structure.upper()
-        warnings.append(f"no standard errors or band: those of {name} are valid for white residuals only")
-        model = model.without_intervals()
-        chosen = replace(chosen, candidates=(replace(chosen.best, model=model), *chosen.candidates[1:]))
+    why = _no_intervals(model, test, chooser)
+    if why:
+        warnings.append(f"no standard errors or band: {why}")
+        model = _without_intervals(model)
+    judged = selection.judge(model, chooser.validation)
+    chosen = replace(chosen, candidates=(judged, *chosen.candidates[1:]))
     plant = len(model.poles()) + len(model.zeros()) + 1  # the coefficients of a proper B/F
     guard = seen.warning(plant) if model.structure != "narx" else ""
     if guard:
@@ -211,18 +253,59 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
         )
     if not np.isfinite(chosen.best.fit_percent):
         warnings.append("free simulation diverges, so there is no fit")
-    return Found(chosen, test, model.response(shown_frequencies(seen)), tuple(warnings) + test.warnings)
+    return Found(chosen, test, model.response([]), tuple(warnings) + test.warnings)
 
 
-def shown_frequencies(seen: Excitation, count: int = 60) -> np.ndarray:
-    """Frequencies [Hz] at which a response may be shown: the excited ones."""
+def _no_intervals(model: selection.Model, test: ResidualTest, chooser: _Chooser) -> str:
+    """Why the standard errors of a model would mislead, or an empty string."""
+    name, state = model.structure.upper(), chooser.state
+    errors = [model.residuals(series) for series in chooser.referee.estimation]
+    coloured = STRONGLY * criteria.whitened_variance(errors) < np.mean(np.concatenate(errors) ** 2)
+    if model.structure in WHITE and test.white_p < ALARM:
+        return f"those of {name} are valid for white residuals only"
+    if model.structure not in WHITE and state.feedback:
+        return f"{name} has no noise model, so feedback biases it"
+    if model.structure not in WHITE and coloured:
+        return f"the errors of {name} are so strongly coloured that it follows them; BJ models them"
+    if state.spikes:
+        return "outliers are no noise that a standard error describes"
+    return ""
+
+
+def _without_intervals(model: Any) -> Any:
+    """The model with NaN for every standard error of its plant."""
+    if isinstance(model, PolynomialModel):
+        return model.without_intervals()
+    for part in ("transfer", "linear"):
+        if hasattr(model, part):
+            return replace(model, **{part: getattr(model, part).without_intervals()})
+    return model
+
+
+def shown_frequencies(
+    seen: Excitation, models: Sequence[selection.Model] = (), sample_time: float = 1.0, count: int = 60
+) -> np.ndarray:
+    """Frequencies [Hz] at which a response may be shown: the excited ones, and those around the poles of `models`.
+
+    Without the latter a sharp resonance falls between two points and is drawn too low.
+    """
     if seen.single_sine:
         return seen.frequency_hz * np.array(seen.harmonics)
-    if len(seen.band_hz) <= count:
+    if seen.lines:
         return seen.band_hz
-    grid = np.geomspace(seen.band_hz[0], seen.band_hz[-1], count)
+    low, high = seen.band_hz[0], seen.band_hz[-1]
+    grid = np.geomspace(low, high, count)
     nearest = np.searchsorted(seen.band_hz, np.sqrt(grid[1:] * grid[:-1]))
-    return seen.band_hz[np.unique(np.clip(nearest, 0, len(seen.band_hz) - 1))]
+    found = [seen.band_hz[np.unique(np.clip(nearest, 0, len(seen.band_hz) - 1))]]
+    places: list[complex] = []
+    for pole in np.concatenate([[], *(model.poles() for model in models)]):
+        s = np.log(complex(pole)) / (2 * np.pi * sample_time) if pole else 0j
+        known = any(abs(s - other) < 0.2 * abs(other.real) for other in places)
+        if low < s.imag < high and abs(s.real) < 0.3 * s.imag and not known:
+            places.append(s)
+            found.append(s.imag + abs(s.real) * AROUND)
+    frequencies = np.unique(np.concatenate(found))
+    return frequencies[(frequencies >= low) & (frequencies <= high)]
 
 
 def _through_points(pooled: Sequence[Series]) -> tuple[Rational | None, frequency.LeftOut | None]:

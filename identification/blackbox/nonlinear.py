@@ -1,16 +1,15 @@
 """Hammerstein-Wiener models: polynomial in, linear OE, polynomial out, by exact-gradient prediction error."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import lfilter
 
 from fasbody.exceptions import SettingError
 from identification.blackbox import pem
 from identification.blackbox.data import Series
-from identification.blackbox.filters import largest_root, pulse_response, shifted
+from identification.blackbox.filters import largest_root, lfilter, pulse_response, shifted
 from identification.blackbox.frequency import Response
 from identification.blackbox.least_squares import Linearisation, minimise, project_states, spread
 from identification.blackbox.polynomial import RADIUS, Orders, PolynomialModel
@@ -72,14 +71,41 @@ class HammersteinWiener:
         """Response of the linear block: the limit for small amplitudes."""
         return self.linear.response(frequency_hz)
 
-    def simulate(self, series: Series) -> np.ndarray:
-        """Free simulation with the initial state of the linear block that fits best, shape (N,)."""
-        problem = _Problem([series], self.linear.orders, *self.degrees, self.input_scale, self.output_scale)
-        theta = np.concatenate([self.linear.theta, self.input_terms, self.output_terms])
-        errors = problem.at(theta).errors[0]
-        simulated = series.y.copy()
-        simulated[len(series) - len(errors) :] -= errors
+    @property
+    def _theta(self) -> np.ndarray:
+        return np.concatenate([self.linear.theta, self.input_terms, self.output_terms])
+
+    def _problem(self, series: Series) -> "_Problem":
+        return _Problem([series], self.linear.orders, *self.degrees, self.input_scale, self.output_scale)
+
+    def simulate(self, u: Series | ArrayLike, x0: ArrayLike = 0.0) -> np.ndarray:
+        """Free simulation, shape (N,); of a recording with the initial state of the linear block that fits best.
+
+        Args:
+            u: input (N,), or a recording.
+            x0: state of the linear block before an input alone, in observer form, shape (n,).
+        """
+        if not isinstance(u, Series):
+            values = np.asarray(u, dtype=float)
+            still = Series(values, values, self.linear.sample_time, part=True)
+            return self._problem(still).run(self._theta, still.u, lambda bent: self.linear.simulate(bent, x0))
+        errors = self._problem(u).at(self._theta).errors[0]
+        simulated = u.y.copy()
+        simulated[len(u) - len(errors) :] -= errors
         return simulated
+
+    def extend(self, series: Series, u: np.ndarray) -> np.ndarray:
+        """Output (M,) after the end of a recording for the input `u` (M,) there."""
+        num, den = self.linear.plant
+        first = self.linear.orders.first_row
+        state = self._problem(series).state(series, self._theta)
+
+        def linear(bent: np.ndarray) -> np.ndarray:
+            pulses = np.zeros(len(bent))
+            pulses[first : first + len(state)] = state
+            return lfilter(num, den, bent) + lfilter([1.0], den, pulses)
+
+        return self._problem(series).run(self._theta, np.concatenate([series.u, u]), linear)[len(series) :]
 
     def residuals(self, series: Series) -> np.ndarray:
         """Simulation errors (N,), which are the prediction errors of a model without noise dynamics."""
@@ -115,19 +141,10 @@ class _Problem:
         o = self.orders
         b, f, a, c = self._split(theta)
         first, length = o.first_row, len(series)
-        terms = self.input_scale * (series.u / self.input_scale)[:, None] ** np.arange(2, self.p + 1)
+        terms = self._terms(series.u)
         bent = series.u + terms @ a
-        forced = lfilter(b, f, bent)
-        pulses = np.zeros((length, o.nf), order="F")
-        pulses[first:] = shifted(pulse_response(f, length - first), o.nf)
-        state = np.zeros(o.nf)
-        for _ in range(3):  # mildly nonlinear: three steps reach rounding for a foot's amplitudes
-            w = forced + pulses @ state
-            slope = self._slope(w, c)
-            errors = (series.y - self._output(w, c))[first:]
-            step, remove = project_states(errors, (pulses * slope[:, None])[first:])
-            state = state + step
-        w = forced + pulses @ state
+        pulses = self._pulses(f, length)
+        w = lfilter(b, f, bent) + pulses @ self.state(series, theta)
         errors = (series.y - self._output(w, c))[first:]
         if not gradient:
             return errors, np.empty((0, 0))
@@ -139,6 +156,33 @@ class _Problem:
         ])  # fmt: skip
         powers = self._powers(w)
         return errors, remove(-np.hstack([dw * slope[:, None], powers])[first:])
+
+    def _terms(self, u: np.ndarray) -> np.ndarray:
+        return self.input_scale * (u / self.input_scale)[:, None] ** np.arange(2, self.p + 1)
+
+    def _pulses(self, f: np.ndarray, length: int) -> np.ndarray:
+        first, count = self.orders.first_row, self.orders.nf
+        pulses = np.zeros((length, count), order="F")
+        pulses[first:] = shifted(pulse_response(f, length - first), count)
+        return pulses
+
+    def state(self, series: Series, theta: np.ndarray) -> np.ndarray:
+        """Initial state (n_f,) of the linear block that fits a recording best."""
+        b, f, a, c = self._split(theta)
+        first = self.orders.first_row
+        forced, pulses = lfilter(b, f, series.u + self._terms(series.u) @ a), self._pulses(f, len(series))
+        state = np.zeros(self.orders.nf)
+        for _ in range(3):  # mildly nonlinear: three steps reach rounding for a foot's amplitudes
+            w = forced + pulses @ state
+            slope = self._slope(w, c)
+            step, _ = project_states((series.y - self._output(w, c))[first:], (pulses * slope[:, None])[first:])
+            state = state + step
+        return state
+
+    def run(self, theta: np.ndarray, u: np.ndarray, linear: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """Output (N,) to the input (N,) through a `linear` block with a state of its own."""
+        _, _, a, c = self._split(theta)
+        return self._output(linear(u + self._terms(u) @ a), c)
 
     def _powers(self, w: np.ndarray) -> np.ndarray:
         exponents = np.array([0, *range(2, self.q + 1)])[: self.q if self.q > 1 else 1]

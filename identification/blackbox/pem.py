@@ -5,15 +5,14 @@ are linear least squares, too.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
-from scipy.signal import lfilter
 
 from fasbody.exceptions import SettingError, unknown
 from identification.blackbox.data import Series
-from identification.blackbox.filters import largest_root, pole_warnings, shifted, stabilise
+from identification.blackbox.filters import largest_root, lfilter, pole_warnings, pulse_response, shifted, stabilise
 from identification.blackbox.least_squares import Linearisation, Minimum, minimise, spread
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel, Residuals, pack, unpack
 
@@ -23,15 +22,18 @@ TRIAL = 8  # iterations after which a second starting value must lead
 
 
 def estimate(
-    structure: str, recordings: Series | Sequence[Series], orders: Orders, *, start: PolynomialModel | None = None
-) -> PolynomialModel:
+    structure: str, recordings: Series | Sequence[Series], orders: Orders, *, starts: Sequence[PolynomialModel] = (),
+    first_row: int = 0, quick: bool = False,
+) -> PolynomialModel:  # fmt: skip
     """Prediction-error estimate of an ARX, ARMAX, OE or BJ model.
 
     Args:
         structure: "arx" Eq. (3.5), "armax" Eq. (3.6), "oe" Eq. (3.7) or "bj" Eq. (3.8).
         recordings: one or many, pooled with an initial state each; means removed.
         orders: numbers of coefficients and delay.
-        start: a model of the same structure and orders to start from beside the linear estimates.
+        starts: models that these orders nest, to start from beside the linear estimates; the loss ends below theirs.
+        first_row: first sample whose residual counts, where models are to be compared on the same ones.
+        quick: end within a tenth of a standard error of the minimum and try fewer starts, as a search for orders may.
 
     Raises:
         SettingError: unknown structure, or more parameters than samples.
@@ -41,17 +43,18 @@ def estimate(
         raise SettingError(unknown("structure", structure, STRUCTURES) + ".")
     _check_length(pooled, orders)
     if structure == "arx":
-        return _least_squares(pooled, orders)
-    problem = Residuals(pooled, orders)
-    if structure == "bj":
+        return _least_squares(pooled, orders, first_row)
+    problem = Residuals(pooled, orders, first_row)
+    nested = [[embedded(model, orders)] for model in starts]
+    if structure == "bj" and not nested:
         plant = Residuals(pooled, Orders(nb=orders.nb, nf=orders.nf, nk=orders.nk))
-        b_and_f = _race(plant, _families("oe", pooled, orders)).theta
+        b_and_f = _race(plant, _families("oe", pooled, orders), quick=quick).theta
         beginnings = _with_noise_model(pooled, orders, b_and_f)
     else:
-        beginnings = _families(structure, pooled, orders)
-    if start is not None:
-        beginnings.append([start.theta])
-    minimum = _race(problem, beginnings)
+        beginnings = [] if structure == "bj" else _families(structure, pooled, orders)
+    if quick and nested:
+        beginnings = [[theta for family in beginnings for theta in family[-1:]]]
+    minimum = _race(problem, beginnings, nested, quick=quick)
     warnings = []
     if not minimum.converged:
         warnings.append("the iterations ended before the loss stopped falling")
@@ -65,10 +68,31 @@ def estimate(
     )  # fmt: skip
 
 
-def _race(problem: Residuals, families: list[list[np.ndarray]]) -> Minimum:
-    """The whole way from the best admissible member of the first family; from the others, while they lead."""
+def embedded(model: PolynomialModel, orders: Orders) -> np.ndarray:
+    """Coefficients (d,) of the larger `orders` that make the same model: zeros where it has none.
+
+    Raises:
+        SettingError: the orders do not nest those of the model.
+    """
+    o = model.orders
+    if not o.within(orders):
+        raise SettingError(f"orders {orders} do not nest {o}.")
+    a, b, c, d, f = model.polynomials
+    pad = lambda p, n: np.concatenate([p, np.zeros(n - len(p))])  # noqa: E731
+    b = pad(b, orders.nk + orders.nb)[orders.nk :]
+    return pack(pad(a, orders.na + 1), b, pad(c, orders.nc + 1), pad(d, orders.nd + 1), pad(f, orders.nf + 1))
+
+
+def _race(
+    problem: Residuals, families: list[list[np.ndarray]], nested: list[list[np.ndarray]] | None = None,
+    quick: bool = False,
+) -> Minimum:  # fmt: skip
+    """The whole way from the best admissible member of the first family; from the others, while they lead.
+
+    Those of `nested` may start wherever their loss is the least: their end is never above it.
+    """
     best: Minimum | None = None
-    for family in families:
+    for family in [*families, *(nested or [])]:
         losses = [(problem.at(theta).loss, k) for k, theta in enumerate(family) if problem.admissible(theta)]
         losses = [(loss, k) for loss, k in losses if np.isfinite(loss)]
         if not losses:
@@ -79,7 +103,7 @@ def _race(problem: Residuals, families: list[list[np.ndarray]]) -> Minimum:
             if trial.at.loss >= best.at.loss * (1 - 1e-6):
                 continue
             leader = trial.theta
-        best = minimise(problem, leader)
+        best = minimise(problem, leader, iterations=30 if quick else 60, tolerance=1e-2 if quick else 1e-4)
     if best is None:
         raise SettingError(f"no stable starting model with {problem.orders}; lower the orders.")
     return best
@@ -100,7 +124,7 @@ def _check_length(recordings: Sequence[Series], orders: Orders) -> None:
             )
 
 
-def _least_squares(pooled: Sequence[Series], orders: Orders) -> PolynomialModel:
+def _least_squares(pooled: Sequence[Series], orders: Orders, first_row: int = 0) -> PolynomialModel:
     """Least-squares ARX model, Eq. (3.5), of one recording or of many pooled.
 
     Raises:
@@ -108,7 +132,7 @@ def _least_squares(pooled: Sequence[Series], orders: Orders) -> PolynomialModel:
     """
     if orders.nc or orders.nd or orders.nf:
         raise SettingError("an ARX model has only n_a, n_b and n_k.")
-    pairs = [regressors(series, orders) for series in pooled]
+    pairs = [regressors(series, orders, max(first_row, orders.first_row)) for series in pooled]
     theta = solve(pairs)
     at = Linearisation([phi @ theta - y for phi, y in pairs], [phi for phi, _ in pairs])
     a = np.concatenate([[1.0], theta[: orders.na]])
@@ -246,7 +270,37 @@ def _plants(recordings: Sequence[Series], orders: Orders) -> list[list[tuple[np.
         theta = solve([(rows.real, out.real), (rows.imag, out.imag)])
         b, f = theta[orders.nf :], stabilise(np.concatenate([[1.0], theta[: orders.nf]]))
         in_frequency.append((b, f))
-    return [in_frequency[3::4], in_time[3::4]]
+    noiseless = []
+    num, den = _long_plant(recordings, orders)
+    made = [(series.u, lfilter(num, den, series.u)) for series in recordings]
+    b, f = _arx(made, orders)
+    for _ in range(8):
+        b, f = _arx([(lfilter([1.0], f, u), lfilter([1.0], f, y)) for u, y in made], orders)
+        noiseless.append((b, f))
+    return [in_frequency[3::4], [*in_time[3::4], *noiseless[3::4], _realised(num, den, orders)]]
+
+
+def _long_plant(recordings: Sequence[Series], orders: Orders) -> tuple[np.ndarray, np.ndarray]:
+    """B and stable A of a long ARX model, whose plant coloured noise does not bias."""
+    lags = min(LONG, min(len(series) for series in recordings) // 8)
+    long = Orders(na=lags, nb=lags, nk=orders.nk)
+    theta = solve([regressors(series, long) for series in recordings])
+    a, b, _, _, _ = unpack(theta, long)
+    return b, stabilise(a, 0.9999)
+
+
+def _realised(num: np.ndarray, den: np.ndarray, orders: Orders) -> tuple[np.ndarray, np.ndarray]:
+    """B and stable F of the largest modes in the Hankel matrix of a plant's pulse response, a subspace model."""
+    size = max(2 * LONG, 2 * orders.nf + 2)
+    pulse = lfilter(num, den, np.concatenate([[1.0], np.zeros(2 * size + orders.nk)]))[orders.nk :]
+    if not orders.nf:
+        return pulse[: orders.nb], ONE
+    hankel = linalg.hankel(pulse[1 : size + 1], pulse[size : 2 * size])
+    left, s, _ = linalg.svd(hankel, check_finite=False)
+    gamma = left[:, : orders.nf] * np.sqrt(s[: orders.nf])
+    f = stabilise(np.poly(linalg.lstsq(gamma[:-1], gamma[1:])[0]).real)
+    columns = shifted(pulse_response(f, len(pulse)), orders.nb)
+    return linalg.lstsq(columns, pulse)[0], f
 
 
 def _excited_lines(series: Series) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -288,6 +342,8 @@ def _hannan_rissanen(recordings: Sequence[Series], orders: Orders) -> np.ndarray
 
 def _noise_model(noises: list[np.ndarray], nc: int, nd: int) -> tuple[np.ndarray, np.ndarray]:
     """C and D of D v = C e by the same device on the noise alone."""
+    if not nc + nd:
+        return ONE, ONE
     lags = max(min(LONG, min(len(v) for v in noises) // 8), 1)
     long = solve([(shifted(v, lags, 1)[lags:], v[lags:]) for v in noises])
     first, parts = lags + max(nc, nd), []
@@ -296,3 +352,21 @@ def _noise_model(noises: list[np.ndarray], nc: int, nd: int) -> tuple[np.ndarray
         parts.append((np.column_stack([-shifted(v, nd, 1), shifted(e, nc, 1)])[first:], v[first:]))
     theta = solve(parts)
     return stabilise(np.concatenate([[1.0], theta[nd:]]), 0.99), stabilise(np.concatenate([[1.0], theta[:nd]]), 0.999)
+
+
+def noise_orders(noises: list[np.ndarray], largest: int) -> tuple[int, int]:
+    """n_c and n_d, 0 to `largest`, that BIC prefers for D v = C e on noises (N_i,), by linear least squares."""
+    samples = sum(len(v) for v in noises)
+    scores = {}
+    for nc in range(largest + 1):
+        for nd in range(largest + 1):
+            c, d = _noise_model(noises, nc, nd)
+            loss = sum(float(np.sum(lfilter(d, c, v) ** 2)) for v in noises) / samples
+            scores[nc, nd] = samples * np.log(max(loss, 1e-300)) + (nc + nd) * np.log(samples)
+    return min(scores, key=lambda key: scores[key])
+
+
+def whitened(recordings: Sequence[Series], noises: Sequence[np.ndarray], order: int) -> list[Series]:
+    """Recordings with input and output filtered so that noises (N_i,) like those given come out white."""
+    _, d = _noise_model(list(noises), 0, order)
+    return [replace(s, u=lfilter(d, ONE, s.u), y=lfilter(d, ONE, s.y), part=True) for s in recordings]

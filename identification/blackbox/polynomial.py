@@ -7,11 +7,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import signal
-from scipy.signal import lfilter
 
 from fasbody.exceptions import SettingError, unknown
 from identification.blackbox.data import Series
-from identification.blackbox.filters import free_run, largest_root, pulse_response, shifted
+from identification.blackbox.filters import free_run, largest_root, lfilter, pulse_response, shifted
 from identification.blackbox.frequency import Response
 from identification.blackbox.least_squares import Linearisation, project_states
 
@@ -68,6 +67,11 @@ class Orders:
         """Number of estimated coefficients d."""
         return self.na + self.nb + self.nc + self.nd + self.nf
 
+    def within(self, larger: "Orders") -> bool:
+        """Whether models of the `larger` orders hold all of these."""
+        counts = all(getattr(self, name) <= getattr(larger, name) for name in ("na", "nc", "nd", "nf"))
+        return counts and larger.nk <= self.nk and self.nk + self.nb <= larger.nk + larger.nb
+
     @property
     def first_row(self) -> int:
         """First sample whose regressors are all measured."""
@@ -99,11 +103,13 @@ class Residuals:
     Args:
         recordings: estimation data, means removed.
         orders: of the model.
+        first_row: first sample whose residual counts, at least the first with complete regressors.
     """
 
-    def __init__(self, recordings: Sequence[Series], orders: Orders) -> None:
+    def __init__(self, recordings: Sequence[Series], orders: Orders, first_row: int = 0) -> None:
         self.recordings = recordings
         self.orders = orders
+        self.first_row = max(first_row, orders.first_row)
 
     def admissible(self, theta: np.ndarray) -> bool:
         """Whether C, D, F of theta (d,) have all roots well inside the unit circle: stable predictor and noise."""
@@ -117,7 +123,7 @@ class Residuals:
     def _one(self, series: Series, theta: np.ndarray, gradient: bool) -> tuple[np.ndarray, np.ndarray]:
         o = self.orders
         a, b, c, d, f = unpack(theta, o)
-        first, length = o.first_row, len(series)
+        first, length = self.first_row, len(series)
         w = lfilter(b, f, series.u)  # undisturbed output, Eq. (3.7)
         v = lfilter(a, [1.0], series.y) - w
         errors = lfilter(d, c, v)  # Eq. (3.14): y - (L1 y + L2 u), L1 = 1 - A D/C, L2 = B D/(C F)
@@ -244,10 +250,19 @@ class PolynomialModel:
         parts = np.stack([gradient.real, gradient.imag], axis=1)
         return Response(frequency, G, parts @ self.spread)
 
-    def simulate(self, series: Series) -> np.ndarray:
-        """Free simulation from the input alone, initial state and level by least squares, shape (N,)."""
+    def simulate(self, u: Series | ArrayLike, x0: ArrayLike = 0.0) -> np.ndarray:
+        """Free simulation from the input alone, shape (N,).
+
+        Args:
+            u: input (N,), or a recording, whose initial state and level are then fitted.
+            x0: state before an input alone, in observer form, shape (n,); 0 is rest.
+        """
         num, den = self.plant
-        return free_run(num, den, series.u, series.y)
+        if isinstance(u, Series):
+            return free_run(num, den, u.u, u.y)
+        values = np.asarray(u, dtype=float)
+        start = np.broadcast_to(np.asarray(x0, dtype=float), max(len(num), len(den)) - 1)
+        return signal.lfilter(num, den, values, zi=start)[0] if len(start) else lfilter(num, den, values)
 
     def residuals(self, series: Series) -> np.ndarray:
         """One-step prediction errors from the first sample with complete regressors on, shape (N - first,)."""
@@ -274,30 +289,30 @@ class PolynomialModel:
         """G as `scipy.signal.StateSpace`."""
         return self.to_transfer_function().to_ss()
 
-    def to_control(self) -> Any:
-        """G as a python-control `TransferFunction`.
+    def to_control(self, part: str = "plant") -> Any:
+        """G ("plant") or H ("noise") as a python-control `TransferFunction`.
 
         Raises:
-            SettingError: python-control is not installed.
+            SettingError: python-control is not installed, or another part.
         """
-        try:
-            import control
-        except ImportError as error:
-            raise SettingError("python-control is missing; pip install 'fasbody[control]'.") from error
-        transfer = self.to_transfer_function()
-        return control.TransferFunction(transfer.num, transfer.den, self.sample_time)
+        num, den = _same_length(*{"plant": self.plant, "noise": self.noise}[checked_part(part)])
+        return control_package().TransferFunction(num, den, self.sample_time)
 
     @property
     def label(self) -> str:
         """Structure and orders, as `OE (4, 4, 1)`."""
         return f"{self.structure.upper()} {self.orders.as_tuple(self.structure)}"
 
-    def __str__(self) -> str:
-        names = [
+    @property
+    def names(self) -> list[str]:
+        """Names of `theta`: a letter and the lag."""
+        return [
             f"{letter}{k}" for letter, first in zip("abcdf", (1, self.orders.nk, 1, 1, 1), strict=True)
             for k in range(first, first + getattr(self.orders, f"n{letter}"))
         ]  # fmt: skip
-        rows = [f"  {n:>4} {v: .6g} +- {s:.2g}" for n, v, s in zip(names, self.theta, self.std_error, strict=True)]
+
+    def __str__(self) -> str:
+        rows = [f"  {n:>4} {v: .6g} +- {s:.2g}" for n, v, s in zip(self.names, self.theta, self.std_error, strict=True)]
         head = f"{self.label}, loss {self.loss:.5g}, {self.samples} samples of {self.sample_time:g} s"
         return "\n".join([head, *rows, *(f"  warning: {text}" for text in self.warnings)])
 
@@ -306,3 +321,27 @@ def _same_length(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarr
     """Both padded to one length, so that powers of q^-1 read as powers of z."""
     length = max(len(num), len(den))
     return np.pad(num, (0, length - len(num))), np.pad(den, (0, length - len(den)))
+
+
+def checked_part(part: str) -> str:
+    """The name of a part of a model that can be exported.
+
+    Raises:
+        SettingError: there is no such part.
+    """
+    if part not in ("plant", "noise"):
+        raise SettingError(unknown("part", part, ("plant", "noise")) + ".")
+    return part
+
+
+def control_package() -> Any:
+    """The package python-control.
+
+    Raises:
+        SettingError: it is not installed.
+    """
+    try:
+        import control
+    except ImportError as error:
+        raise SettingError("python-control is missing; pip install 'fasbody[control]'.") from error
+    return control

@@ -41,8 +41,18 @@ def recording(report: Report) -> dict[str, Any]:
         "single_sine": seen.single_sine,
         "frequency_hz": seen.frequency_hz,
         "harmonics": list(seen.harmonics),
+        "notes": list(report.notes),
+        "feedback": report.condition.feedback,
+        "outliers": list(report.condition.spikes),
+        "drift": report.condition.drift,
         "failures": list(report.failures),
     }
+    if report.nonparametric is not None:
+        free = report.nonparametric
+        about["nonparametric"] = {
+            "frequency_hz": free.frequency_hz, "gain": np.abs(free.value), "gain_std": free.std,
+            "phase_deg": np.angle(free.value, deg=True),
+        }  # fmt: skip
     if report.rational and report.left_out:
         poles = report.rational.poles()
         about["rational_fit"] = {
@@ -68,6 +78,7 @@ def model(report: Report, found: Found) -> dict[str, Any]:
         "orders": orders(estimate),
         "label": estimate.label,
         "fit_percent": best.fit_percent,
+        "one_step_percent": best.one_step_percent,
         "aic": best.aic,
         "fpe": best.fpe,
         "bic": best.bic,
@@ -98,7 +109,7 @@ def orders(estimate: Any) -> dict[str, int]:
     if estimate.structure == "ss":
         return {"order": estimate.order}
     if estimate.structure == "narx":
-        return {"lags": estimate.lags, "step": estimate.step, "terms": len(estimate.terms)}
+        return {"lags": estimate.lags, "nk": estimate.nk, "step": estimate.step, "terms": len(estimate.terms)}
     linear = getattr(estimate, "linear", estimate)
     found = {name: getattr(linear.orders, name) for name in STRUCTURES[linear.structure]}
     if estimate.structure == "hw":
@@ -111,7 +122,7 @@ def coefficients(estimate: Any) -> dict[str, Any]:
     if estimate.structure == "ss":
         return {key: getattr(estimate, key) for key in ("A", "B", "C", "D", "K", "x0")}
     if estimate.structure == "narx":
-        return {"terms": [list(term) for term in estimate.terms], "theta": estimate.theta}
+        return {"terms": estimate.names, "theta": estimate.theta, "std_error": estimate.std_error}
     linear = getattr(estimate, "linear", estimate)
     found = {"theta": linear.theta, "std_error": linear.std_error}
     if estimate.structure == "hw":
@@ -137,18 +148,19 @@ def single_table(report: Report) -> Table:
     series = report.estimation[0]
     what = f"input {series.channels[0]}, output {series.channels[1]}, sample time {series.sample_time:.6g} s"
     table = Table(title=f"{escape(f'{report.name}: {what}')}\n{report.excitation}", title_justify="left")
-    for heading in ("model", "fit %", "AIC", "BIC", f"gain{at}", "alike"):
+    for heading in ("model", "fit %", "one step %", "AIC", "BIC", f"gain{at}", "alike"):
         table.add_column(heading, justify="left" if heading == "model" else "right", no_wrap=heading != f"gain{at}")
     for found in report.models.values():
         c, response = found.best, found.response
-        fit = f"{c.fit_percent:.2f}"
+        fit = f"{c.fit_percent:.2f}" if np.isfinite(c.fit_percent) else "-"
         gain = "-"
         if np.isfinite(response.value[place]):
             gain = f"{abs(response.value[place]):.4g}"
             if np.isfinite(response.gain_std[place]):
                 gain += f" +- {CONFIDENCE * response.gain_std[place]:.1g}"
         table.add_row(
-            c.model.label, f"[bold]{fit}[/]" if found is best else fit, f"{c.aic:.3f}", f"{c.bic:.3f}", gain,
+            c.model.label, f"[bold]{fit}[/]" if found is best else fit,
+            f"{c.one_step_percent:.2f}", f"{c.aic:.3f}", f"{c.bic:.3f}", gain,
             str(len(found.selection.alike)),
         )  # fmt: skip
     return table

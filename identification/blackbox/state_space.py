@@ -10,7 +10,7 @@ from scipy import signal
 from identification.blackbox.data import Series
 from identification.blackbox.frequency import Response
 from identification.blackbox.least_squares import project_states
-from identification.blackbox.polynomial import PolynomialModel
+from identification.blackbox.polynomial import PolynomialModel, checked_part, control_package
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,14 +74,55 @@ class StateSpaceModel:
         )
         return Response(frequency, (inverse[:, :, 0] @ self.C) + self.D, self.transfer.response(frequency).spread)
 
-    def simulate(self, series: Series) -> np.ndarray:
-        """Free simulation with the initial state that fits best, shape (N,); infinite where unstable."""
+    def simulate(self, u: Series | ArrayLike, x0: ArrayLike = 0.0) -> np.ndarray:
+        """Free simulation, shape (N,); of a recording with the initial state that fits best, infinite where unstable.
+
+        Args:
+            u: input (N,), or a recording.
+            x0: state at the first sample of an input alone, shape (n,).
+        """
+        if not isinstance(u, Series):
+            values = np.asarray(u, dtype=float)
+            start = np.broadcast_to(np.asarray(x0, dtype=float), self.order)
+            return self._run(values, start)[0]
+        series = u
         if not self.stable:
             return np.full(len(series), np.inf)
         forced = modal_response(self.A, self.C, self.B[:, None], series.u[:, None]) + self.D * series.u
         free = free_responses(self.A, self.C, len(series))
         state, _ = project_states(series.y - forced, free)
         return forced + free @ state
+
+    def _run(self, u: np.ndarray, x0: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Outputs (N,) and the last state (n,), sample by sample, whatever the poles."""
+        y, state = np.empty(len(u)), x0
+        for t, value in enumerate(u):
+            y[t] = self.C @ state + self.D * value
+            state = self.A @ state + self.B * value
+        return y, state
+
+    def forecast(self, series: Series, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Output after the end of a recording for the input `u` (steps,) there, and its standard deviation.
+
+        The state at the end is that of the one-step predictor, its initial state and a level fitted to the recording.
+        """
+        observer = self.A - np.outer(self.K, self.C)
+        states = np.column_stack([np.zeros(self.order), np.zeros(self.order), np.eye(self.order)])
+        seen = np.empty((len(series), states.shape[1]))  # of the data, of a level, of each initial state
+        for t, (value, measured) in enumerate(zip(series.u, series.y, strict=True)):
+            seen[t] = self.C @ states
+            seen[t, 0] += self.D * value
+            states = observer @ states
+            states[:, 0] += (self.B - self.K * self.D) * value + self.K * measured
+            states[:, 1] -= self.K
+        seen[:, 1] += 1.0
+        fitted, _ = project_states(series.y - seen[:, 0], seen[:, 1:])
+        state, level = states @ np.concatenate([[1.0], fitted]), fitted[0]
+        spread, answer = np.zeros(len(u)), self.K
+        for k in range(1, len(u)):
+            spread[k] = spread[k - 1] + (self.C @ answer) ** 2
+            answer = self.A @ answer
+        return self._run(u, state)[0] + level, np.sqrt(self.loss * (1.0 + spread))
 
     def predict(self, series: Series) -> np.ndarray:
         """One-step prediction by the innovations form, initial state fitted, shape (N,)."""
@@ -108,9 +149,11 @@ class StateSpaceModel:
         """The plant as `scipy.signal.ZerosPolesGain`."""
         return self.transfer.to_zeros_poles()
 
-    def to_control(self) -> Any:
-        """The plant as a python-control transfer function."""
-        return self.transfer.to_control()
+    def to_control(self, part: str = "plant") -> Any:
+        """The plant, or with "noise" the way from e to y, as a python-control `StateSpace`."""
+        plant = checked_part(part) == "plant"
+        B, D = (self.B, self.D) if plant else (self.K, 1.0)
+        return control_package().StateSpace(self.A, B[:, None], self.C[None, :], [[D]], self.sample_time)
 
     @property
     def label(self) -> str:
@@ -120,6 +163,23 @@ class StateSpaceModel:
     def __str__(self) -> str:
         poles = ", ".join(f"{p:.4f}" for p in self.poles())
         return f"{self.label}, loss {self.loss:.5g}, poles {poles}"
+
+
+def innovations(model: PolynomialModel | StateSpaceModel) -> StateSpaceModel:
+    """A model in innovations form; a polynomial one in observer form over the denominator A F D of G and H."""
+    if isinstance(model, StateSpaceModel):
+        return model
+    a, b, c, d, f = model.polynomials
+    num, noise, den = np.convolve(b, d), np.convolve(c, f), np.convolve(np.convolve(a, f), d)
+    size = max(len(num), len(noise), len(den), 2)
+    num, noise, den = (np.pad(p, (0, size - len(p))) for p in (num, noise, den))
+    A = np.eye(size - 1, k=1)
+    A[:, 0] -= den[1:]
+    B, K = num[1:] - den[1:] * num[0], noise[1:] - den[1:]
+    C = np.eye(size - 1)[0]
+    return StateSpaceModel(
+        A, B, C, float(num[0]), K, np.zeros(size - 1), model.loss, model.samples, model.sample_time, np.zeros(0), model
+    )
 
 
 def modal_response(A: np.ndarray, C: np.ndarray, B: np.ndarray, inputs: np.ndarray) -> np.ndarray:

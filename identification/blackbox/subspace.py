@@ -55,7 +55,7 @@ class Subspace:
         at_minimum = refine and not warnings
         if refine:
             orders = Orders(nb=order + 1, nf=order, nk=0)
-            refined = estimate_polynomial("oe", self.recordings, orders, start=shadow)
+            refined = estimate_polynomial("oe", self.recordings, orders, starts=[shadow])
             problem = Residuals(self.recordings, orders)
             if refined.loss < problem.at(shadow.theta).loss:
                 shadow, at_minimum, warnings = refined, True, []

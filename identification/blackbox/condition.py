@@ -1,0 +1,205 @@
+"""What may be wrong with a recording before any model is chosen: spikes, drift, feedback, an input of a few steps."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import linalg, stats
+from scipy.signal import lfilter
+
+from fasbody.exceptions import SettingError
+from identification.blackbox import pem
+from identification.blackbox.data import Series
+from identification.blackbox.filters import largest_root, shifted
+from identification.blackbox.polynomial import Orders
+
+ANSWER = 0.02  # share of the input's news that errors must foretell: a nonlinear plant in open loop reaches 0.013
+LAGS = 25  # of the long ARX model whose errors stand for e(t)
+SPIKE = 6.0  # robust standard deviations from which a sample is no noise: 1e-5 of a Gaussian recording has one
+MOST = 0.1  # of all samples that may be spikes; more are the signal
+CERTAIN = 1e-6  # p-value below which drift or feedback is said: both tests are led astray by a nonlinear plant
+FLAT = 0.02  # of the input's reach that a change must exceed to count as a step
+STEPS = 6  # changes of level up to which an input is a step record
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What was found in one recording.
+
+    Attributes:
+        spikes: samples of the output (from 0) that no noise explains.
+        drift: change of the output over the record that the input does not explain, share of its standard deviation.
+        feedback: whether the input answers past disturbances of the output.
+        steps: whether the input is a few steps or pulses and constant otherwise.
+        unstable: whether the plant grows on its own, held by a loop.
+    """
+
+    spikes: tuple[int, ...] = ()
+    drift: float = 0.0
+    feedback: bool = False
+    steps: bool = False
+    unstable: bool = False
+
+    @property
+    def by_prediction(self) -> str:
+        """Why models are compared by one-step errors, not by free simulation; empty where simulation serves."""
+        if self.unstable:
+            return "the plant is unstable in a closed loop"
+        if self.feedback:
+            return "the input answers the output (feedback)"
+        return "the input is constant but for a few steps" if self.steps else ""
+
+    def warnings(self) -> list[str]:
+        """Sentences on what was found."""
+        said = []
+        if self.spikes:
+            shown = ", ".join(str(k + 1) for k in self.spikes[:5]) + (", ..." if len(self.spikes) > 5 else "")
+            said.append(f"{len(self.spikes)} outliers in the output (samples {shown}): --robust mends them")
+        if self.drift:
+            said.append(f"the output drifts by {self.drift:.2g} of its standard deviation: --detrend 1 removes it")
+        if self.by_prediction:
+            said.append(f"{self.by_prediction}: orders are chosen by one-step prediction errors and BIC")
+        return said
+
+
+def examine(series: Series) -> Condition:
+    """The condition of one recording, means removed; nothing is said of one too short for a long ARX model."""
+    lags = min(LAGS, len(series) // 20)
+    if lags < 3 or not np.ptp(series.u):
+        return Condition()
+    repaired, spikes = mend(series)
+    phi, y = _regression(repaired, lags)
+    errors = y - phi @ pem.solve([(phi, y)])
+    feedback = _feedback(repaired, errors, lags)
+    return Condition(
+        spikes, _drift(repaired, errors, phi), feedback, few_steps(series.u), feedback and _unstable(repaired, lags)
+    )
+
+
+def few_steps(u: np.ndarray) -> bool:
+    """Whether an input (N,) changes in only a few places."""
+    changes = np.flatnonzero(np.abs(np.diff(u)) > FLAT * np.ptp(u))
+    places = 1 + int(np.sum(np.diff(changes) > 5)) if len(changes) else 0
+    return 0 < places <= STEPS and len(changes) < len(u) / 20
+
+
+def _regression(series: Series, lags: int) -> tuple[np.ndarray, np.ndarray]:
+    phi, y = pem.regressors(series, Orders(na=lags, nb=lags + 1, nk=0))
+    return np.column_stack([phi, np.ones(len(y))]), y
+
+
+def _unstable(series: Series, lags: int) -> bool:
+    """Whether a long ARX model has a pole outside the unit circle; a controller answers y(t) in u(t), so n_k is 1."""
+    theta = pem.solve([pem.regressors(series, Orders(na=lags, nb=lags, nk=1))])
+    return largest_root(np.concatenate([[1.0], theta[:lags]])) > 1.0
+
+
+def mend(series: Series) -> tuple[Series, tuple[int, ...]]:
+    """The recording with single wrong samples of its output replaced, and where they were (from 0).
+
+    A spike of size s at t leaves s, a_1 s, a_2 s, ... in the errors of a long ARX model; the matched filter finds it,
+    the largest first, and what it measures is taken off (Chen and Liu 1993). Coefficients come from least squares with
+    Huber's weights, so that spikes do not shape the model that judges them.
+    """
+    lags = min(LAGS, len(series) // 20)
+    if lags < 3:
+        return series, ()
+    y, found = series.y.copy(), set[int]()
+    for _ in range(12):
+        phi, out = _regression(replace(series, y=y, part=True), lags)
+        weight = np.ones(len(out))
+        for _ in range(4):
+            root = np.sqrt(weight)
+            theta = pem.solve([(phi * root[:, None], out * root)])
+            errors = out - phi @ theta
+            sigma = 1.4826 * float(np.median(np.abs(errors - np.median(errors))))
+            if sigma <= 1e-9 * float(np.std(series.y)):
+                return series, ()
+            weight = np.minimum(1.0, 2.0 * sigma / np.maximum(np.abs(errors), 1e-300))
+        first = len(y) - len(out)
+        a = np.concatenate([[1.0], theta[:lags]])
+        padded = np.concatenate([errors, np.zeros(lags)])
+        power = np.convolve(np.concatenate([np.ones(len(out)), np.zeros(lags)]), (a**2)[::-1])[lags : lags + len(out)]
+        size = np.convolve(padded, a[::-1])[lags : lags + len(out)] / power
+        strength = np.abs(size) * np.sqrt(power) / sigma
+        reach = np.lib.stride_tricks.sliding_window_view(np.pad(strength, lags), 2 * lags + 1).max(axis=1)
+        at = np.flatnonzero((strength > SPIKE) & (strength >= reach))
+        if not len(at):
+            break
+        y[first + at] -= size[at]
+        found |= {int(first + k) for k in at}
+    if not found or len(found) > MOST * len(y) or _heavy(errors, sigma):
+        return series, ()
+    return replace(series, y=y), tuple(sorted(found))
+
+
+def _heavy(errors: np.ndarray, sigma: float) -> bool:
+    """Whether errors are far from Gaussian without the spikes as well: the plant is nonlinear, not the sensor wild."""
+    return float(np.std(errors)) > 1.5 * sigma
+
+
+def _drift(series: Series, errors: np.ndarray, past: np.ndarray) -> float:
+    """Size of a line or bow in the output that the input leaves unexplained, where it is certain."""
+    time = np.linspace(-1.0, 1.0, len(errors))
+    _, p = _gain(errors, past, np.column_stack([time, time**2]))
+    if p > CERTAIN:
+        return 0.0
+    lags = (past.shape[1] - 2) // 2
+    theta = pem.solve([(np.column_stack([past, time, time**2]), series.y[len(series) - len(errors) :])])
+    filtered = np.column_stack([time, time**2]) @ theta[-2:]
+    a = np.concatenate([[1.0], theta[:lags]])
+    line = filtered / a.sum() if abs(a.sum()) > 1e-6 else lfilter([1.0], a, filtered)
+    size = float(np.ptp(line) / np.std(series.y))
+    return size if size > 0.2 else 0.0
+
+
+def _feedback(series: Series, errors: np.ndarray, lags: int) -> bool:
+    """Whether errors of the long model foretell inputs: then something carries the output back to the input.
+
+    Both sides are freed of past inputs first. An input that its own past foretells to a hundredth (sines, smooth
+    signals) cannot show it.
+    """
+    lead = min(10, lags)
+    u = series.u
+    own = np.column_stack([shifted(u, 2 * lags, 1)[2 * lags :], np.ones(len(u) - 2 * lags)])
+    new = u[2 * lags :] - own @ pem.solve([(own, u[2 * lags :])])
+    if np.std(new) < 0.01 * np.std(u):
+        return False
+    e = errors[len(errors) - len(new) :]
+    ahead = np.column_stack([e[k : len(e) - lead + k] for k in range(lead)])  # e(t - lead) ... e(t - 1)
+    explained, p = _gain(new[lead:], own[lead:], ahead)
+    return p < CERTAIN and explained > ANSWER
+
+
+def _gain(y: np.ndarray, phi: np.ndarray, more: np.ndarray) -> tuple[float, float]:
+    """Share of what `phi` leaves of y that `more` columns explain, and the p-value of the F test."""
+    rest = y - phi @ pem.solve([(phi, y)])
+    both = np.column_stack([phi, more])
+    less = y - both @ pem.solve([(both, y)])
+    freedom = len(y) - both.shape[1]
+    top, bottom = float(rest @ rest - less @ less), float(less @ less)
+    if bottom <= 1e-20 * max(float(y @ y), 1e-300) or freedom < 10:
+        return 0.0, 1.0
+    statistic = top / more.shape[1] / (bottom / freedom)
+    return top / max(top + bottom, 1e-300), float(stats.f.sf(max(statistic, 0.0), more.shape[1], freedom))
+
+
+def detrend(series: Series, degree: int) -> Series:
+    """The recording less polynomials of `degree` in time, one fitted to its input and one to its output.
+
+    Raises:
+        SettingError: a degree that is no small whole number.
+    """
+    if not 0 <= degree <= 5:
+        raise SettingError(f"detrend degree {degree} is not between 0 (the mean) and 5.")
+    basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(series)), degree)
+    u, y = (signal - basis @ linalg.lstsq(basis, signal)[0] for signal in (series.u, series.y))
+    return replace(series, u=u, y=y)
+
+
+def together(found: Sequence[Condition]) -> Condition:
+    """One condition of several recordings: feedback or steps in any count for all."""
+    return Condition(
+        tuple(k for one in found for k in one.spikes), max(one.drift for one in found),
+        any(one.feedback for one in found), any(one.steps for one in found), any(one.unstable for one in found),
+    )  # fmt: skip

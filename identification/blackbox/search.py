@@ -1,0 +1,362 @@
+"""Search for orders: each model starts from the smaller ones it nests, and the search goes where the fit improves."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import linalg
+
+from fasbody.exceptions import FasError
+from identification.blackbox import criteria, pem, subspace
+from identification.blackbox.data import Series
+from identification.blackbox.filters import shifted
+from identification.blackbox.polynomial import Orders, PolynomialModel
+from identification.blackbox.selection import ALIKE, NEARLY, Candidate, Referee, Selection, rank, with_rivals
+
+NEAR = range(1, 6)  # n_k compared for sines, whose pulse response is periodic
+CERTAIN = 4.0  # standard errors that the coefficient of direct feedthrough must stand out by
+DECISIVE = 10.0  # N times the difference of log losses that a later response may lose by
+LONGEST = 1000  # samples searched for the peak
+LARGEST = 12  # n_f up to here
+PATIENCE = 3  # growing orders without a better one after which growth ends
+NOISE = 5  # n_c, n_d up to here, as in the thesis
+MOVES = 12  # to neighbouring orders
+SLIGHTLY = 2.0  # times its whitened variance that noise may have and still count as hardly coloured
+HEAVY = 30_000  # samples above which growth ends sooner
+
+
+class Search:
+    """Models of one structure on the same rows, each estimated once.
+
+    A model starts from all that `pem.estimate` tries and from the models found before that it nests, so its loss is
+    never above theirs.
+
+    Args:
+        structure: arx, armax, oe or bj.
+        recordings: estimation data, means removed.
+        last_lag: largest n_k + n_b that will be asked for; residuals count from there on.
+    """
+
+    def __init__(self, structure: str, recordings: Sequence[Series], last_lag: int = 0) -> None:
+        self.structure, self.recordings = structure, list(recordings)
+        shortest = min(len(series) for series in recordings)
+        self.first_row = min(last_lag, shortest // 4)
+        self.found: dict[Orders, PolynomialModel | None] = {}
+
+    def at(self, orders: Orders, *starts: PolynomialModel) -> PolynomialModel | None:
+        """The model of these orders, or None where it cannot be estimated."""
+        if orders not in self.found:
+            nested = [m for o, m in self.found.items() if m is not None and o.within(orders)]
+            nested = sorted(nested, key=lambda model: model.loss)[:2]
+            fitting = [model for model in starts if model.orders.within(orders)]
+            try:
+                self.found[orders] = pem.estimate(
+                    self.structure, self.recordings, orders, starts=[*fitting, *nested], first_row=self.first_row,
+                    quick=True,
+                )  # fmt: skip
+            except FasError:
+                self.found[orders] = None
+        return self.found[orders]
+
+    @property
+    def failed(self) -> list[str]:
+        """A sentence on the orders that could not be estimated, if there are any."""
+        count = sum(model is None for model in self.found.values())
+        return [f"{count} of {len(self.found)} orders had no stable start"] if count else []
+
+
+def climb(
+    search: Search, referee: Referee, begun: dict[Orders, Candidate], moves: Callable[[Orders], Iterator[Orders]]
+) -> Selection:
+    """From the best of the models begun with to the first neighbour that is preferred, until none is."""
+    chosen = rank(list(begun.values()), referee)
+    for _ in range(MOVES):
+        here = chosen.best.model.orders  # type: ignore[attr-defined]  # all are polynomial
+        for orders in moves(here):
+            model = None if orders in begun else search.at(orders)
+            if model is None:
+                continue
+            begun[orders] = referee.judge(model)
+            chosen = rank(list(begun.values()), referee)
+            if chosen.best.model.orders != here:  # type: ignore[attr-defined]
+                break
+        else:
+            break
+    return replace(chosen, warnings=(*chosen.warnings, *search.failed))
+
+
+def plant_moves(o: Orders) -> Iterator[Orders]:
+    """Neighbours of an output-error plant: one coefficient more or less of B or F, at either end of B."""
+    steps = ((-1, 0, 0), (-1, 0, 1), (0, -1, 0), (1, 0, 0), (0, 1, 0), (1, 0, -1), (1, 1, 0))
+    for nb, nf, nk in steps:
+        if o.nb + nb >= 1 and o.nf + nf >= 0 and o.nk + nk >= 0:
+            yield replace(o, nb=o.nb + nb, nf=o.nf + nf, nk=o.nk + nk)
+
+
+def edge(chosen: Selection, **largest: int) -> Selection:
+    """The selection with a sentence when an order of its best model is the largest that may be tried."""
+    orders = chosen.best.model.orders  # type: ignore[attr-defined]
+    reached = [f"n_{name[1]} = {size}" for name, size in largest.items() if getattr(orders, name) >= size]
+    if not reached:
+        return chosen
+    text = f"the chosen {', '.join(reached)} is the largest tried: a larger one may fit better"
+    return replace(chosen, warnings=(*chosen.warnings, text))
+
+
+def select_oe(referee: Referee, nk: int, largest: int = LARGEST) -> Selection:
+    """Output-error orders: n_b = n_f grow while that helps, then neighbours of the preferred model are tried."""
+    heavy = sum(len(series) for series in referee.fitted) > HEAVY
+    search = Search("oe", referee.fitted, nk + largest + 2)
+    begun: dict[Orders, Candidate] = {}
+    better = 0
+    for n in range(1, largest + 1):
+        model = search.at(Orders(nb=n, nf=n, nk=nk))
+        if model is None:
+            if n > PATIENCE and not begun:
+                break
+            continue
+        begun[model.orders] = referee.judge(model)
+        best = rank(list(begun.values()), referee).best.model.orders.nf  # type: ignore[attr-defined]
+        better = n if best == n or not better else better
+        if n - better >= (2 if heavy else PATIENCE):
+            break
+    chosen = climb(search, referee, begun, plant_moves)
+    return edge(with_rivals(_on_the_whole(chosen, referee, search.first_row)), nf=largest)
+
+
+def _score(candidate: Candidate) -> float:
+    return candidate.score
+
+
+def _on_the_whole(chosen: Selection, referee: Referee, first_row: int) -> Selection:
+    """Output-error orders once more, from the preferred ones, on all data that orders may be chosen on.
+
+    Models that simulated as well are compared by their scores: what a third of the data was kept for is known now.
+    """
+    errors = [chosen.best.model.residuals(series) for series in referee.fitted]
+    coloured = criteria.whitened_variance(errors) * SLIGHTLY < np.mean(np.concatenate(errors) ** 2)
+    if not referee.simulates or coloured:  # output errors follow such noise, and only simulation keeps them from it
+        return _again(chosen, "oe", referee)
+    whole = replace(referee, reason="orders that simulate alike are compared by one-step errors")
+    search = Search("oe", whole.estimation, first_row)
+    best = sorted(chosen.candidates[1:], key=_score)[:2]
+    begun: dict[Orders, Candidate] = {}
+    best.append(max(chosen.candidates, key=lambda c: c.fit_percent))
+    for one in (chosen.best, *(c for c in best if c.missed <= NEARLY * chosen.best.missed)):
+        model = search.at(one.model.orders, one.model)  # type: ignore[attr-defined,arg-type]
+        if model is not None:
+            begun[model.orders] = whole.judge(model)
+    again = climb(search, whole, begun, plant_moves)
+    again = replace(again, tried=chosen.tried + again.tried, warnings=(*chosen.warnings, *again.warnings))
+    return _again(again, "oe", referee)
+
+
+def _again(chosen: Selection, structure: str, referee: Referee) -> Selection:
+    """The best model estimated once more from all data that orders were chosen on, beginning with what was found."""
+    model: PolynomialModel = chosen.best.model  # type: ignore[assignment]
+    whole = pem.estimate(structure, referee.estimation, model.orders, starts=[model])
+    return replace(chosen, candidates=(replace(chosen.best, model=whole), *chosen.candidates[1:]))
+
+
+def select_arx(referee: Referee, nk: int = 1, largest: int = 15) -> Selection:
+    """ARX over n_a, n_b, n_k = 1..largest: criteria from the grid, then the judge among a shortlist.
+
+    The shortlist holds the model of least loss for each number of parameters and those alike by AIC (40 at most). A
+    plant's delay `nk` beyond the grid, 0 or late, joins with the n_a and n_b of the former.
+    """
+    shortest = min(len(series) for series in referee.fitted)
+    largest = min(largest, max((shortest - 2) // 8, 1))
+    grid = pem.grid(referee.fitted, largest, largest, largest)
+    count = grid.parameters
+    loss = np.maximum(grid.loss, 1e-300)
+    aic, bic = (of(loss, count, grid.samples) for of in (criteria.aic, criteria.bic))
+    leading = {int(np.argmin(np.where(count == d, loss, np.inf))) for d in np.unique(count)}
+    by_aic = np.argsort(aic, axis=None)
+    alike = by_aic[(aic.ravel()[by_aic] - aic.min()) * grid.samples < ALIKE]
+    warnings = []
+    for name, values in (("AIC", aic), ("BIC", bic)):
+        best = np.unravel_index(int(values.argmin()), values.shape)
+        at_edge = [n for n, k in zip(("n_a", "n_b", "n_k"), best, strict=True) if k == largest - 1]
+        if at_edge:
+            warnings.append(
+                f"{name} runs to the edge of the grid ({', '.join(at_edge)} = {largest}): it fits noise with lags"
+            )
+    if len(alike) > 1:
+        warnings.append(f"{len(alike)} of {aic.size} ARX models lie within 10 in N x AIC: orders are not decided")
+    shortlist = leading | {int(k) for k in alike[:40]} | {int(bic.argmin())}
+    trials = {_numbers(flat, loss.shape) for flat in shortlist}
+    if not 1 <= nk <= largest:
+        trials |= {(*_numbers(flat, loss.shape)[:2], nk) for flat in leading}
+    search = Search("arx", referee.fitted)
+    models = [search.at(Orders.of("arx", numbers)) for numbers in sorted(trials)]
+    chosen = rank([referee.judge(m) for m in models if m is not None], referee, grid.loss.size, warnings)
+    return edge(_again(chosen, "arx", referee), na=largest, nb=largest, nk=max(largest, nk + 1))
+
+
+def _numbers(flat: int, shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Orders n_a, n_b, n_k of a place in the ARX grid."""
+    return tuple(int(k) + 1 for k in np.unravel_index(flat, shape))
+
+
+def select_armax(referee: Referee, from_arx: Orders, from_oe: Orders | None) -> Selection:
+    """ARMAX by BIC, from the orders of the ARX model and from n_a = n_f of the OE model, to their neighbours.
+
+    Free simulation does not see C, so one-step errors decide.
+    """
+    whole = replace(referee, reason=referee.reason or "noise models are compared by one-step errors")
+    search = Search("armax", whole.estimation, from_arx.nk + from_arx.nb + 4)
+    plants = [Orders(na=from_arx.na, nb=from_arx.nb, nk=from_arx.nk)]
+    plants += [Orders(na=from_oe.nf, nb=from_oe.nb, nk=from_oe.nk)] if from_oe else []
+    begun: dict[Orders, Candidate] = {}
+    for plant in plants:
+        for nc in (1, min(max(plant.na, 1), NOISE)):
+            model = search.at(replace(plant, nc=nc))
+            if model is not None:
+                begun[model.orders] = whole.judge(model)
+
+    def moves(o: Orders) -> Iterator[Orders]:
+        for nc in (o.nc - 1, o.nc + 1):
+            if 0 <= nc <= NOISE:
+                yield replace(o, nc=nc)
+        for na, nb, nk in ((-1, 0, 0), (-1, -1, 0), (0, -1, 0), (0, -1, 1), (1, 0, 0), (0, 1, 0), (0, 1, -1)):
+            if o.na + na >= 0 and o.nb + nb >= 1 and o.nk + nk >= 0:
+                yield replace(o, na=o.na + na, nb=o.nb + nb, nk=o.nk + nk)
+
+    return edge(with_rivals(climb(search, whole, begun, moves)), nc=NOISE)
+
+
+def select_bj(referee: Referee, from_oe: PolynomialModel, nk: int) -> Selection:
+    """Box-Jenkins by BIC: noise orders from what the OE model leaves, then neighbours of plant and noise.
+
+    Where the noise is coloured, plant orders are searched once more on data that a model of it has whitened.
+    """
+    whole = replace(referee, reason=referee.reason or "noise models are compared by one-step errors")
+    o = from_oe.orders
+    noises = [from_oe.residuals(series) for series in whole.estimation]
+    nc, nd = pem.noise_orders(noises, NOISE)
+    plants = [o]
+    if nc + nd:
+        white = pem.whitened(whole.estimation, noises, NOISE)
+        again: PolynomialModel = select_oe(replace(whole, estimation=white), nk, NOISE + 3).best.model  # type: ignore[assignment]
+        plants = [again.orders]
+    search = Search("bj", whole.estimation, max(plant.nk + plant.nb for plant in plants) + 3)
+    begun: dict[Orders, Candidate] = {}
+    for orders in {replace(plant, nc=c, nd=d) for plant in plants for c, d in ((nc, nd), (1, 1))}:
+        model = search.at(orders)
+        if model is not None:
+            begun[orders] = whole.judge(model)
+
+    def moves(here: Orders) -> Iterator[Orders]:
+        for c, d in ((-1, 0), (0, -1), (1, 0), (0, 1)):
+            if 0 <= here.nc + c <= NOISE and 0 <= here.nd + d <= NOISE:
+                yield replace(here, nc=here.nc + c, nd=here.nd + d)
+        yield from plant_moves(here)
+
+    return edge(with_rivals(climb(search, whole, begun, moves)), nc=NOISE, nd=NOISE)
+
+
+def select_state_space(referee: Referee, orders: Sequence[int] = tuple(range(1, 16))) -> Selection:
+    """State-space models of all orders from one factorisation; the best is refined unless that spoils its fit."""
+    shortest = min(len(series) for series in referee.fitted)
+    rows = max(min(max(subspace.BLOCK_ROWS, max(orders) + 1), shortest // 7), 3)
+    found = subspace.decompose(referee.fitted, rows)
+    wanted = [n for n in orders if n < found.block_rows]
+    chosen = rank([referee.judge(found.model(n)) for n in wanted], referee)
+    order = chosen.best.model.order  # type: ignore[attr-defined]  # all are state-space models
+    refined = referee.judge(found.model(order, refine=True))
+    warnings = list(chosen.warnings)
+    if order == max(wanted):
+        warnings.append(f"the chosen order {order} is the largest tried")
+    standing_out = found.order()
+    if standing_out != order:
+        warnings.append(f"{standing_out} singular values stand out of the noise, order {order} was chosen")
+    better = refined.no_worse_than(chosen.best) if referee.simulates else refined.score <= chosen.best.score
+    whole = subspace.decompose(referee.estimation, rows)
+    models = [whole.model(order, refine=refine) for refine in ((False, True) if better else (False,))]
+    best = min((replace(referee.judge(m), model=m) for m in models), key=lambda c: c.score)
+    return replace(chosen, candidates=(best, *chosen.candidates[1:]), warnings=tuple(warnings))
+
+
+def delay(recordings: Sequence[Series], *, far: bool = True) -> int:
+    """The delay n_k of a plant.
+
+    A long ARX model sees it apart from the zeros of B: its input coefficients before the delay are zero whatever the
+    noise, and BIC says how many. An output-error model of order four must agree. Where 1 is found, it is 0 when a
+    coefficient of direct feedthrough added to B is certain.
+
+    Args:
+        recordings: estimation data, means removed.
+        far: whether the input is rich enough for a long ARX model; for sines 1 to 5 are compared by output error alone.
+    """
+    losses: dict[int, float] = {}
+
+    def loss(nk: int) -> float:
+        if nk not in losses:
+            try:
+                at = pem.estimate("oe", recordings, Orders(nb=4, nf=4, nk=nk), quick=True)
+                losses[nk] = round(float(np.log(max(at.loss, 1e-300))), 4)
+            except FasError:
+                losses[nk] = np.inf
+        return losses[nk]
+
+    if far:
+        samples = sum(len(series) for series in recordings)
+        seen = max(_leading_zeros(recordings), 1)
+        best = min({1, max(seen - 2, 1), seen}, key=lambda nk: (loss(nk), nk))
+        while best > 1 and loss(best - 1) < loss(best):
+            best -= 1
+        if loss(seen) < loss(best) + DECISIVE / samples:
+            best = seen
+    else:
+        best = min(NEAR, key=lambda nk: (loss(nk), nk))
+    if not np.isfinite(loss(best)):
+        return 1
+    return 0 if best == 1 and _feedthrough(recordings) else best
+
+
+def _leading_zeros(recordings: Sequence[Series], lags: int = 20) -> int:
+    """How many input coefficients from lag 0 on a long ARX model can do without, by BIC.
+
+    One QR with the nearest input lag last: what each adds to the fit of those farther away is read off its triangle.
+    """
+    lags = min(lags, min(len(series) for series in recordings) // 10)
+    peak = pulse_peak(recordings)
+    first = max(peak - 2 * lags, 0)
+    while True:
+        width = peak + lags + 1 - first
+        row = max(lags, peak + lags)
+        if min(len(series) for series in recordings) < row + 4 * (lags + width):
+            return 1
+        blocks = []
+        for series in recordings:
+            past = shifted(series.u, width, first)[:, ::-1]
+            stacked = np.column_stack([shifted(series.y, lags, 1), np.ones(len(series)), past, series.y])[row:]
+            blocks.append(linalg.qr(stacked, mode="r", check_finite=False)[0])
+        r = linalg.qr(np.vstack(blocks), mode="r", check_finite=False)[0]
+        squares = r[lags + 1 : lags + width + 2, -1] ** 2  # of each input lag, the nearest last; then what is left
+        samples = sum(len(series) - row for series in recordings)
+        rest = np.maximum(np.cumsum(squares[::-1])[:-1], 1e-300)  # entry k: with the lags from first + k on
+        score = samples * np.log(rest) - np.log(samples) * np.arange(len(rest))
+        found = first + int(np.argmin(score))
+        if found > first or first == 0:
+            return found
+        first = max(first - 2 * lags, 0)
+
+
+def _feedthrough(recordings: Sequence[Series]) -> bool:
+    try:
+        model = pem.estimate("oe", recordings, Orders(nb=5, nf=4, nk=0))
+    except FasError:
+        return False
+    return bool(abs(model.theta[0]) > CERTAIN * model.std_error[0])
+
+
+def pulse_peak(recordings: Sequence[Series]) -> int:
+    """Lag of the largest response to a pulse, from spectra divided where the input is strong."""
+    length = min(len(series) for series in recordings)
+    size = 2 * max(len(series) for series in recordings)  # padded, so that no end meets the beginning
+    spectra = [(np.fft.rfft(series.u, size), np.fft.rfft(series.y, size)) for series in recordings]
+    power = np.sum([np.abs(u) ** 2 for u, _ in spectra], axis=0)
+    cross = np.sum([y * np.conj(u) for u, y in spectra], axis=0)
+    pulse = np.fft.irfft(cross / (power + 0.01 * power.max()), size)
+    return int(np.argmax(np.abs(pulse[: min(LONGEST, length // 4)])))

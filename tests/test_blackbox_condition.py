@@ -1,0 +1,107 @@
+"""Spikes, drift, feedback and steps: found where they are, and only there."""
+
+from dataclasses import replace
+
+import linear_foot as foot
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from fasbody.exceptions import SettingError
+from identification.blackbox import condition, frequency
+from identification.blackbox.condition import Condition
+from identification.blackbox.data import Series
+from identification.blackbox.identify import identify
+
+DEN = np.poly([0.9 * np.exp(0.5j), 0.9 * np.exp(-0.5j)]).real
+
+
+def clean(seed: int = 0, n: int = 1200) -> Series:
+    rng = np.random.default_rng(seed)
+    u = rng.standard_normal(n)
+    y = lfilter([0, 1, 0.5], DEN, u)
+    return Series(u, y + 0.1 * np.std(y) * rng.standard_normal(n), 1.0, "clean").centred()
+
+
+def loop(gain: float, pole: float, n: int = 1500) -> Series:
+    rng = np.random.default_rng(1)
+    reference, e = rng.standard_normal(n), 0.3 * rng.standard_normal(n)
+    u, y = np.zeros(n), np.zeros(n)
+    for t in range(n):
+        y[t] = (pole * y[t - 1] + 0.5 * u[t - 1] if t else 0.0) + e[t]
+        u[t] = reference[t] - gain * y[t]
+    return Series(u, y, 1.0, "loop").centred()
+
+
+def test_sound_recordings_are_not_blamed() -> None:
+    sine = foot.sine(20.0, 2000)
+    noise = 0.25 * np.random.default_rng(0).standard_normal(2000)
+    for series in (*map(clean, range(6)), Series(sine, foot.linear_output(sine) + noise, 1e-3).centred()):
+        assert condition.examine(series) == Condition()
+
+
+def test_spikes_are_found_and_mended() -> None:
+    series, where = clean(), np.array([100, 333, 334, 700, 1100])
+    y, sigma = series.y.copy(), np.std(series.y)
+    y[where] += 3 * sigma * np.array([1, -1, 1, 1, -1])
+    repaired, found = condition.mend(replace(series, y=y))
+    assert set(found) == set(where)
+    assert np.abs(repaired.y - series.y).max() < 0.5 * sigma
+    assert "5 outliers in the output (samples 101, 334, 335" in condition.examine(replace(series, y=y)).warnings()[0]
+
+
+def test_drift_is_found_and_taken_off() -> None:
+    series = clean()
+    drifting = replace(series, y=series.y + 2 * np.std(series.y) * np.linspace(0, 1, len(series)))
+    assert condition.examine(drifting.centred()).drift > 0.5
+    gone = condition.detrend(drifting, 1)
+    assert condition.examine(gone).drift == 0.0
+    assert np.abs(np.polyfit(gone.time, gone.y, 1)).max() < 1e-9
+    with pytest.raises(SettingError, match="between 0"):
+        condition.detrend(series, 9)
+
+
+def test_feedback_and_unstable_plants_in_a_loop() -> None:
+    assert condition.examine(loop(0.0, 0.9)) == Condition()
+    stable = condition.examine(loop(0.8, 0.9))
+    assert stable.feedback and not stable.unstable and "feedback" in stable.by_prediction
+    assert condition.examine(loop(0.8, 1.1)).unstable
+    found = identify(loop(0.8, 1.1), ("arx", "oe"), {"oe": (1, 1, 1)})
+    arx = found.models["arx"].best.model
+    assert np.abs(arx.poles()).max() == pytest.approx(1.1, abs=0.03)
+    assert arx.orders.nk == 1  # type: ignore[attr-defined]
+    assert found.models["arx"].best.one_step_percent > 50 and not np.isfinite(found.models["arx"].best.fit_percent)
+    assert np.isnan(found.models["oe"].response.gain_std).all()
+    assert any("feedback biases it" in text for text in found.models["oe"].warnings)
+
+
+def test_steps() -> None:
+    step = np.r_[np.zeros(100), np.ones(900)]
+    assert condition.few_steps(step) and condition.few_steps(
+        step + 1e-4 * np.random.default_rng(0).standard_normal(1000)
+    )
+    assert not condition.few_steps(foot.prbs(1000))
+    assert not condition.few_steps(np.random.default_rng(0).standard_normal(1000))
+
+
+def test_response_without_a_model_and_points_at_the_poles() -> None:
+    """The local estimate lies at the truth within its error; the curve reaches the top of a sharp resonance."""
+    rng = np.random.default_rng(4)
+    den = np.poly([0.985 * np.exp(0.6j), 0.985 * np.exp(-0.6j)]).real
+    u = rng.standard_normal(3000)
+    y = lfilter([0, 1.0], den, u)
+    series = Series(u, y + 0.1 * np.std(y) * rng.standard_normal(3000), 1.0, "sharp").centred()
+
+    def exact(f: np.ndarray) -> np.ndarray:
+        shift = np.exp(-2j * np.pi * f)
+        return shift / np.polynomial.polynomial.polyval(shift, den)
+
+    at = np.linspace(0.02, 0.3, 40)
+    at = at[np.abs(at - 0.6 / 2 / np.pi) > 0.01]
+    points = frequency.local(series, at)
+    pull = np.abs(points.value - exact(np.rint(at * 3000) / 3000)) / points.std
+    assert np.mean(pull < 2.45) > 0.8  # 95 % of a complex normal number
+    found = identify(series, ("oe",), {"oe": (1, 2, 1)})
+    top = np.abs(exact(np.linspace(0.08, 0.11, 5000))).max()
+    assert np.abs(found.models["oe"].response.value).max() == pytest.approx(top, rel=0.02)
+    assert found.nonparametric is not None
