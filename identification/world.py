@@ -88,8 +88,15 @@ NUISANCES = (
 )  # fmt: skip
 #: Bends of the dampers, 1/m, and their squares: proper and weak.
 _BEND = 200.0
+#: Constants of each joint.
+_JOINTS = (("k_T", "c_11", "c_12", "c_13"), ("k_F", "c_21", "c_22", "c_23"))
 #: Below this square [1/m^2] a damper's c_13 is no different from zero.
 _LEAST = 1e-2
+
+
+def _under(name: str, load_kg: float) -> str:
+    """Name of the nuisance by which a constant follows a load."""
+    return f"{name} under {load_kg:g} kg"
 
 
 def nuisances(
@@ -120,7 +127,7 @@ def nuisances(
             std = LOAD_STD * (load - first) / LOAD_KG
             text = f"force on a heel grows as deformation to the power 2.6, against {first:g} kg"
             found += [
-                Nuisance(f"{name} under {load:g} kg", "load", "", 0.0, std, -1.0, 1.0, text, f"multiplies {name}", True)
+                Nuisance(_under(name, load), "load", "", 0.0, std, -1.0, 1.0, text, f"multiplies {name}", True)
                 for name in EXCHANGED
             ]
     return tuple(each for each in found if each.std > 0 and each.group not in known.excluded)
@@ -232,10 +239,6 @@ class WorldSpace:
         bare = replace(condition, added_mass_kg=0.0).masses
         return {name: bare.get(name, self.masses[name]) for name in self._weighed}
 
-    def _load(self, number: int, name: str) -> float:
-        condition = self.recordings[number].condition
-        return condition.added_mass_kg if condition.masses and name != "m_F" else 0.0
-
     def of(self, q: np.ndarray, name: str) -> float:
         """A nuisance at q (n,): its value, or its logarithm; where it is left out, what the model says of it."""
         i = self.index.get(name)
@@ -245,14 +248,28 @@ class WorldSpace:
         """Its derivative to the search variable."""
         return float(self._scale[self.index[name]])
 
-    def constants(self, q: np.ndarray, load: float | None = None) -> dict[str, tuple[float, np.ndarray]]:
-        """The foot's constants by name, each with its derivatives (n,), under a load [kg] that they may follow."""
-        n = q.size
-        found: dict[str, tuple[float, np.ndarray]] = {}
+    @cached_property
+    def _about(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+        """Of each recording (R,): place of its load, angular frequency [rad/s], load [kg], masses without load [kg]."""
+        conditions = [recording.condition for recording in self.recordings]
+        loads = [c.added_mass_kg for c in conditions]
+        rank = {load: i for i, load in enumerate(sorted(set(loads)))}
+        each = [self.stated(i) for i in range(len(conditions))]
+        stated = {name: np.array([masses[name] for masses in each]) for name in self._weighed}
+        on_knee = np.array([load if c.masses else 0.0 for load, c in zip(loads, conditions, strict=True)])
+        w = np.array([2 * np.pi * (c.frequency_hz or 0.0) for c in conditions])
+        return np.array([rank[load] for load in loads]), w, on_knee, stated
+
+    def constants(self, q: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """The foot's constants (R,) by name under the load of each recording, and their derivatives (R, n) to q."""
+        at_load, n, R = self._about[0], q.size, len(self.recordings)
+        loads = sorted({recording.condition.added_mass_kg for recording in self.recordings})
+        found: dict[str, np.ndarray] = {}
+        slopes: dict[str, np.ndarray] = {}
         for name in NAMES if self.twin else self.base:
             i, row = self.index.get(name), np.zeros(n)
             if i is None:
-                found[name] = (float(self.feet.fixed[name]), row)
+                found[name], slopes[name] = np.full(R, float(self.feet.fixed[name])), np.zeros((R, n))
                 continue
             if self.ratio is not None and name in ("k_T", "k_F"):
                 half = 0.5 if name == "k_T" else -0.5
@@ -267,62 +284,88 @@ class WorldSpace:
                 row[i] = value
             else:
                 value, row[i] = float(q[i] * self._scale[i]), self._scale[i]
-            follows = f"{name} under {load or 0:g} kg"
-            if follows in self.index:
-                more = np.exp(self.of(q, follows))
-                value, row = value * more, row * more
-                row[self.index[follows]] += value * self.slope(follows)
-            found[name] = (value, row)
+            more = np.exp([self.of(q, _under(name, load)) for load in loads])
+            values, rows = value * more, more[:, None] * row
+            for k, load in enumerate(loads):
+                if _under(name, load) in self.index:
+                    rows[k, self.index[_under(name, load)]] += values[k] * self.slope(_under(name, load))
+            found[name], slopes[name] = values[at_load], rows[at_load]
+        return found, slopes
+
+    def weights(self, q: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """The segments' masses (R,) of each recording, with its load [kg], and their derivatives (R, n) to q."""
+        _, _, on_knee, stated = self._about
+        found = {}
+        for name, each in stated.items():
+            kind, slope = self._weighed[name], np.zeros((each.size, q.size))
+            segment = each * np.exp(self.of(q, kind))
+            if kind in self.index:
+                slope[:, self.index[kind]] = segment * self.slope(kind)
+            found[name] = (segment if name == "m_F" else segment + on_knee, slope)
         return found
+
+    def everywhere(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Parameters (R, p) of each recording's foot, and their derivatives (R, p, n) to q."""
+        key = q.tobytes()
+        if key not in self._kept:
+            found, slopes = self.constants(q)
+            if "relaxation time" in self.index:
+                for joint in _JOINTS:
+                    self._relax(q, joint, found, slopes)
+            for name, (mass, slope) in self.weights(q).items():
+                found[name], slopes[name] = mass, slope
+            self._kept.clear()
+            theta, slope = (np.stack([each[name] for name in self.names], axis=1) for each in (found, slopes))
+            self._kept[key] = theta, slope
+        return self._kept[key]
 
     def at(self, number: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Parameters (p,) of one recording's foot, and their derivatives (p, n) to q."""
-        recording = self.recordings[number]
-        found = self.constants(q, recording.condition.added_mass_kg)
-        if "relaxation time" in self.index:
-            w = 2 * np.pi * (recording.condition.frequency_hz or 0.0)
-            for joint in (("k_T", "c_11", "c_12", "c_13"), ("k_F", "c_21", "c_22", "c_23")):
-                found |= self._relaxed(q, w, joint, found)
-        for name, value in self.stated(number).items():
-            kind, row = self._weighed[name], np.zeros(q.size)
-            segment = value * np.exp(self.of(q, kind))
-            if kind in self.index:
-                row[self.index[kind]] = segment * self.slope(kind)
-            found[name] = (segment + self._load(number, name), row)
-        theta = np.array([found[name][0] for name in self.names])
-        return theta, np.stack([found[name][1] for name in self.names])
+        theta, slope = self.everywhere(q)
+        return theta[number], slope[number]
 
-    def _relaxed(
-        self, q: np.ndarray, w: float, joint: tuple[str, str, str, str], found: Mapping[str, tuple[float, np.ndarray]]
-    ) -> dict[str, tuple[float, np.ndarray]]:
-        """A joint whose spring relaxes, as the constants that move alike at the fundamental w [rad/s].
+    @cached_property
+    def _kept(self) -> dict[bytes, tuple[np.ndarray, np.ndarray]]:
+        return {}
+
+    def _relax(
+        self,
+        q: np.ndarray,
+        joint: tuple[str, str, str, str],
+        found: dict[str, np.ndarray],
+        slopes: dict[str, np.ndarray],
+    ) -> None:
+        """Replace a joint whose spring relaxes by the constants that move alike at the fundamentals w.
 
         The spring is K(i w) = k (1 + r i w tau / (1 + i w tau)): at w it adds stiffness and damping, and the added
         damping does not bend.
         """
-        (k, dk), (c, dc), (c2, d2), (c3, d3) = (found[name] for name in joint)
+        (k, dk), (c, dc), (c2, d2), (c3, d3) = ((found[name], slopes[name]) for name in joint)
         name = f"relaxing {joint[0]}"
         r, by_r, by_tau = self.of(q, name), self.index[name], self.index["relaxation time"]
         tau, r_slope, tau_slope = np.exp(self.of(q, "relaxation time")), self.slope(name), self.slope("relaxation time")
-        x = w * tau
+        x = self._about[1] * tau
         real, imaginary = x * x / (1 + x * x), tau / (1 + x * x)
         by_log = (2 * x * x / (1 + x * x) ** 2, imaginary - 2 * x * x * imaginary / (1 + x * x))
         stiff, more = k * (1 + r * real), k * r * imaginary
-        dstiff, dmore = dk * (1 + r * real), dk * r * imaginary
-        dstiff[by_r] += k * real * r_slope
-        dstiff[by_tau] += k * r * by_log[0] * tau_slope
-        dmore[by_r] += k * imaginary * r_slope
-        dmore[by_tau] += k * r * by_log[1] * tau_slope
+        dstiff, dmore = dk * (1 + r * real)[:, None], dk * (r * imaginary)[:, None]
+        dstiff[:, by_r] += k * real * r_slope
+        dstiff[:, by_tau] += k * r * by_log[0] * tau_slope
+        dmore[:, by_r] += k * imaginary * r_slope
+        dmore[:, by_tau] += k * r * by_log[1] * tau_slope
         damp, ddamp = c + more, dc + dmore
-        s, ds = c / damp, dc / damp - c * ddamp / damp**2
-        bend, dbend = s * c2, s * d2 + ds * c2
-        square = bend**2 - s * (c2**2 - c3**2)
-        if square > _LEAST:
-            dsquare = 2 * bend * dbend - ds * (c2**2 - c3**2) - s * (2 * c2 * d2 - 2 * c3 * d3)
-            wave, dwave = float(np.sqrt(square)), dsquare / (2 * np.sqrt(square))
-        else:
-            wave, dwave = float(np.sqrt(_LEAST)), np.zeros(q.size)
-        return dict(zip(joint, ((stiff, dstiff), (damp, ddamp), (bend, dbend), (wave, dwave)), strict=True))
+        s, ds = c / damp, dc / damp[:, None] - ddamp * (c / damp**2)[:, None]
+        bend, dbend = s * c2, s[:, None] * d2 + c2[:, None] * ds
+        flat = c2**2 - c3**2
+        square = bend**2 - s * flat
+        wave = np.sqrt(np.maximum(square, _LEAST))
+        dsquare = (
+            2 * bend[:, None] * dbend - ds * flat[:, None] - (2 * s)[:, None] * (c2[:, None] * d2 - c3[:, None] * d3)
+        )
+        dwave = np.where((square > _LEAST)[:, None], dsquare / (2 * wave)[:, None], 0.0)
+        pairs = ((stiff, dstiff), (damp, ddamp), (bend, dbend), (wave, dwave))
+        for name, (value, slope) in zip(joint, pairs, strict=True):
+            found[name], slopes[name] = value, slope
 
     def values(self, theta: np.ndarray) -> dict[str, float]:
         """All parameter values of a foot by name, from those of the space (p,)."""
@@ -477,9 +520,9 @@ class WorldProblem(PeriodicProblem):
         h = np.arange(1, line.count + 1)
         f, U = line.base.frequency_hz * h, line.base.amplitudes
         if "relaxation time" in world.index and line.count > 1:
-            y, j = self._overtones(number, z, 2 * np.pi * f)
-            above = np.where(h > 1, U, 0)
-            Y, J = Y + y * above, J + j * above[:, None]
+            y, j = self._overtones(z)[number]
+            Y[1:] += y * U[1:]
+            J[1:] += j * U[1:, None]
         if "rocking" in world.index:
             size, zeta = world.of(z, "rocking"), world.of(z, "rocking damping")
             own = np.exp(world.of(z, "rocking frequency"))
@@ -510,32 +553,55 @@ class WorldProblem(PeriodicProblem):
                 J[:, world.index[name]] += Y * by * world.slope(name)
         return Y * factor, J, np.eye(z.size)
 
-    def _overtones(self, number: int, z: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What relaxing springs add to the linear transmissibility (H,) at w [rad/s], and its derivatives (H, n).
+    @cached_property
+    def _kept(self) -> dict[bytes, list[tuple[np.ndarray, np.ndarray]]]:
+        return {}
+
+    def _overtones(self, z: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """What relaxing springs add to the linear transmissibility above the fundamental, of each recording.
 
         The constants of `WorldSpace.at` are right at the fundamental. Of the harmonics above it the part that the
         base drives is linear, so that its error is known and taken off.
+
+        Returns:
+            Arrays (H - 1,), (H - 1, n): the transmissibility, and its derivatives to z.
         """
-        world, s = self.world, 1j * w
-        theta, slope = world.at(number, z)
-        mapped = {name: (theta[i], slope[i]) for i, name in enumerate(world.names)}
-        plain = world.constants(z, world.recordings[number].condition.added_mass_kg)
+        key = z.tobytes()
+        if key not in self._kept:
+            counts = [line.count - 1 for line in self.lines]
+            whose = np.repeat(np.arange(len(counts)), counts)
+            h = np.concatenate([np.arange(2, count + 2) for count in counts])
+            s = 2j * np.pi * h * np.array([line.base.frequency_hz for line in self.lines])[whose]
+            G, dG = self._more(z, whose, s)
+            ends = np.cumsum(counts)[:-1]
+            self._kept.clear()
+            self._kept[key] = list(zip(np.split(G, ends), np.split(dG, ends), strict=True))
+        return self._kept[key]
+
+    def _more(self, z: np.ndarray, whose: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Transmissibility with relaxing springs less that of constants right at the fundamental, and its derivatives.
+
+        Args:
+            z: (n,). whose: (N,) recordings. s: (N,) i w [rad/s].
+        """
+        world = self.world
+        theta, slope = world.everywhere(z)
+        mapped = {name: (theta[whose, i], slope[whose, i]) for i, name in enumerate(world.names)}
+        plain, slopes = world.constants(z)
         tau, by_tau = np.exp(world.of(z, "relaxation time")), world.index["relaxation time"]
         x = s * tau
         exact, alike = [], []
         for k, c in (("k_T", "c_11"), ("k_F", "c_21")):
-            (k0, dk), (c0, dc) = plain[k], plain[c]
+            k0, dk, c0, dc = plain[k][whose], slopes[k][whose], plain[c][whose], slopes[c][whose]
             name = f"relaxing {k}"
             r = world.of(z, name)
-            d = np.outer(1 + r * x / (1 + x), dk) + np.outer(s, dc)
+            d = (1 + r * x / (1 + x))[:, None] * dk + s[:, None] * dc
             d[:, world.index[name]] += k0 * x / (1 + x) * world.slope(name)
             d[:, by_tau] += k0 * r * x / (1 + x) ** 2 * world.slope("relaxation time")
             exact.append((k0 * (1 + r * x / (1 + x)) + c0 * s, d))
             (k1, dk), (c1, dc) = mapped[k], mapped[c]
-            alike.append((k1 + c1 * s, dk[None, :] + np.outer(s, dc)))
-        masses = {name: (value, np.zeros(z.size)) for name, value in world.stated(number).items()}
-        masses = {name: (value[0] + world._load(number, name), value[1]) for name, value in masses.items()}
-        m_S, m_F = ({**masses, **mapped}[name] for name in ("m_S", "m_F"))
+            alike.append((k1 + c1 * s, dk + s[:, None] * dc))
+        m_S, m_F = ((mass[whose], slope[whose]) for mass, slope in (world.weights(z)[name] for name in ("m_S", "m_F")))
         (G, dG), (H, dH) = (_linear(s, ankle, pad, m_S, m_F) for ankle, pad in (exact, alike))
         return G - H, dG - dH
 
@@ -544,13 +610,13 @@ def _linear(
     s: np.ndarray,
     ankle: tuple[np.ndarray, np.ndarray],
     pad: tuple[np.ndarray, np.ndarray],
-    m_S: tuple[float, np.ndarray],
-    m_F: tuple[float, np.ndarray],
+    m_S: tuple[np.ndarray, np.ndarray],
+    m_F: tuple[np.ndarray, np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Malleolus over base (H,) at s = i w of two masses on complex springs, and its derivatives (H, n)."""
+    """Malleolus over base (N,) at s = i w of two masses on complex springs, and its derivatives (N, n)."""
     (a, da), (b, db) = ankle, pad
     u, v = m_S[0] * s**2 + a, m_F[0] * s**2 + a + b
     below = u * v - a * a
     G = a * b / below
     d = ((b - G * (v + u - 2 * a)) / below)[:, None] * da + ((a - G * u) / below)[:, None] * db
-    return G, d - np.outer(G / below * s**2 * v, m_S[1]) - np.outer(G / below * s**2 * u, m_F[1])
+    return G, d - (G / below * s**2 * v)[:, None] * m_S[1] - (G / below * s**2 * u)[:, None] * m_F[1]
