@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from fasbody.recording.known import Known
 from identification.branches import STIFF_ANKLE, STIFF_PAD
@@ -20,6 +19,7 @@ from identification.engines.twin import Twin
 from identification.periodic import Line, PeriodicProblem
 from identification.result import Allowance, Branch, Estimate, Mass, World, identifiability
 from identification.search import inverse_of_gram
+from identification.settle import settle
 from identification.space import MASSES, Space
 from identification.world import WorldProblem, WorldSpace, nuisances
 
@@ -114,12 +114,8 @@ def _objective(end: End) -> float:
 
 def _descend(problem: WorldProblem, name: str, q: np.ndarray, low: np.ndarray, high: np.ndarray, most: int) -> End:
     problem.start(q)  # orbits are sought from rest
-    inside = np.clip(q, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
-    found = least_squares(
-        problem.residual, inside, problem.jacobian, bounds=(low, high), method="trf", x_scale="jac",
-        ftol=1e-5, xtol=1e-6, gtol=1e-8, max_nfev=most,
-    )  # fmt: skip
-    return End(name, found.x, problem, 2 * float(found.cost), bool(found.success))
+    found = settle(problem, q, low, high, most)
+    return End(name, found.q, problem, found.objective, found.converged)
 
 
 def widened(end: End, narrow: Branch | None, space: Space, dof: int) -> Branch:

@@ -1,0 +1,100 @@
+"""A descent that stops where the sum of squares has no more to give, for bounds that many variables rest on.
+
+What is half normal rests at zero in most worlds. There the trust-region-reflective method of search.py crawls, as it
+keeps inside its bounds; here a step is the minimum of the damped quadratic between the bounds themselves. The descent
+ends where that quadratic, undamped, promises less than can matter: a long valley whose floor is flat is no reason to
+stop, and a cost of a million is no reason to go on.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+#: Decrease of the sum of squares that is worth no further step: a standard error squared is 1.
+PROMISED = 0.01
+_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-9, 1e9
+
+
+class Squares(Protocol):
+    """Residual (m,) and its derivatives (m, n)."""
+
+    def residual(self, q: np.ndarray) -> np.ndarray:
+        """At q (n,)."""
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """At q (n,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """Where a descent ended.
+
+    Attributes:
+        q: (n,). objective: sum of squares there. evaluations: of the residual. converged: no step promises more.
+    """
+
+    q: np.ndarray
+    objective: float
+    evaluations: int
+    converged: bool
+
+
+def settle(problem: Squares, q: np.ndarray, low: np.ndarray, high: np.ndarray, most: int) -> Settled:
+    """Minimise the sum of squares between bounds.
+
+    Args:
+        problem: residual and Jacobian. q: start (n,). low, high: bounds (n,). most: evaluations.
+    """
+    q = np.clip(q, low, high)
+    r = problem.residual(q)
+    objective, count, damping, factor = float(r @ r), 1, _DAMPING, 2.0
+    while True:
+        J = problem.jacobian(q)
+        A, g = J.T @ J, J.T @ r
+        size = np.sqrt(np.maximum(np.diag(A), 1e-12 * max(1e-300, float(np.diag(A).max()))))
+        A, g = A / np.outer(size, size), g / size
+        ends = (low - q) * size, (high - q) * size
+        full = between(A + _LEAST_DAMPING * np.eye(q.size), g, *ends)
+        if -float(2 * g @ full + full @ A @ full) < PROMISED:
+            return Settled(q, objective, count, True)
+        while True:
+            if count >= most or damping > _MOST_DAMPING:
+                return Settled(q, objective, count, False)
+            step = between(A + damping * np.eye(q.size), g, *ends)
+            trial = np.clip(q + step / size, low, high)
+            r_new = problem.residual(trial)
+            count += 1
+            gain = objective - float(r_new @ r_new)
+            promised = -float(2 * g @ step + step @ A @ step)
+            if gain > 0:
+                # Nielsen (1999): by how well the quadratic foretold the gain
+                damping = max(_LEAST_DAMPING, damping * max(0.1, 1 - (2 * gain / promised - 1) ** 3))
+                factor = 2.0
+                q, r, objective = trial, r_new, objective - gain
+                break
+            damping, factor = damping * factor, 2 * factor
+
+
+def between(A: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The minimum (n,) of g p + p A p / 2 for low <= p <= high, A positive definite and zero inside; an active set.
+
+    Variables beyond a bound are held there all at once, and released one at a time where the slope points inside.
+    """
+    p = np.zeros_like(g)
+    held = ((low >= 0) & (g > 0)) | ((high <= 0) & (g < 0))
+    for _ in range(4 * g.size):
+        free = np.flatnonzero(~held)
+        p[free] = -np.linalg.solve(A[np.ix_(free, free)], g[free] + A[np.ix_(free, held)] @ p[held])
+        beyond = (p < low) | (p > high)
+        beyond[held] = False
+        p = np.clip(p, low, high)
+        if beyond.any():
+            held |= beyond
+            continue
+        slope = g + A @ p
+        wrong = np.where(p <= low, -slope, slope) * held
+        if wrong.max(initial=0.0) <= 1e-12 * np.abs(g).max(initial=1e-300):
+            break
+        held[int(np.argmax(wrong))] = False
+    return p
