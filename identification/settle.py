@@ -79,22 +79,27 @@ def settle(problem: Squares, q: np.ndarray, low: np.ndarray, high: np.ndarray, m
 def between(A: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """The minimum (n,) of g p + p A p / 2 for low <= p <= high, A positive definite and zero inside; an active set.
 
-    Variables beyond a bound are held there all at once, and released one at a time where the slope points inside.
+    Each pass goes to the minimum over the free variables or up to the first bound, which is then held; at a minimum
+    the held one whose slope points most inside is released. So the value falls with every pass.
     """
     p = np.zeros_like(g)
-    held = ((low >= 0) & (g > 0)) | ((high <= 0) & (g < 0))
-    for _ in range(4 * g.size):
+    held = ((low >= 0) & (g >= 0)) | ((high <= 0) & (g <= 0))
+    for _ in range(8 * g.size):
         free = np.flatnonzero(~held)
-        p[free] = -np.linalg.solve(A[np.ix_(free, free)], g[free] + A[np.ix_(free, held)] @ p[held])
-        beyond = (p < low) | (p > high)
-        beyond[held] = False
-        p = np.clip(p, low, high)
-        if beyond.any():
-            held |= beyond
+        way = np.linalg.solve(A[np.ix_(free, free)], -(g + A @ p)[free])
+        room = np.where(way > 0, high[free] - p[free], low[free] - p[free])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reach = np.where(way != 0, room / way, np.inf)
+        stride = min(1.0, float(reach.min(initial=np.inf)))
+        p[free] += stride * way
+        if stride < 1.0:
+            first = free[int(np.argmin(reach))]
+            p[first] = high[first] if way[np.searchsorted(free, first)] > 0 else low[first]
+            held[first] = True
             continue
         slope = g + A @ p
-        wrong = np.where(p <= low, -slope, slope) * held
-        if wrong.max(initial=0.0) <= 1e-12 * np.abs(g).max(initial=1e-300):
+        inside = np.where(p <= low, -slope, slope) * held
+        if inside.max(initial=0.0) <= 1e-12 * np.abs(g).max(initial=1e-300):
             break
-        held[int(np.argmax(wrong))] = False
+        held[int(np.argmax(inside))] = False
     return p

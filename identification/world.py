@@ -88,6 +88,8 @@ NUISANCES = (
 )  # fmt: skip
 #: Bends of the dampers, 1/m, and their squares: proper and weak.
 _BEND = 200.0
+#: How sharply a damper ends where a relaxing spring is all the damping there is.
+_SHARP = 20.0
 #: Constants of each joint.
 _JOINTS = (("k_T", "c_11", "c_12", "c_13"), ("k_F", "c_21", "c_22", "c_23"))
 #: Below this square [1/m^2] a damper's c_13 is no different from zero.
@@ -260,16 +262,13 @@ class WorldSpace:
         w = np.array([2 * np.pi * (c.frequency_hz or 0.0) for c in conditions])
         return np.array([rank[load] for load in loads]), w, on_knee, stated
 
-    def constants(self, q: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """The foot's constants (R,) by name under the load of each recording, and their derivatives (R, n) to q."""
-        at_load, n, R = self._about[0], q.size, len(self.recordings)
-        loads = sorted({recording.condition.added_mass_kg for recording in self.recordings})
-        found: dict[str, np.ndarray] = {}
-        slopes: dict[str, np.ndarray] = {}
+    def _unloaded(self, q: np.ndarray) -> dict[str, tuple[float, np.ndarray]]:
+        """The foot's constants by name under the smallest load, and their derivatives (n,) to q."""
+        found: dict[str, tuple[float, np.ndarray]] = {}
         for name in NAMES if self.twin else self.base:
-            i, row = self.index.get(name), np.zeros(n)
+            i, row = self.index.get(name), np.zeros(q.size)
             if i is None:
-                found[name], slopes[name] = np.full(R, float(self.feet.fixed[name])), np.zeros((R, n))
+                found[name] = float(self.feet.fixed[name]), row
                 continue
             if self.ratio is not None and name in ("k_T", "k_F"):
                 half = 0.5 if name == "k_T" else -0.5
@@ -284,6 +283,47 @@ class WorldSpace:
                 row[i] = value
             else:
                 value, row[i] = float(q[i] * self._scale[i]), self._scale[i]
+            found[name] = value, row
+        for k, c, *_ in _JOINTS if "relaxation time" in self.index else ():
+            if k in self.index and c in self.index:
+                self._rest(q, k, c, found)
+        return found
+
+    def _rest(self, q: np.ndarray, k: str, c: str, found: dict[str, tuple[float, np.ndarray]]) -> None:
+        """Replace stiffness and damping of a relaxing joint in the middle of the band, as searched, by those at rest.
+
+        What the recordings know best is then a variable of its own, whatever the spring's share that relaxes. The
+        damper is what that leaves, and more than none.
+        """
+        (K, dK), (C, dC), name = found[k], found[c], f"relaxing {k}"
+        r, tau, w = self.of(q, name), np.exp(self.of(q, "relaxation time")), self._middle
+        by_r, by_tau = np.zeros((2, q.size))
+        by_r[self.index[name]], by_tau[self.index["relaxation time"]] = self.slope(name), self.slope("relaxation time")
+        x = w * tau
+        real, imaginary = x * x / (1 + x * x), tau / (1 + x * x)
+        dreal, dimaginary = 2 * x * x / (1 + x * x) ** 2, imaginary * (1 - x * x) / (1 + x * x)  # to ln tau
+        above = 1 + r * real
+        rest = K / above
+        drest = dK / above - rest / above * (real * by_r + r * dreal * by_tau)
+        added = rest * r * imaginary
+        dadded = drest * r * imaginary + rest * (imaginary * by_r + r * dimaginary * by_tau)
+        share = 1 - added / C
+        left = max(float(np.logaddexp(0.0, _SHARP * share)) / _SHARP, 1e-9)
+        dleft = (added / C**2 * dC - dadded / C) / (1 + np.exp(-np.clip(_SHARP * share, -500, 500)))
+        found[k], found[c] = (rest, drest), (C * left, dC * left + C * dleft)
+
+    @cached_property
+    def _middle(self) -> float:
+        """Middle of the recorded band [rad/s]."""
+        return float(np.exp(np.mean(np.log(np.maximum(self._about[1], 1e-9)))))
+
+    def constants(self, q: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """The foot's constants (R,) by name under the load of each recording, and their derivatives (R, n) to q."""
+        at_load = self._about[0]
+        loads = sorted({recording.condition.added_mass_kg for recording in self.recordings})
+        found: dict[str, np.ndarray] = {}
+        slopes: dict[str, np.ndarray] = {}
+        for name, (value, row) in self._unloaded(q).items():
             more = np.exp([self.of(q, _under(name, load)) for load in loads])
             values, rows = value * more, more[:, None] * row
             for k, load in enumerate(loads):
@@ -441,18 +481,17 @@ class WorldSpace:
             has limits of its own; a delay that is known to be none has neither.
         """
         feet, p = self.feet, len(self.feet.free)
-        rows, z = np.zeros((p, q.size)), np.zeros(p)
+        rows, z, unloaded = np.zeros((p, q.size)), np.zeros(p), self._unloaded(q)
         for i, item in enumerate(feet.free):
             if item.name not in self.index:
                 continue
             j = self.index[item.name]
-            if self.ratio is not None and item.name in ("k_T", "k_F"):
-                half = 0.5 if item.name == "k_T" else -0.5
-                rows[i, self.index["k_T"]], rows[i, self.index["k_F"]] = 1.0, half
-                z[i] = half * np.log(self.ratio)
+            if item.logarithmic:
+                value, slope = unloaded[item.name]
+                rows[i], z[i] = slope / value, np.log(value)
             else:
                 rows[i, j] = self._scale[j] / feet.scale[i] if item.name == DELAY.name else 1.0
-        z += rows @ q
+                z[i] = rows[i, j] * q[j]
         known = np.isfinite(C).all(axis=1)
         blind = (rows[:, ~known] != 0).any(axis=1)
         covariance = rows[:, known] @ C[np.ix_(known, known)] @ rows[:, known].T
