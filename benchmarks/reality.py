@@ -180,8 +180,8 @@ def study(work: Sequence[tuple[str, int]], jobs: int, progress: Progress) -> Ite
             console.print("interrupted; the rows rest on what is done")
 
 
-def measure(seeds: int, jobs: int, state: Path, worlds: Sequence[str] = WORLDS) -> list[Check]:
-    """Rows from so many seeds a world; what `state` holds is not done again.
+def measure(seeds: int, jobs: int, state: Path, worlds: Sequence[str] = WORLDS, first: int = 0) -> list[Check]:
+    """Rows from so many seeds a world, from the first on; what `state` holds is not done again.
 
     Raises:
         SettingError: no seed, or an unknown world.
@@ -192,7 +192,7 @@ def measure(seeds: int, jobs: int, state: Path, worlds: Sequence[str] = WORLDS) 
         if world not in WORLDS:
             raise SettingError(f"--world is {world!r}; there are {', '.join(WORLDS)}.")
     stamp = digest()
-    wanted = [(world, seed) for seed in range(seeds) for world in worlds]
+    wanted = [(world, seed) for seed in range(first, first + seeds) for world in worlds]
     done = {(j.world, j.seed): j for j in read(state, stamp)}
     work = [key for key in wanted if key not in done]
     with progress_bar() as progress, state.open("a") as file:
@@ -261,6 +261,7 @@ def main(
     seeds: Annotated[int, typer.Option(help="legs a world; the study takes 24")] = 24,
     jobs: Annotated[int, typer.Option(help="processes")] = 2,
     world: Annotated[list[str] | None, typer.Option(help="only this world; repeat it for more")] = None,
+    first: Annotated[int, typer.Option(help="first seed: other ones judge what was mended after a look at these")] = 0,
     state: Annotated[Path, typer.Option(help="what is done, to go on from")] = Path("reality.jsonl"),
     json_: JsonOption = False,
 ) -> None:
@@ -271,7 +272,7 @@ def main(
 
       python -m benchmarks.reality --world "sensor on tissue" --world clean
     """
-    report("reality", measure(seeds, jobs, state, world or WORLDS), json_)
+    report("reality", measure(seeds, jobs, state, world or WORLDS, first), json_)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,8 @@ import numpy as np
 
 #: Decrease of the sum of squares that is worth no further step: a standard error squared is 1.
 PROMISED = 0.01
-_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-9, 1e9
+#: Least and largest damping, in the units of the variables, and what keeps a matrix of unit diagonal invertible.
+_LEAST_DAMPING, _MOST_DAMPING, _ROUNDING = 1e-6, 1e14, 1e-14
 
 
 class Squares(Protocol):
@@ -32,44 +33,51 @@ class Settled:
 
     Attributes:
         q: (n,). objective: sum of squares there. evaluations: of the residual. converged: no step promises more.
+        left: what a last step promised.
     """
 
     q: np.ndarray
     objective: float
     evaluations: int
     converged: bool
+    left: float
 
 
-def settle(problem: Squares, q: np.ndarray, low: np.ndarray, high: np.ndarray, most: int) -> Settled:
+def settle(
+    problem: Squares, q: np.ndarray, low: np.ndarray, high: np.ndarray, most: int, promised: float = PROMISED
+) -> Settled:
     """Minimise the sum of squares between bounds.
 
     Args:
         problem: residual and Jacobian. q: start (n,). low, high: bounds (n,). most: evaluations.
+        promised: decrease of the sum of squares that is worth no further step.
     """
     q = np.clip(q, low, high)
     r = problem.residual(q)
-    objective, count, damping, factor = float(r @ r), 1, _DAMPING, 2.0
+    objective, count, factor = float(r @ r), 1, 2.0
+    damping = max(1.0, objective / r.size)  # one unit of a variable is a step that is large
     while True:
         J = problem.jacobian(q)
         A, g = J.T @ J, J.T @ r
         size = np.sqrt(np.maximum(np.diag(A), 1e-12 * max(1e-300, float(np.diag(A).max()))))
         A, g = A / np.outer(size, size), g / size
         ends = (low - q) * size, (high - q) * size
-        full = between(A + _LEAST_DAMPING * np.eye(q.size), g, *ends)
-        if -float(2 * g @ full + full @ A @ full) < PROMISED:
-            return Settled(q, objective, count, True)
+        full = between(A + _ROUNDING * np.eye(q.size), g, *ends)
+        left = -float(2 * g @ full + full @ A @ full)
+        if left < promised:
+            return Settled(q, objective, count, True, left)
         while True:
             if count >= most or damping > _MOST_DAMPING:
-                return Settled(q, objective, count, False)
-            step = between(A + damping * np.eye(q.size), g, *ends)
+                return Settled(q, objective, count, False, left)
+            step = between(A + np.diag(damping / size**2 + _ROUNDING), g, *ends)
             trial = np.clip(q + step / size, low, high)
             r_new = problem.residual(trial)
             count += 1
             gain = objective - float(r_new @ r_new)
-            promised = -float(2 * g @ step + step @ A @ step)
+            foretold = -float(2 * g @ step + step @ A @ step)
             if gain > 0:
                 # Nielsen (1999): by how well the quadratic foretold the gain
-                damping = max(_LEAST_DAMPING, damping * max(0.1, 1 - (2 * gain / promised - 1) ** 3))
+                damping = max(_LEAST_DAMPING, damping * max(0.1, 1 - (2 * gain / foretold - 1) ** 3))
                 factor = 2.0
                 q, r, objective = trial, r_new, objective - gain
                 break

@@ -4,8 +4,9 @@ What is said of a foot follows this fit: its intervals, whether a constant is id
 Where not even that follows the recordings, no constant and no branch is offered.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -26,11 +27,14 @@ from identification.world import WorldProblem, WorldSpace, nuisances
 #: Chi-square per degree of freedom beyond which not even the wide fit follows the recordings.
 FOLLOWS = 2.0
 #: Evaluations of a descent, and of one in MuJoCo, where each costs a simulation a parameter.
-_MOST, _MOST_IN_MUJOCO = 60, 6
-#: An image whose sum of squares is larger by this than the branch's own end is not descended from.
-_FAR = 20.0
-#: Rounds in which a branch's best end goes on until it has converged.
-_ROUNDS = 4
+_MOST, _MOST_IN_MUJOCO = 100, 6
+#: What a step more may promise at an end that has come to rest: odds of 1000 to 1 are 14 of it.
+_SETTLED = 0.5
+#: Objective over the number of residuals beyond which the search goes on from more places, and by how much heavier or
+#: lighter the leg is there: the valley of masses, loads and mount is long.
+_POOR, _HEAVIER = 1.5, (0.1, -0.1)
+#: Sign of rho on each branch.
+_SIGNS = {STIFF_ANKLE: 1, STIFF_PAD: -1}
 _Z95 = 1.959963984540054
 _IF_TRUE = ", if the model is true"
 
@@ -41,7 +45,7 @@ class End:
 
     Attributes:
         name: of the branch. q: search variable (n,). problem: whose residual it minimises. objective: chi-square and
-            the squares of the prior's rows. converged: by its tolerances.
+            the squares of the prior's rows. converged: a step more promises next to nothing.
     """
 
     name: str
@@ -82,30 +86,62 @@ def widest(
     starts = [(c.name, world.start(space.values(c.descent.theta))) for c in certified]
     if world.ratio is None:
         return sorted((_descend(problem, name, q, *world.bounds, most) for name, q in starts), key=_objective)
-    ends: dict[str, End] = {}
-    sides = {name: sign for name, sign in ((STIFF_ANKLE, 1), (STIFF_PAD, -1)) if name not in without}
+    both = [name for name in (STIFF_ANKLE, STIFF_PAD) if name not in without]
+    ends = _Ends(problem, both, most)
+    for name, q in starts:
+        ends.enter(name, q)
+    ends.mirror()
+    if ends.poor():  # a narrow fit that a wrong model drove into a corner is no place to start from
+        own = world.start(foot.values())
+        ends.enter(STIFF_ANKLE if own[world.index["k_F"]] >= 0 else STIFF_PAD, own)
+        ends.mirror()
+    for share in _HEAVIER if weighed else ():
+        for end in list(ends.found.values()) if ends.poor() else ():
+            ends.enter(end.name, world.heavier(end.q, share))
+    if certified[0].descent.cost > FOLLOWS * problem.size:  # the weights rest on the model, and that was a wrong one
+        problem.reweigh(min(ends.found.values(), key=_objective).q)
+        ends = _Ends(problem, both, most, ends.found)
+    for name, end in list(ends.found.items()):  # the odds are between ends, not between places on the way
+        if not end.converged:
+            ends.enter(name, end.q)
+    return sorted(ends.found.values(), key=_objective)
 
-    def enter(name: str, q: np.ndarray, far: float = np.inf) -> None:
-        low, high = world.side(sides[name])
-        best = ends.get(name)
-        if best is not None and np.sum(problem.residual(np.clip(q, low, high)) ** 2) > best.objective + far:
-            return
-        found = _descend(problem, name, q, low, high, most)
-        if best is None or found.objective < best.objective:
-            ends[name] = found
 
-    for name in sides:
-        for whose, q in starts:
-            enter(name, q if whose == name else world.image(q), np.inf if whose == name else 50 * _FAR)
-    for name, end in list(ends.items()):
-        other = STIFF_PAD if name == STIFF_ANKLE else STIFF_ANKLE
-        if other in sides:
-            enter(other, world.image(end.q), _FAR)
-    for name in ends:  # the odds are between ends, not between places on the way
-        for _ in range(_ROUNDS):
-            if not ends[name].converged:
-                enter(name, ends[name].q)
-    return sorted(ends.values(), key=_objective)
+class _Ends:
+    """The best end of each branch so far.
+
+    Args:
+        problem: the wide fit. both: names of the branches that can be. most: evaluations of a descent. before: ends to
+            go on from, under other weights.
+    """
+
+    def __init__(
+        self, problem: WorldProblem, both: Sequence[str], most: int, before: Mapping[str, End] = MappingProxyType({})
+    ) -> None:
+        self.problem, self.both, self._most = problem, both, most
+        self.found: dict[str, End] = {}
+        self._imaged = np.empty(0)
+        for name, end in before.items():
+            self.enter(name, end.q)
+
+    def enter(self, name: str, q: np.ndarray) -> None:
+        """Descend on a branch from q (n,)."""
+        if name in self.both:
+            end = _descend(self.problem, name, q, *self.problem.world.side(_SIGNS[name]), self._most)
+            if name not in self.found or end.objective < self.found[name].objective:
+                self.found[name] = end
+
+    def mirror(self) -> None:
+        """Descend on the other branch from the image of the best end, where that is not done."""
+        best = min(self.found.values(), key=_objective)
+        if not np.array_equal(best.q, self._imaged):
+            self._imaged = best.q
+            self.enter(STIFF_PAD if best.name == STIFF_ANKLE else STIFF_ANKLE, self.problem.world.image(best.q))
+
+    def poor(self) -> bool:
+        """Whether even the best end leaves more than the noise, or is none."""
+        end = min(self.found.values(), key=_objective)
+        return not end.converged or end.objective > _POOR * self.problem.size
 
 
 def _objective(end: End) -> float:
@@ -115,7 +151,7 @@ def _objective(end: End) -> float:
 def _descend(problem: WorldProblem, name: str, q: np.ndarray, low: np.ndarray, high: np.ndarray, most: int) -> End:
     problem.start(q)  # orbits are sought from rest
     found = settle(problem, q, low, high, most)
-    return End(name, found.q, problem, found.objective, found.converged)
+    return End(name, found.q, problem, found.objective, found.left < _SETTLED)
 
 
 def widened(end: End, narrow: Branch | None, space: Space, dof: int) -> Branch:

@@ -456,6 +456,17 @@ class WorldSpace:
                 found[item.name] = self.own[item.name]
         return found
 
+    def heavier(self, q: np.ndarray, share: float) -> np.ndarray:
+        """The same motion without load (n,) of a leg whose segments are heavier by a share (of the logarithm)."""
+        q = q.copy()
+        for name in ("shank mass", "foot mass"):
+            if name in self.index:
+                q[self.index[name]] += share / self.slope(name)
+        for name in ("c_11", "c_21", *(["k_T"] if self.ratio is not None else ["k_T", "k_F"])):
+            if name in self.index:
+                q[self.index[name]] += share
+        return np.clip(q, *self.bounds)
+
     def image(self, q: np.ndarray) -> np.ndarray:
         """The mirror image (n,) of q: the two joints change places, with what they do besides."""
         assert self.ratio is not None
