@@ -30,6 +30,8 @@ from identification.space import DELAY, Space
 _REWEIGH = 2
 #: Decrease of chi-square in MuJoCo that is far below a standard error, where the misfit is noise; evaluations at most.
 _PROMISED, _MOST = 1e-6, 50
+#: Misfit over the noise beyond which a hundredth of a standard error, widened by it, is near enough.
+_MISSES, _ROUGH = 10.0, 1e-2
 #: So many ends of a branch are tried in MuJoCo before it is given up.
 _CANDIDATES = 3
 #: A steady motion this many times larger than the measured one has left its orbit, which is unstable.
@@ -106,7 +108,7 @@ def _converged(final: Problem, descent: Descent) -> Descent:
         return descend(final, final.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
     excess = max(1.0, descent.cost / max(1, final.size))
     low, high = final.bounds
-    end = settle_between(final, descent.z, low, high, _MOST, _PROMISED * excess)
+    end = settle_between(final, descent.z, low, high, _MOST, _PROMISED if excess < _MISSES else _ROUGH * excess)
     theta = final.space.to_theta(end.q[: descent.theta.size])
     return replace(
         descent, theta=theta, z=end.q, cost=end.objective, converged=end.converged,
@@ -130,7 +132,13 @@ def settle(domain: Domain, descent: Descent) -> tuple[Problem, Descent]:
         problem, domain = problem if finer is domain else finer.problem(), finer
         for _ in range(_REWEIGH if problem.chi_square else 1):  # without chi-square the weights stay
             problem.reweigh(descent.z)
-            descent = descend(problem, domain.space.to_q(descent.theta), descent.label, z0=z, tight=True)
+            descent = descend(
+                problem,
+                domain.space.to_q(descent.theta),
+                descent.label,
+                z0=z,
+                tight=descent.cost < _MISSES * problem.size,
+            )
             z = descent.z
         finer = domain.refined(z)
         if finer is domain:

@@ -35,6 +35,8 @@ _SETTLED = 0.5
 _POOR, _HEAVIER = 1.5, (0.1, -0.1)
 #: Sign of rho on each branch.
 _SIGNS = {STIFF_ANKLE: 1, STIFF_PAD: -1}
+#: No leg's mass is further off than this (of the logarithm), however little the recordings say.
+_HALF = (-0.5, 0.5)
 _Z95 = 1.959963984540054
 _IF_TRUE = ", if the model is true"
 
@@ -202,7 +204,8 @@ def _masses(world: WorldSpace, q: np.ndarray, C: np.ndarray) -> tuple[Mass, ...]
         if kind in world.index:
             i, prior = world.index[kind], world.slope(kind)
             x, std = world.of(q, kind), float(np.sqrt(C[i, i]))
-            low, high = (stated * float(np.exp(x + sign * _Z95 * std * prior)) for sign in (-1, 1))
+            ends = np.clip([x - _Z95 * std * prior, x + _Z95 * std * prior], *_HALF)
+            low, high = (stated * float(np.exp(end)) for end in ends)
             found.append(Mass(name, stated, prior, stated * float(np.exp(x)), low, high, max(0.0, 1 - std)))
     return tuple(found)
 

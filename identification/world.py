@@ -16,11 +16,14 @@ from functools import cached_property
 
 import numpy as np
 
+from fasbody.exceptions import SimulationError
 from fasbody.foot.two_dof import NAMES
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording, gain_and_delay
 from identification.branches import EXCHANGED
+from identification.engines.compiled import Orbits
 from identification.engines.engine import Engine, Excitation
+from identification.engines.twin import Twin
 from identification.periodic import Line, PeriodicProblem
 from identification.search import UNSTABLE
 from identification.space import DELAY, MASSES, Space
@@ -359,6 +362,17 @@ class WorldSpace:
             self._kept[key] = theta, slope
         return self._kept[key]
 
+    def all_of(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """All the twin's constants and both masses (R, 10) of each recording, and their derivatives (R, 10, n)."""
+        theta, slope = self.everywhere(q)
+        if theta.shape[1] > len(NAMES):
+            return theta, slope
+        masses = [self.weights(q)[name] for name in ("m_S", "m_F")]
+        return (
+            np.column_stack([theta, *(mass for mass, _ in masses)]),
+            np.concatenate([slope, *(d[:, None] for _, d in masses)], axis=1),
+        )
+
     def at(self, number: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Parameters (p,) of one recording's foot, and their derivatives (p, n) to q."""
         theta, slope = self.everywhere(q)
@@ -564,9 +578,8 @@ class WorldProblem(PeriodicProblem):
 
     def response(self, number: int, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Model harmonics (H,) of one recording and their derivatives (H, n); the third is the identity."""
-        Y, DY, slope = super().response(number, z)
         line, world = self.lines[number], self.world
-        J = DY @ slope.astype(complex)
+        Y, J = self._motion(number, z)
         h = np.arange(1, line.count + 1)
         f, U = line.base.frequency_hz * h, line.base.amplitudes
         if "relaxation time" in world.index and line.count > 1:
@@ -602,6 +615,42 @@ class WorldProblem(PeriodicProblem):
             if name in world.index:
                 J[:, world.index[name]] += Y * by * world.slope(name)
         return Y * factor, J, np.eye(z.size)
+
+    def start(self, q: np.ndarray) -> np.ndarray:
+        """See `PeriodicProblem`."""
+        if self._orbits is not None:
+            self._orbits.forget()
+        return super().start(q)
+
+    @cached_property
+    def _orbits(self) -> Orbits | None:
+        """Orbits of all recordings at once, where the twin stands for the model."""
+        if not (isinstance(self.engine, Twin) and self.world.twin):
+            return None
+        return Orbits(self.engine, [line.count for line in self.lines], self.tolerance)
+
+    def _motion(self, number: int, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Harmonics (H,) of one recording without what the instrument adds, and their derivatives (H, n) to z."""
+        if self._orbits is None:
+            Y, DY, slope = super().response(number, z)
+            return Y, DY @ slope.astype(complex)
+        key = z.tobytes()
+        if key not in self._moved:
+            theta, slope = self.world.all_of(z)
+            found = self._orbits(theta)
+            if found is None:
+                raise SimulationError(f"no periodic motion for {z}.")
+            counts = [line.count for line in self.lines]
+            ends = np.cumsum(counts)[:-1]
+            J = np.einsum("ij,ijk->ik", found[1], np.repeat(slope, counts, axis=0))
+            self._moved.clear()
+            self._moved[key] = list(zip(np.split(found[0], ends), np.split(J, ends), strict=True))
+        Y, J = self._moved[key][number]
+        return Y.copy(), J.copy()
+
+    @cached_property
+    def _moved(self) -> dict[bytes, list[tuple[np.ndarray, np.ndarray]]]:
+        return {}
 
     @cached_property
     def _kept(self) -> dict[bytes, list[tuple[np.ndarray, np.ndarray]]]:
