@@ -106,7 +106,7 @@ def between(A: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray) -> 
             held[first] = True
             continue
         slope = g + A @ p
-        inside = np.where(p <= low, -slope, slope) * held
+        inside = np.where(p <= low, -slope, slope) * (held & (high > low))
         if inside.max(initial=0.0) <= 1e-12 * np.abs(g).max(initial=1e-300):
             break
         held[int(np.argmax(inside))] = False

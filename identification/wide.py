@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from fasbody.recording.known import Known
-from identification.branches import STIFF_ANKLE, STIFF_PAD
+from identification.branches import EXCHANGED, STIFF_ANKLE, STIFF_PAD
 from identification.certification import Certified, size_that_matters
 from identification.domains import Domain
 from identification.engines.engine import Engine, Excitation
@@ -22,7 +22,7 @@ from identification.result import Allowance, Branch, Estimate, Mass, World, iden
 from identification.search import inverse_of_gram
 from identification.settle import settle
 from identification.space import MASSES, Space
-from identification.world import WorldProblem, WorldSpace, nuisances
+from identification.world import WorldProblem, WorldSpace, nuisances, under
 
 #: Chi-square per degree of freedom beyond which not even the wide fit follows the recordings.
 FOLLOWS = 2.0
@@ -30,9 +30,9 @@ FOLLOWS = 2.0
 _MOST, _MOST_IN_MUJOCO = 100, 6
 #: What a step more may promise at an end that has come to rest: odds of 1000 to 1 are 14 of it.
 _SETTLED = 0.5
-#: Objective over the number of residuals beyond which the search goes on from more places, and by how much heavier or
-#: lighter the leg is there: the valley of masses, loads and mount is long.
-_POOR, _HEAVIER = 1.5, (0.1, -0.1)
+#: Standard deviations of chi-square above what noise leaves, beyond which the search goes on from more places, and by
+#: how much heavier or lighter the leg is there: the valley of masses, loads and mount is long.
+_POOR, _HEAVIER = 1.0, (0.1, -0.1)
 #: Sign of rho on each branch.
 _SIGNS = {STIFF_ANKLE: 1, STIFF_PAD: -1}
 #: No leg's mass is further off than this (of the logarithm), however little the recordings say.
@@ -48,6 +48,8 @@ class End:
     Attributes:
         name: of the branch. q: search variable (n,). problem: whose residual it minimises. objective: chi-square and
             the squares of the prior's rows. converged: a step more promises next to nothing.
+        constant: the objective where the foot's constants do not follow the load; None where one load, or a laboratory,
+            says nothing of that.
     """
 
     name: str
@@ -55,6 +57,7 @@ class End:
     problem: WorldProblem
     objective: float
     converged: bool
+    constant: float | None = None
 
 
 def widest(
@@ -106,7 +109,19 @@ def widest(
     for name, end in list(ends.found.items()):  # the odds are between ends, not between places on the way
         if not end.converged:
             ends.enter(name, end.q)
-    return sorted(ends.found.values(), key=_objective)
+    best, *others = sorted(ends.found.values(), key=_objective)
+    return [_constant(best, most), *others]
+
+
+def _constant(end: End, most: int) -> End:
+    """The end with what the same branch comes to where constants do not follow the load."""
+    world = end.problem.world
+    follow = [world.index[each.name] for each in world.nuisances if each.group == "load"]
+    if not follow:
+        return end
+    low, high = (limit.copy() for limit in world.side(_SIGNS[end.name]))
+    low[follow] = high[follow] = 0.0
+    return replace(end, constant=_descend(end.problem, end.name, end.q, low, high, most).objective)
 
 
 class _Ends:
@@ -143,7 +158,8 @@ class _Ends:
     def poor(self) -> bool:
         """Whether even the best end leaves more than the noise, or is none."""
         end = min(self.found.values(), key=_objective)
-        return not end.converged or end.objective > _POOR * self.problem.size
+        expected = self.problem.size
+        return not end.converged or end.objective > expected + _POOR * np.sqrt(2 * expected)
 
 
 def _objective(end: End) -> float:
@@ -182,13 +198,31 @@ def widened(end: End, narrow: Branch | None, space: Space, dof: int) -> Branch:
             float(theta[i]), float(std[i]), float(low[i]), float(high[i]), bool(at_bound[i]),
             word if follows else "not identifiable", before,
         )  # fmt: skip
-    told = World(chi_square, end.objective, dof, follows, _masses(world, q, C), _allowances(world, q, C))
+    told = World(
+        chi_square,
+        end.objective,
+        dof,
+        follows,
+        _masses(world, q, C),
+        _allowances(world, q, C),
+        end.constant,
+        _exponents(world, q, C),
+    )
     if narrow is not None:
         return replace(narrow, parameters=parameters, world=told)
     fit = float(np.mean([_percent(y, line) for y, line in zip(end.problem.predict(q), end.problem.lines, strict=True)]))
     return Branch(
         end.name, end.objective, end.objective, fit, parameters, correlation.tolist(), chi_square, dof, None, told
     )
+
+
+def trusting(branch: Branch) -> Branch:
+    """A branch of which no wide fit was made: its words hold if the model is true."""
+    told = {
+        key: e if e.identifiability == "not identifiable" else replace(e, identifiability=e.identifiability + _IF_TRUE)
+        for key, e in branch.parameters.items()
+    }
+    return replace(branch, parameters=told)
 
 
 def _percent(y: np.ndarray, line: Line) -> float:
@@ -198,16 +232,35 @@ def _percent(y: np.ndarray, line: Line) -> float:
 
 
 def _masses(world: WorldSpace, q: np.ndarray, C: np.ndarray) -> tuple[Mass, ...]:
+    """Each segment of each person: all recordings of one share it."""
     found = []
-    for name, stated in world.stated(0).items():
-        kind = world._weighed[name]
-        if kind in world.index:
-            i, prior = world.index[kind], world.slope(kind)
-            x, std = world.of(q, kind), float(np.sqrt(C[i, i]))
-            ends = np.clip([x - _Z95 * std * prior, x + _Z95 * std * prior], *_HALF)
-            low, high = (stated * float(np.exp(end)) for end in ends)
-            found.append(Mass(name, stated, prior, stated * float(np.exp(x)), low, high, max(0.0, 1 - std)))
+    for name, kinds in world.kinds.items():
+        for kind in dict.fromkeys(kinds):
+            if kind in world.index:
+                stated, i, prior = world.stated(kinds.index(kind))[name], world.index[kind], world.slope(kind)
+                x, std = world.of(q, kind), float(np.sqrt(C[i, i]))
+                ends = np.clip([x - _Z95 * std * prior, x + _Z95 * std * prior], *_HALF)
+                low, high = (stated * float(np.exp(end)) for end in ends)
+                whose = name + kind.partition(" mass")[2]
+                found.append(Mass(whose, stated, prior, stated * float(np.exp(x)), low, high, max(0.0, 1 - std)))
     return tuple(found)
+
+
+def _exponents(world: WorldSpace, q: np.ndarray, C: np.ndarray) -> dict[str, tuple[float, float, float]]:
+    """The power of the weight on the pad that each constant follows, with its 95 % interval."""
+    loads = sorted({recording.condition.added_mass_kg for recording in world.recordings})
+    leg = sum(world.stated(0).values())
+    found = {}
+    for name in EXCHANGED:
+        at = [world.index[under(name, load)] for load in loads[1:] if under(name, load) in world.index]
+        if at and leg > 0:
+            x = np.log((leg + np.array(loads[1:])) / (leg + loads[0]))
+            e = np.array([world.of(q, under(name, load)) for load in loads[1:]])
+            size = np.array([world.slope(under(name, load)) for load in loads[1:]])
+            weights = np.linalg.solve(C[np.ix_(at, at)] * np.outer(size, size), x)
+            power, std = float(weights @ e / (weights @ x)), float(1 / np.sqrt(weights @ x))
+            found[name] = (power, power - _Z95 * std, power + _Z95 * std)
+    return found
 
 
 def _allowances(world: WorldSpace, q: np.ndarray, C: np.ndarray) -> tuple[Allowance, ...]:

@@ -99,9 +99,14 @@ _JOINTS = (("k_T", "c_11", "c_12", "c_13"), ("k_F", "c_21", "c_22", "c_23"))
 _LEAST = 1e-2
 
 
-def _under(name: str, load_kg: float) -> str:
+def under(name: str, load_kg: float) -> str:
     """Name of the nuisance by which a constant follows a load."""
     return f"{name} under {load_kg:g} kg"
+
+
+def _of(kind: str, person: str) -> str:
+    """Name of the nuisance by which a person's mass is off, where several are pooled."""
+    return f"{kind} of {person or 'unnamed'}"
 
 
 def nuisances(
@@ -126,13 +131,19 @@ def nuisances(
         found = [each for each in found if each.group != "relaxation"]
     shank, foot = bool({"m_S", "m_T"} & set(declared)), "m_F" in declared
     found = [each for each in found if each.group != "masses" or (shank if "shank" in each.name else foot)]
+    people = list(dict.fromkeys(r.condition.subject for r in recordings))
+    if len(people) > 1:  # a scale and a table are wrong for one person at a time
+        of_each = [
+            replace(each, name=_of(each.name, person)) for each in found if each.group == "masses" for person in people
+        ]
+        found = of_each + [each for each in found if each.group != "masses"]
     first, *others = sorted({r.condition.added_mass_kg for r in recordings})
     if twin:
         for load in others:
             std = LOAD_STD * (load - first) / LOAD_KG
             text = f"force on a heel grows as deformation to the power 2.6, against {first:g} kg"
             found += [
-                Nuisance(_under(name, load), "load", "", 0.0, std, -1.0, 1.0, text, f"multiplies {name}", True)
+                Nuisance(under(name, load), "load", "", 0.0, std, -1.0, 1.0, text, f"multiplies {name}", True)
                 for name in EXCHANGED
             ]
     return tuple(each for each in found if each.std > 0 and each.group not in known.excluded)
@@ -236,6 +247,15 @@ class WorldSpace:
         kinds = {"m_S": "shank mass", "m_T": "shank mass", "m_F": "foot mass"}
         return {name: kinds[name] for name in MASSES if name in self.masses}
 
+    @cached_property
+    def kinds(self) -> dict[str, list[str]]:
+        """Masses that the model declares -> the nuisance that multiplies them in each recording, one a person."""
+        people = [recording.condition.subject for recording in self.recordings]
+        several = len(set(people)) > 1
+        return {
+            name: [_of(kind, person) if several else kind for person in people] for name, kind in self._weighed.items()
+        }
+
     has_delay = False
 
     def stated(self, number: int) -> dict[str, float]:
@@ -327,11 +347,11 @@ class WorldSpace:
         found: dict[str, np.ndarray] = {}
         slopes: dict[str, np.ndarray] = {}
         for name, (value, row) in self._unloaded(q).items():
-            more = np.exp([self.of(q, _under(name, load)) for load in loads])
+            more = np.exp([self.of(q, under(name, load)) for load in loads])
             values, rows = value * more, more[:, None] * row
             for k, load in enumerate(loads):
-                if _under(name, load) in self.index:
-                    rows[k, self.index[_under(name, load)]] += values[k] * self.slope(_under(name, load))
+                if under(name, load) in self.index:
+                    rows[k, self.index[under(name, load)]] += values[k] * self.slope(under(name, load))
             found[name], slopes[name] = values[at_load], rows[at_load]
         return found, slopes
 
@@ -340,10 +360,11 @@ class WorldSpace:
         _, _, on_knee, stated = self._about
         found = {}
         for name, each in stated.items():
-            kind, slope = self._weighed[name], np.zeros((each.size, q.size))
-            segment = each * np.exp(self.of(q, kind))
-            if kind in self.index:
-                slope[:, self.index[kind]] = segment * self.slope(kind)
+            kinds, slope = self.kinds[name], np.zeros((each.size, q.size))
+            segment = each * np.exp([self.of(q, kind) for kind in kinds])
+            for i, kind in enumerate(kinds):
+                if kind in self.index:
+                    slope[i, self.index[kind]] = segment[i] * self.slope(kind)
             found[name] = (segment if name == "m_F" else segment + on_knee, slope)
         return found
 
@@ -473,9 +494,8 @@ class WorldSpace:
     def heavier(self, q: np.ndarray, share: float) -> np.ndarray:
         """The same motion without load (n,) of a leg whose segments are heavier by a share (of the logarithm)."""
         q = q.copy()
-        for name in ("shank mass", "foot mass"):
-            if name in self.index:
-                q[self.index[name]] += share / self.slope(name)
+        for name in {kind for kinds in self.kinds.values() for kind in kinds} & set(self.index):
+            q[self.index[name]] += share / self.slope(name)
         for name in ("c_11", "c_21", *(["k_T"] if self.ratio is not None else ["k_T", "k_F"])):
             if name in self.index:
                 q[self.index[name]] += share
