@@ -102,7 +102,9 @@ def widest(
         ends.mirror()
     for share in _HEAVIER if weighed else ():
         for end in list(ends.found.values()) if ends.poor() else ():
-            ends.enter(end.name, world.heavier(end.q, share))
+            heavier = world.heavier(end.q, share)
+            ends.enter(end.name, heavier)
+            ends.enter(_other(end.name), world.image(heavier))
     if certified[0].descent.cost > FOLLOWS * problem.size:  # the weights rest on the model, and that was a wrong one
         problem.reweigh(min(ends.found.values(), key=_objective).q)
         ends = _Ends(problem, both, most, ends.found)
@@ -153,13 +155,17 @@ class _Ends:
         best = min(self.found.values(), key=_objective)
         if not np.array_equal(best.q, self._imaged):
             self._imaged = best.q
-            self.enter(STIFF_PAD if best.name == STIFF_ANKLE else STIFF_ANKLE, self.problem.world.image(best.q))
+            self.enter(_other(best.name), self.problem.world.image(best.q))
 
     def poor(self) -> bool:
         """Whether even the best end leaves more than the noise, or is none."""
         end = min(self.found.values(), key=_objective)
         expected = self.problem.size
         return not end.converged or end.objective > expected + _POOR * np.sqrt(2 * expected)
+
+
+def _other(name: str) -> str:
+    return STIFF_PAD if name == STIFF_ANKLE else STIFF_ANKLE
 
 
 def _objective(end: End) -> float:
