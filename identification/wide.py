@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
+from scipy.special import chdtri
 
 from fasbody.recording.known import Known
 from identification.branches import EXCHANGED, STIFF_ANKLE, STIFF_PAD
@@ -24,8 +25,9 @@ from identification.settle import settle
 from identification.space import MASSES, Space
 from identification.world import WorldProblem, WorldSpace, nuisances, under
 
-#: Chi-square per degree of freedom beyond which not even the wide fit follows the recordings.
-FOLLOWS = 2.0
+#: Chi-square per degree of freedom beyond which not even the wide fit follows the recordings: between these two where
+#: noise exceeds it once in a thousand.
+FOLLOWS, _AT_LEAST, _BY_CHANCE = 2.0, 1.5, 1e-3
 #: Evaluations of a descent, and of one in MuJoCo, where each costs a simulation a parameter.
 _MOST, _MOST_IN_MUJOCO = 100, 6
 #: What a step more may promise at an end that has come to rest: odds of 1000 to 1 are 14 of it.
@@ -100,6 +102,10 @@ def widest(
         own = world.start(foot.values())
         ends.enter(STIFF_ANKLE if own[world.index["k_F"]] >= 0 else STIFF_PAD, own)
         ends.mirror()
+    for end in list(ends.found.values()):  # second harmonics have one optimum for each way that dampers bend
+        for q in world.bent(end.q):
+            ends.enter(end.name, q)
+    ends.mirror()
     for share in _HEAVIER if weighed else ():
         for end in list(ends.found.values()) if ends.poor() else ():
             heavier = world.heavier(end.q, share)
@@ -187,7 +193,7 @@ def widened(end: End, narrow: Branch | None, space: Space, dof: int) -> Branch:
     world, q = end.problem.world, end.q
     chi_square = end.problem.chi(q)
     excess = chi_square / max(1, dof)
-    follows = excess <= FOLLOWS or not dof
+    follows = bool(not dof or excess <= np.clip(chdtri(dof, _BY_CHANCE) / dof, _AT_LEAST, FOLLOWS))
     C = inverse_of_gram(end.problem.jacobian(q)) * max(1.0, excess)
     theta, std, low, high, correlation = world.estimates(q, C)
     at_bound = space.at_bound(theta)

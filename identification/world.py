@@ -10,6 +10,7 @@ a = m_S / (m_S + m_F) of the stated masses: each branch has its own constrained 
 The response is even in c_13 and c_23, so their squares are the variables.
 """
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -95,6 +96,8 @@ _BEND = 200.0
 _SHARP = 20.0
 #: Constants of each joint.
 _JOINTS = (("k_T", "c_11", "c_12", "c_13"), ("k_F", "c_21", "c_22", "c_23"))
+#: Bend of a damper from where a descent is tried, 1/m.
+_BENT = 60.0
 #: Below this square [1/m^2] a damper's c_13 is no different from zero.
 _LEAST = 1e-2
 
@@ -500,6 +503,22 @@ class WorldSpace:
             if name in self.index:
                 q[self.index[name]] += share
         return np.clip(q, *self.bounds)
+
+    def bent(self, q: np.ndarray) -> list[np.ndarray]:
+        """The same leg (n,) with dampers that bend the other ways: each has a descent of its own."""
+        if not {"c_12", "c_22"} <= set(self.base) or not self.twin:
+            return []
+        own = tuple(bool(q[self.index[name]] > 0) for name in ("c_12", "c_22"))
+        found = []
+        for ways in itertools.product((True, False), repeat=2):
+            if ways != own:
+                other = q.copy()
+                for name, up in zip(("c_12", "c_22"), ways, strict=True):
+                    other[self.index[name]] = (_BENT if up else -_BENT) / self._scale[self.index[name]]
+                for name in self.squared:
+                    other[self.index[name]] = _BENT**2 / self._scale[self.index[name]]
+                found.append(np.clip(other, *self.bounds))
+        return found
 
     def image(self, q: np.ndarray) -> np.ndarray:
         """The mirror image (n,) of q: the two joints change places, with what they do besides."""
