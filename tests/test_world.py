@@ -240,3 +240,25 @@ def test_known_of_a_study(tmp_path: Path) -> None:
     for wrong in ({"exclude": ("weather",)}, {"mass_std": 3.0}):
         with pytest.raises(SettingError):
             known.told(**wrong)  # type: ignore[arg-type]
+
+
+def test_constants_that_follow_the_load_are_wanted_where_they_do(foot: Foot, trial: Trial, heavy: FitResult) -> None:
+    """Stiffness and damping of 20 % more under 2.3 kg; the other study's constants follow nothing."""
+    more = {name: 1.2 * GENTLE[name] for name in ("k_T", "k_F", "c_11", "c_21")}
+    data = [trial(GENTLE, f, noise=(0.03, 0.05)) for f in FREQUENCIES]
+    data += [trial({**GENTLE, **more}, f, added=2.3, noise=(0.03, 0.05)) for f in FREQUENCIES]
+    result = fit_foot(data, foot.with_values(GENTLE), Settings(starts=2))
+    assert result.wide is not None and result.wide.constant is not None
+    assert result.wide.constant > result.wide.objective + 30
+    leg = sum(oracle.MASSES[name] for name in ("m_S", "m_F"))
+    p, low, high = result.wide.exponents["k_T"]
+    assert low < np.log(1.2) / np.log((leg + 2.3) / leg) < high and low < p < high
+    assert any("want stiffness and damping that follow the load" in text for text in result.warnings)
+    assert any("agree with stiffness and damping that do not follow" in text for text in heavy.warnings)
+
+
+def test_every_way_that_dampers_bend_is_tried(foot: Foot, two_loads: list[Recording]) -> None:
+    space = opened(foot, two_loads).world
+    q = space.start({**foot.values(), "c_12": 50.0, "c_22": -50.0})
+    tried = [tuple(np.sign(other[[space.index["c_12"], space.index["c_22"]]])) for other in space.bent(q)]
+    assert sorted(tried) == [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)]
