@@ -25,8 +25,8 @@ RESULTS, PAGES = Path(__file__).with_name("RESULTS.md"), ROOT / "results" / "ben
 LIBRARIES = ("mujoco", "numba", "numpy", "scipy")
 #: Topics in the order of the table; each is a module with a command, run in a process of its own on one thread.
 TOPICS = (
-    "accuracy", "callbacks", "arch", "fitting", "coverage", "reality", "black_box", "cell", "study", "trend", "viewer",
-    "acquire", "peak_to_peak", "study_end_to_end", "heel",
+    "accuracy", "callbacks", "arch", "fitting", "coverage", "reality", "rivals", "sensors", "black_box", "cell", "study", "trend",
+    "viewer", "acquire", "peak_to_peak", "study_end_to_end", "heel",
 )  # fmt: skip
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

@@ -67,6 +67,8 @@ class Departure:
         second: second harmonic of the table, as a share.
         exponential: 1/m, springs k (exp(b x) - 1) / b. cubic: 1/m^2, springs k (x + d x^3).
         unit: factor of all written numbers.
+        foot_mount_hz, foot_mount_zeta, foot_gain, foot_drift, foot_rock: the same of a sensor on the foot, where there
+            is one; the leg's rotation is one motion.
     """
 
     mass: float = 1.0
@@ -86,6 +88,11 @@ class Departure:
     exponential: tuple[float, float] = (0.0, 0.0)
     cubic: tuple[float, float] = (0.0, 0.0)
     unit: float = 1.0
+    foot_mount_hz: float = 0.0
+    foot_mount_zeta: float = 0.2
+    foot_gain: float = 0.0
+    foot_drift: float = 0.0
+    foot_rock: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -154,7 +161,14 @@ def rocking(s: np.ndarray, share: float, hz: float, zeta: float) -> np.ndarray:
 
 
 def steady(leg: Leg, departure: Departure, hz: float, base: np.ndarray, instants: int = _INSTANTS) -> np.ndarray:
-    """Harmonics (instants // 2,) of the bone's acceleration at the malleolus, from the first [m/s^2].
+    """Harmonics (instants // 2,) of the bone's acceleration at the malleolus, from the first [m/s^2]; see `moved`."""
+    return moved(leg, departure, hz, base, instants)[0]
+
+
+def moved(
+    leg: Leg, departure: Departure, hz: float, base: np.ndarray, instants: int = _INSTANTS
+) -> tuple[np.ndarray, np.ndarray]:
+    """Harmonics (instants // 2,) of the accelerations of shank and foot, from the first [m/s^2].
 
     Args:
         leg: as it is under its load. departure: what its springs do. hz: fundamental.
@@ -195,18 +209,22 @@ def steady(leg: Leg, departure: Departure, hz: float, base: np.ndarray, instants
         step *= min(1.0, 2e-3 / max(size, 1e-300))
         w1, w2 = w1 - step[:n], w2 - step[n:]
         if size < _TOLERANCE * max(1e-9, np.abs(w1).max()):
-            return 2.0 / n * np.fft.fft(a0 + A @ w1)[1 : n // 2 + 1]
+            shank, foot = (2.0 / n * np.fft.fft(a0 + A @ w)[1 : n // 2 + 1] for w in (w1, w2))
+            return shank, foot
     raise ArithmeticError(f"no periodic motion at {hz:g} Hz for {leg}")
 
 
-def felt(leg: Leg, departure: Departure, load_kg: float, hz: float, base: np.ndarray) -> np.ndarray:
-    """Harmonics of what the malleolus' sensor feels, before its gain."""
-    bone = steady(loaded(leg, departure, load_kg), departure, hz, base)
+def felt(
+    leg: Leg, departure: Departure, load_kg: float, hz: float, base: np.ndarray, sensor: str = "malleolus"
+) -> np.ndarray:
+    """Harmonics of what a sensor feels, that of the malleolus or that of the foot, before its gain."""
+    d, on_foot = departure, sensor == "foot"
+    bone = moved(loaded(leg, d, load_kg), d, hz, base)[int(on_foot)]
     s = 2j * np.pi * hz * np.arange(1, bone.size + 1)
     full = np.zeros_like(bone)
     full[: base.size] = base
-    moving = bone + rocking(s, departure.rock, departure.rock_hz, departure.rock_zeta) * full
-    return moving * mount(s, departure.mount_hz, departure.mount_zeta)
+    moving = bone + rocking(s, d.foot_rock if on_foot else d.rock, d.rock_hz, d.rock_zeta) * full
+    return moving * (mount(s, d.foot_mount_hz, d.foot_mount_zeta) if on_foot else mount(s, d.mount_hz, d.mount_zeta))
 
 
 def sample(t: np.ndarray, hz: float, harmonics: np.ndarray) -> np.ndarray:
@@ -220,8 +238,14 @@ def table(rng: np.random.Generator, departure: Departure) -> np.ndarray:
     return size * np.exp(1j * rng.uniform(0, 2 * np.pi, 3))
 
 
-def recordings(member: Member, frequencies_hz: Sequence[float] = FREQUENCIES_HZ) -> list[Recording]:
-    """What the laboratory writes: one recording a load and frequency, with the body mass as stated."""
+def recordings(member: Member, frequencies_hz: Sequence[float] = FREQUENCIES_HZ, foot: bool = False) -> list[Recording]:
+    """What the laboratory writes: one recording a load and frequency, with the body mass as stated.
+
+    Args:
+        member: leg and world. frequencies_hz: of the sines. foot: a second sensor sits on the foot; what the others
+            read is the same with it and without.
+    """
+    second = np.random.default_rng([member.seed, zlib.crc32(member.world.encode()), 2])
     rng = np.random.default_rng([member.seed, zlib.crc32(member.world.encode()), 1])
     d, t = member.departure, np.arange(int(SECONDS * RATE_HZ)) / RATE_HZ
     each = [(load, hz) for load in member.loads_kg for hz in frequencies_hz]
@@ -231,9 +255,14 @@ def recordings(member: Member, frequencies_hz: Sequence[float] = FREQUENCIES_HZ)
         gain = (1.0 + d.gain) * (1.0 + d.drift * (number / max(1, len(each) - 1) - 0.5))
         clean = sample(t, hz, base), gain * sample(t, hz, felt(member.leg, d, load, hz, base))
         a, y = (d.unit * (x + member.noise * AMPLITUDE * rng.standard_normal(t.size)) for x in clean)
+        others = {}
+        if foot:
+            clean_foot = sample(t, hz, felt(member.leg, d, load, hz, base, "foot"))
+            clean_foot *= (1.0 + d.foot_gain) * (1.0 + d.foot_drift * (number / max(1, len(each) - 1) - 0.5))
+            others["foot"] = d.unit * (clean_foot + member.noise * AMPLITUDE * second.standard_normal(t.size))
         condition = Condition("made", "midstance", load, member.body_kg * d.mass, hz)
         name = f"{member.world} {member.seed}: {load:g} kg, {hz:g} Hz"
-        made.append(Recording(t, a, y, condition=condition, file=name, origin="synthetic"))
+        made.append(Recording(t, a, y, condition=condition, file=name, origin="synthetic", others=others))
     return made
 
 

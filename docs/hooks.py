@@ -43,6 +43,7 @@ PACKAGES: dict[str, str] = {
     "Virtual bench": "fasbody/acquire/bench",
     "Identification": "identification",
     "Engines": "identification/engines",
+    "Rival models": "identification/rivals",
     "Black-box models": "identification/blackbox",
     "Many recordings": "identification/study",
     "Laws of the heel": "identification/heel",

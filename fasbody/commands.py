@@ -5,6 +5,7 @@ A row says all that it takes to show and to start a command, so that the map imp
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 
 import fasbody
@@ -60,6 +61,10 @@ def _folder(module: str) -> Path:
 GROUPS: dict[str, tuple[Command, ...]] = {
     "A foot from its recordings": (
         Command("fit", "identification.fit", "", "Estimate the parameters of a foot from recordings of its vibration."),
+        Command(
+            "rivals", "identification.rivals", "",
+            "Compare rival models on the same recordings, ranked by BIC and by held-out prediction.",
+        ),
         Command(
             "recording", "fasbody.recording", "",
             "Recordings: check what was understood of a file, convert it, make a study of a folder.",
@@ -207,8 +212,16 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Verdicts and intervals in worlds that depart from the model, by its own simulator.",
         ),
         Command(
+            "bench rivals", "benchmarks.rivals", "",
+            "Which rival is named in worlds that depart from the model, by its own simulator.",
+        ),
+        Command(
             "bench heel", "benchmarks.heel", "",
             "Count how often the intervals of the heel's laws hold the truth, and time the analysis.",
+        ),
+        Command(
+            "bench sensors", "benchmarks.sensors", "",
+            "What a second sensor on the foot decides, by a simulator of its own.",
         ),
         Command(
             "bench study", "benchmarks.study", "",
@@ -243,4 +256,9 @@ def found(arguments: Sequence[str]) -> tuple[Command, list[str]]:
         if command := known.get(tuple(arguments[:count])):
             return command, list(arguments[count:])
     listed = [words for words in map(" ".join, known) if words.split()[0] == arguments[0]]
-    raise SettingError(f"{unknown('command', ' '.join(arguments[:2]), listed or map(' '.join, known))}.")
+    if listed:
+        raise SettingError(f"{unknown('command', ' '.join(arguments[:2]), listed)}.")
+    names = list(dict.fromkeys(word for words in known for word in (words[0], " ".join(words))))
+    near = get_close_matches(arguments[0], names, n=3, cutoff=0.5)
+    hint = f", did you mean {' or '.join(map(repr, near))}?" if near else ";"
+    raise SettingError(f"unknown command {arguments[0]!r}{hint} python -m fasbody shows all {len(known)}.")

@@ -107,8 +107,10 @@ class Presented(ABC):
             a matplotlib figure; a notebook shows it, `savefig` writes it.
 
         Raises:
-            SettingError: no such plot.
+            SettingError: no such plot, or none at all.
         """
+        if not self.plots:
+            raise SettingError(f"a {type(self).__name__} has no plot; its numbers are in to_dataframe().")
         kind = kind or next(iter(self.plots), "")
         if kind not in self.plots:
             raise SettingError(f"{unknown('plot', kind, self.plots)}.")

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from identification.blackbox.state_space import StateSpaceModel
     from identification.estimate import Settings, fit_foot
     from identification.result import Branch, Estimate, FitResult, RecordingFit
+    from identification.rivals.compare import compare_rivals
+    from identification.rivals.result import Rival, Rivals
 else:
     _HOMES = {
         "Branch": "identification.result",
@@ -32,9 +34,12 @@ else:
         "Rational": "identification.blackbox.frequency",
         "RecordingFit": "identification.result",
         "Report": "identification.blackbox.identify",
+        "Rival": "identification.rivals.result",
+        "Rivals": "identification.rivals.result",
         "Series": "identification.blackbox.data",
         "Settings": "identification.estimate",
         "StateSpaceModel": "identification.blackbox.state_space",
+        "compare_rivals": "identification.rivals.compare",
         "fit_foot": "identification.estimate",
         "identify": "identification.blackbox.identify",
         "series_of": "identification.blackbox.data:from_recording",
@@ -60,9 +65,12 @@ __all__ = [
     "Rational",
     "RecordingFit",
     "Report",
+    "Rival",
+    "Rivals",
     "Series",
     "Settings",
     "StateSpaceModel",
+    "compare_rivals",
     "fit_foot",
     "identify",
     "series_of",

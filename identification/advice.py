@@ -28,6 +28,11 @@ def advice(
         verdict: on the branches.
     """
     texts = []
+    if best.p_value is not None and best.p_value < UNLIKELY:
+        texts.append(
+            f"The model does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
+            f"{best.dof} degrees of freedom, {chance(best.p_value)}); the standard errors are widened accordingly."
+        )
     poor = [(fit, r.file) for fit, r in zip(run.fits, data, strict=True) if fit < POOR_FIT]
     if poor:
         fit, file = min(poor)
@@ -62,11 +67,6 @@ def advice(
     weak = [key for key, e in best.parameters.items() if e.identifiability == "not identifiable" and not e.at_bound]
     if weak and not (best.world and not best.world.follows):
         texts.append(f"Not identifiable from these recordings: {', '.join(weak)} (standard error too large).")
-    if best.p_value is not None and best.p_value < UNLIKELY:
-        texts.append(
-            f"The model does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
-            f"{best.dof} degrees of freedom); the standard errors are widened accordingly."
-        )
     loads = {recording.condition.added_mass_kg for recording in data}
     if len(loads) == 1 and str(verdict) == "undecided":
         texts.append(
@@ -84,12 +84,12 @@ def departures(world: World) -> list[str]:
     """What the recordings say of the masses, and of each thing that may be true beside the model and seems to be."""
     texts = []
     for mass in world.masses:
-        if mass.learned > _WEIGHED:
+        if mass.weighed:
             texts.append(
                 f"The recordings weigh the leg: {mass.name} without load is {mass.value:.3g} kg ({mass.lower:.3g} to "
                 f"{mass.upper:.3g} kg), {100 * (mass.value / mass.stated - 1):+.1f} % off the {mass.stated:.3g} stated."
             )
-    if world.masses and all(mass.learned <= _WEIGHED for mass in world.masses):
+    if world.masses and not any(mass.weighed for mass in world.masses):
         texts.append(
             "The recordings do not weigh the leg, and all stiffness and damping scale with its mass: intervals are at "
             f"least as wide as masses are known ({100 * max(m.prior_std for m in world.masses):.3g} %, --mass-std). "
@@ -123,8 +123,6 @@ def _loads(world: World) -> list[str]:
     ]
 
 
-#: Standard deviation of a mass that the recordings must take away to have weighed it.
-_WEIGHED = 0.3
 _SIGNS = ("mount", "relaxing k_T", "relaxing k_F", "rocking")
 
 

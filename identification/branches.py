@@ -61,13 +61,26 @@ def has_mirror(free: Sequence[str], declared: Container[str]) -> str:
     return ""
 
 
-def pinned(at_bound: Mapping[str, bool]) -> list[str]:
-    """Which of the exchanged constants rest on a bound.
+def pinned(at_bound: Mapping[str, bool], values: Mapping[str, float] | None = None) -> list[str]:
+    """Which of the exchanged constants rest on a bound beyond which a foot could lie.
+
+    A damper that does next to nothing beside its spring rests on zero, beyond which nothing lies.
 
     Args:
-        at_bound: parameter's key ("k_F_n_per_m") -> whether it does.
+        at_bound: parameter's key ("k_F_n_per_m") -> whether it does. values: of the same, None where nothing is known.
     """
-    return [name for name in EXCHANGED if any(rests for key, rests in at_bound.items() if key.startswith(name))]
+    found = [name for name in EXCHANGED if any(rests for key, rests in at_bound.items() if key.startswith(name))]
+    return [name for name in found if not _nothing(name, values or {})]
+
+
+def _nothing(name: str, values: Mapping[str, float]) -> bool:
+    """Whether a damper adds less than a hundredth to its spring at 50 Hz."""
+    springs = {"c_11": "k_T", "c_21": "k_F"}
+    if name not in springs:
+        return False
+    pair = [next((v for key, v in values.items() if key.startswith(symbol)), None) for symbol in (name, springs[name])]
+    c, k = pair
+    return c is not None and k is not None and 2 * np.pi * 50 * c < 0.01 * k
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,12 @@ from identification.domains import Domain
 from identification.engines.engine import Whole
 from identification.engines.mujoco import Coordinates
 from identification.engines.twin import Twin
+from identification.periodic import PeriodicProblem
 from identification.result import Branch, Estimate, identifiability
 from identification.search import Descent, Problem, descend
+from identification.sensors import MALLEOLUS, SensorFit
 from identification.settle import settle as settle_between
-from identification.space import DELAY, Space
+from identification.space import DELAY, Space, delay_of
 
 #: Rounds of reweighing: the weights depend on the model, and settle at once.
 _REWEIGH = 2
@@ -46,12 +48,14 @@ class Replay:
         traces: malleolus acceleration (n,) of each recording at its samples, delayed like the measurement [m/s^2].
         fits: fit percentage of each, Eq. (3.20). base_error: largest relative error of the realised base acceleration.
         twin_difference: largest difference between twin and MuJoCo over the peak, None where no twin exists.
+        others: the same traces of further sensors by name, of each recording.
     """
 
     traces: list[np.ndarray]
     fits: list[float]
     base_error: float
     twin_difference: float | None
+    others: Sequence[Mapping[str, np.ndarray]] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +67,24 @@ class Certified:
     descent: Descent
     deviance: float
     run: Replay
+
+    def sensors(self, recordings: Sequence[Recording]) -> list[tuple[SensorFit, ...]]:
+        """How each sensor of each recording is followed."""
+        problem, run = self.problem, self.run
+        steady = isinstance(problem, PeriodicProblem)
+        predicted = problem.predict(self.descent.z) if isinstance(problem, PeriodicProblem) else []
+        found = []
+        for i, recording in enumerate(recordings):
+            traces = {MALLEOLUS[0]: run.traces[i]} | dict(run.others[i] if run.others else {})
+            lines = problem.lines[i].sensors if isinstance(problem, PeriodicProblem) else {}
+            rows = []
+            for place, (name, model) in enumerate(traces.items()):
+                measured, count = recording.sensors[name], lines[name].amplitudes.size if steady else 0
+                fit = fit_percent(measured, model) if place else run.fits[i]
+                modelled = predicted[i][place * count : (place + 1) * count] if steady else None
+                rows.append(SensorFit.of(name, fit, measured, model, lines.get(name), modelled))
+            found.append(tuple(rows))
+        return found
 
 
 def certify_first(domain: Domain, name: str, candidates: Sequence[Descent]) -> tuple[Certified | None, int]:
@@ -96,7 +118,7 @@ def _certify(domain: Domain, name: str, descent: Descent) -> Certified:
     descent = _converged(final, descent)
     starts = [final.states(descent.z, number) for number in range(len(domain.recordings))]
     values = domain.space.values(descent.theta)
-    run = replay(domain.foot, domain.recordings, values, starts, domain.twin, domain.threads)
+    run = replay(domain.foot, domain.recordings, values, starts, domain.twin, domain.threads, domain.sensors)
     if final.chi_square and not _lasts(run, domain.recordings):
         raise SimulationError(f"{domain.foot.name}: a periodic motion that a foot would not stay on.")
     return Certified(name, final, descent, descent.cost + final.log_determinant, run)
@@ -204,16 +226,18 @@ def replay(
     starts: Sequence[np.ndarray],
     twin: bool,
     threads: int = 0,
+    sensors: Sequence[str] = MALLEOLUS,
 ) -> Replay:
     """Run every recording from its initial states [m, m/s], driven by the spline through its base channel.
 
     Args:
         foot: the model. recordings: checked. values: parameters by name, with the delay, of all recordings or of each.
             starts: initial states of each (`Coordinates.unpack`). twin: compare with the compiled twin.
-            threads: 0 for all cores.
+            threads: 0 for all cores. sensors: that are fitted, where a recording has them.
     """
     coordinates = Coordinates(foot)
     traces: list[np.ndarray] = [np.empty(0)] * len(recordings)
+    others: list[dict[str, np.ndarray]] = [{} for _ in recordings]
     base_error, difference = 0.0, 0.0
     whole = [Whole.of(recording, foot) for recording in recordings]
     grids = [(each.step, each.steps, each.stride) for each in whole]
@@ -236,5 +260,9 @@ def replay(
                 difference = max(difference, float(np.abs(y - other).max() / np.abs(other).max()))
             t = times[row]
             traces[i] = CubicSpline(t, y)(t - full[i].get(DELAY.name, 0.0))
+            for name in sensors:
+                if name in recordings[i].sensors and name not in MALLEOLUS:
+                    late = full[i].get(delay_of(name).name, 0.0)
+                    others[i][name] = CubicSpline(t, out.outputs[name][row, ::stride])(t - late)
     fits = [fit_percent(r.malleolus_m_s2, y) for r, y in zip(recordings, traces, strict=True)]
-    return Replay(traces, fits, base_error, difference if twin else None)
+    return Replay(traces, fits, base_error, difference if twin else None, others)

@@ -16,7 +16,7 @@ import numpy as np
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.foot.model import Foot
 from fasbody.recording.recording import Recording
-from identification.engines.engine import D, Engine, Excitation, Whole
+from identification.engines.engine import MALLEOLUS, D, Engine, Excitation, Whole
 from identification.engines.mujoco import Rollouts
 from identification.engines.twin import Twin
 from identification.periodic import Line, PeriodicProblem, excitations, misfit
@@ -76,7 +76,7 @@ class Domain(ABC):
 
     Attributes:
         foot: the model, with the time step to simulate with. recordings: checked. space: what is searched.
-        twin: the compiled twin stands for this model. threads: 0 for all.
+        twin: the compiled twin stands for this model. threads: 0 for all. sensors: what is fitted, the malleolus first.
     """
 
     foot: Foot
@@ -84,6 +84,7 @@ class Domain(ABC):
     space: SearchSpace
     twin: bool
     threads: int = 0
+    sensors: tuple[str, ...] = MALLEOLUS
 
     @abstractmethod
     def problem(self) -> Problem:
@@ -99,7 +100,9 @@ class Domain(ABC):
 
     def engine(self, drives: Sequence[D], names: Sequence[str]) -> Engine[D]:
         """The twin, or MuJoCo with derivatives to the named parameters."""
-        return Twin(self.foot, drives) if self.twin else Rollouts(self.foot, drives, names, self.threads)
+        if self.twin:
+            return Twin(self.foot, drives, self.sensors)
+        return Rollouts(self.foot, drives, names, self.threads, self.sensors)
 
     def _with_step(self, step: float) -> Self:
         return replace(self, foot=self.foot.with_values({}, step=step))
@@ -118,7 +121,7 @@ class PeriodicDomain(Domain):
     @cached_property
     def lines(self) -> list[Line]:
         """The harmonics of the recordings."""
-        return [Line.of(recording) for recording in self.recordings]
+        return [Line.with_sensors(recording, self.sensors) for recording in self.recordings]
 
     def problem(self) -> PeriodicProblem:
         """See `Domain`."""

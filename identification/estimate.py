@@ -9,16 +9,18 @@ import numpy as np
 
 from fasbody.exceptions import RecordingError, SettingError, SimulationError, unknown
 from fasbody.foot.model import Foot
-from fasbody.recording.checks import checked
+from fasbody.recording.checks import apart, checked, gathered
 from fasbody.recording.known import Known
 from fasbody.recording.recording import UNSTATED, Channel, Recording
 from fasbody.recording.study import Study
-from identification import branches, search
+from identification import branches, search, sensors
 from identification.advice import advice, excitation_rank
 from identification.branches import STIFF_ANKLE, STIFF_PAD, Verdict
 from identification.certification import Certified, branch_of, certify_first
 from identification.domains import Domain, PeriodicDomain, TimeDomain, choose_domain, steady
 from identification.engines.twin import twin_applies
+from identification.evidence import Evidence, provenance
+from identification.lifting import contacts
 from identification.result import FitResult, RecordingFit
 from identification.search import ZERO, Descent
 from identification.space import MASSES, Space, space_of
@@ -54,6 +56,7 @@ class Settings:
         mass_std, gain_std: relative standard deviations of the segment masses and of the malleolus' gain, delay_std_s:
             of the delay [s]; None for what study.toml says, or the usual (`world`). exclude: what cannot be beside the
             model, of `known.DEPARTURES`, or "all".
+        sensors: accelerometers to fit, None for all that model and recordings have by the same name.
 
         wide: fit each branch once more with whatever else may be true; without, all words hold if the model is true.
 
@@ -72,6 +75,7 @@ class Settings:
     delay_std_s: float | None = None
     exclude: tuple[str, ...] = ()
     wide: bool = True
+    sensors: tuple[str, ...] | None = None
 
 
 def fit_foot(
@@ -108,11 +112,17 @@ def fit_foot(
     question = Question.of(list(study), foot, settings)
     explored = explore(question, settings, advance, interruptible)
     answer = certify(question, explored, advance)
-    result = judge(question, explored, answer, widen(question, answer, advance) if settings.wide else [])
+    ends = widen(question, answer, advance) if settings.wide else []
+    result = judge(question, explored, answer, ends)
     if settings.wide and result.wide is None:
         result = replace(result, branches=tuple(trusting(branch) for branch in result.branches))
-    source = study.name if isinstance(study, Study) else result.source
-    return replace(result, source=source, seconds=time.perf_counter() - began)
+    return replace(
+        result,
+        source=study.name if isinstance(study, Study) else result.source,
+        provenance=provenance(settings, question.space, question.domain.recordings),
+        evidence=Evidence(question.domain, question.space, answer.branches, ends),
+        seconds=time.perf_counter() - began,
+    )
 
 
 def _with(settings: Settings, chosen: Mapping[str, Any]) -> Settings:
@@ -125,6 +135,8 @@ def _with(settings: Settings, chosen: Mapping[str, Any]) -> Settings:
     if isinstance(free, str):
         raise SettingError(f'free is {free!r}; give a list of names, for example free=["{free}"].')
     settings = replace(settings, **{**chosen, "free": None if free is None else tuple(free)})
+    if isinstance(settings.sensors, str):
+        raise SettingError(f'sensors is {settings.sensors!r}; give a list of names, ["malleolus", "foot"] for example.')
     if isinstance(settings.exclude, str):
         raise SettingError(f'exclude is {settings.exclude!r}; give a list of names, for example exclude=["mount"].')
     for name, what, least in (
@@ -167,20 +179,23 @@ class Question:
             raise RecordingError("there is no recording to fit.")
         told = {name: getattr(settings, name) for name in ("mass_std", "gain_std", "delay_std_s", "exclude")}
         known = Known.of_all([recording.known for recording in recordings]).told(**told)
+        apart(recordings)
         data = [_calibrated(checked(recording), known) for recording in recordings]
-        warnings = [text for recording in data for text in recording.warnings]
+        warnings = gathered([text for recording in data for text in recording.warnings])
         name, why = choose_domain(data, settings.domain)
         warnings += why
         none = known.delay_std_s == 0.0  # known exactly, so there is nothing to estimate
         delay = _tells_delay(data) and not none if settings.delay is None else settings.delay
         if not delay and not none:
             warnings.append("One frequency cannot tell a delay between the channels from damping: it is held at zero.")
-        space = space_of(foot, settings.free, settings.bounds, delay)
+        fitted, passed_over = sensors.chosen(data, foot, settings.sensors)
+        warnings += passed_over
+        space = space_of(foot, settings.free, settings.bounds, delay, fitted)
         if any("m_F" not in r.condition.masses for r in data) and set(MASSES) & set(foot.parameters):
             held = ", ".join(f"{n} {v:.3g} kg" for n, v in foot.values().items() if n in MASSES)
             warnings.append(f"The body mass is unknown, so the model's own masses are used ({held}); give --body-mass.")
         kind = PeriodicDomain if name == "periodic" else TimeDomain
-        domain = kind(foot, data, space, twin_applies(foot), settings.threads)
+        domain = kind(foot, data, space, twin_applies(foot, fitted), settings.threads, fitted)
         why_not = branches.has_mirror(space.names, foot.parameters)
         ratio = None if why_not else branches.ratio([r.condition.masses for r in data], foot.values())
         return cls(domain, name, space, ratio, why_not, known, tuple(warnings))
@@ -260,7 +275,7 @@ def explore(question: Question, settings: Settings, advance: Advance, interrupti
 def _scout(domain: Domain) -> Domain:
     """Steady recordings are explored on their harmonics: there the same foot is found a hundred times sooner."""
     if isinstance(domain, PeriodicDomain) or steady(domain.recordings):
-        made = (domain.foot, domain.recordings, domain.space, domain.twin, domain.threads)
+        made = (domain.foot, domain.recordings, domain.space, domain.twin, domain.threads, domain.sensors)
         return PeriodicDomain(*made, excess=np.inf)
     return domain
 
@@ -366,7 +381,8 @@ def judge(question: Question, explored: Explored, answer: Answer, ends: Sequence
         built = [widened(end, narrow.get(end.name), question.space, first.dof) for end in ends]
         deviances, excess = [end.objective for end in ends], 0.0  # what else may be true has explained the misfit
         certified = sorted(certified, key=lambda c: [b.name for b in built].index(c.name))
-    rests = branches.pinned({key: e.at_bound for key, e in built[-1].parameters.items()})
+    last = built[-1].parameters
+    rests = branches.pinned({key: e.at_bound for key, e in last.items()}, {key: e.value for key, e in last.items()})
     loads = len({recording.condition.added_mass_kg for recording in data})
     verdict = branches.judge([b.name for b in built], deviances, excess, first.dof, rests, loads)
     if verdict.tied:
@@ -390,7 +406,10 @@ def judge(question: Question, explored: Explored, answer: Answer, ends: Sequence
         model=question.domain.foot.name,
         domain=question.name,
         branches=tuple(built),
-        recordings=tuple(RecordingFit.of(r, f, y) for r, f, y in zip(data, best.fits, best.traces, strict=True)),
+        recordings=tuple(
+            RecordingFit.of(r, f, y, each)
+            for r, f, y, each in zip(data, best.fits, best.traces, certified[0].sensors(data), strict=True)
+        ),
         verdict=str(verdict),
         reason=verdict.sentence,
         log_likelihood_ratio=verdict.log_likelihood_ratio,
@@ -399,6 +418,7 @@ def judge(question: Question, explored: Explored, answer: Answer, ends: Sequence
         base_acceleration_error=best.base_error,
         starts=tuple(_start_row(question, descent) for descent in explored.descents),
         warnings=tuple(dict.fromkeys(warnings)),
+        contact=contacts(certified[0], question.domain.foot, data),
     )
 
 

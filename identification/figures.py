@@ -1,6 +1,8 @@
-"""The printed figures of a fit, as SVG text: traces, residuals, parameters of both branches, the start waterfall."""
+"""The printed figures of a fit, and the rows that each of them draws: one colour a load in all of them."""
 
-from io import StringIO
+from collections.abc import Callable, Sequence
+from functools import wraps
+from io import BytesIO
 from typing import Any
 
 import matplotlib
@@ -8,26 +10,52 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fasbody.foot.parameters import symbol_and_unit
-from fasbody.recording.harmonics import fit_harmonics
-from fasbody.transmissibility.estimate import ratio, unwrapped
+from fasbody.transmissibility.estimate import unwrapped
 from fasbody.transmissibility.spectra import h1
+from identification.derived import Row, derived
 from identification.result import FitResult, RecordingFit
+from identification.sensor_figures import contact as contact
+from identification.sensor_figures import sensors as sensors
 
-_MEASURED, _MODEL, _OTHER, _TRUTH = "#2b2b2b", "#c8102e", "#1f6fb2", "#2e8b57"
-#: One colour an added mass, apart for the colour-blind.
-_MASSES = ("#c8102e", "#1f6fb2", "#2e8b57", "#b8860b", "#8d6a9f")
+#: Loads have colours and marks in all figures, apart for the colour-blind and in grey; what is of no load is black.
+LOADS = (("#0072B2", "o"), ("#D55E00", "s"), ("#009E73", "^"), ("#CC79A7", "D"), ("#E69F00", "v"))
+_DATA, _OTHER = "#2b2b2b", "#8a8a8a"
+#: The best branch, and its mirror image.
+_LINES = ("-", "--")
+_MM, _MJ = 1e3, 1e3
 STYLE: Any = {
     "font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25,
-    "svg.fonttype": "path", "svg.hashsalt": "fasbody", "legend.frameon": False,
+    "svg.fonttype": "path", "svg.hashsalt": "fasbody", "legend.frameon": False, "axes.titlesize": 9,
 }  # fmt: skip
+#: Dots an inch of a PNG: two columns of a page.
+_DPI = 200
+
+
+def save(figure: Figure, ending: str) -> bytes:
+    """The figure as the content of an .svg or .png file, the same bytes whenever it is drawn."""
+    out = BytesIO()
+    with matplotlib.rc_context(STYLE):
+        metadata = {"Date": None} if ending == "svg" else None
+        figure.savefig(out, format=ending, dpi=_DPI, metadata=metadata)
+        figure.set_layout_engine("none")  # it is laid out, and the next format need not be
+    return out.getvalue()
 
 
 def svg(figure: Figure) -> str:
     """A figure as SVG text without date or declaration, to be put into a page."""
-    text = StringIO()
-    with matplotlib.rc_context(STYLE):
-        figure.savefig(text, format="svg", bbox_inches="tight", metadata={"Date": None})
-    return text.getvalue()[text.getvalue().index("<svg") :]
+    text = save(figure, "svg").decode()
+    return text[text.index("<svg") :]
+
+
+def _styled(draw: Callable[[FitResult], Figure]) -> Callable[[FitResult], Figure]:
+    """Draw with this file's style, and leave matplotlib's own as it is."""
+
+    @wraps(draw)
+    def styled(result: FitResult) -> Figure:
+        with matplotlib.rc_context(STYLE):
+            return draw(result)
+
+    return styled
 
 
 def panels(rows: int, columns: int, width: float, height: float, **options: object) -> tuple[Figure, np.ndarray]:
@@ -35,6 +63,12 @@ def panels(rows: int, columns: int, width: float, height: float, **options: obje
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         return figure, figure.subplots(rows, columns, squeeze=False, **options)  # type: ignore[call-overload]
+
+
+def _loads(result: FitResult) -> dict[float, tuple[str, str]]:
+    """Added mass [kg] -> colour and mark."""
+    loads = sorted({recording.added_mass_kg for recording in result.recordings})
+    return {load: LOADS[i % len(LOADS)] for i, load in enumerate(loads)}
 
 
 def _by_recording(result: FitResult, height: float, x: str, y: str, **options: object) -> tuple[Figure, np.ndarray]:
@@ -52,22 +86,43 @@ def _by_recording(result: FitResult, height: float, x: str, y: str, **options: o
     return figure, axes
 
 
+def _legend(figure: Figure, axes: np.ndarray) -> None:
+    """One legend for all panels, above them."""
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize=8)
+
+
 def _title(recording: RecordingFit) -> str:
     at = "broadband" if recording.frequency_hz is None else f"{recording.frequency_hz:.4g} Hz"
     return f"{at}, {recording.added_mass_kg:g} kg added"
 
 
-def traces(result: FitResult) -> Figure:
+def trace_rows(result: FitResult) -> list[Row]:
     """Measured and modelled malleolus acceleration, three periods of each recording (or its first second)."""
-    figure, axes = _by_recording(result, 2.3, "time [ms]", "malleolus [m/s²]")
-    for axis, recording in zip(axes.flat, result.recordings, strict=False):
+    rows: list[Row] = []
+    for recording in result.recordings:
         start, length = _window(recording)
         shown = (recording.time_s >= start) & (recording.time_s < start + length)
-        t = 1e3 * (recording.time_s[shown] - start)
-        axis.plot(t, recording.measured[shown], ".", ms=2.5, color=_MEASURED, label="data")
-        axis.plot(t, recording.model[shown], lw=1.1, color=_MODEL, label="model")
-        axis.set_title(f"{_title(recording)}: fit {recording.fit_percent:.1f} %", fontsize=9)
-    axes[0, 0].legend(loc="upper right", fontsize=7)
+        columns = (recording.time_s[shown] - start, recording.measured[shown], recording.model[shown])
+        rows += [
+            {"file": recording.file, "time_s": float(t), "measured_m_s2": float(x), "model_m_s2": float(y)}
+            for t, x, y in zip(*columns, strict=True)
+        ]
+    return rows
+
+
+@_styled
+def traces(result: FitResult) -> Figure:
+    """Measured and modelled malleolus acceleration, three periods of each recording (or its first second)."""
+    figure, axes = _by_recording(result, 2.0, "time [ms]", "malleolus [m/s²]")
+    rows, loads = trace_rows(result), _loads(result)
+    for axis, recording in zip(axes.flat, result.recordings, strict=False):
+        mine = [row for row in rows if row["file"] == recording.file]
+        t = [1e3 * row["time_s"] for row in mine]
+        colour, _ = loads[recording.added_mass_kg]
+        axis.plot(t, [row["measured_m_s2"] for row in mine], ".", ms=2.5, color=_DATA, label="data")
+        axis.plot(t, [row["model_m_s2"] for row in mine], lw=1.1, color=colour, label="model")
+        axis.set_title(f"{_title(recording)}: fit {recording.fit_percent:.1f} %")
+    _legend(figure, axes)
     return figure
 
 
@@ -77,70 +132,249 @@ def _window(recording: RecordingFit) -> tuple[float, float]:
     return (float(recording.time_s[0]), length) if recording.frequency_hz is None else (middle, length)
 
 
+@_styled
 def transmissibility(result: FitResult) -> Figure:
-    """Malleolus over base of data and model at the excited frequencies, and the phase lag, one colour an added mass."""
-    figure, axes = panels(2, 1, 5.2, 4.6, sharex=True)
-    masses = sorted({recording.added_mass_kg for recording in result.recordings})
-    for mass, colour in zip(masses, _MASSES * len(masses), strict=False):
-        fits = [recording for recording in result.recordings if recording.added_mass_kg == mass]
-        for trace, style, name in (("measured", "o", "data"), ("model", "x-", "model")):
-            found = [_response(recording, getattr(recording, trace)) for recording in fits]
-            f, H = (np.concatenate(part) for part in zip(*found, strict=True))
-            order = np.argsort(f, kind="stable")
-            lag = -unwrapped(np.degrees(np.angle(H[order])))
-            label = f"{name}, {mass:g} kg added"
-            for axis, values in ((axes[0, 0], np.abs(H[order])), (axes[1, 0], lag)):
-                axis.plot(f[order], values, style, ms=4, lw=0.9, color=colour, mfc="none", label=label)
-    axes[0, 0].axhline(1, lw=0.8, ls="--", color="#444444")
-    axes[0, 0].set_ylabel("transmissibility")
-    axes[1, 0].set_ylabel("phase lag [deg]")
-    axes[1, 0].set_xlabel("frequency [Hz]")
-    axes[0, 0].legend(fontsize=7)
-    figure.suptitle(f"{result.source} ({result.origin}), model {result.model}", fontsize=9)
+    """Malleolus over base at the excited frequencies with 95 % limits, and its phase lag; both branches' curves."""
+    figure, axes = panels(2, 1, 5.2, 5.2, sharex=True)
+    found, loads = derived(result), _loads(result)
+    size, phase = axes[:, 0]
+    broadband = [recording for recording in result.recordings if recording.frequency_hz is None]
+    for load, (colour, mark) in loads.items():
+        mine = sorted((row for row in found.data if row["added_mass_kg"] == load), key=lambda row: row["frequency_hz"])
+        f = np.array([row["frequency_hz"] for row in mine])
+        if mine:
+            bars: Any = {"fmt": mark, "ms": 4.5, "mfc": "white", "color": colour, "capsize": 2, "lw": 0.9}
+            label = f"data, {load:g} kg added"
+            _limits(size, f, mine, ("transmissibility", "lower", "upper"), label=label, **bars)
+            lag = unwrapped(np.array([row["phase_lag_deg"] for row in mine]))
+            moved = [{**row, "lag": x, "low": x - row["phase_lag_deg"] + row["phase_lower_deg"],
+                      "high": x - row["phase_lag_deg"] + row["phase_upper_deg"]}
+                     for row, x in zip(mine, lag, strict=True)]  # fmt: skip
+            _limits(phase, f, moved, ("lag", "low", "high"), **bars)
+        for branch, line in zip(result.branches, _LINES, strict=False):
+            curve = [r for r in found.curves if r["added_mass_kg"] == load and r["branch"] == branch.name]
+            x = [row["frequency_hz"] for row in curve]
+            size.plot(x, [row["transmissibility"] for row in curve], line, lw=1.1, color=colour)
+            phase.plot(x, unwrapped(np.array([row["phase_lag_deg"] for row in curve])), line, lw=1.1, color=colour)
+        for recording in (r for r in broadband if r.added_mass_kg == load):
+            for trace, style in (("measured", "."), ("model", "-")):
+                f, H = _spectrum_ratio(recording, getattr(recording, trace))
+                label = f"{'data' if style == '.' else 'model'}, {load:g} kg added"
+                size.plot(f, np.abs(H), style, ms=3, lw=0.9, color=colour, label=label)
+                phase.plot(f, -unwrapped(np.degrees(np.angle(H))), style, ms=3, lw=0.9, color=colour)
+    for branch, line in zip(result.branches, _LINES, strict=False):
+        if found.curves:
+            size.plot([], [], line, lw=1.1, color=_DATA, label=branch.name)
+    size.axhline(1, lw=0.8, ls=":", color="#444444")
+    size.set_ylabel("transmissibility")
+    phase.set_ylabel("phase lag [deg]")
+    phase.set_xlabel("frequency [Hz]")
+    size.legend(fontsize=7)
     return figure
 
 
-def _response(recording: RecordingFit, trace: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (n,) [Hz] and complex ratios (n,) of a trace to the base; H1 (1 Hz apart) for broadband ones."""
+def _limits(
+    axis: Any, x: np.ndarray, rows: Sequence[Row], keys: tuple[str, str, str], scale: float = 1.0, **options: Any
+) -> None:
+    """Values with their limits, in the unit of the axis; limits that are not known are not drawn."""
+    y, low, high = (scale * np.array([row[key] for row in rows], float) for key in keys)
+    error = np.nan_to_num(np.maximum([y - low, high - y], 0.0), nan=0.0, posinf=0.0)
+    axis.errorbar(x, y, yerr=error, **options)
+
+
+def _spectrum_ratio(recording: RecordingFit, trace: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (n,) [Hz] and complex ratios (n,) of a broadband trace to the base: H1, 1 Hz apart."""
     t = recording.time_s
-    if recording.frequency_hz is None:
-        estimate = h1(recording.base, trace, (t.size - 1) / (t[-1] - t[0]))
-        return estimate.frequency_hz, estimate.H
-    fits = [fit_harmonics(t, values, recording.frequency_hz, 1) for values in (trace, recording.base)]
-    return np.array([recording.frequency_hz]), np.array([ratio(*fits)[0]])
+    estimate = h1(recording.base, trace, (t.size - 1) / (t[-1] - t[0]))
+    return estimate.frequency_hz, estimate.H
 
 
-def residuals(result: FitResult) -> Figure:
-    """Amplitude spectrum of what the model leaves, beside that of the recording."""
-    figure, axes = _by_recording(result, 2.0, "frequency [Hz]", "amplitude [m/s²]", sharex=True, sharey=True)
-    for axis, recording in zip(axes.flat, result.recordings, strict=False):
+@_styled
+def chi_square(result: FitResult) -> Figure:
+    """Chi-square of every harmonic of every recording, over the harmonic's frequency."""
+    figure, axes = panels(1, 1, 5.2, 3.2)
+    axis, rows = axes[0, 0], derived(result).chi_square
+    key = "chi_square" if result.wide else "chi_square_if_model_true"
+    for load, (colour, mark) in _loads(result).items():
+        mine = [row for row in rows if row["added_mass_kg"] == load]
+        for first in (True, False):
+            shown = [row for row in mine if (row["harmonic"] == 1) == first]
+            x = [row["frequency_hz"] * row["harmonic"] for row in shown]
+            y = [max(row[key], _LEAST) for row in shown]
+            face = colour if first else "white"
+            which = "fundamental" if first else "higher harmonics"
+            axis.semilogy(x, y, mark, ms=5, color=colour, mfc=face, label=f"{which}, {load:g} kg added")
+    axis.axhline(2, lw=0.9, color=_DATA, label="expected of noise: 2")
+    axis.axhline(_RARE, lw=0.9, ls="--", color=_DATA, label="exceeded by noise once in 1000")
+    axis.set_xlabel("frequency of the harmonic [Hz]")
+    axis.set_ylabel("chi-square")
+    axis.set_ylim(bottom=0.7 * _LEAST)
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=7)
+    return figure
+
+
+#: A chi-square below this is drawn at it; of two degrees of freedom one in a thousand is larger than that.
+_LEAST, _RARE = 1e-2, 13.82
+
+
+@_styled
+def modes(result: FitResult) -> Figure:
+    """Natural frequencies and damping ratios of small motion under each load, with 95 % limits."""
+    rows, loads = derived(result).modes, _loads(result)
+    names = list(dict.fromkeys(row["branch"] for row in rows))
+    count = max((row["mode"] for row in rows), default=1)
+    figure, axes = panels(1, 2 * count, 1.9 * 2 * count, 2.6)
+    kinds = (
+        ("natural frequency [Hz]", ("natural_frequency_hz", "lower_hz", "upper_hz")),
+        ("damping ratio", ("damping_ratio", "damping_lower", "damping_upper")),
+    )
+    for place, ((title, keys), mode) in enumerate((kind, mode) for kind in kinds for mode in range(1, count + 1)):
+        axis, x = axes[0, place], 0.0
+        ticks = []
+        for name in names:
+            for load, (colour, mark) in loads.items():
+                ticks.append((x + 0.12, f"{load:g} kg" + (f"\n{name}" if len(names) > 1 else "")))
+                for number, basis in enumerate(result.intervals):
+                    mine = [r for r in rows if (r["branch"], r["added_mass_kg"], r["mode"], r["basis"])
+                            == (name, load, mode, basis)]  # fmt: skip
+                    face = colour if number == len(result.intervals) - 1 else "white"
+                    label = f"{basis}" if load == min(loads) and name == names[0] else None
+                    at = np.full(len(mine), x + 0.24 * number)
+                    _limits(axis, at, mine, keys, fmt=mark, ms=4.5, mfc=face, color=colour, capsize=3, label=label)
+                x += 1
+        axis.set_xticks(*zip(*ticks, strict=True))
+        axis.set_xlim(-0.5, x - 0.25)
+        axis.set_title(f"mode {mode}\n{title}")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=8)
+    return figure
+
+
+@_styled
+def dampers(result: FitResult) -> Figure:
+    """Damping of ankle and fat pad over the displacement that the recordings reached, with bands of 95 %."""
+    found, loads = derived(result), _loads(result)
+    joints = list(dict.fromkeys(row["damper"] for row in found.dampers))
+    figure, axes = panels(1, max(1, len(joints)), 3.6 * max(1, len(joints)), 3.2)
+    for axis, joint in zip(axes[0], joints, strict=False):
+        for branch, line in zip(result.branches, _LINES, strict=False):
+            for number, basis in enumerate(result.intervals):
+                mine = [r for r in found.dampers if (r["damper"], r["branch"], r["basis"])
+                        == (joint, branch.name, basis)]  # fmt: skip
+                if not mine:
+                    continue
+                x, c, low, high = (
+                    np.array([row[key] for row in mine])
+                    for key in ("displacement_m", "damping_n_s_per_m", "lower", "upper")
+                )
+                last = number == len(result.intervals) - 1
+                grey, name = (
+                    ("#b5b5b5" if last and number else "#dedede"),
+                    f"{branch.name}, " if len(result.open) > 1 else "",
+                )
+                axis.fill_between(_MM * x, low, high, color=grey, lw=0, alpha=0.8, label=f"{name}{basis}")
+                if number == 0:
+                    axis.plot(_MM * x, c, line, lw=1.2, color=_DATA, zorder=3, label=f"{name}estimate")
+        spans = [row for row in found.reached if row["damper"] == joint]
+        for place, row in enumerate(spans):
+            colour, _ = loads[row["added_mass_kg"]]
+            axis.plot(
+                [_MM * row["lower_m"], _MM * row["upper_m"]], [0.02 + 0.03 * place] * 2, lw=3, color=colour,
+                solid_capstyle="butt", transform=axis.get_xaxis_transform(),
+                label=f"reached, {row['added_mass_kg']:g} kg added",
+            )  # fmt: skip
+        low, high = axis.get_ylim()
+        axis.set_ylim(low - 0.12 * (high - low), high)
+        axis.set_title(joint)
+        axis.set_xlabel("relative displacement [mm]")
+    axes[0, 0].set_ylabel("damping [N s/m]")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=8)
+    return figure
+
+
+@_styled
+def energies(result: FitResult) -> Figure:
+    """Energy that ankle and fat pad dissipate in a cycle, by frequency and load, with 95 % limits."""
+    rows, loads = derived(result).energies, _loads(result)
+    joints = list(dict.fromkeys(row["damper"] for row in rows))
+    figure, axes = panels(1, max(1, len(joints)), 3.6 * max(1, len(joints)), 3.0, sharey=True)
+    for axis, joint in zip(axes[0], joints, strict=False):
+        for branch, line in zip(result.branches, _LINES, strict=False):
+            for load, (colour, mark) in loads.items():
+                mine = [r for r in rows if (r["damper"], r["branch"], r["basis"], r["added_mass_kg"])
+                        == (joint, branch.name, result.intervals[0], load)]  # fmt: skip
+                mine.sort(key=lambda row: row["frequency_hz"])
+                x = np.array([row["frequency_hz"] for row in mine])
+                label = f"{load:g} kg added" + (f", {branch.name}" if len(result.open) > 1 else "")
+                if mine:
+                    keys = ("dissipated_j", "lower_j", "upper_j")
+                    face = colour if line == _LINES[0] else "white"
+                    style: Any = {"fmt": mark, "ms": 4.5, "mfc": face, "color": colour, "capsize": 2, "lw": 1.0}
+                    _limits(axis, x, mine, keys, _MJ, label=label, **style)
+        axis.set_yscale("log")
+        axis.set_title(joint)
+        axis.set_xlabel("frequency [Hz]")
+    axes[0, 0].set_ylabel("dissipated a cycle [mJ]")
+    axes[0, 0].legend(fontsize=7)
+    return figure
+
+
+def residual_rows(result: FitResult) -> list[Row]:
+    """Amplitude spectrum of what the model leaves, beside that of the recording, up to 160 Hz."""
+    rows: list[Row] = []
+    for recording in result.recordings:
         window = np.hanning(recording.time_s.size)
         f = np.fft.rfftfreq(recording.time_s.size, (recording.time_s[1] - recording.time_s[0]))
-        for signal, colour, label in (
-            (recording.measured, _MEASURED, "data"),
-            (recording.measured - recording.model, _MODEL, "residual"),
-        ):
-            amplitude = 2 * np.abs(np.fft.rfft(signal * window)) / window.sum()
-            axis.semilogy(f[1:], amplitude[1:], lw=0.8, color=colour, label=label)
-        axis.set_title(_title(recording), fontsize=9)
-        axis.set_xlim(0, 160)
+        both = (recording.measured, recording.measured - recording.model)
+        data, rest = (2 * np.abs(np.fft.rfft(signal * window)) / window.sum() for signal in both)
+        rows += [
+            {"file": recording.file, "frequency_hz": float(x), "data_m_s2": float(a), "residual_m_s2": float(b)}
+            for x, a, b in zip(f[1:], data[1:], rest[1:], strict=True)
+            if x <= _HIGHEST_HZ
+        ]
+    return rows
+
+
+_HIGHEST_HZ = 160.0
+
+
+@_styled
+def residuals(result: FitResult) -> Figure:
+    """Amplitude spectrum of what the model leaves, beside that of the recording."""
+    figure, axes = _by_recording(result, 1.9, "frequency [Hz]", "amplitude [m/s²]", sharex=True, sharey=True)
+    rows, loads = residual_rows(result), _loads(result)
+    for axis, recording in zip(axes.flat, result.recordings, strict=False):
+        mine = [row for row in rows if row["file"] == recording.file]
+        f = [row["frequency_hz"] for row in mine]
+        colour, _ = loads[recording.added_mass_kg]
+        axis.semilogy(f, [row["data_m_s2"] for row in mine], lw=0.8, color=_OTHER, label="data")
+        axis.semilogy(f, [row["residual_m_s2"] for row in mine], lw=0.8, color=colour, label="residual")
+        axis.set_title(_title(recording))
+        axis.minorticks_off()  # they cost as much as all the rest
+        axis.set_xlim(0, _HIGHEST_HZ)
         axis.set_ylim(bottom=1e-5)
-    axes[0, 0].legend(loc="upper right", fontsize=7)
+    _legend(figure, axes)
     return figure
 
 
+@_styled
 def parameters(result: FitResult) -> Figure:
     """Estimates with 95 % intervals of both branches, each parameter on its own scale; the truth where it is known."""
     keys = list(result.parameters)
     figure, axes = panels(1, len(keys), 1.35 * len(keys), 2.6)
     for axis, key in zip(axes[0], keys, strict=True):
-        for place, (branch, colour) in enumerate(zip(result.branches, (_MODEL, _OTHER), strict=False)):
+        for place, (branch, colour) in enumerate(zip(result.branches, (_DATA, _OTHER), strict=False)):
             e = branch.parameters[key]
             error = [[max(0.0, e.value - e.lower)], [max(0.0, e.upper - e.value)]]
-            axis.errorbar([place], [e.value], yerr=error, fmt="o", ms=4, color=colour, capsize=3, label=branch.name)
+            style: Any = {"fmt": "o", "ms": 4, "color": colour, "capsize": 3, "label": branch.name}
+            if e.at_bound:
+                axis.errorbar([place], [e.value], mfc="white", clip_on=False, **style)
+            else:
+                axis.errorbar([place], [e.value], yerr=error, **style)
         truth = result.truth_of(key)
         if truth is not None:
-            axis.axhline(truth, color=_TRUTH, lw=1, label="truth")
+            axis.axhline(truth, color=_DATA, lw=1, ls=":", label="truth")
         axis.set_title(label_of(key), fontsize=8)
         axis.set_xlim(-0.6, len(result.branches) - 0.4)
         axis.set_xticks([])
@@ -159,11 +393,12 @@ def label_of(key: str) -> str:
     return (f"${stem}_{{{index}}}$" if index else stem) + (f"\n[{unit}]" if unit else "")
 
 
+@_styled
 def waterfall(result: FitResult) -> Figure:
     """Final cost of every start, best first, coloured by the branch it ended in."""
     figure, axes = panels(1, 1, 5.2, 2.6)
     axis = axes[0, 0]
-    colours = {branch.name: colour for branch, colour in zip(result.branches, (_MODEL, _OTHER), strict=False)}
+    colours = {branch.name: colour for branch, colour in zip(result.branches, (_DATA, _OTHER), strict=False)}
     for name in dict.fromkeys(str(start["branch"]) for start in result.starts):
         rows = [(i + 1, start["cost"]) for i, start in enumerate(result.starts) if start["branch"] == name]
         axis.semilogy(*zip(*rows, strict=True), "o", ms=5, color=colours.get(name, "#888888"), label=name)
@@ -174,6 +409,7 @@ def waterfall(result: FitResult) -> Figure:
     return figure
 
 
+@_styled
 def correlation(result: FitResult) -> Figure:
     """Correlation matrix of the estimates of the likelier branch."""
     keys = list(result.parameters)

@@ -1,7 +1,10 @@
 """`python -m identification.fit`: stiffness and damping of a foot from its recordings."""
 
+import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -47,8 +50,13 @@ def main(
     exclude: Annotated[
         str | None, typer.Option(help="what cannot be: mount, relaxation, load, rocking, drift, or all")
     ] = None,
+    sensors: Annotated[
+        str | None, typer.Option(help="accelerometers to fit, e.g. malleolus,foot (default: all that the model has)")
+    ] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
-    out: Annotated[Path | None, typer.Option(help="folder for result.json, parameters.csv, report.html")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="folder for report.html, result.json, parameters.csv, figures/")
+    ] = None,
 ) -> None:
     """Estimate the parameters of a foot from recordings of its vibration.
 
@@ -61,19 +69,20 @@ def main(
 
       python -m identification.fit my_study --exclude mount,rocking --mass-std 0.03
 
+      python -m identification.fit my_study --sensors malleolus,foot
+
       python -m identification.fit bare.csv loaded.csv --body-mass 72.5 --added-mass 0 --added-mass 2.3
 
       python -m identification.fit my_study --model my_foot.xml --free k_T,k_F --bounds k_F=3e3:5e5
     """
     from fasbody.foot.model import load
     from identification.estimate import Settings, fit_foot
-    from identification.report import write
     from identification.space import limits, names
 
     source, recordings, truth = gather(data or [BUNDLED], body_mass, added_mass)
     settings = Settings(
         free=names(free), bounds=limits(bounds), starts=starts, seed=seed, domain=domain, mass_std=mass_std,
-        gain_std=gain_std, delay_std_s=delay_std, exclude=names(exclude) or (),
+        gain_std=gain_std, delay_std_s=delay_std, exclude=names(exclude) or (), sensors=names(sensors),
     )  # fmt: skip
     foot = load(model)
     folder = out or (None if json_ else Path("results") / _slug(source))
@@ -86,18 +95,25 @@ def main(
             progress.update(task, description=what, completed=done, total=total)
 
         result = fit_foot(recordings, foot, settings, advance=advance).with_source(source, truth)
-    if folder is not None:
-        from identification.report import write  # matplotlib takes a second that --json and --help need not wait
-
-        write(result, folder)
+    result = replace(result, provenance={**result.provenance, "command": _typed()})
     if json_:
         print_json(result.document())
     else:
         show(result)
     if folder is not None:
+        from identification.report import write  # its figures take seconds that the table need not wait
+
+        write(result, folder)
         console.print(
-            f"report: [bold]{folder / 'report.html'}[/], with result.json and parameters.csv beside it", soft_wrap=True
+            f"report: [bold]{escape(str(folder / 'report.html'))}[/], with result.json, parameters.csv and figures/ "
+            "beside it",
+            soft_wrap=True,
         )
+
+
+def _typed() -> str:
+    """The command as it was typed."""
+    return " ".join(["python -m identification.fit", *map(quote, sys.argv[1:])])
 
 
 def gather(
@@ -159,6 +175,8 @@ def show(result: "FitResult") -> None:
     results.print(table)
     results.print(f"[bold]{escape(result.sentence())}[/]", soft_wrap=True)
     results.print(result.reason, soft_wrap=True)
+    for text in (*result.by_sensor, *result.impossible):
+        results.print(text, soft_wrap=True, markup=False)
     for text in result.warnings:
         results.print(f"[yellow]note:[/] {text}", soft_wrap=True, markup=True)
 

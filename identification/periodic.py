@@ -14,8 +14,8 @@ parameter with a normal prior, integrated out, has the same likelihood.
 """
 
 import functools
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,10 +25,10 @@ from fasbody.recording.harmonics import Harmonics, fit_harmonics, harmonic_count
 from fasbody.recording.recording import Recording, gain_and_delay
 from identification.engines.certified import CertifiedRollouts
 from identification.engines.compiled import Compiled
-from identification.engines.engine import LONGEST_STEP, Engine, Excitation
+from identification.engines.engine import LONGEST_STEP, MALLEOLUS, Engine, Excitation
 from identification.engines.twin import Twin
 from identification.search import UNSTABLE, inverse_of_gram
-from identification.space import DELAY, SearchSpace, Space
+from identification.space import DELAY, SearchSpace, Space, delay_of
 
 #: Noise below this share of the amplitude is not believed: clocks and models are not that good.
 _NOISE_FLOOR = 1e-7
@@ -40,11 +40,12 @@ _ROUNDS = 20
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """The harmonics of one recording: base U and malleolus Y."""
+    """The harmonics of one recording: base U, malleolus Y, and those of other sensors that are fitted, by name."""
 
     recording: Recording
     base: Harmonics
     malleolus: Harmonics
+    others: Mapping[str, Harmonics] = field(default_factory=dict)
 
     @classmethod
     @functools.lru_cache(maxsize=128)  # choosing the domain, fitting and drawing loops need the same harmonics
@@ -56,7 +57,18 @@ class Line:
         count = harmonic_count(frequency, recording.rate_hz)
         time = recording.time_s - recording.time_s[0]  # phases count from the first sample, where rollouts start
         channels = (recording.base_m_s2, recording.malleolus_m_s2)
-        return cls(recording, *(fit_harmonics(time, c, frequency, count) for c in channels))
+        base, malleolus = (fit_harmonics(time, c, frequency, count) for c in channels)
+        return cls(recording, base, malleolus)
+
+    @classmethod
+    @functools.lru_cache(maxsize=128)
+    def with_sensors(cls, recording: Recording, sensors: tuple[str, ...]) -> "Line":
+        """`of`, with the harmonics of the other sensors of these names that the recording has."""
+        line, read = cls.of(recording), recording.sensors
+        time = recording.time_s - recording.time_s[0]
+        wanted = [name for name in sensors if name in read and name not in MALLEOLUS]
+        found = {name: fit_harmonics(time, read[name], line.base.frequency_hz, line.count) for name in wanted}
+        return replace(line, others=found) if found else line
 
     @property
     def excitation(self) -> Excitation:
@@ -65,8 +77,23 @@ class Line:
 
     @property
     def count(self) -> int:
-        """Harmonics compared."""
+        """Harmonics compared of each sensor."""
         return self.base.amplitudes.size
+
+    @property
+    def sensors(self) -> dict[str, Harmonics]:
+        """Harmonics of every sensor that is fitted, the malleolus first."""
+        return {MALLEOLUS[0]: self.malleolus} | dict(self.others)
+
+    @property
+    def measured(self) -> np.ndarray:
+        """Complex harmonics (k H,) of the k sensors, one sensor behind the other."""
+        return np.concatenate([channel.amplitudes for channel in self.sensors.values()])
+
+    @property
+    def size(self) -> int:
+        """Complex harmonics compared, of all sensors."""
+        return self.count * (1 + len(self.others))
 
 
 def excitations(lines: Sequence[Line], foot: Foot) -> list[Excitation]:
@@ -81,22 +108,33 @@ def split(z: np.ndarray) -> np.ndarray:
 
 
 def shared_errors(
-    recordings: Sequence[Recording], frequencies_hz: Sequence[float], amplitudes: Sequence[np.ndarray], delay: bool
+    recordings: Sequence[Recording],
+    frequencies_hz: Sequence[float],
+    amplitudes: Sequence[np.ndarray],
+    delay: bool,
+    sensors: Sequence[Sequence[str]] | None = None,
 ) -> np.ndarray:
     """V (n, k): real, then imaginary parts of each recording's harmonics, under one standard deviation of each error.
 
     Nothing is known of how much of a gain's uncertainty belongs to the sensor and how much to its mounting, so it is
-    the same error in all recordings: then more recordings do not make it smaller.
+    the same error in all recordings: then more recordings do not make it smaller. Each sensor has errors of its own.
 
     Args:
-        recordings: with their calibration. frequencies_hz: of their fundamentals. amplitudes: (H,) malleolus harmonics
-            of each [m/s^2]. delay: whether the delay is an error; not where it is estimated.
+        recordings: with their calibration. frequencies_hz: of their fundamentals. amplitudes: (k H,) harmonics of each
+            [m/s^2], one sensor behind the other. delay: whether the delay is an error; not where it is estimated.
+        sensors: of each recording, default the malleolus alone.
     """
+    told = [MALLEOLUS] * len(recordings) if sensors is None else [tuple(each) for each in sensors]
+    kinds = list(dict.fromkeys(name for each in told for name in each))
     columns = []
-    for recording, f, Y in zip(recordings, frequencies_hz, amplitudes, strict=True):
-        gain_std, delay_std_s = gain_and_delay(recording, "malleolus", "base")
-        by_delay = -2j * np.pi * f * np.arange(1, Y.size + 1) * Y
-        errors = np.column_stack([gain_std * Y, (delay_std_s if delay else 0.0) * by_delay])
+    for recording, f, Y, each in zip(recordings, frequencies_hz, amplitudes, told, strict=True):
+        count = Y.size // len(each)
+        errors = np.zeros((Y.size, 2 * len(kinds)), complex)
+        for place, name in enumerate(each):
+            gain_std, delay_std_s = gain_and_delay(recording, name, "base")
+            rows, at = slice(place * count, (place + 1) * count), 2 * kinds.index(name)
+            by_delay = -2j * np.pi * f * np.arange(1, count + 1) * Y[rows]
+            errors[rows, at], errors[rows, at + 1] = gain_std * Y[rows], (delay_std_s if delay else 0.0) * by_delay
         columns.append(np.concatenate([errors.real, errors.imag]))
     V = np.concatenate(columns)
     return V[:, np.any(V != 0.0, axis=0)]
@@ -152,14 +190,14 @@ class PeriodicProblem:
         self.lines, self.engine, self.space, self.tolerance = list(lines), engine, space, tolerance
         self._excess = excess
         self._whiten = [self._first_whitening(line) for line in self.lines]
-        self._shared = self._shared_errors([line.malleolus.amplitudes for line in self.lines])
+        self._shared = self._shared_errors([line.measured for line in self.lines])
         self.evaluations = 0
         self._cache: tuple[bytes, np.ndarray, np.ndarray] | None = None
 
     @property
     def size(self) -> int:
         """Number of residuals."""
-        return sum(2 * line.count for line in self.lines)
+        return sum(2 * line.size for line in self.lines)
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -193,7 +231,7 @@ class PeriodicProblem:
 
     def shared_errors(self) -> list[np.ndarray]:
         """(2 H, k) of each recording: its whitened harmonics under a standard deviation of each error they share."""
-        starts = np.cumsum([2 * line.count for line in self.lines])[:-1]
+        starts = np.cumsum([2 * line.size for line in self.lines])[:-1]
         return [W @ V for W, V in zip(self._whiten, np.split(self._shared, starts), strict=True)]
 
     @property
@@ -203,7 +241,8 @@ class PeriodicProblem:
     def _shared_errors(self, amplitudes: Sequence[np.ndarray]) -> np.ndarray:
         frequencies = [line.base.frequency_hz for line in self.lines]
         recordings = [line.recording for line in self.lines]
-        V = shared_errors(recordings, frequencies, amplitudes, delay=not self.space.has_delay)
+        sensors = [list(line.sensors) for line in self.lines]
+        V = shared_errors(recordings, frequencies, amplitudes, not self.space.has_delay, sensors)
         return V / np.sqrt(self._excess)
 
     def residual(self, q: np.ndarray) -> np.ndarray:
@@ -215,8 +254,12 @@ class PeriodicProblem:
         return self._evaluate(q)[1]
 
     def compiled(self) -> Compiled | None:
-        """The whole descent as compiled code, where the engine is the twin and all recordings are of one foot."""
-        if not (isinstance(self.engine, Twin) and isinstance(self.space, Space)):
+        """The whole descent as compiled code, where the engine is the twin and all recordings are of one foot.
+
+        It knows the malleolus alone.
+        """
+        alone = self.engine.sensors == MALLEOLUS
+        if not (isinstance(self.engine, Twin) and isinstance(self.space, Space) and alone):
             return None
         measured = [line.malleolus.amplitudes for line in self.lines]
         return Compiled(
@@ -224,21 +267,21 @@ class PeriodicProblem:
         )
 
     def predict(self, q: np.ndarray) -> list[np.ndarray]:
-        """Model harmonics (H,) of each recording, delayed like the measurement."""
+        """Model harmonics (k H,) of each recording's sensors, delayed like the measurement."""
         return [self.response(i, q)[0] for i in range(len(self.lines))]
 
     def _evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         key = q.tobytes()
         if self._cache is None or self._cache[0] != key:
             self.evaluations += 1
-            rows_in_all = sum(2 * line.count for line in self.lines)
+            rows_in_all = self.size
             r, J = np.empty(rows_in_all), np.empty((rows_in_all, q.size))
             row = 0
             try:
                 for i, (line, W) in enumerate(zip(self.lines, self._whiten, strict=True)):
                     Y, DY, slope = self.response(i, q)
-                    rows = slice(row, row + 2 * line.count)
-                    r[rows], J[rows] = W @ split(Y - line.malleolus.amplitudes), W @ split(DY) @ slope
+                    rows = slice(row, row + 2 * line.size)
+                    r[rows], J[rows] = W @ split(Y - line.measured), W @ split(DY) @ slope
                     row = rows.stop
                 P = self._projection
                 r, J = r - P.T @ (P @ r), J - P.T @ (P @ J)
@@ -250,34 +293,48 @@ class PeriodicProblem:
         return self._cache[1], self._cache[2]
 
     def response(self, number: int, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Model harmonics (H,) of one recording, derivatives (H, p) to its parameters, and of those (p, n) to z."""
+        """Model harmonics (k H,) of one recording, one sensor behind the other.
+
+        Returns:
+            They, their derivatives (k H, p) to its parameters, and those of the parameters (p, n) to z.
+        """
         (theta, slope), line = self.space.at(number, z), self.lines[number]
         values = self.space.values(theta)
         y, Dy = self.engine.orbit(number, values, self.space.names, self.tolerance)
         h = np.arange(1, line.count + 1)
         late = 2j * np.pi * line.base.frequency_hz * h
-        turn = np.exp(-late * values.get(DELAY.name, 0.0))
-        Y = 2 / y.size * np.fft.rfft(y)[h] * turn
-        DY = 2 / y.size * np.fft.rfft(Dy, axis=0)[h] * turn[:, None]
-        if self.space.has_delay:
-            DY = np.column_stack([DY, -late * Y])
-        return Y, DY, slope
+        n = y.size // len(self.engine.sensors)
+        kinds = getattr(self.space, "delays", (DELAY.name,)) if self.space.has_delay else ()
+        found, derivatives = [], []
+        for name in line.sensors:
+            place, delay = self.engine.sensors.index(name), delay_of(name).name
+            rows = slice(place * n, (place + 1) * n)
+            turn = np.exp(-late * values.get(delay, 0.0))
+            Y = 2 / n * np.fft.rfft(y[rows])[h] * turn
+            DY = 2 / n * np.fft.rfft(Dy[rows], axis=0)[h] * turn[:, None]
+            DY = np.column_stack([DY, *(-late * Y if delay == kind else 0.0 * Y for kind in kinds)])
+            found.append(Y)
+            derivatives.append(DY)
+        return np.concatenate(found), np.concatenate(derivatives), slope
 
     def _first_whitening(self, line: Line) -> np.ndarray:
         """Whitening before the model is known: input noise seen through the measured transmissibility."""
-        gain = abs(line.malleolus.amplitudes[0] / line.base.amplitudes[0])
-        return np.diag(1 / np.hypot(*(np.tile(s, 2) for s in (self._std(line.malleolus), gain * self._std(line.base)))))
+        std = []
+        for channel in line.sensors.values():
+            gain = abs(channel.amplitudes[0] / line.base.amplitudes[0])
+            std.append(np.hypot(self._std(channel), gain * self._std(line.base)))
+        return np.diag(1 / np.tile(np.concatenate(std), 2))
 
     @staticmethod
     def _std(channel: Harmonics) -> np.ndarray:
         return np.maximum(channel.std, _NOISE_FLOOR * abs(channel.amplitudes[0]))
 
     def noise(self, number: int) -> np.ndarray:
-        """Covariance (2 H, 2 H) of one recording's residual, as weighted now, without the errors that all share."""
+        """Covariance (2 k H, 2 k H) of one recording's residual, as weighted now, without the errors that all share."""
         return np.linalg.inv(self._whiten[number].T @ self._whiten[number])
 
     def widen(self, number: int, extra: np.ndarray) -> None:
-        """Add a covariance (2 H, 2 H) to that of one recording's residual: what the model leaves beyond the noise."""
+        """Add a covariance (2 k H, 2 k H) to that of one recording's residual: what is left beyond the noise."""
         self._whiten[number] = np.linalg.inv(np.linalg.cholesky(self.noise(number) + extra))
         self._cache = None
 
@@ -290,7 +347,7 @@ class PeriodicProblem:
         if not isinstance(self.engine, Twin):  # it is MuJoCo's already
             self.tolerance = _CERTIFIED
             return self
-        engine = CertifiedRollouts(foot, excitations(self.lines, foot))
+        engine = CertifiedRollouts(foot, excitations(self.lines, foot), self.engine.sensors)
         found = PeriodicProblem(self.lines, engine, self.space, _CERTIFIED, self._excess)
         found.weigh_as(self)
         return found
@@ -317,13 +374,19 @@ class PeriodicProblem:
         size = iter(sizes)
         for i, line in enumerate(self.lines):
             h = np.arange(1, line.count + 1)
-            turn = np.exp(-2j * np.pi * line.base.frequency_hz * h * feet[i].get(DELAY.name, 0.0))
+            late = -2j * np.pi * line.base.frequency_hz * h
+            kinds = self.engine.sensors
+            turns = {name: np.exp(late * feet[i].get(delay_of(name).name, 0.0)) for name in line.sensors}
             columns = []
             for _ in range(2 * line.count):
                 up, down = next(outputs), next(outputs)
-                columns.append(split(2 / up.size * np.fft.rfft(up - down)[h] * turn) / next(size))
+                n = up.size // len(kinds)
+                spectra = np.fft.rfft((up - down).reshape(len(kinds), n))[:, h]
+                parts = [2 / n * spectra[kinds.index(name)] * turn for name, turn in turns.items()]
+                columns.append(split(np.concatenate(parts)) / next(size))
             G = np.column_stack(columns)
-            S = np.diag(np.tile(self._std(line.malleolus) ** 2, 2)) + (G * np.tile(self._std(line.base) ** 2, 2)) @ G.T
+            own = np.concatenate([self._std(channel) for channel in line.sensors.values()])
+            S = np.diag(np.tile(own**2, 2)) + (G * np.tile(self._std(line.base) ** 2, 2)) @ G.T
             self._whiten[i] = np.linalg.inv(np.linalg.cholesky(S))
         self._shared = self._shared_errors(self.predict(q))
         self._cache = None

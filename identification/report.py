@@ -1,38 +1,299 @@
-"""report.html: everything a fit found on one self-contained page."""
+"""report.html: everything a fit found on one self-contained page, with its figures and their numbers beside it."""
 
+import csv
+import math
+from collections.abc import Callable, Sequence
 from datetime import date
+from io import StringIO
 from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 
 from fasbody import console
+from fasbody.recording.condition import FOOT_MASS_FRACTION, SHANK_MASS_FRACTION
 from identification import figures
-from identification.result import FitResult, label
+from identification.derived import Row, derived
+from identification.result import Allowance, Estimate, FitResult, chance, label
+from identification.space import DELAY
+
+#: Parts of chi-square that the page lists.
+_WORST = 5
+#: A nuisance below this share of what was held possible is none.
+_NOTHING = 1e-4
 
 
-def html(result: FitResult) -> str:
-    """The page as text; no outside address is needed to read it."""
+def html(result: FitResult, drawn: dict[str, str] | None = None) -> str:
+    """The page as text; no outside address is needed to read it.
+
+    Args:
+        result: the fit. drawn: its figures as SVG, by name, where they are drawn already.
+    """
     environment = Environment(
         loader=PackageLoader("identification"),
         autoescape=select_autoescape(default=True),
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    pictures = {
-        name: Markup(figures.svg(getattr(figures, name)(result)))
-        for name in ("traces", "residuals", "parameters", "waterfall", "correlation")
-    }
+    texts = captions(result)
+    drawn = drawn or {name: figures.svg(getattr(figures, name)(result)) for name in texts}
+    found = derived(result)
+    key = "chi_square" if result.wide else "chi_square_if_model_true"
+    worst = sorted((row for row in found.chi_square if row[key] is not None), key=lambda row: -row[key])
+    return environment.get_template("report.html").render(
+        result=result, label=label, chance=chance, interval=interval, allowed=allowed, energies=_energies(result),
+        day=date.today().isoformat(), found=found, key=key,
+        pictures={name: {"svg": Markup(drawn[name][drawn[name].index("<svg") :]), "caption": texts[name]}
+                  for name in texts},
+        worst=worst[:_WORST],
+        methods=methods(result), loads=_loads(result),
+    )  # fmt: skip
 
-    page = environment.get_template("report.html")
-    return page.render(result=result, pictures=pictures, label=label, day=date.today().isoformat())
+
+#: Figures that a paper prints; of the others a PNG would take longer than the fit.
+_PRINTED = ("chi_square", "parameters", "transmissibility", "modes", "dampers", "energies")
 
 
 def write(result: FitResult, folder: Path) -> list[Path]:
-    """Write result.json, parameters.csv and report.html into a folder, each whole or not at all."""
-    files = {
+    """Write result.json, parameters.csv, report.html and figures/ into a folder, each file whole or not at all.
+
+    Each figure is there as SVG with a CSV file of what it draws, and those that a paper prints as PNG, too.
+    """
+    pictures = {name: getattr(figures, name)(result) for name in captions(result)}
+    drawn = {name: figures.save(figure, "svg") for name, figure in pictures.items()}
+    files: dict[str, str | bytes] = {
         "result.json": console.to_json(result.document()) + "\n",
         "parameters.csv": result.csv(),
-        "report.html": html(result),
+        "report.html": html(result, {name: text.decode() for name, text in drawn.items()}),
     }
+    for name, figure in pictures.items():
+        files[f"figures/{name}.svg"] = drawn[name]
+        if name in _PRINTED:
+            files[f"figures/{name}.png"] = figures.save(figure, "png")
+    for name, rows in tables(result).items():
+        files[f"figures/{name}.csv"] = table(rows)
     return [console.write_whole(folder / name, text) for name, text in files.items()]
+
+
+def tables(result: FitResult) -> dict[str, Sequence[Row]]:
+    """Name -> rows of each CSV file beside the figures; a figure of two kinds of rows has two files."""
+    found = derived(result)
+    masses = [vars(mass) for mass in result.wide.masses] if result.wide else []
+    rows: dict[str, Sequence[Row]] = {
+        "transmissibility_data": found.data, "transmissibility_curves": found.curves, "chi_square": found.chi_square,
+        "modes": found.modes, "dampers": found.dampers, "dampers_reached": found.reached, "energies": found.energies,
+        "masses": masses, "traces": figures.trace_rows(result), "residuals": figures.residual_rows(result),
+        "parameters": result.records(), "waterfall": [dict(start) for start in result.starts],
+        "correlation": [
+            {"parameter": key, **dict(zip(result.parameters, row, strict=True))}
+            for key, row in zip(result.parameters, result.best.correlation, strict=True)
+        ],
+    }  # fmt: skip
+    return {name: each for name, each in rows.items() if each}
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Rows as CSV: numbers of eight digits, nothing where there is no number."""
+    out = StringIO()
+    writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
+    return out.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, bool) or value is None:
+        return "" if value is None else str(value).lower()
+    return f"{value:.8g}" if isinstance(value, float) else value
+
+
+def captions(result: FitResult) -> dict[str, str]:
+    """What each figure that this fit can fill shows, and of how many recordings."""
+    found, best = derived(result), result.best
+    n = _counted(result)
+    rests = (
+        "95 % intervals allow for whatever else may be true"
+        if result.wide
+        else "95 % intervals hold if the model is true"
+    )
+    other = f"; dashed lines: its mirror image ({result.mirror.name})" if result.mirror else ""
+    texts: dict[str, str] = {}
+    if found.chi_square:
+        harmonics = len(found.chi_square)
+        basis = "whatever else may be true" if result.wide else "if the model is true"
+        texts["chi_square"] = (
+            f"Where chi-square comes from: {harmonics} harmonics of {n}, {basis}. Noise alone gives 2 a harmonic on "
+            "average. Parts above the dashed line, or many high ones at one load or frequency, show where the model "
+            "misses."
+        )
+    texts["parameters"] = f"Estimates of each branch from {n}. {rests}." + (
+        " The dotted line is the truth." if result.truth else ""
+    )
+    if found.data or any(recording.frequency_hz is None for recording in result.recordings):
+        curve = (
+            f"Solid lines: the {best.name} branch{other}, each if the model is true, for a sine as large as the "
+            "recorded ones. " if found.curves else ""
+        )  # fmt: skip
+        texts["transmissibility"] = (
+            f"Acceleration of the malleolus over that of the base, and its phase lag ({n}). Marks: data with 95 % "
+            f"limits of their noise, mostly smaller than the marks. {curve}Above the dotted line the ankle moves more "
+            "than the base."
+        )
+    if found.modes:
+        texts["modes"] = (
+            f"Natural frequencies and damping ratios of small motion about rest under each load, from {n}; errors "
+            "propagated linearly. A mode with a damping ratio above one does not swing. Filled marks hold if the model "
+            "is true" + ("; open ones allow for whatever else may be true." if result.wide else ".")
+        )
+    if found.dampers:
+        texts["dampers"] = (
+            f"Damping over the relative displacement that {n} reached (bars, by load); extension is positive. Bands of "
+            "95 % at each displacement, errors propagated linearly."
+        )
+    if found.energies:
+        texts["energies"] = (
+            f"Energy that ankle and fat pad dissipate in one cycle, one mark a recording ({n}). {rests}."
+            if all(math.isfinite(row["upper_j"]) for row in found.energies)
+            else f"Energy that ankle and fat pad dissipate in one cycle, one mark a recording ({n})."
+        )
+    texts["traces"] = f"Acceleration of the malleolus over three periods, data and model ({best.name}); {n}."
+    texts["residuals"] = f"What the model leaves, as amplitude spectrum, beside that of the data; {n}."
+    texts["correlation"] = (
+        f"Correlation of the {len(result.parameters)} estimates if the model is true: pairs near ±1 are known only "
+        "together."
+    )
+    if result.starts:
+        texts["waterfall"] = (
+            f"Where each of the {len(result.starts)} starts ended. A flat first step says that the minimum was found "
+            "often."
+        )
+    if result.by_sensor:
+        texts["sensors"] = (
+            f"Each sensor over the base ({n}): data as points, the {best.name} branch as lines. "
+            f"{'; '.join(result.by_sensor)}."
+        )
+    if result.contact:
+        texts["contact"] = (
+            f"Force between table and foot over a cycle ({len(result.contact)} recordings, {best.name} branch): the "
+            "static force (dashed) and what the motion adds. Below zero the foot would leave the table."
+        )
+    return texts
+
+
+def interval(value: float, lower: float, upper: float, scale: float = 1.0) -> str:
+    """Value and half width of a 95 % interval, rounded to what is known; the value alone where there is none."""
+    if not math.isfinite(upper - lower):
+        return f"{scale * value:.3g}"
+    std = (upper - lower) / 3.92
+    return Estimate(scale * value, scale * std, scale * lower, scale * upper, False, "").interval()
+
+
+def allowed(each: Allowance) -> str:
+    """What else may be true as the recordings have it; at the bound of a half-normal prior, as that."""
+    size = max(abs(each.prior_upper), abs(each.prior_lower))
+    if each.prior == each.prior_lower and abs(each.value - each.prior_lower) < _NOTHING * size:
+        return f"{each.prior_lower:g} (bound)"
+    return "0" if abs(each.value) < _NOTHING * size else f"{each.value:.2g}"
+
+
+def _counted(result: FitResult) -> str:
+    count = len(result.recordings)
+    return f"n = {count} recording{'s' if count > 1 else ''}"
+
+
+def _loads(result: FitResult) -> dict[float, list[Any]]:
+    """Added mass [kg] -> its recordings."""
+    found: dict[float, list[Any]] = {}
+    for recording in result.recordings:
+        found.setdefault(recording.added_mass_kg, []).append(recording)
+    return dict(sorted(found.items()))
+
+
+def _energies(result: FitResult) -> list[tuple[Row, Row]]:
+    """Ankle and pad of each recording and open branch, on the wider basis."""
+    rows = [row for row in derived(result).energies if row["basis"] == result.intervals[0]]
+    return list(zip(rows[::2], rows[1::2], strict=True))
+
+
+def methods(result: FitResult) -> list[str]:
+    """A methods section with the numbers of this fit, paragraph by paragraph."""
+    return [text for text in (part(result) for part in _PARTS) if text]
+
+
+def _data(result: FitResult) -> str:
+    groups = []
+    for load, mine in _loads(result).items():
+        found = sorted(r.frequency_hz for r in mine if r.frequency_hz is not None)
+        at = f"{found[0]:.3g} to {found[-1]:.3g} Hz" if len(found) > 1 else f"{found[0]:.3g} Hz" if found else ""
+        at = at if len(found) == len(mine) else f"{at} and broadband" if at else "broadband"
+        groups.append(f"{len(mine)} with {load:g} kg on the knee ({at})")
+    first = result.recordings[0].time_s
+    rate = (first.size - 1) / (first[-1] - first[0])
+    seconds = sorted({round(float(r.time_s[-1] - r.time_s[0] + 1 / rate), 2) for r in result.recordings})
+    length = f"{seconds[0]:g} s" if len(seconds) == 1 else f"{seconds[0]:g} to {seconds[-1]:g} s"
+    kind = {"synthetic": "Synthetic", "measured": "Measured"}.get(result.origin, "The given")
+    return (
+        f"{kind} accelerations of base and medial malleolus, {_counted(result)}, served as data: {', '.join(groups)}; "
+        f"{length} each, sampled at {rate:.4g} Hz."
+    )
+
+
+def _reduction(result: FitResult) -> str:
+    best, rows = result.best, derived(result).chi_square
+    if result.domain != "periodic":
+        return (
+            "The model was compared with every sample in the time domain, each recording with its own initial states."
+        )
+    numbers = f": {2 * len(rows)} numbers in all" if rows else ""
+    return (
+        "Each recording was reduced to the complex amplitudes of its harmonics (up to six, below 100 Hz) by least "
+        f"squares{numbers}. The residual was weighted by the noise of the harmonics of both channels, so that its sum "
+        f"of squares follows the chi-square distribution with {best.dof} degrees of freedom if the model is true."
+    )
+
+
+def _model(result: FitResult) -> str:
+    free = ", ".join(label(key) for key in result.parameters)
+    masses = result.wide.masses if result.wide else ()
+    stated = ", ".join(f"{m.name} = {m.stated:.4g} kg ± {100 * m.prior_std:.3g} %" for m in masses)
+    text = f"The model {result.model} with {len(result.parameters)} free parameters was fitted ({free}). "
+    if stated:
+        text += (
+            f"Segment masses were {100 * SHANK_MASS_FRACTION:.3g} % (shank) and {100 * FOOT_MASS_FRACTION:.3g} % "
+            f"(foot) of the body mass ({stated}, standard deviation) and were estimated with the rest. "
+        )
+    seed = result.provenance.get("seed")
+    text += f"The search had {len(result.starts)} starts" + (f" (seed {seed})" if seed is not None else "")
+    text += "; both mirror solutions were followed to their ends. " if result.mirror else ". "
+    engine = result.provenance.get("versions", {}).get("mujoco")
+    text += "The reported estimate is converged on the MuJoCo" + (f" {engine}" if engine else "") + " rollout"
+    if result.twin_mujoco_difference is not None:
+        text += f", which differs from a compiled twin by {result.twin_mujoco_difference:.1e} of the peak at most"
+    return text + "."
+
+
+def _beyond(result: FitResult) -> str:
+    if not result.wide:
+        return "All intervals hold if the model, the masses and the instruments are exact."
+    names = [n.name for n in result.wide.nuisances if n.group != "masses"]
+    names = ["delay between the channels" if name == DELAY.name else name for name in names]
+    return (
+        "A second fit had everything that a laboratory seldom excludes as nuisances with priors, estimated together "
+        f"with the constants: segment masses, {', '.join(names)}. Unless said otherwise, 95 % intervals are of this "
+        "fit. The others hold if the model is true. Errors of derived quantities are propagated linearly; natural "
+        "frequencies and damping ratios are of small motion about rest."
+    )
+
+
+def _outcome(result: FitResult) -> str:
+    best = result.best
+    if result.domain != "periodic" or not best.dof:
+        return f"The fit is {result.fit_percent:.1f} %; the verdict on the branches is {result.verdict}."
+    p = "" if best.p_value is None else f", {chance(best.p_value)}"
+    text = f"Chi-square was {best.chi_square:.4g} for {best.dof} degrees of freedom if the model is true{p}"
+    text += f", and {result.wide.chi_square:.4g} with whatever else may be true" if result.wide else ""
+    return f"{text}. The verdict on the branches is {result.verdict}: {result.reason}"
+
+
+_PARTS: tuple[Callable[[FitResult], str], ...] = (_data, _reduction, _model, _beyond, _outcome)

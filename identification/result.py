@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -12,6 +12,12 @@ from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.presentation import Presented, Sheet
 from fasbody.recording.recording import Recording
+from identification.contact import Contact
+from identification.contact import summary as lifted
+from identification.sensors import SensorFit, summary
+
+if TYPE_CHECKING:
+    from identification.evidence import Evidence
 
 
 def label(key: str) -> str:
@@ -22,11 +28,15 @@ def label(key: str) -> str:
 
 #: Heads of the two columns of intervals.
 WHATEVER, IF_TRUE = "95 %, whatever else may be true", "95 %, if the model is true"
+#: What tells models apart where this one misses.
+_ASK = "python -m identification.rivals"
 #: Chance below which the model is said to miss the recordings.
 UNLIKELY = 1e-3
 #: Standard error up to which a parameter counts as identified, and as weakly identified: as a share of its value, or
 #: of a tenth of its range for parameters that may be zero.
 IDENTIFIED, WEAK = 0.1, 0.5
+#: Share of a mass's standard deviation that the recordings must take away to have weighed it.
+WEIGHED = 0.3
 
 
 def chance(p_value: float) -> str:
@@ -116,6 +126,16 @@ class Mass:
     lower: float
     upper: float
     learned: float
+
+    @property
+    def weighed(self) -> bool:
+        """Whether the recordings say more of it than what was stated."""
+        return self.learned > WEIGHED
+
+    def interval(self) -> str:
+        """Value and half width of the 95 % interval [kg]."""
+        std = (self.upper - self.lower) / 3.92
+        return Estimate(self.value, std, self.lower, self.upper, False, "").interval()
 
 
 @dataclass(frozen=True)
@@ -210,7 +230,11 @@ class Branch(Presented):
 
         They hold if the model is true: with the masses as stated, the foot then moves as recorded.
         """
-        kept = {key: e.if_model_true or e for key, e in self.parameters.items() if symbol_and_unit(key)[0] != "delay"}
+        kept = {
+            key: e.if_model_true or e
+            for key, e in self.parameters.items()
+            if not symbol_and_unit(key)[0].startswith("delay")
+        }
         return {key: e.value for key, e in kept.items()}
 
     def records(self) -> list[dict[str, Any]]:
@@ -232,7 +256,10 @@ class Branch(Presented):
 
 @dataclass(frozen=True, eq=False)
 class RecordingFit:
-    """One recording: measured and model traces, and how well they agree; `base` is what shook both."""
+    """One recording: measured and model traces, and how well they agree; `base` is what shook both.
+
+    `sensors` has every accelerometer that was fitted, the malleolus first.
+    """
 
     file: str
     frequency_hz: float | None
@@ -242,12 +269,16 @@ class RecordingFit:
     measured: np.ndarray
     model: np.ndarray
     base: np.ndarray
+    sensors: tuple[SensorFit, ...] = ()
 
     @classmethod
-    def of(cls, recording: Recording, fit_percent: float, model: np.ndarray) -> "RecordingFit":
+    def of(
+        cls, recording: Recording, fit_percent: float, model: np.ndarray, sensors: tuple[SensorFit, ...] = ()
+    ) -> "RecordingFit":
         """A recording beside the model's malleolus (n,) [m/s^2]."""
         c, r = recording.condition, recording
-        return cls(r.file, c.frequency_hz, c.added_mass_kg, fit_percent, r.time_s, r.malleolus_m_s2, model, r.base_m_s2)
+        about = (r.file, c.frequency_hz, c.added_mass_kg, fit_percent)
+        return cls(*about, r.time_s, r.malleolus_m_s2, model, r.base_m_s2, sensors)
 
     def __repr__(self) -> str:
         return f"{self.file}: fit {self.fit_percent:.1f} %, {self.time_s.size} samples"
@@ -262,7 +293,8 @@ class FitResult(Presented):
 
     figures: ClassVar[str] = "identification.figures"
     plots: ClassVar[tuple[str, ...]] = (
-        "transmissibility", "traces", "residuals", "parameters", "waterfall", "correlation",
+        "transmissibility", "chi_square", "modes", "dampers", "energies", "traces", "residuals", "parameters",
+        "waterfall", "correlation", "sensors", "contact",
     )  # fmt: skip
 
     source: str
@@ -281,6 +313,9 @@ class FitResult(Presented):
     warnings: tuple[str, ...]
     truth: Mapping[str, float] = field(default_factory=dict)
     seconds: float = 0.0
+    contact: tuple[Contact, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    evidence: "Evidence | None" = None
 
     @property
     def best(self) -> Branch:
@@ -318,13 +353,36 @@ class FitResult(Presented):
             others = [branch.parameters[key].interval() for branch in self.branches[1:]]
             narrow = [e.if_model_true.interval() if e.if_model_true else "–"] if self.wide else []
             rows.append([label(key), e.interval(), *narrow, *others, *known, e.known])
+        for number, mass in enumerate(self.wide.masses if self.wide else ()):
+            truth = self.truth_of(f"{mass.name}_kg")
+            known = ["" if truth is None else f"{truth:.4g}"] if self.truth else []
+            others = [b.world.masses[number].interval() if b.world else "" for b in self.branches[1:]]
+            word = "weighed" if mass.weighed else "as stated"
+            rows.append([f"{mass.name} [kg]", mass.interval(), f"{mass.stated:.4g} stated", *others, *known, word])
         columns = ["parameter", *self.intervals, *mirrors, *(["truth"] if self.truth else []), ""]
-        notes = [self.sentence(), self.reason, *(f"note: {text}" for text in self.warnings)]
+        notes = [
+            self.sentence(),
+            self.reason,
+            *self.by_sensor,
+            *self.impossible,
+            *(f"note: {text}" for text in self.warnings),
+        ]
         return Sheet(f"{self.source} ({self.origin}), model {self.model}", columns, rows, notes)
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write result.json, parameters.csv and report.html into a folder, each whole or not at all."""
         return list(import_module("identification.report").write(self, Path(folder)))
+
+    @property
+    def impossible(self) -> list[str]:
+        """That the foot would leave the table, in a sentence; nothing where the table only presses."""
+        text = lifted(self.contact)
+        return [text] if text else []
+
+    @property
+    def by_sensor(self) -> list[str]:
+        """How each sensor is followed, in a line; nothing where the malleolus is alone."""
+        return summary([recording.sensors for recording in self.recordings])
 
     @property
     def wide(self) -> World | None:
@@ -369,6 +427,7 @@ class FitResult(Presented):
             "fit_percent": self.fit_percent,
             "recordings": [
                 {name: getattr(r, name) for name in ("file", "frequency_hz", "added_mass_kg", "fit_percent")}
+                | {"sensors": [sensor.document() for sensor in r.sensors]}
                 for r in self.recordings
             ],
             "parameters": {key: asdict(value) for key, value in self.parameters.items()},
@@ -382,12 +441,14 @@ class FitResult(Presented):
             "chi_square_wide": self.wide.chi_square if self.wide else None,
             "masses": [asdict(mass) for mass in self.wide.masses] if self.wide else [],
             "nuisances": [asdict(each) for each in self.wide.nuisances] if self.wide else [],
+            "contact": [each.document() for each in self.contact],
             "excitation_rank": self.excitation_rank,
             "twin_mujoco_difference": self.twin_mujoco_difference,
             "base_acceleration_error": self.base_acceleration_error,
             "starts": [dict(start) for start in self.starts],
             "truth": dict(self.truth),
             "warnings": list(self.warnings),
+            "provenance": dict(self.provenance),
             "seconds": self.seconds,
         }  # fmt: skip
 
@@ -418,14 +479,15 @@ class FitResult(Presented):
         if self.wide and not self.wide.follows:
             return (
                 "The model does not follow the recordings, whatever else may be true (chi-square "
-                f"{self.wide.per_dof:.3g} per degree of freedom): no constant is identified. For what they are worth: "
+                f"{self.wide.per_dof:.3g} per degree of freedom): no constant is identified; "
+                f"{_ASK} compares rivals. For what they are worth: "
             )
         if p is None or p >= UNLIKELY:
             return ""
         if self.wide:
             return (
                 f"The model alone misses the recordings ({alone}); with whatever else may be true it follows them "
-                f"({self.wide.per_dof:.2f}): "
+                f"({self.wide.per_dof:.2f}), and {_ASK} compares rivals: "
             )
         return f"The model misses the recordings ({alone}): "
 

@@ -1,7 +1,7 @@
 """The search space: which parameters are free, how they are scaled and where they may lie, and how that is written."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -13,6 +13,13 @@ from fasbody.foot.parameters import Parameter
 
 #: Delay of the malleolus channel behind the base channel: a parameter of the instrument, so of no model.
 DELAY = Parameter("delay", "s", -2e-3, 2e-3, (), "channels of a multiplexed converter are sampled one after another")
+
+
+def delay_of(sensor: str) -> Parameter:
+    """The delay of an accelerometer's channel behind the base's."""
+    return DELAY if sensor == "malleolus" else replace(DELAY, name=f"{DELAY.name}_{sensor}")
+
+
 #: Parameters that a fit never frees: masses come from the recording's condition.
 MASSES = ("m_S", "m_F", "m_T", "added_mass")
 _Z95 = 1.959963984540054
@@ -55,7 +62,7 @@ class SearchSpace(Protocol):
 
 @dataclass(frozen=True)
 class Space:
-    """Free parameters, in order, with the delay last if it is free.
+    """Free parameters, in order, with the delays last if they are free.
 
     The search variable q is the logarithm of a parameter whose bounds are positive (stiffness, damping amplitude) and a
     multiple of its range for the others, so that all steps are alike in size.
@@ -72,12 +79,17 @@ class Space:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the free parameters, without the delay."""
-        return tuple(item.name for item in self.free if item.name != DELAY.name)
+        return tuple(item.name for item in self.free if item.places)
 
     @property
     def has_delay(self) -> bool:
-        """Whether the channel delay is estimated."""
-        return self.free[-1].name == DELAY.name
+        """Whether delays of channels are estimated; a parameter of the instrument stands nowhere in the model."""
+        return not self.free[-1].places
+
+    @property
+    def delays(self) -> tuple[str, ...]:
+        """Names of the delays that are free, the last of the parameters."""
+        return tuple(item.name for item in self.free if not item.places)
 
     @cached_property
     def scale(self) -> np.ndarray:
@@ -146,7 +158,7 @@ class Space:
 
 
 def _unit(item: Parameter) -> float:
-    return 1e-4 if item.name == DELAY.name else max(abs(item.lower), abs(item.upper)) / 6.0
+    return 1e-4 if not item.places else max(abs(item.lower), abs(item.upper)) / 6.0
 
 
 def space_of(
@@ -154,12 +166,13 @@ def space_of(
     free: Sequence[str] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     delay: bool = True,
+    sensors: Sequence[str] = ("malleolus",),
 ) -> Space:
     """The search space of a model.
 
     Args:
         foot: the model. free: names to estimate, default all declared but the masses. bounds: name -> (lower, upper) in
-            place of the declared ones. delay: estimate the channel delay too.
+            place of the declared ones. delay: estimate the delay of each channel, too. sensors: what the channels are.
 
     Raises:
         SettingError: an unknown name, or a bound that is not one.
@@ -167,19 +180,20 @@ def space_of(
     bounds = dict(bounds or {})
     estimable = [name for name in foot.parameters if name not in MASSES]
     chosen = list(free) if free is not None else list(estimable)
+    late = {item.name: item for item in map(delay_of, sensors)}
     for name in chosen:
-        if name not in estimable and name != DELAY.name:
+        if name not in estimable and name not in late:
             why = " (masses come from the recording's condition)" if name in MASSES else ""
             raise SettingError(f"{unknown('parameter to estimate', name, estimable)} in model {foot.name}{why}.")
-    if delay and DELAY.name not in chosen:
-        chosen.append(DELAY.name)
-    items = [DELAY if name == DELAY.name else foot.parameters[name] for name in dict.fromkeys(chosen)]
-    items.sort(key=lambda item: item.name == DELAY.name)
-    if not [item for item in items if item is not DELAY]:
+    if delay:
+        chosen += [name for name in late if name not in chosen]
+    items = [late[name] if name in late else foot.parameters[name] for name in dict.fromkeys(chosen)]
+    items.sort(key=lambda item: list(late).index(item.name) if item.name in late else -1)
+    if not [item for item in items if item.places]:
         raise SettingError(f"no parameter is free (valid: {', '.join(estimable)}).")
     lower, upper = np.array([i.lower for i in items]), np.array([i.upper for i in items])
     for name, (low, high) in bounds.items():
-        item = DELAY if name == DELAY.name else foot.parameters[name]
+        item = late[name] if name in late else foot.parameters[name]
         if item not in items:
             raise SettingError(f"bounds are given for {name}, which is not free (free: {', '.join(chosen)}).")
         if not (np.isfinite([low, high]).all() and low < high) or (item.logarithmic and low <= 0):

@@ -6,7 +6,7 @@ factor of their QR decomposition, which has the same cost, gradient and Gauss-Ne
 stands for.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -18,7 +18,7 @@ from identification.engines.certified import CertifiedRollouts
 from identification.engines.engine import Engine, Whole
 from identification.engines.twin import Twin
 from identification.search import UNSTABLE, inverse_of_gram
-from identification.space import DELAY, Space
+from identification.space import Space, delay_of
 
 #: Bound of the scaled initial states.
 _WIDE = 1e3
@@ -35,19 +35,25 @@ class TimeProblem:
 
     def __init__(self, recordings: Sequence[Recording], engine: Engine[Whole], space: Space) -> None:
         self.recordings, self.engine, self.space = list(recordings), engine, space
-        self.sigma = np.array([noise_floor(recording) for recording in recordings])
+        #: Of each recording, which sensors are fitted, and the noise of each.
+        self.sensors = [[name for name in engine.sensors if name in r.sensors] for r in self.recordings]
+        self.sigma = [
+            np.array([noise_floor(r, name) for name in its])
+            for r, its in zip(self.recordings, self.sensors, strict=True)
+        ]
         self.evaluations, self.tolerance = 0, 0.0
         self._cache: tuple[bytes, np.ndarray, np.ndarray] | None = None
 
     @property
     def size(self) -> int:
         """Number of residuals, before their compression."""
-        return sum(recording.time_s.size for recording in self.recordings)
+        return sum(r.time_s.size * len(its) for r, its in zip(self.recordings, self.sensors, strict=True))
 
     @property
     def log_determinant(self) -> float:
         """Sum of the logarithms of all variances."""
-        return float(sum(r.time_s.size * 2 * np.log(s) for r, s in zip(self.recordings, self.sigma, strict=True)))
+        each = zip(self.recordings, self.sigma, strict=True)
+        return float(sum(r.time_s.size * 2 * np.log(s) for r, sigma in each for s in sigma))
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -88,48 +94,72 @@ class TimeProblem:
         if not isinstance(self.engine, Twin):  # it is MuJoCo's already
             return self
         drives = [Whole.of(recording, foot) for recording in self.recordings]
-        return TimeProblem(self.recordings, CertifiedRollouts(foot, drives), self.space)
+        return TimeProblem(self.recordings, CertifiedRollouts(foot, drives, self.engine.sensors), self.space)
 
     def rows(self, z: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Model output (n,), residual (n,) over its noise, and Jacobian (n, p + states) of one recording."""
+        """Of one recording, one sensor behind the other: model output (k n,), residual over its noise, and Jacobian.
+
+        The Jacobian is (k n, p + states).
+        """
         p = self.space.lower.size
         theta, recording = self.space.to_theta(z[:p]), self.recordings[number]
         values = self.space.values(theta)
         y, D = self.engine.run(number, values, self.space.names, self.states(z, number))
         if not (np.isfinite(y).all() and np.isfinite(D).all()):
             raise SimulationError(f"{recording.file}: the model became unstable.")
-        delay = values.get(DELAY.name, 0.0)
+        n, found = recording.time_s.size, []
+        for name, sigma in zip(self.sensors[number], self.sigma[number], strict=True):
+            place = self.engine.sensors.index(name)
+            rows = slice(place * n, (place + 1) * n)
+            out, J = self._late(recording, values, delay_of(name).name, y[rows], D[rows])
+            J[:, :p] *= self.space.slope(theta)
+            found.append((out, (out - recording.sensors[name]) / sigma, J / sigma))
+        if len(found) == 1:
+            return found[0]
+        outs, residuals, jacobians = zip(*found, strict=True)
+        return np.concatenate(outs), np.concatenate(residuals), np.concatenate(jacobians)
+
+    def _late(
+        self, recording: Recording, values: Mapping[str, float], delay: str, y: np.ndarray, D: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Output (n,) of one sensor as late as its channel, and its derivatives (n, p + states)."""
         columns = [D[:, self._states :], D[:, : self._states] * self.engine.state_scale]
         if self.space.has_delay:
             t = recording.time_s - recording.time_s[0]
             spline = CubicSpline(t, np.column_stack([y, *columns]))
-            late = spline(t - delay)
-            y, slope = late[:, 0], -spline(t - delay, 1)[:, 0]
-            columns = [late[:, 1 : 1 + columns[0].shape[1]], slope[:, None], late[:, 1 + columns[0].shape[1] :]]
-        J = np.hstack(columns)
-        J[:, :p] *= self.space.slope(theta)
-        return y, (y - recording.malleolus_m_s2) / self.sigma[number], J / self.sigma[number]
+            at = t - values.get(delay, 0.0)
+            late = spline(at)
+            y, slope, width = late[:, 0], -spline(at, 1)[:, 0], columns[0].shape[1]
+            slopes = np.column_stack([slope if kind == delay else 0.0 * slope for kind in self.space.delays])
+            columns = [late[:, 1 : 1 + width], slopes, late[:, 1 + width :]]
+        return y, np.hstack(columns)
 
     def covariance(self, z: np.ndarray, active: np.ndarray) -> np.ndarray:
         """Covariance (p, p) of q for coloured residuals: (J^T J)^-1 J^T R J (J^T J)^-1, R from their autocorrelation.
 
-        The noise of the base sensor comes through the foot and is not white; ignoring that would make the standard
-        errors wrong. The autocorrelation is tapered (Bartlett) over 5 % of the recording. R has the uncertain gain and
-        delay of the channels too, which all samples of all recordings share.
+        The noise of the base sensor comes through the foot and is not white, and all sensors have it; ignoring that
+        would make the standard errors wrong. The correlations are tapered (Bartlett) over 5 % of the recording. R has
+        the uncertain gain and delay of the channels too, which all samples of all recordings share.
 
         Args:
             z: full search variable. active: (p,) which parameters vary; the others rest on a bound and get NaN.
         """
         p, total = self.space.lower.size, z.size
         varied = np.concatenate([active, np.ones(total - p, bool)])
-        middle, shared = np.zeros((total, total)), np.zeros((total, 2))
+        names = list(self.engine.sensors)
+        middle, shared = np.zeros((total, total)), np.zeros((total, 2 * len(names)))
         for i, recording in enumerate(self.recordings):
-            y, r, J = self.rows(z, i)
-            columns = self._columns(i)
-            middle[np.ix_(columns, columns)] += J.T @ _correlated(r, J)
-            gain_std, delay_std_s = gain_and_delay(recording, "malleolus", "base")
-            late = np.gradient(y, 1 / recording.rate_hz) * (0.0 if self.space.has_delay else delay_std_s)
-            shared[columns] += J.T @ np.column_stack([gain_std * y, late]) / self.sigma[i]
+            columns, its = self._columns(i), self.sensors[i]
+            parts = [np.split(part, len(its)) for part in self.rows(z, i)]
+            for k, (y, r, J) in enumerate(zip(*parts, strict=True)):
+                middle[np.ix_(columns, columns)] += J.T @ _correlated(r, J)
+                for m in range(len(its)):
+                    if m != k:
+                        middle[np.ix_(columns, columns)] += J.T @ _correlated(r, parts[2][m], parts[1][m])
+                gain_std, delay_std_s = gain_and_delay(recording, its[k], "base")
+                late = np.gradient(y, 1 / recording.rate_hz) * (0.0 if self.space.has_delay else delay_std_s)
+                at = 2 * names.index(its[k])
+                shared[columns, at : at + 2] += J.T @ np.column_stack([gain_std * y, late]) / self.sigma[i][k]
         middle += shared @ shared.T
         bread = inverse_of_gram(self.jacobian(z)[:, varied])
         blind = np.isinf(np.diag(bread))
@@ -162,25 +192,27 @@ class TimeProblem:
         return self._cache[1], self._cache[2]
 
 
-def noise_floor(recording: Recording) -> float:
-    """Noise of a malleolus sample [m/s^2], base sensor included, from the spectra above 0.35 of the sampling rate."""
-    floors = []
-    for channel in (recording.base_m_s2, recording.malleolus_m_s2):
+def noise_floor(recording: Recording, sensor: str = "malleolus") -> float:
+    """Noise of a sensor's sample [m/s^2], base sensor included, from the spectra above 0.35 of the sampling rate."""
+    floors, read = [], recording.sensors[sensor]
+    for channel in (recording.base_m_s2, read):
         power = np.abs(np.fft.rfft(channel * np.hanning(channel.size))) ** 2
         floors.append(np.sqrt(np.median(power[int(0.7 * power.size) :]) / np.log(2) / (0.375 * channel.size)))
-    gain = recording.malleolus_m_s2.std() / recording.base_m_s2.std()
+    gain = read.std() / recording.base_m_s2.std()
     floor = float(np.hypot(floors[1], gain * floors[0]))
-    return max(floor, 1e-6 * float(recording.malleolus_m_s2.std()))
+    return max(floor, 1e-6 * float(read.std()))
 
 
-def _correlated(r: np.ndarray, J: np.ndarray) -> np.ndarray:
-    """R J for the Toeplitz matrix R of the tapered autocorrelation of r, by FFT."""
+def _correlated(r: np.ndarray, J: np.ndarray, other: np.ndarray | None = None) -> np.ndarray:
+    """R J for the Toeplitz matrix R of the tapered correlation of r with itself, or with another residual, by FFT."""
     n, lags = r.size, max(10, r.size // 20)
     size = 2 ** int(np.ceil(np.log2(2 * n)))
-    auto = np.fft.irfft(np.abs(np.fft.rfft(r, size)) ** 2, size)[:lags] / n
-    auto *= 1 - np.arange(lags) / lags
+    power = np.abs(np.fft.rfft(r, size)) ** 2
+    if other is not None:
+        power = np.fft.rfft(r, size) * np.conj(np.fft.rfft(other, size))
+    found, taper = np.fft.irfft(power, size) / n, 1 - np.arange(lags) / lags
     kernel = np.zeros(size)
-    kernel[:lags] = auto
-    kernel[-lags + 1 :] = auto[1:][::-1]
+    kernel[:lags] = found[:lags] * taper
+    kernel[-lags + 1 :] = (kernel[1:lags] if other is None else found[-1:-lags:-1] * taper[1:])[::-1]
     spectrum = np.fft.rfft(kernel)[:, None] * np.fft.rfft(J, size, axis=0)
     return np.fft.irfft(spectrum, size, axis=0)[:n]

@@ -78,7 +78,7 @@ def widest(
     """
     foot, data = domain.foot, list(domain.recordings)
     masses = {name: value for name, value in foot.values().items() if name in MASSES}
-    allowed = nuisances(data, known, tuple(masses), domain.twin)
+    allowed = nuisances(data, known, tuple(masses), domain.twin, domain.sensors)
     narrow = certified[0].problem
     if not allowed or not isinstance(narrow, PeriodicProblem):
         return []
@@ -87,8 +87,11 @@ def widest(
     weighed = any(each.group == "masses" for each in allowed)
     drives: list[Excitation] = [replace(d, masses={}) if weighed else d for d in finest.drives]
     engine: Engine[Excitation]
-    engine = Twin(finest.foot, drives) if domain.twin else Rollouts(finest.foot, drives, world.names, domain.threads)
-    problem = WorldProblem([Line.of(r) for r in data], engine, world, narrow)
+    if domain.twin:
+        engine = Twin(finest.foot, drives, domain.sensors)
+    else:
+        engine = Rollouts(finest.foot, drives, world.names, domain.threads, domain.sensors)
+    problem = WorldProblem(narrow.lines, engine, world, narrow)
     most = _MOST if domain.twin else _MOST_IN_MUJOCO
     starts = [(c.name, world.start(space.values(c.descent.theta))) for c in certified]
     if world.ratio is None:
@@ -238,9 +241,9 @@ def trusting(branch: Branch) -> Branch:
 
 
 def _percent(y: np.ndarray, line: Line) -> float:
-    """Fit percentage of model harmonics (H,): Eq. (3.20) of the periodic motion that they make."""
+    """Fit percentage of model harmonics, the malleolus' first: Eq. (3.20) of the periodic motion that they make."""
     Y = line.malleolus.amplitudes
-    return float(100 * (1 - np.linalg.norm(y - Y) / np.linalg.norm(Y)))
+    return float(100 * (1 - np.linalg.norm(y[: Y.size] - Y) / np.linalg.norm(Y)))
 
 
 def _masses(world: WorldSpace, q: np.ndarray, C: np.ndarray) -> tuple[Mass, ...]:

@@ -18,12 +18,13 @@ from functools import cached_property
 import numpy as np
 
 from fasbody.exceptions import SimulationError
+from fasbody.foot.parameters import Parameter
 from fasbody.foot.two_dof import NAMES
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording, gain_and_delay
 from identification.branches import EXCHANGED
 from identification.engines.compiled import Orbits
-from identification.engines.engine import Engine, Excitation
+from identification.engines.engine import MALLEOLUS, Engine, Excitation
 from identification.engines.twin import Twin
 from identification.periodic import Line, PeriodicProblem
 from identification.search import UNSTABLE
@@ -112,24 +113,48 @@ def _of(kind: str, person: str) -> str:
     return f"{kind} of {person or 'unnamed'}"
 
 
+def of_sensor(kind: str, sensor: str) -> str:
+    """Name of a nuisance of one accelerometer; that of the malleolus has none to its name."""
+    return kind if sensor in MALLEOLUS else f"{kind} of {sensor}"
+
+
+#: What each sensor has for itself. The leg rocks as one body, so that frequency and damping of its rotation are common
+#: to all sensors; how much of it one feels is its lever arm, which is unknown in size and sign and is its own.
+_EACH = ("gain", "delay", "drift", "mount", "mount damping", "rocking")
+
+
 def nuisances(
-    recordings: Sequence[Recording], known: Known, declared: Sequence[str], twin: bool
+    recordings: Sequence[Recording],
+    known: Known,
+    declared: Sequence[str],
+    twin: bool,
+    sensors: Sequence[str] = MALLEOLUS,
 ) -> tuple[Nuisance, ...]:
     """What may be true of these recordings, with what is known of it.
 
     Args:
         recordings: in the order of the session. known: what a laboratory or a user has said.
         declared: masses that the model declares. twin: the compiled two-mass model stands for the model.
+        sensors: that are fitted; all but the malleolus have priors of the same size under names of their own.
     """
-    stated = np.array([gain_and_delay(r, "malleolus", "base") for r in recordings]).max(axis=0)
     sample = DELAY_STD_SAMPLES / min(r.rate_hz for r in recordings)
-    gain, delay = (float(s) if s > 0 else usual for s, usual in zip(stated, (GAIN_STD, sample), strict=True))
-    sizes = {
-        "masses": MASS_STD if known.mass_std is None else known.mass_std,
-        "gain": gain if known.gain_std is None else known.gain_std,
-        "delay": delay if known.delay_std_s is None else known.delay_std_s,
-    }
-    found = [replace(each, std=sizes.get(each.group, each.std)) for each in NUISANCES]
+    found: list[Nuisance] = []
+    for sensor in sensors:
+        stated = np.array([gain_and_delay(r, sensor, "base") for r in recordings]).max(axis=0)
+        gain, delay = (float(s) if s > 0 else usual for s, usual in zip(stated, (GAIN_STD, sample), strict=True))
+        sizes = {
+            "masses": MASS_STD if known.mass_std is None else known.mass_std,
+            "gain": gain if known.gain_std is None else known.gain_std,
+            "delay": delay if known.delay_std_s is None else known.delay_std_s,
+        }
+        its = NUISANCES if sensor in MALLEOLUS else [each for each in NUISANCES if each.name in _EACH]
+        found += [
+            replace(
+                each, name=of_sensor(each.name, sensor) if each.name in _EACH else each.name,
+                std=sizes.get(each.group, each.std), does=each.does.replace("malleolus'", f"{sensor}'"),
+            )
+            for each in its
+        ]  # fmt: skip
     if not twin:  # without the twin's equations only the instrument and the masses can be told
         found = [each for each in found if each.group != "relaxation"]
     shank, foot = bool({"m_S", "m_T"} & set(declared)), "m_F" in declared
@@ -547,14 +572,14 @@ class WorldSpace:
         feet, p = self.feet, len(self.feet.free)
         rows, z, unloaded = np.zeros((p, q.size)), np.zeros(p), self._unloaded(q)
         for i, item in enumerate(feet.free):
-            if item.name not in self.index:
+            j = self.index.get(item.name if item.places else _nuisance_of(item))
+            if j is None:
                 continue
-            j = self.index[item.name]
             if item.logarithmic:
                 value, slope = unloaded[item.name]
                 rows[i], z[i] = slope / value, np.log(value)
             else:
-                rows[i, j] = self._scale[j] / feet.scale[i] if item.name == DELAY.name else 1.0
+                rows[i, j] = self._scale[j] / feet.scale[i] if not item.places else 1.0
                 z[i] = rows[i, j] * q[j]
         known = np.isfinite(C).all(axis=1)
         blind = (rows[:, ~known] != 0).any(axis=1)
@@ -577,6 +602,11 @@ class WorldSpace:
 
 
 _Z95 = 1.959963984540054
+
+
+def _nuisance_of(item: Parameter) -> str:
+    """The nuisance that a delay of the narrow fit is in the wide one."""
+    return of_sensor(DELAY.name, item.name.removeprefix(DELAY.name).lstrip("_") or MALLEOLUS[0])
 
 
 class WorldProblem(PeriodicProblem):
@@ -616,44 +646,55 @@ class WorldProblem(PeriodicProblem):
         return float(r @ r)
 
     def response(self, number: int, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Model harmonics (H,) of one recording and their derivatives (H, n); the third is the identity."""
-        line, world = self.lines[number], self.world
+        """Model harmonics (k H,) of one recording and their derivatives (k H, n); the third is the identity."""
         Y, J = self._motion(number, z)
+        parts, count = [], self.lines[number].count
+        for place, name in enumerate(self.lines[number].sensors):
+            rows = slice(place * count, (place + 1) * count)
+            parts.append(self._sensed(number, z, name, Y[rows].copy(), J[rows].copy()))
+        return np.concatenate([y for y, _ in parts]), np.concatenate([j for _, j in parts]), np.eye(z.size)
+
+    def _sensed(
+        self, number: int, z: np.ndarray, sensor: str, Y: np.ndarray, J: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What one sensor reads (H,) where the model's foot moves by Y (H,), and the derivatives (H, n)."""
+        line, world = self.lines[number], self.world
         h = np.arange(1, line.count + 1)
         f, U = line.base.frequency_hz * h, line.base.amplitudes
+        gain, delay, drift, mount, mount_damping, rocking = (of_sensor(kind, sensor) for kind in _EACH)
         if "relaxation time" in world.index and line.count > 1:
-            y, j = self._overtones(z)[number]
+            y, j = self._overtones(z, sensor)[number]
             Y[1:] += y * U[1:]
             J[1:] += j * U[1:, None]
-        if "rocking" in world.index:
-            size, zeta = world.of(z, "rocking"), world.of(z, "rocking damping")
+        if rocking in world.index:
+            size, zeta = world.of(z, rocking), world.of(z, "rocking damping")
             own = np.exp(world.of(z, "rocking frequency"))
             below = own**2 - f**2 + 2j * zeta * own * f
             Y = Y - size * U * f**2 / below
-            J[:, world.index["rocking"]] -= U * f**2 / below * world.slope("rocking")
+            J[:, world.index[rocking]] -= U * f**2 / below * world.slope(rocking)
             more = size * U * f**2 / below**2
             by_frequency = more * (2 * own**2 + 2j * zeta * own * f)
             J[:, world.index["rocking frequency"]] += by_frequency * world.slope("rocking frequency")
             J[:, world.index["rocking damping"]] += more * 2j * own * f * world.slope("rocking damping")
-        if "mount" in world.index:
-            u, zeta = max(world.of(z, "mount"), 0.0), world.of(z, "mount damping")
+        if mount in world.index:
+            u, zeta = max(world.of(z, mount), 0.0), world.of(z, mount_damping)
             above_ = 1 + 2j * zeta * f * np.sqrt(u)
             below = above_ - f**2 * u
             M = above_ / below
             J *= M[:, None]
-            J[:, world.index["mount"]] += Y * f**2 * (1 + 1j * zeta * f * np.sqrt(u)) / below**2 * world.slope("mount")
+            J[:, world.index[mount]] += Y * f**2 * (1 + 1j * zeta * f * np.sqrt(u)) / below**2 * world.slope(mount)
             by_zeta = 2j * f * np.sqrt(u) * (below - above_) / below**2
-            J[:, world.index["mount damping"]] += Y * by_zeta * world.slope("mount damping")
+            J[:, world.index[mount_damping]] += Y * by_zeta * world.slope(mount_damping)
             Y = Y * M
         place = number / max(1, len(self.lines) - 1) - 0.5
         late = 2j * np.pi * f
-        turn = np.exp(-late * world.of(z, "delay"))
-        factor = (1 + world.of(z, "gain") + world.of(z, "drift") * place) * turn
+        turn = np.exp(-late * world.of(z, delay))
+        factor = (1 + world.of(z, gain) + world.of(z, drift) * place) * turn
         J *= factor[:, None]
-        for name, by in (("gain", turn), ("drift", place * turn), ("delay", -late * factor)):
+        for name, by in ((gain, turn), (drift, place * turn), (delay, -late * factor)):
             if name in world.index:
                 J[:, world.index[name]] += Y * by * world.slope(name)
-        return Y * factor, J, np.eye(z.size)
+        return Y * factor, J
 
     def start(self, q: np.ndarray) -> np.ndarray:
         """See `PeriodicProblem`."""
@@ -663,8 +704,8 @@ class WorldProblem(PeriodicProblem):
 
     @cached_property
     def _orbits(self) -> Orbits | None:
-        """Orbits of all recordings at once, where the twin stands for the model."""
-        if not (isinstance(self.engine, Twin) and self.world.twin):
+        """Orbits of all recordings at once, where the twin stands for the model and the malleolus alone is read."""
+        if not (isinstance(self.engine, Twin) and self.world.twin) or any(line.others for line in self.lines):
             return None
         return Orbits(self.engine, [line.count for line in self.lines], self.tolerance)
 
@@ -692,11 +733,11 @@ class WorldProblem(PeriodicProblem):
         return {}
 
     @cached_property
-    def _kept(self) -> dict[bytes, list[tuple[np.ndarray, np.ndarray]]]:
+    def _kept(self) -> dict[tuple[bytes, str], list[tuple[np.ndarray, np.ndarray]]]:
         return {}
 
-    def _overtones(self, z: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        """What relaxing springs add to the linear transmissibility above the fundamental, of each recording.
+    def _overtones(self, z: np.ndarray, sensor: str) -> list[tuple[np.ndarray, np.ndarray]]:
+        """What relaxing springs add to a sensor's linear response above the fundamental, of each recording.
 
         The constants of `WorldSpace.at` are right at the fundamental. Of the harmonics above it the part that the
         base drives is linear, so that its error is known and taken off.
@@ -704,23 +745,24 @@ class WorldProblem(PeriodicProblem):
         Returns:
             Arrays (H - 1,), (H - 1, n): the transmissibility, and its derivatives to z.
         """
-        key = z.tobytes()
+        key = z.tobytes(), sensor
         if key not in self._kept:
             counts = [line.count - 1 for line in self.lines]
             whose = np.repeat(np.arange(len(counts)), counts)
             h = np.concatenate([np.arange(2, count + 2) for count in counts])
             s = 2j * np.pi * h * np.array([line.base.frequency_hz for line in self.lines])[whose]
-            G, dG = self._more(z, whose, s)
+            G, dG = self._more(z, whose, s, sensor)
             ends = np.cumsum(counts)[:-1]
-            self._kept.clear()
+            if len(self._kept) > len(self.lines[0].sensors):
+                self._kept.clear()
             self._kept[key] = list(zip(np.split(G, ends), np.split(dG, ends), strict=True))
         return self._kept[key]
 
-    def _more(self, z: np.ndarray, whose: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _more(self, z: np.ndarray, whose: np.ndarray, s: np.ndarray, sensor: str) -> tuple[np.ndarray, np.ndarray]:
         """Transmissibility with relaxing springs less that of constants right at the fundamental, and its derivatives.
 
         Args:
-            z: (n,). whose: (N,) recordings. s: (N,) i w [rad/s].
+            z: (n,). whose: (N,) recordings. s: (N,) i w [rad/s]. sensor: that reads it.
         """
         world = self.world
         theta, slope = world.everywhere(z)
@@ -740,7 +782,9 @@ class WorldProblem(PeriodicProblem):
             (k1, dk), (c1, dc) = mapped[k], mapped[c]
             alike.append((k1 + c1 * s, dk + s[:, None] * dc))
         m_S, m_F = ((mass[whose], slope[whose]) for mass, slope in (world.weights(z)[name] for name in ("m_S", "m_F")))
-        (G, dG), (H, dH) = (_linear(s, ankle, pad, m_S, m_F) for ankle, pad in (exact, alike))
+        engine = self.engine
+        on_foot = isinstance(engine, Twin) and engine.on_foot[engine.sensors.index(sensor)]
+        (G, dG), (H, dH) = (_linear(s, ankle, pad, m_S, m_F, on_foot) for ankle, pad in (exact, alike))
         return G - H, dG - dH
 
 
@@ -750,11 +794,17 @@ def _linear(
     pad: tuple[np.ndarray, np.ndarray],
     m_S: tuple[np.ndarray, np.ndarray],
     m_F: tuple[np.ndarray, np.ndarray],
+    on_foot: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Malleolus over base (N,) at s = i w of two masses on complex springs, and its derivatives (N, n)."""
+    """Malleolus, or the foot's mass, over base (N,) at s = i w of two masses on complex springs; derivatives (N, n)."""
     (a, da), (b, db) = ankle, pad
     u, v = m_S[0] * s**2 + a, m_F[0] * s**2 + a + b
     below = u * v - a * a
     G = a * b / below
     d = ((b - G * (v + u - 2 * a)) / below)[:, None] * da + ((a - G * u) / below)[:, None] * db
-    return G, d - (G / below * s**2 * v)[:, None] * m_S[1] - (G / below * s**2 * u)[:, None] * m_F[1]
+    d = d - (G / below * s**2 * v)[:, None] * m_S[1] - (G / below * s**2 * u)[:, None] * m_F[1]
+    if not on_foot:
+        return G, d
+    # the ankle holds the shank: u y1 = a y2
+    more = (1 - u / a)[:, None] * da + (s**2)[:, None] * m_S[1]
+    return G * u / a, d * (u / a)[:, None] + (G / a)[:, None] * more

@@ -24,14 +24,14 @@ FIT, BUNDLE = "python -m identification.fit", "bundled fit"
 
 @cache
 def result() -> FitResult:
-    """All eight constants from the nine recordings of the bundled subject, pooled."""
-    found = fit_foot(bundled(), load("two_dof"), threads=1, wide=False)
+    """All eight constants from the nine recordings of the bundled subject without load, pooled."""
+    found = fit_foot(bundled().under(0.0), load("two_dof"), threads=1, wide=False)
     return found.with_source(found.source, read_truth(BUNDLED))
 
 
 def predicted(values: Mapping[str, float], hertz: float) -> tuple[np.ndarray, np.ndarray]:
     """Measured and predicted malleolus of one bundled recording, its start left out; `values` by name, with delay."""
-    recording = next(r for r in bundled() if r.condition.frequency_hz == hertz)
+    recording = next(r for r in bundled().under(0.0) if r.condition.frequency_hz == hertz)
     foot = TwoDof.from_values({**values, **recording.condition.masses})
     time = recording.time_s - recording.time_s[0] - values["delay"]
     motion = samples(recording.time_s - recording.time_s[0], recording.base_m_s2)
@@ -175,7 +175,7 @@ def recovery() -> Outcome:
 def other_frequencies() -> Outcome:
     foot, worst = load("two_dof"), []
     for left_out in (20.0, 35.0):
-        kept = [r for r in bundled() if r.condition.frequency_hz != left_out]
+        kept = [r for r in bundled().under(0.0) if r.condition.frequency_hz != left_out]
         best = fit_foot(kept, foot, starts=4, threads=1, wide=False).best
         values = foot.values() | {symbol_and_unit(key)[0]: e.value for key, e in best.parameters.items()}
         worst.append(fit_percent(*predicted(values, left_out)))

@@ -104,7 +104,7 @@ def judged(judge: Callable[[Table], Sequence[Check]], note: str = "") -> Outcome
 @cache
 def bundled() -> tuple[Recording, ...]:
     """The nine recordings of the synthetic subject 16, 10 to 50 Hz without added mass."""
-    recordings = Study.read(BUNDLED).recordings
+    recordings = Study.read(BUNDLED).under(0.0).recordings
     return tuple(sorted(recordings, key=lambda r: r.condition.frequency_hz or 0.0))
 
 

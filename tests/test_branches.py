@@ -83,3 +83,9 @@ def test_a_branch_on_its_bound_is_not_decided_against() -> None:
     assert str(verdict) == "undecided" and verdict.log_likelihood_ratio == pytest.approx(200)
     assert "the stiff pad branch rests on the bound of k_F" in verdict.sentence
     assert pinned({"k_F_n_per_m": True, "k_T_n_per_m": False, "c_12_per_m": True, "c_11_n_s_per_m": False}) == ["k_F"]
+
+
+@pytest.mark.parametrize(("c", "rests"), [(1.0, []), (100.0, ["c_21"])])
+def test_a_damper_on_zero_is_not_held_by_its_bound(c: float, rests: list[str]) -> None:
+    at_bound = {"k_F_n_per_m": False, "c_21_n_s_per_m": True}
+    assert pinned(at_bound, {"k_F_n_per_m": 9e4, "c_21_n_s_per_m": c}) == rests

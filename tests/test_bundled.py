@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 from collections.abc import Callable
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -54,17 +55,28 @@ def test_the_mirror_is_reported_and_is_worse(bundled: tuple) -> None:
     assert (true["name"], mirror["name"]) == ("stiff ankle", "stiff pad")
     a = ratio([oracle.MASSES], {})
     p = mirror["parameters"]
-    assert p["k_T_n_per_m"]["if_model_true"]["value"] == pytest.approx(a * TRUTH["k_F"], rel=0.03)
-    assert p["k_F_n_per_m"]["if_model_true"]["value"] == pytest.approx(TRUTH["k_T"] / a, rel=0.03)
-    assert mirror["cost"] > 5 * true["cost"]
+    assert p["k_T_n_per_m"]["if_model_true"]["value"] == pytest.approx(a * TRUTH["k_F"], rel=0.2)  # two loads pull it
+    assert p["k_F_n_per_m"]["if_model_true"]["value"] == pytest.approx(TRUTH["k_T"] / a, rel=0.2)
+    assert mirror["cost"] > 100 * true["cost"]
     assert document["verdict"] == "decided"
     assert document["log_likelihood_ratio"] > np.log(1000)
+
+
+def test_two_loads_weigh_the_leg(bundled: tuple) -> None:
+    """Masses as stated are the truth here; the recordings find them by themselves."""
+    document, folder, _ = bundled
+    for mass, name in zip(document["masses"], ("m_S", "m_F"), strict=True):
+        assert mass["name"] == name and mass["stated"] == pytest.approx(document["truth"][name])
+        assert mass["lower"] < document["truth"][name] < mass["upper"]
+        assert mass["learned"] > 0.3
+    assert sum(text.startswith("The recordings weigh the leg") for text in document["warnings"]) == 2
+    assert "Two or more loads weigh the leg" in (folder / "report.html").read_text()
 
 
 def test_goodness_of_fit_and_certificates(bundled: tuple) -> None:
     document, *_ = bundled
     goodness = document["goodness_of_fit"]
-    assert goodness["dof"] == 2 * (6 + 6 + 5 + 4 + 3 + 2 + 2 + 2 + 2) - 9
+    assert goodness["dof"] == 2 * (6 + 6 + 5 + 4 + 3 + 2 + 2 + 2 + 2) + 2 * (6 + 4 + 2) - 9
     assert 1e-3 < goodness["p_value"] < 1 - 1e-3
     assert document["twin_mujoco_difference"] <= 1e-6
     assert document["base_acceleration_error"] <= 1e-6
@@ -88,7 +100,7 @@ def test_stdout_is_one_json_document_with_the_promised_keys(bundled: tuple) -> N
     assert set(document["parameters"]) >= PARAMETERS
     for e in document["parameters"].values():
         assert set(e) >= {"value", "std_error", "lower", "upper", "at_bound"}
-    assert len(document["recordings"]) == 9
+    assert len(document["recordings"]) == 12
     for r in document["recordings"]:
         assert {"file", "frequency_hz", "fit_percent"} <= set(r)
         assert r["fit_percent"] > 95
@@ -108,7 +120,7 @@ def test_files_hold_the_same_numbers(bundled: tuple) -> None:
     best = table[table.branch == document["branches"][0]["name"]].set_index("parameter")
     for key, e in document["parameters"].items():
         assert best.loc[key, "value"] == pytest.approx(e["value"], rel=1e-6)
-    assert sorted(f.name for f in folder.iterdir()) == ["parameters.csv", "report.html", "result.json"]
+    assert sorted(f.name for f in folder.iterdir()) == ["figures", "parameters.csv", "report.html", "result.json"]
 
 
 def test_bundled_report_shows_the_fit(bundled: tuple) -> None:
@@ -119,5 +131,8 @@ def test_bundled_report_shows_the_fit(bundled: tuple) -> None:
     assert page.outside == []
     for name in ("stiff ankle", "stiff pad", "50hz_0kg.csv", "truth"):
         assert name in text
-    assert len(re.findall("<figure", text)) == 5
+    assert len(re.findall("<figure", text)) == 10
+    for _, digest in document["provenance"]["sha256"].items():
+        assert digest in text
+    assert "identification.fit --json --out" in document["provenance"]["command"] in unescape(text)
     assert document["source"] in text

@@ -60,6 +60,23 @@ def test_linear_tetrahedra_with_tags(tmp_path: Path, suffix: str) -> None:
     assert np.ptp(again.points_um, axis=0) == pytest.approx(2.0)
 
 
+def test_the_nucleus_is_a_region_of_the_file(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Another part, or none, gave a cell with other frequencies and not a word."""
+    mesh = block((2, 4, 2), nucleus_below=0.5)
+    file = tmp_path / "own.vtu"
+    meshio.Mesh(mesh.points_um, [("tetra", mesh.tets)], cell_data={"region": [mesh.region + 4]}).write(file)
+    assert read_mesh(file, nucleus_tag=5).region.sum() == mesh.region.sum()
+    assert "regions of" in (said := capfd.readouterr().err) and "4 (6 um^3), 5 (2 um^3)" in said.replace("\n", " ")
+    with pytest.raises(InputFileError, match=r"has no region 1; --nucleus-tag is one of its regions: 4 \(6 um"):
+        read_mesh(file)
+    with pytest.raises(InputFileError, match="in region 4, which is larger than all the rest"):
+        read_mesh(file, nucleus_tag=4)
+    meshio.Mesh(mesh.points_um / 1000, [("tetra", mesh.tets)]).write(file)
+    assert not read_mesh(file).region.any()
+    said = " ".join(capfd.readouterr().err.split())
+    assert "a cell without a nucleus" in said and "--um-per-unit 1000 (mm) would make it one" in said
+
+
 def test_closed_stl_is_filled_and_open_stl_is_refused(tmp_path: Path) -> None:
     box = trimesh.creation.box((10, 8, 12)).subdivide()
     box.export(tmp_path / "closed.stl")

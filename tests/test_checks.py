@@ -8,7 +8,7 @@ import oracle
 import pytest
 
 from fasbody.exceptions import RecordingError
-from fasbody.recording.checks import checked, understood
+from fasbody.recording.checks import apart, checked, gathered, understood
 from fasbody.recording.recording import Condition, Recording
 
 RATE, N = 1000.0, 2000
@@ -147,6 +147,23 @@ def test_an_odd_amplitude_is_only_a_warning() -> None:
     found = checked(replace(r, base_m_s2=r.base_m_s2 / 50, malleolus_m_s2=r.malleolus_m_s2 / 50))
     assert "the base amplitude is 0.179 m/s^2 at 20 Hz" in found.warnings[0]
     assert "check its unit" in found.warnings[0]
+
+
+def test_values_that_look_like_g_are_one_warning() -> None:
+    like_g = [replace(r, base_m_s2=r.base_m_s2 / 9.81, malleolus_m_s2=r.malleolus_m_s2 / 9.81, file=f"{i}.csv")
+              for i, r in enumerate([good()] * 3)]  # fmt: skip
+    texts = gathered(["first", *(text for r in like_g for text in checked(r).warnings), "last"])
+    assert len(texts) == 3
+    assert texts[1].startswith("0.csv: the base amplitude is 0.912 m/s^2")
+    assert texts[1].endswith("is it in g? Then name the column base_g. The same in 2 more recordings.")
+    assert gathered(texts[1:2]) == texts[1:2]
+
+
+def test_the_same_recording_twice_is_refused() -> None:
+    one, other = good(), good(seed=1)
+    apart([one, replace(one, malleolus_m_s2=other.malleolus_m_s2), other])
+    with pytest.raises(RecordingError, match=r"^x\.csv and copy\.csv are the same recording \(sha256 .* leave one of"):
+        apart([one, other, replace(one, file="copy.csv", condition=Condition(added_mass_kg=2.3))])
 
 
 def test_more_than_fifty_g_is_a_warning_with_a_short_number() -> None:

@@ -82,6 +82,9 @@ def test_words_name_one_command_each() -> None:
     assert found(["cell", "my_cell.vtu"])[0].words == "cell"
     with pytest.raises(SettingError, match=r"unknown command 'fti', did you mean 'fit'\?"):
         found(["fti"])
+    with pytest.raises(SettingError) as far:
+        found(["nonsense"])
+    assert len(str(far.value)) < 150 and f"python -m fasbody shows all {len(commands()) - 1}." in str(far.value)
 
 
 def test_installed_command_is_python_m() -> None:

@@ -159,6 +159,12 @@ def test_transmissibility_of_arrays_is_the_closed_form() -> None:
         ({"malleolus": np.zeros(5)}, "malleolus has 5 samples and time_s has 2000"),
         ({"base": ["a", "b"]}, "base holds something else than numbers"),
         ({"body_mass_kg": 7.2}, "the body mass is 7.2 kg"),
+        (
+            {"body_mass_kg": "72.5 kg"},
+            "recording: the body mass is '72.5 kg'; give a number of kilograms, such as 72.5.",
+        ),
+        ({"added_mass_kg": [2.3]}, r"the added mass is \[2.3\]; give a number of kilograms"),
+        ({"frequency_hz": "20 Hz"}, "the frequency is '20 Hz'; give a number of hertz"),
     ],
 )
 def test_arrays_that_are_no_recording_are_refused(change: dict[str, Any], sentence: str) -> None:

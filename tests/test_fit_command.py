@@ -63,10 +63,12 @@ def test_table_for_people_and_default_folder(fit: Callable, bare: Path) -> None:
     assert "95 %" in out
     assert "report.html" in err
     written = list(Path.cwd().glob("results/*/*"))
-    assert sorted(file.name for file in written) == ["parameters.csv", "report.html", "result.json"]
+    assert sorted(file.name for file in written) == ["figures", "parameters.csv", "report.html", "result.json"]
+    assert out.index("k_T [N/m]") >= 0 and "figures/ beside it" in err
 
 
 BAD = {
+    "twice": (("{bare}", "{copy}"), "20hz.csv and copy.csv are the same recording (sha256 of the samples "),
     "nothing there": (("none.csv",), "none.csv: no such file or folder"),
     "no study": (("{tmp}",), "study.toml: no such file"),
     "no number": (("{bad}",), r"bad.csv, line 3: base_m_s2 is 'oops', not a number"),
@@ -88,8 +90,15 @@ def test_bad_input_gets_one_sentence_and_exit_2(fit: Callable, bare: Path, tmp_p
     frame = pd.read_csv(bare)
     frame["malleolus_m_s2"] = 0.0
     frame.to_csv(tmp_path / "dead.csv", index=False)
+    shutil.copy(bare, tmp_path / "copy.csv")
     arguments, sentence = BAD[name]
-    places = {"tmp": tmp_path, "bad": tmp_path / "bad.csv", "dead": tmp_path / "dead.csv", "bare": bare}
+    places = {
+        "copy": tmp_path / "copy.csv",
+        "tmp": tmp_path,
+        "bad": tmp_path / "bad.csv",
+        "dead": tmp_path / "dead.csv",
+        "bare": bare,
+    }
     for extra in ((), ("--json",)):
         code, out, err = fit(*(a.format(**places) for a in arguments), *extra)
         assert code == 2, err
@@ -124,7 +133,7 @@ def test_a_missing_element_of_a_model_gets_the_sentence(fit: Callable, bare: Pat
     file = edited(('<framelinacc name="malleolus"', '<framelinacc name="ankle"'))
     code, _, err = fit(bare, "--model", file)
     assert code == 2
-    assert "there is no sensor 'malleolus' (valid: base, ankle)" in err
+    assert "there is no sensor 'malleolus' (valid: base, ankle, foot)" in err
     assert "every foot model needs joint base, actuator shaker, sensor base and malleolus, site malleolus." in err
 
 

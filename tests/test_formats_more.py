@@ -195,5 +195,10 @@ def test_broken_files_and_missing_libraries_end_in_a_sentence(
             files.read(file)
         assert str(caught.value).count("\n") == 0
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    if ending == "xlsx":
+        with pytest.raises(SettingError, match=r"needs openpyxl: pip install .*; or save the sheet as CSV\.$"):
+            files.read(file)
+        with pytest.raises(InputFileError, match=r"no format has the ending '\.xls'; save the sheet as \.xlsx or as"):
+            files.read(tmp_path / "r.xls")
     with pytest.raises(SettingError, match=r"pip install 'fasbody\[formats\]' \(in a clone of the project: pip"):
         files.read(file)

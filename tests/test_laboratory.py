@@ -21,9 +21,17 @@ SILENT = Instrument(noise_base=0.0, noise_malleolus=0.0, bits=30, delay_s=0.0)
 
 
 def test_the_bundled_study_is_made_by_the_stated_command(tmp_path: Path) -> None:
-    """The first of the nine recordings and all descriptions, from the fixed seed."""
-    make_study(tmp_path, frequencies_hz=FREQUENCIES_HZ[:1])
-    for name in ("subjects.csv", "truth.json", "study.toml", "recordings/10hz_0kg.csv"):
+    """All recordings and descriptions, from the command that its truth states."""
+    words = json.loads((BUNDLED / "truth.json").read_text())["command"].split()
+    assert words[:4] == ["python", "-m", "fasbody.laboratory", "FOLDER"]
+    options: dict[str, list[float]] = {}
+    for name, value in zip(words[4::2], words[5::2], strict=True):
+        options.setdefault(name, []).append(float(value))
+    loads, loaded = options["--added-mass"], options["--loaded-frequency"]
+    make_study(tmp_path, 16, added_masses_kg=loads, seconds=4.0, seed=16, loaded_frequencies_hz=loaded)
+    names = {str(file.relative_to(BUNDLED)) for file in BUNDLED.rglob("*") if file.is_file()}
+    assert names == {str(file.relative_to(tmp_path)) for file in tmp_path.rglob("*") if file.is_file()}
+    for name in names:
         assert (tmp_path / name).read_text() == (BUNDLED / name).read_text(), name
 
 

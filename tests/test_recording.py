@@ -112,7 +112,7 @@ def test_a_delay_longer_than_a_tenth_of_the_recording_is_refused(folder: Path) -
         ("study.toml", None, "no such file; a study folder needs study.toml, subjects.csv and recordings.csv"),
         ("study.toml", "[study\n", r"study.toml: is not TOML \("),
         ("study.toml", '[study]\norigin = "guessed"\n', 'origin is \'guessed\'; valid: "measured", "synthetic"'),
-        ("study.toml", "[channels.knee]\nsign = 1\n", "the channel 'knee'; valid: base, malleolus, tuberosity"),
+        ("study.toml", "[channels.maleolus]\nsign = 1\n", "the channel 'maleolus'; valid: base, malleolus, tuberosity"),
         ("study.toml", "[channels.base]\ngain = 1\n", "base.gain = 1; valid: unit, sign, sensitivity, delay_s"),
         ("study.toml", '[channels.base]\nsign = "minus"\n', "channels.base.sign = 'minus'; valid: 1, -1"),
         (
@@ -254,6 +254,8 @@ def test_bundled_study_is_plainly_synthetic() -> None:
     assert study.origin == "synthetic"
     assert all(r.origin == "synthetic" for r in study)
     assert "Nobody was measured" in study.description
-    assert [r.condition.frequency_hz for r in study] == list(range(10, 55, 5))
+    assert [r.condition.frequency_hz for r in study.under(0.0)] == list(range(10, 55, 5))
+    assert [r.condition.frequency_hz for r in study.under(2.3)] == [10, 25, 40]
+    assert len(study.recordings) == 12
     assert {r.condition.body_mass_kg for r in study} == {72.57}
     assert sum(f.stat().st_size for f in BUNDLED.rglob("*") if f.is_file()) < 2_000_000

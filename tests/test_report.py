@@ -1,12 +1,15 @@
 """report.html: self-contained, escaped, and showing the numbers of the result."""
 
+from dataclasses import replace
+from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from test_result import result
+from test_result import estimate, result
 
 from identification import figures, report
+from identification.result import FitResult
 
 
 class Balanced(HTMLParser):
@@ -42,7 +45,7 @@ def test_page_is_whole_self_contained_and_has_its_pictures(text: str) -> None:
     page.feed(text)
     assert page.open == []
     assert page.outside == []
-    assert text.count("<svg") == text.count("</svg>") == 5
+    assert text.count("<svg") == text.count("</svg>") == 5  # what a result shows without the fits behind it
     assert "synthetic data: nobody was measured" in text
     assert "131160" in text.replace(",", "")
     assert "<script" not in text
@@ -52,6 +55,50 @@ def test_names_from_files_are_escaped(text: str) -> None:
     assert "<script>" not in text
     assert "&lt;script&gt;" in text
     assert "a &lt; b" in text
+
+
+@pytest.fixture(scope="module")
+def whole(fitted: FitResult) -> str:
+    """The page of a real fit."""
+    return report.html(fitted)
+
+
+def test_the_misfit_comes_before_all_numbers(whole: str, fitted: FitResult) -> None:
+    """Four constants of a linear foot do not follow a nonlinear one."""
+    assert fitted.best.p_value < 1e-16
+    page = unescape(whole)
+    assert "<td>< 1e-16</td>" in page and "e-17" not in page
+    places = [page.index(text) for text in (fitted.misfit(), "Does the model follow", "<h2>Parameters", "<h2>Masses")]
+    assert places == sorted(places)
+    notes = [page.index(f"{text}</p>") for text in fitted.warnings]
+    assert min(notes) == next(
+        at for at, text in zip(notes, fitted.warnings, strict=True) if "does not describe" in text
+    )
+
+
+def test_a_page_has_every_figure_with_a_caption_that_counts(whole: str, fitted: FitResult) -> None:
+    texts = report.captions(fitted)
+    assert whole.count("<figure") == whole.count("<svg") == len(texts) == len(fitted.plots)
+    counted = set(texts) - {"correlation", "waterfall"}
+    assert all("n = 3 recordings" in texts[name] for name in counted)
+    assert figures.LOADS[0][0].lower() in whole.lower() and figures.LOADS[1][0].lower() not in whole.lower()  # one load
+
+
+def test_a_value_at_its_bound_is_written_as_the_bound() -> None:
+    keys = {"k_T_n_per_m": estimate(3e5, 1.0), "c_12_per_m": estimate(600.0, 1.0, True)}
+    at_bound = replace(result().best, parameters=keys)
+    page = report.html(result(branches=(at_bound,)))
+    assert "at its bound, 600" in page
+    assert "599 to" not in page and "to 601" not in page
+
+
+def test_methods_have_the_numbers_of_the_fit(fitted: FitResult) -> None:
+    text = " ".join(report.methods(fitted))
+    for part in (
+        "n = 3 recordings", "10 to 30 Hz", "sampled at 1000 Hz", "28 numbers", f"{fitted.best.dof} degrees of freedom",
+        "m_S = 3.375 kg ± 10 %", "2 starts (seed 0)", "k_T [N/m]", "p < 1e-16",
+    ):  # fmt: skip
+        assert part in text, part
 
 
 @pytest.mark.parametrize("name", ["traces", "residuals", "parameters", "waterfall", "correlation"])
@@ -73,5 +120,8 @@ def test_a_time_domain_result_without_mirror_twin_or_truth_has_a_page_too() -> N
 
 def test_write(tmp_path: Path) -> None:
     files = report.write(result(starts=STARTS), tmp_path / "out")
-    assert sorted(file.name for file in files) == ["parameters.csv", "report.html", "result.json"]
-    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == sorted(file.name for file in files)
+    top = [file.name for file in (tmp_path / "out").iterdir()]
+    assert sorted(top) == ["figures", "parameters.csv", "report.html", "result.json"]
+    assert sorted(files) == sorted(file for file in (tmp_path / "out").rglob("*") if file.is_file())
+    drawn = {file.name for file in files if file.parent.name == "figures"}
+    assert drawn >= {"traces.svg", "traces.csv", "parameters.svg", "parameters.png", "parameters.csv"}

@@ -168,6 +168,13 @@ def test_broken_and_foreign_documents_are_computed_again(study: Path, tmp_path: 
     assert f"{one.name}: is broken" in said["said"] and f"{other.name}: is not the fit" in said["said"]
     stray.unlink()
     assert documents(tmp_path) == good
+    flattered = json.loads(one.read_text())
+    flattered["result"]["branches"][0]["fit_percent"] = 99.9
+    one.write_text(json.dumps(flattered))
+    other.write_text(json.dumps({**json.loads(other.read_text()), "result": {}}))
+    said = fitted(study, tmp_path, *narrow)
+    assert said["computed"] == 2 and said["said"].count("was changed after it was written") == 2
+    assert documents(tmp_path) == good
 
 
 def test_aperiodic_recordings_are_fitted_in_the_time_domain(tmp_path: Path) -> None:

@@ -9,9 +9,11 @@ import numpy as np
 
 import mjcf
 from fasbody.arch.bones import Arch
-from fasbody.exceptions import SettingError
+from fasbody.exceptions import ModelError, SettingError
 from fasbody.foot.model import Foot, check, load
 
+#: The way that the stage shows as up.
+_UP = (0.0, 1.0, 0.0)
 _INCLUDE = re.compile(r"""<include\s[^>]*file\s*=\s*["']([^"']+)["']""")
 
 
@@ -26,7 +28,7 @@ def load_foot(name: str) -> Foot:
         raise SettingError(f"a model needs a name: one of {', '.join(mjcf.names())}, or an MJCF file.")
     model, at, height = name.partition("@")
     if not at:
-        return load(model)
+        return _upright(load(model))
     try:
         metres = 1e-3 * float(height)
     except ValueError:
@@ -65,3 +67,17 @@ def files_of(name: str) -> set[Path]:
         found |= included
         open_ += included
     return found
+
+
+def _upright(foot: Foot) -> Foot:
+    """The foot, if it stands as the stage shows it.
+
+    Raises:
+        ModelError: up is another way than y.
+    """
+    if np.abs(np.subtract(foot.up, _UP)).max() > 1e-6:
+        x, y, z = foot.up
+        raise ModelError(
+            f"{foot.name}: is drawn with y up, and its base moves along {x:g} {y:g} {z:g}; turn the model to see it."
+        )
+    return foot

@@ -134,7 +134,7 @@ def discretise(foot: Foot) -> Discrete:
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_jacSite(model, data, jacobian, None, model.site("malleolus").id)
-    row = np.concatenate([np.zeros(n), jacobian[1], np.zeros(n_act)])
+    row = np.concatenate([np.zeros(n), foot.up @ jacobian, np.zeros(n_act)])
     return Discrete(foot.step, slope[:states].T, slope[states:].T, row)
 
 
@@ -233,7 +233,7 @@ def _from_rest(foot: Foot, base: BaseMotion, count: int) -> Motion:
     pick = np.arange(0, count, stride)
     shown = _shown(changed, out, pick, base.duration, discretise(changed).transmissibility(CURVE))
     lift = _without_drift(shown.base, shown.duration / len(pick)) - out.qpos[0, pick, foot.base]
-    shown.bodies[..., 1] += lift[:, None]
+    shown.bodies[..., :3] += lift[:, None, None] * np.array(foot.up)
     return shown
 
 

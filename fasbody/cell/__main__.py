@@ -55,7 +55,9 @@ def analyse_cell(
     filaments: Annotated[float, typer.Option(help="add a tensegrity with this many filaments per bar")] = 0.0,
     mesh: Annotated[Path | None, typer.Option(help="your own cell: .vtu, .msh or closed .stl, y up")] = None,
     um_per_unit: Annotated[float, typer.Option(help="micrometres in one length unit of --mesh")] = 1.0,
-    nucleus_tag: Annotated[int, typer.Option(help="region number of the nucleus in --mesh")] = 1,
+    nucleus_tag: Annotated[
+        int | None, typer.Option(help="region number of the nucleus in --mesh", show_default="1, if there are several")
+    ] = None,
     nucleus_surface: Annotated[Path | None, typer.Option(help="closed .stl of the nucleus, for an .stl cell")] = None,
     solver: Annotated[str | None, typer.Option(help="pardiso, superlu or multigrid; default: the fastest")] = None,
     as_json: JsonOption = False,

@@ -17,13 +17,15 @@ if TYPE_CHECKING:
 
 #: Micrometres that a length unit of a file may be: from a tenth of a nanometre to ten metres.
 UNITS = (1e-4, 1e7)
+#: Volumes between that of a bacterium and that of an egg [um^3].
+CELLS_UM3 = (1.0, 1e7)
 SUFFIXES = (".vtu", ".msh", ".stl")
 #: Names under which programs store region numbers.
 TAGS = ("region", "gmsh:physical", "medit:ref", "gmsh:geometrical")
 
 
 def read_mesh(
-    file: Path, *, um_per_unit: float = 1.0, nucleus_tag: int = NUCLEUS, nucleus: Path | None = None,
+    file: Path, *, um_per_unit: float = 1.0, nucleus_tag: int | None = None, nucleus: Path | None = None,
     size: MeshSize | None = None,
 ) -> TetMesh:  # fmt: skip
     """A cell from a file, y pointing up, standing on its lowest plane.
@@ -31,7 +33,8 @@ def read_mesh(
     Args:
         file: VTU or MSH with tetrahedra of 4 or 10 nodes, or a closed STL surface, which gmsh fills.
         um_per_unit: micrometres in one length unit of the file.
-        nucleus_tag: region number of the nucleus in the file's cell data `region`, `gmsh:physical` or `medit:ref`.
+        nucleus_tag: region number of the nucleus in the file's cell data `region`, `gmsh:physical` or `medit:ref`;
+            None is 1 where the file has several regions, and no nucleus where it has one.
         nucleus: closed STL surface of the nucleus, for an STL cell.
         size: element sizes for an STL cell; None is as fine as its triangles.
 
@@ -56,8 +59,8 @@ def read_mesh(
                 if size is not None and edge > np.sqrt(2) * size.size:
                     console.print(f"note: {path}: its triangles (mean edge {edge:.3g} um) are coarser than the element "
                                   f"size of {size.size:g} um; they are cut, but stay flat", soft_wrap=True)  # fmt: skip
-            return surface_mesh(surfaces[0], surfaces[1] if nucleus else None, size)
-        return _volume(file, um_per_unit, nucleus_tag).check()
+            return _like_a_cell(file, surface_mesh(surfaces[0], surfaces[1] if nucleus else None, size), um_per_unit)
+        return _like_a_cell(file, _volume(file, um_per_unit, nucleus_tag).check(), um_per_unit)
     except MeshError as error:
         raise InputFileError(file, str(error).rstrip(".")) from error
 
@@ -113,7 +116,7 @@ def write_browser(file: Path, analysis: "Analysis") -> Path:
     return write_whole(file, memory.getvalue())
 
 
-def _volume(file: Path, um_per_unit: float, nucleus_tag: int) -> TetMesh:
+def _volume(file: Path, um_per_unit: float, nucleus_tag: int | None) -> TetMesh:
     meshio = _meshio()
     try:
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):  # meshio prints errors of its own
@@ -134,7 +137,45 @@ def _volume(file: Path, um_per_unit: float, nucleus_tag: int) -> TetMesh:
     points = np.asarray(content.points[used], dtype=np.float64) * um_per_unit
     if not np.isfinite(points).all():
         raise InputFileError(file, "has points that are not finite numbers")
-    return TetMesh(points, renumbered.reshape(tets.shape), (tags == nucleus_tag).astype(np.int64))
+    tets = renumbered.reshape(tets.shape)
+    return TetMesh(points, tets, _nucleus(file, tags, _volumes(points, tets), nucleus_tag).astype(np.int64))
+
+
+def _volumes(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
+    """Volume of each tetrahedron (m,) between its corners [um^3]."""
+    x = points[tets[:, :4]]
+    return np.asarray(np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / 6)
+
+
+def _nucleus(file: Path, tags: np.ndarray, volumes: np.ndarray, tag: int | None) -> np.ndarray:
+    """Which tetrahedra (m,) are of the nucleus; the file's regions and their volumes are said."""
+    parts = {int(each): float(volumes[tags == each].sum()) for each in np.unique(tags)}
+    have = ", ".join(f"{number} ({size:.4g} um^3)" for number, size in parts.items())
+    if tag is None and len(parts) == 1:
+        console.print(f"note: {file} has one region, {have}: a cell without a nucleus", soft_wrap=True, markup=False)
+        return np.zeros(len(tags), bool)
+    chosen = NUCLEUS if tag is None else tag
+    if chosen not in parts:
+        raise InputFileError(file, f"has no region {chosen}", f"--nucleus-tag is one of its regions: {have}")
+    if parts[chosen] > 0.51 * sum(parts.values()):
+        raise InputFileError(
+            file, f"has its nucleus in region {chosen}, which is larger than all the rest",
+            f"name the region inside by --nucleus-tag: {have}",
+        )  # fmt: skip
+    console.print(f"note: regions of {file}: {have}; nucleus: {chosen}", soft_wrap=True, markup=False)
+    return np.asarray(tags == chosen)
+
+
+def _like_a_cell(file: Path, mesh: TetMesh, um_per_unit: float) -> TetMesh:
+    """The mesh, with a warning where its size is that of no cell, as it is with the wrong unit."""
+    volume = float(_volumes(mesh.points_um, mesh.tets).sum())
+    if not CELLS_UM3[0] <= volume <= CELLS_UM3[1]:
+        fitting = [f"{unit:g} ({name})" for unit, name in ((1e-3, "nm"), (1.0, "um"), (1e3, "mm"), (1e6, "m"))
+                   if CELLS_UM3[0] <= volume * (unit / um_per_unit) ** 3 <= CELLS_UM3[1]]  # fmt: skip
+        hint = f"; --um-per-unit {' or '.join(fitting)} would make it one" if fitting else ""
+        console.print(f"warning: {file} has a volume of {volume:.3g} um^3, and cells have {CELLS_UM3[0]:g} to "
+                      f"{CELLS_UM3[1]:g}{hint}", soft_wrap=True, markup=False)  # fmt: skip
+    return mesh
 
 
 def _stl(file: Path, um_per_unit: float) -> Any:

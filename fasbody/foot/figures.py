@@ -12,18 +12,18 @@ _MOST = 6
 
 
 def motion(result: "Simulation") -> Figure:
-    """Base and malleolus acceleration over time of each simulation, of the first six if there are more."""
-    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
-    upper, lower = figure.subplots(2, sharex=True)
+    """What each accelerometer reads over time in each simulation, in the first six if there are more."""
+    names = list(result.outputs)
+    figure = Figure(figsize=(6.4, 1.2 + 1.4 * (1 + len(names))), layout="constrained")
+    axes = list(figure.subplots(1 + len(names), sharex=True))
     for i in range(min(_MOST, len(result.time))):
-        for axis, values in ((upper, result.base[i]), (lower, result.malleolus[i])):
-            axis.plot(result.time[i], values, lw=0.9, label=f"simulation {i + 1}")
-    upper.set_ylabel("base [m/s²]")
-    lower.set_ylabel("malleolus [m/s²]")
-    lower.set_xlabel("time [s]")
-    for axis in (upper, lower):
+        for axis, values in zip(axes, (result.base, *result.outputs.values()), strict=True):
+            axis.plot(result.time[i], values[i], lw=0.9, label=f"simulation {i + 1}")
+    for axis, name in zip(axes, ("base", *names), strict=True):
+        axis.set_ylabel(f"{name} [m/s²]")
         axis.grid(color="0.9")
         axis.spines[["top", "right"]].set_visible(False)
+    axes[-1].set_xlabel("time [s]")
     if len(result.time) > 1:
-        upper.legend(fontsize=8, frameon=False)
+        axes[0].legend(fontsize=8, frameon=False)
     return figure

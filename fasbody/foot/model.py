@@ -18,8 +18,34 @@ from fasbody.presentation import Sheet
 
 #: Elements that every command needs, by kind.
 REQUIRED = {"joint": ("base",), "actuator": ("shaker",), "sensor": ("base", "malleolus"), "site": ("malleolus",)}
+#: Sensors that read an acceleration: in the world's axes, and in those of their site.
+_IN_WORLD, _IN_SITE = mujoco.mjtSensor.mjSENS_FRAMELINACC, mujoco.mjtSensor.mjSENS_ACCELEROMETER
 #: Armature from which a joint is the shaker's table [kg], and how far two tied pads may differ at rest [m].
 HEAVY, CLOSED = 1e6, 1e-6
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Where a sensor stands in sensordata, and which way is up in its axes.
+
+    Attributes:
+        name: of the sensor. first: of its three numbers. axis: (3,) along which it is read, positive up.
+        offset: what it reads at rest because of gravity [m/s^2].
+    """
+
+    name: str
+    first: int
+    axis: tuple[float, float, float]
+    offset: float = 0.0
+
+    def read(self, sensordata: np.ndarray) -> np.ndarray:
+        """The vertical reading (...) of sensordata (..., n)."""
+        along = np.flatnonzero(self.axis)
+        if along.size == 1 and self.axis[along[0]] == 1.0:
+            found: np.ndarray = sensordata[..., self.first + along[0]]
+        else:
+            found = sensordata[..., self.first : self.first + 3] @ np.array(self.axis)
+        return found - self.offset if self.offset else found
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -32,7 +58,8 @@ class Foot:
         parameters: what the model declares as editable.
         base: index of the base coordinate in qpos and qvel.
         shaker: first of the shaker's five controls.
-        sensor: start of each required sensor in sensordata.
+        up: (3,) the vertical, along which the base slides.
+        sensors: the model's accelerometers by name, the base's among them.
     """
 
     name: str
@@ -40,7 +67,8 @@ class Foot:
     parameters: Parameters
     base: int
     shaker: int
-    sensor: Mapping[str, int]
+    up: tuple[float, float, float]
+    sensors: Mapping[str, Sensor]
 
     @property
     def step(self) -> float:
@@ -71,7 +99,7 @@ class Foot:
         if step is not None:
             changed.opt.timestep = step
         mujoco.mj_setConst(changed, mujoco.MjData(changed))
-        return Foot(self.name, changed, self.parameters, self.base, self.shaker, self.sensor)
+        return Foot(self.name, changed, self.parameters, self.base, self.shaker, self.up, self.sensors)
 
     def __str__(self) -> str:
         return f"{self.name}: " + ", ".join(
@@ -145,15 +173,18 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
             f'{name}: the actuator shaker needs biastype="user" biasprm="{SHAKER:g}" and four more actuators behind it '
             "that carry its controls; copy the actuators of two_dof.xml."
         )
-    _check_base(model, name, shaker)
+    up = _check_base(model, name, shaker)
     _check_pads(model, name)
-    sensor = {element: int(model.sensor(element).adr[0]) + 1 for element in REQUIRED["sensor"]}  # +1: the y component
+    sensors = accelerometers(model, up)
+    for element in REQUIRED["sensor"]:
+        if element not in sensors:
+            raise ModelError(f"{name}: sensor {element!r} reads no acceleration; make it a framelinacc at a site.")
     base = int(model.jnt_qposadr[model.joint("base").id])
     if not can_be_constrained(model):  # MuJoCo then need not look for contacts: a fifth of a step
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     parameters = declared(model, name)
     _check_added_mass(parameters, name)
-    return Foot(name, model, parameters, base, first, sensor)
+    return Foot(name, model, parameters, base, first, up, sensors)
 
 
 def _check_added_mass(parameters: Parameters, name: str) -> None:
@@ -166,19 +197,51 @@ def _check_added_mass(parameters: Parameters, name: str) -> None:
         )
 
 
-def _check_base(model: mujoco.MjModel, name: str, shaker: int) -> None:
-    """The base goes up and down, and no other joint is as heavy.
+def accelerometers(model: mujoco.MjModel, up: tuple[float, float, float]) -> dict[str, Sensor]:
+    """The accelerometers of a model by name, read along the vertical.
+
+    A `framelinacc` reads in the world's axes. An `accelerometer` reads in those of its site, and is read along the one
+    that is nearest to the vertical: a sensor that leans reads what leans with it. What gravity adds is taken out.
+
+    Args:
+        model: the compiled model. up: (3,) the vertical.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    found = {}
+    for number in range(model.nsensor):
+        kind, first, called = model.sensor_type[number], int(model.sensor_adr[number]), model.sensor(number).name
+        if kind == _IN_WORLD:
+            found[called] = Sensor(called, first, up)
+        elif kind == _IN_SITE:
+            turned = data.site_xmat[model.sensor_objid[number]].reshape(3, 3).T
+            seen = turned @ up
+            nearest = int(np.argmax(np.abs(seen)))
+            axis = np.zeros(3)
+            axis[nearest] = np.sign(seen[nearest])
+            x, y, z = (float(part) for part in axis)
+            found[called] = Sensor(called, first, (x, y, z), float(-(turned @ model.opt.gravity) @ axis))
+    return found
+
+
+def _check_base(model: mujoco.MjModel, name: str, shaker: int) -> tuple[float, float, float]:
+    """The base goes up and down, the foot on it along the same way, and no other joint is as heavy; which way is up.
 
     The shaker's force is gear x acceleration, so the gear must be the base's armature.
     """
     joint = model.joint("base").id
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    axis = data.xaxis[joint]
-    if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_SLIDE or np.abs(axis - (0, 1, 0)).max() > 1e-6:
+    mujoco.mj_comPos(model, data)
+    axis = np.where(np.abs(data.xaxis[joint]) < 1e-9, 0.0, data.xaxis[joint])
+    if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_SLIDE:
+        raise ModelError(f"{name}: joint 'base' must be a slide along the vertical, which its axis says.")
+    jacobian = np.zeros((3, model.nv))
+    mujoco.mj_jacSite(model, data, jacobian, None, model.site("malleolus").id)
+    if np.abs(np.delete(axis @ jacobian, int(model.jnt_dofadr[joint]))).max(initial=0.0) < 1e-9:
         raise ModelError(
-            f"{name}: joint 'base' must be a slide along y, which is up and where both sensors are read; "
-            f"it moves along {axis[0]:g} {axis[1]:g} {axis[2]:g}."
+            f"{name}: joint 'base' moves along {axis[0]:g} {axis[1]:g} {axis[2]:g}, which is up then, and no other "
+            "joint moves the malleolus that way; turn the axis of base or those of the foot."
         )
     gear, base = float(model.actuator_gear[model.actuator_outadr[shaker], 0]), int(model.jnt_dofadr[joint])
     armature = float(model.dof_armature[base])
@@ -193,6 +256,8 @@ def _check_base(model: mujoco.MjModel, name: str, shaker: int) -> None:
                 f"{name}: joint {model.joint(model.dof_jntid[dof]).name!r} has the armature "
                 f'{model.dof_armature[dof]:g} of the shaker\'s table, so that nothing moves it; give it armature="0".'
             )
+    x, y, z = (float(part) for part in axis)
+    return x, y, z
 
 
 def _check_pads(model: mujoco.MjModel, name: str) -> None:

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import mujoco
@@ -11,7 +11,7 @@ import numpy as np
 
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.foot.engine import SHAKER_CONTROLS, callbacks
-from fasbody.foot.model import Foot
+from fasbody.foot.model import Foot, Sensor
 from fasbody.foot.parameters import names
 from fasbody.foot.shaker import BaseMotion
 from fasbody.presentation import Presented, Sheet
@@ -27,6 +27,7 @@ class Simulation(Presented):
         qpos: (nsim, n + 1, nq) positions, relative ones for slides [m]; qvel: (nsim, n + 1, nv) velocities [m/s].
         act: (nsim, n + 1, na) activations.
         base_error: largest difference between realised and prescribed base acceleration, as a share of its peak.
+        sensors: name -> (nsim, n) of every accelerometer but the base's, the malleolus among them [m/s^2].
     """
 
     time: np.ndarray
@@ -36,6 +37,7 @@ class Simulation(Presented):
     qvel: np.ndarray
     act: np.ndarray
     base_error: float
+    sensors: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     figures: ClassVar[str] = "fasbody.foot.figures"
     plots: ClassVar[tuple[str, ...]] = ("motion",)
@@ -47,19 +49,26 @@ class Simulation(Presented):
 
     def sheet(self) -> Sheet:
         """Peaks of each simulation."""
+        read = {"base": self.base} | self.outputs
         rows = [
-            (str(i + 1), f"{t[-1]:.4g}", f"{np.abs(b).max():.4g}", f"{np.abs(m).max():.4g}")
-            for i, (t, b, m) in enumerate(zip(self.time, self.base, self.malleolus, strict=True))
+            (str(i + 1), f"{t[-1]:.4g}", *(f"{np.abs(values[i]).max():.4g}" for values in read.values()))
+            for i, t in enumerate(self.time)
         ]
-        columns = ("simulation", "ends at [s]", "base peak [m/s²]", "malleolus peak [m/s²]")
+        columns = ("simulation", "ends at [s]", *(f"{name} peak [m/s²]" for name in read))
         return Sheet(str(self), columns, rows)
+
+    @property
+    def outputs(self) -> dict[str, np.ndarray]:
+        """What each accelerometer but the base's reads (nsim, n) [m/s^2], the malleolus first."""
+        return {"malleolus": self.malleolus} | dict(self.sensors)
 
     def records(self) -> list[dict[str, Any]]:
         """One row a step and simulation."""
+        names = ("time_s", "base_m_s2", *(f"{name}_m_s2" for name in self.outputs))
         return [
-            {"simulation": i + 1, "time_s": float(t), "base_m_s2": float(b), "malleolus_m_s2": float(m)}
-            for i, rows in enumerate(zip(self.time, self.base, self.malleolus, strict=True))
-            for t, b, m in zip(*rows, strict=True)
+            {"simulation": i + 1} | dict(zip(names, map(float, row), strict=True))
+            for i, rows in enumerate(zip(self.time, self.base, *self.outputs.values(), strict=True))
+            for row in zip(*rows, strict=True)
         ]
 
 
@@ -82,7 +91,7 @@ class Batch:
         #: Equalities with a solref in the direct form (negative numbers) close a loop as stiffly as the step allows.
         self._tied = np.flatnonzero((foot.model.eq_solref < 0).all(axis=1))
         self._solref = self._batch.expand("eq_solref") if self._tied.size else None
-        self._velocity = _velocity_sensor(foot)
+        self._velocities = _velocity_sensors(foot)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._act, self._time = self._batch.bind("act"), self._batch.bind("time")
         self._rest = foot.model.qpos0.copy()
@@ -113,7 +122,7 @@ class Batch:
             SimulationError: a simulation became non-finite; the message says which and when.
         """
         n = controls.shape[1]
-        extra = int(self._velocity is not None)  # a velocity difference needs the end of the last step
+        extra = int(bool(self._velocities))  # a velocity difference needs the end of the last step
         full = np.zeros((controls.shape[0], n + extra, self.foot.model.nu))
         full[:, :n, self.foot.shaker : self.foot.shaker + SHAKER_CONTROLS] = controls
         full[:, n:] = full[:, n - 1 : n]
@@ -132,19 +141,24 @@ class Batch:
         after = (np.concatenate([a, out[key][:, :n]], 1) for a, key in zip(first, ("qpos", "qvel", "act"), strict=True))
         qpos_all, qvel_all, act_all = after
         self._check_finite(out["sensordata"], qvel_all)
-        base = out["sensordata"][:, :n, self.foot.sensor["base"]]
-        if self._velocity is None:
-            malleolus = out["sensordata"][..., self.foot.sensor["malleolus"]]
-        else:
-            malleolus = np.diff(out["sensordata"][..., self._velocity], axis=1) / h[:, None]
+        read = out["sensordata"]
+        base = self.foot.sensors["base"].read(read[:, :n])
+        sensors = {
+            name: np.diff(self._velocities[name].read(read), axis=1) / h[:, None]
+            if name in self._velocities
+            else sensor.read(read[:, :n])
+            for name, sensor in self.foot.sensors.items()
+            if name != "base"
+        }
         wanted = controls[..., 1]
         peak = np.abs(wanted).max() or 1.0
         return Simulation(
             time=np.broadcast_to(controls[..., 0], base.shape),
             base=base,
-            malleolus=malleolus,
+            malleolus=sensors["malleolus"],
             qpos=qpos_all, qvel=qvel_all, act=act_all,
             base_error=float(np.abs(base - wanted).max() / peak),
+            sensors=sensors,
         )  # fmt: skip
 
     def _check_finite(self, sensordata: np.ndarray, qvel: np.ndarray) -> None:
@@ -157,16 +171,21 @@ class Batch:
             )
 
 
-def _velocity_sensor(foot: Foot) -> int | None:
-    """Where the malleolus' velocity stands in sensordata, for integrators whose acceleration sensor is half a step off.
+def _velocity_sensors(foot: Foot) -> dict[str, Sensor]:
+    """The velocity sensors of integrators whose acceleration sensors are half a step off, by what they stand for.
 
     Runge-Kutta senses the acceleration at the start of the step. The implicit integrators read the velocity half a step
-    early, so there the output is the difference of velocities, from the sensor `malleolus_velocity`.
+    early, so there the output is the difference of velocities, from the sensor `malleolus_velocity` (framelinvel), and
+    likewise for each accelerometer beside which such a sensor stands.
     """
     model = foot.model
-    if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 or "malleolus_velocity" not in names(model, "sensor"):
-        return None
-    return int(model.sensor("malleolus_velocity").adr[0]) + 1  # the y component
+    if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+        return {}
+    there = {name: f"{name}_velocity" for name in foot.sensors if name != "base"}
+    known = names(model, "sensor")
+    return {
+        name: Sensor(other, int(model.sensor(other).adr[0]), foot.up) for name, other in there.items() if other in known
+    }
 
 
 def simulate(

@@ -66,6 +66,11 @@ class TwoDof:
         """Malleolus acceleration [m/s^2] at states x (4, ...)."""
         return -self.forces(x)[0] / self.m_S  # Eq. (4.31)
 
+    def foot_output(self, x: np.ndarray) -> np.ndarray:
+        """Acceleration z2'' + u of the foot's mass [m/s^2], Eq. (4.29), second row, at states x (4, ...)."""
+        f_T, f_F = self.forces(x)
+        return (f_T - f_F) / self.m_F
+
     def state_space(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A (4, 4), B (4,), C (4,) of the linear model, with c_T = c_11 and c_F = c_21."""
         k_T, k_F, c_T, c_F, m_S, m_F = self.k_T, self.k_F, self.c_11, self.c_21, self.m_S, self.m_F
@@ -136,8 +141,24 @@ def trajectory(x0, p, m_S, m_F, u, h, stride, columns):  # type: ignore[no-untyp
         Y (n // stride,) malleolus acceleration, Eq. (4.31); DY (n // stride, 12 or 14) its derivatives (x0 first, then
         p, then the masses); the final states (4,) and their derivatives (4, 12 or 14).
     """
+    Y, DY, x, S, _, _ = both(x0, p, m_S, m_F, u, h, stride, columns, False)
+    return Y, DY, x, S
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def both(x0, p, m_S, m_F, u, h, stride, columns, feet):  # type: ignore[no-untyped-def]
+    """`trajectory` with the acceleration of the foot's mass beside that of the malleolus.
+
+    Args: as `trajectory`.
+        feet: compute what follows it in the result, else that is empty.
+
+    Returns:
+        What `trajectory` does, then the acceleration of the foot's mass (n // stride,) and its derivatives.
+    """
     n, width = (u.size - 1) // 2, max(_COLUMNS, columns)
     Y, DY = np.empty(n // stride), np.zeros((n // stride, width))
+    rows = n // stride if feet else 0
+    Z, DZ = np.empty(rows), np.zeros((rows, width))
     x, S = x0.copy(), np.zeros((STATES, width))
     for i in range(STATES):
         S[i, i] = 1.0
@@ -163,11 +184,15 @@ def trajectory(x0, p, m_S, m_F, u, h, stride, columns):  # type: ignore[no-untyp
                 Y[k // stride] = -f_T / m_S  # Eq. (4.31)
                 for j in range(columns):  # y = z1'' + z2'' + u, so its derivative is the sum of two rows
                     DY[k // stride, j] = kS[0, 2, j] + kS[0, 3, j]
+                if feet:
+                    Z[k // stride] = f[3] + u[2 * k]  # z2'' + u
+                    for j in range(columns):
+                        DZ[k // stride, j] = kS[0, 3, j]
         for i in range(4):
             x[i] += h / 6.0 * (kx[0, i] + 2.0 * kx[1, i] + 2.0 * kx[2, i] + kx[3, i])
             for j in range(columns):
                 S[i, j] += h / 6.0 * (kS[0, i, j] + 2.0 * kS[1, i, j] + 2.0 * kS[2, i, j] + kS[3, i, j])
-    return Y, DY, x, S
+    return Y, DY, x, S, Z, DZ
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -193,15 +218,26 @@ def periodic(x0, p, m_S, m_F, u, h, tolerance, passes, columns=_COLUMNS):  # typ
         Y (n,) output over one period, dY/dp (n, 8 or 10), initial states (4,), their derivatives (4, 8 or 10), the last
         gap (infinite if the motion grew without bound, or no one orbit closes).
     """
+    Y, DY, x, dx, gap, _, _ = both_periodic(x0, p, m_S, m_F, u, h, tolerance, passes, columns, False)
+    return Y, DY, x, dx, gap
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def both_periodic(x0, p, m_S, m_F, u, h, tolerance, passes, columns, feet):  # type: ignore[no-untyped-def]
+    """`periodic` with the acceleration of the foot's mass (n,) and its derivatives (n, 8 or 10) behind its results.
+
+    Args: as `periodic`.
+        feet: compute them, else they are empty.
+    """
     eye = np.eye(STATES)
     x = x0.copy()
     for _ in range(passes):
-        Y, DY, xT, S = trajectory(x, p, m_S, m_F, u, h, 1, columns)
+        Y, DY, xT, S, Z, DZ = both(x, p, m_S, m_F, u, h, 1, columns, feet)
         if not (np.isfinite(xT).all() and np.isfinite(S).all()):
-            return Y, DY[:, STATES:].copy(), x, S[:, STATES:].copy(), np.inf
+            return Y, DY[:, STATES:].copy(), x, S[:, STATES:].copy(), np.inf, Z, DZ[:, STATES:].copy()
         by_state, by_p = np.ascontiguousarray(S[:, :STATES]), np.ascontiguousarray(S[:, STATES:])
         if np.linalg.det(eye - by_state) == 0.0:  # nothing left of the states after a period, or far too much
-            return Y, DY[:, STATES:].copy(), x, by_p, np.inf
+            return Y, DY[:, STATES:].copy(), x, by_p, np.inf, Z, DZ[:, STATES:].copy()
         step = np.linalg.solve(eye - by_state, xT - x)
         x += step
         gap = np.abs(step).max() / max(1e-12, np.abs(x).max())
@@ -209,4 +245,5 @@ def periodic(x0, p, m_S, m_F, u, h, tolerance, passes, columns=_COLUMNS):  # typ
             break
     dx = np.linalg.solve(eye - by_state, by_p)
     dY_dx = np.ascontiguousarray(DY[:, :STATES])
-    return Y + dY_dx @ step, DY[:, STATES:] + dY_dx @ dx, x, dx, gap
+    dZ_dx = np.ascontiguousarray(DZ[:, :STATES])
+    return Y + dY_dx @ step, DY[:, STATES:] + dY_dx @ dx, x, dx, gap, Z + dZ_dx @ step, DZ[:, STATES:] + dZ_dx @ dx

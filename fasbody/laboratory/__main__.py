@@ -34,12 +34,19 @@ def main(
     frequency: Annotated[
         list[float] | None, typer.Option(help="excitation in Hz; repeat (default 10, 15 ... 50)")
     ] = None,
+    loaded_frequency: Annotated[
+        list[float] | None,
+        typer.Option(help="of one foot: excitation in Hz under its second and further added masses; repeat"),
+    ] = None,
     excitation: Annotated[str, typer.Option(help=f"{', '.join(EXCITATIONS)} (studies)")] = "sine",
     peak_to_peak: Annotated[float, typer.Option(help="base acceleration in m/s^2 (studies)")] = 17.9,
     seconds: Annotated[
         float | None, typer.Option(help="length of each recording in s (default 4, for studies 10)")
     ] = None,
     file_format: Annotated[str, typer.Option("--format", help="csv, mat, h5, uff or tdms (studies)")] = "csv",
+    foot_sensor: Annotated[
+        bool, typer.Option("--foot-sensor", help="a second sensor, on the foot: the channel foot (one foot)")
+    ] = False,
     seed: Annotated[int | None, typer.Option(min=0, help="seed of subjects, phases and noise")] = None,
     jobs: Annotated[int, typer.Option(help="processes; 0 for all cores")] = 0,
 ) -> None:
@@ -48,7 +55,11 @@ def main(
     Examples:
       python -m fasbody.laboratory my_study --subjects 20
 
+      python -m fasbody.laboratory two_sensors --foot-sensor
+
       python -m fasbody.laboratory one_foot --added-mass 0 --added-mass 2.3 --seconds 10
+
+      python -m fasbody.laboratory small --added-mass 0 --added-mass 2.3 --loaded-frequency 10 --loaded-frequency 40
     """
     from fasbody.laboratory.foot import make_study
     from fasbody.laboratory.study import FREQUENCIES_HZ, Plan, make
@@ -67,8 +78,14 @@ def main(
             added_mass or [0.0],
             4.0 if seconds is None else seconds,
             16 if seed is None else seed,
+            second=foot_sensor,
+            loaded_frequencies_hz=loaded_frequency,
         )
+    elif foot_sensor:
+        raise SettingError("--foot-sensor records one foot; leave --subjects out.")
     else:
+        if loaded_frequency:
+            raise SettingError("--loaded-frequency is of one foot; a study (--subjects) has the same at every load.")
         conditions = tuple((p, m) for p in posture or ["midstance"] for m in added_mass or ADDED_MASSES_KG)
         plan = Plan(
             subjects=subjects, conditions=conditions if posture or added_mass else (), frequencies_hz=frequencies,

@@ -33,17 +33,26 @@ def record(
     instrument: Instrument,
     rng: np.random.Generator,
     settle: float = 1.0,
+    second: bool = False,
 ) -> Recording:
     """One synthetic recording of a foot on the shaker.
 
     Args:
         foot: true parameters. motion: base motion. seconds: length [s]. instrument: what it adds. rng: noise source.
         settle: the shaker runs this long before the recording starts [s]; 0 records the transient from rest.
+        second: a sensor on the foot writes the channel foot, as late and as noisy as that of the malleolus.
     """
-    return instrument.observe(exact(foot, motion, seconds, instrument, settle), rng)
+    return instrument.observe(exact(foot, motion, seconds, instrument, settle, second), rng)
 
 
-def exact(foot: TwoDof, motion: BaseMotion, seconds: float, instrument: Instrument, settle: float = 1.0) -> Recording:
+def exact(
+    foot: TwoDof,
+    motion: BaseMotion,
+    seconds: float,
+    instrument: Instrument,
+    settle: float = 1.0,
+    second: bool = False,
+) -> Recording:
     """The same without noise and quantisation: what happened at the samples, the channel delay included."""
     t = np.arange(round(seconds * instrument.rate_hz)) / instrument.rate_hz
     late = np.maximum(t + settle - instrument.delay_s, 0.0)  # at rest until the shaker starts
@@ -51,7 +60,8 @@ def exact(foot: TwoDof, motion: BaseMotion, seconds: float, instrument: Instrume
         lambda time, x: foot.rates(time, x, float(motion.acceleration(np.array([time]))[0])),
         (0.0, late[-1]), np.zeros(4), method="DOP853", t_eval=late, rtol=1e-9, atol=1e-12, max_step=5e-3,
     )  # fmt: skip
-    return Recording(t, motion.acceleration(t + settle), foot.output(solution.y), origin="synthetic")
+    others = {"foot": foot.foot_output(solution.y)} if second else {}
+    return Recording(t, motion.acceleration(t + settle), foot.output(solution.y), origin="synthetic", others=others)
 
 
 def make_study(
@@ -62,8 +72,16 @@ def make_study(
     seconds: float = 4.0,
     seed: int = 16,
     instrument: Instrument | None = None,
+    second: bool = False,
+    loaded_frequencies_hz: Sequence[float] | None = None,
 ) -> Path:
     """Write a synthetic study folder with `truth.json` beside it; see the module's docstring.
+
+    Args:
+        folder: to write. subject: of Table 2.1, for the body mass. frequencies_hz: of the sines.
+            added_masses_kg: on the knee. seconds: length of each recording. seed: of phases and noise.
+            instrument: what it adds. loaded_frequencies_hz: of the sines under the second and further added masses,
+            as without where none are given. second: a sensor on the foot writes the channel foot.
 
     Raises:
         SettingError: no such subject, or a length or frequency that makes no recording.
@@ -71,7 +89,7 @@ def make_study(
     instrument = instrument or Instrument()
     if subject not in SUBJECTS:
         raise SettingError(f"there is no subject {subject}; Table 2.1 has 1 to {len(SUBJECTS)}.")
-    for f in frequencies_hz:
+    for f in (*frequencies_hz, *(loaded_frequencies_hz or ())):
         if not 0.5 <= f <= instrument.rate_hz / 10:
             raise SettingError(
                 f"a frequency of {f:g} cannot be recorded at {instrument.rate_hz:g} Hz (valid: 0.5 to 100 Hz)."
@@ -81,11 +99,12 @@ def make_study(
     body = SUBJECTS[subject].mass_kg
     rng = np.random.default_rng(seed)
     rows = ["file,subject,posture,added_mass_kg,frequency_hz"]
-    trials = [(added, f) for added in added_masses_kg for f in frequencies_hz]
+    loaded = loaded_frequencies_hz or frequencies_hz
+    trials = [(added, f) for i, added in enumerate(added_masses_kg) for f in (loaded if i else frequencies_hz)]
     with progress_bar() as progress:
         for added, f in progress.track(trials, description="recording"):
             foot = TwoDof(**TRUTH, m_S=shank_mass(body, added), m_F=foot_mass(body))
-            made = record(foot, instrument.motion(f, seconds + 2, rng), seconds, instrument, rng)
+            made = record(foot, instrument.motion(f, seconds + 2, rng), seconds, instrument, rng, second=second)
             condition = Condition(str(subject), "midstance", added, body, f)
             name = f"recordings/{f:g}hz_{added:g}kg.csv"
             replace(made, condition=condition).write(folder / name)
@@ -95,20 +114,43 @@ def make_study(
     write_whole(folder / "subjects.csv", subjects)
     write_whole(folder / "recordings.csv", "\n".join(rows) + "\n")
     known = {name: value for name, value in asdict(instrument).items() if name not in STRAPPED}
-    truth = {"origin": "synthetic", "seed": seed, "parameters": TRUTH, "instrument": known}
+    masses = {"m_S": round(shank_mass(body), 9), "m_F": round(foot_mass(body), 9), "added_kg": list(added_masses_kg)}
+    command = _command(subject, frequencies_hz, added_masses_kg, seconds, seed, loaded_frequencies_hz)
+    truth = {"origin": "synthetic", "command": command, "seed": seed, "parameters": TRUTH, "masses": masses}
+    truth |= {"instrument": known}
     write_whole(folder / "truth.json", to_json(truth) + "\n")
     for table in ("truth.csv", CONSTANTS):  # of a whole study that was here before
         (folder / table).unlink(missing_ok=True)
-    write_whole(folder / "study.toml", _STUDY.format(subject=subject, body=body, seed=seed, instrument=instrument))
+    loads = " and ".join(f"{added:g} kg" for added in added_masses_kg)
+    text = _STUDY.format(subject=subject, body=body, command=command, loads=loads, instrument=instrument)
+    text += _FOOT.format(instrument=instrument) if second else ""
+    write_whole(folder / "study.toml", text)
     return folder
+
+
+def _command(
+    subject: int,
+    frequencies_hz: Sequence[float],
+    added_masses_kg: Sequence[float],
+    seconds: float,
+    seed: int,
+    loaded_frequencies_hz: Sequence[float] | None,
+) -> str:
+    """What makes the same study again, byte by byte."""
+    words = [f"--subject {subject}", *(f"--added-mass {m:g}" for m in added_masses_kg)]
+    if tuple(frequencies_hz) != FREQUENCIES_HZ:
+        words += [f"--frequency {f:g}" for f in frequencies_hz]
+    words += [f"--loaded-frequency {f:g}" for f in loaded_frequencies_hz or ()]
+    return " ".join(["python -m fasbody.laboratory FOLDER", *words, f"--seconds {seconds:g} --seed {seed}"])
 
 
 _STUDY = '''[study]
 name = "synthetic subject {subject}"
 origin = "synthetic"
 description = """
-Made by python -m fasbody.laboratory (seed {seed}) from a two-mass foot with the body mass of subject {subject},
-{body:g} kg. Nobody was measured: truth.json holds the parameters."""
+A two-mass foot with the body mass of subject {subject}, {body:g} kg, and {loads} on the knee. Made by
+{command}
+Nobody was measured: truth.json holds the parameters."""
 sampling_rate_hz = {instrument.rate_hz:g}
 
 [channels.base]
@@ -118,3 +160,8 @@ unit = "m/s^2"
 unit = "m/s^2"
 delay_std_s = {instrument.delay_s:g}
 '''
+_FOOT = """
+[channels.foot]
+unit = "m/s^2"
+delay_std_s = {instrument.delay_s:g}
+"""

@@ -63,9 +63,8 @@ class Instrument:
         return np.clip(np.round(noisy / step) * step, -self.range_m_s2, self.range_m_s2 - step)
 
     def observe(self, exact: Recording, rng: np.random.Generator) -> Recording:
-        """A recording as rigidly mounted sensors give it: noise and quantisation on both channels."""
-        return replace(
-            exact,
-            base_m_s2=self.measure(exact.base_m_s2, self.noise_base, rng),
-            malleolus_m_s2=self.measure(exact.malleolus_m_s2, self.noise_malleolus, rng),
-        )
+        """A recording as rigidly mounted sensors give it: noise and quantisation on every channel."""
+        base = self.measure(exact.base_m_s2, self.noise_base, rng)
+        malleolus = self.measure(exact.malleolus_m_s2, self.noise_malleolus, rng)
+        others = {name: self.measure(values, self.noise_malleolus, rng) for name, values in exact.others.items()}
+        return replace(exact, base_m_s2=base, malleolus_m_s2=malleolus, others=others)

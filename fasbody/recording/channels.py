@@ -6,6 +6,7 @@ Which column of a file is which channel, and what turns its numbers into m/s^2: 
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -76,8 +77,10 @@ def volts_per_m_s2(file: Path, name: str, text: str) -> float:
 
 Channels = dict[str, np.ndarray]
 
-#: The accelerometers of section 2.2.2; the first two are needed.
+#: The accelerometers of section 2.2.2; the first two are needed. Others are known by their unit, or by study.toml.
 NAMES = ("base", "malleolus", "tuberosity")
+#: What a sensor of one's own may be called.
+_OWN = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
 _KEYS = ("unit", "sign", "sensitivity", "delay_s", "column", "gain_std", "delay_std_s")
 
 
@@ -134,8 +137,11 @@ class Layout:
         """
         channels = {}
         for name, table in tables.items():
-            if name not in (*NAMES, "time"):
-                raise InputFileError(file, f"describes the channel {name!r}", f"valid: {', '.join(NAMES)}, time")
+            known_as = get_close_matches(name, (*NAMES, "time"), cutoff=0.75)  # a slip of the pen is no sensor
+            own = _OWN.fullmatch(name) and not known_as and isinstance(table, dict) and table
+            if name not in (*NAMES, "time") and not own:
+                listed = f"valid: {', '.join(NAMES)}, time, or a sensor of the model, in small letters"
+                raise InputFileError(file, f"describes the channel {name!r}", listed)
             if not isinstance(table, dict):
                 place = f"channels.{name}"
                 raise InputFileError(file, f"{place} is {table!r}", f"it must be a table, [{place}]")
@@ -172,6 +178,7 @@ class Layout:
 
         Returns:
             ``time_s``, ``base_m_s2`` ... -> (index, factor to SI); ``time`` if that has no unit and a rate is known.
+            Behind them every other column that is an acceleration by its unit, or a channel by study.toml.
 
         Raises:
             InputFileError: a unit is unknown, missing or contradicts study.toml; a channel is missing or there twice;
@@ -209,11 +216,19 @@ class Layout:
                 hint = 'name the column time_s, time_ms or time_us, or give study.toml [channels.time] unit = "s"'
                 raise InputFileError(file, f"{names[bare[0]]!r} has no unit", hint, line=line)
             wanted["time"] = bare
+        if line and not wanted:  # text, perhaps in another language
+            columns = ", ".join(f'[channels.{name}] column = "..."' for name in ("time", "base", "malleolus"))
+            raise InputFileError(
+                file, f"names no channel ({listed})",
+                f"call its columns time_s, base_m_s2, malleolus_m_s2, or say in study.toml which is which: {columns}",
+                line=line,
+            )  # fmt: skip
         clock = ("time_s",) if line and self.rate_hz is None else ()  # only text has no rate of its own
         for name in (*clock, "base_m_s2", "malleolus_m_s2"):
             if name not in wanted:
-                hint = "or give sampling_rate_hz in study.toml" if name in clock else _HELP
+                hint = _CLOCK if name in clock else _HELP
                 raise InputFileError(file, f"has no column {name!r} ({listed})", hint, line=line)
+        wanted |= self._others(names, units, sizes, wanted)
         lengths = {name: sizes[index] for name, (index, _) in wanted.items()} if sizes else {}
         if len(set(lengths.values())) > 1:
             told_lengths = ", ".join(f"{name} {size}" for name, size in lengths.items())
@@ -221,6 +236,25 @@ class Layout:
                 file, f"its channels have different lengths ({told_lengths})", "resample them to one rate"
             )
         return {key: (index, self._factor(file, key, unit, line)) for key, (index, unit) in wanted.items()}
+
+    def _others(
+        self, names: Sequence[str], units: Sequence[str], sizes: Sequence[int], wanted: Mapping[str, tuple[int, str]]
+    ) -> dict[str, tuple[int, str]]:
+        """Further accelerometers: those of study.toml, and columns that their unit says to be accelerations."""
+        taken, size = {index for index, _ in wanted.values()}, sizes[wanted["base_m_s2"][0]] if sizes else 0
+        columns = {c.column.strip().lower(): name for name, c in self.channels.items() if c.column}
+        found: dict[str, tuple[int, str]] = {}
+        for index, (name, unit) in enumerate(zip(names, units, strict=True)):
+            plain, claimed = heading(name)
+            stem = plain.removesuffix(f"_{claimed}") if claimed else plain
+            channel = columns.get(name.strip().lower(), columns.get(plain, stem))
+            told = self.channels.get(channel)
+            acceleration = (unit or claimed).lower() in ACCELERATIONS and _OWN.fullmatch(channel)
+            if index in taken or channel.partition("_")[0] in (*NAMES, "time") or not (told or acceleration):
+                continue
+            if not sizes or told or sizes[index] == size:
+                found.setdefault(f"{channel}_m_s2", (index, (told.unit if told else "") or unit or claimed))
+        return found
 
     def _factor(self, file: Path, key: str, unit: str, line: int | None) -> float:
         if key == "time":
@@ -351,6 +385,7 @@ class Layout:
 _LONGEST_DELAY = 0.1
 #: Two sampling rates are the same within this share: a nominal rate and a logger's own clock.
 _SAME_RATE = 1e-3
+_CLOCK = "study.toml can name it ([channels.time] column = ...), or give sampling_rate_hz"
 _HELP = "units may also be g or ms, and study.toml can name the column: [channels.base] column = ..."
 
 

@@ -1,8 +1,9 @@
 """Is a recording fit for identification? Each problem gets one sentence: the file, the place and the remedy."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,8 @@ _CLIPPED_RUN = 4
 _IMPOSSIBLE = 1e6
 #: The largest range of the accelerometers that are strapped to people, 50 g [m/s^2].
 _UNLIKELY = 500.0
+#: What is said of a base between a fifth of a m/s^2 and two.
+_IN_G = "is it in g? Then name the column base_g"
 #: A passive foot lags behind its base; it may seem to lead by so much where loggers take channels one by one [deg].
 _LEAD_DEG = 1.0
 #: The third harmonic, over the fundamental, of tops that a saturated sensor flattens, and over the base's.
@@ -43,13 +46,30 @@ def checked(recording: Recording) -> Recording:
 
     Raises:
         RecordingError: it cannot serve: too short, time not uniform, NaN, dead, clipped, wrong units, excitation not
-            found, sampled too slowly, or channels not aligned.
+            found, sampled too slowly, or channels not aligned. A further accelerometer that cannot serve is left out.
     """
+    try:
+        return _checked(recording)
+    except RecordingError:
+        if not recording.others:
+            raise
+    alone = _checked(replace(recording, others={}))
+    kept, notes = {}, []
+    for name, values in recording.others.items():
+        try:
+            _checked(replace(recording, others={name: values}))
+            kept[name] = values
+        except RecordingError as error:
+            notes.append(f"{error} The channel {name} is left out.")
+    good = _checked(replace(recording, others=kept)) if kept else alone
+    return replace(good, warnings=(*good.warnings, *notes))
+
+
+def _checked(recording: Recording) -> Recording:
+    """The same of all channels alike."""
     warnings = list(recording.warnings)
     _time(recording)
-    channels = {name: getattr(recording, name) for name in ("base_m_s2", "malleolus_m_s2")}
-    if recording.tuberosity_m_s2 is not None:
-        channels["tuberosity_m_s2"] = recording.tuberosity_m_s2
+    channels = {name: values for name, values in recording.channels.items() if name != "time_s"}
     for name, values in channels.items():
         _channel(recording, name, values)
         peak = float(np.abs(values).max())
@@ -61,7 +81,7 @@ def checked(recording: Recording) -> Recording:
             kind = "gravity" if abs(abs(values.mean()) - 9.81) < 1 else "an offset"
             warnings.append(f"{recording.file}: {name} has {kind} of {values.mean():.3g} m/s^2, which is taken out.")
         channels[name] = values - values.mean()
-    recording = replace(recording, **channels)
+    recording = recording.with_channels(channels)
     found = find_frequency(recording.time_s, recording.base_m_s2)
     share = sine_share(recording.time_s, recording.base_m_s2, found)
     _moving(recording, channels, found if share > 0.5 else None)
@@ -73,6 +93,32 @@ def checked(recording: Recording) -> Recording:
     _quality(recording, quality_of(recording, frequency), frequency, warnings)
     condition = replace(recording.condition, frequency_hz=frequency)
     return replace(recording, condition=condition, warnings=tuple(warnings))
+
+
+def gathered(texts: Sequence[str]) -> list[str]:
+    """Warnings of several recordings, in which that of values that look like g is there once."""
+    like_g = [text for text in texts if text.endswith(f"{_IN_G}.")]
+    if len(like_g) < 2:
+        return list(texts)
+    first = f"{like_g[0]} The same in {len(like_g) - 1} more recordings."
+    return [first if text == like_g[0] else text for text in texts if text == like_g[0] or text not in like_g]
+
+
+def apart(recordings: Sequence[Recording]) -> None:
+    """Refuse the same recording twice, under whatever name: counted twice, it would seem twice as sure.
+
+    Raises:
+        RecordingError: two of them hold the same base and malleolus.
+    """
+    seen: dict[str, str] = {}
+    for recording in recordings:
+        digest = sha256(recording.base_m_s2.tobytes() + recording.malleolus_m_s2.tobytes()).hexdigest()
+        if digest in seen:
+            raise RecordingError(
+                f"{seen[digest]} and {recording.file} are the same recording (sha256 of the samples {digest[:12]}); "
+                "leave one of them out."
+            )
+        seen[digest] = recording.file
 
 
 def quality_of(recording: Recording, frequency_hz: float | None) -> Quality:
@@ -142,7 +188,11 @@ class Checked(Presented):
             rate = f"{row['rate_hz']:.6g}" if "rate_hz" in row else ""
             rows.append((row["file"], str(row.get("samples", "")), rate, at, *quality_cells(row), verdict(row)))
         sound = sum(verdict(row) == "sound" for row in self.rows)
-        notes = [*self.problems, *self.remarks, *(text for row in self.rows for text in row.get("warnings", ()))]
+        notes = [
+            *self.problems,
+            *self.remarks,
+            *gathered([text for row in self.rows for text in row.get("warnings", ())]),
+        ]
         columns = ("file", "samples", "rate [Hz]", "excitation [Hz]", *QUALITIES, "verdict")
         return Sheet(f"{self.name}: {sound} of {len(self.rows)} recordings are sound", columns, rows, notes)
 
@@ -228,7 +278,7 @@ def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
 
 def _clipping(recording: Recording, name: str, frequency: float | None) -> None:
     """Refuse flat tops: longer runs at an extreme value than the converter's step gives a sine, in many periods."""
-    values, t = getattr(recording, name), recording.time_s
+    values, t = recording.channels[name], recording.time_s
     levels = np.unique(values)
     step, size = float(np.diff(levels).min()), 0.5 * float(np.ptp(values))
     shortest = _CLIPPED_RUN
@@ -351,7 +401,7 @@ def _level(recording: Recording, frequency: float, warnings: list[str]) -> None:
             "check units and sensitivities (m/s^2 are expected, or g with the header malleolus_g)",
         )
     if not 2 < abs(base) < 40:
-        hint = "is it in g? Then name the column base_g" if 0.2 < abs(base) <= 2 else "check its unit"
+        hint = _IN_G if 0.2 < abs(base) <= 2 else "check its unit"
         warnings.append(
             f"{recording.file}: the base amplitude is {abs(base):.3g} m/s^2 at {frequency:.4g} Hz (the thesis: 8.95); "
             f"{hint}."

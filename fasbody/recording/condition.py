@@ -5,6 +5,8 @@ Under what a recording was made: subject, posture, load, frequency, and the mass
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from fasbody.exceptions import RecordingError
 
 #: Share of the body mass, section 4.5 (anthropometric data).
@@ -83,6 +85,8 @@ def plausible(mass_kg: float, name: str, here: str) -> float:
         RecordingError: nobody weighs that; `here` is the place it was read from.
     """
     low, high = _MASS_LIMITS_KG[name]
+    if isinstance(mass_kg, str) or np.ndim(mass_kg):
+        raise RecordingError(f"{here}: the {name} mass is {mass_kg!r}; give a number of kilograms, such as 72.5.")
     if not low <= mass_kg <= high:
         raise RecordingError(f"{here}: the {name} mass is {mass_kg:g} kg; it must lie between {low} and {high} kg.")
     return mass_kg

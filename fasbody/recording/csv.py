@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fasbody.exceptions import InputFileError, shown
-from fasbody.recording.channels import KNOWN_UNITS, Channels, Layout
+from fasbody.recording.channels import KNOWN_UNITS, NAMES, Channels, Layout
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,6 +32,8 @@ UNNAMED = "column {}"
 COMMENT = re.compile(r"\s*(#|%|//)")
 _BINARY = re.compile(r"[\x00-\x08\x0e-\x1f]")
 _MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+#: Columns that a recording itself has.
+_OWN = ("time", "time_s", *(f"{name}_m_s2" for name in NAMES))
 _QUOTE = "opens a quotation mark that nothing closes"
 
 
@@ -157,9 +159,9 @@ def read_csv(file: Path, layout: Layout | None = None) -> Channels:
     """Read one recording.
 
     The header names the columns with their units, ``time_s,base_m_s2,malleolus_m_s2[,tuberosity_m_s2]``; other columns
-    are ignored. Units may also be ms or us, g, mm_s2 or cm_s2, or stand in a row of their own below the names. Comma,
-    semicolon, tab, bar or blank separate the columns; decimal commas, comments, and lines above the header are
-    understood.
+    are further accelerometers where their unit or study.toml says so, else ignored. Units may also be ms or us, g,
+    mm_s2 or cm_s2, or stand in a row of their own below the names. Comma, semicolon, tab, bar or blank separate the
+    columns; decimal commas, comments, and lines above the header are understood.
 
     Args:
         file: the file. layout: what study.toml says of its columns.
@@ -196,7 +198,14 @@ def read_csv(file: Path, layout: Layout | None = None) -> Channels:
         first = line + (units is not None)
     wanted = layout.find(file, names, units or [""] * len(names), line=line or 1)
     places = {name: index for name, (index, _) in wanted.items()}
-    columns = _numbers(file, text, separator, names, places, first)
+    own = {name: at for name, at in places.items() if name in _OWN or name.removesuffix("_m_s2") in layout.channels}
+    try:
+        columns = _numbers(file, text, separator, names, places, first)
+    except InputFileError:
+        if own == places:
+            raise
+        columns = _numbers(file, text, separator, names, own, first)  # others may hold what they want
+        wanted = {name: wanted[name] for name in own}
     channels = {name: columns[name] * factor for name, (_, factor) in wanted.items()}
     return layout.timed(file, channels)
 

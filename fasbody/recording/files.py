@@ -14,6 +14,8 @@ from fasbody.recording.formats import ENDINGS, READ, ending
 from fasbody.recording.formats.reader import read_series
 from fasbody.recording.formats.series import FormatError, Series, need
 
+#: Endings of tables that no reader here opens.
+_SHEETS = (".xls", ".xlsb", ".ods", ".numbers")
 #: Endings of text files, which are read as CSV.
 TEXTS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
 
@@ -37,6 +39,8 @@ def read(file: Path, layout: Layout | None = None) -> Channels:
         return _long_enough(file, layout.aligned(file, read_csv(file, layout)))
     if end not in READ:
         listed = f"valid: {', '.join((*TEXTS, *READ))}, and .gz behind any"
+        if end in _SHEETS:
+            listed = "save the sheet as .xlsx or as .csv, with time_s, base_m_s2, malleolus_m_s2 above its columns"
         raise InputFileError(file, f"no format has the ending {end!r}", listed)
     found = read_series(file)
     series = [s for s in found if not s.what]

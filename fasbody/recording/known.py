@@ -14,6 +14,7 @@ from fasbody.exceptions import InputFileError, SettingError, unknown
 #: Departures of the world from the model that a laboratory can exclude.
 DEPARTURES = ("mount", "relaxation", "load", "rocking", "drift")
 _SIZES = {"mass_std": 0.5, "gain_std": 0.5, "delay_std_s": 0.01}
+_FORCE = "static_force_n"
 
 
 @dataclass(frozen=True)
@@ -23,13 +24,15 @@ class Known:
     Attributes:
         mass_std: relative standard deviation of the segment masses, 0 where they are exact. gain_std: that of the
             malleolus' gain against the base's. delay_std_s: standard deviation of the delay between them [s].
-        excluded: departures that cannot be (`DEPARTURES`).
+        excluded: departures that cannot be (`DEPARTURES`). static_force_n: with which the foot rests on the table
+            without vibration [N], default the weight of leg and load.
     """
 
     mass_std: float | None = None
     gain_std: float | None = None
     delay_std_s: float | None = None
     excluded: frozenset[str] = frozenset()
+    static_force_n: float | None = None
 
     @classmethod
     def from_toml(cls, file: Path, table: Mapping[str, Any]) -> "Known":
@@ -39,17 +42,21 @@ class Known:
             InputFileError: a key or value that does not exist.
         """
         sizes: dict[str, float] = {}
+        force = table.get(_FORCE)
+        if force is not None and (isinstance(force, bool) or not isinstance(force, int | float) or not 0 < force < 1e4):
+            raise InputFileError(file, f"known.{_FORCE} = {force!r}", "valid: a force in N, above 0 and below 10000")
         for name, value in table.items():
             place = f"known.{name} = {value!r}"
             if name in _SIZES:
                 if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= _SIZES[name]:
                     raise InputFileError(file, place, f"valid: a standard deviation, 0 to {_SIZES[name]:g}")
                 sizes[name] = float(value)
-            elif name not in DEPARTURES:
-                raise InputFileError(file, unknown("key of [known]", name, (*_SIZES, *DEPARTURES)))
-            elif not (isinstance(value, str) and value.strip()):
+            elif name not in (*DEPARTURES, _FORCE):
+                raise InputFileError(file, unknown("key of [known]", name, (*_SIZES, _FORCE, *DEPARTURES)))
+            elif name != _FORCE and not (isinstance(value, str) and value.strip()):
                 raise InputFileError(file, place, 'valid: how it was excluded, for example mount = "tapped"')
-        return cls(**sizes, excluded=frozenset(table) & frozenset(DEPARTURES))
+        excluded = frozenset(table) & frozenset(DEPARTURES)
+        return cls(**sizes, excluded=excluded, static_force_n=None if force is None else float(force))
 
     @classmethod
     def of_all(cls, each: Sequence["Known"]) -> "Known":
@@ -85,4 +92,4 @@ class Known:
                 raise SettingError(f"{unknown('departure to exclude', name, (*DEPARTURES, 'all'))}.")
             excluded |= set(DEPARTURES) if name == "all" else {name}
         sizes = {name: getattr(self, name) if value is None else value for name, value in given.items()}
-        return Known(**sizes, excluded=frozenset(excluded))
+        return Known(**sizes, excluded=frozenset(excluded), static_force_n=self.static_force_n)

@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,8 @@ class Recording:
         warnings: what the checks found that does not forbid its use.
         calibration: what study.toml says of the channels, by name; uncertainties are taken from there.
         known: what the laboratory knows beyond the recording.
+        digest: sha256 of the file that it was read from, in hexadecimal; "" where there was none.
+        others: (n,) of further accelerometers by name, such as ``foot`` [m/s^2].
     """
 
     time_s: np.ndarray
@@ -47,6 +50,8 @@ class Recording:
     warnings: tuple[str, ...] = ()
     calibration: Mapping[str, Channel] = field(default_factory=dict)
     known: Known = field(default_factory=Known)
+    digest: str = ""
+    others: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def rate_hz(self) -> float:
@@ -68,6 +73,7 @@ class Recording:
         malleolus: ArrayLike,
         tuberosity: ArrayLike | None = None,
         *,
+        others: Mapping[str, ArrayLike] | None = None,
         body_mass_kg: float | None = None,
         added_mass_kg: float = 0.0,
         frequency_hz: float | None = None,
@@ -80,7 +86,8 @@ class Recording:
 
         Args:
             time_s: (n,) sample times [s]. base, malleolus, tuberosity: (n,) accelerations [m/s^2].
-            body_mass_kg: of the subject. added_mass_kg: on the knee.
+            others: (n,) accelerations of further sensors by name [m/s^2]. body_mass_kg: of the subject.
+            added_mass_kg: on the knee.
             frequency_hz: of a sine, None where the checks are to find it.
             subject, posture: who and how. name: what to call it in messages. origin: "measured" or "synthetic".
 
@@ -90,7 +97,7 @@ class Recording:
         time = _seconds(time_s, name)
         if not np.all(np.diff(time) > 0):
             raise RecordingError(f"{name}: time_s does not increase from sample to sample; give the times in order.")
-        given = {"base": base, "malleolus": malleolus, "tuberosity": tuberosity}
+        given = {"base": base, "malleolus": malleolus, "tuberosity": tuberosity} | dict(others or {})
         rows = {channel: _row(values, channel, name) for channel, values in given.items() if values is not None}
         for channel, values in rows.items():
             if values.size != time.size:
@@ -98,9 +105,12 @@ class Recording:
         if body_mass_kg is not None:
             plausible(body_mass_kg, "body", name)
         plausible(added_mass_kg, "added", name)
+        if isinstance(frequency_hz, str):
+            raise RecordingError(f"{name}: the frequency is {frequency_hz!r}; give a number of hertz, such as 20.")
         condition = Condition(subject, posture, added_mass_kg, body_mass_kg, frequency_hz)
-        tibia = rows.get("tuberosity")
-        return cls(time, rows["base"], rows["malleolus"], tibia, condition=condition, file=name, origin=origin)
+        rest = {channel: rows[channel] for channel in others or {}}
+        own = (time, rows["base"], rows["malleolus"], rows.get("tuberosity"))
+        return cls(*own, condition=condition, file=name, origin=origin, others=rest)
 
     @classmethod
     def read(
@@ -135,12 +145,26 @@ class Recording:
             warnings=_remarks(Path(file).with_suffix(".json")),
             calibration=layout.channels if layout else {},
             known=layout.beyond if layout else Known(),
+            digest=sha256(Path(file).read_bytes()).hexdigest(),
+            others={name.removesuffix("_m_s2"): values for name, values in channels.items() if name not in HEADER},
         )
 
     @property
     def channels(self) -> Channels:
-        """Time and accelerations by their names in `HEADER`."""
-        return {name: getattr(self, name) for name in HEADER if getattr(self, name) is not None}
+        """Time and accelerations by their names in `HEADER`, then those of further sensors."""
+        own = {name: getattr(self, name) for name in HEADER if getattr(self, name) is not None}
+        return own | {f"{name}_m_s2": values for name, values in self.others.items()}
+
+    @property
+    def sensors(self) -> dict[str, np.ndarray]:
+        """(n,) of every accelerometer but the base's by name [m/s^2], the malleolus first."""
+        return {name.removesuffix("_m_s2"): values for name, values in self.channels.items() if name not in HEADER[:2]}
+
+    def with_channels(self, channels: Channels) -> "Recording":
+        """The recording with other channels: by their names in `channels`, and no others than the two that it needs."""
+        further = {name.removesuffix("_m_s2"): v for name, v in channels.items() if name not in HEADER}
+        own = {name: channels.get(name, getattr(self, name)) for name in HEADER[:3]}
+        return replace(self, **own, tuberosity_m_s2=channels.get(HEADER[3]), others=further)
 
     def write(self, file: Path, matlab: str = "5") -> None:
         """Write in the format of the file's ending; as CSV numbers are as short as they are exact to 1e-6.

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -12,7 +12,8 @@ from fasbody.recording.checks import Checked, understood
 from fasbody.recording.recording import Recording
 from fasbody.recording.trials import Trial, describe, is_listed, listed
 
-#: Folder of the study that ships with the package: nine synthetic recordings of subject 16, 10 to 50 Hz.
+#: Folder of the study that ships with the package: synthetic recordings of subject 16, nine of 10 to 50 Hz
+#: without load, and three under 2.3 kg.
 BUNDLED = Path(str(files("fasbody"))) / "studies" / "synthetic_subject_16"
 
 
@@ -77,6 +78,11 @@ class Study:
     def __repr__(self) -> str:
         return str(self)
 
+    def under(self, added_mass_kg: float) -> "Study":
+        """The recordings with this mass on the knee alone."""
+        kept = tuple(r for r in self.recordings if r.condition.added_mass_kg == added_mass_kg)
+        return replace(self, recordings=kept)
+
     def check(self) -> Checked:
         """What the checks say of each recording: what is wrong with it, and what was understood."""
         return Checked(self.name, tuple(understood(recording) for recording in self.recordings))
@@ -94,7 +100,9 @@ def bundled() -> Study:
 
 
 def read_truth(folder: Path) -> dict[str, float]:
-    """Known parameters of a synthetic study by name, with the delay of its instrument [s]; none if it states none.
+    """Known parameters of a synthetic study by name, with segment masses [kg] and the delay of its instrument [s].
+
+    There are none if it states none.
 
     Raises:
         InputFileError: its truth.json is not one.
@@ -104,9 +112,9 @@ def read_truth(folder: Path) -> dict[str, float]:
         return {}
     try:
         document = json.loads(file.read_text())
-        return {name: float(v) for name, v in document["parameters"].items()} | {
-            "delay": document["instrument"]["delay_s"]
-        }
+        weighed = {name: v for name, v in document.get("masses", {}).items() if name in ("m_S", "m_F")}
+        known = {**document["parameters"], **weighed, "delay": document["instrument"]["delay_s"]}
+        return {name: float(v) for name, v in known.items()}
     except (ValueError, KeyError, TypeError, AttributeError):
         raise InputFileError(file, "is not the truth.json of a synthetic study", "make it anew or delete it") from None
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from fasbody.foot.model import Foot
 from fasbody.foot.simulate import Batch
-from fasbody.foot.two_dof import NAMES, STATES, trajectory
-from identification.engines.engine import PASSES, D, Orbits
-from identification.engines.mujoco import Coordinates
+from fasbody.foot.two_dof import NAMES, STATES, both
+from identification.engines.engine import MALLEOLUS, PASSES, D, Orbits
+from identification.engines.mujoco import Coordinates, sampled
 from identification.engines.twin import Twin
 
 
@@ -21,21 +21,21 @@ class CertifiedRollouts(Orbits[D]):
     """Motions of MuJoCo, derivatives of the twin.
 
     Args:
-        foot: a model that the twin stands for. drives: what moves its base.
+        foot: a model that the twin stands for. drives: what moves its base. sensors: whose outputs are wanted.
     """
 
     name = "mujoco"
 
-    def __init__(self, foot: Foot, drives: Sequence[D]) -> None:
-        self.twin = Twin(foot, drives)
+    def __init__(self, foot: Foot, drives: Sequence[D], sensors: Sequence[str] = MALLEOLUS) -> None:
+        self.twin = Twin(foot, drives, sensors)
         self.state_scale, self._order = self.twin.state_scale, self.twin.order
-        super().__init__(foot, drives, STATES)
+        super().__init__(foot, drives, STATES, sensors)
         self._batch, self._coordinates = Batch(foot, 1, 1), Coordinates(foot)
         self._controls = [d.motion.controls(d.step, d.steps) for d in self.drives]
 
     def on(self, drives: Sequence[D], foot: Foot | None = None) -> "CertifiedRollouts[D]":
         """See `Engine`."""
-        return CertifiedRollouts(foot or self.foot, drives)
+        return CertifiedRollouts(foot or self.foot, drives, self.sensors)
 
     def forget(self) -> None:
         """Start the next orbits from rest."""
@@ -53,31 +53,34 @@ class CertifiedRollouts(Orbits[D]):
         x, gap = self.twin.start(number)[order], np.inf  # in the order of the twin
         for _ in range(PASSES):
             y, end = self._simulate(number, full, x[order])
-            _, DY, _, S = trajectory(x, theta, full["m_S"], full["m_F"], self.twin.inputs[number], d.step, 1, 12)
+            motion = (x, theta, full["m_S"], full["m_F"], self.twin.inputs[number], d.step, 1, 12)
+            _, DY, _, S, _, DZ = both(*motion, self.twin.feet)
             monodromy = np.eye(STATES) - S[:, :STATES]
             step = np.linalg.solve(monodromy, end[order] - x)
             x = x + step
             gap = np.abs(step).max() / max(1e-12, np.abs(x).max())
             if gap < tolerance:
                 break
-        by_state, dx = DY[:, :STATES], np.linalg.solve(monodromy, S[:, STATES:])
+        D = self.twin.stacked(DY, DZ)
+        by_state, dx = D[:, :STATES], np.linalg.solve(monodromy, S[:, STATES:])
         self._keep(number, x[order], dx[order], theta, gap)
-        by_parameter = DY[:, STATES:] + by_state @ dx
+        by_parameter = D[:, STATES:] + by_state @ dx
         return y + by_state @ step, by_parameter[:, [NAMES.index(name) for name in names]]
 
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """See `Engine`: arrays (n,), (n, 4 + p)."""
+        """See `Engine`: arrays (k n,), (k n, 4 + p)."""
         d = self.drives[number]
         _, derivatives = self.twin.run(number, values, names, x0)
         y, _ = self._simulate(number, {**values, **d.masses}, x0)
-        return y[:: d.stride], derivatives
+        return y[sampled(y.size, len(self.sensors), d.stride)], derivatives
 
     def _simulate(self, number: int, full: Mapping[str, float], x0: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Output (n,) [m/s^2] at every step and final states (4,), from states x0 (4,), in the order of the model."""
+        """Output (k n,) [m/s^2] at every step and final states (4,), from states x0 (4,), in the order of the model."""
         declared = self.foot.parameters
         self._batch.set({name: value for name, value in full.items() if name in declared})
         unpacked = self._coordinates.unpack(x0[None])
         out = self._batch.run(self._controls[number][None], self.drives[number].step, *unpacked)
-        return out.malleolus[0], self._coordinates.final(out)[0]
+        y = np.concatenate([out.outputs[name][0] for name in self.sensors])
+        return y, self._coordinates.final(out)[0]

@@ -16,6 +16,7 @@ from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
 from fasbody.foot.shaker import BaseMotion, harmonics, samples
 from fasbody.recording.recording import Recording
+from identification.sensors import MALLEOLUS as MALLEOLUS
 
 #: Longest time step [s], and fewest steps a period, to begin with. RK4 then errs by 1e-5 of the peak in the median of
 #: fitted feet, but by 2 % where a damper is at its bound under 4.5 kg: domains.py halves it there.
@@ -131,22 +132,24 @@ D = TypeVar("D", bound=Drive)
 class Engine(Protocol[D]):
     """What finds motions and their derivatives, one drive at a time.
 
-    States are in the order of the model's coordinates.
+    States are in the order of the model's coordinates. Output is that of each sensor, one behind the other: (k n,) of k
+    sensors.
 
     Attributes:
         name: "twin" or "mujoco". foot: the model. drives: what moves its base. state_scale: (s,) a displacement and a
-            velocity typical of a foot.
+            velocity typical of a foot. sensors: whose output it gives, the malleolus first.
     """
 
     name: str
     foot: Foot
     drives: list[D]
+    sensors: tuple[str, ...]
     state_scale: np.ndarray
 
     def orbit(
         self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Output over one period (n,) [m/s^2] and its derivatives (n, p) to the named parameters.
+        """Output over one period (k n,) [m/s^2] and its derivatives (k n, p) to the named parameters.
 
         Args:
             number: of the drive. values: all parameters by name. names: those that the derivatives are to.
@@ -159,7 +162,7 @@ class Engine(Protocol[D]):
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Output (n,) [m/s^2] at the samples, from states x0 (s,), and derivatives (n, s + p) to states and names."""
+        """Output (k n,) [m/s^2] at the samples, from states x0 (s,), and derivatives (k n, s + p) to both."""
 
     def start(self, number: int) -> np.ndarray:
         """States (s,) of the last orbit at time zero."""
@@ -189,11 +192,11 @@ class Orbits(Generic[D]):
     """What engines share: the last orbit of each drive, from which the next one is sought.
 
     Args:
-        foot: the model. drives: what moves its base. states: how many a foot has.
+        foot: the model. drives: what moves its base. states: how many a foot has. sensors: whose output is wanted.
     """
 
-    def __init__(self, foot: Foot, drives: Sequence[D], states: int) -> None:
-        self.foot, self.drives, self._states = foot, list(drives), states
+    def __init__(self, foot: Foot, drives: Sequence[D], states: int, sensors: Sequence[str]) -> None:
+        self.foot, self.drives, self._states, self.sensors = foot, list(drives), states, tuple(sensors)
         self.forget()
 
     def forget(self) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from fasbody.foot.model import Foot
 from fasbody.foot.simulate import Batch, Simulation
-from identification.engines.engine import PASSES, D, Orbits
+from identification.engines.engine import MALLEOLUS, PASSES, D, Orbits
 
 #: A displacement [m or rad] and a velocity [m/s or rad/s] typical of a foot, and the share of them that is a nudge:
 #: small against the motion, large against rounding.
@@ -20,7 +20,7 @@ _PARAMETER_NUDGE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Differences:
-    """Outputs of one run: y (n,) [m/s^2], final states x (s,), and derivatives to states (s) and parameters (p)."""
+    """Outputs of one run: y (k n,) [m/s^2], final states x (s,), and derivatives to states (s) and parameters (p)."""
 
     y: np.ndarray
     x: np.ndarray
@@ -58,10 +58,11 @@ class Columns:
 
     Args:
         foot: the model. names: parameters whose derivatives are wanted. threads: 0 for all cores.
+        sensors: whose outputs are wanted.
     """
 
-    def __init__(self, foot: Foot, names: Sequence[str], threads: int = 0) -> None:
-        self.foot, self.names, self._coordinates = foot, tuple(names), Coordinates(foot)
+    def __init__(self, foot: Foot, names: Sequence[str], threads: int = 0, sensors: Sequence[str] = MALLEOLUS) -> None:
+        self.foot, self.names, self._coordinates, self.sensors = foot, tuple(names), Coordinates(foot), tuple(sensors)
         self.scale = self._coordinates.scale
         self.states = self.scale.size
         self._batch = Batch(foot, 1 + self.states + len(self.names), threads)
@@ -88,8 +89,9 @@ class Columns:
         start[np.arange(1, ns + 1), np.arange(ns)] += nudge[:ns]
         out = self._batch.run(controls[None], step, *self._coordinates.unpack(start))
         final = self._coordinates.final(out)
-        Dy, Dx = (out.malleolus[1:] - out.malleolus[0]).T / nudge, (final[1:] - final[0]).T / nudge
-        return Differences(out.malleolus[0], final[0], Dy[:, :ns], Dy[:, ns:], Dx[:, :ns], Dx[:, ns:])
+        y = np.hstack([out.outputs[name] for name in self.sensors])
+        Dy, Dx = (y[1:] - y[0]).T / nudge, (final[1:] - final[0]).T / nudge
+        return Differences(y[0], final[0], Dy[:, :ns], Dy[:, ns:], Dx[:, :ns], Dx[:, ns:])
 
 
 class Rollouts(Orbits[D]):
@@ -97,25 +99,32 @@ class Rollouts(Orbits[D]):
 
     Args:
         foot: the model. drives: what moves its base. names: the parameters whose derivatives are wanted.
-        threads: 0 for all cores.
+        threads: 0 for all cores. sensors: whose outputs are wanted.
     """
 
     name = "mujoco"
 
-    def __init__(self, foot: Foot, drives: Sequence[D], names: Sequence[str], threads: int = 0) -> None:
-        self.columns, self._threads = Columns(foot, names, threads), threads
+    def __init__(
+        self,
+        foot: Foot,
+        drives: Sequence[D],
+        names: Sequence[str],
+        threads: int = 0,
+        sensors: Sequence[str] = MALLEOLUS,
+    ) -> None:
+        self.columns, self._threads = Columns(foot, names, threads, sensors), threads
         self.state_scale = self.columns.scale
-        super().__init__(foot, drives, self.columns.states)
+        super().__init__(foot, drives, self.columns.states, sensors)
         self._controls = [d.motion.controls(d.step, d.steps) for d in self.drives]
 
     def on(self, drives: Sequence[D], foot: Foot | None = None) -> "Rollouts[D]":
         """See `Engine`."""
-        return Rollouts(foot or self.foot, drives, self.columns.names, self._threads)
+        return Rollouts(foot or self.foot, drives, self.columns.names, self._threads, self.sensors)
 
     def orbit(
         self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """See `Engine`: arrays (n,), (n, p); `names` are those given at construction."""
+        """See `Engine`: arrays (k n,), (k n, p); `names` are those given at construction."""
         e = self.drives[number]
         theta = np.array([values[name] for name in self.columns.names])
         x = self._guess(number, theta)
@@ -134,7 +143,15 @@ class Rollouts(Orbits[D]):
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """See `Engine`: arrays (n,), (n, states + p); `names` as at construction."""
+        """See `Engine`: arrays (k n,), (k n, states + p); `names` as at construction."""
         e = self.drives[number]
         d = self.columns.run(self._controls[number], e.step, {**values, **e.masses}, x0)
-        return d.y[:: e.stride], np.hstack([d.y_by_state, d.y_by_parameter])[:: e.stride]
+        derivatives = np.hstack([d.y_by_state, d.y_by_parameter])
+        at = sampled(d.y.size, len(self.sensors), e.stride)
+        return d.y[at], derivatives[at]
+
+
+def sampled(size: int, sensors: int, stride: int) -> np.ndarray:
+    """Where the samples of each sensor stand in its steps, with a sensor behind the other."""
+    found: np.ndarray = np.arange(size).reshape(sensors, -1)[:, ::stride].ravel()
+    return found

@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 
 from fasbody.foot.model import Foot
-from fasbody.foot.two_dof import MASSES, NAMES, STATES, WITH_MASSES, TwoDof, periodic, trajectory
-from identification.engines.engine import PASSES, D, Orbits
+from fasbody.foot.two_dof import MASSES, NAMES, STATES, WITH_MASSES, TwoDof, both, both_periodic
+from identification.engines.engine import MALLEOLUS, PASSES, D, Orbits
 
 
 class Twin(Orbits[D]):
@@ -16,63 +16,92 @@ class Twin(Orbits[D]):
 
     Args:
         foot: a model that the twin stands for (`twin_applies`). drives: what moves its base.
+        sensors: whose outputs are wanted, of those on one of the two masses.
+
+    Attributes:
+        feet: whether a sensor is on the foot's mass.
     """
 
     name = "twin"
 
-    def __init__(self, foot: Foot, drives: Sequence[D]) -> None:
-        super().__init__(foot, drives, STATES)
+    def __init__(self, foot: Foot, drives: Sequence[D], sensors: Sequence[str] = MALLEOLUS) -> None:
+        super().__init__(foot, drives, STATES, sensors)
+        self.on_foot = tuple(name != "malleolus" and carriers(foot)[name] == FOOT for name in sensors)
+        self.feet = any(self.on_foot)
         self.order, self.state_scale = twin_order(foot), np.array([1e-3, 1e-3, 0.1, 0.1])
         self.inputs = [d.motion.half_steps(d.step, d.steps) for d in self.drives]
 
     def on(self, drives: Sequence[D], foot: Foot | None = None) -> "Twin[D]":
         """See `Engine`."""
-        return Twin(foot or self.foot, drives)
+        return Twin(foot or self.foot, drives, self.sensors)
+
+    def stacked(self, Y: np.ndarray, Z: np.ndarray) -> np.ndarray:
+        """What the sensors read (k n, ...) from what shank and foot do (n, ...), one behind the other."""
+        if self.on_foot == (False,):
+            return Y
+        return np.concatenate([Z if on_foot else Y for on_foot in self.on_foot])
 
     def orbit(
         self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """See `Engine`: arrays (n,), (n, p)."""
+        """See `Engine`: arrays (k n,), (k n, p)."""
         d = self.drives[number]
         masses = {**values, **d.masses}
         weighed = any(name in MASSES for name in names)
         order = (*NAMES, *MASSES) if weighed else NAMES
         theta = np.array([masses[name] for name in order])
         columns = WITH_MASSES if weighed else STATES + len(NAMES)
-        motion = (masses["m_S"], masses["m_F"], self.inputs[number], d.step, tolerance, PASSES, columns)
+        motion = (masses["m_S"], masses["m_F"], self.inputs[number], d.step, tolerance, PASSES, columns, self.feet)
         arguments = (theta[: len(NAMES)], *motion)
         try:
-            Y, DY, x, dx, gap = periodic(self._guess(number, theta), *arguments)
+            Y, DY, x, dx, gap, Z, DZ = both_periodic(self._guess(number, theta), *arguments)
             if not gap < tolerance:  # a bad guess: once more from rest
-                Y, DY, x, dx, gap = periodic(np.zeros(STATES), *arguments)
+                Y, DY, x, dx, gap, Z, DZ = both_periodic(np.zeros(STATES), *arguments)
         except np.linalg.LinAlgError:  # neutral: any start is an orbit, or none
             gap, Y, DY, x, dx = np.inf, np.empty(0), np.empty((0, 0)), np.empty(0), np.empty((0, 0))
+            Z, DZ = Y, DY
         self._keep(number, x, dx, theta, gap)
-        return Y, DY[:, [order.index(name) for name in names]]
+        wanted = [order.index(name) for name in names]
+        return self.stacked(Y, Z), self.stacked(DY, DZ)[:, wanted]
 
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """See `Engine`: arrays (n,), (n, 4 + p)."""
+        """See `Engine`: arrays (k n,), (k n, 4 + p)."""
         d = self.drives[number]
         full = {**values, **d.masses}
         theta = np.array([full[name] for name in NAMES])
         columns = 12 if names else 0
         motion = (x0[self.order], theta, full["m_S"], full["m_F"], self.inputs[number], d.step, d.stride, columns)
-        Y, DY, *_ = trajectory(*motion)
-        return Y, DY[:, [*self.order, *(4 + NAMES.index(name) for name in names)]]
+        Y, DY, _, _, Z, DZ = both(*motion, self.feet)
+        return self.stacked(Y, Z), self.stacked(DY, DZ)[:, [*self.order, *(4 + NAMES.index(name) for name in names)]]
 
     def start(self, number: int) -> np.ndarray:
         """See `Engine`: states (4,)."""
         return super().start(number)[self.order]
 
 
+#: Which mass a sensor is on.
+SHANK, FOOT = "shank", "foot"
+
+
+def twin_applies(foot: Foot, sensors: Sequence[str] = MALLEOLUS) -> bool:
+    """Whether the compiled two-mass model is this model: the same accelerations at random states and parameters.
+
+    Args:
+        foot: the model. sensors: each must sit on one of the two masses; any number may.
+    """
+    found = carriers(foot)
+    return found.get("malleolus") == SHANK and all(name in found for name in sensors)
+
+
 @functools.lru_cache(maxsize=8)  # a study asks twice for each of its fits
-def twin_applies(foot: Foot) -> bool:
-    """Whether the compiled two-mass model is this model: the same accelerations at random states and parameters."""
+def carriers(foot: Foot) -> Mapping[str, str]:
+    """Which mass of the compiled model each sensor reads; nothing where that is not this model."""
     from fasbody.foot.engine import callbacks
 
     model = foot.model
+    fits: dict[str, set[str]] = {name: {SHANK, FOOT} for name in foot.sensors if name != "base"}
     needed = {*NAMES, "m_S", "m_F"}
     if (
         not needed <= set(foot.parameters)
@@ -80,10 +109,10 @@ def twin_applies(foot: Foot) -> bool:
         or model.na
         or model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
     ):
-        return False
+        return {}
     joints = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(model.njnt)]
     if not {"talocrural", "fat_pad"} <= set(joints):
-        return False
+        return {}
     at = [int(model.joint(name).qposadr[0]) for name in ("talocrural", "fat_pad")]
     rng = np.random.default_rng(0)
     for _ in range(8):
@@ -96,11 +125,14 @@ def twin_applies(foot: Foot) -> bool:
         with callbacks():
             mujoco.mj_forward(trial.model, data)
         twin = TwoDof.from_values(values)
-        want = np.append(twin.rates(0.0, x, u)[2:], twin.output(x))
-        have = np.append(data.qacc[at], data.sensordata[foot.sensor["malleolus"]])
-        if np.abs(have - want).max() > 1e-6 * np.abs(want).max():
-            return False
-    return True
+        want, on = twin.rates(0.0, x, u)[2:], {SHANK: twin.output(x), FOOT: twin.foot_output(x)}
+        size = max(np.abs(want).max(), *map(abs, on.values()))
+        if np.abs(data.qacc[at] - want).max() > 1e-6 * size:
+            return {}
+        for name, where in fits.items():
+            read = foot.sensors[name].read(data.sensordata)
+            where -= {mass for mass in where if abs(read - on[mass]) > 1e-6 * size}
+    return {name: where.pop() for name, where in fits.items() if where}
 
 
 def twin_order(foot: Foot) -> np.ndarray:

@@ -88,13 +88,14 @@ def errors(found: "Analysis") -> Figure:
                     if not numbers:
                         continue
                     y = k + 0.22 * (i - 1)
-                    ax.plot(np.clip(numbers, 0, 100), np.full(len(numbers), y), ".", color=COLOURS[i], ms=3, alpha=0.5)
+                    ax.plot(np.clip(numbers, 0, 100), np.full(len(numbers), y), ".", color=COLOURS[i], ms=3, alpha=0.5,
+                            clip_on=False)  # fmt: skip
                     ax.plot(min(float(np.mean(numbers)), 100), y, "|", color=COLOURS[i], ms=11, mew=2,
                             label=name if k == 0 else None)  # fmt: skip
             ax.set_yticks(range(len(laws)), [f"{LAWS[d['law']].name}" + (f" ({d['equation']})" if d["equation"] else "")
                                              for d in laws])  # fmt: skip
-            ax.set(xlim=(0, 60), title="to the first peak" if window == "loading" else "whole contact",
-                   xlabel="error of the force over its peak [%]")  # fmt: skip
+            ax.set(xlim=(0, 100), title="to the first peak" if window == "loading" else "whole contact",
+                   xlabel="error of the force over its peak [%]\n(larger than 100 drawn at 100)")  # fmt: skip
             ax.grid(axis="x", color="0.9", lw=0.5)
         axes[0].invert_yaxis()
         handles, labels = axes[0].get_legend_handles_labels()
@@ -125,6 +126,8 @@ def population(found: "Analysis") -> Figure:
                     [np.interp(share, own, values[part]) for values in (s.time_s, s.compression_m, s.rate_m_s)]
                 )
             t, x, v = np.mean(resampled, axis=0)
+            deepest = max(s.compression_m[getattr(s, found.window)].max() for s in strikes) / x.max()
+            x, v = deepest * x, deepest * v  # the mean strike, as deep as the deepest
             curves = np.array([law.force(t, x, v, theta) for theta in found.population.draws(speed, 1000)])
             low, high = np.percentile(curves, [2.5, 97.5], axis=0)
             middle = law.force(t, x, v, np.exp(found.population.mu[speeds.index(speed)]))

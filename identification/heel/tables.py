@@ -31,10 +31,11 @@ def show(found: Analysis) -> None:
         errors = [
             np.mean([i["error"] for i in d[test]]) if d[test] else np.nan for test in ("other_speed", "other_person")
         ]
-        misfit = np.nan if d["misfit"] is None else d["misfit"]
+        errors = [np.nan if d["misfit"] is None else d["misfit"], *errors]
+        shown = ["-" if np.isnan(value) else f"{100 * value:.1f} %" for value in errors]
         table.add_row(
             d["name"], d["equation"], "to peak" if d["window"] == "loading" else "whole",
-            *(f"{100 * value:.1f} %" for value in (misfit, *errors)), f"{d['at_bound']} of {len(d['persons'])}",
+            *shown, f"{d['at_bound']} of {len(d['persons'])}",
         )  # fmt: skip
     results.print(table)
     _show_population(found)

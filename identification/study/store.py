@@ -9,9 +9,19 @@ from fasbody import runner
 from fasbody.console import to_json
 
 #: What a document must hold to be believed.
-_NEEDED = {"key", "mode", "subject", "posture", "files", "status", "error", "result", "cycles"}
+_NEEDED = {"digest", "key", "mode", "subject", "posture", "files", "status", "error", "result", "cycles"}
 #: What the name of a document looks like.
 _KEY = re.compile("[0-9a-f]{24}")
+
+
+def _digest(document: dict[str, Any]) -> str:
+    """What a document's digest must be: of all that it says besides, but for the time that it took."""
+    said = {**document, "result": _timeless(document["result"] or {})}
+    return runner.key(json.dumps(json.loads(to_json(_timeless(said))), sort_keys=True))
+
+
+def _timeless(said: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in said.items() if name not in ("digest", "seconds")}
 
 
 class Store(runner.Store):
@@ -19,7 +29,7 @@ class Store(runner.Store):
 
     def write(self, document: dict[str, Any]) -> None:
         """Keep a document under its key."""
-        self.save(f"{document['key']}.json", to_json(document) + "\n")
+        self.save(f"{document['key']}.json", to_json({**document, "digest": _digest(document)}) + "\n")
 
     def read(self, key: str) -> tuple[dict[str, Any] | None, str]:
         """The document of a key, None if there is none; and a sentence if a file is there that is not it."""
@@ -31,6 +41,8 @@ class Store(runner.Store):
             return None, f"{file}: is not the fit that its name says and is computed again."
         if found["status"] not in ("done", "failed") or (found["result"] is None) == (found["status"] == "done"):
             return None, f"{file}: has no result and is computed again."
+        if found["digest"] != _digest(found):
+            return None, f"{file}: was changed after it was written and is computed again."
         return found, ""
 
     def others(self, keys: Iterable[str]) -> int:

@@ -116,5 +116,6 @@ def need(library: str) -> None:
     if importlib.util.find_spec(library) is None:
         raise SettingError(
             f"this format needs {library}: pip install {_PACKAGES.get(library, library)}, or all formats by "
-            "pip install 'fasbody[formats]' (in a clone of the project: pip install -e '.[formats]')."
+            "pip install 'fasbody[formats]' (in a clone of the project: pip install -e '.[formats]')"
+            + ("; or save the sheet as CSV." if library == "openpyxl" else ".")
         )

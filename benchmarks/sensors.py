@@ -1,0 +1,194 @@
+"""What a second sensor, on the foot, gives back: nearly linear legs, which the malleolus alone leaves undecided.
+
+The recordings come from worlds.py, which shares no code with the fit. Every fit has all nuisances in. Each leg is
+recorded twice, without any departure, and as a laboratory has it: everything that the fit allows for is there at its
+usual size, in each sensor for itself. What is done is kept in a file and not done again while no source changes.
+"""
+
+import hashlib
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from benchmarks.reality import ROOT, STARTS
+from benchmarks.table import JsonOption, report
+from benchmarks.worlds import LOADS_KG, Departure, Member, leg_of, recordings
+from fasbody.console import command_line, progress_bar
+from fasbody.recording.recording import Recording
+from identification.branches import STIFF_ANKLE, STIFF_PAD
+from reproduction.check import Check, at_least, at_most, told
+
+#: Strength of the dampers' nonlinearity, that of a leg which the malleolus alone leaves undecided; noise over the base.
+STRENGTH, NOISE = 0.03, 0.003
+CLEAN, USUAL = "nothing departs", "everything at its usual size"
+ALONE, WITH_FOOT = ("malleolus",), ("malleolus", "foot")
+#: What is fitted, world by world.
+TASKS = ((CLEAN, WITH_FOOT), (CLEAN, ALONE), (USUAL, WITH_FOOT), (USUAL, ALONE))
+#: Feet and error that were asked for.
+ENOUGH, CLOSE = 50, 0.05
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One leg and what the fit said of it.
+
+    Attributes:
+        world, seed, sensors: what was fitted. verdict: the fit's word. right: the branch named first is the true one.
+        k_T, k_F: estimate on the true branch over the truth, less one; None where that is not shown.
+        holds: whether the 95 % intervals of k_T and k_F hold the truth. follows: the wide fit follows the recordings.
+        seconds: CPU time.
+    """
+
+    world: str
+    seed: int
+    sensors: int
+    verdict: str
+    right: bool
+    k_T: float | None
+    k_F: float | None
+    holds: tuple[bool, bool]
+    follows: bool
+    seconds: float
+
+
+def member(world: str, seed: int) -> Member:
+    """One nearly linear leg under two loads; the same in both worlds."""
+    rng = np.random.default_rng([seed, 71])
+    body = rng.uniform(45, 110)
+    leg = leg_of(rng, body, STRENGTH)
+    departure = Departure() if world == CLEAN else usual(np.random.default_rng([seed, 72]))
+    return Member(f"second sensor, {world}", seed, leg, departure, LOADS_KG[:2], NOISE, STRENGTH, body)
+
+
+def usual(rng: np.random.Generator) -> Departure:
+    """A world in which everything that a laboratory cannot exclude is there, at its usual size."""
+    n = rng.normal
+    share = np.abs(n(0, 0.35, 2)).clip(0, 0.8)
+    hz = 1e2 / np.sqrt(np.abs(n(0, 1.0, 2)).clip(1e-2, 1.6))
+    return Departure(
+        mass=float(np.exp(n(0, 0.05))), follow=float(n(0, 0.05)), relax_T=share[0], relax_F=share[1],
+        tau_s=float(np.exp(n(np.log(5e-3), 0.5))), mount_hz=hz[0], foot_mount_hz=hz[1],
+        mount_zeta=float(rng.uniform(0.1, 0.3)), foot_mount_zeta=float(rng.uniform(0.1, 0.3)), gain=float(n(0, 0.01)),
+        foot_gain=float(n(0, 0.01)), drift=float(n(0, 0.01)), foot_drift=float(n(0, 0.01)), rock=float(n(0, 0.03)),
+        foot_rock=float(n(0, 0.03)), rock_hz=float(60 * np.exp(n(0, 0.15))), rock_zeta=float(rng.uniform(0.06, 0.15)),
+    )  # fmt: skip
+
+
+def judged(truth: Member, data: Sequence[Recording], sensors: tuple[str, ...], world: str) -> Judged:
+    """Fit as a user does, and judge."""
+    from fasbody.foot.model import load
+    from identification.estimate import fit_foot
+
+    began = time.process_time()
+    result = fit_foot(data, load("two_dof"), starts=STARTS, threads=1, sensors=sensors)
+    spent = time.process_time() - began
+    name = STIFF_ANKLE if truth.leg.stiff_ankle else STIFF_PAD
+    branch = next((b for b in result.branches if b.name == name), None)
+    off: dict[str, float | None] = {"k_T": None, "k_F": None}
+    holds = {"k_T": False, "k_F": False}
+    for constant in off if branch else ():
+        assert branch is not None
+        exact, e = getattr(truth.leg, constant), branch[constant]
+        off[constant], holds[constant] = e.value / exact - 1, bool(e.lower <= exact <= e.upper)
+    follows = result.wide is not None and result.wide.follows
+    right = result.best.name == name
+    about = (world, truth.seed, len(sensors), result.verdict, right, off["k_T"], off["k_F"])
+    return Judged(*about, (holds["k_T"], holds["k_F"]), follows, spent)
+
+
+def trial(world: str, sensors: tuple[str, ...], seed: int) -> Judged:
+    """Record, fit and judge one leg."""
+    truth = member(world, seed)
+    return judged(truth, recordings(truth, foot=True), sensors, world)
+
+
+def digest() -> str:
+    """Of the worlds, and of everything that a fit depends on."""
+    found = hashlib.sha256()
+    files = [ROOT / "benchmarks" / name for name in ("worlds.py", "sensors.py")]
+    for room in ("identification", "fasbody/foot", "fasbody/recording", "mjcf"):
+        files += [file for file in (ROOT / room).rglob("*") if file.suffix in (".py", ".xml")]
+    for file in sorted(files):
+        found.update(file.read_bytes())
+    return found.hexdigest()[:16]
+
+
+def read(file: Path, stamp: str) -> list[Judged]:
+    """What was done with these sources."""
+    done = []
+    for line in file.read_text().splitlines() if file.is_file() else []:
+        try:
+            row = json.loads(line)
+        except ValueError:  # cut off by an interruption
+            continue
+        if row.pop("digest", None) == stamp:
+            done.append(Judged(**{**row, "holds": tuple(row["holds"])}))
+    return done
+
+
+def measure(feet: int, state: Path) -> list[Check]:
+    """Rows from so many legs; what `state` holds is not done again."""
+    stamp = digest()
+    done = {(j.world, j.seed, j.sensors): j for j in read(state, stamp)}
+    wanted = [(world, sensors, seed) for world, sensors in TASKS for seed in range(feet)]
+    work = [key for key in wanted if (key[0], key[2], len(key[1])) not in done]
+    with progress_bar() as progress, state.open("a") as file:
+        for world, sensors, seed in progress.track(work, description="legs"):
+            found = trial(world, sensors, seed)
+            done[world, seed, len(sensors)] = found
+            file.write(json.dumps({**asdict(found), "digest": stamp}) + "\n")
+            file.flush()
+    return rows_of([done[world, seed, len(sensors)] for world, sensors, seed in wanted])
+
+
+def rows_of(found: Sequence[Judged]) -> list[Check]:
+    """What was required of the second sensor, and what the malleolus alone does."""
+    rows = []
+    for world, sensors in TASKS:
+        legs = [j for j in found if (j.world, j.sensors) == (world, len(sensors))]
+        if not legs:
+            continue
+        where = f"{' and '.join(sensors)}, {world}, {len(legs)} nearly linear legs"
+        right = sum(j.verdict == "decided" and j.right for j in legs)
+        wrong = sum(j.verdict == "decided" and not j.right for j in legs)
+        off = np.array([abs(x) for j in legs for x in (j.k_T, j.k_F) if x is not None])
+        holds = 100 * float(np.mean([held for j in legs for held in j.holds]))
+        asked = (world, sensors) == (CLEAN, WITH_FOOT) and len(legs) >= ENOUGH
+        if asked:
+            rows.append(at_least(f"mirror decided, and rightly: {where}", right, len(legs)))
+            rows.append(at_most(f"largest error of k_T and k_F: {where}", 100 * off.max(), 100 * CLOSE, "%"))
+        else:
+            rows.append(told(f"mirror decided, and rightly: {where}", f"{right}", f"wrongly: {wrong}"))
+            text = f"median {100 * np.median(off):.2g} %"
+            rows.append(told(f"largest error of k_T and k_F: {where}", f"{100 * off.max():.3g} %", text))
+        lost = sum(not j.follows for j in legs)
+        text = f"not followed by the wide fit: {lost}; CPU time a fit {np.median([j.seconds for j in legs]):.3g} s"
+        rows.append(told(f"95 % intervals of k_T and k_F hold the truth: {where}", f"{holds:.3g} %", text))
+    return rows
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    feet: Annotated[int, typer.Option(min=1, help="legs; 50 for the real one")] = 50,
+    state: Annotated[Path, typer.Option(help="what is done, to go on from")] = Path("sensors.jsonl"),
+    json_: JsonOption = False,
+) -> None:
+    """What a second sensor on the foot decides, by a simulator of its own.
+
+    Examples:
+      python -m benchmarks.sensors --feet 5
+    """
+    report("sensors", measure(feet, state), json_)
+
+
+if __name__ == "__main__":
+    command_line(app)

@@ -1,0 +1,56 @@
+"""What a result was made from: kept beside it, so that figures and tables can be computed when they are asked for."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from platform import python_version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fasbody.recording.recording import Recording
+    from identification.certification import Certified
+    from identification.domains import Domain
+    from identification.estimate import Settings
+    from identification.space import Space
+    from identification.wide import End
+
+#: Packages whose versions a reader needs to repeat a fit.
+_PACKAGES = ("fasbody", "mujoco", "numpy", "scipy", "numba")
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """The fits behind a result.
+
+    Attributes:
+        domain: recordings and model. space: what was searched. certified: each branch if the model is true.
+        ends: each branch with whatever else may be true; none where no such fit was made.
+    """
+
+    domain: "Domain"
+    space: "Space"
+    certified: Sequence["Certified"]
+    ends: Sequence["End"]
+
+
+def provenance(settings: "Settings", space: "Space", recordings: Sequence["Recording"]) -> dict[str, Any]:
+    """What is needed to make a result again: settings with the seed, bounds, versions, digests of the files."""
+    bounds = {
+        item.key: [float(low), float(high)]
+        for item, low, high in zip(space.free, space.lower, space.upper, strict=True)
+    }
+    chosen = asdict(settings)
+    return {
+        "seed": settings.seed,
+        "settings": {name: value for name, value in chosen.items() if name not in ("bounds", "seed")},
+        "bounds": bounds,
+        "versions": {"python": python_version()} | {name: _version(name) for name in _PACKAGES},
+        "sha256": {recording.file: recording.digest for recording in recordings if recording.digest},
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:  # run from a folder that was never installed
+        return "not installed"

@@ -1,0 +1,107 @@
+"""`python -m identification.rivals`: the same recordings against a ladder of rival models."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+
+from fasbody.console import command_line, console, make_folder, print_json, progress_bar, results
+from fasbody.recording.study import BUNDLED
+
+if TYPE_CHECKING:
+    from identification.rivals.result import Rivals
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    data: Annotated[
+        list[Path] | None, typer.Argument(help="study folder, or CSV recordings", show_default="bundled study")
+    ] = None,
+    model: Annotated[str, typer.Option(help="two-mass model that rivals are edits of, or its file")] = "two_dof",
+    rival: Annotated[list[Path] | None, typer.Option(help="an edited MJCF to compare, too; repeat for more")] = None,
+    rungs: Annotated[
+        str | None,
+        typer.Option(help="of exponential, polynomial, relaxing, mount, third, load; with commas (default: all)"),
+    ] = None,
+    body_mass: Annotated[list[float] | None, typer.Option(help="body mass in kg, for bare files")] = None,
+    added_mass: Annotated[
+        list[float] | None, typer.Option(help="mass on the knee in kg, for bare files; once, or once a file")
+    ] = None,
+    mass_std: Annotated[float | None, typer.Option(help="what the segment masses may be off, as a share")] = None,
+    gain_std: Annotated[float | None, typer.Option(help="what the gain may be off, as a share")] = None,
+    delay_std: Annotated[float | None, typer.Option(help="what the delay between channels may be, in s")] = None,
+    write_model: Annotated[Path | None, typer.Option(help="folder for every fitted rival as MJCF")] = None,
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+    out: Annotated[Path | None, typer.Option(help="folder for rivals.csv, rivals.json and figures")] = None,
+) -> None:
+    """Compare rival models on the same recordings, ranked by BIC and by held-out prediction.
+
+    Examples:
+      python -m identification.rivals
+
+      python -m identification.rivals my_study --rival my_foot.xml --out results
+
+      python -m identification.rivals my_study --rungs relaxing,mount --write-model models
+
+      python -m identification.rivals bare.csv loaded.csv --body-mass 72.5 --added-mass 0 --added-mass 2.3
+    """
+    import mjcf
+    from fasbody.foot.model import load
+    from identification.fit import gather
+    from identification.rivals.compare import compare_rivals
+    from identification.space import names
+
+    source, recordings, _ = gather(data or [BUNDLED], body_mass, added_mass)
+    foot = load(model)
+    for folder in (write_model, out):
+        if folder is not None:
+            make_folder(folder)
+    with progress_bar() as progress:
+        task = progress.add_task("reading", total=None)
+
+        def advance(what: str, done: int, total: int) -> None:
+            progress.update(task, description=what, completed=done, total=total)
+
+        result = compare_rivals(
+            recordings, foot, rungs=names(rungs), files=rival or (), mass_std=mass_std, gain_std=gain_std,
+            delay_std_s=delay_std, source=source, advance=advance,
+        )  # fmt: skip
+    if json_:
+        print_json(result.document())
+    else:
+        show(result)
+    if write_model is not None:
+        from identification.rivals.mjcf import write_models
+
+        file = mjcf.path(model) if model in mjcf.names() else Path(model)
+        for path, gap in write_models(result, file, write_model).items():
+            console.print(f"{path}: MuJoCo moves as fitted to {gap:.1e} of the peak", soft_wrap=True)
+    if out is not None:
+        result.write(out)
+        for kind in result.plots:
+            result.plot(kind).savefig(out / f"{kind}.png", dpi=200)
+        console.print(f"written to [bold]{out}[/]: rivals.csv, rivals.json and figures", soft_wrap=True)
+
+
+def show(result: "Rivals") -> None:
+    """Print the comparison for a person."""
+    from rich.table import Table
+
+    sheet = result.sheet()
+    table = Table(title=sheet.title, title_justify="left")
+    for number, column in enumerate(sheet.columns):
+        table.add_column(column, justify="left" if number == 0 else "right")
+    for row in sheet.rows:
+        table.add_row(*map(escape, row))
+    results.print(table)
+    first, *others = sheet.notes
+    results.print(f"[bold]{escape(first)}[/]", soft_wrap=True)
+    for text in others:
+        results.print(escape(text), soft_wrap=True)
+
+
+if __name__ == "__main__":
+    command_line(app)

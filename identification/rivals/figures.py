@@ -1,0 +1,121 @@
+"""The printed figures of a comparison: what rivals predict over frequency, and what they say of the springs."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
+
+from identification.figures import panels
+
+if TYPE_CHECKING:
+    from identification.rivals.result import Rivals
+
+#: Colours that the colour-blind tell apart (Okabe and Ito), with marks of their own.
+_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8c6d31", "#7f7f7f", "#000000")
+_MARKS = ("o", "s", "^", "v", "D", "P", "X", "<", ">")
+#: Rivals drawn over frequency: more would hide each other.
+_DRAWN = 4
+
+
+def _colours(result: "Rivals") -> dict[str, tuple[str, str]]:
+    """One colour and mark a rival, by its name, the same in every figure."""
+    names = sorted(r.name for r in result.rivals)
+    return {name: (_COLOURS[i % len(_COLOURS)], _MARKS[i % len(_MARKS)]) for i, name in enumerate(names)}
+
+
+def predictions(result: "Rivals") -> Figure:
+    """Transmissibility and phase lag as measured, and what the best rivals, the model among them, leave of them.
+
+    One column a load. The lowest panel has the distance of each rival's fundamental from the measured one as a share
+    of it, beside the standard error of the measurement (grey).
+    """
+    loads = sorted({p.load_kg for p in result.points})
+    figure, axes = panels(3, len(loads), 3.0 * len(loads) + 0.6, 6.4, sharex=True, sharey="row")
+    shown = list(result.rivals[:_DRAWN])
+    shown += [r for r in result.rivals[_DRAWN:] if r.name == "model"]
+    look = _colours(result)
+    for column, load in enumerate(loads):
+        places = [i for i, p in enumerate(result.points) if p.load_kg == load]
+        places.sort(key=lambda i: result.points[i].frequency_hz)
+        points = [result.points[i] for i in places]
+        f = np.array([p.frequency_hz for p in points])
+        U, Y = np.array([p.base[0] for p in points]), np.array([p.malleolus[0] for p in points])
+        noise = np.array([np.sqrt(2) * p.std[0] / abs(p.malleolus[0]) for p in points])
+        size, lag, gap = axes[:, column]
+        size.plot(f, np.abs(Y / U), "o", ms=5, mfc="white", mec="#2b2b2b", label="measured", zorder=3)
+        lag.plot(f, _lag(Y / U), "o", ms=5, mfc="white", mec="#2b2b2b", zorder=3)
+        gap.fill_between(f, 1e-7, 100 * noise, color="#d9d9d9", lw=0, label="standard error")
+        for r in shown:
+            colour, mark = look[r.name]
+            y = np.array([r.predicted[i][0] for i in places])
+            size.plot(f, np.abs(y / U), color=colour, lw=1.1, label=r.title)
+            lag.plot(f, _lag(y / U), color=colour, lw=1.1)
+            gap.semilogy(f, 100 * np.abs(y - Y) / np.abs(Y), color=colour, marker=mark, ms=3.5, lw=0.9)
+        size.set_title(f"{load:g} kg on the knee", fontsize=9)
+        gap.set_xlabel("frequency [Hz]")
+    worst = [100 * abs(r.predicted[i][0] / p.malleolus[0] - 1) for r in shown for i, p in enumerate(result.points)]
+    axes[2, 0].set_ylim(min(1e-3, 0.5 * float(np.quantile(worst, 0.02))), 2 * max(worst))
+    axes[0, 0].set_ylabel("transmissibility")
+    axes[1, 0].set_ylabel("phase lag [deg]")
+    axes[2, 0].set_ylabel("distance [%]")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    more, said = axes[2, 0].get_legend_handles_labels()
+    figure.legend(
+        [*handles, *more], [*labels, *said], loc="outside lower center", ncols=min(3, 1 + len(loads)), fontsize=8,
+        frameon=False,
+    )  # fmt: skip
+    return figure
+
+
+def _lag(H: np.ndarray) -> np.ndarray:
+    return np.asarray(-np.degrees(np.unwrap(np.angle(H))))
+
+
+def constants(result: "Rivals") -> Figure:
+    """k_T and k_F by rival with 95 % intervals, the first at the top; those that are not adequate are pale.
+
+    Beside them stand the differences of BIC and of held-out prediction from the best.
+    """
+    rivals = [r for r in result.rivals if r.k_T and r.k_F][::-1]
+    figure, axes = panels(1, 3, 7.6, 0.34 * len(rivals) + 1.6, sharey=True)
+    adequate, marks = result.adequate, {}
+    for axis, name in zip(axes[0], ("k_T", "k_F"), strict=False):
+        values = []
+        for place, r in enumerate(rivals):
+            alpha = 1.0 if r in adequate else 0.35
+            told = [(r.k_T if name == "k_T" else r.k_F, 0.0, "#0072B2", "#0072B2", "likelier branch")]
+            if r.other and not r.decided:
+                told.append((r.other[name == "k_F"], 0.24, "#D55E00", "white", "other branch, where it stays open"))
+            for e, lower, colour, face, label in told:
+                assert e is not None
+                values.append(e.value / 1e3)
+                marks[label] = axis.errorbar(
+                    [e.value / 1e3], [place - lower], fmt="o", ms=4, color=colour, mfc=face, capsize=2.5, alpha=alpha,
+                    xerr=[[max(0, e.value - e.lower) / 1e3], [max(0, e.upper - e.value) / 1e3]], lw=1.1,
+                )  # fmt: skip
+        axis.set_xscale("log")
+        axis.set_xlim(min(values) / 1.6, max(values) * 1.6)
+        axis.set_xlabel(f"${name[0]}_{name[2]}$ [kN/m]")
+        axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
+        axis.xaxis.set_minor_locator(NullLocator())
+    axes[0, 0].set_yticks(range(len(rivals)), [r.title for r in rivals])
+    axes[0, 0].set_ylim(-0.6, len(rivals) - 0.6)
+    score, y = axes[0, 2], np.arange(len(rivals))
+    least, held = min(r.bic for r in rivals), min(r.surprise for r in rivals)
+    marks["BIC"] = score.plot([r.bic - least for r in rivals], y, "o", ms=4, color="#2b2b2b")[0]
+    if any(r.held_out for r in rivals):
+        heights = [r.surprise - held for r in rivals]
+        marks["held-out prediction"] = score.plot(heights, y, "s", ms=5.5, mfc="none", mec="#2b2b2b")[0]
+    marks["odds of 1000 to 1"] = score.axvline(13.8, color="#009E73", lw=0.9, ls="--")
+    score.set_xscale("symlog", linthresh=10)
+    score.set_xlim(left=-3)
+    most = max(max(r.bic - least, r.surprise - held) for r in rivals)
+    score.set_xticks([0, *(10.0**n for n in (1, 3, 5, 7, 9) if 10**n < 3 * most)])
+    score.xaxis.set_minor_locator(NullLocator())
+    score.set_xlabel("above the best")
+    figure.legend(
+        list(marks.values()), list(marks), loc="outside lower center", ncols=3, fontsize=8, frameon=False
+    )  # fmt: skip
+    return figure

@@ -1,0 +1,244 @@
+"""Rivals as MJCF: the given file with a few edits and the fitted constants, to be looked at, run and fitted.
+
+What each rung writes:
+
+- linear: the dampers' bends are zero.
+- polynomial: `stiffness` of a joint gets MuJoCo's two further coefficients, k p and k d.
+- exponential: the joint's spring becomes an actuator of the law 4.22 without relaxation, A (exp(B e) - 1); it may act
+  either way, by the sign of its gear.
+- relaxing: a Maxwell element beside each spring, an actuator of the law 4.22 of which nearly all relaxes.
+- mount: the site malleolus moves onto a body of a milligram on a spring and a damper.
+- third: a share of the shank's mass moves to a body on a spring and a damper; the load gets a body of its own.
+- load: one file a load, with the springs and dampers that hold under it.
+"""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fasbody.console import write_whole
+from fasbody.exceptions import InputFileError, ModelError
+from fasbody.foot.model import load
+from identification.engines.engine import Excitation
+from identification.engines.mujoco import Rollouts
+from identification.rivals.result import Rivals
+from identification.rivals.steady import CONSTANTS, HARMONICS, LOAD_KG, felt
+
+#: Mass of the sensor's body [kg], so little that the shank does not feel it, and its inertia [kg m^2].
+_SENSOR_KG, _TINY = 1e-6, "1e-9 1e-9 1e-9"
+#: Strain at rest of a pad of 1 m, farther than it moves, and the least exponent that is written as one [1/m].
+_REST, _LEAST = 0.02, 1e-3
+#: Of a Maxwell element: stiffness that relaxes over that which stays, exponent of a pad that is as good as linear
+#: [1/m], and how far apart the two ends of its spectrum are.
+_RELAXES, _STRAIGHT, _APART = 1e8, 1e-4, 1e-4
+_JOINTS = {"T": ("talocrural", "c_11", "c_12", "c_13"), "F": ("fat_pad", "c_21", "c_22", "c_23")}
+#: Step at which a written model is checked [s].
+_STEP = 1e-4
+
+
+def write_models(result: Rivals, file: Path, folder: Path) -> dict[Path, float]:
+    """Write every rung of a comparison, and run each.
+
+    Args:
+        result: the comparison. file: the MJCF that the rungs are edits of. folder: to write into.
+
+    Returns:
+        Each file, and the largest difference of MuJoCo's steady motion from the compiled one, as a share of its peak.
+
+    Raises:
+        ModelError: the file has no such joints, or they are not where the edits expect them.
+    """
+    hz = min((p.frequency_hz for p in result.points), key=lambda f: abs(f - 20.0))
+    U = next(p.base for p in result.points if p.frequency_hz == hz)
+    loads = sorted({p.load_kg for p in result.points})
+    found = {}
+    for rival in result.rivals:
+        if not rival.values:
+            continue
+        by_load = loads if rival.name == "load" else [0.0]
+        for load_kg in by_load:
+            name = f"{rival.name}_{load_kg:g}kg.xml" if len(by_load) > 1 else f"{rival.name}.xml"
+            text = edited_text(file, rival.name, rival.title, rival.values, load_kg)
+            path = write_whole(folder / name, text)
+            found[path] = difference(path, rival.name, rival.values, hz, U, load_kg)
+    return found
+
+
+def edited_text(file: Path, name: str, title: str, values: Mapping[str, float], load_kg: float = 0.0) -> str:
+    """The MJCF of a rung.
+
+    Args:
+        file: the model to edit. name, title: of the rung. values: constants by name. load_kg: under which springs and
+            dampers hold that follow the load; it is not in the masses.
+    """
+    try:
+        root = ET.fromstring(file.read_text(), ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
+    except (OSError, ET.ParseError) as error:
+        raise InputFileError(file, f"cannot be edited as XML ({error})") from None
+    v = dict(values)
+    for joint, names in _JOINTS.items():
+        for each in (f"k_{joint}", names[1]):
+            v[each] *= float(np.exp(v[f"e_{joint}"] * load_kg / LOAD_KG))
+    bodies = {joint: _body_of(root, names[0], file) for joint, names in _JOINTS.items()}
+    for joint, (element, c1, c2, c3) in _JOINTS.items():
+        at = _joint(bodies[joint], element)
+        at.set("user", f"4.25 {v[c1]:.9g} {v[c2]:.9g} {v[c3]:.9g}")
+        bent = [v[f"k_{joint}"] * v[f"{letter}_{joint}"] for letter in ("p", "d")]
+        at.set("stiffness", " ".join(f"{x:.12g}" for x in (v[f"k_{joint}"], *(bent if any(bent) else ()))))
+    _mass(bodies["T"], v["m_S"])
+    _mass(bodies["F"], v["m_F"])
+    done = "the fitted constants" + (f" under {load_kg:g} kg" if load_kg else "")
+    if name == "exponential":
+        for joint, names in _JOINTS.items():
+            _exponential(root, _joint(bodies[joint], names[0]), joint, v)
+        done += ", springs as actuators with A (exp(B e) - 1), Eq. 4.22"
+    elif name == "relaxing":
+        for joint, names in _JOINTS.items():
+            _maxwell(root, names[0], joint, v)
+        done += ", a Maxwell element beside each spring, Eq. 4.22"
+    elif name == "mount":
+        _mount(root, bodies["T"], v, file)
+        done += ", the malleolus' sensor on a body, a spring and a damper"
+    elif name == "third":
+        _third(root, bodies["T"], v)
+        done += ", a share of the shank on a spring and a damper"
+    elif name == "polynomial":
+        done += ", springs with a quadratic and a cubic term"
+    elif name == "linear":
+        done += ", dampers that do not bend"
+    root.set("model", f"{root.get('model', 'foot')}_{name}")
+    root.insert(0, ET.Comment(f" {title}: {file.name} with {done}. "))
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def difference(file: Path, name: str, values: Mapping[str, float], hz: float, U: np.ndarray, load_kg: float) -> float:
+    """How far MuJoCo's steady motion of a written model is from the compiled one, as a share of the fundamental.
+
+    Args:
+        file: the model. name: of the rung. values: its constants. hz: fundamental. U: (H,) base [m/s^2].
+        load_kg: on it.
+    """
+    foot = load(file)
+    masses = {"m_S": values["m_S"] + load_kg, "m_F": values["m_F"], "added_mass": load_kg}
+    engine = Rollouts(foot, [Excitation(hz, U, masses, _STEP)], ())
+    y, _ = engine.orbit(0, foot.values(), (), 1e-9)
+    have = 2 / y.size * np.fft.rfft(y)[1 : U.size + 1]
+    c = np.array([0.0 if n in ("gain", "delay", "drift") else values[n] for n in CONSTANTS])
+    found, want, _ = felt(c, load_kg, hz, U, 0.0, np.zeros(2 * (2 * HARMONICS + 1)), False)
+    return float(np.abs(have - want).max() / abs(want[0])) if found else np.inf
+
+
+def _body_of(root: ET.Element, joint: str, file: Path) -> ET.Element:
+    """The body that a joint moves."""
+    for body in root.iter("body"):
+        if any(each.get("name") == joint for each in body.findall("joint")):
+            return body
+    raise ModelError(f"{file.name}: there is no body with the joint {joint!r}, so rivals cannot be made from it.")
+
+
+def _joint(body: ET.Element, name: str) -> ET.Element:
+    return next(each for each in body.findall("joint") if each.get("name") == name)
+
+
+def _mass(body: ET.Element, mass: float) -> None:
+    inertial = body.find("inertial")
+    if inertial is None:
+        raise ModelError(f"body {body.get('name')!r} has no <inertial>, so rivals cannot be made from it.")
+    inertial.set("mass", f"{mass:.12g}")
+
+
+def _swinging(name: str, mass: float, hz: float, zeta: float) -> ET.Element:
+    """A body on a spring and a damper along the model's vertical."""
+    w = 2 * np.pi * hz
+    body = ET.Element("body", name=name)
+    options = {"name": name, "type": "slide", "axis": "0 1 0", "armature": "0"}
+    options |= {"stiffness": f"{mass * w * w:.12g}", "damping": f"{2 * zeta * mass * w:.12g}"}
+    ET.SubElement(body, "joint", options)
+    ET.SubElement(body, "inertial", pos="0 0 0", mass=f"{mass:.12g}", diaginertia=_TINY)
+    return body
+
+
+def _declare(root: ET.Element, name: str, data: str) -> None:
+    """Declare a constant, in place of another declaration of that name."""
+    custom = root.find("custom")
+    if custom is None:
+        custom = ET.SubElement(root, "custom")
+    for each in custom.findall("text"):
+        if each.get("name") == name:
+            each.set("data", data)
+            return
+    ET.SubElement(custom, "text", name=name, data=data)
+
+
+def _declared(root: ET.Element, name: str) -> list[str]:
+    """The five parts of a declaration."""
+    for each in root.iter("text"):
+        if each.get("name") == name:
+            return [part.strip() for part in each.get("data", "").split("|")]
+    return ["N/m", "1e3", "1e7", "", "fitted"]
+
+
+def _pad(root: ET.Element, name: str, joint: str, numbers: Sequence[float], gear: int = 1) -> None:
+    """An actuator of the law 4.22 on a joint."""
+    actuators = root.find("actuator")
+    assert actuators is not None  # every foot has its shaker there
+    prm = " ".join(f"{x:.17g}" for x in (4.22, *numbers))
+    options = {"name": name, "joint": joint, "gear": str(gear), "dyntype": "user", "actdim": "8", "gainprm": "0"}
+    ET.SubElement(actuators, "general", options | {"biastype": "user", "biasprm": prm})
+
+
+def _exponential(root: ET.Element, joint: ET.Element, letter: str, v: Mapping[str, float]) -> None:
+    b, k = v[f"b_{letter}"], v[f"k_{letter}"]
+    if abs(b) < _LEAST:
+        return
+    joint.set("stiffness", "0")
+    share = 1 / (abs(b) * np.exp(abs(b) * _REST))
+    name = f"spring_{letter}"
+    _pad(root, name, joint.get("name", ""), (share * k, abs(b), 0, 1e-3, 2e-3, 1, _REST), 1 if b < 0 else -1)
+    unit, low, high, _, source = _declared(root, f"k_{letter}")
+    _declare(root, f"k_{letter}", f"{unit} | {low} | {high} | {share:.17g} actuator {name} biasprm 1 | {source}")
+
+
+def _maxwell(root: ET.Element, joint: str, letter: str, v: Mapping[str, float]) -> None:
+    k, tau, name = v[f"r_{letter}"] * v[f"k_{letter}"], v["tau"], f"relaxing_{letter}"
+    tau_1, tau_2 = tau / (1 + _APART), tau * (1 + _APART)
+    c = _RELAXES / np.log(tau_2 / tau_1)
+    share = 1 / _STRAIGHT
+    _pad(root, name, joint, (max(k, 1e-6) * share, _STRAIGHT, c, tau_1, tau_2, 1, _REST))
+    place = f"{share:.17g} actuator {name} biasprm 1"
+    _declare(root, f"k_R{letter}", f"N/m | 1 | 1e7 | {place} | spring of the Maxwell element beside k_{letter}")
+    times = ", ".join(
+        f"{ratio:.17g} actuator relaxing_{each} biasprm {column}"
+        for each in "TF" for column, ratio in ((4, 1 / (1 + _APART)), (5, 1 + _APART))
+    )  # fmt: skip
+    if letter == "F":  # both are there now
+        _declare(root, "tau_R", f"s | 5e-4 | 5e-2 | {times} | their relaxation time")
+
+
+def _mount(root: ET.Element, shank: ET.Element, v: Mapping[str, float], file: Path) -> None:
+    site = next((each for each in shank.findall("site") if each.get("name") == "malleolus"), None)
+    if site is None:
+        raise ModelError(f"{file.name}: the site malleolus is not on the body that the joint talocrural moves.")
+    hz = max(v["u"], 1e-8) ** -0.5
+    body = _swinging("sensor", _SENSOR_KG, hz, v["zeta_u"])
+    shank.remove(site)
+    body.append(site)
+    shank.append(body)
+
+
+def _third(root: ET.Element, shank: ET.Element, v: Mapping[str, float]) -> None:
+    swings = max(v["w"], 1e-6) * v["m_S"]
+    _mass(shank, v["m_S"] - swings)
+    shank.append(_swinging("tissue", swings, v["f_w"], v["zeta_w"]))
+    load_body = ET.SubElement(shank, "body", name="load")
+    ET.SubElement(load_body, "inertial", pos="0 0.42 0", mass="1e-9", diaginertia=_TINY)
+    custom = root.find("custom")
+    for each in [] if custom is None else custom.findall("text"):
+        if each.get("name") == "m_S":  # a load is rigid, so it is told from the shank
+            custom.remove(each)  # type: ignore[union-attr]
+    _declare(root, "added_mass", "kg | 0 | 100 | body load mass | on the knee")
+    _declare(root, "k_W", "N/m | 10 | 1e6 | joint tissue stiffness | spring of what swings")
+    _declare(root, "c_W", "N s/m | 0.1 | 1e4 | joint tissue damping | damper of what swings")

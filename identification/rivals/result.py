@@ -1,0 +1,299 @@
+"""What rivals say of the same recordings, side by side, and what they all agree on."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fasbody.exceptions import SettingError, unknown
+from fasbody.presentation import Presented, Sheet
+from identification.branches import DECISIVE_ODDS
+from identification.result import Estimate
+from identification.wide import FOLLOWS
+
+#: Difference of BIC that odds of 1000 to 1 make.
+DECISIVE = 2 * float(np.log(DECISIVE_ODDS))
+#: Name of the rung that is the model itself.
+MODEL = "model"
+
+
+@dataclass(frozen=True)
+class Own:
+    """A rival's own constant: name, what it is, its unit, value and 95 % limits, source of its prior and bounds."""
+
+    name: str
+    says: str
+    unit: str
+    value: float
+    lower: float
+    upper: float
+    source: str
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.value:.3g} ({self.lower:.3g} to {self.upper:.3g}) {self.unit}".rstrip()
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """One rung, at its best.
+
+    Attributes:
+        name, title: of the rung, or the name of a user's file. free: parameters that BIC counts.
+        chi_square, dof: of the recordings. bic: chi-square, squares of the priors' rows, and free log n.
+        held_out: -2 log of the predictive density of recordings left out, by "frequency" and "load", as far as there
+            are several. error: of those predictions, as a share of what was recorded.
+        branch: the likelier one, "best" where no mirror is known. log_odds: over the other, None where not compared.
+        k_T, k_F: at rest, without load, on the likelier branch; None where the model has no such constant.
+        log_ratio: of k_T over k_F with its standard error. other: k_T and k_F of the other branch where it stays open.
+        own: the rival's own constants. values: all constants. predicted: harmonics of each recording [m/s^2].
+        converged: the descent came to rest. nested: it is the model with something held.
+        extra: it frees more than the model.
+    """
+
+    name: str
+    title: str
+    free: int
+    chi_square: float
+    dof: int
+    bic: float
+    held_out: Mapping[str, float]
+    error: float
+    branch: str
+    log_odds: float | None
+    k_T: Estimate | None
+    k_F: Estimate | None
+    log_ratio: tuple[float, float] | None
+    other: tuple[Estimate, Estimate] | None
+    own: tuple[Own, ...]
+    values: Mapping[str, float]
+    predicted: tuple[np.ndarray, ...]
+    converged: bool
+    nested: bool
+    extra: bool
+
+    @property
+    def per_dof(self) -> float:
+        """Chi-square per degree of freedom."""
+        return self.chi_square / max(1, self.dof)
+
+    @property
+    def follows(self) -> bool:
+        """It describes the recordings."""
+        return self.per_dof <= FOLLOWS
+
+    @property
+    def surprise(self) -> float:
+        """Mean of the held-out deviances; zero where nothing could be left out."""
+        return float(np.mean(list(self.held_out.values()))) if self.held_out else 0.0
+
+    @property
+    def decided(self) -> bool:
+        """One branch is likelier by 1000 to 1, and the rival follows the recordings."""
+        return self.follows and self.log_odds is not None and self.log_odds > np.log(DECISIVE_ODDS)
+
+    @property
+    def stiffer(self) -> str:
+        """Which spring is stiffer at 95 %: "k_T", "k_F" or "" where that stays open."""
+        if self.log_ratio is None or (self.log_odds is not None and not self.decided):
+            return ""
+        value, std = self.log_ratio
+        return "" if not abs(value) > 1.96 * std else "k_T" if value > 0 else "k_F"
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """Something said of the foot, and whether every adequate rival says it.
+
+    Attributes:
+        what: "k_T", "k_F", "branch" or "stiffer". shared: all adequate rivals say so. text: a sentence.
+        lower, upper: of a constant, over all adequate rivals [N/m]; None else.
+    """
+
+    what: str
+    shared: bool
+    text: str
+    lower: float | None = None
+    upper: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """One recording as measured: fundamental [Hz], load [kg], harmonics of base and malleolus, noise [m/s^2]."""
+
+    file: str
+    frequency_hz: float
+    load_kg: float
+    base: np.ndarray
+    malleolus: np.ndarray
+    std: np.ndarray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Rivals(Presented):
+    """The comparison: rivals in order, the one that the recordings prefer first."""
+
+    figures: ClassVar[str] = "identification.rivals.figures"
+    plots: ClassVar[tuple[str, ...]] = ("predictions", "constants")
+
+    source: str
+    model: str
+    rivals: tuple[Rival, ...]
+    points: tuple[Point, ...]
+    warnings: tuple[str, ...]
+    seconds: float
+
+    def __getitem__(self, name: str) -> Rival:
+        """A rival by its name."""
+        for rival in self.rivals:
+            if rival.name == name:
+                return rival
+        raise SettingError(f"{unknown('rival', name, (r.name for r in self.rivals))}.")
+
+    @property
+    def first(self) -> Rival:
+        """The rival that the recordings prefer."""
+        return self.rivals[0]
+
+    @property
+    def adequate(self) -> tuple[Rival, ...]:
+        """Those that follow the recordings and are not out-predicted: BIC within odds of 1000 to 1 of the best."""
+        good = [r for r in self.rivals if r.follows]
+        least = min((r.bic for r in good), default=0.0)
+        return tuple(r for r in good if r.bic - least <= DECISIVE)
+
+    @property
+    def conclusions(self) -> tuple[Conclusion, ...]:
+        """What is said of k_T, of k_F, of the branch, and of which is stiffer."""
+        return conclusions(self.adequate)
+
+    def sentence(self) -> str:
+        """The result in a sentence."""
+        if not self.adequate:
+            return (
+                f"No rival follows the recordings; {self.first.title} comes nearest (chi-square "
+                f"{self.first.per_dof:.3g} per degree of freedom), and nothing is said of the foot."
+            )
+        shared = [c.text for c in self.conclusions if c.shared]
+        changing = [c.text for c in self.conclusions if not c.shared]
+        also = [r.title for r in self.adequate if r is not self.first]
+        text = f"The recordings prefer {self.first.title}"
+        text += f"; {_listed(also)} cannot be ruled out." if also else "; every other rival is ruled out."
+        text += f" Shared by all of these: {'; '.join(shared)}." if shared else " They share no conclusion."
+        return text + (f" No fact, as it changes with the rival: {'; '.join(changing)}." if changing else "")
+
+    def sheet(self) -> Sheet:
+        """The rivals side by side."""
+        best = min(r.bic for r in self.rivals)
+        held = min(r.surprise for r in self.rivals)
+        adequate = self.adequate
+        rows = [
+            (
+                r.title, str(r.free), f"{r.per_dof:.3g}", f"{r.bic - best:.4g}",
+                f"{r.surprise - held:.4g}" if r.held_out else "–", f"{100 * r.error:.2g} %" if r.held_out else "–",
+                _branch(r), r.k_T.interval() if r.k_T else "–", r.k_F.interval() if r.k_F else "–",
+                "yes" if r in adequate else "no",
+            )
+            for r in self.rivals
+        ]  # fmt: skip
+        columns = (
+            "rival", "free", "chi²/dof", "BIC", "held out", "error", "branch", "k_T [N/m]", "k_F [N/m]", "adequate",
+        )  # fmt: skip
+        notes = [self.sentence()]
+        if self.first.own and self.first.follows:
+            notes.append(f"{self.first.title}: {'; '.join(map(str, self.first.own))}.")
+        return Sheet(f"{self.source}, rivals of {self.model}", columns, rows, [*notes, *self.warnings])
+
+    def records(self) -> list[dict[str, Any]]:
+        """One row a rival."""
+        rows = []
+        for place, r in enumerate(self.rivals, start=1):
+            row: dict[str, Any] = {"place": place, "rival": r.name, "free": r.free, "chi_square": r.chi_square}
+            row |= {"dof": r.dof, "bic": r.bic, "adequate": r in self.adequate, "branch": r.branch}
+            row |= {"log_odds": r.log_odds, "held_out_error": r.error}
+            row |= {f"held_out_{kind}": r.held_out.get(kind) for kind in ("frequency", "load")}
+            for name, e in (("k_T", r.k_T), ("k_F", r.k_F)):
+                row |= {f"{name}{end}_n_per_m": getattr(e, which) if e else None for end, which in _ENDS}
+            rows.append(row)
+        return rows
+
+    def document(self) -> dict[str, Any]:
+        """The comparison as plain data."""
+        rivals = []
+        for r, row in zip(self.rivals, self.records(), strict=True):
+            own = [asdict(each) for each in r.own]
+            rivals.append(row | {"title": r.title, "converged": r.converged, "own": own, "values": dict(r.values)})
+        return {
+            "source": self.source, "model": self.model, "first": self.first.name, "sentence": self.sentence(),
+            "adequate": [r.name for r in self.adequate], "rivals": rivals,
+            "conclusions": [asdict(c) for c in self.conclusions], "warnings": list(self.warnings),
+            "seconds": self.seconds,
+        }  # fmt: skip
+
+
+_ENDS = (("", "value"), ("_lower", "lower"), ("_upper", "upper"))
+
+
+def _branch(r: Rival) -> str:
+    if r.log_odds is None:
+        return "–"
+    return r.branch if r.decided else f"{r.branch}?"
+
+
+def _listed(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def preferred(rivals: list[Rival]) -> list[Rival]:
+    """Rivals by BIC and held-out deviance together, from the best.
+
+    A rival that frees more than the model is put before it only if BIC says so by odds of 1000 to 1 and held-out
+    recordings do not say otherwise: one of many is the best by chance.
+    """
+    least = min(r.bic for r in rivals), min(r.surprise for r in rivals)
+    order = sorted(rivals, key=lambda r: r.bic - least[0] + r.surprise - least[1])
+    model = next((r for r in rivals if r.name == MODEL), None)
+    if model is None:
+        return order
+    first = order[0]
+    if first.extra and (model.bic - first.bic < DECISIVE or model.surprise < first.surprise):
+        decisive = [r for r in order if r.extra and model.bic - r.bic >= DECISIVE and model.surprise >= r.surprise]
+        plain = [r for r in order if not r.extra]
+        first = (decisive or plain)[0]
+    return [first, *(r for r in order if r is not first)]
+
+
+def conclusions(adequate: tuple[Rival, ...]) -> tuple[Conclusion, ...]:
+    """What adequate rivals say, and whether they agree.
+
+    A value is shared if the interval of each rival holds the estimate of the first; a branch or an order of the springs
+    if all decide it, and alike.
+    """
+    told = [r for r in adequate if r.k_T and r.k_F]
+    if not told:
+        return ()
+    found = []
+    for name in ("k_T", "k_F"):
+        each = [e for r in told for e in _open(r, name)]
+        low, high = min(e.lower for e in each), max(e.upper for e in each)
+        shared = all(e.lower <= each[0].value <= e.upper for e in each)
+        both = replace(each[0], value=0.5 * (low + high), lower=low, upper=high)
+        text = f"{name} is {both.text(low)} to {both.text(high)} N/m"
+        found.append(Conclusion(name, shared, text, low, high))
+    compared = [r for r in told if r.log_odds is not None]
+    if compared:
+        names = {r.branch if r.decided else "" for r in compared}
+        shared = len(names) == 1 and "" not in names
+        text = f"the branch is {compared[0].branch}" if shared else "the branch"
+        found.append(Conclusion("branch", shared, text))
+    order = {r.stiffer for r in told}
+    shared = len(order) == 1 and "" not in order
+    text = f"{order.copy().pop()} is the stiffer spring" if shared else "which spring is stiffer"
+    return (*found, Conclusion("stiffer", shared, text))
+
+
+def _open(r: Rival, name: str) -> list[Estimate]:
+    """Estimates of k_T or k_F on every branch that a rival leaves open."""
+    first = r.k_T if name == "k_T" else r.k_F
+    assert first is not None
+    return [first, *([r.other[name == "k_F"]] if r.other and not r.decided else [])]

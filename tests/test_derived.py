@@ -1,0 +1,144 @@
+"""What a fit says besides its parameters, against MuJoCo's linear model, a tight integration, draws, and sums."""
+
+import csv
+import hashlib
+import io
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from fasbody.foot.model import Foot
+from fasbody.foot.shaker import harmonics
+from fasbody.foot.two_dof import TwoDof
+from fasbody.recording.harmonics import fit_harmonics
+from fasbody.recording.study import BUNDLED
+from identification import report
+from identification.derived import _views, derived, linearised, poles
+from identification.periodic import Line
+from identification.result import IF_TRUE, WHATEVER, FitResult
+
+HZ = 20.0
+#: Draws so near the estimate that what follows from them is linear.
+_NEAR = 1e-3
+
+
+def values(fitted: FitResult) -> dict[str, float]:
+    """Constants and masses of the certified foot by name."""
+    view = next(view for view in _views(fitted, fitted.evidence) if view.basis == IF_TRUE)
+    return view.foot(view.q, 0)
+
+
+def test_modes_are_the_eigenvalues_of_the_linearised_mjcf(fitted: FitResult, foot: Foot) -> None:
+    own = {name: value for name, value in values(fitted).items() if name in foot.parameters}
+    s = np.linalg.eigvals(linearised(foot.with_values(own)))
+    modes = [m for m in derived(fitted).modes if m["basis"] == IF_TRUE and m["branch"] == fitted.best.name]
+    assert len(modes) == 2
+    product = np.ones_like(s)
+    for m in modes:
+        w, zeta = 2 * np.pi * m["natural_frequency_hz"], m["damping_ratio"]
+        product *= (s**2 + 2 * zeta * w * s + w**2) / w**2
+    assert np.abs(product).max() < 1e-5
+
+
+def test_modes_that_do_not_swing_are_a_pair_of_real_eigenvalues() -> None:
+    A = np.zeros((4, 4))
+    A[:2, 2:], A[2:, :2], A[2:, 2:] = np.eye(2), -np.diag([100.0, 1e4]), -np.diag([4.0, 500.0])
+    f, zeta = poles(A)
+    assert 2 * np.pi * f == pytest.approx([10, 100])
+    assert zeta == pytest.approx([0.2, 2.5])
+
+
+@pytest.mark.parametrize("basis", [WHATEVER, IF_TRUE])
+def test_intervals_are_those_of_draws(fitted: FitResult, basis: str) -> None:
+    view = next(view for view in _views(fitted, fitted.evidence) if view.basis == basis)
+    free = np.isfinite(np.diag(view.C)) & (np.diag(view.C) > 0)
+    rng = np.random.default_rng(0)
+    root = np.linalg.cholesky(view.C[np.ix_(free, free)])
+    drawn = []
+    for _ in range(400):
+        q = view.q.copy()
+        q[free] += _NEAR * root @ rng.normal(size=free.sum())
+        drawn.append(np.log(poles(TwoDof.from_values(view.foot(q, 0)).state_space()[0])[0][0]))
+    (mode,) = (m for m in derived(fitted).modes
+               if (m["basis"], m["branch"], m["mode"]) == (basis, view.branch, 1))  # fmt: skip
+    std = np.log(mode["upper_hz"] / mode["natural_frequency_hz"]) / 1.96
+    assert np.std(drawn) / _NEAR == pytest.approx(std, rel=0.15)
+    assert mode["lower_hz"] < np.exp(np.mean(drawn)) < mode["upper_hz"]
+
+
+def test_energies_are_those_of_an_integration_in_time(fitted: FitResult) -> None:
+    line = next(Line.of(r) for r in fitted.evidence.domain.recordings if round(r.condition.frequency_hz) == HZ)
+    f = line.base.frequency_hz
+    foot, base = TwoDof.from_values(values(fitted)), harmonics(f, line.base.amplitudes, 1.0)
+
+    def rates(t: float, x: np.ndarray) -> np.ndarray:
+        u = float(base.acceleration(np.array([t % (1 / f)]))[0])
+        F_T, F_F = foot.forces(x[:4])
+        power = (F_T - foot.k_T * x[0]) * x[2], (F_F - foot.k_F * x[1]) * x[3]
+        return np.array([*foot.rates(t, x[:4], u), *power])
+
+    settled = 20 / f
+    run = solve_ivp(
+        rates, (0, settled + 1 / f), np.zeros(6), "DOP853", [settled, settled + 1 / f], rtol=1e-9, atol=1e-12
+    )
+    work = run.y[4:, 1] - run.y[4:, 0]
+    mine = [e for e in derived(fitted).energies
+            if (e["basis"], e["branch"], e["frequency_hz"]) == (IF_TRUE, fitted.best.name, f)]  # fmt: skip
+    assert [e["damper"] for e in mine] == ["ankle", "fat pad"]
+    assert [e["dissipated_j"] for e in mine] == pytest.approx(work, rel=1e-5)
+    assert all(e["lower_j"] < e["dissipated_j"] < e["upper_j"] for e in mine)
+    assert sum(e["share"] for e in mine) == pytest.approx(1)
+
+
+def test_parts_of_chi_square_add_up(fitted: FitResult) -> None:
+    parts = derived(fitted).chi_square
+    assert sum(row["chi_square_if_model_true"] for row in parts) == pytest.approx(fitted.best.chi_square, rel=1e-6)
+    assert sum(row["chi_square"] for row in parts) == pytest.approx(fitted.wide.chi_square, rel=1e-6)
+    assert 2 * len(parts) == fitted.best.dof + len(fitted.parameters)
+    assert {(r["harmonic"], round(r["frequency_hz"])) for r in parts} >= {(1, 10), (6, 10), (3, 30)}
+
+
+def test_curves_go_through_the_motion_in_mujoco(fitted: FitResult) -> None:
+    found = derived(fitted)
+    for r in fitted.recordings:
+        out, into = (fit_harmonics(r.time_s, x, r.frequency_hz, 1).amplitudes[0] for x in (r.model, r.base))
+        (curve,) = (row for row in found.curves
+                    if (row["branch"], row["frequency_hz"]) == (fitted.best.name, r.frequency_hz))  # fmt: skip
+        assert curve["transmissibility"] == pytest.approx(abs(out / into), rel=2e-3)
+        assert curve["phase_lag_deg"] == pytest.approx(-np.degrees(np.angle(out / into)), abs=0.3)
+        (data,) = (row for row in found.data if row["frequency_hz"] == r.frequency_hz)
+        assert data["lower"] < data["transmissibility"] < data["upper"]
+
+
+def test_laws_of_the_dampers_hold_their_constant_at_rest(fitted: FitResult) -> None:
+    rows = [row for row in derived(fitted).dampers if row["basis"] == IF_TRUE and row["branch"] == fitted.best.name]
+    for damper, name in (("ankle", "c_11"), ("fat pad", "c_21")):
+        mine = [row for row in rows if row["damper"] == damper]
+        x = [row["displacement_m"] for row in mine]
+        assert min(x) < 0 < max(x)
+        e = fitted[name].if_model_true
+        for key, want in (("damping_n_s_per_m", e.value), ("lower", e.lower), ("upper", e.upper)):
+            assert np.interp(0.0, x, [row[key] for row in mine]) == pytest.approx(want, rel=2e-3)
+        (reached,) = (row for row in derived(fitted).reached if row["damper"] == damper)
+        assert reached["lower_m"] < 0 < reached["upper_m"]
+
+
+def test_tables_are_what_is_drawn(fitted: FitResult) -> None:
+    found = report.tables(fitted)
+    rows = list(csv.DictReader(io.StringIO(report.table(found["modes"]))))
+    assert [float(row["natural_frequency_hz"]) for row in rows] == pytest.approx(
+        [m["natural_frequency_hz"] for m in derived(fitted).modes], rel=1e-7
+    )
+    assert set(report.captions(fitted)) <= {name.split("_data")[0] for name in found}
+    assert all(rows for rows in found.values())
+
+
+def test_a_result_says_how_to_make_it_again(fitted: FitResult) -> None:
+    told = fitted.document()["provenance"]
+    assert told["seed"] == 0 and told["settings"]["starts"] == 2
+    assert told["bounds"]["k_T_n_per_m"] == [1e4, 1e7]
+    assert {"mujoco", "numpy", "python"} <= set(told["versions"])
+    for file, digest in told["sha256"].items():
+        assert digest == hashlib.sha256((BUNDLED.parent / file).read_bytes()).hexdigest()
+    assert len(told["sha256"]) == 3

@@ -1,0 +1,353 @@
+"""Rival models against closed forms, MuJoCo, a simulator of their own, and worlds whose departure is known."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import identification as idn
+import mjcf
+from benchmarks import worlds
+from benchmarks.worlds import Departure, Leg
+from fasbody.exceptions import ModelError, RecordingError, SettingError
+from fasbody.foot.model import load
+from fasbody.foot.two_dof import TwoDof
+from fasbody.recording.recording import Recording
+from identification.result import Estimate
+from identification.rivals.__main__ import app
+from identification.rivals.compare import compare_rivals
+from identification.rivals.ladder import LADDER, RungSpace, nuisances
+from identification.rivals.mjcf import difference, edited_text, write_models
+from identification.rivals.problem import Measured, RungProblem
+from identification.rivals.result import DECISIVE, Rival, Rivals, preferred
+from identification.rivals.search import folds, image, surprise
+from identification.rivals.steady import CONSTANTS, HARMONICS, INDEX, felt
+
+LEG = Leg(1.5e5, 1.0e5, 430.0, 50.0, 100.0, 500.0, -50.0, 100.0, 3.3, 1.05)
+#: Its dampers bend so little that it is linear.
+LINEAR = replace(LEG, c_12=0.0, c_13=0.0, c_22=0.0, c_23=0.0)
+U = 8.95 * np.array([1, 0.02j, 0.01])
+
+
+def constants(leg: Leg, **changed: float) -> np.ndarray:
+    found = {**dict.fromkeys(CONSTANTS, 0.0), "tau": 5e-3, "f_w": 25.0, "zeta_w": 0.2, "zeta_u": 0.2, **vars(leg)}
+    return np.array([{**found, **changed}[name] for name in CONSTANTS])
+
+
+def response(c: np.ndarray, hz: float, base: np.ndarray = U, load_kg: float = 0.0) -> np.ndarray:
+    found, Y, _ = felt(c, load_kg, hz, base, 0.25, np.zeros(2 * (2 * HARMONICS + 1)), False)
+    assert found
+    return Y
+
+
+# the equations
+
+
+def test_linear_foot_has_the_closed_form_response() -> None:
+    foot = TwoDof(**vars(LINEAR))
+    for hz in (10.0, 23.0, 50.0):
+        H = foot.transmissibility(hz * np.arange(1, 4))
+        assert np.allclose(response(constants(LINEAR), hz), H * U, rtol=1e-11)
+
+
+def test_linear_rivals_have_their_closed_form_responses() -> None:
+    """A complex stiffness, a complex mass and a factor, in the transmissibility of two masses on springs."""
+    r, tau, w, f_w, zeta, u, load_kg, hz = 0.4, 6e-3, 0.3, 22.0, 0.15, 1 / 95**2, 2.3, 18.0
+    s = 2j * np.pi * hz * np.arange(1, 4)
+    relax = s * tau / (1 + s * tau)
+    p_T = LINEAR.k_T * (1 + r * relax) + LINEAR.c_11 * s
+    p_F = LINEAR.k_F * (1 + 0.5 * r * relax) + LINEAR.c_21 * s
+    W = 2 * np.pi * f_w
+    hangs = (W**2 + 2 * zeta * W * s) / (s**2 + 2 * zeta * W * s + W**2)
+    m_S = load_kg + LINEAR.m_S * (1 - w + w * hangs)
+    G = p_T * p_F / ((m_S * s**2 + p_T) * (LINEAR.m_F * s**2 + p_T + p_F) - p_T**2)
+    M = 2 * np.pi / np.sqrt(u)
+    sensor = (M**2 + 0.4 * M * s) / (s**2 + 0.4 * M * s + M**2)
+    late = np.exp(-s * 1e-4) * (1 + 0.01 + 0.02 * 0.25)
+    c = constants(
+        LINEAR, r_T=r, r_F=0.5 * r, tau=tau, w=w, f_w=f_w, zeta_w=zeta, u=u, gain=0.01, drift=0.02, delay=1e-4
+    )
+    assert np.allclose(response(c, hz, load_kg=load_kg), G * U * sensor * late, rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("changed", "departure"),
+    [
+        ({}, Departure()),
+        ({"r_T": 0.5, "r_F": 0.3}, Departure(relax_T=0.5, relax_F=0.3)),
+        ({"u": 1 / 90**2}, Departure(mount_hz=90.0)),
+        ({"b_T": 500.0, "b_F": -350.0}, Departure(exponential=(500.0, -350.0))),
+        ({"d_T": 2e5, "d_F": 1e5}, Departure(cubic=(2e5, 1e5))),
+        ({"e_T": np.log(1.1), "e_F": np.log(1.1)}, Departure(follow=0.1)),
+    ],
+    ids=["model", "relaxing", "mount", "exponential", "cubic", "load"],
+)
+def test_every_rival_moves_as_in_the_other_simulator(changed: dict[str, float], departure: Departure) -> None:
+    for hz in (10.0, 27.0):
+        want = worlds.felt(LEG, departure, 2.3, hz, U)[:3]
+        assert np.abs(response(constants(LEG, **changed), hz, load_kg=2.3) - want).max() < 1e-8 * abs(want[0])
+
+
+def test_derivatives_are_those_of_differences() -> None:
+    c = constants(
+        LEG, b_T=400, b_F=-300, p_T=100, p_F=-50, d_T=1e5, d_F=2e5, r_T=0.4, r_F=0.3, w=0.2, e_T=0.1, e_F=-0.1,
+        u=1e-4, gain=0.01, drift=0.02, delay=1e-4,
+    )  # fmt: skip
+    q = np.zeros(2 * (2 * HARMONICS + 1))
+    _, _, D = felt(c, 2.3, 20.0, U, 0.25, q, False)
+    for i, name in enumerate(CONSTANTS):
+        nudge = np.zeros(c.size)
+        nudge[i] = 1e-5 * abs(c[i])
+        wide = (response(c + nudge, 20.0, load_kg=2.3) - response(c - nudge, 20.0, load_kg=2.3)) / (2 * nudge[i])
+        assert np.abs(D[:, i] - wide).max() < 1e-5 * np.abs(wide).max(), name
+    _, _, noisy = felt(c, 2.3, 20.0, U, 0.25, q, True)
+    for i, turn in enumerate((1, 1j)):
+        nudge = 1e-5 * turn * np.array([0, 1, 0])
+        wide = (response(c, 20.0, U + nudge, 2.3) - response(c, 20.0, U - nudge, 2.3)) / 2e-5
+        assert np.abs(noisy[:, 2 + i] - wide).max() < 1e-5 * np.abs(wide).max()
+
+
+# the search
+
+
+def spaces(body_kg: float = 70.0) -> dict[str, RungSpace]:
+    limits = {name: (item.lower, item.upper) for name, item in load("two_dof").parameters.items()}
+    m_S, m_F = 0.0465 * body_kg, 0.0145 * body_kg
+    made = nuisances({"delay": 1e-4})
+    return {rung.name: RungSpace(rung, limits, m_S / (m_S + m_F), m_S, m_F, made) for rung in LADDER}
+
+
+@pytest.mark.parametrize("name", [rung.name for rung in LADDER])
+def test_slopes_of_a_space_are_those_of_differences(name: str) -> None:
+    space = spaces()[name]
+    q = space.search(vars(LEG))
+    _, slope = space.constants(q)
+    for i in range(q.size):
+        nudge = 1e-5 * np.eye(q.size)[i]
+        wide = (space.constants(q + nudge)[0] - space.constants(q - nudge)[0]) / 2e-5
+        assert np.allclose(slope[:, i], wide, rtol=1e-5, atol=1e-7 * np.abs(wide).max()), space.variables[i].name
+
+
+def test_search_variable_and_constants_are_inverse_and_the_image_is_the_mirror() -> None:
+    space = spaces()["linear"]
+    q = space.search(vars(LINEAR))
+    named = space.named(q)
+    assert all(np.isclose(named[name], getattr(LINEAR, name)) for name in ("k_T", "k_F", "c_11", "c_21"))
+    foot = TwoDof.from_values({**named, "m_S": space.m_S, "m_F": space.m_F})
+    other = TwoDof.from_values({**space.named(image(space, q)), "m_S": space.m_S, "m_F": space.m_F})
+    f = np.linspace(5, 60, 12)
+    assert np.allclose(foot.transmissibility(f), other.transmissibility(f))
+    assert np.isclose(other.k_T, foot.mirror().k_T)
+
+
+def test_surprise_is_the_log_density_of_what_was_left_out() -> None:
+    """Against a normal distribution drawn from: the mean of r' S^-1 r is the number of residuals."""
+    rng = np.random.default_rng(0)
+    J, C = rng.normal(size=(6, 3)), np.diag([0.5, 1.0, 2.0])
+    draws = rng.normal(size=(4000, 3)) * np.sqrt(np.diag(C)) @ J.T + rng.normal(size=(4000, 6))
+    S = np.eye(6) + J @ C @ J.T
+    mean = np.mean([surprise(r, J, C) for r in draws])
+    assert abs(mean - 6 - np.linalg.slogdet(S)[1]) < 0.2
+
+
+# the verdict
+
+
+def made(name: str, bic: float, held: float, free: int = 8, per_dof: float = 1.0, k_T: float = 1e5, **changed) -> Rival:  # type: ignore[no-untyped-def]
+    e = Estimate(k_T, 1e3, k_T - 2e3, k_T + 2e3, False, "identified")
+    f = Estimate(2e5, 1e3, 1.98e5, 2.02e5, False, "identified")
+    values: dict[str, object] = {
+        "name": name, "title": name, "free": free, "chi_square": 100 * per_dof, "dof": 100, "bic": bic,
+        "held_out": {"frequency": held}, "error": 0.01, "branch": "stiff pad", "log_odds": 20.0, "k_T": e, "k_F": f,
+        "log_ratio": (np.log(k_T / 2e5), 0.02), "other": None, "own": (), "values": {}, "predicted": (),
+        "converged": True, "nested": name == "linear", "extra": free > 8,
+    }  # fmt: skip
+    return Rival(**{**values, **changed})  # type: ignore[arg-type]
+
+
+def compared(*rivals: Rival) -> Rivals:
+    return Rivals("made", "two_dof", tuple(preferred(list(rivals))), (), (), 0.0)
+
+
+def test_a_rival_is_put_before_the_model_only_by_odds_of_a_thousand_and_foresight() -> None:
+    model = made("model", 120.0, 120.0)
+    assert compared(model, made("mount", 110.0, 100.0, 10)).first.name == "model"  # odds of 150
+    assert compared(model, made("mount", 120 - DECISIVE - 1, 100.0, 10)).first.name == "mount"
+    assert compared(model, made("mount", 100.0, 121.0, 10)).first.name == "model"  # foretells worse
+    assert compared(model, made("linear", 115.0, 119.0, 4)).first.name == "linear"  # nested, and simpler
+    worse = compared(model, made("mount", 50.0, 125.0, 10), made("third", 90.0, 90.0, 11))
+    assert worse.first.name == "third"
+
+
+def test_only_what_all_adequate_rivals_say_is_shared() -> None:
+    model, far = made("model", 100.0, 100.0), made("third", 105.0, 100.0, 11, k_T=3e5)
+    alone = {c.what: c for c in compared(model).conclusions}
+    assert all(c.shared for c in alone.values())
+    assert alone["stiffer"].text == "k_F is the stiffer spring" and alone["branch"].text == "the branch is stiff pad"
+    both = {c.what: c.shared for c in compared(model, far).conclusions}
+    assert both == {"k_T": False, "k_F": True, "branch": True, "stiffer": False}
+    out = compared(model, replace(far, bic=130.0))  # out-predicted, so it has no say
+    assert all(c.shared for c in out.conclusions) and [r.name for r in out.adequate] == ["model"]
+    open_ = replace(model, log_odds=1.0, other=(far.k_T, far.k_F))
+    assert {c.what for c in compared(open_).conclusions if c.shared} == {"k_F"}
+
+
+def test_nothing_is_said_where_no_rival_follows() -> None:
+    lost = compared(made("model", 900.0, 900.0, per_dof=9.0))
+    assert not lost.adequate and not lost.conclusions
+    assert lost.sentence().startswith("No rival follows the recordings")
+    assert len(lost.records()) == 1 and lost.to_dataframe().shape[0] == 1
+    with pytest.raises(SettingError, match="unknown rival 'mond'"):
+        lost["mond"]
+
+
+# worlds
+
+
+def recorded(departure: Departure, leg: Leg = LEG, loads: tuple[float, ...] = (0.0, 2.3)) -> list[Recording]:
+    body = leg.m_F / worlds.FOOT
+    leg = replace(leg, m_S=worlds.SHANK * body)
+    truth = worlds.Member("made", 0, leg, departure, loads, 0.004, 1.0, body)
+    return worlds.recordings(truth, (10.0, 20.0, 25.0, 30.0, 40.0, 50.0))
+
+
+RUNGS = ["relaxing", "mount"]
+
+
+@pytest.fixture(scope="module")
+def relaxing() -> Rivals:
+    return compare_rivals(recorded(Departure(relax_T=0.4, relax_F=0.3)), rungs=RUNGS, source="made")
+
+
+def test_a_mass_that_is_stated_wrong_chooses_no_rival() -> None:
+    result = compare_rivals(recorded(Departure(mass=1.05)), rungs=["mount"])
+    assert result.first.name == "model"
+    assert {c.what for c in result.conclusions if c.shared} >= {"branch", "stiffer"}
+    assert result.first.k_T is not None and result.first.k_T.lower < LEG.k_T < result.first.k_T.upper
+
+
+def test_springs_that_relax_are_named_and_the_model_is_not_believed(relaxing: Rivals) -> None:
+    assert relaxing.first.name == "relaxing" and [r.name for r in relaxing.adequate] == ["relaxing"]
+    assert not relaxing["model"].follows
+    first = relaxing.first
+    assert first.k_T and first.k_F and first.k_T.lower < LEG.k_T < first.k_T.upper
+    own = {each.name: each for each in first.own}
+    assert own["r_T"].lower < 0.4 < own["r_T"].upper and own["tau"].lower < 5e-3 < own["tau"].upper
+    assert relaxing.sentence().startswith("The recordings prefer springs that relax; every other rival is ruled out.")
+
+
+def test_a_sensor_on_soft_tissue_is_named_with_its_frequency() -> None:
+    result = compare_rivals(recorded(Departure(mount_hz=100.0)), rungs=RUNGS)
+    assert result.first.name == "mount"
+    (frequency, _) = result.first.own
+    assert frequency.name == "f_u" and frequency.lower < 100 < frequency.upper
+
+
+def test_what_is_left_out_are_thirds_of_the_frequencies_and_each_load() -> None:
+    from fasbody.recording.checks import checked
+    from identification.periodic import Line
+
+    data = Measured.of([Line.of(checked(r)) for r in recorded(Departure())])
+    left = folds(data)
+    assert [kind for kind, _ in left] == ["frequency"] * 3 + ["load"] * 2
+    assert np.array([mask for kind, mask in left if kind == "frequency"]).sum(axis=0).tolist() == [1] * 12
+    problem = RungProblem(data, spaces(LEG.m_F / worlds.FOOT)["model"])
+    q = problem.space.search({name: value for name, value in vars(LEG).items() if name[0] != "m"})
+    assert problem.chi(q) / data.size < 2  # the truth follows, with the input's noise seen through the foot
+    exact = RungProblem(data.weighed(problem.space.constants(q)[0]), problem.space)
+    assert 0.5 < exact.chi(q) / data.size < 1.5
+
+
+def test_figures_files_and_command(relaxing: Rivals, tmp_path: Path) -> None:
+    for kind in relaxing.plots:
+        figure = relaxing.plot(kind)
+        assert figure.get_size_inches()[0] > 5
+    labels = [text.get_text() for text in relaxing.plot("constants").axes[0].get_yticklabels()]
+    assert labels[-1] == "springs that relax"
+    assert {file.name for file in relaxing.write(tmp_path)} == {"rivals.csv", "rivals.json"}
+    document = json.loads(json.dumps(relaxing.document(), default=float))
+    assert document["first"] == "relaxing" and len(document["rivals"]) == 4
+    found = write_models(relaxing, mjcf.path("two_dof"), tmp_path)
+    assert {path.stem for path in found} == {"linear", "model", "relaxing", "mount"}
+    assert max(found.values()) < 1e-5
+
+
+# MJCF
+
+
+@pytest.mark.parametrize(
+    ("name", "changed"),
+    [
+        ("linear", {"c_12": 0.0, "c_13": 0.0, "c_22": 0.0, "c_23": 0.0}),
+        ("model", {}),
+        ("exponential", {"b_T": 900.0, "b_F": -400.0}),
+        ("polynomial", {"p_T": 100.0, "p_F": -50.0, "d_T": 1e5, "d_F": 2e5}),
+        ("relaxing", {"r_T": 0.4, "r_F": 0.3}),
+        ("mount", {"u": 1 / 90**2}),
+        ("third", {"w": 0.3}),
+        ("load", {"e_T": 0.2, "e_F": 0.1}),
+    ],
+)
+def test_mujoco_moves_as_the_compiled_rival(name: str, changed: dict[str, float], tmp_path: Path) -> None:
+    values = dict(zip(CONSTANTS, map(float, constants(LEG, **changed)), strict=True))
+    file = tmp_path / f"{name}.xml"
+    file.write_text(edited_text(mjcf.path("two_dof"), name, name, values, 2.3 if name == "load" else 0.0))
+    assert difference(file, name, values, 24.0, U, 2.3) < 1e-5
+    foot = load(file).values()
+    told = {"k_T", "k_F", "c_11", "c_21"} if name != "load" else {"c_12", "c_22"}
+    assert all(np.isclose(foot[key], values[key]) for key in told)
+    if name == "relaxing":
+        assert np.isclose(foot["k_RT"], 0.4 * values["k_T"]) and np.isclose(foot["tau_R"], values["tau"])
+    assert "<!--" in file.read_text().splitlines()[1]
+
+
+def test_a_users_own_model_is_a_rival(tmp_path: Path) -> None:
+    """The truth written as MJCF, with all but the springs held: it follows, and its springs are the truth's."""
+    values = dict(zip(CONSTANTS, map(float, constants(LEG, u=1 / 90**2)), strict=True))
+    text = edited_text(mjcf.path("two_dof"), "mount", "mount", values)
+    lines = [line for line in text.splitlines() if not any(f'text name="{name}"' in line for name in CONSTANTS[2:8])]
+    file = tmp_path / "my_foot.xml"
+    file.write_text("\n".join(lines))
+    data = recorded(Departure(mount_hz=90.0), loads=(0.0,))[1:4]
+    result = compare_rivals(data, rungs=["mount"], files=[file])
+    mine = result["my_foot.xml"]
+    assert mine.free == 2 and mine.follows and mine in result.adequate
+    assert mine.k_T and mine.k_F and mine.k_T.lower < LEG.k_T < mine.k_T.upper
+    assert not result["model"].follows
+
+
+# bad input
+
+
+def test_bad_input_is_one_sentence(tmp_path: Path) -> None:
+    data = recorded(Departure())
+    with pytest.raises(SettingError, match="unknown rung 'maunt', did you mean 'mount'"):
+        compare_rivals(data, rungs=["maunt"])
+    with pytest.raises(ModelError, match="known for the two-mass foot only"):
+        compare_rivals(data, load("foot_arch"))
+    with pytest.raises(RecordingError, match="no recording"):
+        compare_rivals([])
+    with pytest.raises(RecordingError, match="at least three frequencies"):
+        compare_rivals(data[:2])
+    other = replace(data[0], condition=replace(data[0].condition, body_mass_kg=50.0))
+    with pytest.raises(RecordingError, match="several persons"):
+        compare_rivals([other, *data[1:]])
+    rng = np.random.default_rng(0)
+    wild = replace(data[0], base_m_s2=rng.normal(size=data[0].time_s.size))
+    wild = replace(wild, condition=replace(wild.condition, frequency_hz=None))
+    with pytest.raises(RecordingError, match="steady vibration"):
+        compare_rivals([wild, *data[1:]])
+    bare = tmp_path / "bare.xml"
+    bare.write_text(mjcf.path("two_dof").read_text().replace('name="talocrural"', 'name="ankle"'))
+    with pytest.raises(ModelError, match="no body with the joint 'talocrural'"):
+        edited_text(bare, "model", "model", dict(zip(CONSTANTS, constants(LEG), strict=True)))
+    found = CliRunner().invoke(app, [str(tmp_path / "nothing.csv")])
+    assert found.exception is not None and "no such file" in str(found.exception)
+
+
+def test_public_face() -> None:
+    assert idn.compare_rivals is compare_rivals and idn.Rivals is Rivals
+    assert INDEX["delay"] == len(CONSTANTS) - 1
