@@ -125,69 +125,6 @@ class _Wide(View):
         return {name: float(mass[number]) for name, (mass, _) in world.weights(q).items()}
 
     def foot(self, q: np.ndarray, number: int) -> dict[str, float]:
-        """Constants and masses by name under the conditions of a recording."""
-
-    def moving(self, q: np.ndarray, number: int) -> dict[str, float]:
-        """Constants and masses of the foot that moves as recorded, at the frequency of a recording."""
-        return self.foot(q, number)
-
-    def slopes(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Derivatives (m, n) of a function (m,) of the search variable, by differences inside its bounds."""
-        std = np.sqrt(np.diag(self.C))
-        low, high = self.bounds
-        columns = []
-        for i, s in enumerate(std):
-            if not (np.isfinite(s) and s > 0):
-                columns.append(np.zeros_like(function(self.q)) if s == 0 else np.full_like(function(self.q), np.inf))
-                continue
-            ends = [float(np.clip(self.q[i] + sign * _STEP * s, low[i], high[i])) for sign in (-1, 1)]
-            below, above = (function(np.where(np.arange(std.size) == i, end, self.q)) for end in ends)
-            columns.append((above - below) / (ends[1] - ends[0]))
-        return np.column_stack(columns)
-
-    def spread(self, J: np.ndarray) -> np.ndarray:
-        """Standard errors (m,) of what has the derivatives J (m, n); infinite where the recordings set no limit."""
-        blind = ~np.isfinite(np.diag(self.C))
-        known = np.where(np.outer(blind, blind) | ~np.isfinite(self.C), 0.0, self.C)
-        J_known = np.where(blind, 0.0, J)
-        std = np.sqrt(np.maximum(np.einsum("mi,ij,mj->m", J_known, known, J_known), 0.0))
-        return np.where((J[:, blind] != 0).any(axis=1), np.inf, std)
-
-
-class _Narrow(View):
-    """If the model is true."""
-
-    def __init__(self, evidence: "Evidence", certified: Certified, dof: int) -> None:
-        problem, descent, space = certified.problem, certified.descent, evidence.space
-        self.branch, self.basis, self.space, self.evidence = certified.name, IF_TRUE, space, evidence
-        self.q, self.bounds = space.to_q(descent.theta), space.bounds
-        _, C = standard_errors(problem, descent, dof)
-        excess = max(1.0, descent.cost / max(1, dof)) if problem.chi_square else 1.0
-        self.C = np.nan_to_num(C, nan=0.0, posinf=np.inf) * excess
-
-    def foot(self, q: np.ndarray, number: int) -> dict[str, float]:
-        """See `View`."""
-        domain = self.evidence.domain
-        values = self.space.values(self.space.to_theta(q))
-        return {**domain.foot.values(), **values, **domain.recordings[number].condition.masses}
-
-
-class _Wide(View):
-    """Whatever else may be true."""
-
-    def __init__(self, end: "End", dof: int) -> None:
-        self.branch, self.basis, self.q, self.world = end.name, WHATEVER, end.q, end.problem.world
-        self.bounds = self.world.bounds
-        self.C = inverse_of_gram(end.problem.jacobian(end.q)) * max(1.0, end.problem.chi(end.q) / max(1, dof))
-
-    def _masses(self, q: np.ndarray, number: int) -> dict[str, float]:
-        world = self.world
-        return {
-            name: stated * float(np.exp(world.of(q, world._weighed[name]))) + world._load(number, name)
-            for name, stated in world.stated(number).items()
-        }
-
-    def foot(self, q: np.ndarray, number: int) -> dict[str, float]:
         """See `View`: without what relaxes, which adds stiffness and damping to a motion, and none at rest."""
         condition = self.world.recordings[number].condition
         constants = {name: float(each[number]) for name, each in self.world.constants(q)[0].items()}
