@@ -32,6 +32,7 @@ from fasbody.exceptions import FasError, SettingError
 from fasbody.recording.recording import Recording
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.result import Branch, FitResult
+from identification.space import names
 from reproduction.check import Check, at_least, at_most, told, within
 
 ROOT = Path(__file__).parents[1]
@@ -92,12 +93,12 @@ class Judged:
         return [interval for interval in self.intervals.values() if interval.word == "identified"]
 
 
-def fitted(data: Sequence[Recording]) -> FitResult:
+def fitted(data: Sequence[Recording], exclude: Sequence[str] = ()) -> FitResult:
     """The public fit, as a user calls it; the only place of this module that knows it."""
     from fasbody.foot.model import load
     from identification.estimate import fit_foot
 
-    return fit_foot(data, load("two_dof"), starts=STARTS, threads=1)
+    return fit_foot(data, load("two_dof"), starts=STARTS, threads=1, exclude=tuple(exclude))
 
 
 def intervals_of(branch: Branch, truth: Member) -> dict[str, Interval]:
@@ -121,13 +122,13 @@ def judged(truth: Member, result: FitResult, seconds: float) -> Judged:
     )  # fmt: skip
 
 
-def trial(world: str, seed: int) -> Judged:
-    """Record, fit and judge one member."""
+def trial(world: str, seed: int, exclude: Sequence[str] = ()) -> Judged:
+    """Record, fit and judge one member; `exclude` is what its laboratory says cannot be."""
     truth = member(world, seed)
     data = recordings(truth)
     began = time.process_time()
     try:
-        result = fitted(data)
+        result = fitted(data, exclude)
     except FasError as error:
         spent = time.process_time() - began
         return Judged(
@@ -136,9 +137,9 @@ def trial(world: str, seed: int) -> Judged:
     return judged(truth, result, time.process_time() - began)
 
 
-def digest() -> str:
-    """Of everything that a result depends on: worlds, fit, models and readers."""
-    found = hashlib.sha256()
+def digest(exclude: Sequence[str] = ()) -> str:
+    """Of everything that a result depends on: worlds, fit, models and readers, and what is excluded."""
+    found = hashlib.sha256(",".join(sorted(exclude)).encode())
     files = [ROOT / "benchmarks" / name for name in ("worlds.py", "reality.py")]
     for room in ("identification", "fasbody/foot", "fasbody/recording", "mjcf"):
         files += [file for file in (ROOT / room).rglob("*") if file.suffix in (".py", ".xml")]
@@ -166,11 +167,13 @@ def _quiet() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def study(work: Sequence[tuple[str, int]], jobs: int, progress: Progress) -> Iterator[Judged]:
+def study(
+    work: Sequence[tuple[str, int]], jobs: int, progress: Progress, exclude: Sequence[str] = ()
+) -> Iterator[Judged]:
     """Members as they finish; Ctrl-C ends them and keeps what is done."""
     task = progress.add_task("worlds", total=len(work))
     with ProcessPoolExecutor(jobs, get_context("spawn"), _quiet) as pool:
-        futures = [pool.submit(trial, world, seed) for world, seed in work]
+        futures = [pool.submit(trial, world, seed, exclude) for world, seed in work]
         try:
             for future in as_completed(futures):
                 progress.advance(task)
@@ -180,8 +183,10 @@ def study(work: Sequence[tuple[str, int]], jobs: int, progress: Progress) -> Ite
             console.print("interrupted; the rows rest on what is done")
 
 
-def measure(seeds: int, jobs: int, state: Path, worlds: Sequence[str] = WORLDS) -> list[Check]:
-    """Rows from so many seeds a world; what `state` holds is not done again.
+def measure(
+    seeds: int, jobs: int, state: Path, worlds: Sequence[str] = WORLDS, first: int = 0, exclude: Sequence[str] = ()
+) -> list[Check]:
+    """Rows from so many seeds a world, from the first on; what `state` holds is not done again.
 
     Raises:
         SettingError: no seed, or an unknown world.
@@ -191,12 +196,12 @@ def measure(seeds: int, jobs: int, state: Path, worlds: Sequence[str] = WORLDS) 
     for world in worlds:
         if world not in WORLDS:
             raise SettingError(f"--world is {world!r}; there are {', '.join(WORLDS)}.")
-    stamp = digest()
-    wanted = [(world, seed) for seed in range(seeds) for world in worlds]
+    stamp = digest(exclude)
+    wanted = [(world, seed) for seed in range(first, first + seeds) for world in worlds]
     done = {(j.world, j.seed): j for j in read(state, stamp)}
     work = [key for key in wanted if key not in done]
     with progress_bar() as progress, state.open("a") as file:
-        for found in study(work, jobs, progress) if work else ():
+        for found in study(work, jobs, progress, exclude) if work else ():
             done[found.world, found.seed] = found
             file.write(json.dumps({**asdict(found), "digest": stamp}) + "\n")
             file.flush()
@@ -261,6 +266,8 @@ def main(
     seeds: Annotated[int, typer.Option(help="legs a world; the study takes 24")] = 24,
     jobs: Annotated[int, typer.Option(help="processes")] = 2,
     world: Annotated[list[str] | None, typer.Option(help="only this world; repeat it for more")] = None,
+    first: Annotated[int, typer.Option(help="first seed: other ones judge what was mended after a look at these")] = 0,
+    exclude: Annotated[str | None, typer.Option(help="what the laboratory has excluded, as identification.fit")] = None,
     state: Annotated[Path, typer.Option(help="what is done, to go on from")] = Path("reality.jsonl"),
     json_: JsonOption = False,
 ) -> None:
@@ -271,7 +278,7 @@ def main(
 
       python -m benchmarks.reality --world "sensor on tissue" --world clean
     """
-    report("reality", measure(seeds, jobs, state, world or WORLDS), json_)
+    report("reality", measure(seeds, jobs, state, world or WORLDS, first, names(exclude) or ()), json_)
 
 
 if __name__ == "__main__":

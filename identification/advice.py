@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import chdtrc
 
 from fasbody.recording.recording import Recording
 from identification.branches import Verdict
@@ -101,7 +102,25 @@ def departures(world: World) -> list[str]:
             signs = (each.name in _SIGNS or each.group == "load") and abs(each.seen) > _FAR
         if signs:
             texts.append(_sign(each))
-    return texts
+    return [*texts, *_loads(world)]
+
+
+def _loads(world: World) -> list[str]:
+    """Whether the recordings want constants that follow the load, and what two loads say if they do not."""
+    follow = [each for each in world.nuisances if each.group == "load"]
+    if world.constant is None or not follow or not world.follows:
+        return []
+    falls = max(0.0, world.constant - world.objective) / max(1.0, world.per_dof)
+    chance_ = float(chdtrc(len(follow), falls))
+    gain = f"chi-square falls by {falls:.3g} for {len(follow)} more constants, {chance(chance_)}"
+    if chance_ < UNLIKELY:
+        return [
+            f"The recordings want stiffness and damping that follow the load ({gain}); these are values without it."
+        ]
+    return [
+        f"The loads agree with stiffness and damping that do not follow them ({gain}). Intervals and odds allow for "
+        "what the recordings do not exclude."
+    ]
 
 
 _SIGNS = ("mount", "relaxing k_T", "relaxing k_F", "rocking")

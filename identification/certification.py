@@ -5,7 +5,7 @@ the thesis.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -25,10 +25,15 @@ from identification.periodic import PeriodicProblem
 from identification.result import Branch, Estimate, identifiability
 from identification.search import Descent, Problem, descend
 from identification.sensors import MALLEOLUS, SensorFit
+from identification.settle import settle as settle_between
 from identification.space import DELAY, Space, delay_of
 
 #: Rounds of reweighing: the weights depend on the model, and settle at once.
 _REWEIGH = 2
+#: Decrease of chi-square in MuJoCo that is far below a standard error, where the misfit is noise; evaluations at most.
+_PROMISED, _MOST = 1e-6, 50
+#: Misfit over the noise beyond which a hundredth of a standard error, widened by it, is near enough.
+_MISSES, _ROUGH = 10.0, 1e-2
 #: So many ends of a branch are tried in MuJoCo before it is given up.
 _CANDIDATES = 3
 #: A steady motion this many times larger than the measured one has left its orbit, which is unstable.
@@ -110,13 +115,27 @@ def _certify(domain: Domain, name: str, descent: Descent) -> Certified:
     problem, descent = settle(domain, descent)
     domain = domain.refined(descent.z)
     final = problem.certified(domain.foot)
-    descent = descend(final, domain.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
+    descent = _converged(final, descent)
     starts = [final.states(descent.z, number) for number in range(len(domain.recordings))]
     values = domain.space.values(descent.theta)
     run = replay(domain.foot, domain.recordings, values, starts, domain.twin, domain.threads, domain.sensors)
     if final.chi_square and not _lasts(run, domain.recordings):
         raise SimulationError(f"{domain.foot.name}: a periodic motion that a foot would not stay on.")
     return Certified(name, final, descent, descent.cost + final.log_determinant, run)
+
+
+def _converged(final: Problem, descent: Descent) -> Descent:
+    """The end of a descent on MuJoCo's motion, from where the twin's ended: where the two agree, that is the end."""
+    if not final.chi_square:
+        return descend(final, final.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
+    excess = max(1.0, descent.cost / max(1, final.size))
+    low, high = final.bounds
+    end = settle_between(final, descent.z, low, high, _MOST, _PROMISED if excess < _MISSES else _ROUGH * excess)
+    theta = final.space.to_theta(end.q[: descent.theta.size])
+    return replace(
+        descent, theta=theta, z=end.q, cost=end.objective, converged=end.converged,
+        evaluations=descent.evaluations + end.evaluations,
+    )  # fmt: skip
 
 
 def _lasts(run: Replay, recordings: Sequence[Recording]) -> bool:
@@ -135,7 +154,13 @@ def settle(domain: Domain, descent: Descent) -> tuple[Problem, Descent]:
         problem, domain = problem if finer is domain else finer.problem(), finer
         for _ in range(_REWEIGH if problem.chi_square else 1):  # without chi-square the weights stay
             problem.reweigh(descent.z)
-            descent = descend(problem, domain.space.to_q(descent.theta), descent.label, z0=z, tight=True)
+            descent = descend(
+                problem,
+                domain.space.to_q(descent.theta),
+                descent.label,
+                z0=z,
+                tight=descent.cost < _MISSES * problem.size,
+            )
             z = descent.z
         finer = domain.refined(z)
         if finer is domain:

@@ -122,15 +122,12 @@ class _Wide(View):
 
     def _masses(self, q: np.ndarray, number: int) -> dict[str, float]:
         world = self.world
-        return {
-            name: stated * float(np.exp(world.of(q, world._weighed[name]))) + world._load(number, name)
-            for name, stated in world.stated(number).items()
-        }
+        return {name: float(mass[number]) for name, (mass, _) in world.weights(q).items()}
 
     def foot(self, q: np.ndarray, number: int) -> dict[str, float]:
         """See `View`: without what relaxes, which adds stiffness and damping to a motion, and none at rest."""
         condition = self.world.recordings[number].condition
-        constants = {name: v for name, (v, _) in self.world.constants(q, condition.added_mass_kg).items()}
+        constants = {name: float(each[number]) for name, each in self.world.constants(q)[0].items()}
         return {**self.world.own, **self.world.feet.fixed, **condition.masses, **constants, **self._masses(q, number)}
 
     def moving(self, q: np.ndarray, number: int) -> dict[str, float]:

@@ -11,7 +11,7 @@ from fasbody.exceptions import RecordingError, SettingError, SimulationError, un
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import apart, checked, gathered
 from fasbody.recording.known import Known
-from fasbody.recording.recording import UNSTATED, Recording
+from fasbody.recording.recording import UNSTATED, Channel, Recording
 from fasbody.recording.study import Study
 from identification import branches, search, sensors
 from identification.advice import advice, excitation_rank
@@ -24,7 +24,7 @@ from identification.lifting import contacts
 from identification.result import FitResult, RecordingFit
 from identification.search import ZERO, Descent
 from identification.space import MASSES, Space, space_of
-from identification.wide import End, widened, widest
+from identification.wide import End, trusting, widened, widest
 
 #: Rounds of as many random starts again, while a recording that the parameters can follow exactly is not followed.
 _MORE_ROUNDS = 3
@@ -114,6 +114,8 @@ def fit_foot(
     answer = certify(question, explored, advance)
     ends = widen(question, answer, advance) if settings.wide else []
     result = judge(question, explored, answer, ends)
+    if settings.wide and result.wide is None:
+        result = replace(result, branches=tuple(trusting(branch) for branch in result.branches))
     return replace(
         result,
         source=study.name if isinstance(study, Study) else result.source,
@@ -178,12 +180,13 @@ class Question:
         told = {name: getattr(settings, name) for name in ("mass_std", "gain_std", "delay_std_s", "exclude")}
         known = Known.of_all([recording.known for recording in recordings]).told(**told)
         apart(recordings)
-        data = [checked(recording) for recording in recordings]
+        data = [_calibrated(checked(recording), known) for recording in recordings]
         warnings = gathered([text for recording in data for text in recording.warnings])
         name, why = choose_domain(data, settings.domain)
         warnings += why
-        delay = _tells_delay(data) if settings.delay is None else settings.delay
-        if not delay:
+        none = known.delay_std_s == 0.0  # known exactly, so there is nothing to estimate
+        delay = _tells_delay(data) and not none if settings.delay is None else settings.delay
+        if not delay and not none:
             warnings.append("One frequency cannot tell a delay between the channels from damping: it is held at zero.")
         fitted, passed_over = sensors.chosen(data, foot, settings.sensors)
         warnings += passed_over
@@ -200,6 +203,22 @@ class Question:
     def side(self, descent: Descent) -> str:
         """The branch on which a descent ended."""
         return "best" if self.ratio is None else branches.side(self.space.values(descent.theta), self.ratio)
+
+
+def _calibrated(recording: Recording, known: Known) -> Recording:
+    """A recording whose channels are as alike as a laboratory or a user says, in place of what each channel states."""
+    told: dict[str, Any] = {
+        name: value
+        for name, value in (("gain_std", known.gain_std), ("delay_std_s", known.delay_std_s))
+        if value is not None
+    }
+    if not told:
+        return recording
+    base, malleolus = (recording.calibration.get(name, Channel()) for name in ("base", "malleolus"))
+    none: dict[str, Any] = dict.fromkeys(told, 0.0)
+    exact = replace(base, **none)
+    channels = {**recording.calibration, "base": exact, "malleolus": replace(malleolus, **told)}
+    return replace(recording, calibration=channels)
 
 
 def _tells_delay(data: Sequence[Recording]) -> bool:

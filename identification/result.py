@@ -171,7 +171,9 @@ class World:
     Attributes:
         chi_square: of the recordings, for dof degrees of freedom. objective: that and the squares of the prior's rows.
         dof: see chi_square. follows: it describes the recordings; if not, no constant is offered.
-        masses, nuisances: what was estimated beside the constants.
+        masses, nuisances: what was estimated beside the constants. constant: the objective where no constant follows
+            the load; None where that is not compared. exponents: thesis symbol -> the power of the weight on the pad
+            that it follows, and its 95 % interval.
     """
 
     chi_square: float
@@ -180,6 +182,8 @@ class World:
     follows: bool
     masses: tuple[Mass, ...]
     nuisances: tuple[Allowance, ...]
+    constant: float | None = None
+    exponents: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
 
     @property
     def per_dof(self) -> float:

@@ -4,14 +4,15 @@ What is said of a foot follows this fit: its intervals, whether a constant is id
 Where not even that follows the recordings, no constant and no branch is offered.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.special import chdtri
 
 from fasbody.recording.known import Known
-from identification.branches import STIFF_ANKLE, STIFF_PAD
+from identification.branches import EXCHANGED, STIFF_ANKLE, STIFF_PAD
 from identification.certification import Certified, size_that_matters
 from identification.domains import Domain
 from identification.engines.engine import Engine, Excitation
@@ -20,17 +21,24 @@ from identification.engines.twin import Twin
 from identification.periodic import Line, PeriodicProblem
 from identification.result import Allowance, Branch, Estimate, Mass, World, identifiability
 from identification.search import inverse_of_gram
+from identification.settle import settle
 from identification.space import MASSES, Space
-from identification.world import WorldProblem, WorldSpace, nuisances
+from identification.world import WorldProblem, WorldSpace, nuisances, under
 
-#: Chi-square per degree of freedom beyond which not even the wide fit follows the recordings.
-FOLLOWS = 2.0
+#: Chi-square per degree of freedom beyond which not even the wide fit follows the recordings: between these two where
+#: noise exceeds it once in a thousand.
+FOLLOWS, _AT_LEAST, _BY_CHANCE = 2.0, 1.5, 1e-3
 #: Evaluations of a descent, and of one in MuJoCo, where each costs a simulation a parameter.
-_MOST, _MOST_IN_MUJOCO = 60, 6
-#: An image whose sum of squares is larger by this than the branch's own end is not descended from.
-_FAR = 20.0
-#: Rounds in which a branch's best end goes on until it has converged.
-_ROUNDS = 4
+_MOST, _MOST_IN_MUJOCO = 100, 6
+#: What a step more may promise at an end that has come to rest: odds of 1000 to 1 are 14 of it.
+_SETTLED = 0.5
+#: Standard deviations of chi-square above what noise leaves, beyond which the search goes on from more places, and by
+#: how much heavier or lighter the leg is there: the valley of masses, loads and mount is long.
+_POOR, _HEAVIER = 1.0, (0.1, -0.1)
+#: Sign of rho on each branch.
+_SIGNS = {STIFF_ANKLE: 1, STIFF_PAD: -1}
+#: No leg's mass is further off than this (of the logarithm), however little the recordings say.
+_HALF = (-0.5, 0.5)
 _Z95 = 1.959963984540054
 _IF_TRUE = ", if the model is true"
 
@@ -41,7 +49,9 @@ class End:
 
     Attributes:
         name: of the branch. q: search variable (n,). problem: whose residual it minimises. objective: chi-square and
-            the squares of the prior's rows. converged: by its tolerances.
+            the squares of the prior's rows. converged: a step more promises next to nothing.
+        constant: the objective where the foot's constants do not follow the load; None where one load, or a laboratory,
+            says nothing of that.
     """
 
     name: str
@@ -49,6 +59,7 @@ class End:
     problem: WorldProblem
     objective: float
     converged: bool
+    constant: float | None = None
 
 
 def widest(
@@ -85,30 +96,85 @@ def widest(
     starts = [(c.name, world.start(space.values(c.descent.theta))) for c in certified]
     if world.ratio is None:
         return sorted((_descend(problem, name, q, *world.bounds, most) for name, q in starts), key=_objective)
-    ends: dict[str, End] = {}
-    sides = {name: sign for name, sign in ((STIFF_ANKLE, 1), (STIFF_PAD, -1)) if name not in without}
+    both = [name for name in (STIFF_ANKLE, STIFF_PAD) if name not in without]
+    ends = _Ends(problem, both, most)
+    for name, q in starts:
+        ends.enter(name, q)
+    ends.mirror()
+    if ends.poor():  # a narrow fit that a wrong model drove into a corner is no place to start from
+        own = world.start(foot.values())
+        ends.enter(STIFF_ANKLE if own[world.index["k_F"]] >= 0 else STIFF_PAD, own)
+        ends.mirror()
+    for end in list(ends.found.values()):  # second harmonics have one optimum for each way that dampers bend
+        for q in world.bent(end.q):
+            ends.enter(end.name, q)
+    ends.mirror()
+    for share in _HEAVIER if weighed else ():
+        for end in list(ends.found.values()) if ends.poor() else ():
+            heavier = world.heavier(end.q, share)
+            ends.enter(end.name, heavier)
+            ends.enter(_other(end.name), world.image(heavier))
+    if certified[0].descent.cost > FOLLOWS * problem.size:  # the weights rest on the model, and that was a wrong one
+        problem.reweigh(min(ends.found.values(), key=_objective).q)
+        ends = _Ends(problem, both, most, ends.found)
+    for name, end in list(ends.found.items()):  # the odds are between ends, not between places on the way
+        if not end.converged:
+            ends.enter(name, end.q)
+    best, *others = sorted(ends.found.values(), key=_objective)
+    return [_constant(best, most), *others]
 
-    def enter(name: str, q: np.ndarray, far: float = np.inf) -> None:
-        low, high = world.side(sides[name])
-        best = ends.get(name)
-        if best is not None and np.sum(problem.residual(np.clip(q, low, high)) ** 2) > best.objective + far:
-            return
-        found = _descend(problem, name, q, low, high, most)
-        if best is None or found.objective < best.objective:
-            ends[name] = found
 
-    for name in sides:
-        for whose, q in starts:
-            enter(name, q if whose == name else world.image(q), np.inf if whose == name else 50 * _FAR)
-    for name, end in list(ends.items()):
-        other = STIFF_PAD if name == STIFF_ANKLE else STIFF_ANKLE
-        if other in sides:
-            enter(other, world.image(end.q), _FAR)
-    for name in ends:  # the odds are between ends, not between places on the way
-        for _ in range(_ROUNDS):
-            if not ends[name].converged:
-                enter(name, ends[name].q)
-    return sorted(ends.values(), key=_objective)
+def _constant(end: End, most: int) -> End:
+    """The end with what the same branch comes to where constants do not follow the load."""
+    world = end.problem.world
+    follow = [world.index[each.name] for each in world.nuisances if each.group == "load"]
+    if not follow:
+        return end
+    low, high = (limit.copy() for limit in world.side(_SIGNS[end.name]))
+    low[follow] = high[follow] = 0.0
+    return replace(end, constant=_descend(end.problem, end.name, end.q, low, high, most).objective)
+
+
+class _Ends:
+    """The best end of each branch so far.
+
+    Args:
+        problem: the wide fit. both: names of the branches that can be. most: evaluations of a descent. before: ends to
+            go on from, under other weights.
+    """
+
+    def __init__(
+        self, problem: WorldProblem, both: Sequence[str], most: int, before: Mapping[str, End] = MappingProxyType({})
+    ) -> None:
+        self.problem, self.both, self._most = problem, both, most
+        self.found: dict[str, End] = {}
+        self._imaged = np.empty(0)
+        for name, end in before.items():
+            self.enter(name, end.q)
+
+    def enter(self, name: str, q: np.ndarray) -> None:
+        """Descend on a branch from q (n,)."""
+        if name in self.both:
+            end = _descend(self.problem, name, q, *self.problem.world.side(_SIGNS[name]), self._most)
+            if name not in self.found or end.objective < self.found[name].objective:
+                self.found[name] = end
+
+    def mirror(self) -> None:
+        """Descend on the other branch from the image of the best end, where that is not done."""
+        best = min(self.found.values(), key=_objective)
+        if not np.array_equal(best.q, self._imaged):
+            self._imaged = best.q
+            self.enter(_other(best.name), self.problem.world.image(best.q))
+
+    def poor(self) -> bool:
+        """Whether even the best end leaves more than the noise, or is none."""
+        end = min(self.found.values(), key=_objective)
+        expected = self.problem.size
+        return not end.converged or end.objective > expected + _POOR * np.sqrt(2 * expected)
+
+
+def _other(name: str) -> str:
+    return STIFF_PAD if name == STIFF_ANKLE else STIFF_ANKLE
 
 
 def _objective(end: End) -> float:
@@ -117,12 +183,8 @@ def _objective(end: End) -> float:
 
 def _descend(problem: WorldProblem, name: str, q: np.ndarray, low: np.ndarray, high: np.ndarray, most: int) -> End:
     problem.start(q)  # orbits are sought from rest
-    inside = np.clip(q, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
-    found = least_squares(
-        problem.residual, inside, problem.jacobian, bounds=(low, high), method="trf", x_scale="jac",
-        ftol=1e-5, xtol=1e-6, gtol=1e-8, max_nfev=most,
-    )  # fmt: skip
-    return End(name, found.x, problem, 2 * float(found.cost), bool(found.success))
+    found = settle(problem, q, low, high, most)
+    return End(name, found.q, problem, found.objective, found.left < _SETTLED)
 
 
 def widened(end: End, narrow: Branch | None, space: Space, dof: int) -> Branch:
@@ -134,7 +196,7 @@ def widened(end: End, narrow: Branch | None, space: Space, dof: int) -> Branch:
     world, q = end.problem.world, end.q
     chi_square = end.problem.chi(q)
     excess = chi_square / max(1, dof)
-    follows = excess <= FOLLOWS or not dof
+    follows = bool(not dof or excess <= np.clip(chdtri(dof, _BY_CHANCE) / dof, _AT_LEAST, FOLLOWS))
     C = inverse_of_gram(end.problem.jacobian(q)) * max(1.0, excess)
     theta, std, low, high, correlation = world.estimates(q, C)
     at_bound = space.at_bound(theta)
@@ -151,13 +213,31 @@ def widened(end: End, narrow: Branch | None, space: Space, dof: int) -> Branch:
             float(theta[i]), float(std[i]), float(low[i]), float(high[i]), bool(at_bound[i]),
             word if follows else "not identifiable", before,
         )  # fmt: skip
-    told = World(chi_square, end.objective, dof, follows, _masses(world, q, C), _allowances(world, q, C))
+    told = World(
+        chi_square,
+        end.objective,
+        dof,
+        follows,
+        _masses(world, q, C),
+        _allowances(world, q, C),
+        end.constant,
+        _exponents(world, q, C),
+    )
     if narrow is not None:
         return replace(narrow, parameters=parameters, world=told)
     fit = float(np.mean([_percent(y, line) for y, line in zip(end.problem.predict(q), end.problem.lines, strict=True)]))
     return Branch(
         end.name, end.objective, end.objective, fit, parameters, correlation.tolist(), chi_square, dof, None, told
     )
+
+
+def trusting(branch: Branch) -> Branch:
+    """A branch of which no wide fit was made: its words hold if the model is true."""
+    told = {
+        key: e if e.identifiability == "not identifiable" else replace(e, identifiability=e.identifiability + _IF_TRUE)
+        for key, e in branch.parameters.items()
+    }
+    return replace(branch, parameters=told)
 
 
 def _percent(y: np.ndarray, line: Line) -> float:
@@ -167,15 +247,35 @@ def _percent(y: np.ndarray, line: Line) -> float:
 
 
 def _masses(world: WorldSpace, q: np.ndarray, C: np.ndarray) -> tuple[Mass, ...]:
+    """Each segment of each person: all recordings of one share it."""
     found = []
-    for name, stated in world.stated(0).items():
-        kind = world._weighed[name]
-        if kind in world.index:
-            i, prior = world.index[kind], world.slope(kind)
-            x, std = world.of(q, kind), float(np.sqrt(C[i, i]))
-            low, high = (stated * float(np.exp(x + sign * _Z95 * std * prior)) for sign in (-1, 1))
-            found.append(Mass(name, stated, prior, stated * float(np.exp(x)), low, high, max(0.0, 1 - std)))
+    for name, kinds in world.kinds.items():
+        for kind in dict.fromkeys(kinds):
+            if kind in world.index:
+                stated, i, prior = world.stated(kinds.index(kind))[name], world.index[kind], world.slope(kind)
+                x, std = world.of(q, kind), float(np.sqrt(C[i, i]))
+                ends = np.clip([x - _Z95 * std * prior, x + _Z95 * std * prior], *_HALF)
+                low, high = (stated * float(np.exp(end)) for end in ends)
+                whose = name + kind.partition(" mass")[2]
+                found.append(Mass(whose, stated, prior, stated * float(np.exp(x)), low, high, max(0.0, 1 - std)))
     return tuple(found)
+
+
+def _exponents(world: WorldSpace, q: np.ndarray, C: np.ndarray) -> dict[str, tuple[float, float, float]]:
+    """The power of the weight on the pad that each constant follows, with its 95 % interval."""
+    loads = sorted({recording.condition.added_mass_kg for recording in world.recordings})
+    leg = sum(world.stated(0).values())
+    found = {}
+    for name in EXCHANGED:
+        at = [world.index[under(name, load)] for load in loads[1:] if under(name, load) in world.index]
+        if at and leg > 0:
+            x = np.log((leg + np.array(loads[1:])) / (leg + loads[0]))
+            e = np.array([world.of(q, under(name, load)) for load in loads[1:]])
+            size = np.array([world.slope(under(name, load)) for load in loads[1:]])
+            weights = np.linalg.solve(C[np.ix_(at, at)] * np.outer(size, size), x)
+            power, std = float(weights @ e / (weights @ x)), float(1 / np.sqrt(weights @ x))
+            found[name] = (power, power - _Z95 * std, power + _Z95 * std)
+    return found
 
 
 def _allowances(world: WorldSpace, q: np.ndarray, C: np.ndarray) -> tuple[Allowance, ...]:

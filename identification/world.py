@@ -10,17 +10,20 @@ a = m_S / (m_S + m_F) of the stated masses: each branch has its own constrained 
 The response is even in c_13 and c_23, so their squares are the variables.
 """
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from fasbody.exceptions import SimulationError
 from fasbody.foot.parameters import Parameter
 from fasbody.foot.two_dof import NAMES
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording, gain_and_delay
 from identification.branches import EXCHANGED
+from identification.engines.compiled import Orbits
 from identification.engines.engine import MALLEOLUS, Engine, Excitation
 from identification.engines.twin import Twin
 from identification.periodic import Line, PeriodicProblem
@@ -90,8 +93,24 @@ NUISANCES = (
 )  # fmt: skip
 #: Bends of the dampers, 1/m, and their squares: proper and weak.
 _BEND = 200.0
+#: How sharply a damper ends where a relaxing spring is all the damping there is.
+_SHARP = 20.0
+#: Constants of each joint.
+_JOINTS = (("k_T", "c_11", "c_12", "c_13"), ("k_F", "c_21", "c_22", "c_23"))
+#: Bend of a damper from where a descent is tried, 1/m.
+_BENT = 60.0
 #: Below this square [1/m^2] a damper's c_13 is no different from zero.
 _LEAST = 1e-2
+
+
+def under(name: str, load_kg: float) -> str:
+    """Name of the nuisance by which a constant follows a load."""
+    return f"{name} under {load_kg:g} kg"
+
+
+def _of(kind: str, person: str) -> str:
+    """Name of the nuisance by which a person's mass is off, where several are pooled."""
+    return f"{kind} of {person or 'unnamed'}"
 
 
 def of_sensor(kind: str, sensor: str) -> str:
@@ -140,13 +159,19 @@ def nuisances(
         found = [each for each in found if each.group != "relaxation"]
     shank, foot = bool({"m_S", "m_T"} & set(declared)), "m_F" in declared
     found = [each for each in found if each.group != "masses" or (shank if "shank" in each.name else foot)]
+    people = list(dict.fromkeys(r.condition.subject for r in recordings))
+    if len(people) > 1:  # a scale and a table are wrong for one person at a time
+        of_each = [
+            replace(each, name=_of(each.name, person)) for each in found if each.group == "masses" for person in people
+        ]
+        found = of_each + [each for each in found if each.group != "masses"]
     first, *others = sorted({r.condition.added_mass_kg for r in recordings})
     if twin:
         for load in others:
             std = LOAD_STD * (load - first) / LOAD_KG
             text = f"force on a heel grows as deformation to the power 2.6, against {first:g} kg"
             found += [
-                Nuisance(f"{name} under {load:g} kg", "load", "", 0.0, std, -1.0, 1.0, text, f"multiplies {name}", True)
+                Nuisance(under(name, load), "load", "", 0.0, std, -1.0, 1.0, text, f"multiplies {name}", True)
                 for name in EXCHANGED
             ]
     return tuple(each for each in found if each.std > 0 and each.group not in known.excluded)
@@ -250,6 +275,15 @@ class WorldSpace:
         kinds = {"m_S": "shank mass", "m_T": "shank mass", "m_F": "foot mass"}
         return {name: kinds[name] for name in MASSES if name in self.masses}
 
+    @cached_property
+    def kinds(self) -> dict[str, list[str]]:
+        """Masses that the model declares -> the nuisance that multiplies them in each recording, one a person."""
+        people = [recording.condition.subject for recording in self.recordings]
+        several = len(set(people)) > 1
+        return {
+            name: [_of(kind, person) if several else kind for person in people] for name, kind in self._weighed.items()
+        }
+
     has_delay = False
 
     def stated(self, number: int) -> dict[str, float]:
@@ -257,10 +291,6 @@ class WorldSpace:
         condition = self.recordings[number].condition
         bare = replace(condition, added_mass_kg=0.0).masses
         return {name: bare.get(name, self.masses[name]) for name in self._weighed}
-
-    def _load(self, number: int, name: str) -> float:
-        condition = self.recordings[number].condition
-        return condition.added_mass_kg if condition.masses and name != "m_F" else 0.0
 
     def of(self, q: np.ndarray, name: str) -> float:
         """A nuisance at q (n,): its value, or its logarithm; where it is left out, what the model says of it."""
@@ -271,14 +301,25 @@ class WorldSpace:
         """Its derivative to the search variable."""
         return float(self._scale[self.index[name]])
 
-    def constants(self, q: np.ndarray, load: float | None = None) -> dict[str, tuple[float, np.ndarray]]:
-        """The foot's constants by name, each with its derivatives (n,), under a load [kg] that they may follow."""
-        n = q.size
+    @cached_property
+    def _about(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+        """Of each recording (R,): place of its load, angular frequency [rad/s], load [kg], masses without load [kg]."""
+        conditions = [recording.condition for recording in self.recordings]
+        loads = [c.added_mass_kg for c in conditions]
+        rank = {load: i for i, load in enumerate(sorted(set(loads)))}
+        each = [self.stated(i) for i in range(len(conditions))]
+        stated = {name: np.array([masses[name] for masses in each]) for name in self._weighed}
+        on_knee = np.array([load if c.masses else 0.0 for load, c in zip(loads, conditions, strict=True)])
+        w = np.array([2 * np.pi * (c.frequency_hz or 0.0) for c in conditions])
+        return np.array([rank[load] for load in loads]), w, on_knee, stated
+
+    def _unloaded(self, q: np.ndarray) -> dict[str, tuple[float, np.ndarray]]:
+        """The foot's constants by name under the smallest load, and their derivatives (n,) to q."""
         found: dict[str, tuple[float, np.ndarray]] = {}
         for name in NAMES if self.twin else self.base:
-            i, row = self.index.get(name), np.zeros(n)
+            i, row = self.index.get(name), np.zeros(q.size)
             if i is None:
-                found[name] = (float(self.feet.fixed[name]), row)
+                found[name] = float(self.feet.fixed[name]), row
                 continue
             if self.ratio is not None and name in ("k_T", "k_F"):
                 half = 0.5 if name == "k_T" else -0.5
@@ -293,62 +334,141 @@ class WorldSpace:
                 row[i] = value
             else:
                 value, row[i] = float(q[i] * self._scale[i]), self._scale[i]
-            follows = f"{name} under {load or 0:g} kg"
-            if follows in self.index:
-                more = np.exp(self.of(q, follows))
-                value, row = value * more, row * more
-                row[self.index[follows]] += value * self.slope(follows)
-            found[name] = (value, row)
+            found[name] = value, row
+        for k, c, *_ in _JOINTS if "relaxation time" in self.index else ():
+            if k in self.index and c in self.index:
+                self._rest(q, k, c, found)
         return found
+
+    def _rest(self, q: np.ndarray, k: str, c: str, found: dict[str, tuple[float, np.ndarray]]) -> None:
+        """Replace stiffness and damping of a relaxing joint in the middle of the band, as searched, by those at rest.
+
+        What the recordings know best is then a variable of its own, whatever the spring's share that relaxes. The
+        damper is what that leaves, and more than none.
+        """
+        (K, dK), (C, dC), name = found[k], found[c], f"relaxing {k}"
+        r, tau, w = self.of(q, name), np.exp(self.of(q, "relaxation time")), self._middle
+        by_r, by_tau = np.zeros((2, q.size))
+        by_r[self.index[name]], by_tau[self.index["relaxation time"]] = self.slope(name), self.slope("relaxation time")
+        x = w * tau
+        real, imaginary = x * x / (1 + x * x), tau / (1 + x * x)
+        dreal, dimaginary = 2 * x * x / (1 + x * x) ** 2, imaginary * (1 - x * x) / (1 + x * x)  # to ln tau
+        above = 1 + r * real
+        rest = K / above
+        drest = dK / above - rest / above * (real * by_r + r * dreal * by_tau)
+        added = rest * r * imaginary
+        dadded = drest * r * imaginary + rest * (imaginary * by_r + r * dimaginary * by_tau)
+        share = 1 - added / C
+        left = max(float(np.logaddexp(0.0, _SHARP * share)) / _SHARP, 1e-9)
+        dleft = (added / C**2 * dC - dadded / C) / (1 + np.exp(-np.clip(_SHARP * share, -500, 500)))
+        found[k], found[c] = (rest, drest), (C * left, dC * left + C * dleft)
+
+    @cached_property
+    def _middle(self) -> float:
+        """Middle of the recorded band [rad/s]."""
+        return float(np.exp(np.mean(np.log(np.maximum(self._about[1], 1e-9)))))
+
+    def constants(self, q: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """The foot's constants (R,) by name under the load of each recording, and their derivatives (R, n) to q."""
+        at_load = self._about[0]
+        loads = sorted({recording.condition.added_mass_kg for recording in self.recordings})
+        found: dict[str, np.ndarray] = {}
+        slopes: dict[str, np.ndarray] = {}
+        for name, (value, row) in self._unloaded(q).items():
+            more = np.exp([self.of(q, under(name, load)) for load in loads])
+            values, rows = value * more, more[:, None] * row
+            for k, load in enumerate(loads):
+                if under(name, load) in self.index:
+                    rows[k, self.index[under(name, load)]] += values[k] * self.slope(under(name, load))
+            found[name], slopes[name] = values[at_load], rows[at_load]
+        return found, slopes
+
+    def weights(self, q: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """The segments' masses (R,) of each recording, with its load [kg], and their derivatives (R, n) to q."""
+        _, _, on_knee, stated = self._about
+        found = {}
+        for name, each in stated.items():
+            kinds, slope = self.kinds[name], np.zeros((each.size, q.size))
+            segment = each * np.exp([self.of(q, kind) for kind in kinds])
+            for i, kind in enumerate(kinds):
+                if kind in self.index:
+                    slope[i, self.index[kind]] = segment[i] * self.slope(kind)
+            found[name] = (segment if name == "m_F" else segment + on_knee, slope)
+        return found
+
+    def everywhere(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Parameters (R, p) of each recording's foot, and their derivatives (R, p, n) to q."""
+        key = q.tobytes()
+        if key not in self._kept:
+            found, slopes = self.constants(q)
+            if "relaxation time" in self.index:
+                for joint in _JOINTS:
+                    self._relax(q, joint, found, slopes)
+            for name, (mass, slope) in self.weights(q).items():
+                found[name], slopes[name] = mass, slope
+            self._kept.clear()
+            theta, slope = (np.stack([each[name] for name in self.names], axis=1) for each in (found, slopes))
+            self._kept[key] = theta, slope
+        return self._kept[key]
+
+    def all_of(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """All the twin's constants and both masses (R, 10) of each recording, and their derivatives (R, 10, n)."""
+        theta, slope = self.everywhere(q)
+        if theta.shape[1] > len(NAMES):
+            return theta, slope
+        masses = [self.weights(q)[name] for name in ("m_S", "m_F")]
+        return (
+            np.column_stack([theta, *(mass for mass, _ in masses)]),
+            np.concatenate([slope, *(d[:, None] for _, d in masses)], axis=1),
+        )
 
     def at(self, number: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Parameters (p,) of one recording's foot, and their derivatives (p, n) to q."""
-        recording = self.recordings[number]
-        found = self.constants(q, recording.condition.added_mass_kg)
-        if "relaxation time" in self.index:
-            w = 2 * np.pi * (recording.condition.frequency_hz or 0.0)
-            for joint in (("k_T", "c_11", "c_12", "c_13"), ("k_F", "c_21", "c_22", "c_23")):
-                found |= self._relaxed(q, w, joint, found)
-        for name, value in self.stated(number).items():
-            kind, row = self._weighed[name], np.zeros(q.size)
-            segment = value * np.exp(self.of(q, kind))
-            if kind in self.index:
-                row[self.index[kind]] = segment * self.slope(kind)
-            found[name] = (segment + self._load(number, name), row)
-        theta = np.array([found[name][0] for name in self.names])
-        return theta, np.stack([found[name][1] for name in self.names])
+        theta, slope = self.everywhere(q)
+        return theta[number], slope[number]
 
-    def _relaxed(
-        self, q: np.ndarray, w: float, joint: tuple[str, str, str, str], found: Mapping[str, tuple[float, np.ndarray]]
-    ) -> dict[str, tuple[float, np.ndarray]]:
-        """A joint whose spring relaxes, as the constants that move alike at the fundamental w [rad/s].
+    @cached_property
+    def _kept(self) -> dict[bytes, tuple[np.ndarray, np.ndarray]]:
+        return {}
+
+    def _relax(
+        self,
+        q: np.ndarray,
+        joint: tuple[str, str, str, str],
+        found: dict[str, np.ndarray],
+        slopes: dict[str, np.ndarray],
+    ) -> None:
+        """Replace a joint whose spring relaxes by the constants that move alike at the fundamentals w.
 
         The spring is K(i w) = k (1 + r i w tau / (1 + i w tau)): at w it adds stiffness and damping, and the added
         damping does not bend.
         """
-        (k, dk), (c, dc), (c2, d2), (c3, d3) = (found[name] for name in joint)
+        (k, dk), (c, dc), (c2, d2), (c3, d3) = ((found[name], slopes[name]) for name in joint)
         name = f"relaxing {joint[0]}"
         r, by_r, by_tau = self.of(q, name), self.index[name], self.index["relaxation time"]
         tau, r_slope, tau_slope = np.exp(self.of(q, "relaxation time")), self.slope(name), self.slope("relaxation time")
-        x = w * tau
+        x = self._about[1] * tau
         real, imaginary = x * x / (1 + x * x), tau / (1 + x * x)
         by_log = (2 * x * x / (1 + x * x) ** 2, imaginary - 2 * x * x * imaginary / (1 + x * x))
         stiff, more = k * (1 + r * real), k * r * imaginary
-        dstiff, dmore = dk * (1 + r * real), dk * r * imaginary
-        dstiff[by_r] += k * real * r_slope
-        dstiff[by_tau] += k * r * by_log[0] * tau_slope
-        dmore[by_r] += k * imaginary * r_slope
-        dmore[by_tau] += k * r * by_log[1] * tau_slope
+        dstiff, dmore = dk * (1 + r * real)[:, None], dk * (r * imaginary)[:, None]
+        dstiff[:, by_r] += k * real * r_slope
+        dstiff[:, by_tau] += k * r * by_log[0] * tau_slope
+        dmore[:, by_r] += k * imaginary * r_slope
+        dmore[:, by_tau] += k * r * by_log[1] * tau_slope
         damp, ddamp = c + more, dc + dmore
-        s, ds = c / damp, dc / damp - c * ddamp / damp**2
-        bend, dbend = s * c2, s * d2 + ds * c2
-        square = bend**2 - s * (c2**2 - c3**2)
-        if square > _LEAST:
-            dsquare = 2 * bend * dbend - ds * (c2**2 - c3**2) - s * (2 * c2 * d2 - 2 * c3 * d3)
-            wave, dwave = float(np.sqrt(square)), dsquare / (2 * np.sqrt(square))
-        else:
-            wave, dwave = float(np.sqrt(_LEAST)), np.zeros(q.size)
-        return dict(zip(joint, ((stiff, dstiff), (damp, ddamp), (bend, dbend), (wave, dwave)), strict=True))
+        s, ds = c / damp, dc / damp[:, None] - ddamp * (c / damp**2)[:, None]
+        bend, dbend = s * c2, s[:, None] * d2 + c2[:, None] * ds
+        flat = c2**2 - c3**2
+        square = bend**2 - s * flat
+        wave = np.sqrt(np.maximum(square, _LEAST))
+        dsquare = (
+            2 * bend[:, None] * dbend - ds * flat[:, None] - (2 * s)[:, None] * (c2[:, None] * d2 - c3[:, None] * d3)
+        )
+        dwave = np.where((square > _LEAST)[:, None], dsquare / (2 * wave)[:, None], 0.0)
+        pairs = ((stiff, dstiff), (damp, ddamp), (bend, dbend), (wave, dwave))
+        for name, (value, slope) in zip(joint, pairs, strict=True):
+            found[name], slopes[name] = value, slope
 
     def values(self, theta: np.ndarray) -> dict[str, float]:
         """All parameter values of a foot by name, from those of the space (p,)."""
@@ -399,6 +519,32 @@ class WorldSpace:
                 found[item.name] = self.own[item.name]
         return found
 
+    def heavier(self, q: np.ndarray, share: float) -> np.ndarray:
+        """The same motion without load (n,) of a leg whose segments are heavier by a share (of the logarithm)."""
+        q = q.copy()
+        for name in {kind for kinds in self.kinds.values() for kind in kinds} & set(self.index):
+            q[self.index[name]] += share / self.slope(name)
+        for name in ("c_11", "c_21", *(["k_T"] if self.ratio is not None else ["k_T", "k_F"])):
+            if name in self.index:
+                q[self.index[name]] += share
+        return np.clip(q, *self.bounds)
+
+    def bent(self, q: np.ndarray) -> list[np.ndarray]:
+        """The same leg (n,) with dampers that bend the other ways: each has a descent of its own."""
+        if not {"c_12", "c_22"} <= set(self.base) or not self.twin:
+            return []
+        own = tuple(bool(q[self.index[name]] > 0) for name in ("c_12", "c_22"))
+        found = []
+        for ways in itertools.product((True, False), repeat=2):
+            if ways != own:
+                other = q.copy()
+                for name, up in zip(("c_12", "c_22"), ways, strict=True):
+                    other[self.index[name]] = (_BENT if up else -_BENT) / self._scale[self.index[name]]
+                for name in self.squared:
+                    other[self.index[name]] = _BENT**2 / self._scale[self.index[name]]
+                found.append(np.clip(other, *self.bounds))
+        return found
+
     def image(self, q: np.ndarray) -> np.ndarray:
         """The mirror image (n,) of q: the two joints change places, with what they do besides."""
         assert self.ratio is not None
@@ -424,18 +570,17 @@ class WorldSpace:
             has limits of its own; a delay that is known to be none has neither.
         """
         feet, p = self.feet, len(self.feet.free)
-        rows, z = np.zeros((p, q.size)), np.zeros(p)
+        rows, z, unloaded = np.zeros((p, q.size)), np.zeros(p), self._unloaded(q)
         for i, item in enumerate(feet.free):
             j = self.index.get(item.name if item.places else _nuisance_of(item))
             if j is None:
                 continue
-            if self.ratio is not None and item.name in ("k_T", "k_F"):
-                half = 0.5 if item.name == "k_T" else -0.5
-                rows[i, self.index["k_T"]], rows[i, self.index["k_F"]] = 1.0, half
-                z[i] = half * np.log(self.ratio)
+            if item.logarithmic:
+                value, slope = unloaded[item.name]
+                rows[i], z[i] = slope / value, np.log(value)
             else:
                 rows[i, j] = self._scale[j] / feet.scale[i] if not item.places else 1.0
-        z += rows @ q
+                z[i] = rows[i, j] * q[j]
         known = np.isfinite(C).all(axis=1)
         blind = (rows[:, ~known] != 0).any(axis=1)
         covariance = rows[:, known] @ C[np.ix_(known, known)] @ rows[:, known].T
@@ -502,12 +647,11 @@ class WorldProblem(PeriodicProblem):
 
     def response(self, number: int, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Model harmonics (k H,) of one recording and their derivatives (k H, n); the third is the identity."""
-        Y, DY, slope = super().response(number, z)
-        J, count = DY @ slope.astype(complex), self.lines[number].count
-        parts = []
+        Y, J = self._motion(number, z)
+        parts, count = [], self.lines[number].count
         for place, name in enumerate(self.lines[number].sensors):
             rows = slice(place * count, (place + 1) * count)
-            parts.append(self._sensed(number, z, name, Y[rows], J[rows].copy()))
+            parts.append(self._sensed(number, z, name, Y[rows].copy(), J[rows].copy()))
         return np.concatenate([y for y, _ in parts]), np.concatenate([j for _, j in parts]), np.eye(z.size)
 
     def _sensed(
@@ -519,9 +663,9 @@ class WorldProblem(PeriodicProblem):
         f, U = line.base.frequency_hz * h, line.base.amplitudes
         gain, delay, drift, mount, mount_damping, rocking = (of_sensor(kind, sensor) for kind in _EACH)
         if "relaxation time" in world.index and line.count > 1:
-            y, j = self._overtones(number, z, 2 * np.pi * f, sensor)
-            above = np.where(h > 1, U, 0)
-            Y, J = Y + y * above, J + j * above[:, None]
+            y, j = self._overtones(z, sensor)[number]
+            Y[1:] += y * U[1:]
+            J[1:] += j * U[1:, None]
         if rocking in world.index:
             size, zeta = world.of(z, rocking), world.of(z, "rocking damping")
             own = np.exp(world.of(z, "rocking frequency"))
@@ -552,32 +696,92 @@ class WorldProblem(PeriodicProblem):
                 J[:, world.index[name]] += Y * by * world.slope(name)
         return Y * factor, J
 
-    def _overtones(self, number: int, z: np.ndarray, w: np.ndarray, sensor: str) -> tuple[np.ndarray, np.ndarray]:
-        """What relaxing springs add to a sensor's linear response (H,) at w [rad/s], and its derivatives (H, n).
+    def start(self, q: np.ndarray) -> np.ndarray:
+        """See `PeriodicProblem`."""
+        if self._orbits is not None:
+            self._orbits.forget()
+        return super().start(q)
+
+    @cached_property
+    def _orbits(self) -> Orbits | None:
+        """Orbits of all recordings at once, where the twin stands for the model and the malleolus alone is read."""
+        if not (isinstance(self.engine, Twin) and self.world.twin) or any(line.others for line in self.lines):
+            return None
+        return Orbits(self.engine, [line.count for line in self.lines], self.tolerance)
+
+    def _motion(self, number: int, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Harmonics (H,) of one recording without what the instrument adds, and their derivatives (H, n) to z."""
+        if self._orbits is None:
+            Y, DY, slope = super().response(number, z)
+            return Y, DY @ slope.astype(complex)
+        key = z.tobytes()
+        if key not in self._moved:
+            theta, slope = self.world.all_of(z)
+            found = self._orbits(theta)
+            if found is None:
+                raise SimulationError(f"no periodic motion for {z}.")
+            counts = [line.count for line in self.lines]
+            ends = np.cumsum(counts)[:-1]
+            J = np.einsum("ij,ijk->ik", found[1], np.repeat(slope, counts, axis=0))
+            self._moved.clear()
+            self._moved[key] = list(zip(np.split(found[0], ends), np.split(J, ends), strict=True))
+        Y, J = self._moved[key][number]
+        return Y.copy(), J.copy()
+
+    @cached_property
+    def _moved(self) -> dict[bytes, list[tuple[np.ndarray, np.ndarray]]]:
+        return {}
+
+    @cached_property
+    def _kept(self) -> dict[tuple[bytes, str], list[tuple[np.ndarray, np.ndarray]]]:
+        return {}
+
+    def _overtones(self, z: np.ndarray, sensor: str) -> list[tuple[np.ndarray, np.ndarray]]:
+        """What relaxing springs add to a sensor's linear response above the fundamental, of each recording.
 
         The constants of `WorldSpace.at` are right at the fundamental. Of the harmonics above it the part that the
         base drives is linear, so that its error is known and taken off.
+
+        Returns:
+            Arrays (H - 1,), (H - 1, n): the transmissibility, and its derivatives to z.
         """
-        world, s = self.world, 1j * w
-        theta, slope = world.at(number, z)
-        mapped = {name: (theta[i], slope[i]) for i, name in enumerate(world.names)}
-        plain = world.constants(z, world.recordings[number].condition.added_mass_kg)
+        key = z.tobytes(), sensor
+        if key not in self._kept:
+            counts = [line.count - 1 for line in self.lines]
+            whose = np.repeat(np.arange(len(counts)), counts)
+            h = np.concatenate([np.arange(2, count + 2) for count in counts])
+            s = 2j * np.pi * h * np.array([line.base.frequency_hz for line in self.lines])[whose]
+            G, dG = self._more(z, whose, s, sensor)
+            ends = np.cumsum(counts)[:-1]
+            if len(self._kept) > len(self.lines[0].sensors):
+                self._kept.clear()
+            self._kept[key] = list(zip(np.split(G, ends), np.split(dG, ends), strict=True))
+        return self._kept[key]
+
+    def _more(self, z: np.ndarray, whose: np.ndarray, s: np.ndarray, sensor: str) -> tuple[np.ndarray, np.ndarray]:
+        """Transmissibility with relaxing springs less that of constants right at the fundamental, and its derivatives.
+
+        Args:
+            z: (n,). whose: (N,) recordings. s: (N,) i w [rad/s]. sensor: that reads it.
+        """
+        world = self.world
+        theta, slope = world.everywhere(z)
+        mapped = {name: (theta[whose, i], slope[whose, i]) for i, name in enumerate(world.names)}
+        plain, slopes = world.constants(z)
         tau, by_tau = np.exp(world.of(z, "relaxation time")), world.index["relaxation time"]
         x = s * tau
         exact, alike = [], []
         for k, c in (("k_T", "c_11"), ("k_F", "c_21")):
-            (k0, dk), (c0, dc) = plain[k], plain[c]
+            k0, dk, c0, dc = plain[k][whose], slopes[k][whose], plain[c][whose], slopes[c][whose]
             name = f"relaxing {k}"
             r = world.of(z, name)
-            d = np.outer(1 + r * x / (1 + x), dk) + np.outer(s, dc)
+            d = (1 + r * x / (1 + x))[:, None] * dk + s[:, None] * dc
             d[:, world.index[name]] += k0 * x / (1 + x) * world.slope(name)
             d[:, by_tau] += k0 * r * x / (1 + x) ** 2 * world.slope("relaxation time")
             exact.append((k0 * (1 + r * x / (1 + x)) + c0 * s, d))
             (k1, dk), (c1, dc) = mapped[k], mapped[c]
-            alike.append((k1 + c1 * s, dk[None, :] + np.outer(s, dc)))
-        masses = {name: (value, np.zeros(z.size)) for name, value in world.stated(number).items()}
-        masses = {name: (value[0] + world._load(number, name), value[1]) for name, value in masses.items()}
-        m_S, m_F = ({**masses, **mapped}[name] for name in ("m_S", "m_F"))
+            alike.append((k1 + c1 * s, dk + s[:, None] * dc))
+        m_S, m_F = ((mass[whose], slope[whose]) for mass, slope in (world.weights(z)[name] for name in ("m_S", "m_F")))
         engine = self.engine
         on_foot = isinstance(engine, Twin) and engine.on_foot[engine.sensors.index(sensor)]
         (G, dG), (H, dH) = (_linear(s, ankle, pad, m_S, m_F, on_foot) for ankle, pad in (exact, alike))
@@ -588,19 +792,19 @@ def _linear(
     s: np.ndarray,
     ankle: tuple[np.ndarray, np.ndarray],
     pad: tuple[np.ndarray, np.ndarray],
-    m_S: tuple[float, np.ndarray],
-    m_F: tuple[float, np.ndarray],
+    m_S: tuple[np.ndarray, np.ndarray],
+    m_F: tuple[np.ndarray, np.ndarray],
     on_foot: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Malleolus, or the foot's mass, over base (H,) at s = i w of two masses on complex springs; derivatives (H, n)."""
+    """Malleolus, or the foot's mass, over base (N,) at s = i w of two masses on complex springs; derivatives (N, n)."""
     (a, da), (b, db) = ankle, pad
     u, v = m_S[0] * s**2 + a, m_F[0] * s**2 + a + b
     below = u * v - a * a
     G = a * b / below
     d = ((b - G * (v + u - 2 * a)) / below)[:, None] * da + ((a - G * u) / below)[:, None] * db
-    d = d - np.outer(G / below * s**2 * v, m_S[1]) - np.outer(G / below * s**2 * u, m_F[1])
+    d = d - (G / below * s**2 * v)[:, None] * m_S[1] - (G / below * s**2 * u)[:, None] * m_F[1]
     if not on_foot:
         return G, d
     # the ankle holds the shank: u y1 = a y2
-    more = (1 - u / a)[:, None] * da + np.outer(s**2, m_S[1])
+    more = (1 - u / a)[:, None] * da + (s**2)[:, None] * m_S[1]
     return G * u / a, d * (u / a)[:, None] + (G / a)[:, None] * more

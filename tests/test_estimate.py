@@ -69,7 +69,7 @@ def test_a_single_20_hz_recording_tells_little_and_says_so(foot: Foot, trial: Tr
     assert result.verdict == "undecided"
     words = [e.identifiability for e in result.parameters.values()]
     assert words.count("not identifiable") >= 2
-    assert words.count("identified") <= 3
+    assert sum(word.startswith("identified") for word in words) <= 3
     assert result.excitation_rank == 2
     text = " ".join(result.warnings)
     assert "The excitation has rank 2, fewer than the 8 free parameters" in text

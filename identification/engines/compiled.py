@@ -12,6 +12,7 @@ reflection and the scaled gradient the best is taken. The search is the same as 
 
 import functools
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ import numpy as np
 from numba import njit
 
 from fasbody.foot import two_dof
-from fasbody.foot.two_dof import NAMES, STATES, periodic
+from fasbody.foot.two_dof import NAMES, STATES, WITH_MASSES, periodic
 from identification.engines.engine import LOST, PASSES, Excitation
 from identification.engines.twin import Twin
 from identification.search import UNSTABLE, ZERO
@@ -197,6 +198,96 @@ def _descend(  # type: ignore[no-untyped-def]
             x, cost = new, cost_new
             f[:], J[:] = f_new, J_new
     return x, 2.0 * cost, evaluations, False
+
+
+class Orbits:
+    """Harmonics of the twin's orbits of all recordings in one compiled call, and their derivatives.
+
+    Args:
+        twin: its drives and inputs. counts: harmonics of each recording. gap: of the orbits.
+    """
+
+    def __init__(self, twin: Twin[Excitation], counts: Sequence[int], gap: float) -> None:
+        self._drives = twin.drives
+        self._about = np.array([[e.frequency_hz, e.step] for e in twin.drives])
+        self._steps, self._inputs = np.array([e.steps for e in twin.drives]), np.concatenate(twin.inputs)
+        self._counts, self._gap = np.array(counts), gap
+        self.forget()
+
+    def forget(self) -> None:
+        """Start the next orbits from rest."""
+        n = len(self._drives)
+        self._x, self._dx = np.zeros((n, STATES)), np.zeros((n, STATES, _P + 2))
+        self._theta = np.zeros((n, _P + 2))
+
+    def __call__(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Harmonics (N,), recordings behind each other, and derivatives (N, 10) to constants and masses.
+
+        Args:
+            theta: (R, 10) of each recording. Returns None where a recording has no orbit.
+        """
+        Y, DY = np.empty(self._counts.sum(), complex), np.empty((self._counts.sum(), _P + 2), complex)
+        found = _stamped_orbits(_sources())(
+            theta,
+            self._about,
+            self._steps,
+            self._inputs,
+            self._counts,
+            self._gap,
+            self._x,
+            self._dx,
+            self._theta,
+            Y,
+            DY,
+        )
+        return (Y, DY) if found else None
+
+
+@njit(nogil=True, error_model="numpy")
+def _orbits(  # type: ignore[no-untyped-def]
+    theta, about, steps, inputs, counts, gap, last_x, last_dx, last_theta, out, slopes
+):  # fmt: skip
+    """Fill harmonics and derivatives; returns whether every recording has an orbit."""
+    at_input, row = 0, 0
+    width = theta.shape[1]
+    for i in range(counts.size):
+        n, H = steps[i], counts[i]
+        u, p = inputs[at_input : at_input + 2 * n + 1], theta[i, :_P].copy()
+        guess = last_x[i] + last_dx[i] @ (theta[i] - last_theta[i])
+        Y, DY, x, dx, miss = periodic(
+            guess, p, theta[i, _P], theta[i, _P + 1], u, about[i, 1], gap, PASSES, WITH_MASSES
+        )
+        if not miss < gap:
+            Y, DY, x, dx, miss = periodic(
+                np.zeros(STATES), p, theta[i, _P], theta[i, _P + 1], u, about[i, 1], gap, PASSES, WITH_MASSES
+            )
+        if not miss < LOST:
+            return False
+        last_x[i], last_dx[i], last_theta[i] = x, dx, theta[i]
+        for k in range(H):
+            step, at = np.exp(-2j * np.pi * (k + 1) / n), 2.0 / n + 0j
+            A = 0j
+            slopes[row + k] = 0j
+            for s in range(n):
+                A += at * Y[s]
+                for j in range(width):
+                    slopes[row + k, j] += at * DY[s, j]
+                at *= step
+            out[row + k] = A
+        at_input, row = at_input + 2 * n + 1, row + H
+    return True
+
+
+@functools.cache
+def _stamped_orbits(stamp: int) -> Any:
+    """`_orbits`, kept as `_stamped` is."""
+
+    @njit(cache=True, nogil=True, error_model="numpy")
+    def orbits(*arguments):  # type: ignore[no-untyped-def]
+        assert stamp != 0
+        return _orbits(*arguments)
+
+    return orbits
 
 
 @functools.cache

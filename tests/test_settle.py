@@ -1,0 +1,47 @@
+"""The descent between bounds, beside scipy's bounded least squares."""
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares, lsq_linear
+
+from identification.settle import between, settle
+
+
+class Rosenbrock:
+    """A curved valley; the minimum of the whole plane is at (1, 1)."""
+
+    def residual(self, q: np.ndarray) -> np.ndarray:
+        return np.array([10 * (q[1] - q[0] ** 2), 1 - q[0]])
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        return np.array([[-20 * q[0], 10.0], [-1.0, 0.0]])
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_quadratic_between_bounds_is_that_of_bounded_least_squares(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    J, r = rng.normal(size=(30, 12)) * np.exp(rng.normal(0, 2, 12)), rng.normal(0, 10, 30)
+    low, high = -np.abs(rng.normal(size=12)), np.abs(rng.normal(size=12))
+    low[:4] = 0.0  # what is half normal starts on its bound
+    low[11] = high[11] = 0.0  # and what is held stays
+    p = between(J.T @ J, J.T @ r, low, high)
+    want = lsq_linear(J, -r, (low - 1e-12, high + 1e-12), method="bvls", tol=1e-14).x
+    assert ((low <= p) & (p <= high)).all()
+    assert np.sum((J @ p + r) ** 2) == pytest.approx(np.sum((J @ want + r) ** 2), rel=1e-9)
+
+
+@pytest.mark.parametrize("high", [(2.0, 2.0), (0.5, 2.0), (2.0, 0.3)])
+def test_a_descent_ends_where_scipy_does(high: tuple[float, float]) -> None:
+    problem, low = Rosenbrock(), np.array([-2.0, -2.0])
+    found = settle(problem, np.array([-1.2, 0.25]), low, np.array(high), 200, 1e-16)
+    want = least_squares(problem.residual, [-1.2, 0.25], problem.jacobian, bounds=(low, high), xtol=1e-15, ftol=1e-15)
+    assert found.converged
+    np.testing.assert_allclose(found.q, want.x, atol=1e-5)
+
+
+def test_it_stops_where_nothing_more_is_promised_and_says_how_much_was_left() -> None:
+    problem, low, high = Rosenbrock(), np.full(2, -2.0), np.full(2, 2.0)
+    short = settle(problem, np.array([-1.2, 1.0]), low, high, 3)
+    assert not short.converged and short.evaluations == 3 and short.left > 0.01
+    near = settle(problem, np.array([1.01, 1.02]), low, high, 100, 0.01)
+    assert near.converged and near.evaluations == 1 and near.left < 0.01
