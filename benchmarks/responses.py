@@ -1,0 +1,197 @@
+"""Frequency responses of known answer: `python -m benchmarks.responses`, ours beside the estimates of before.
+
+A mass on spring and damper, 20 Hz, damping 6 or 25 %, shaken by a sine, a multisine, random motion or a sweep. Both
+channels have noise; the shaker wanders in amplitude or frequency; hum and drift are added. The answer is exact: the
+motion is multiplied by the response in the frequency domain, over a time that is longer than the recording.
+"""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from benchmarks.table import report
+from fasbody.console import command_line, console, results
+from fasbody.recording.harmonics import find_frequency, fit_harmonics
+from fasbody.transmissibility.broadband import broadband
+from fasbody.transmissibility.estimate import ratio
+from fasbody.transmissibility.sines import by_segments
+from fasbody.transmissibility.spectra import excited, h1
+from reproduction.check import Check, told, within
+
+RATE_HZ, RESONANCE_HZ, LOW_HZ, HIGH_HZ, MARGIN_S = 1000.0, 20.0, 5.0, 50.0, 4.0
+SECONDS = {"sine": 10.0, "multisine": 30.0, "random": 60.0, "sweep": 60.0}
+WANDERS = ("", "AM", "FM", "hum", "drift", "20.3 Hz")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One line of the table: excitation, damping, noise as a share of each channel, and what else is wrong."""
+
+    excitation: str
+    damping: float
+    noise: float
+    wrong: str = ""
+
+    def __str__(self) -> str:
+        wrong = f", {self.wrong}" if self.wrong else ""
+        return f"{self.excitation}, damping {100 * self.damping:g} %, noise {100 * self.noise:g} %{wrong}"
+
+    @property
+    def frequency_hz(self) -> float:
+        """Of the sine."""
+        return 20.3 if self.wrong == "20.3 Hz" else 20.0
+
+
+def cases() -> list[Case]:
+    """Every excitation, damping and noise; and at 1 % noise everything else that goes wrong."""
+    made = [Case(e, z, n) for e in SECONDS for z in (0.06, 0.25) for n in (0.01, 0.05, 0.15)]
+    for e in SECONDS:
+        for wrong in WANDERS[1:]:
+            if e == "sine" or wrong in ("AM", "hum", "drift"):
+                made += [Case(e, z, 0.01, wrong) for z in (0.06, 0.25)]
+    return made
+
+
+def truth(frequency_hz: np.ndarray, damping: float) -> np.ndarray:
+    """Transmissibility of a mass on spring and damper."""
+    r = np.asarray(frequency_hz) / RESONANCE_HZ
+    return (1 + 2j * damping * r) / (1 - r**2 + 2j * damping * r)
+
+
+def recorded(case: Case, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time, base and mass, (n,) each."""
+    rng = np.random.default_rng([seed, *case_key(case)])
+    seconds = SECONDS[case.excitation]
+    t = np.arange(round((seconds + 2 * MARGIN_S) * RATE_HZ)) / RATE_HZ - MARGIN_S
+    slow = rng.uniform(0, 2 * np.pi, 2)
+    base = _base(case, t, rng, slow)
+    if case.wrong == "AM":
+        base = base * (1 + 0.05 * np.sin(2 * np.pi * 0.3 * t + slow[0]))
+    edge = np.clip(np.minimum(t + MARGIN_S, t[-1] - t) / 1.0, 0, 1)
+    base = base * np.sin(0.5 * np.pi * edge) ** 2
+    f = np.fft.rfftfreq(t.size, 1 / RATE_HZ)
+    mass = np.fft.irfft(truth(f, case.damping) * np.fft.rfft(base), t.size)
+    inside = (t >= 0) & (t < seconds - 0.5 / RATE_HZ)
+    t, channels = t[inside], [base[inside], mass[inside]]
+    made = []
+    for clean in channels:
+        size = clean.std()
+        x = clean + case.noise * size * rng.normal(size=t.size)
+        if case.wrong == "hum":
+            x = x + 0.05 * size * np.sin(2 * np.pi * 50.02 * t + rng.uniform(0, 2 * np.pi))
+        if case.wrong == "drift":
+            u = t / t[-1]
+            bend = np.polynomial.chebyshev.chebval(2 * u - 1, [0, *rng.normal(size=4)])
+            x = x + 0.3 * size * bend / np.ptp(bend)
+        made.append(x)
+    return t, made[0], made[1]
+
+
+def case_key(case: Case) -> tuple[int, ...]:
+    """Numbers that make the noise of each case its own."""
+    return (
+        list(SECONDS).index(case.excitation), round(1000 * case.damping), round(1000 * case.noise),
+        WANDERS.index(case.wrong),
+    )  # fmt: skip
+
+
+def _base(case: Case, t: np.ndarray, rng: np.random.Generator, slow: np.ndarray) -> np.ndarray:
+    if case.excitation == "sine":
+        wander = 0.05 / 0.2 * np.sin(2 * np.pi * 0.2 * t + slow[1]) if case.wrong == "FM" else 0.0
+        return 8.95 * np.sin(2 * np.pi * case.frequency_hz * t + wander + rng.uniform(0, 2 * np.pi))
+    if case.excitation == "multisine":
+        lines = np.arange(LOW_HZ, HIGH_HZ, 0.5)
+        lines = lines[np.arange(lines.size) % 5 != 3]  # every fifth is left out, to see distortion there
+        phase = rng.uniform(0, 2 * np.pi, lines.size)
+        return 6.3 * np.sqrt(2 / lines.size) * np.cos(2 * np.pi * np.outer(t, lines) + phase).sum(axis=1)
+    if case.excitation == "random":
+        f = np.fft.rfftfreq(t.size, 1 / RATE_HZ)
+        lines = (rng.normal(size=f.size) + 1j * rng.normal(size=f.size)) * ((f >= LOW_HZ) & (f <= HIGH_HZ))
+        values = np.fft.irfft(lines, t.size)
+        return 6.3 * values / values.std()
+    seconds = SECONDS["sweep"]
+    inside = np.clip(t, 0, seconds)
+    chirp = 8.95 * np.sin(2 * np.pi * (LOW_HZ + 0.5 * (HIGH_HZ - LOW_HZ) / seconds * inside) * inside)
+    edge = np.clip(np.minimum(inside, seconds - inside) / 0.25, 0, 1)
+    return chirp * np.sin(0.5 * np.pi * edge) ** 2
+
+
+Estimate = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def ours(case: Case, t: np.ndarray, base: np.ndarray, mass: np.ndarray) -> Estimate:
+    """Frequencies, response, and its standard deviation."""
+    channels = {"base": base - base.mean(), "malleolus": mass - mass.mean()}
+    if case.excitation == "sine":
+        found = by_segments(t, channels, find_frequency(t, channels["base"]))
+    else:
+        found = broadband(t, channels, 1.0)
+    return found.frequency_hz, *found.ratio("malleolus")
+
+
+def before(case: Case, t: np.ndarray, base: np.ndarray, mass: np.ndarray) -> Estimate:
+    """The same by the estimates of before: one sine fit a channel, or H1 by Welch's method."""
+    base, mass = base - base.mean(), mass - mass.mean()
+    if case.excitation == "sine":
+        f = find_frequency(t, base)
+        H, std = ratio(fit_harmonics(t, mass, f, 1), fit_harmonics(t, base, f, 1))
+        return np.array([f]), np.array([H]), np.array([std])
+    found = h1(base, mass, RATE_HZ, 1.0, excited(base, RATE_HZ, 1.0))
+    return found.frequency_hz, found.H, found.std
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Over many recordings: worst mean error and typical scatter [%, degrees], and what the intervals cover [%]."""
+
+    bias: float
+    scatter: float
+    bias_deg: float
+    scatter_deg: float
+    cover: float
+    cover_deg: float
+    width: float
+
+    @classmethod
+    def of(cls, case: Case, estimate: Callable[..., Estimate], seeds: int) -> "Outcome":
+        """Of one case."""
+        errors, inside, width = [], [], []
+        for seed in range(seeds):
+            f, H, std = estimate(case, *recorded(case, seed))
+            use = np.ones(f.size, bool) if case.excitation == "sine" else (f >= 6.5) & (f <= 45.5)
+            f, H, std = f[use], H[use], std[use]
+            error = H / truth(f if case.wrong != "20.3 Hz" else np.full(1, 20.3), case.damping)
+            size, turn = np.abs(error) - 1, np.angle(error)
+            half = 1.96 * std / np.abs(H)
+            errors.append(np.array([100 * size, np.degrees(turn)]))
+            inside.append([np.abs(size / np.abs(error)) <= half, np.abs(turn) <= half])
+            width.append(np.median(half))
+        e, c = np.array(errors), 100 * np.mean(np.array(inside, float), axis=(0, 2))
+        mean, spread = e.mean(axis=0), e.std(axis=0, ddof=1)
+        worst = [float(mean[i][np.argmax(np.abs(mean[i]))]) for i in range(2)]
+        return cls(
+            worst[0], float(np.sqrt(np.mean(spread[0] ** 2))), worst[1], float(np.sqrt(np.mean(spread[1] ** 2))),
+            float(c[0]), float(c[1]), float(100 * np.mean(width)),
+        )  # fmt: skip
+
+
+def measure(seeds: int, keep: Path | None = None, only: str = "") -> list[tuple[Case, Outcome, Outcome]]:
+    """Every case by both; results are kept in a file case by case, so that a run can be resumed."""
+    kept = json.loads(keep.read_text()) if keep and keep.is_file() else {}
+    rows = []
+    for case in cases():
+        if only not in str(case):
+            continue
+        key = f"{case}, {seeds}"
+        if key not in kept:
+            kept[key] = [vars(Outcome.of(case, way, seeds)) for way in (ours, before)]
+            if keep:
+                keep.write_text(json.dumps(kept))
+        rows.append((case, *(Outcome(**values) for values in kept[key])))
+    return rows

@@ -1,0 +1,105 @@
+"""The response to random motion and sweeps by local models in the frequency domain, with the leakage as part of them.
+
+Around each frequency the transform of a channel is Y = (B X + T) / A: the response B / A times that of the base, and a
+smooth term T / A for what rings on from before the record and beyond its end (Pintelon & Schoukens, System
+Identification, 2nd ed., section 7.2; with a denominator: McKelvey & Guérin 2012). The denominator follows a resonance that a
+polynomial of the same window cannot, so that the window may be wide and the noise small. Noise of the base, seen beyond
+the band that the shaker excites, is taken out of the normal equations, where it would make the response too small.
+"""
+
+import numpy as np
+
+from fasbody.exceptions import RecordingError
+from fasbody.transmissibility.response import Response, widening
+
+#: Order of B and T, and of A.
+_ORDER, _POLES = 2, 2
+#: Least bins of a window on each side.
+_LEAST = 8
+#: Parts of the band above the excitation in which noise is looked for.
+_FLOORS = 8
+
+
+def local(
+    time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: np.ndarray, band_hz: tuple[float, float],
+    resolution_hz: float,
+) -> Response:  # fmt: skip
+    """Channels over the base at given frequencies.
+
+    Args:
+        time_s: (n,) [s], uniform. channels: (n,) each [m/s^2], "base" among them.
+        frequency_hz: (f,) where. band_hz: that the shaker excites. resolution_hz: half width of the windows.
+
+    Raises:
+        RecordingError: too short for a window within the band.
+    """
+    n = time_s.size
+    rate = (n - 1) / (time_s[-1] - time_s[0])
+    step = rate / n
+    outs = [name for name in channels if name != "base"]
+    X = np.fft.rfft(channels["base"])
+    Y = np.column_stack([np.fft.rfft(channels[name]) for name in outs])
+    bins = np.arange(X.size) * step
+    usable = np.flatnonzero((bins > max(0.5 * step, band_hz[0] - resolution_hz)) & (bins < band_hz[1] + resolution_hz))
+    half = max(_LEAST, round(resolution_hz / step))
+    if usable.size < 2 * half + 1:
+        raise RecordingError(
+            f"{n / rate:.3g} s are too short for a band of {band_hz[0]:.3g} to {band_hz[1]:.3g} Hz; "
+            f"record at least {2 * _LEAST / max(1e-9, band_hz[1] - band_hz[0]):.3g} s."
+        )
+    noise = floor(channels["base"], rate, band_hz[1])
+    H = {name: np.empty(frequency_hz.size, complex) for name in outs}
+    covariance = {(a, b): np.empty(frequency_hz.size, complex) for a in outs for b in outs}
+    for i, f in enumerate(frequency_hz):
+        first = int(np.clip(round(f / step) - half, usable[0], usable[-1] - 2 * half))
+        place = np.arange(first, first + 2 * half + 1)
+        r = (place * step - f) / (half * step)
+        found = [_fitted(r, X[place], Y[place, j], noise) for j in range(len(outs))]
+        for j, a in enumerate(outs):
+            H[a][i] = found[j][0]
+            for k, b in enumerate(outs):
+                freedom = place.size - 2 * (_ORDER + 1) - _POLES
+                scatter = np.sum(found[j][2] * found[k][2].conj()) / freedom
+                spread = np.sqrt(found[j][1] * found[k][1])
+                covariance[a, b][i] = scatter * spread * widening(2 * freedom) ** 2
+    return Response("local rational", np.asarray(frequency_hz, float), H, covariance)
+
+
+def _fitted(r: np.ndarray, X: np.ndarray, Y: np.ndarray, noise: float) -> tuple[complex, float, np.ndarray]:
+    """Response in the middle, its variance for residuals of variance 1, and the residuals (bins,)."""
+    powers = r[:, None] ** np.arange(_ORDER + 1)
+    A = _denominator(r, X, Y, powers)
+    basis = np.hstack([X[:, None] * powers, powers * np.sqrt(np.mean(np.abs(X) ** 2))]) / A[:, None]
+    normal = basis.conj().T @ basis
+    count = _ORDER + 1
+    weighted = powers / np.abs(A[:, None])
+    normal[:count, :count] -= noise * (weighted.T @ weighted)
+    solved = np.linalg.solve(normal, basis.conj().T @ Y)
+    return complex(solved[0]), float(np.linalg.inv(normal)[0, 0].real), (Y - basis @ solved)
+
+
+def _denominator(r: np.ndarray, X: np.ndarray, Y: np.ndarray, powers: np.ndarray) -> np.ndarray:
+    """A over the window (bins,), 1 in its middle; 1 throughout where its zeros would lie within the band itself."""
+    A = np.ones(r.size, complex)
+    size = np.sqrt(np.mean(np.abs(X) ** 2))
+    for _ in range(2):
+        basis = np.hstack([X[:, None] * powers, powers * size, -Y[:, None] * r[:, None] ** np.arange(1, _POLES + 1)])
+        solved = np.linalg.lstsq(basis / A[:, None], Y / A)[0]
+        tail = solved[-_POLES:]
+        zeros = np.roots([*tail[::-1], 1.0])
+        if np.any((np.abs(zeros.imag) < 0.1) & (np.abs(zeros.real) < 1.5)):
+            return np.ones(r.size, complex)
+        A = 1 + (r[:, None] ** np.arange(1, _POLES + 1)) @ tail
+    return A
+
+
+def floor(values: np.ndarray, rate_hz: float, highest_hz: float) -> float:
+    """Mean power of a bin's noise, from the quietest part beyond the excitation; 0 where nothing lies beyond."""
+    n = values.size
+    window = np.hanning(n)
+    power = np.abs(np.fft.rfft((values - values.mean()) * window)) ** 2 / np.mean(window**2)
+    f = np.arange(power.size) * rate_hz / n
+    beyond = power[(f > 1.5 * highest_hz) & (f < 0.45 * rate_hz)]
+    if beyond.size < 50 * _FLOORS:
+        return 0.0
+    return float(min(np.median(part) for part in np.array_split(beyond, _FLOORS)) / np.log(2))
