@@ -13,6 +13,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from benchmarks.table import report
@@ -22,7 +23,7 @@ from fasbody.transmissibility.broadband import broadband
 from fasbody.transmissibility.estimate import ratio
 from fasbody.transmissibility.sines import by_segments
 from fasbody.transmissibility.spectra import excited, h1
-from reproduction.check import Check, told, within
+from reproduction.check import Check, at_most, told, within
 
 RATE_HZ, RESONANCE_HZ, LOW_HZ, HIGH_HZ, MARGIN_S = 1000.0, 20.0, 5.0, 50.0, 4.0
 SECONDS = {"sine": 10.0, "multisine": 30.0, "random": 60.0, "sweep": 60.0}
@@ -108,8 +109,9 @@ def _base(case: Case, t: np.ndarray, rng: np.random.Generator, slow: np.ndarray)
     if case.excitation == "multisine":
         lines = np.arange(LOW_HZ, HIGH_HZ, 0.5)
         lines = lines[np.arange(lines.size) % 5 != 3]  # every fifth is left out, to see distortion there
-        phase = rng.uniform(0, 2 * np.pi, lines.size)
-        return 6.3 * np.sqrt(2 / lines.size) * np.cos(2 * np.pi * np.outer(t, lines) + phase).sum(axis=1)
+        spectrum = np.zeros(t.size // 2 + 1, complex)
+        spectrum[np.round(lines * t.size / RATE_HZ).astype(int)] = np.exp(2j * np.pi * rng.uniform(size=lines.size))
+        return 6.3 * np.sqrt(2 / lines.size) * 0.5 * t.size * np.fft.irfft(spectrum, t.size)
     if case.excitation == "random":
         f = np.fft.rfftfreq(t.size, 1 / RATE_HZ)
         lines = (rng.normal(size=f.size) + 1j * rng.normal(size=f.size)) * ((f >= LOW_HZ) & (f <= HIGH_HZ))
@@ -148,50 +150,119 @@ def before(case: Case, t: np.ndarray, base: np.ndarray, mass: np.ndarray) -> Est
 
 @dataclass(frozen=True)
 class Outcome:
-    """Over many recordings: worst mean error and typical scatter [%, degrees], and what the intervals cover [%]."""
+    """Over many recordings and frequencies: bias and scatter of one estimate, and what its 95 % intervals cover.
 
-    bias: float
-    scatter: float
+    The bias is the root mean square over frequencies of the mean error, with what chance adds to it taken off.
+    """
+
+    bias_percent: float
     bias_deg: float
+    scatter_percent: float
     scatter_deg: float
-    cover: float
-    cover_deg: float
-    width: float
+    cover_percent: float
+    cover_phase_percent: float
 
     @classmethod
     def of(cls, case: Case, estimate: Callable[..., Estimate], seeds: int) -> "Outcome":
         """Of one case."""
-        errors, inside, width = [], [], []
+        errors, inside = [], []
         for seed in range(seeds):
             f, H, std = estimate(case, *recorded(case, seed))
             use = np.ones(f.size, bool) if case.excitation == "sine" else (f >= 6.5) & (f <= 45.5)
             f, H, std = f[use], H[use], std[use]
-            error = H / truth(f if case.wrong != "20.3 Hz" else np.full(1, 20.3), case.damping)
-            size, turn = np.abs(error) - 1, np.angle(error)
-            half = 1.96 * std / np.abs(H)
-            errors.append(np.array([100 * size, np.degrees(turn)]))
+            error = H / truth(np.full(1, case.frequency_hz) if case.excitation == "sine" else f, case.damping)
+            size, turn, half = np.abs(error) - 1, np.angle(error), 1.96 * std / np.abs(H)
+            errors.append([100 * size, np.degrees(turn)])
             inside.append([np.abs(size / np.abs(error)) <= half, np.abs(turn) <= half])
-            width.append(np.median(half))
-        e, c = np.array(errors), 100 * np.mean(np.array(inside, float), axis=(0, 2))
+        e, covered = np.array(errors), 100 * np.mean(np.array(inside, float), axis=(0, 2))
         mean, spread = e.mean(axis=0), e.std(axis=0, ddof=1)
-        worst = [float(mean[i][np.argmax(np.abs(mean[i]))]) for i in range(2)]
-        return cls(
-            worst[0], float(np.sqrt(np.mean(spread[0] ** 2))), worst[1], float(np.sqrt(np.mean(spread[1] ** 2))),
-            float(c[0]), float(c[1]), float(100 * np.mean(width)),
-        )  # fmt: skip
+        bias = np.sqrt(np.maximum(0, np.mean(mean**2 - spread**2 / seeds, axis=1)))
+        scatter = np.sqrt(np.mean(spread**2, axis=1))
+        return cls(*(float(v) for v in (*bias, *scatter, *covered)))
+
+    @property
+    def cells(self) -> list[str]:
+        """For a row of the table."""
+        return [
+            f"{self.bias_percent:.3f} / {self.bias_deg:.3f}", f"{self.scatter_percent:.3f} / {self.scatter_deg:.3f}",
+            f"{self.cover_percent:.0f} / {self.cover_phase_percent:.0f}",
+        ]  # fmt: skip
 
 
 def measure(seeds: int, keep: Path | None = None, only: str = "") -> list[tuple[Case, Outcome, Outcome]]:
-    """Every case by both; results are kept in a file case by case, so that a run can be resumed."""
+    """Every case by both estimates; kept in a file case by case, so that a run can be resumed.
+
+    Args:
+        seeds: recordings of broadband motion, each with forty frequencies; of sines eight times as many.
+        keep: JSON file. only: part of the name of the cases wanted.
+    """
     kept = json.loads(keep.read_text()) if keep and keep.is_file() else {}
     rows = []
     for case in cases():
         if only not in str(case):
             continue
-        key = f"{case}, {seeds}"
+        count = seeds * (8 if case.excitation == "sine" else 1)
+        key = f"{case}, {count} recordings"
         if key not in kept:
-            kept[key] = [vars(Outcome.of(case, way, seeds)) for way in (ours, before)]
+            kept[key] = [vars(Outcome.of(case, way, count)) for way in (ours, before)]
             if keep:
-                keep.write_text(json.dumps(kept))
+                keep.write_text(json.dumps(kept, indent=1))
         rows.append((case, *(Outcome(**values) for values in kept[key])))
     return rows
+
+
+HEADS = (
+    "recording", "bias [% / deg]", "scatter [% / deg]", "95 % covers [%]", "before: bias", "before: scatter",
+    "before: covers",
+)  # fmt: skip
+
+
+def checks(rows: list[tuple[Case, Outcome, Outcome]]) -> list[Check]:
+    """Worst bias and coverage by excitation, of ours, and told of the estimates of before."""
+    made = []
+    for excitation in SECONDS:
+        mine = [(case, new, old) for case, new, old in rows if case.excitation == excitation]
+        if not mine:
+            continue
+        for what, unit in (("bias_percent", "%"), ("bias_deg", "degrees")):
+            worst = max(mine, key=lambda row: getattr(row[1], what))
+            made.append(at_most(f"bias, worst of {excitation} ({worst[0]})", getattr(worst[1], what), 0.1, unit))
+            made.append(
+                told(
+                    f"the same of the estimate before, {excitation}",
+                    f"{max(getattr(r[2], what) for r in mine):.3g} {unit}",
+                )
+            )
+        every = [(v, case) for case, new, _ in mine for v in (new.cover_percent, new.cover_phase_percent)]
+        for value, case in (min(every, key=lambda v: v[0]), max(every, key=lambda v: v[0])):
+            made.append(within(f"95 % intervals cover, extreme of {excitation} ({case})", value, 92, 98, "%"))
+    return made
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    seeds: Annotated[int, typer.Option(min=2, help="broadband recordings a case; eight times as many sines")] = 25,
+    only: Annotated[str, typer.Option(help="part of the names of the cases wanted, such as 'sine'")] = "",
+    keep: Annotated[Path | None, typer.Option(help="JSON file that keeps each case, to resume a run")] = None,
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+) -> None:
+    """Frequency responses of known answer by every kind of excitation, beside the estimates of before.
+
+    Examples:
+      python -m benchmarks.responses --only sine --keep responses.json
+    """
+    with console.status("estimating"):
+        rows = measure(seeds, keep, only)
+    if not json_:
+        printed = Table(*map(escape, HEADS), title="ours, and before", title_justify="left")
+        for case, new, old in rows:
+            printed.add_row(escape(str(case)), *new.cells, *old.cells)
+        results.print(printed)
+    report("Frequency responses", checks(rows), json_)
+
+
+if __name__ == "__main__":
+    command_line(app)

@@ -12,8 +12,10 @@ import numpy as np
 from fasbody.exceptions import RecordingError
 from fasbody.transmissibility.response import Response, widening
 
-#: Order of B and T, and of A.
-_ORDER, _POLES = 2, 2
+#: Order of B and T; that of A is 1, as one resonance is within a window or near it.
+_ORDER = 2
+#: A pole that is nearer to the real frequencies than this share of a window is one of the noise.
+_NEAREST = 0.6
 #: Least bins of a window on each side.
 _LEAST = 8
 #: Parts of the band above the excitation in which noise is looked for.
@@ -47,49 +49,63 @@ def local(
             f"{n / rate:.3g} s are too short for a band of {band_hz[0]:.3g} to {band_hz[1]:.3g} Hz; "
             f"record at least {2 * _LEAST / max(1e-9, band_hz[1] - band_hz[0]):.3g} s."
         )
-    noise = floor(channels["base"], rate, band_hz[1])
+    noise = {name: floor(values, rate, band_hz[1]) for name, values in channels.items()}
     H = {name: np.empty(frequency_hz.size, complex) for name in outs}
     covariance = {(a, b): np.empty(frequency_hz.size, complex) for a in outs for b in outs}
     for i, f in enumerate(frequency_hz):
         first = int(np.clip(round(f / step) - half, usable[0], usable[-1] - 2 * half))
         place = np.arange(first, first + 2 * half + 1)
         r = (place * step - f) / (half * step)
-        found = [_fitted(r, X[place], Y[place, j], noise) for j in range(len(outs))]
+        found = [_fitted(r, X[place], Y[place, j], noise["base"], noise[name]) for j, name in enumerate(outs)]
         for j, a in enumerate(outs):
             H[a][i] = found[j][0]
             for k, b in enumerate(outs):
-                freedom = place.size - 2 * (_ORDER + 1) - _POLES
+                freedom = place.size - 2 * (_ORDER + 1) - 1
                 scatter = np.sum(found[j][2] * found[k][2].conj()) / freedom
                 spread = np.sqrt(found[j][1] * found[k][1])
                 covariance[a, b][i] = scatter * spread * widening(2 * freedom) ** 2
     return Response("local rational", np.asarray(frequency_hz, float), H, covariance)
 
 
-def _fitted(r: np.ndarray, X: np.ndarray, Y: np.ndarray, noise: float) -> tuple[complex, float, np.ndarray]:
+def _fitted(
+    r: np.ndarray, X: np.ndarray, Y: np.ndarray, noise_in: float, noise_out: float
+) -> tuple[complex, float, np.ndarray]:
     """Response in the middle, its variance for residuals of variance 1, and the residuals (bins,)."""
     powers = r[:, None] ** np.arange(_ORDER + 1)
-    A = _denominator(r, X, Y, powers)
-    basis = np.hstack([X[:, None] * powers, powers * np.sqrt(np.mean(np.abs(X) ** 2))]) / A[:, None]
-    normal = basis.conj().T @ basis
     count = _ORDER + 1
+    known = np.hstack([X[:, None] * powers, powers * np.sqrt(np.mean(np.abs(X) ** 2))])
+    A = _denominator(r, known, Y, powers, noise_in, noise_out)
+    basis = known / A[:, None]
+    normal = basis.conj().T @ basis
     weighted = powers / np.abs(A[:, None])
-    normal[:count, :count] -= noise * (weighted.T @ weighted)
+    normal[:count, :count] -= noise_in * (weighted.T @ weighted)
     solved = np.linalg.solve(normal, basis.conj().T @ Y)
-    return complex(solved[0]), float(np.linalg.inv(normal)[0, 0].real), (Y - basis @ solved)
+    left = Y - basis @ solved
+    if np.all(A == 1):
+        return complex(solved[0]), float(np.linalg.inv(normal)[0, 0].real), left
+    full = np.column_stack([basis, (basis @ solved) * r / A])  # the denominator is estimated, too
+    return complex(solved[0]), float(np.linalg.pinv(full.conj().T @ full, 1e-12, hermitian=True)[0, 0].real), left
 
 
-def _denominator(r: np.ndarray, X: np.ndarray, Y: np.ndarray, powers: np.ndarray) -> np.ndarray:
-    """A over the window (bins,), 1 in its middle; 1 throughout where its zeros would lie within the band itself."""
+def _denominator(
+    r: np.ndarray, known: np.ndarray, Y: np.ndarray, powers: np.ndarray, noise_in: float, noise_out: float
+) -> np.ndarray:
+    """A = 1 + a r over the window (bins,); 1 throughout where its zero would lie within the band itself."""
     A = np.ones(r.size, complex)
-    size = np.sqrt(np.mean(np.abs(X) ** 2))
-    for _ in range(2):
-        basis = np.hstack([X[:, None] * powers, powers * size, -Y[:, None] * r[:, None] ** np.arange(1, _POLES + 1)])
-        solved = np.linalg.lstsq(basis / A[:, None], Y / A)[0]
-        tail = solved[-_POLES:]
-        zeros = np.roots([*tail[::-1], 1.0])
-        if np.any((np.abs(zeros.imag) < 0.1) & (np.abs(zeros.real) < 1.5)):
+    count = powers.shape[1]
+    for _ in range(3):
+        basis = np.column_stack([known, -Y * r]) / A[:, None]
+        weight = 1 / np.abs(A) ** 2
+        normal = basis.conj().T @ basis
+        normal[:count, :count] -= noise_in * ((powers.T * weight) @ powers)
+        normal[-1, -1] -= noise_out * np.sum(weight * r**2)
+        right = basis.conj().T @ (Y / A)
+        right[-1] += noise_out * np.sum(weight * r)
+        a = np.linalg.solve(normal, right)[-1]
+        zero = -1 / a if a else np.inf
+        if abs(np.imag(zero)) < _NEAREST and abs(np.real(zero)) < 1.6:
             return np.ones(r.size, complex)
-        A = 1 + (r[:, None] ** np.arange(1, _POLES + 1)) @ tail
+        A = 1 + a * r
     return A
 
 

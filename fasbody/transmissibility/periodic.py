@@ -177,7 +177,9 @@ def _distorted(
     noise = np.sum(np.abs(left - left.mean(axis=0)) ** 2, axis=0) / (P - 1) / P
     power = np.abs(left.mean(axis=0)) ** 2
     kernel = np.ones(2 * _TOGETHER + 1)
-    power, noise = (np.convolve(v, kernel, "same") / np.convolve(np.ones(v.size), kernel, "same") for v in (power, noise))
+    power, noise = (
+        np.convolve(v, kernel, "same") / np.convolve(np.ones(v.size), kernel, "same") for v in (power, noise)
+    )
     sure = power > 3 * noise  # so much more is not by chance
     return np.interp(frequency, frequency[silent], np.where(sure, power - noise, 0.0))
 

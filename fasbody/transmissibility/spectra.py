@@ -117,6 +117,8 @@ class FrequencyResponse:
 
 #: Frequencies whose input lies this far below the strongest are not estimated: there is nothing but noise.
 _EXCITED = 1e-3
+#: And those that are not so many times above the noise of the quietest tenth.
+_ABOVE_NOISE = 5.0
 #: The excited band leaves out this share of the power below it, and above: what leaks from the mean and other bands.
 _OUTSIDE = 1e-3
 
@@ -129,6 +131,9 @@ def excited(x: np.ndarray, rate_hz: float, resolution_hz: float = 1.0) -> np.nda
     """
     _, power = welch(remove_mean(x, type="constant"), **_segments(x, rate_hz, resolution_hz)[1])
     power[0] = 0.0
+    noise = np.quantile(power, 0.1)
+    if noise < 0.1 * power.max():  # else all frequencies are excited, and nothing shows the noise
+        power = np.where(power > _ABOVE_NOISE * noise, power, 0.0)
     below = np.cumsum(power) / power.sum()
     return (below > _OUTSIDE) & (below - power / power.sum() < 1 - _OUTSIDE) & (power > _EXCITED * power.max())
 
