@@ -186,7 +186,7 @@ def test_findings_take_the_nine_frequencies_from_among_others(table: Table) -> N
     for frame, why in (
         (table.frame[table.frame["frequency_hz"] != 30], "nothing was recorded at 30 Hz"),
         (table.frame[table.frame["subject"] == "1"], "1 subject, needed are 3"),
-        (table.frame.assign(file="one"), "this study has broadband recordings"),
+        (table.frame.assign(method="H1 by Welch"), "this study has broadband recordings"),
         (table.frame[table.frame["added_mass_kg"] == 2.3], "neither all three loads nor"),
     ):
         stated, said = judged(Table(frame, "synthetic"))

@@ -9,7 +9,7 @@ from fasbody.recording.recording import Condition, Recording
 
 KEYS = {
     "file", "subject", "posture", "added_mass_kg", "frequency_hz", "pair", "transmissibility", "transmissibility_std",
-    "phase_deg", "phase_std_deg", "transmissibility_peak_to_peak",
+    "phase_deg", "phase_std_deg", "transmissibility_peak_to_peak", "method", "distortion_std", "resolution_bias",
 }  # fmt: skip
 
 

@@ -10,16 +10,19 @@ import numpy as np
 
 from fasbody.exceptions import RecordingError
 from fasbody.presentation import Presented, Sheet
-from fasbody.recording.harmonics import find_frequency, fit_harmonics, sine_share
+from fasbody.recording.clock import uniform
+from fasbody.recording.harmonics import find_frequency, fit_harmonics, narrow_share, sine_share
 from fasbody.recording.quality import Quality, quality, still
 from fasbody.recording.recording import Recording, gain_and_delay
 
-#: Sampling rate needed, as a multiple of the excitation frequency.
-OVERSAMPLING = 10
+#: Sampling rate needed, as a multiple of the excitation frequency, and the one from which harmonics are told apart.
+OVERSAMPLING, COMFORTABLE = 2.5, 10.0
 #: No foot is recorded more slowly than this.
 SLOWEST_HZ = 50.0
-#: A periodic base explains this share of its power by one frequency and its harmonics.
-PERIODIC_SHARE = 0.97
+#: A sine has this share of its power near one frequency and its harmonics, drift and white noise not counted.
+PERIODIC_SHARE = 0.9
+#: Less than this share by one frequency is told, with what it costs.
+_CLEAN = 0.97
 #: A first part that differs by more than this share of the amplitude.
 _ONSET = 0.02
 #: Runs of this many samples at the extreme value mean clipping in broadband recordings.
@@ -68,6 +71,8 @@ def checked(recording: Recording) -> Recording:
 def _checked(recording: Recording) -> Recording:
     """The same of all channels alike."""
     warnings = list(recording.warnings)
+    recording, remark = uniform(recording)
+    warnings += [remark] if remark else []
     _time(recording)
     channels = {name: values for name, values in recording.channels.items() if name != "time_s"}
     for name, values in channels.items():
@@ -83,14 +88,17 @@ def _checked(recording: Recording) -> Recording:
         channels[name] = values - values.mean()
     recording = recording.with_channels(channels)
     found = find_frequency(recording.time_s, recording.base_m_s2)
-    share = sine_share(recording.time_s, recording.base_m_s2, found)
+    share = narrow_share(recording.time_s, recording.base_m_s2, found)
     _moving(recording, channels, found if share > 0.5 else None)
-    frequency = _excitation(recording, found, share)
+    frequency = _excitation(recording, found, share, warnings)
     for name in channels:
         _clipping(recording, name, frequency)
     if frequency is not None:
         _level(recording, frequency, warnings)
-    _quality(recording, quality_of(recording, frequency), frequency, warnings)
+    about = quality_of(recording, frequency)
+    _quality(recording, about, frequency, warnings)
+    if frequency is not None:
+        _cost(recording, about, frequency, warnings)
     condition = replace(recording.condition, frequency_hz=frequency)
     return replace(recording, condition=condition, warnings=tuple(warnings))
 
@@ -358,7 +366,7 @@ def _quality(recording: Recording, found: Quality, frequency: float | None, warn
         )
 
 
-def _excitation(recording: Recording, found: float, share: float) -> float | None:
+def _excitation(recording: Recording, found: float, share: float, warnings: list[str]) -> float | None:
     """Excitation frequency [Hz] found in the base channel, None for broadband; it must agree with the table."""
     t = recording.time_s
     nominal = recording.condition.frequency_hz
@@ -377,9 +385,41 @@ def _excitation(recording: Recording, found: float, share: float) -> float | Non
             recording,
             f"is sampled at {recording.rate_hz:g} Hz, less than {OVERSAMPLING} times its excitation of {found:.4g} Hz",
         )
+    if recording.rate_hz < COMFORTABLE * found * (1 - 1e-3):
+        warnings.append(_folded(recording, found))
     if (t[-1] - t[0]) * found < 3:
         raise _fail(recording, f"is too short: {(t[-1] - t[0]) * found:.1f} periods of {found:.4g} Hz, needed are 3")
     return found
+
+
+def _folded(recording: Recording, frequency: float) -> str:
+    """What sampling below ten times the frequency costs."""
+    rate, seconds = recording.rate_hz, recording.time_s[-1] - recording.time_s[0]
+    folded = [
+        h for h in range(2, 11)
+        if abs(abs(h * frequency - rate * round(h * frequency / rate)) - frequency) < 2 / seconds
+    ]  # fmt: skip
+    said = (
+        f"{recording.file}: sampled at {rate:.5g} Hz, {rate / frequency:.3g} times its excitation of {frequency:.4g} Hz"
+    )
+    if folded:
+        return (
+            f"{said}: its harmonic {folded[0]} folds onto the excitation itself and biases it by its own share, which "
+            "the interval does not hold; choose another rate."
+        )
+    return f"{said}: the sine fit needs no more, but harmonics above {rate / 2:.4g} Hz fold and are not told apart."
+
+
+def _cost(recording: Recording, found: Quality, frequency: float, warnings: list[str]) -> None:
+    """What noise, drift and a wandering shaker cost, in the interval of the ratio."""
+    share = sine_share(recording.time_s, recording.base_m_s2, frequency)
+    if share < _CLEAN:
+        half = 1.96 * found.lead_std_deg
+        warnings.append(
+            f"{recording.file}: {100 * (1 - share):.0f} % of the power of base_m_s2 is neither the excitation nor its "
+            f"harmonics (noise, drift, or a shaker that wanders): the malleolus over the base is known to "
+            f"{100 * np.radians(half):.2g} % and {half:.2g} degrees, or better where the wander is common to both."
+        )
 
 
 def _level(recording: Recording, frequency: float, warnings: list[str]) -> None:

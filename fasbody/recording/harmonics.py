@@ -108,6 +108,31 @@ def sine_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) -> f
     return float(1 - residual @ residual / max(1e-300, centred @ centred))
 
 
+def narrow_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) -> float:
+    """Share of the power near a frequency and its harmonics, with drift and white noise not counted; 1 if a sine.
+
+    Unlike `sine_share` it allows for a shaker that wanders in amplitude and frequency.
+
+    Args:
+        time_s: (n,) [s]. signal: (n,), offset removed. frequency_hz: fundamental.
+    """
+    n = signal.size
+    rate = (n - 1) / (time_s[-1] - time_s[0])
+    power = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(n))) ** 2
+    f = np.arange(power.size) * rate / n
+    white = float(np.median(power)) / np.log(2)
+    if white * power.size > _MOST_NOISE * power.sum():  # so much power is no noise of a sensor
+        white = 0.0
+    power = np.maximum(0.0, power - white)
+    power[f < min(1.0, 0.25 * frequency_hz)] = 0.0
+    near = np.abs(f - frequency_hz * np.maximum(1, np.round(f / frequency_hz))) < max(0.6, 3 * rate / n)
+    return float(power[near].sum() / max(1e-300, power.sum()))
+
+
+#: White noise of a sensor has at most this share of the power.
+_MOST_NOISE = 0.2
+
+
 class _Basis:
     """Columns P (n, p) of a least-squares fit, and what all signals on them share."""
 

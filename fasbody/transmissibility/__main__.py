@@ -28,6 +28,9 @@ def main(
     ] = False,
     figure_format: Annotated[str, typer.Option("--figures", help="svg, png or pdf")] = "png",
     resolution: Annotated[float, typer.Option(help="distance of frequencies in Hz, for broadband excitation")] = 1.0,
+    estimate: Annotated[
+        str, typer.Option(help="for broadband excitation: best (by periods, or local models), H1, H2 or Hv by Welch")
+    ] = "best",
     jobs: Annotated[int, typer.Option(help="processes; 0 for all cores")] = 0,
 ) -> None:
     """Transmissibility and phase for MB, TB and TM by load and posture, with statistics and figures.
@@ -52,14 +55,16 @@ def main(
     if isinstance(opened, StudyFolder):
         for remark in posture_remarks(opened.trials):
             console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
-        table = Table.of(opened, resolution, jobs)
+        table = Table.of(opened, resolution, jobs, estimate)
     else:
-        table = Table.of_recordings([opened], resolution)
+        table = Table.of_recordings([opened], resolution, estimate)
     if json_:
         print_json(table.frame.to_dict("records"))
     else:
         show(table)
     console.print(f"Standard deviations hold {table.covers}.", markup=False, soft_wrap=True)
+    if remark := table.resolved(resolution):
+        console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
     if folder is not None:
         write(table, folder, figure_format)
         console.print(f"tables and figures in [bold]{escape(str(folder))}[/]", soft_wrap=True)

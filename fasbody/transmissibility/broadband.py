@@ -1,23 +1,35 @@
-"""The response to motion of many frequencies: period by period where it repeats itself, by local models where not."""
+"""The response to motion of many frequencies: period by period where it repeats itself, by local models where not.
+
+H1, H2 and Hv by Welch's method stand beside, with the error by their resolution named.
+"""
 
 import numpy as np
 
-from fasbody.exceptions import RecordingError
+from fasbody.exceptions import RecordingError, SettingError, unknown
 from fasbody.transmissibility.local import local
 from fasbody.transmissibility.periodic import by_periods, period_of
 from fasbody.transmissibility.response import Response
-from fasbody.transmissibility.spectra import excited
+from fasbody.transmissibility.spectra import WELCH, by_welch, excited
+
+#: The estimates to choose from; "best" is by periods or by local models.
+ESTIMATES = ("best", *WELCH)
 
 
-def broadband(time_s: np.ndarray, channels: dict[str, np.ndarray], resolution_hz: float = 1.0) -> Response:
+def broadband(
+    time_s: np.ndarray, channels: dict[str, np.ndarray], resolution_hz: float = 1.0, estimate: str = "best"
+) -> Response:
     """Channels over the base, over the band that the base excites.
 
     Args:
         time_s: (n,) [s], uniform. channels: (n,) each [m/s^2], "base" among them. resolution_hz: of the frequencies.
+        estimate: one of `ESTIMATES`.
 
     Raises:
         RecordingError: shorter than three segments of that resolution, or nothing is excited.
+        SettingError: no such estimate.
     """
+    if estimate not in ESTIMATES:
+        raise SettingError(f"{unknown('estimate', estimate, ESTIMATES)}.")
     base = channels["base"]
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     use = np.flatnonzero(excited(base, rate, resolution_hz))
@@ -27,6 +39,30 @@ def broadband(time_s: np.ndarray, channels: dict[str, np.ndarray], resolution_hz
     band = (float(use[0] * step), float(use[-1] * step))
     period = period_of(base, rate, band)
     if period is not None:
-        return by_periods(time_s, channels, period, band, resolution_hz)
-    first, last = np.ceil(band[0] / resolution_hz - 1e-6), np.floor(band[1] / resolution_hz + 1e-6)
-    return local(time_s, channels, np.arange(first, last + 1) * resolution_hz, band, resolution_hz)
+        best = by_periods(time_s, channels, period, band, resolution_hz)
+    else:
+        first, last = np.ceil(band[0] / resolution_hz - 1e-6), np.floor(band[1] / resolution_hz + 1e-6)
+        best = local(time_s, channels, np.arange(first, last + 1) * resolution_hz, band, resolution_hz)
+    return best if estimate == "best" else _averaged(channels, rate, resolution_hz, estimate, best)
+
+
+def _averaged(
+    channels: dict[str, np.ndarray], rate_hz: float, resolution_hz: float, kind: str, best: Response
+) -> Response:
+    """By Welch's method; its error by the resolution is told where it differs from the best estimate beyond noise."""
+    use = excited(channels["base"], rate_hz, resolution_hz)
+    H, covariance, bias, frequency = {}, {}, {}, np.empty(0)
+    outs = [name for name in channels if name != "base"]
+    for name in outs:
+        found = by_welch(channels["base"], channels[name], rate_hz, resolution_hz, use, kind)
+        frequency, H[name] = found.frequency_hz, found.H
+        right = np.interp(frequency, best.frequency_hz, best.H[name].real) + 1j * np.interp(
+            frequency, best.frequency_hz, best.H[name].imag
+        )
+        differ = np.abs(found.H / right) - 1
+        bias[name] = np.where(np.abs(found.H - right) > 2 * found.std, differ, 0.0)
+        covariance[name, name] = 2 * found.std**2 + 0j
+    for a in outs:
+        for b in outs:
+            covariance.setdefault((a, b), np.zeros(frequency.size, complex))
+    return Response(f"{kind} by Welch", frequency, H, covariance, {}, bias)

@@ -2,10 +2,13 @@
 
 Around each frequency the transform of a channel is Y = (B X + T) / A: the response B / A times that of the base, and a
 smooth term T / A for what rings on from before the record and beyond its end (Pintelon & Schoukens, System
-Identification, 2nd ed., section 7.2; with a denominator: McKelvey & Guérin 2012). The denominator follows a resonance that a
-polynomial of the same window cannot, so that the window may be wide and the noise small. Noise of the base, seen beyond
-the band that the shaker excites, is taken out of the normal equations, where it would make the response too small.
+Identification, 2nd ed., section 7.2; with a denominator: McKelvey & Guérin 2012). The denominator follows a resonance
+that a polynomial of the same window cannot, so that the window may be wide and the noise small. Noise of the base, seen
+beyond the band that the shaker excites, is taken out of the normal equations, where it would make the response too
+small. Windows of half the width tell what is lost by the resolution.
 """
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +19,8 @@ from fasbody.transmissibility.response import Response, widening
 _ORDER = 2
 #: A pole that is nearer to the real frequencies than this share of a window is one of the noise.
 _NEAREST = 0.6
+#: A narrower window differs where it does by this times its standard deviation.
+_SURE = 5.0
 #: Least bins of a window on each side.
 _LEAST = 8
 #: Parts of the band above the excitation in which noise is looked for.
@@ -35,15 +40,36 @@ def local(
     Raises:
         RecordingError: too short for a window within the band.
     """
-    n = time_s.size
-    rate = (n - 1) / (time_s[-1] - time_s[0])
+    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    step = rate / time_s.size
+    outs = [name for name in channels if name != "base"]
+    half = max(_LEAST, round(resolution_hz / step))
+    wide = _windows(channels, frequency_hz, band_hz, resolution_hz, half, rate)
+    if half < 2 * _LEAST:
+        return wide
+    narrow = _windows(channels, frequency_hz, band_hz, resolution_hz, half // 2, rate)
+    bias = {}
+    for name in outs:
+        differ = wide.H[name] / narrow.H[name] - 1
+        beyond = np.abs(differ) > _SURE * narrow.ratio(name)[1] / np.abs(narrow.H[name])
+        bias[name] = np.where(beyond, np.abs(wide.H[name] / narrow.H[name]) - 1, 0.0)
+    lost = {name: np.where(bias[name] != 0, np.abs(wide.H[name] - narrow.H[name]), 0.0) for name in outs}
+    covariance = {(a, b): c + (2 * lost[a] ** 2 if a == b else 0) for (a, b), c in wide.covariance.items()}
+    return replace(wide, covariance=covariance, bias=bias)
+
+
+def _windows(
+    channels: dict[str, np.ndarray], frequency_hz: np.ndarray, band_hz: tuple[float, float], resolution_hz: float,
+    half: int, rate: float,
+) -> Response:  # fmt: skip
+    """The same by windows of so many bins on each side."""
+    n = channels["base"].size
     step = rate / n
     outs = [name for name in channels if name != "base"]
     X = np.fft.rfft(channels["base"])
     Y = np.column_stack([np.fft.rfft(channels[name]) for name in outs])
     bins = np.arange(X.size) * step
     usable = np.flatnonzero((bins > max(0.5 * step, band_hz[0] - resolution_hz)) & (bins < band_hz[1] + resolution_hz))
-    half = max(_LEAST, round(resolution_hz / step))
     if usable.size < 2 * half + 1:
         raise RecordingError(
             f"{n / rate:.3g} s are too short for a band of {band_hz[0]:.3g} to {band_hz[1]:.3g} Hz; "

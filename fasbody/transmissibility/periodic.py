@@ -52,7 +52,7 @@ def period_of(base: np.ndarray, rate_hz: float, band_hz: tuple[float, float]) ->
 def _refined(base: np.ndarray, rate_hz: float, period: float, band_hz: tuple[float, float]) -> float:
     """The period from the phase that the driven lines gain from the first block of periods to the last."""
     for _ in range(3):
-        spectra, starts = _blocks(base, rate_hz, period, band_hz[1])
+        spectra = _blocks(base, rate_hz, period, band_hz[1])
         power = np.mean(np.abs(spectra) ** 2, axis=0)
         k = np.flatnonzero(power > _DRIVEN * power.max())
         turned = np.angle(np.sum(spectra[1:, k] * spectra[:-1, k].conj(), axis=0))  # of one line in one period
@@ -62,16 +62,15 @@ def _refined(base: np.ndarray, rate_hz: float, period: float, band_hz: tuple[flo
     return float(period)
 
 
-def _blocks(values: np.ndarray, rate_hz: float, period_s: float, highest_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Complex amplitudes of the harmonics of each period, (periods, lines), and the samples at which periods begin.
+def _blocks(values: np.ndarray, rate_hz: float, period_s: float, highest_hz: float) -> np.ndarray:
+    """Complex amplitudes of the harmonics of each period, (periods, lines).
 
     A period need not be a whole number of samples: amplitudes are fitted to the whole samples within, with offset and
     slope, and turned to where the period begins.
     """
     samples = period_s * rate_hz
     n = int(samples + 1e-6)
-    count = int((values.size - 1) / samples + 1e-6)
-    count = max(1, count if round(count * samples) + n <= values.size + n else count)
+    count = int(values.size / samples) + 1
     starts = np.round(np.arange(count) * samples).astype(int)
     starts = starts[starts + n <= values.size]
     lines = min(int(1.05 * highest_hz * period_s) + 1, (n - 4) // 2)
@@ -84,7 +83,7 @@ def _blocks(values: np.ndarray, rate_hz: float, period_s: float, highest_hz: flo
     solved = np.linalg.lstsq(basis, each)[0]
     amplitudes = (solved[2::2] - 1j * solved[3::2]).T
     late = starts - np.arange(starts.size) * samples
-    return amplitudes * np.exp(-np.outer(late, turn)), starts
+    return amplitudes * np.exp(-np.outer(late, turn))
 
 
 def by_periods(
@@ -98,7 +97,7 @@ def by_periods(
         band_hz: that it excites. resolution_hz: lines closer than that are thinned to it.
     """
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
-    spectra = {name: _blocks(values, rate, period_s, band_hz[1])[0] for name, values in channels.items()}
+    spectra = {name: _blocks(values, rate, period_s, band_hz[1]) for name, values in channels.items()}
     spectra = _settled(spectra)
     base = spectra["base"]
     P = len(base)
@@ -165,7 +164,7 @@ def _together(values: np.ndarray, driven: np.ndarray, near: int) -> tuple[np.nda
 def _distorted(
     frequency: np.ndarray, out: np.ndarray, base: np.ndarray, H: np.ndarray, driven: np.ndarray, inside: np.ndarray
 ) -> np.ndarray:
-    """Power (lines,) that repeats at lines within the band that are not driven, beyond noise; nan without such lines."""
+    """Power (lines,) that repeats at lines within the band that are not driven, beyond noise; nan without them."""
     silent = np.flatnonzero(inside & ~driven)
     if silent.size < 3 or driven.sum() < 3:
         return np.full(frequency.size, np.nan)

@@ -1,6 +1,6 @@
 """The thesis' low-pass filter of section 2.2.3 and its peak-to-peak transmissibility.
 
-Cross-spectra: the phase of Eqs. (2.2), (2.3), and H1 with coherence for broadband excitation.
+Cross-spectra: the phase of Eqs. (2.2), (2.3), and H1, H2, Hv with coherence for broadband excitation.
 """
 
 from dataclasses import dataclass
@@ -94,7 +94,7 @@ def cross_spectrum(x: np.ndarray, y: np.ndarray, rate_hz: float, frequency_hz: f
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """H1 estimate for broadband excitation.
+    """Estimate by averaged spectra for broadband excitation.
 
     Attributes:
         frequency_hz: (n,). H: (n,) complex. coherence: (n,) 0 to 1. std: (n,) standard deviation of |H|, and of its
@@ -141,15 +141,33 @@ def excited(x: np.ndarray, rate_hz: float, resolution_hz: float = 1.0) -> np.nda
 def h1(
     x: np.ndarray, y: np.ndarray, rate_hz: float, resolution_hz: float = 1.0, use: np.ndarray | None = None
 ) -> FrequencyResponse:
-    """H1 = S_xy / S_xx by Welch's method with Hann windows, half overlapping, where the input has power.
+    """H1 = S_xy / S_xx, as `by_welch` gives it."""
+    return by_welch(x, y, rate_hz, resolution_hz, use)
+
+
+#: Ways to divide averaged spectra: noise of the output only, of the input only, of both in proportion to their power.
+WELCH = ("H1", "H2", "Hv")
+
+
+def by_welch(
+    x: np.ndarray, y: np.ndarray, rate_hz: float, resolution_hz: float = 1.0, use: np.ndarray | None = None,
+    kind: str = "H1",
+) -> FrequencyResponse:  # fmt: skip
+    """H1, H2 or Hv by Welch's method with Hann windows, half overlapping, where the input has power.
+
+    H1 = S_xy / S_xx is too small by the noise of the input, H2 = S_yy / S_yx too large by that of the output, and Hv,
+    their geometric mean, is right where both channels have noise of the same share of their power.
 
     Args:
         x, y: (n,) input and output. rate_hz: sampling rate. resolution_hz: distance of the frequencies.
         use: (f,) where to estimate, from `excited` of the shaker's motion; default where the input itself has power.
+        kind: one of `WELCH`.
 
     Raises:
-        RecordingError: shorter than three segments.
+        RecordingError: shorter than three segments. SettingError: no such kind.
     """
+    if kind not in WELCH:
+        raise SettingError(f"no estimate by Welch's method is named {kind!r} (valid: {', '.join(WELCH)}).")
     segments, common = _segments(x, rate_hz, resolution_hz)
     use = excited(x, rate_hz, resolution_hz) if use is None else use
     x, y = remove_mean(x, type="constant"), remove_mean(y, type="constant")
@@ -157,6 +175,7 @@ def h1(
     Syy, Sxy = welch(y, **common)[1], csd(x, y, **common)[1]
     H, coherence = Sxy[use] / Sxx[use], np.abs(Sxy[use]) ** 2 / (Sxx[use] * Syy[use])
     averages = 18 * segments**2 / (19 * segments - 1)  # independent ones of half overlapping Hann windows
+    H = H * np.maximum(coherence, 1e-12) ** {"H1": 0.0, "H2": -1.0, "Hv": -0.5}[kind]
     std = np.abs(H) * np.sqrt(np.maximum(0, 1 - coherence) / (2 * averages * np.maximum(coherence, 1e-12)))
     return FrequencyResponse(f[use], H, coherence, std, averages)
 

@@ -21,6 +21,8 @@ from fasbody.runner import run
 from fasbody.transmissibility.estimate import PAIRS, Row, rows, unwrapped
 from fasbody.transmissibility.resonance import Resonance, by_thesis, shown
 
+#: An error by the resolution is told from here on, as a share.
+_TOLD_BIAS = 0.01
 Condition = tuple[str, float]  # posture, added mass [kg]
 #: What the standard deviations hold where study.toml says nothing of the sensors.
 NOISE_ONLY = "noise only; gain and delay of the sensors are not in them (study.toml: gain_std, delay_std_s)"
@@ -101,12 +103,14 @@ class Table(Presented):
     plots: ClassVar[tuple[str, ...]] = ("means", "spectrum", "subjects")
 
     @classmethod
-    def of(cls, study: StudyFolder | Study, resolution_hz: float = 1.0, processes: int = 0) -> "Table":
+    def of(
+        cls, study: StudyFolder | Study, resolution_hz: float = 1.0, processes: int = 0, estimate: str = "best"
+    ) -> "Table":
         """Analyse a study; of a folder, one recording in memory a process."""
         if isinstance(study, Study):
-            return cls.of_recordings(study.recordings, resolution_hz)
+            return cls.of_recordings(study.recordings, resolution_hz, estimate)
         light = StudyFolder(study.name, study.origin, "", (), study.layout)  # what a process needs besides its trial
-        jobs = [(light, trial, resolution_hz) for trial in study.trials]
+        jobs = [(light, trial, resolution_hz, estimate) for trial in study.trials]
         found: dict[int, list[Row] | str] = dict(run(_analyse, jobs, "transmissibility", processes))
         ordered = [found[i] for i in range(len(jobs))]
         lines = [row.document() for part in ordered if not isinstance(part, str) for row in part]
@@ -116,9 +120,11 @@ class Table(Presented):
         return cls(_common_band(pd.DataFrame(lines)), study.origin, problems, covered(study.layout.channels))
 
     @classmethod
-    def of_recordings(cls, recordings: Sequence[Recording], resolution_hz: float = 1.0) -> "Table":
+    def of_recordings(
+        cls, recordings: Sequence[Recording], resolution_hz: float = 1.0, estimate: str = "best"
+    ) -> "Table":
         """Analyse recordings in memory."""
-        lines = [row.document() for recording in recordings for row in rows(recording, resolution_hz)]
+        lines = [row.document() for recording in recordings for row in rows(recording, resolution_hz, estimate)]
         return cls(_common_band(pd.DataFrame(lines)), recordings[0].origin, (), covered(recordings[0].calibration))
 
     def __str__(self) -> str:
@@ -153,8 +159,8 @@ class Table(Presented):
 
     @cached_property
     def broadband(self) -> bool:
-        """Whether a recording has more than one frequency."""
-        return bool((_frequencies_of_files(self.frame) > 1).any())
+        """Whether a recording was of many frequencies at once."""
+        return bool(_wide(self.frame).any())
 
     @property
     def pairs(self) -> list[str]:
@@ -194,6 +200,18 @@ class Table(Presented):
         wide = part.pivot_table(index="subject", columns=["posture", "added_mass_kg"], values="transmissibility")
         return wide.reindex(columns=pd.MultiIndex.from_tuples(conditions)).to_numpy(float)
 
+    def resolved(self, resolution_hz: float) -> str:
+        """A sentence on what the resolution costs broadband estimates, empty where that does not show."""
+        bias = self.frame["resolution_bias"]
+        if not (bias.abs() > _TOLD_BIAS).any():
+            return ""
+        worst = self.frame.loc[bias.abs().idxmax()]
+        return (
+            f"the resolution of {resolution_hz:g} Hz makes {worst['pair']} at {worst['frequency_hz']:g} Hz wrong by "
+            f"{100 * worst['resolution_bias']:+.1f} % ({worst['method']}, {worst['file']}; column resolution_bias); "
+            "ask for a finer one, or record longer."
+        )
+
     def csv(self) -> str:
         """The rows as CSV text."""
         return self.frame.to_csv(index=False, float_format="%.6g")
@@ -203,7 +221,7 @@ class Table(Presented):
         import xarray
 
         keys = ["subject", "posture", "added_mass_kg", "pair", "frequency_hz"]
-        values = [c for c in self.frame.columns if c not in (*keys, "file")]
+        values = [c for c in self.frame.columns if c not in (*keys, "file", "method")]
         data: Any = xarray.Dataset.from_dataframe(self.frame.groupby(keys)[values].mean())
         data.attrs |= {"origin": self.origin, "source": "fasbody.transmissibility", "standard_deviations": self.covers}
         for name in values:
@@ -219,14 +237,14 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def _frequencies_of_files(frame: pd.DataFrame) -> pd.Series:
-    return frame.groupby("file")["frequency_hz"].nunique()
+def _wide(frame: pd.DataFrame) -> pd.Series:
+    """Which rows are of broadband recordings; steps of sines are none."""
+    return ~frame["method"].str.startswith("sine")
 
 
 def _common_band(frame: pd.DataFrame) -> pd.DataFrame:
     """Broadband recordings only over the band that all of them excite: a mean over fewer would not be comparable."""
-    files = _frequencies_of_files(frame)
-    wide = frame["file"].isin(files[files > 1].index)
+    wide = _wide(frame)
     f = frame[wide].groupby("file")["frequency_hz"]
     low, high = f.min().max(), f.max().min()
     if not low < high:  # no broadband recordings, or none in common
@@ -254,10 +272,10 @@ def _order(posture: str) -> tuple[int, str]:
     return (POSTURES.index(posture) if posture in POSTURES else len(POSTURES), posture)
 
 
-def _analyse(task: tuple[StudyFolder, Trial, float]) -> list[Row] | str:
+def _analyse(task: tuple[StudyFolder, Trial, float, str]) -> list[Row] | str:
     """Rows of one trial, or the sentence on why there are none."""
-    study, trial, resolution = task
+    study, trial, resolution, estimate = task
     try:
-        return [replace(row, file=trial.file) for row in rows(study.read(trial), resolution)]
+        return [replace(row, file=trial.file) for row in rows(study.read(trial), resolution, estimate)]
     except FasError as error:
         return str(error)

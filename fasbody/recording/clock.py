@@ -1,0 +1,73 @@
+"""Sample times as loggers write them: rounded stamps and exact ones that jitter, made uniform where that is right."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from fasbody.recording.recording import Recording
+
+#: Steps that stay within this share of the typical one are uniform as they are.
+_UNIFORM = 0.5
+#: A step of this many typical ones is a gap, which nothing can fill.
+_GAP = 1.9
+
+
+def rounded(time_s: np.ndarray) -> float | None:
+    """What the stamps (n,) are rounded to [s], None if they are not those of a uniform clock.
+
+    Rounded stamps of a uniform clock lie within half a unit of a straight line; a missing sample leaves it.
+    """
+    span = float(time_s[-1] - time_s[0])
+    if time_s.size < 3 or not np.isfinite(time_s).all() or span <= 0:
+        return None
+    steps = np.diff(time_s)
+    step = span / (time_s.size - 1)
+    for unit in (1e-6, 1e-5, 1e-4, 1e-3, 5e-3, 1e-2):
+        counts = steps / unit
+        if np.abs(counts - np.round(counts)).max() < 1e-2 and unit <= 2 * step:
+            slope = np.polynomial.Polynomial.fit(np.arange(time_s.size), time_s, 1)
+            off = time_s - slope(np.arange(time_s.size))
+            if np.ptp(off) <= 1.1 * unit and steps.min() >= 0:
+                return unit
+    return None
+
+
+def uniform(recording: "Recording") -> tuple["Recording", str]:
+    """The recording at uniform times, and a sentence on what that costs; itself where nothing is to be done.
+
+    Rounded stamps are replaced by the clock that they were rounded from. Exact stamps that jitter are kept for what they
+    are: the channels are brought to uniform times by a spline. Gaps stay, for the checks to refuse.
+    """
+    t = recording.time_s
+    if t.size < 50 or not np.isfinite(t).all() or t[-1] <= t[0]:
+        return recording, ""
+    steps = np.diff(t)
+    typical = float((t[-1] - t[0]) / (t.size - 1))
+    median = float(np.median(steps))
+    if steps.min() > 0 and np.abs(steps - median).max() <= _UNIFORM * median:
+        return recording, ""
+    index = np.arange(t.size)
+    unit = rounded(t)
+    if unit is not None:
+        clock = np.polynomial.Polynomial.fit(index, t, 1)(index)
+        return replace(recording, time_s=clock), (
+            f"{recording.file}: its times are rounded to {1e3 * unit:g} ms; they are taken for a uniform clock of "
+            f"{1 / typical:.6g} Hz, which leaves ratio and phase as they are and the frequency uncertain by "
+            f"{100 * unit / (t[-1] - t[0]):.1g} %."
+        )
+    if steps.min() <= 0 or steps.max() > _GAP * typical:
+        return recording, ""
+    from scipy.interpolate import CubicSpline
+
+    clock = np.linspace(t[0], t[-1], t.size)
+    channels = {name: values for name, values in recording.channels.items() if name != "time_s"}
+    if any(values.shape != t.shape or not np.isfinite(values).all() for values in channels.values()):
+        return recording, ""
+    made = {name: CubicSpline(t, values)(clock) for name, values in channels.items()}
+    return replace(recording, time_s=clock, **made), (
+        f"{recording.file}: its times jitter (steps of {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms); taken "
+        f"for exact, the channels were brought to a uniform {1 / typical:.6g} Hz by a spline, which costs less than 0.1 % "
+        f"below {0.1 / typical:.3g} Hz."
+    )
