@@ -9,6 +9,7 @@ import pytest
 
 from fasbody.exceptions import RecordingError
 from fasbody.recording.checks import apart, checked, gathered, understood
+from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.recording import Condition, Recording
 
 RATE, N = 1000.0, 2000
@@ -134,12 +135,65 @@ def test_bad_recordings_get_their_sentence(name: str) -> None:
 
 
 def test_too_slow_sampling_and_too_few_periods() -> None:
-    with pytest.raises(RecordingError, match="is sampled at 1000 Hz, less than 10 times its excitation of 120 Hz"):
-        checked(good(120.0))
+    with pytest.raises(RecordingError, match=r"is sampled at 1000 Hz, less than 2\.5 times its excitation of 430 Hz"):
+        checked(good(430.0))
+    assert "the sine fit needs no more" in checked(good(120.0)).warnings[0]
+    assert "its harmonic 3 folds onto the excitation itself" in checked(good(250.0)).warnings[0]
     r = good(20.0)
     cut = replace(r, **{n: getattr(r, n)[:120] for n in CHANNELS})
     with pytest.raises(RecordingError, match=r"is too short: 2\.4 periods of 20\.?\d* Hz, needed are 3"):
         checked(cut)
+
+
+def at_times(t: np.ndarray, stamps: np.ndarray, noise: float = 0.0) -> Recording:
+    """A sine of 20 Hz, 1.3 and -40 degrees, sampled at t and stamped otherwise."""
+    rng = np.random.default_rng(1)
+    turn = 8.95 * np.exp(2j * np.pi * 20 * t)
+    base, malleolus = turn.real, (1.3 * np.exp(-1j * np.radians(40)) * turn).real
+    noisy = (x + noise * 8.95 / np.sqrt(2) * rng.normal(size=t.size) for x in (base, malleolus))
+    return Recording(stamps, *noisy, file="x.csv")
+
+
+def ratio_of(recording: Recording) -> complex:
+    good = checked(recording)
+    fits = [
+        fit_harmonics(good.time_s, x, good.condition.frequency_hz, 1) for x in (good.base_m_s2, good.malleolus_m_s2)
+    ]
+    return complex(fits[1].amplitudes[0] / fits[0].amplitudes[0])
+
+
+TRUE = 1.3 * np.exp(-1j * np.radians(40))
+
+
+def test_rounded_stamps_of_a_uniform_clock_are_accepted() -> None:
+    for rate in (812.5, 1003.7, 400.0):
+        t = np.arange(6000) / rate
+        r = at_times(t, np.round(t, 3))
+        assert abs(ratio_of(r) / TRUE - 1) < 1e-3
+        assert checked(r).rate_hz == pytest.approx(rate, rel=1e-4)
+    assert "are rounded to 1 ms" in checked(at_times(t * 0.4 / 0.8125, np.round(t * 0.4 / 0.8125, 3))).warnings[0]
+    t = np.delete(np.arange(6000), 3000) / 812.5  # a sample is missing
+    with pytest.raises(RecordingError, match="time"):
+        checked(at_times(t, np.round(t, 3)))
+
+
+def test_exact_stamps_that_jitter_are_accepted() -> None:
+    t = np.arange(8000) / 1000 + np.random.default_rng(0).uniform(-0.35e-3, 0.35e-3, 8000)
+    r = at_times(t, t)
+    assert abs(ratio_of(r) / TRUE - 1) < 1e-3
+    assert "its times jitter" in checked(r).warnings[0]
+
+
+def test_noise_drift_and_wander_are_accepted_with_what_they_cost() -> None:
+    t = np.arange(10_000) / 1000
+    noisy = at_times(t, t, noise=0.15)
+    assert any("is known to" in text for text in checked(replace(noisy, base_m_s2=noisy.base_m_s2 + 2 * t)).warnings)
+    drift = 0.3 * 8.95 * np.sin(2 * np.pi * 0.07 * t)
+    clean = at_times(t, t)
+    assert abs(ratio_of(replace(clean, base_m_s2=clean.base_m_s2 + drift)) / TRUE - 1) < 2e-3
+    wander = np.exp(2j * np.pi * (20 * t) + 0.5j * np.sin(2 * np.pi * 0.1 * t)) * (1 + 0.05 * np.sin(2 * t))
+    r = Recording(t, (8.95 * wander).real, (8.95 * TRUE * wander).real, condition=Condition(frequency_hz=20.0))
+    assert abs(ratio_of(r) / TRUE - 1) < 1e-3
 
 
 def test_an_odd_amplitude_is_only_a_warning() -> None:

@@ -26,7 +26,7 @@ class Row:
     `phase_deg` is that of the output relative to the input, negative where it lags. Standard deviations are those of
     the estimate, not those between subjects: noise, from the residual of the fit or the coherence, and the uncertain
     gain and delay of the two channels as far as study.toml states them (gain_std, delay_std_s). `distortion_std` is
-    the part of it that repeats with the motion, `resolution_bias` the relative error by the resolution, where they show.
+    the part of it that repeats with the motion, `resolution_bias` the relative error by the resolution, if they show.
     """
 
     file: str
