@@ -13,6 +13,10 @@ from fasbody.transmissibility.response import Response, widening
 
 #: Segments at most, and the periods that each has at least.
 _SEGMENTS, _PERIODS = 20, 3
+#: From so many on their scatter is the noise, below it is what the fits leave.
+_ENOUGH = 6
+#: The shaker wanders where that explains all but this part of the scatter.
+_WANDERS = 3.0
 #: Harmonics taken along, so that they do not leak into the fundamental.
 _HARMONICS = 20
 
@@ -40,23 +44,48 @@ def by_segments(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_h
         freedom += max(0, b - a - basis.shape[1])
     A = np.array(amplitudes)  # (segments, channels)
     base = A[:, names.index("base")]
-    power = float(np.sum(np.abs(base) ** 2))
     outs = [name for name in names if name != "base"]
-    H = {name: np.array([np.sum(A[:, names.index(name)] * base.conj()) / power]) for name in outs}
-    left_over = {name: A[:, names.index(name)] - H[name] * base for name in outs}
+    moved = A[:, [names.index(name) for name in outs]]
+    solved, left, weight, count = _common(base, moved)
+    H = {name: solved[None, j] for j, name in enumerate(outs)}
     white = noise / max(1, freedom)
     covariance = {}
-    for one in outs:
-        for other in outs:
-            if parts >= 6:
-                scatter = np.sum(left_over[one] * left_over[other].conj()) / (parts - 1)
-                covariance[one, other] = np.array([scatter / power * widening(2 * parts - 2) ** 2])
+    for p, one in enumerate(outs):
+        for q, other in enumerate(outs):
+            if parts >= _ENOUGH:
+                scatter = np.sum(left[:, p] * left[:, q].conj()) / count
+                covariance[one, other] = np.array([scatter * weight * widening(2 * count) ** 2])
                 continue
             i, j, k = names.index(one), names.index(other), names.index("base")
             h, g = H[one][0], H[other][0]
             each = white[i, j] + h * g.conj() * white[k, k] - h * white[k, j] - g.conj() * white[i, k]
-            covariance[one, other] = np.array([4 * each / t.size * parts / power])
+            covariance[one, other] = np.array([4 * each / t.size * parts * weight])
     return Response("sine, by segments" if parts > 1 else "sine", np.array([frequency_hz]), H, covariance)
+
+
+def _common(base: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, int]:
+    """Ratios (channels,) of amplitudes by segment, what they leave, their variance for unit scatter, and its freedom.
+
+    A foot answers a wander of its base with the slope and curvature of its response: where the first and second
+    differences of the base's amplitude explain most of what a constant ratio leaves, they are taken along.
+
+    Args:
+        base: (segments,) complex. moved: (segments, channels).
+    """
+    weight = 1 / float(np.sum(np.abs(base) ** 2))
+    ratio = weight * (base.conj() @ moved)
+    left = moved - np.outer(base, ratio)
+    if base.size < _SEGMENTS // 2:
+        return ratio, left, weight, base.size - 1
+    slope, bend = base[2:] - base[:-2], base[2:] - 2 * base[1:-1] + base[:-2]
+    basis = np.column_stack([base[1:-1], slope, bend])
+    wandering = np.linalg.lstsq(basis, moved[1:-1])[0]
+    rest = moved[1:-1] - basis @ wandering
+    count = base.size - 5
+    before, after = (np.sum(np.abs(v) ** 2, axis=0) / n for v, n in ((left, base.size - 1), (rest, count)))
+    if not np.any(before > _WANDERS * after):
+        return ratio, left, weight, base.size - 1
+    return wandering[0], rest, float(np.linalg.inv(basis.conj().T @ basis)[0, 0].real), count
 
 
 def _basis(time_s: np.ndarray, frequency_hz: float, harmonics: int) -> np.ndarray:
