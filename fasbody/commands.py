@@ -78,6 +78,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Write a recording in another format, in m/s^2, signs, sensitivities and delays applied.",
         ),
         Command(
+            "merge", "fasbody.recording", "merge",
+            "Make one recording of two loggers, a telephone on the knee and one on the table, by a knock that both felt.",
+        ),
+        Command(
             "study init", "fasbody.recording", "init",
             "Make a study of a folder of recordings: study.toml, subjects.csv and recordings.csv, to be completed.",
         ),

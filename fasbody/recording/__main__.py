@@ -7,10 +7,11 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from fasbody.console import command_line, console, print_json, progress_bar, results
-from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
+from fasbody.console import command_line, console, print_json, progress_bar, results, to_json, write_whole
+from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError, unknown
 from fasbody.recording.channels import Layout
 from fasbody.recording.checks import QUALITIES, checked, quality_cells, understood, verdict
+from fasbody.recording.files import read_one
 from fasbody.recording.proposal import TABLES, propose
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import StudyFolder
@@ -147,6 +148,49 @@ def convert(
     console.print(
         f"{recording.time_s.size} samples of {len(recording.channels) - 1} channels in {target}", markup=False
     )
+
+
+@app.command()
+def merge(
+    table: Annotated[Path, typer.Argument(help="recording of the logger on the shaker's table")],
+    foot: Annotated[Path, typer.Argument(help="recording of the logger on the foot, made at the same time")],
+    target: Annotated[
+        Path, typer.Argument(help="file to write: .csv; what is known of the delay lies beside as .json")
+    ],
+    base: Annotated[str, typer.Option(help="column of the table's file (default: the one named base)")] = "",
+    malleolus: Annotated[str, typer.Option(help="column of the foot's file (default: the one named malleolus)")] = "",
+    way: Annotated[str, typer.Option(help="knock or correlation (default: a knock, if there is one)")] = "",
+    study: _Study = None,
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+) -> None:
+    """Make one recording of two loggers, a telephone on the knee and one on the table, by a knock that both felt.
+
+    How well the delay is known goes into every phase and fit of the merged recording.
+
+    Examples:
+      python -m fasbody.recording merge table.csv knee.csv merged.csv --base z --malleolus z
+    """
+    from fasbody.recording.merge import WAYS
+    from fasbody.recording.merge import merge as merged
+
+    if way and way not in WAYS:
+        raise SettingError(f"{unknown('way to merge', way, WAYS)}.")
+    if target.suffix.lower() != ".csv":
+        raise InputFileError(target, f"has the ending {target.suffix!r}", "a merged recording is written as .csv")
+    layout = _layout(study, None)
+    made = merged(
+        *read_one(table, "base", layout, base), *read_one(foot, "malleolus", layout, malleolus), way, target.name
+    )
+    made.recording.write(target)
+    about = {
+        "delay_s": made.delay_s, "delay_std_s": {"malleolus": made.delay_std_s}, "clock": made.clock, "way": made.way,
+        "warnings": [f"{target.name} is made of two loggers, {made}."],
+    }  # fmt: skip
+    write_whole(target.with_suffix(".json"), to_json(about))
+    if json_:
+        print_json(about)
+    else:
+        results.print(f"{made}; written to {target}", markup=False, soft_wrap=True)
 
 
 @app.command()

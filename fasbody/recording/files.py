@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from fasbody.console import write_whole
 from fasbody.exceptions import InputFileError
-from fasbody.recording.channels import Channels, Layout
-from fasbody.recording.csv import read_csv, read_table, read_text
+from fasbody.recording.channels import Channel, Channels, Layout, name_and_unit
+from fasbody.recording.csv import headings, read_csv, read_table, read_text
 from fasbody.recording.formats import ENDINGS, READ, ending
 from fasbody.recording.formats.reader import read_series
 from fasbody.recording.formats.series import FormatError, Series, need
@@ -62,6 +64,34 @@ def read(file: Path, layout: Layout | None = None) -> Channels:
     own = bool({"time", "time_s"} & channels.keys())
     channels = layout.timed(file, channels, next(iter(rates), None))
     return _long_enough(file, layout.aligned(file, channels, _starts(file, sources, own)))
+
+
+def read_one(file: Path, channel: str, layout: Layout | None = None, named: str = "") -> tuple[np.ndarray, np.ndarray]:
+    """Time [s] and one channel [m/s^2], (n,) each, of a file that holds no other.
+
+    Args:
+        file: the file. channel: "base" or "malleolus". layout: what study.toml says. named: the column, if it is named
+            otherwise.
+
+    Raises:
+        InputFileError: as `read`.
+    """
+    layout = layout or Layout()
+    told = layout.channels.get(channel, Channel())
+    column = named or told.column or _named_like(file, channel, layout)
+    both = {name: replace(told, column=column) for name in ("base", "malleolus")}
+    time = {"time": layout.channels["time"]} if "time" in layout.channels else {}
+    found = read(file, replace(layout, channels=both | time))
+    return found["time_s"], found[f"{channel}_m_s2"]
+
+
+def _named_like(file: Path, channel: str, layout: Layout) -> str:
+    """The heading of the column that a channel's own name begins."""
+    if ending(file) in TEXTS:
+        names = headings(file, beside(file, layout))[0]
+    else:
+        names = [s.name for s in read_series(file) if not s.what] if ending(file) in READ else []
+    return next((name for name in names if name_and_unit(name)[0] == channel), channel)
 
 
 def beside(file: Path, layout: Layout) -> Layout:

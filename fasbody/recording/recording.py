@@ -143,7 +143,7 @@ class Recording:
             file=label or Path(file).name,
             origin=origin,
             warnings=_remarks(Path(file).with_suffix(".json")),
-            calibration=layout.channels if layout else {},
+            calibration=_with_delays(layout.channels if layout else {}, Path(file).with_suffix(".json")),
             known=layout.beyond if layout else Known(),
             digest=sha256(Path(file).read_bytes()).hexdigest(),
             others={name.removesuffix("_m_s2"): values for name, values in channels.items() if name not in HEADER},
@@ -217,6 +217,22 @@ def _remarks(file: Path) -> tuple[str, ...]:
     except (ValueError, KeyError, TypeError, OSError):
         return ()
     return tuple(text for text in found if isinstance(text, str)) if isinstance(found, list) else ()
+
+
+def _with_delays(channels: Mapping[str, Channel], file: Path) -> Mapping[str, Channel]:
+    """What is said of the channels, with the uncertain delays of a recording that was merged of two loggers."""
+    if not file.is_file():
+        return channels
+    try:
+        found = json.loads(file.read_text())["delay_std_s"]
+        late = {name: float(value) for name, value in found.items() if 0 <= float(value) <= 1}
+    except (ValueError, KeyError, TypeError, OSError, AttributeError):
+        return channels
+    told = {name: channels.get(name, Channel()) for name in late}
+    return {
+        **channels,
+        **{name: replace(c, delay_std_s=math.hypot(c.delay_std_s, late[name])) for name, c in told.items()},
+    }
 
 
 def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg: float | None) -> Recording:
