@@ -79,7 +79,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "merge", "fasbody.recording", "merge",
-            "Make one recording of two loggers, a telephone on the knee and one on the table, by a knock that both felt.",
+            "Make one recording of two loggers, one on the foot and one on the table, by a knock that both felt.",
         ),
         Command(
             "study init", "fasbody.recording", "init",

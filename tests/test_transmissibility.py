@@ -9,13 +9,16 @@ import pandas as pd
 import pytest
 import xarray
 from matplotlib.figure import Figure
+from scipy import stats
+from statsmodels.stats.multitest import multipletests
 from transmissibility_cases import five_subjects, recording
 
+from fasbody.exceptions import SettingError
 from fasbody.laboratory.study import Plan, make
 from fasbody.recording.channels import Channel
 from fasbody.recording.study import StudyFolder
 from fasbody.transmissibility import figures
-from fasbody.transmissibility.comparisons import against_unity, between, resonances
+from fasbody.transmissibility.comparisons import against_unity, between, mixed, pairwise, resonances
 from fasbody.transmissibility.estimate import Row, rows, unwrapped
 from fasbody.transmissibility.findings import LOADS, findings, judged, summary
 from fasbody.transmissibility.table import Table
@@ -92,7 +95,7 @@ def test_comparisons(table: Table) -> None:
     unity, loads, found = against_unity(table), between(table, list(LOADS)), resonances(table)
     assert set(unity["verdict"]) <= {"above", "equal", "below"}
     assert (unity["p_holm"] >= unity["p"]).all() and (loads["p_holm"] >= loads["p"]).all()
-    assert len(loads) == 27 and set(loads["test"]) == {"repeated-measures ANOVA"}
+    assert len(loads) == 54 and set(loads["test"]) == {"repeated-measures ANOVA"}
     assert set(found["kind"]) <= {"peak", "plateau", "none"}
     assert set(found["shown_kind"]) <= {"peak", "plateau", "none", "undecided"}
 
@@ -101,7 +104,7 @@ def test_gaps_lead_to_the_analysis_that_allows_them(table: Table) -> None:
     f = table.frame
     gap = (f["subject"] == "2") & (f["frequency_hz"] == 20) & (f["added_mass_kg"] == 2.3)
     loads = between(Table(f[~gap], "synthetic"), list(LOADS))
-    at = loads[(loads["frequency_hz"] == 20) & (loads["pair"] == "MB")].iloc[0]
+    at = loads[(loads["frequency_hz"] == 20) & (loads["pair"] == "MB")].iloc[0]  # transmissibility, then phase
     assert at["test"] == "repeated-measures ANOVA with gaps" and at["subjects"] == 5
     whole = between(table, list(LOADS))
     before = whole[(whole["frequency_hz"] == 20) & (whole["pair"] == "MB")].iloc[0]
@@ -184,13 +187,77 @@ def test_findings_take_the_nine_frequencies_from_among_others(table: Table) -> N
     wider = Table(pd.concat([table.frame, more]), "synthetic")
     assert [f.came_out for f in judged(wider)[0]] == [f.came_out for f in judged(table)[0]]
     for frame, why in (
-        (table.frame[table.frame["frequency_hz"] != 30], "nothing was recorded at 30 Hz"),
+        (table.frame.assign(frequency_hz=12.0), "nothing was recorded at 10, 15"),
         (table.frame[table.frame["subject"] == "1"], "1 subject, needed are 3"),
         (table.frame.assign(method="H1 by Welch"), "this study has broadband recordings"),
         (table.frame[table.frame["added_mass_kg"] == 2.3], "neither all three loads nor"),
     ):
         stated, said = judged(Table(frame, "synthetic"))
         assert not stated and why in said
+
+
+def test_a_study_of_other_frequencies_is_judged_by_what_it_has(table: Table) -> None:
+    """Without 30 Hz, statements on 30 Hz are not tested, all others come out as before."""
+    less = {f.says: f for f in judged(Table(table.frame[table.frame["frequency_hz"] != 30], "synthetic"))[0]}
+    whole = {f.says: f for f in judged(table)[0]}
+    assert len(less) == len(whole)
+    for says in ("MB below 20 Hz falls with load", "MB unloaded close to 1 at 45 and 50 Hz"):
+        assert less[says].holds == whole[says].holds is not None
+    assert less["MB resonance with 2.3 kg: 30-35 Hz (peak)"].holds is None
+
+
+def test_verdicts_are_after_holm_over_all_tests_of_a_pair(table: Table) -> None:
+    unity = against_unity(table)
+    for _, part in unity.groupby("pair"):
+        assert part["p_holm"].to_numpy() == pytest.approx(multipletests(part["p"], method="holm")[1])
+    assert ((unity["verdict"] != "equal") == (unity["p_holm"] < 0.05)).all()
+    assert ((unity["thesis_verdict"] != "equal") == (unity["p"] < 0.05)).all()
+    assert (unity["verdict"] != unity["thesis_verdict"]).any()
+
+
+def test_pairs_of_loads_are_told_apart(table: Table) -> None:
+    which = pairwise(table, list(LOADS))
+    assert len(which) == 3 * 9 * 3 * 2
+    at = which[(which["pair"] == "MB") & (which["frequency_hz"] == 10) & (which["to_kg"] == 4.5)]
+    values = table.levels("MB", list(LOADS), 10.0)
+    row = at[(at["from_kg"] == 0) & (at["quantity"] == "transmissibility")].iloc[0]
+    assert row["p"] == pytest.approx(stats.ttest_rel(values[:, 2], values[:, 0]).pvalue)
+    assert row["difference"] == pytest.approx((values[:, 2] - values[:, 0]).mean())
+
+
+def test_phases_are_compared_across_the_jump_of_360_degrees(table: Table) -> None:
+    """The same phases turned by half a circle give the same tests."""
+    turned = table.frame.assign(phase_deg=(table.frame["phase_deg"] + 540) % 360 - 180)
+    one, other = (pairwise(t, list(LOADS)) for t in (table, Table(turned, "synthetic")))
+    phase = one["quantity"] == "phase_deg"
+    assert one[phase]["p"].to_numpy() == pytest.approx(other[phase]["p"].to_numpy(), rel=1e-6)
+
+
+def test_groups_and_covariates_by_a_mixed_model() -> None:
+    """A group that moves 0.3 more and a slope of 0.02 a year that were put in come out; noise does not."""
+    rng = np.random.default_rng(2)
+    people = pd.DataFrame(
+        {"subject": [str(i) for i in range(30)], "group": ["a", "b"] * 15, "age_yr": rng.uniform(20, 60, 30),
+         "shoe": rng.normal(size=30)}
+    )  # fmt: skip
+    lines = []
+    for i, person in people.iterrows():
+        own = rng.normal(0, 0.05)
+        for load in (0.0, 2.3, 4.5):
+            T = 1 + 0.3 * (person["group"] == "b") + 0.02 * person["age_yr"] + own + rng.normal(0, 0.03)
+            lines.append(
+                {"file": f"{i}{load}", "subject": person["subject"], "posture": "midstance", "added_mass_kg": load,
+                 "frequency_hz": 20.0, "pair": "MB", "transmissibility": T, "phase_deg": 179 + 2 * rng.normal(),
+                 "method": "sine"}
+            )  # fmt: skip
+    table = Table(pd.DataFrame(lines), "synthetic")
+    found = mixed(table, people, "group + age_yr + shoe + added_mass_kg")
+    T = found[found["quantity"] == "transmissibility"].set_index("term")
+    assert T.loc["group[T.b]", "difference"] == pytest.approx(0.3, abs=0.06)
+    assert T.loc["age_yr", "difference"] == pytest.approx(0.02, abs=0.003)
+    assert dict(T["verdict"]) == {"group[T.b]": "above", "age_yr": "above", "shoe": "equal", "added_mass_kg": "equal"}
+    with pytest.raises(SettingError, match="height"):
+        mixed(table, people, "group + height")
 
 
 def test_broadband_recordings_share_one_band_for_all_pairs(tmp_path: Path) -> None:

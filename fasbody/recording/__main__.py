@@ -163,7 +163,7 @@ def merge(
     study: _Study = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Make one recording of two loggers, a telephone on the knee and one on the table, by a knock that both felt.
+    """Make one recording of two loggers, one on the foot and one on the table, by a knock that both felt.
 
     How well the delay is known goes into every phase and fit of the merged recording.
 

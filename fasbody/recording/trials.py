@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from fasbody.exceptions import InputFileError, unknown
 from fasbody.recording.channels import Layout
 from fasbody.recording.condition import POSTURES, Condition, plausible
 from fasbody.recording.csv import column, read_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def describe(file: Path) -> tuple[dict[str, str], Layout]:
@@ -141,6 +144,23 @@ def _masses(file: Path) -> dict[str, float]:
             )
         lines[subject] = int(str(line))
     return dict(zip(lines, map(float, column(file, table, "mass_kg")), strict=True))
+
+
+def people(folder: Path) -> "pd.DataFrame":
+    """The subjects of a study with whatever subjects.csv says of them: numbers as numbers, all else as text.
+
+    Raises:
+        InputFileError: there is no such table.
+    """
+    import pandas as pd
+
+    table = read_table(folder / "subjects.csv", ("subject", "mass_kg"))
+    for name in table.columns:
+        if name != "subject":
+            numbers = pd.to_numeric(table[name].str.replace(",", ".", regex=False), errors="coerce")
+            if numbers.notna().sum() == table[name].notna().sum():
+                table[name] = numbers
+    return table.reset_index(drop=True)
 
 
 def is_listed(file: Path, folder: Path) -> bool:

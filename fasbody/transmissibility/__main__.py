@@ -9,7 +9,7 @@ from rich.markup import escape
 from fasbody.console import command_line, console, make_folder, print_json, results, write_whole
 from fasbody.exceptions import RecordingError, SettingError
 from fasbody.recording.study import StudyFolder, read_file
-from fasbody.recording.trials import posture_remarks
+from fasbody.recording.trials import people, posture_remarks
 
 if TYPE_CHECKING:
     from fasbody.transmissibility.findings import Finding
@@ -31,6 +31,10 @@ def main(
     estimate: Annotated[
         str, typer.Option(help="for broadband excitation: best (by periods, or local models), H1, H2 or Hv by Welch")
     ] = "best",
+    model: Annotated[
+        str | None,
+        typer.Option(help="groups and covariates of subjects.csv for a mixed model: 'group * added_mass_kg + age_yr'"),
+    ] = None,
     jobs: Annotated[int, typer.Option(help="processes; 0 for all cores")] = 0,
 ) -> None:
     """Transmissibility and phase for MB, TB and TM by load and posture, with statistics and figures.
@@ -40,6 +44,8 @@ def main(
     Examples:
       python -m fasbody.transmissibility my_study --out results/my_study
 
+      python -m fasbody.transmissibility my_study --model "group * added_mass_kg + age_yr"
+
       python -m fasbody.transmissibility 20hz.csv --json
     """
     from fasbody.transmissibility.table import Table
@@ -48,6 +54,8 @@ def main(
         raise SettingError(f"figures cannot be {figure_format!r} (valid: {', '.join(_ENDINGS)}).")
     if not 0.05 <= resolution <= 20:
         raise SettingError(f"--resolution {resolution:g} makes no curve (valid: 0.05 to 20 Hz).")
+    if model is not None and not study.is_dir():
+        raise SettingError("--model needs a study folder, whose subjects.csv has the groups and covariates.")
     folder = out or (None if json_ else Path("results") / study.resolve().stem)
     opened = StudyFolder.open(study) if study.is_dir() else read_file(study)
     if folder is not None:
@@ -67,6 +75,11 @@ def main(
         console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
     if folder is not None:
         write(table, folder, figure_format)
+        if model is not None:
+            from fasbody.transmissibility.comparisons import mixed
+
+            terms = mixed(table, people(study), model).to_csv(index=False, float_format="%.6g")
+            write_whole(folder / "mixed.csv", terms)
         console.print(f"tables and figures in [bold]{escape(str(folder))}[/]", soft_wrap=True)
     for problem in table.problems:
         console.print(f"not used: {problem}", markup=False, soft_wrap=True)
@@ -158,6 +171,8 @@ def write(table: "Table", folder: Path, figure_format: str) -> None:
             if len(conditions) > 1:
                 compared = comparisons.between(table, conditions)
                 write_whole(folder / f"between_{name}.csv", compared.to_csv(index=False, float_format="%.6g"))
+                which = comparisons.pairwise(table, conditions)
+                write_whole(folder / f"pairs_{name}.csv", which.to_csv(index=False, float_format="%.6g"))
     fine = table.frame["frequency_hz"].nunique() > 25
     for name, conditions in sets.items():
         made = {f"{name}_mean": figures.spectrum(table, conditions) if fine else figures.means(table, conditions)}

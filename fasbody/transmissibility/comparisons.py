@@ -1,67 +1,161 @@
-"""Every test of a study in one table: the thesis' own, and beside each the one for repeated measures."""
+"""Every test of a study in tables: those for repeated measures, corrected, and apart from them the thesis' own.
 
+A family is all tests of one pair of channels in one table; Holm's correction is over it, and verdicts are by what is
+left. Columns that begin with `thesis_` are the tests of section 2.3 as printed, uncorrected.
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from fasbody.exceptions import RecordingError
+from fasbody.exceptions import RecordingError, SettingError, unknown
 from fasbody.transmissibility import statistics
 from fasbody.transmissibility.resonance import Resonance
 from fasbody.transmissibility.table import Condition, Table
 
+#: What is tested between conditions.
+QUANTITIES = ("transmissibility", "phase_deg")
+
 
 def against_unity(table: Table) -> pd.DataFrame:
-    """One-sample t test of each pair, condition and frequency against 1, with Holm's correction within a curve."""
+    """One-sample t test of each pair, condition and frequency against 1; `verdict` is after Holm."""
     lines: list[dict[str, Any]] = []
     for curves in table.each():
-        part = []
         for f, values in zip(curves.frequency_hz, curves.T.T, strict=True):
             try:
                 c = statistics.one_sample(values)
             except RecordingError:
                 continue
-            part.append(
+            lines.append(
                 {"pair": curves.pair, "posture": curves.posture, "added_mass_kg": curves.added_mass_kg,
                  "frequency_hz": f, "mean": 1 + c.difference, "lower_95": 1 + c.lower, "upper_95": 1 + c.upper,
-                 "p": c.p, "verdict": c.verdict, "effect_d": c.effect, "subjects": c.subjects}
+                 "effect_d": c.effect, "subjects": c.subjects, "p": c.p, "thesis_verdict": c.verdict}
             )  # fmt: skip
-        _holm(part)
-        lines += part
-    return pd.DataFrame(lines)
+    return _corrected(lines, "mean", 1.0)
 
 
 def between(table: Table, conditions: list[Condition]) -> pd.DataFrame:
-    """Analyses of variance between conditions at each frequency: one-way as in print, and repeated measures.
+    """Analyses of variance between conditions at each frequency, of transmissibility and phase.
 
     Raises:
         SettingError: statsmodels is not installed.
     """
     lines: list[dict[str, Any]] = []
-    for pair in table.pairs:
-        part = []
-        for f in table.curves(pair, *conditions[0]).frequency_hz:
-            levels = table.levels(pair, conditions, float(f))
+    for pair, quantity, f, levels in _levels(table, conditions):
+        try:
+            thesis = statistics.one_way(levels)
+            gaps = not np.isfinite(levels).all()
+            right = statistics.with_gaps(levels) if gaps else statistics.repeated_measures(levels)
+        except RecordingError:
+            continue
+        lines.append(
+            {"pair": pair, "quantity": quantity, "frequency_hz": f, "test": right.test, "F": right.F, "p": right.p,
+             "partial_eta2": right.effect, "epsilon": right.epsilon, "subjects": right.subjects,
+             "thesis_F": thesis.F, "thesis_p": thesis.p, "thesis_eta2": thesis.effect}
+        )  # fmt: skip
+    return _corrected(lines)
+
+
+def pairwise(table: Table, conditions: list[Condition]) -> pd.DataFrame:
+    """Paired t tests between every two conditions at each frequency, after Holm over a pair's tests: which differ."""
+    lines: list[dict[str, Any]] = []
+    for pair, quantity, f, levels in _levels(table, conditions):
+        for i, j in combinations(range(len(conditions)), 2):
             try:
-                thesis = statistics.one_way(levels)
-                gaps = not np.isfinite(levels).all()
-                right = statistics.with_gaps(levels) if gaps else statistics.repeated_measures(levels)
+                c = statistics.paired(levels[:, j], levels[:, i])
             except RecordingError:
                 continue
-            part.append(
-                {"pair": pair, "frequency_hz": f, "F_one_way": thesis.F, "p_one_way": thesis.p,
-                 "eta2_one_way": thesis.effect, "test": right.test, "F": right.F, "p": right.p,
-                 "partial_eta2": right.effect, "epsilon": right.epsilon, "subjects": right.subjects}
+            (from_posture, from_kg), (to_posture, to_kg) = conditions[i], conditions[j]
+            lines.append(
+                {"pair": pair, "quantity": quantity, "frequency_hz": f, "from_posture": from_posture,
+                 "from_kg": from_kg, "to_posture": to_posture, "to_kg": to_kg, "difference": c.difference,
+                 "lower_95": c.lower, "upper_95": c.upper, "effect_d": c.effect, "subjects": c.subjects, "p": c.p}
             )  # fmt: skip
-        _holm(part)
-        lines += part
-    return pd.DataFrame(lines)
+    return _corrected(lines, "difference", 0.0)
 
 
-def _holm(part: list[dict[str, Any]]) -> None:
-    if part:
-        for line, p in zip(part, statistics.holm([line["p"] for line in part]), strict=True):
+def mixed(table: Table, people: pd.DataFrame, terms: str) -> pd.DataFrame:
+    """Groups and covariates: a mixed model with an effect a subject, of each pair and quantity at each frequency.
+
+    Args:
+        table: of the study. people: one row a subject, with a column "subject" and groups or covariates.
+        terms: right side of a formula, such as "group * added_mass_kg + age_yr"; posture and added_mass_kg are known.
+
+    Returns:
+        One row a term, with its estimate, 95 % interval (normal), and p; `verdict` is after Holm over a pair's tests.
+
+    Raises:
+        SettingError: statsmodels is not installed, or the formula names what is not known.
+    """
+    statistics.need("statsmodels")
+    import warnings
+
+    import statsmodels.formula.api as formulas
+    from statsmodels.tools.sm_exceptions import ConvergenceWarning
+
+    known = {*people.columns, "posture", "added_mass_kg"} - {"subject"}
+    named = set(pd.Series(terms).str.findall(r"[A-Za-z_]\w*")[0]) - {"C"}
+    for name in sorted(named - known):
+        raise SettingError(f"{unknown('term of the model', name, sorted(known))}.")
+    frame = table.frame.merge(people.assign(subject=people["subject"].astype(str)), on="subject", how="left")
+    lines: list[dict[str, Any]] = []
+    for (pair, f), part in frame.groupby(["pair", "frequency_hz"], sort=True):
+        for quantity in QUANTITIES:
+            used = part.dropna(subset=[quantity, *named])
+            if quantity == "phase_deg":  # around its mean direction, so that no jump of 360 degrees is in it
+                turn = np.radians(used[quantity].to_numpy())
+                middle = np.angle(np.exp(1j * turn).sum())
+                used = used.assign(phase_deg=np.degrees(np.angle(np.exp(1j * (turn - middle))) + middle))
+            if used["subject"].nunique() < 3 or len(used) < used["subject"].nunique() + 2:
+                continue
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", ConvergenceWarning)
+                    warnings.simplefilter("ignore", UserWarning)
+                    warnings.simplefilter("ignore", RuntimeWarning)
+                    fit = formulas.mixedlm(f"{quantity} ~ {terms}", used, groups=used["subject"]).fit(reml=True)
+                interval = fit.conf_int()
+            except (ValueError, np.linalg.LinAlgError):
+                continue
+            for name in fit.fe_params.index:
+                if name != "Intercept" and np.isfinite(fit.pvalues[name]):
+                    lines.append(
+                        {"pair": pair, "quantity": quantity, "frequency_hz": f, "term": name,
+                         "difference": float(fit.fe_params[name]), "lower_95": float(interval.loc[name, 0]),
+                         "upper_95": float(interval.loc[name, 1]), "subjects": used["subject"].nunique(),
+                         "p": float(fit.pvalues[name])}
+                    )  # fmt: skip
+    return _corrected(lines, "difference", 0.0)
+
+
+def _levels(table: Table, conditions: Sequence[Condition]) -> Iterator[tuple[str, str, float, np.ndarray]]:
+    """Pair, quantity, frequency, and (subjects, conditions) values; phases around their mean direction."""
+    for pair in table.pairs:
+        for f in table.curves(pair, *conditions[0]).frequency_hz:
+            for quantity in QUANTITIES:
+                levels = table.levels(pair, conditions, float(f), quantity)
+                if quantity == "phase_deg":
+                    turns = np.exp(1j * np.radians(levels))
+                    middle = np.angle(np.nansum(turns))
+                    levels = np.degrees(np.angle(turns * np.exp(-1j * middle)) + middle)
+                yield pair, quantity, float(f), levels
+
+
+def _corrected(lines: list[dict[str, Any]], value: str = "", unity: float = 0.0) -> pd.DataFrame:
+    """The lines with Holm's p over all tests of a pair, and a verdict by it: differs, or above, below, equal."""
+    for pair in {line["pair"] for line in lines}:
+        family = [line for line in lines if line["pair"] == pair]
+        for line, p in zip(family, statistics.holm([line["p"] for line in family]), strict=True):
+            sure = p < statistics.ALPHA
             line["p_holm"] = p
+            if value:
+                line["verdict"] = "equal" if not sure else "above" if line[value] > unity else "below"
+            else:
+                line["verdict"] = "differs" if sure else "equal"
+    return pd.DataFrame(lines)
 
 
 def resonances(table: Table) -> pd.DataFrame:

@@ -64,15 +64,17 @@ def findings(table: Table) -> list[Finding]:
 
 
 def judged(table: Table) -> tuple[list[Finding], str]:
-    """The findings from the thesis' nine frequencies, whatever others were recorded; or none, and why."""
+    """The findings from those of the thesis' nine frequencies that were recorded; or none, and why.
+
+    A statement on frequencies that were not recorded is not tested.
+    """
     if table.broadband:
         return [], "they are about sines, and this study has broadband recordings"
     if table.frame["subject"].nunique() < 3:
         return [], f"{counted(table.frame['subject'].nunique(), 'subject')}, needed are 3"
     have = table.frame["frequency_hz"]
-    missing = [f for f in FREQUENCIES_HZ if not (have == f).any()]
-    if missing:
-        return [], f"nothing was recorded at {', '.join(f'{f:g}' for f in missing)} Hz"
+    if not have.isin(FREQUENCIES_HZ).any():
+        return [], f"nothing was recorded at {', '.join(f'{f:g}' for f in FREQUENCIES_HZ)} Hz"
     stated = findings(replace(table, frame=table.frame[have.isin(FREQUENCIES_HZ)]))
     return stated, "" if stated else "neither all three loads nor all three postures were recorded"
 
@@ -186,7 +188,7 @@ _GAPS = "not measured at every frequency"
 
 
 def _frequencies(table: Table) -> np.ndarray:
-    return np.sort(table.frame["frequency_hz"].unique())
+    return np.array(sorted({*FREQUENCIES_HZ, *map(float, table.frame["frequency_hz"])}))
 
 
 def _curves(table: Table, pair: str, conditions: Sequence[Condition]) -> list[Curves]:
@@ -238,6 +240,6 @@ def _judge(
 ) -> Finding:
     signs = {"above": ">", "below": "<", "equal": "=", "untested": "?"}
     came = " ".join(f"{f:g}{signs[v]}" for f, v in against_unity)
-    tested = all(v != "untested" for _, v in against_unity)
-    holds = all(right(f, v) for f, v in against_unity) if tested else None
+    wrong = [v for f, v in against_unity if not right(f, v)]  # of the frequencies that the statement is about
+    holds = False if {*wrong} - {"untested"} else None if wrong else True
     return Finding(section, says, f"Hz against 1: {came}", holds, note)

@@ -102,7 +102,7 @@ def repeated_measures(levels: np.ndarray) -> Variance:
     """
     x = complete(levels)
     n, k = x.shape
-    _need("statsmodels")
+    need("statsmodels")
     import pandas as pd
     from statsmodels.stats.anova import AnovaRM
 
@@ -179,7 +179,8 @@ def complete(levels: np.ndarray) -> np.ndarray:
     return x
 
 
-def _need(library: str) -> None:
+def need(library: str) -> None:
+    """Say which extra to install if a library is missing."""
     import importlib.util
 
     if importlib.util.find_spec(library) is None:

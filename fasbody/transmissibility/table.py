@@ -193,11 +193,13 @@ class Table(Presented):
             for posture, mass in self.conditions:
                 yield self.curves(pair, posture, mass)
 
-    def levels(self, pair: str, conditions: Sequence[Condition], frequency_hz: float) -> np.ndarray:
-        """(subjects, conditions) transmissibility at one frequency, NaN where nothing was measured."""
+    def levels(
+        self, pair: str, conditions: Sequence[Condition], frequency_hz: float, quantity: str = "transmissibility"
+    ) -> np.ndarray:
+        """(subjects, conditions) transmissibility or phase_deg at one frequency, NaN where nothing was measured."""
         f = self.frame
         part = f[(f["pair"] == pair) & (f["frequency_hz"] == frequency_hz)]
-        wide = part.pivot_table(index="subject", columns=["posture", "added_mass_kg"], values="transmissibility")
+        wide = part.pivot_table(index="subject", columns=["posture", "added_mass_kg"], values=quantity)
         return wide.reindex(columns=pd.MultiIndex.from_tuples(conditions)).to_numpy(float)
 
     def resolved(self, resolution_hz: float) -> str:
