@@ -209,7 +209,8 @@ def measure(seeds: int, keep: Path | None = None, only: str = "") -> list[tuple[
             kept[key] = [vars(Outcome.of(case, way, count)) for way in (ours, before)]
             if keep:
                 keep.write_text(json.dumps(kept, indent=1))
-        rows.append((case, *(Outcome(**values) for values in kept[key])))
+        new, old = (Outcome(**values) for values in kept[key])
+        rows.append((case, new, old))
     return rows
 
 

@@ -20,6 +20,19 @@ if TYPE_CHECKING:
 WIDTH, ROWS, NOTES = 100, 20, 6
 
 
+#: What the ends of names say of units.
+_UNITS = {
+    "_hz": "Hz", "_kg": "kg", "_deg": "degree", "_n_per_m": "N/m", "_ns_per_m": "N s/m", "_m_s2": "m/s^2", "_m": "m",
+    "_s": "s", "_yr": "yr", "_percent": "%", "_n": "N", "_rad": "rad", "_hz_std": "Hz",
+}  # fmt: skip
+
+
+def unit_of(name: str) -> str:
+    """The unit that a column's name ends with, empty where it has none."""
+    ends = sorted((end for end in _UNITS if name.lower().removesuffix("_std").endswith(end)), key=len)
+    return _UNITS[ends[-1]] if ends else ""
+
+
 @dataclass(frozen=True)
 class Sheet:
     """A table that a screen holds.
@@ -92,10 +105,12 @@ class Presented(ABC):
         return self.sheet().html()
 
     def to_dataframe(self) -> "pd.DataFrame":
-        """The numbers as a pandas table."""
+        """The numbers as a pandas table; `attrs["units"]` says the unit of each column whose name carries one."""
         import pandas as pd
 
-        return pd.DataFrame(self.records())
+        frame = pd.DataFrame(self.records())
+        frame.attrs["units"] = {str(c): unit for c in frame.columns if (unit := unit_of(str(c)))}
+        return frame
 
     def plot(self, kind: str = "", **options: Any) -> Any:
         """Draw it.

@@ -36,7 +36,9 @@ def main() -> None:
 
 @app.command()
 def check(
-    path: Annotated[Path, typer.Argument(help="a recording (CSV, Excel, MAT, HDF5, UFF, TDMS ...) or a study folder")],
+    paths: Annotated[
+        list[Path], typer.Argument(help="recordings (CSV, Excel, MAT, HDF5, UFF, TDMS ...) or a study folder")
+    ],
     study: _Study = None,
     columns: _Columns = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
@@ -53,6 +55,9 @@ def check(
     from fasbody.heel.study import is_heel_study
 
     rows: list[dict[str, Any]] = []
+    path = paths[0]
+    if len(paths) > 1 and any(p.is_dir() for p in paths):
+        raise SettingError("check takes one study folder, or recordings; give the folders one by one.")
     if path.is_dir() and is_heel_study(path):
         _check_heel(path, json_)
         return
@@ -66,18 +71,49 @@ def check(
                     rows.append(understood(folder.read(trial)))
                 except FasError as error:
                     rows.append({"file": trial.label, "problem": str(error)})
-    else:
+                rows[-1]["subject"] = trial.condition.subject
+    elif len(paths) == 1:
         recording = Recording.read(path, layout=_layout(study, columns))  # unreadable: one sentence
         rows.append(understood(recording))
+    else:
+        layout = _layout(study, columns)
+        for one in paths:
+            try:
+                rows.append(understood(Recording.read(one, layout=layout)))
+            except FasError as error:
+                rows.append({"file": one.name, "problem": str(error)})
     if json_:
         print_json({"path": str(path), "recordings": rows})
     else:
         _show(rows)
+        _by_subject(rows)
     wrong = [row for row in rows if row["problem"]]
     if wrong:
         raise RecordingError(
             wrong[0]["problem"].rstrip(".") + (f" (and {len(wrong) - 1} more)." if len(wrong) > 1 else ".")
         )
+
+
+def _by_subject(rows: list[dict[str, Any]]) -> None:
+    """Quality of a study by subject: how many recordings serve, and the worst of what is told of them."""
+    from rich.table import Table
+
+    subjects = list(dict.fromkeys(row["subject"] for row in rows if row.get("subject")))
+    if len(subjects) < 2:
+        return
+    table = Table("subject", "recordings", "sound", "unusable", *(f"worst {escape(name)}" for name in QUALITIES))
+    for subject in subjects:
+        mine = [row for row in rows if row.get("subject") == subject]
+        verdicts = [verdict(row) for row in mine]
+        cells = [[float(cell) if cell else None for cell in quality_cells(row)] for row in mine]
+        worst = []
+        for i in range(len(QUALITIES)):
+            known = [value for row in cells if (value := row[i]) is not None]
+            worst.append("" if not known else f"{min(known) if i == 0 else max(known):.4g}")
+        table.add_row(
+            escape(subject), str(len(mine)), str(verdicts.count("sound")), str(verdicts.count("unusable")), *worst
+        )
+    results.print(table)
 
 
 def _check_heel(path: Path, json_: bool) -> None:

@@ -95,8 +95,8 @@ def _pairs(
         distorted, biased = found.distorted(out, into), found.biased(out, into)
         for i, f in enumerate(frequencies):
             row = _row(recording, f, pair, complex(H[i]), float(std[i]), peaks)
-            more = {"distortion_std": float(distorted[i]), "resolution_bias": float(biased[i])}
-            made.append(replace(row, method=found.method, **more))
+            bias = float(biased[i])
+            made.append(replace(row, method=found.method, distortion_std=float(distorted[i]), resolution_bias=bias))
     return made
 
 
