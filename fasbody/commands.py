@@ -208,6 +208,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         Command("bench findings-by-seed", "benchmarks.findings_by_seed", "", "Print how often each finding holds."),
         Command("bench fitting", "benchmarks.fitting", "", "Fits side by side; scipy takes minutes."),
         Command(
+            "bench responses", "benchmarks.responses", "",
+            "Frequency responses of known answer by every kind of excitation, beside the estimates of before.",
+        ),
+        Command(
             "bench peak-to-peak", "benchmarks.peak_to_peak", "",
             "Sine fit and peak to peak on signals whose answer is known.",
         ),
