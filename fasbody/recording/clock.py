@@ -67,7 +67,7 @@ def uniform(recording: "Recording") -> tuple["Recording", str]:
     if any(values.shape != t.shape or not np.isfinite(values).all() for values in channels.values()):
         return recording, ""
     made = {name: CubicSpline(t, values)(clock) for name, values in channels.items()}
-    return replace(recording, time_s=clock, **made), (
+    return recording.with_channels({"time_s": clock, **made}), (
         f"{recording.file}: its times jitter (steps of {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms); taken "
         f"for exact, the channels were brought to a uniform {1 / typical:.6g} Hz by a spline, which costs less than "
         f"0.1 % below {0.1 / typical:.3g} Hz."
