@@ -30,7 +30,8 @@ def near(result: FitResult, truth: dict[str, float], keys: dict[str, str], allow
     for key, name in keys.items():
         e = result.parameters[key]
         assert abs(e.value - truth[name]) < 3 * e.std_error, f"{key}: {e} for {truth[name]}"
-        assert e.value == pytest.approx(truth[name], rel=allowed), key
+        inner = e.if_model_true or e  # with one load, masses are as they were stated or a little off
+        assert inner.value == pytest.approx(truth[name], rel=allowed), key
 
 
 KEYS = {"k_T_n_per_m": "k_T", "k_F_n_per_m": "k_F", "c_11_n_s_per_m": "c_11", "c_21_n_s_per_m": "c_21"}
