@@ -4,12 +4,13 @@ Bounds are those of the sources named; where there is none they are wide and cal
 for many draws at once. MB and TM are the fundamentals of malleolus and of tuberosity over malleolus.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from fasbody.leg.lift_off import G, steady
+from fasbody.leg import balance
+from fasbody.leg.lift_off import G, TABLE_M_S2, steady
 from fasbody.leg.statements import ADDED_KG, RANGES_HZ, STATEMENTS, Curves, judge, ranges_met
 from fasbody.transmissibility.findings import FREQUENCIES_HZ
 
@@ -64,7 +65,7 @@ class Mechanism:
         values = self.values(shares)
         MB, TM = self.response(np.concatenate([_F, FINE_HZ]), values)
         held = judge(Curves(MB[..., : _F.size], TM[..., : _F.size]))
-        peaks = FINE_HZ[np.abs(MB[..., _F.size :]).argmax(axis=-1)]
+        peaks = FINE_HZ[np.nan_to_num(np.abs(MB[..., _F.size :])).argmax(axis=-1)]
         return Judged(held, peaks)
 
 
@@ -104,26 +105,79 @@ def two_masses(frequency_hz: Array, values: dict[str, Array]) -> tuple[Array, Ar
     z_F, z_T = stiffer * v["k_F"] + s * v["c_F"], stiffer * v["k_T"] + s * v["c_T"]
     top = s**2 * (v["m_S"] + _ADDED)
     to_shank = z_T / (z_T + top)
-    above = z_T * top / (z_T + top)
-    MB = z_F / (z_F + s**2 * v["m_F"] + above) * to_shank
+    hung = z_T * top / (z_T + top)
+    MB = z_F / (z_F + s**2 * v["m_F"] + hung) * to_shank
     return MB, np.ones_like(MB)  # one rigid shank carries malleolus and tuberosity
 
 
-def second_mode(frequency_hz: Array, values: dict[str, Array]) -> tuple[Array, Array]:
-    """The chain of mjcf/leg.xml, folded from its top: each link by its dynamic stiffness."""
-    v, s = _column(values), _w(frequency_hz)
+def chain(frequency_hz: Array, values: Mapping[str, Array], added_kg: Array) -> tuple[Array, Array, Array]:
+    """The chain of mjcf/leg.xml above its fat pad, folded from its top: each link by its dynamic stiffness.
+
+    Args:
+        frequency_hz: [Hz]. values: constants. added_kg: [kg]. All broadcast against one another.
+
+    Returns:
+        dynamic mass at the pad, force over acceleration [kg]; malleolus over foot; tuberosity over malleolus; complex.
+    """
+    v, s = values, 2j * np.pi * frequency_hz
 
     def hung(mass: Array, z: Array) -> Array:
         return z * s**2 * mass / (z + s**2 * mass)
 
     shank = v["m_S"] * (1 - v["share"])
-    top = s**2 * shank + hung(v["m_H"], v["k_H"] + s * v["c_H"]) + hung(TISSUE_KG + _ADDED, v["k_A"] + s * v["c_A"])
-    z_T, z_M, z_F = (v[f"k_{i}"] + s * v[f"c_{i}"] for i in "TMF")
+    top = s**2 * shank + hung(v["m_H"], v["k_H"] + s * v["c_H"]) + hung(TISSUE_KG + added_kg, v["k_A"] + s * v["c_A"])
+    z_T, z_M = (v[f"k_{i}"] + s * v[f"c_{i}"] for i in "TM")
     TM = z_T / (z_T + top)
     malleolus = s**2 * v["m_S"] * v["share"] + TM * top
     MF = z_M / (z_M + malleolus)
-    MB = z_F / (z_F + s**2 * v["m_F"] + MF * malleolus) * MF
-    return MB, TM
+    return v["m_F"] + MF * malleolus / s**2, MF, TM
+
+
+def second_mode(frequency_hz: Array, values: dict[str, Array]) -> tuple[Array, Array]:
+    """The chain on a fat pad with one stiffness and one damper."""
+    v, s = _column(values), _w(frequency_hz)
+    mass, MF, TM = chain(frequency_hz, v, _ADDED)
+    z_F = v["k_F"] + s * v["c_F"]
+    return z_F / (z_F + s**2 * mass) * MF, TM + 0 * MF
+
+
+def both(frequency_hz: Array, values: dict[str, Array], table: float = TABLE_M_S2) -> tuple[Array, Array]:
+    """The chain on a pad that cannot pull, pressed by its weight and the load; motions that repeat every period.
+
+    MB is NaN where no such motion was found.
+    """
+    mass, MF, TM = above(frequency_hz, values, np.array(ADDED_KG)[None, :, None])
+    systems = pressed(frequency_hz, values, mass, np.array(ADDED_KG)[None, :, None], table)
+    x, found = balance.solve(systems)
+    a = np.where(found, systems.acceleration(x)[:, 0], np.nan).reshape(MF.shape[:-1])
+    return a / table * MF[..., 0], TM[..., 0]
+
+
+def above(frequency_hz: Array, values: dict[str, Array], added_kg: Array) -> tuple[Array, Array, Array]:
+    """`chain` at each harmonic of the table, (d, ..., f, balance.HARMONICS), for constants (d,)."""
+    f = np.asarray(frequency_hz)[..., None] * (1 + np.arange(balance.HARMONICS))
+    shape = np.broadcast_shapes(np.shape(added_kg), np.shape(frequency_hz))
+    v = {name: value.reshape(-1, *[1] * len(shape)) for name, value in values.items()}
+    M, MF, TM = chain(f, v, np.asarray(added_kg)[..., None])
+    full = (*np.broadcast_shapes(M.shape[:-1], shape), balance.HARMONICS)
+    return np.broadcast_to(M, full), np.broadcast_to(MF, full), np.broadcast_to(TM, full)
+
+
+def pressed(
+    frequency_hz: Array, values: dict[str, Array], mass: Array, added_kg: Array, table: float | Array
+) -> balance.Pressed:
+    """Systems on a pad that cannot pull, for constants (d,) and dynamic masses (d, ..., f, HARMONICS), flattened."""
+    shape = mass.shape[:-1]
+
+    def flat(value: Array | float) -> Array:
+        return np.ascontiguousarray(np.broadcast_to(value, shape)).ravel()
+
+    def drawn(name: str) -> Array:
+        return values[name].reshape(-1, *[1] * (len(shape) - 1))
+
+    static = drawn("rest") + G * added_kg
+    return balance.Pressed(flat(2 * np.pi * frequency_hz), mass.reshape(-1, mass.shape[-1]), flat(static),
+                           flat(drawn("k")), flat(drawn("exponent")), flat(drawn("c")), flat(table))  # fmt: skip
 
 
 def lift_off(frequency_hz: Array, values: dict[str, Array]) -> tuple[Array, Array]:
@@ -184,6 +238,8 @@ MECHANISMS: tuple[Mechanism, ...] = (
     Mechanism("lift-off", "A pad that cannot pull, a load that presses and does not move.", _PRESSED, lift_off),
     Mechanism("lift-off, load moves along", "The same, any share of the load moves along.",
               (*_PRESSED, _PARTLY), lift_off),
+    Mechanism("both", "The leg chain on a pad that cannot pull, under a load that presses; Aruin's ankle.",
+              (_FOOT, _SHANK, *_PRESSED[1:], *_ANKLE, *_REST), both),
 )  # fmt: skip
 
 
