@@ -1,12 +1,13 @@
-"""Command line of the leg: `python -m fasbody.leg peaks | crosscheck --help`."""
+"""Command line of the leg: `python -m fasbody.leg peaks | crosscheck | decide --help`."""
 
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
-from fasbody.console import command_line, console, make_folder, print_json, write_whole
+from fasbody.console import command_line, console, make_folder, print_json, progress_bar, write_whole
 from fasbody.exceptions import InputFileError, SettingError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -82,6 +83,62 @@ def print_crosscheck(
         print_json(vars(result) | {"agrees": result.agrees})
     if not result.agrees:
         raise typer.Exit(1)
+
+
+@app.command("decide")
+def print_decide(
+    subjects: Annotated[int, typer.Option(help="virtual subjects of each of the five mechanisms", min=1)] = 40,
+    plans: Annotated[str, typer.Option(help="two (the thesis' protocol, the better one) or all six")] = "two",
+    folder: Annotated[Path, typer.Option(help="of results; what is there is not computed again")] = Path("decide"),
+    departure: Annotated[float, typer.Option(help="how far a foot is off every mechanism [1]", min=0, max=0.5)] = 0.08,
+    seed: Annotated[int, typer.Option(help="of the subjects", min=0)] = 0,
+    figure: Annotated[Path | None, typer.Option(help="PNG to write")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Which mechanism made a recording: how often an analysis of virtual subjects names the right one.
+
+    Two seconds a subject and plan; Ctrl-C stops, the same command goes on.
+
+    Examples:
+      python -m fasbody.leg decide --subjects 2 --folder results/decide
+
+      python -m fasbody.leg decide --plans all --folder results/decide --figure decide.png --json
+    """
+    if plans not in ("two", "all"):
+        raise SettingError(f"--plans is {plans!r}, but must be two or all.")
+    if figure is not None:
+        make_folder(figure.parent)
+        if figure.is_dir():
+            raise InputFileError(figure, "is a folder", "name a PNG file")
+    from fasbody.leg.decide import ALL, NONE, PLANS, RIVALS, THESIS, UNDECIDED, Confusion, study
+
+    found: list[Confusion] = []
+    with progress_bar() as progress:
+        bar = progress.add_task("virtual subjects", total=subjects * len(RIVALS))
+        chosen = (THESIS, ALL) if plans == "two" else PLANS
+        for found in study(chosen, subjects, folder, seed, departure):  # noqa: B007 - the last one is shown
+            progress.advance(bar)
+    for each in found:
+        table = Table(title=f"{each.plan}: {each.right} of {each.subjects} right, {each.wrong} wrong")
+        table.add_column("truth")
+        for says in (*RIVALS, UNDECIDED, NONE):
+            table.add_column(says, justify="right")
+        for truth in RIVALS:
+            table.add_row(truth, *(str(each.count(truth, says)) for says in (*RIVALS, UNDECIDED, NONE)))
+        console.print(table)
+    pairs = Table(title="Share of both mechanisms' subjects that are told apart [%]")
+    pairs.add_column("pair")
+    for each in found:
+        pairs.add_column(each.plan, justify="right")
+    for one, other in combinations(RIVALS, 2):
+        pairs.add_row(f"{one} | {other}", *(f"{100 * each.told_apart(one, other):.0f}" for each in found))
+    console.print(pairs)
+    if figure is not None:
+        from fasbody.leg import figures
+
+        console.print(f"written: {write_whole(figure, figures.png(figures.confusion(found)))}")
+    if json:
+        print_json({"seed": seed, "departure": departure, "plans": [each.record() for each in found]})
 
 
 if __name__ == "__main__":

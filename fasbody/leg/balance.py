@@ -122,16 +122,38 @@ def solve(systems: Pressed, start: Array | None = None) -> tuple[Array, Array]:
             some = systems[rows]
             rest = some.left_over(x[rows], share)
             size = np.linalg.norm(rest, axis=1) / some.static
-            rest, rows, some, size = (a[size > BALANCED] if isinstance(a, np.ndarray) else a[np.flatnonzero(
-                size > BALANCED)] for a in (rest, rows, some, size))  # fmt: skip
-            if not rows.size:
+            open_ = np.flatnonzero(size > BALANCED)
+            if not open_.size:
                 break
-            step = np.linalg.solve(some.slope(x[rows]), rest[..., None])[..., 0]
-            scale, best, at = np.ones(rows.size), np.full(rows.size, np.inf), x[rows]
-            for half in (1.0, 0.5, 0.25, 0.1):
-                new = np.linalg.norm(some.left_over(x[rows] - half * step, share), axis=1) / some.static
+            rest, rows, some, size = rest[open_], rows[open_], some[open_], size[open_]
+            slope = some.slope(x[rows])
+            slope[:, 0, 0] += 1e-9 * some.stiffness  # a pad that is never touched has none
+            step = np.linalg.solve(slope, rest[..., None])[..., 0]
+            far = np.linalg.norm(step, axis=1) / (np.linalg.norm(x[rows], axis=1) + some.table / some.omega**2)
+            step /= np.maximum(1, far)[:, None]
+            scale, best = np.ones(rows.size), np.full(rows.size, np.inf)
+            for part in (1.0, 0.5, 0.25, 0.1):
+                new = np.linalg.norm(some.left_over(x[rows] - part * step, share), axis=1) / some.static
                 better = (best > size) & (new < best)
-                best, scale = np.where(better, new, best), np.where(better, half, scale)
-            x[rows] = at - scale[:, None] * step
+                best, scale = np.where(better, new, best), np.where(better, part, scale)
+            x[rows] -= scale[:, None] * step
     left = np.linalg.norm(systems.left_over(x), axis=1) / systems.static
     return x, left < 1e3 * BALANCED
+
+
+def begin(systems: Pressed, first: Array, second: Array | float = 0.0) -> Array:
+    """Unknowns (n, u) to begin at, from the first two harmonics of the acceleration above the pad, complex, (n,).
+
+    The mean compression is the one that carries the static force.
+    """
+    x = np.zeros((systems.omega.size, 2 * HARMONICS + 1))
+    for k, d in ((1, (first - systems.table) / systems.omega**2), (2, second / (2 * systems.omega) ** 2)):
+        x[:, k], x[:, HARMONICS + k] = np.real(d), -np.imag(d)
+    still = (systems.static / systems.factor) ** (1 / systems.exponent)
+    swing = np.abs(x[:, 1:]).sum(axis=1)
+    low, high = -swing, still + swing
+    for _ in range(30):
+        x[:, 0] = 0.5 * (low + high)
+        light = systems.force(x)[0].mean(axis=1) < systems.static
+        low, high = np.where(light, x[:, 0], low), np.where(light, high, x[:, 0])
+    return x

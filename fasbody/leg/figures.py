@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from fasbody.leg.statements import ADDED_KG, RANGES_HZ
 
 if TYPE_CHECKING:
+    from fasbody.leg.decide import Confusion
     from fasbody.leg.mechanisms import Searched
     from fasbody.leg.peaks import Peaks
 
@@ -84,4 +85,29 @@ def mechanisms(found: "Sequence[Searched]") -> Figure:
         panels[0].legend(fontsize=8, frameon=False)
     figure.supxlabel("frequency [Hz]", fontsize=10)
     figure.supylabel("MB [1]", fontsize=10)
+    return figure
+
+
+def confusion(found: "Sequence[Confusion]") -> Figure:
+    """What an analysis calls the virtual subjects of each mechanism, one panel a plan."""
+    shown = [c for c in found if c.plan.endswith("(the thesis)")] + list(found[-1:])
+    figure = Figure(figsize=(3.7 * len(shown) + 0.6, 3.5), layout="constrained")
+    panels = figure.subplots(1, len(shown), squeeze=False, sharey=True)[0]
+    for ax, each in zip(panels, shown, strict=True):
+        record = each.record()["named"]
+        names = list(next(iter(record.values())))
+        counts = np.array([[float(row[says]) for says in names] for row in record.values()])
+        share = counts / counts.sum(axis=1, keepdims=True)
+        ax.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+        for (i, j), value in np.ndenumerate(counts):
+            if value:
+                ax.text(j, i, f"{value:.0f}", ha="center", va="center", fontsize=9,
+                        color="white" if share[i, j] > 0.6 else "black")  # fmt: skip
+        ax.set_xticks(range(len(names)), names, rotation=40, ha="right", fontsize=8)
+        ax.set_yticks(range(len(record)), list(record), fontsize=8)
+        ax.axvline(len(record) - 0.5, color="0.5", lw=0.8)
+        ax.tick_params(length=0)
+        ax.set_title(each.plan, fontsize=9, loc="left")
+        ax.set_xlabel("named", fontsize=9)
+    panels[0].set_ylabel("truth", fontsize=9)
     return figure

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.leg import balance
-from fasbody.leg.lift_off import G, TABLE_M_S2, steady
+from fasbody.leg.lift_off import TABLE_M_S2, G, steady
 from fasbody.leg.statements import ADDED_KG, RANGES_HZ, STATEMENTS, Curves, judge, ranges_met
 from fasbody.transmissibility.findings import FREQUENCIES_HZ
 
