@@ -6,6 +6,13 @@ coordinate x (extension positive, from rest) the compressive strain of a pad of 
 the static strain under the foot's weight; the pad's force is taken about that equilibrium, as Eq. (4.29) is. A pad that
 lifts off (e < 0) has no force; one that expands fast while compressed may pull, as the printed laws have it.
 
+Laws 1 and 2 are none of the thesis'. They stiffen, pads under compression (side -1), ligaments under tension (side 1):
+with d the deformation on that side, S(d) the spring and W the static force that it carries where x = 0,
+
+    force = max(0, S(d) (1 + eta d')) - W,    S = A d^n or k_0/b (exp(b d) - 1), S(d) = W at x = 0
+
+so they never act on the other side. W = 0 is an element that begins unloaded, as in a model with gravity.
+
 All functions are compiled by numba and serve the native callbacks, the Python twin (`.py_func`) and plots alike.
 """
 
@@ -33,10 +40,16 @@ LAWS = (
     Law("4.22", "quasi-linear viscoelastic pad", ("A [N]", "B", "c", "tau_1 [s]", "tau_2 [s]", "h [m]", "e0")),
     Law("4.23", "nonlinear spring and damper", ("j [N]", "k", "l [N s^n]", "m", "n", "h [m]", "e0")),
     Law("4.24", "linear spring, strain-proportional damper", ("E [N]", "eta [N s]", "h [m]", "e0")),
+    Law("1", "power law with Hunt and Crossley's damper", ("k [N/m]", "F [N]", "n", "eta [s/m]", "W [N]", "side")),
+    Law("2", "exponential with a toe region", ("k_0 [N/m]", "b [1/m]", "eta [s/m]", "W [N]", "side")),
     Law("4.25", "nonlinear damper beside a linear spring", ("c1 [N s/m]", "c2 [1/m]", "c3 [1/m]")),
 )
 #: Code of the damper law, which stands beside the element's own spring and includes the element's own damping.
 DAMPER = LAWS[-1].code
+#: Codes of the laws that act on one side.
+ONE_SIDED = (1.0, 2.0)
+#: What shapes a law and is no constant of the material: not declared by itself.
+FIXED = ("h", "e0", "tau_1", "tau_2", "side", "F", "W")
 #: Length of the `user` field: the law's code and at most seven parameters.
 USER_SIZE = 8
 #: Exponentials that stand for the continuous relaxation spectrum of Eq. (4.22).
@@ -90,6 +103,21 @@ def branch_weight(i: int, tau_1: float, tau_2: float) -> float:
 
 
 @njit(cache=True)
+def one_sided(user: np.ndarray, x: float, x_dot: float) -> float:
+    """Force [N] along +x of law 1 or 2, about the static state that carries W."""
+    if round(user[0]) == 1:
+        n, eta, W, side = user[3], user[4], user[5], user[6]
+        A = (user[1] / (n * user[2] ** (1.0 - 1.0 / n))) ** n  # tangent stiffness k at the force F
+        d = (W / A) ** (1.0 / n) + side * x
+        spring = A * d**n if d > 0.0 else 0.0
+    else:
+        k_0, b, eta, W, side = user[1], user[2], user[3], user[4], user[5]
+        d = np.log1p(b * W / k_0) / b + side * x
+        spring = k_0 / b * np.expm1(b * d) if d > 0.0 else 0.0
+    return -side * (max(0.0, spring * (1.0 + eta * side * x_dot)) - W)
+
+
+@njit(cache=True)
 def algebraic_force(user: np.ndarray, x: float, x_dot: float, native_damping: float) -> float:
     """Force [N] along +x of a law without memory.
 
@@ -110,6 +138,8 @@ def algebraic_force(user: np.ndarray, x: float, x_dot: float, native_damping: fl
     if code == 423:
         e, e_dot, rest = user[7] - x / user[6], -x_dot / user[6], user[1] * user[7] ** user[2]
         return (power_law(e, e_dot, user[1], user[2], user[3], user[4], user[5]) if e > 0.0 else 0.0) - rest
+    if code == 100 or code == 200:
+        return one_sided(user, x, x_dot)
     return 0.0
 
 
@@ -120,9 +150,11 @@ def at_rest(user: np.ndarray) -> tuple[float, float]:
         user: (8,) law code and parameters; zeros for no law.
 
     Raises:
-        ValueError: the law has no linear damper at rest; the message is a clause that says so.
+        ValueError: the law has no linear damper or spring at rest; the message is a clause that says so.
     """
     code = round(100.0 * user[0])
+    if user[0] in ONE_SIDED and not user[5 if user[0] == ONE_SIDED[0] else 4]:
+        raise ValueError(f"has the law {user[0]:g} with W = 0, which carries nothing and so is not linear at rest")
     if code == 425:
         return 0.0, float(user[1])
     if code == 424:
@@ -133,6 +165,12 @@ def at_rest(user: np.ndarray) -> tuple[float, float]:
         if l and n != 1:
             raise ValueError(f"has the law 4.23 with n = {n:g}, whose damper is not linear at rest; only n = 1 is")
         return j * k * e0 ** (k - 1) / h, l * e0**m / h
+    if code == 100:
+        k, F, n, eta, W = map(float, user[1:6])
+        return k * (W / F) ** (1 - 1 / n), eta * W
+    if code == 200:
+        k_0, b, eta, W = map(float, user[1:5])
+        return k_0 + b * W, eta * W
     return 0.0, 0.0
 
 

@@ -328,10 +328,14 @@ def _check_law(row: np.ndarray, laws: list[damper.Law], here: str) -> None:
         raise ModelError(f"{here} gives a parameter that is no number to the law {law.equation}.")
     if law.code == damper.DAMPER and row[1] == 0:
         raise ModelError(f"{here} names the law 4.25 with c1 = 0, no damper; write 4.25 c1 c2 c3, or no user field.")
+    if law.code in damper.ONE_SIDED and row[len(law.parameters)] not in (-1, 1):
+        raise ModelError(f"{here} gives side = {row[len(law.parameters)]:g} to the law {law.equation}; write 1 for an "
+                         "element that is pulled, -1 for one that is pressed.")  # fmt: skip
+    free = ("eta", "W", "side") if law.code in damper.ONE_SIDED else ("l", "eta", "c", "m", "n")
     if law.code != damper.DAMPER:
         for parameter, value in zip(law.parameters, row[1:], strict=False):
             short = parameter.split()[0]
-            if value <= 0 and short not in ("l", "eta", "c", "m", "n"):
+            if (value <= 0 and short not in free) or (value < 0 and short in ("eta", "W")):
                 wanted = f"{law.equation} {' '.join(law.parameters)}"
                 raise ModelError(
                     f"{here} gives {short} = {value:g} to the law {law.equation}; write {wanted}, all positive."

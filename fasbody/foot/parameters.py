@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 #: Units of parameters, and what they add to a name at the borders: k_T in N/m is ``k_T_n_per_m`` in JSON and CSV.
 UNITS = {
     "N/m": "n_per_m", "N s/m": "n_s_per_m", "N m/rad": "n_m_per_rad", "N m s/rad": "n_m_s_per_rad", "1/m": "per_m",
-    "kg": "kg", "N s": "n_s", "N": "n", "m": "m", "s": "s", "": "",
+    "kg": "kg", "s/m": "s_per_m", "N s^n": "n_s_n", "N s": "n_s", "N": "n", "m": "m", "s": "s", "": "",
 }  # fmt: skip
 
 #: What a declaration may point at: (element kind, attribute) -> mjModel field.
@@ -188,7 +188,44 @@ def declared(model: "mujoco.MjModel", name: str) -> Parameters:
         data = model.text_data[start : start + model.text_size[number]].decode().rstrip("\0")
         if "|" in data:  # other custom texts are none of ours
             items.append(_parse(model, symbol, data, name))
-    return Parameters(items, name)
+    return Parameters(_follow_laws(model, items), name)
+
+
+def _follow_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Parameter]:
+    """Where the law on an element is another than its declarations were made for, its own names and units.
+
+    A declaration that stands in a `user` field and has another unit than the law's parameter there is dropped with all
+    that stand beside it, and the law declares its own: `fat_pad_E` [N], from a hundredth to a hundred times its value.
+    """
+    from fasbody.foot import damper  # compiles; names and units are wanted without it
+
+    own: list[Parameter] = []
+    for kind, field in (("joint", "jnt_user"), ("tendon", "tendon_user")):
+        rows = getattr(model, field)
+        for number, row in enumerate(rows):
+            law = next((law for law in damper.LAWS if row.size and law.code == row[0] != damper.DAMPER), None)
+            if law is None:
+                continue
+            width, label = len(row), getattr(model, kind)(number).name
+            units = [symbol_and_bracket(text) for text in law.parameters]
+            here = [p for p in items if any(x.field == field and x.index // width == number for x in p.places)]
+            columns = {x.index % width: p.unit for p in here for x in p.places}
+            if all(0 < c <= len(units) and units[c - 1][1] == unit for c, unit in columns.items()):
+                continue
+            items = [p for p in items if p not in here]
+            for column, (symbol, unit) in enumerate(units, 1):
+                value = float(row[column])
+                if symbol not in damper.FIXED and value > 0:
+                    place = Place(field, number * width + column, 1.0)
+                    source = f"as written; law {law.equation}"
+                    own.append(Parameter(f"{label}_{symbol}", unit, value / 100, 100 * value, (place,), source))
+    return items + own
+
+
+def symbol_and_bracket(text: str) -> tuple[str, str]:
+    """Symbol and unit of a law's parameter as `damper.LAWS` writes it: "k_0 [N/m]" is k_0 in N/m."""
+    symbol, _, unit = text.partition(" [")
+    return symbol, unit.removesuffix("]")
 
 
 def _parse(model: "mujoco.MjModel", symbol: str, data: str, name: str) -> Parameter:

@@ -1,4 +1,4 @@
-"""Command line of the leg: `python -m fasbody.leg peaks | crosscheck | decide --help`."""
+"""Command line of the leg: `python -m fasbody.leg peaks | crosscheck | drop | decide --help`."""
 
 from itertools import combinations
 from pathlib import Path
@@ -83,6 +83,33 @@ def print_crosscheck(
         print_json(vars(result) | {"agrees": result.agrees})
     if not result.agrees:
         raise typer.Exit(1)
+
+
+@app.command("drop")
+def print_drop(
+    law: Annotated[str, typer.Option(help='of the pad, as the `user` field of a joint: "2 4884 282 2 0 -1"')] = "",
+    json: JsonOption = False,
+) -> None:
+    """Kinoshita's drop, 5 kg at 0.93 m/s on a heel pad, stepped by MuJoCo with gravity.
+
+    Examples:
+      python -m fasbody.leg drop
+
+      python -m fasbody.leg drop --law "1 30000 43 2.6 1.5 0 -1" --json
+    """
+    from fasbody.leg.drop import MEASURED, checked, drop, drops
+
+    found = {law: drop(checked(law))} if law else drops()
+    limits = ", ".join(f"{low:g}-{high:g} ({middle:g})" for low, middle, high in MEASURED.values())
+    table = Table(title=f"5 kg dropped at 0.93 m/s; measured {limits}")
+    for column in ("pad", "peak [weights]", "depth [mm]", "absorbed [%]", "tangent at 43 N [kN/m]", "met"):
+        table.add_column(column, justify="left" if column == "pad" else "right")
+    for name, each in found.items():
+        values = (each.peak_g, each.depth_mm, each.absorbed_percent, each.tangent_kn_m)
+        table.add_row(name, *(f"{value:.1f}" for value in values), f"{sum(each.met.values())} of 3")
+    console.print(table)
+    if json:
+        print_json({name: vars(each) | {"met": each.met} for name, each in found.items()})
 
 
 @app.command("decide")

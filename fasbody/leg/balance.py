@@ -10,6 +10,7 @@ which Newton's method solves for d_0 .. d_H. It finds motions that repeat after 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -52,7 +53,7 @@ class Pressed:
     def __getitem__(self, rows: Array) -> "Pressed":
         return Pressed(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
-    @property
+    @cached_property
     def factor(self) -> Array:
         """A of the pad's spring A d^n, (n,)."""
         n = self.exponent
@@ -131,11 +132,15 @@ def solve(systems: Pressed, start: Array | None = None) -> tuple[Array, Array]:
             step = np.linalg.solve(slope, rest[..., None])[..., 0]
             far = np.linalg.norm(step, axis=1) / (np.linalg.norm(x[rows], axis=1) + some.table / some.omega**2)
             step /= np.maximum(1, far)[:, None]
-            scale, best = np.ones(rows.size), np.full(rows.size, np.inf)
-            for part in (1.0, 0.5, 0.25, 0.1):
-                new = np.linalg.norm(some.left_over(x[rows] - part * step, share), axis=1) / some.static
-                better = (best > size) & (new < best)
-                best, scale = np.where(better, new, best), np.where(better, part, scale)
+            scale, open_ = np.ones(rows.size), np.arange(rows.size)
+            for part in (1.0, 0.4, 0.1):
+                tried = x[rows[open_]] - part * step[open_]
+                new = np.linalg.norm(some[open_].left_over(tried, share), axis=1) / some.static[open_]
+                good = new < size[open_]
+                scale[open_[good]] = part
+                open_ = open_[~good]
+                if not open_.size:
+                    break
             x[rows] -= scale[:, None] * step
     left = np.linalg.norm(systems.left_over(x), axis=1) / systems.static
     return x, left < 1e3 * BALANCED
