@@ -148,6 +148,14 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Matrices and stepped response of a leg from the equations, Pinocchio and MuJoCo; exit 1 on disagreement.",
         ),
         Command(
+            "leg drop", "fasbody.leg", "drop",
+            "Kinoshita's drop, 5 kg at 0.93 m/s on a heel pad, stepped by MuJoCo with gravity.",
+        ),
+        Command(
+            "leg decide", "fasbody.leg", "decide",
+            "Which mechanism made a recording: how often an analysis of virtual subjects names the right one.",
+        ),
+        Command(
             "load effect", "fasbody.load_effect", "",
             "Which mechanisms can raise the resonance with the load, in how much of what the literature allows them.",
         ),

@@ -18,7 +18,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def print_load_effect(
     draws: Annotated[int, typer.Option(help="even draws of each linear mechanism's space", min=20)] = 20000,
     lift_off_draws: Annotated[
-        int, typer.Option(help="of those that are stepped, at a tenth of a second", min=20)
+        int, typer.Option(help="of those with a pad that cannot pull, at a tenth of a second", min=20)
     ] = 400,
     seed: Annotated[int, typer.Option(help="of the random numbers", min=0)] = 0,
     figures: Annotated[Path | None, typer.Option(help="folder for leg-mechanisms.png")] = None,
@@ -36,13 +36,13 @@ def print_load_effect(
     if figures is not None:
         make_folder(figures)
     from fasbody.leg.amplitude import halved
-    from fasbody.leg.mechanisms import MECHANISMS, lift_off, search
+    from fasbody.leg.mechanisms import MECHANISMS, both, lift_off, search
 
     found = []
     with progress_bar() as progress:
         task = progress.add_task("mechanisms", total=len(MECHANISMS))
         for mechanism in MECHANISMS:
-            stepped = mechanism.response is lift_off
+            stepped = mechanism.response in (lift_off, both)
             found.append(search(mechanism, lift_off_draws if stepped else draws, seed, 6 if stepped else 20))
             progress.advance(task)
     console.print(_table(found))
