@@ -44,6 +44,8 @@ BANK, PRESSED_BANK, STARTS, PRESSED_STARTS, STEPS = 8000, 400, 2, 1, 25
 CHOICE, AIR = 40, 0.05
 #: Share of the thesis' recordings of a subject that a balanced motion must be found for, and what counts as one.
 BALANCED, LEFT = 0.9, 1e-3
+#: Times as many starts where no rival fits.
+MORE = 6
 #: A fit whose sum of squares lies so far above another rival's, and creeps, is given up.
 FAR = 100.0
 RIVALS = ("constant", "stiffening", "second mode", "lift-off", "both")
@@ -244,7 +246,7 @@ class Analysis:
         order = np.argsort(np.nan_to_num((rough**2).sum(axis=1), nan=np.inf))
         best: tuple[float, Array, float] | None = None
         starts, size = PRESSED_STARTS if is_pressed(mechanism) else STARTS, rough.shape[1]
-        for tried, at in enumerate(order[: 3 * starts]):
+        for tried, at in enumerate(order[: MORE * starts]):
             if tried >= starts and (best is None or min(goal, best[0]) < FITS * size):
                 break  # some rival fits
             found = _least(mechanism, plan, data, u[at], goal)
@@ -321,7 +323,7 @@ def _least(mechanism: Mechanism, plan: Plan, data: Recordings, share: Array,
             break
         gain = best - sum_there
         far = best - goal > FAR
-        small = small + 1 if gain < (0.05 * (best - goal) if far else 0.05) else 0
+        small = small + 1 if gain < (0.15 * (best - goal) if far else 0.1) else 0
         theta, rest, told, best, damp = new, tried, told_there, sum_there, max(damp / 8, 1e-6)
         if small >= 2:
             break

@@ -19,7 +19,7 @@ Array = np.ndarray
 #: stated body mass [1]; frequencies [Hz] and damping ratios of the sensors on the skin, drawn evenly.
 NOISE, GAIN, MASS, MOUNT_HZ, MOUNT_ZETA = 0.02, 0.015, 0.05, (80.0, 200.0), (0.1, 0.3)
 #: Periods and seconds before the motion is read, periods read, longest step [s], what still counts as repeated.
-SETTLING, SETTLED_S, READ, LONGEST, SAME = 20, 1.5, 4, 1.5e-4, 0.02
+SETTLING, SETTLED_S, READ, LONGEST, SAME = 16, 1.0, 3, 1.2e-4, 0.02
 #: Constants that are masses: the body mass scales them.
 MASSES = ("m", "m_F", "m_S", "m_H")
 
