@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from fasbody.foot.model import load
 from fasbody.foot.two_dof import TwoDof
 from fasbody.leg import __main__ as leg_command
+from fasbody.leg import mechanisms
 from fasbody.leg.amplitude import halved
 from fasbody.leg.chain import Leg
 from fasbody.leg.lift_off import TABLE_M_S2, force, steady
@@ -114,7 +115,8 @@ def test_search_orders_the_linear_mechanisms() -> None:
     assert found["second mode"].best_judged.count[0] > found["constant"].best_judged.count[0]
 
 
-def test_commands() -> None:
+def test_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mechanisms, "FINE_HZ", np.arange(10.0, 51.0, 10.0))
     run = CliRunner().invoke(leg_command.app, ["peaks", "--json"])
     assert run.exit_code == 0
     assert sum(s["holds"] for s in json.loads(run.stdout)["statements"]) == 25
