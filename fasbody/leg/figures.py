@@ -107,7 +107,8 @@ def confusion(found: "Sequence[Confusion]") -> Figure:
         ax.set_yticks(range(len(record)), list(record), fontsize=8)
         ax.axvline(len(record) - 0.5, color="0.5", lw=0.8)
         ax.tick_params(length=0)
-        ax.set_title(each.plan, fontsize=9, loc="left")
+        known = {"and the tuberosity (the thesis)": "the thesis' protocol", "all of these": "the better protocol"}
+        ax.set_title(known.get(each.plan, each.plan), fontsize=9, loc="left")
         ax.set_xlabel("named", fontsize=9)
     panels[0].set_ylabel("truth", fontsize=9)
     return figure
