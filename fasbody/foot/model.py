@@ -212,7 +212,7 @@ def accelerometers(model: mujoco.MjModel, up: tuple[float, float, float]) -> dic
     for number in range(model.nsensor):
         kind, first, called = model.sensor_type[number], int(model.sensor_adr[number]), model.sensor(number).name
         if kind == _IN_WORLD:
-            found[called] = Sensor(called, first, up)
+            found[called] = Sensor(called, first, up, float(-model.opt.gravity @ up))
         elif kind == _IN_SITE:
             turned = data.site_xmat[model.sensor_objid[number]].reshape(3, 3).T
             seen = turned @ up
