@@ -20,6 +20,8 @@ WINDOW_S = 2.0
 STALLED_S = 3.0
 #: So long without a sample ends the excitation [s]: nobody watches the base any more.
 BLIND_S = 1.0
+#: A board whose own test fails says so in its name.
+FAILED = "FAILED"
 
 
 class Stalled(AcquisitionError):
@@ -89,7 +91,7 @@ class Board:
         """The board's description.
 
         Raises:
-            AcquisitionError: it says none, or lacks a channel.
+            AcquisitionError: it says none, lacks a channel, or its own test fails.
         """
         deadline = time.monotonic() + seconds
         self.reader.send(b"?\n")  # ask; boards that cannot hear repeat their hello every second
@@ -105,6 +107,8 @@ class Board:
         for role in ("base", "malleolus"):
             if hello.roles.count(role) != 1:
                 raise AcquisitionError(f"{hello}: a recording needs one channel {role!r}; see docs/acquisition.md.")
+        if FAILED in hello.board:
+            raise AcquisitionError(f"{hello.board}: its own test fails; check wiring and supply of what it names.")
         return hello
 
     def pump(self, wait: float = WAIT_S) -> list[Message]:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fasbody.acquire import folder
+from fasbody.acquire import firmware, folder
 from fasbody.acquire.board import Board
 from fasbody.acquire.capture import grouped
 from fasbody.acquire.display import Display
@@ -51,6 +51,9 @@ def record(
     simulate: Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")] = False,
     list_: Annotated[bool, typer.Option("--list", help="show the serial ports and stop")] = False,
     probe_: Annotated[bool, typer.Option("--probe", help="tell what speaks on --port (or on all) and stop")] = False,
+    firmware_: Annotated[
+        Path | None, typer.Option("--firmware", help="write the firmware for an Arduino into this folder and stop")
+    ] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Record accelerations of a foot on the shaker into a study folder.
@@ -66,8 +69,17 @@ def record(
 
       python -m fasbody.acquire --port /dev/ttyACM0 --probe
 
+      python -m fasbody.acquire --firmware my_sketches
+
       python -m fasbody.acquire recover study/captures/20hz_0kg.fascap
     """
+    if firmware_ is not None:
+        file = str(firmware.write(firmware_))
+        print_json({"sketch": file}) if json_ else results.print(
+            f"{file}: open it in the Arduino IDE, upload it, then record with --baud 500000", soft_wrap=True,
+            markup=False,
+        )  # fmt: skip
+        return
     if list_ or probe_:
         _look(port, probe_, json_)
         return

@@ -27,7 +27,7 @@ except ImportError:  # the extra is not installed
 
 #: Longest wait for bytes [s]: what a kill can cost at most, and how soon the live view hears of silence.
 WAIT_S = 0.02
-BAUD_RATES = (921600, 460800, 230400, 115200, 57600, 38400, 19200, 9600)
+BAUD_RATES = (921600, 500000, 460800, 230400, 115200, 57600, 38400, 19200, 9600)
 _LONGEST_ANSWER = 4096
 #: Bytes kept for a consumer that does not come; the capture file has them all.
 _LONGEST_QUEUE = 16_000_000
