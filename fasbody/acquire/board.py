@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.acquire.capture import Capture
-from fasbody.acquire.port import WAIT_S, Reader
+from fasbody.acquire.port import WAIT_S, Opener, Port, Reader
 from fasbody.acquire.timeline import Lateness, Timeline, counted
 from fasbody.acquire.wire import Block, Decoder, Hello, Message
 from fasbody.exceptions import AcquisitionError
@@ -58,6 +58,7 @@ class Board:
         name: port.
         baud: its rate.
         patience: how long to wait for a replug [s].
+        opener: of the port, if it is no serial one.
 
     Attributes:
         reader: of the port.
@@ -72,8 +73,8 @@ class Board:
         AcquisitionError: the port cannot be opened.
     """
 
-    def __init__(self, name: str, baud: int, patience: float = 15.0) -> None:
-        self.reader = Reader(name, baud, patience)
+    def __init__(self, name: str, baud: int, patience: float = 15.0, opener: Opener = Port) -> None:
+        self.reader = Reader(name, baud, patience, opener)
         self.decoder = Decoder()
         self.timeline: Timeline | None = None
         self.unplugs = 0
@@ -240,6 +241,16 @@ class Board:
                     "time stamps; are they as docs/acquisition.md says?"
                 )
         return self.recent()[:count]
+
+    def watch_for(self, seconds: float) -> None:
+        """Let so many seconds pass, in which the base is watched.
+
+        Raises:
+            AcquisitionError: what `pump` raises.
+        """
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            self.pump()
 
     def start(self, capture: Capture) -> Timeline:
         """Begin a recording: every byte from now on into the capture file, every block onto a timeline."""

@@ -5,7 +5,7 @@ import os
 import subprocess
 import sys
 import time
-from typing import Self
+from typing import Protocol, Self
 
 from fasbody.acquire.guard import ALIVE, DONE, OFF
 from fasbody.acquire.port import Port, is_identity
@@ -24,6 +24,26 @@ _RAMP_STEPS, _RAMP_S = 5, 0.2
 
 class Refused(AcquisitionError):
     """The instrument reports an error."""
+
+
+class Excitation(Protocol):
+    """What a session needs of a generator; `Generator` says what each means.
+
+    Attributes:
+        latency_s: from a change of the output until the board's samples show it, beyond what their time stamps tell.
+    """
+
+    identity: str
+    volts: float
+    is_on: bool
+    latency_s: float
+
+    def alive(self) -> None: ...
+    def sine(self, frequency_hz: float, volts: float) -> None: ...
+    def set_volts(self, volts: float) -> None: ...
+    def on(self) -> None: ...
+    def ramp_down(self) -> None: ...
+    def off(self) -> None: ...
 
 
 class Generator:
@@ -45,6 +65,8 @@ class Generator:
     Raises:
         AcquisitionError: nothing answers, or not as an SCPI instrument.
     """
+
+    latency_s = 0.0
 
     def __init__(self, name: str, baud: int, guard: bool = True) -> None:
         self.port = Port(name, baud)
