@@ -18,7 +18,9 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from benchmarks import simavr
 from benchmarks.fuzz_parsers import HELLO, counts_of, fuzz
+from benchmarks.simavr import SimulatedBoard
 from benchmarks.table import report
 from fasbody.acquire.bench import Bench
 from fasbody.acquire.bench.foot import BODY_MASS_KG
@@ -187,7 +189,48 @@ def chain(seconds: float) -> list[Check]:
     return [Check(what, far, high=4, said=text, beside="all within 4")]
 
 
-TOPICS = ("transfer", "noisy", "plug", "killed", "fuzz", "chain")
+def firmware(samples: int) -> list[Check]:
+    """The firmware on simavr at its highest rate: every sample known beforehand, then the same with damaged bytes."""
+    if lacks := simavr.missing():
+        return [told("firmware on simavr", f"not run: {lacks}")]
+    rate, rng = 2000, np.random.default_rng(9)
+    with tempfile.TemporaryDirectory() as name:
+        root = Path(name)
+        host, elf = simavr.compile_host(root), simavr.compile_firmware(root, "ANALOG", rate)
+        clean, dirty, frames, injected, missed, wrong, bad = FrameReader(), FrameReader(), 0, 0, 0, 0, 0
+        with SimulatedBoard(host, elf, root, seconds=samples / 2 / rate + 2.0, real=False) as board:
+            want, rest, seen = simavr.readings(samples // 2 + 4 * rate, rate), b"", 0
+            for data in board.bytes():
+                *pieces, rest = (rest + data).split(b"\0")
+                for piece in filter(None, pieces):
+                    (message,) = clean.feed(b"\0" + piece + b"\0") or [None]
+                    if not isinstance(message, Block):
+                        dirty.feed(b"\0" + piece + b"\0")
+                        continue
+                    scale = message.samples.dtype.type(clean.hello.channels[0].counts_per_m_s2)  # type: ignore[union-attr]
+                    truth = want[16 * message.sequence : 16 * (message.sequence + 1)]
+                    missed += message.sequence - frames
+                    wrong += 32 - int(np.sum(np.abs(message.samples * scale - truth) < 1e-6))
+                    frames = message.sequence + 1
+                    spoilt = corrupt(b"\0" + piece + b"\0", 0.01, rng)
+                    injected += spoilt != b"\0" + piece + b"\0"
+                    for one in dirty.feed(spoilt):
+                        if isinstance(one, Block):
+                            seen += 1
+                            bad += not np.array_equal(one.samples, message.samples)
+            report_ = board.report
+    span = report_["longest_cycles"], report_["shortest_cycles"]
+    return [
+        Check(f"firmware at {rate} Hz on simavr: frames missing", missed, 0, 0, "", f"{missed} of {frames}", "none"),
+        Check("its samples that are wrong", wrong, 0, 0, "", f"{wrong} of {32 * frames}", f"none in {samples:g}"),
+        told("cycles between two conversions, 2000 by the timer", f"{span[1]} to {span[0]}, simavr's instructions"),
+        Check("1 % damaged bytes: frames found", frames - seen, injected, injected, "",
+              f"{frames - seen} of {injected}", "all"),
+        Check("wrong ones accepted", bad, 0, 0, "", f"{bad} of {seen}", "none"),
+    ]  # fmt: skip
+
+
+TOPICS = ("transfer", "noisy", "plug", "killed", "fuzz", "chain", "firmware")
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
@@ -197,6 +240,7 @@ def main(
     seconds: Annotated[float, typer.Option(help="length of the transfer at 4 kHz")] = 60.0,
     accepted: Annotated[int, typer.Option(help="samples to accept on the bad line")] = 1_000_000,
     strings: Annotated[int, typer.Option(help="byte strings of the fuzz run")] = 1_000_000,
+    samples: Annotated[int, typer.Option(help="of the firmware on simavr")] = 1_000_000,
     json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout")] = False,
 ) -> None:
     """Measure acquisition; about five minutes.
@@ -209,6 +253,7 @@ def main(
     works = {
         "transfer": lambda: transfer(seconds), "noisy": lambda: noisy_line(accepted), "plug": lambda: plug(3),
         "killed": lambda: killed(5), "fuzz": lambda: fuzz(strings), "chain": lambda: chain(4.0),
+        "firmware": lambda: firmware(samples),
     }  # fmt: skip
     rows: list[Check] = []
     for name in topic or TOPICS:

@@ -56,10 +56,11 @@ class PulseBench:
         root = Path(self._folder.name)
         root.chmod(0o700)
         socket = root / "native"
+        paths = [str(Path(__file__).parent.parent), os.environ.get("PYTHONPATH")]
         self.environment = {
             **os.environ, "HOME": str(root), "XDG_RUNTIME_DIR": str(root), "PULSE_RUNTIME_PATH": str(root),
             "PULSE_STATE_PATH": str(root), "PULSE_SERVER": f"unix:{socket}", "PULSE_SINK": "shaker",
-            "PULSE_SOURCE": "sensors.monitor", "PYTHONPATH": os.pathsep.join(filter(None, [str(Path(__file__).parent.parent), os.environ.get("PYTHONPATH")])),
+            "PULSE_SOURCE": "sensors.monitor", "PYTHONPATH": os.pathsep.join(filter(None, paths)),
         }  # fmt: skip
         sinks = [
             word
@@ -203,7 +204,7 @@ def main(way: str) -> None:
     """
     import select
 
-    between = {"foot": Foot, "cable": Cable, "calibrator": Calibrator}[way]()
+    between: Cable | Foot | Calibrator = {"foot": Foot, "cable": Cable, "calibrator": Calibrator}[way]()  # type: ignore[operator]
     common = ["--raw", "--format=float32le", f"--rate={CARD_HZ}", "--latency-msec=500"]
     heard = subprocess.Popen(["parec", "-d", "shaker.monitor", "--channels=1", *common], stdout=subprocess.PIPE)
     assert heard.stdout is not None

@@ -5,7 +5,7 @@ filter with linear phase, freed of the inputs' coupling, and put into the frames
 it is a board like any other, with captures, gaps and recovery. Only this file knows sounddevice.
 
 Between amplifier and converter, most interfaces have a capacitor, and fall off below some hertz. A loopback cable shows
-how: `measure_loop`. Sensitivities come from a hand calibrator (`calibrator`) or a flip of the sensor in gravity (`flip`).
+how: `measure_loop`. Sensitivities come from a hand calibrator (`calibrator`) or a sensor turned over in gravity (`flip`).
 """
 
 import json
@@ -13,6 +13,7 @@ import math
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Self
@@ -56,6 +57,8 @@ _BEGINS_S = 1.0
 #: Of the loopback signal [s], and its peak (share of full scale).
 _PERIOD_S, _PEAK = 4.0, 0.5
 _TRIES = 3
+#: A calibrator's tone is measured in pieces [s].
+_PIECE_S = 0.25
 #: Inputs that are apart by more [s] are not in step: 0.04 degrees at 50 Hz.
 _IN_STEP_S = 2e-6
 
@@ -95,8 +98,9 @@ class Calibration:
         """
         valid = "python -m fasbody.acquire calibrate writes it"
         try:
-            known = json.loads(file.read_text())
-            card = cls(**{key: tuple(value) if isinstance(value, list) else value for key, value in known.items()})
+            known: dict[str, Any] = json.loads(file.read_text())
+            values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in known.items()}
+            card = cls(**values)
             pairs = [*card.scale_m_s2, *card.corner_hz, *card.loop_gain]
             numbers = [*pairs, card.output_corner_hz, card.delay_s, card.skew_s, card.full_scale_v, card.latency_s]
             if len(pairs) != 6 or not all(math.isfinite(number) for number in numbers):
@@ -126,8 +130,8 @@ class Calibration:
             )
 
     def __str__(self) -> str:
-        text = f"{self.device}: gain {self.loop_gain[0]:.5g} and {self.loop_gain[1]:.5g}, delay {1e3 * self.delay_s:.1f} ms"
-        text += f", malleolus {1e6 * self.skew_s:+.2f} us behind base"
+        text = f"{self.device}: gain {self.loop_gain[0]:.5g} and {self.loop_gain[1]:.5g}"
+        text += f", delay {1e3 * self.delay_s:.1f} ms, malleolus {1e6 * self.skew_s:+.2f} us behind base"
         for name, corner in zip((*ROLES, "output"), (*self.corner_hz, self.output_corner_hz), strict=True):
             text += f"; {name} " + (f"falls off below {corner:.3g} Hz" if corner > 0 else "is direct")
         return text
@@ -261,7 +265,7 @@ class AudioGenerator:
     watched the base for a second, the stream fades out.
 
     Args:
-        card: that is open.
+        card: gives the one that is open; after an unplug, another one.
 
     Attributes:
         identity: what it says.
@@ -270,12 +274,12 @@ class AudioGenerator:
         latency_s: from a change to what the inputs show of it.
     """
 
-    def __init__(self, card: SoundCard) -> None:
-        self.card = card
-        self.identity = f"output of sound card {card.calibration.device}"
+    def __init__(self, calibration: Calibration, card: Callable[[], SoundCard]) -> None:
+        self._full, self._card = calibration.full_scale_v, card
+        self.identity = f"output of sound card {calibration.device}"
         self.volts = 0.0
         self.is_on = False
-        self.latency_s = card.calibration.delay_s + 2 * _SLEW_S
+        self.latency_s = max(0.0, calibration.delay_s) + 2 * _SLEW_S
 
     def __enter__(self) -> Self:
         return self
@@ -285,11 +289,11 @@ class AudioGenerator:
 
     def alive(self) -> None:
         """Tell the stream that the base is watched."""
-        self.card.alive()
+        self._card().alive()
 
     def sine(self, frequency_hz: float, volts: float) -> None:
         """Set a sine: frequency [Hz], amplitude [V peak to peak]; the output stays as it is."""
-        self.card.drive(frequency_hz=frequency_hz)
+        self._card().drive(frequency_hz=frequency_hz)
         self.set_volts(volts)
 
     def set_volts(self, volts: float) -> None:
@@ -298,12 +302,11 @@ class AudioGenerator:
         Raises:
             Refused: beyond full scale.
         """
-        full = self.card.calibration.full_scale_v
-        if not 0 <= volts <= full:
-            raise Refused(f"{self.identity}: {volts:.3g} V are beyond its {full:g} V; raise the amplifier's gain.")
+        if not 0 <= volts <= self._full:
+            raise Refused(f"{self.identity}: {volts:.3g} V exceed its {self._full:g} V; raise the amplifier's gain.")
         self.volts = volts
         if self.is_on:
-            self.card.drive(share=volts / full)
+            self._card().drive(share=volts / self._full)
 
     def on(self) -> None:
         """Switch the output on."""
@@ -317,7 +320,7 @@ class AudioGenerator:
     def off(self) -> None:
         """Switch the output off."""
         self.is_on = False
-        self.card.drive(share=0.0)
+        self._card().drive(share=0.0)
 
 
 def open_card(calibration: Calibration) -> tuple[Board, AudioGenerator]:
@@ -334,7 +337,7 @@ def open_card(calibration: Calibration) -> tuple[Board, AudioGenerator]:
         return card[0]
 
     board = Board(calibration.device, CARD_HZ, opener=opened)
-    return board, AudioGenerator(card[0])
+    return board, AudioGenerator(calibration, lambda: card[0])
 
 
 class Decimator:
@@ -503,22 +506,27 @@ def calibrator(values: np.ndarray, corner_hz: float, frequency_hz: float = 159.1
     Raises:
         AcquisitionError: no such tone.
     """
-    t = np.arange(values.size) / CARD_HZ
-
-    def amplitude(hz: float) -> tuple[float, float]:
-        basis = np.column_stack([np.cos(2 * np.pi * hz * t), np.sin(2 * np.pi * hz * t), np.ones(t.size)])
-        c, *_ = np.linalg.lstsq(basis, values, rcond=None)
-        return float(np.hypot(c[0], c[1])), float(np.std(values - basis @ c))
-
     from scipy.optimize import minimize_scalar
 
-    spectrum = np.abs(np.fft.rfft(values * np.hanning(values.size)))
-    near = np.abs(np.fft.rfftfreq(values.size, 1 / CARD_HZ) / frequency_hz - 1) < 0.03
-    peak = float(np.fft.rfftfreq(values.size, 1 / CARD_HZ)[near][np.argmax(spectrum[near])])
-    width = CARD_HZ / values.size
-    found = minimize_scalar(lambda hz: amplitude(hz)[1], bounds=(peak - width, peak + width), method="bounded")
-    size, rest = amplitude(float(found.x))
-    if not size > 5 * rest:
+    t = np.arange(values.size) / CARD_HZ
+
+    def fit(hz: float, part: slice) -> tuple[float, float]:
+        """Amplitude of a sine in a part, and the rms of what it leaves."""
+        wt = 2 * np.pi * hz * t[part]
+        basis = np.column_stack([np.cos(wt), np.sin(wt), np.ones(wt.size)])
+        c, *_ = np.linalg.lstsq(basis, values[part], rcond=None)
+        return float(np.hypot(c[0], c[1])), float(np.std(values[part] - basis @ c))
+
+    spectrum, hz = np.abs(np.fft.rfft(values * np.hanning(values.size))), np.fft.rfftfreq(values.size, 1 / CARD_HZ)
+    near = np.abs(hz / frequency_hz - 1) < 0.03
+    peak, width = float(hz[near][np.argmax(spectrum[near])]), CARD_HZ / values.size
+    found = float(
+        minimize_scalar(lambda f: fit(f, slice(None))[1], bounds=(peak - width, peak + width), method="bounded").x
+    )
+    piece = round(_PIECE_S * CARD_HZ)
+    parts = [fit(found, slice(start, start + piece)) for start in range(0, values.size - piece + 1, piece)]
+    size, rest = (float(np.median(column)) for column in zip(*parts, strict=True))  # a knock spoils one of them
+    if not size > 10 * rest:
         raise AcquisitionError(f"no tone of {frequency_hz:g} Hz stands out; is the sensor on the running calibrator?")
     return float(math.sqrt(2) * rms_m_s2 / size / math.hypot(1, corner_hz / frequency_hz))
 
@@ -544,7 +552,7 @@ def flip(values: np.ndarray, corner_hz: float, rate_hz: float = CARD_HZ) -> floa
     near = np.abs(t - turn)
     rest = (near > turn_s) & (near < turn_s + rest_s)
     if min(np.sum(rest & (t < turn)), np.sum(rest & (t > turn))) < 0.9 * rest_s * rate_hz:
-        raise AcquisitionError("the turn is too near an end; hold still for three seconds, turn over, hold still again.")
+        raise AcquisitionError("the turn is too near an end; hold still three seconds, turn over, hold still again.")
     basis = np.column_stack([np.ones(t.size), t > turn, (t - turn) * (corner_hz > 0)])[rest]
     c, *_ = np.linalg.lstsq(basis, whole[rest], rcond=None)
     noise = float(np.std(whole[rest] - basis @ c))

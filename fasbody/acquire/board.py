@@ -78,6 +78,7 @@ class Board:
         self.decoder = Decoder()
         self.timeline: Timeline | None = None
         self.unplugs = 0
+        self._away = False
         self.watch: Watch | None = None
         self.doing = ""
         self.listener: Callable[[Board], None] | None = None
@@ -124,6 +125,7 @@ class Board:
         for arrival in self.reader.take(wait):
             if arrival.event:
                 self.unplugs += arrival.event == "unplugged"
+                self._away = arrival.event == "unplugged" or (self._away and arrival.event != "replugged")
                 self.decoder.fresh()
                 self._lateness.forget()
                 continue
@@ -143,7 +145,8 @@ class Board:
         if self.listener is not None:
             self.listener(self)
         if self.watch is not None and time.monotonic() - self._last > BLIND_S:
-            raise Stalled(f"{self.reader.port_name}: no samples for {BLIND_S:g} s while the shaker was on; output off.")
+            what = "unplugged" if self._away else f"no samples for {BLIND_S:g} s"
+            raise Stalled(f"{self.reader.port_name}: {what} while the shaker was on; output off.")
         # By the reader's last look, not by now: a computer too busy to look is no silent board.
         stalled = self.decoder.hello is not None and looked - self._last > self.patience
         if self.reader.failure is None and stalled:
@@ -191,8 +194,8 @@ class Board:
                 self.pump(0.5)
             if time.monotonic() > deadline:
                 raise Stalled(
-                    f"{self.reader.port_name}: no sample came for another {self.reader.patience:g} s; switch the board "
-                    "off and on, check its supply and firmware."
+                    f"{self.reader.port_name}: {'unplugged, and ' if self._away else ''}no sample came for another "
+                    f"{self.reader.patience:g} s; switch the board off and on, check its supply and firmware."
                 )
 
     @property

@@ -309,8 +309,11 @@ def calibrate(
     if json_:
         print_json(vars(known))
     else:
-        results.print(f"{known}; full scale {known.scale_m_s2[0]:.5g} and {known.scale_m_s2[1]:.5g} m/s^2",
-                      soft_wrap=True, markup=False)
+        results.print(
+            f"{known}; full scale {known.scale_m_s2[0]:.5g} and {known.scale_m_s2[1]:.5g} m/s^2",
+            soft_wrap=True,
+            markup=False,
+        )
 
 
 def _frequencies(sweep: str | None, frequency: float | None) -> tuple[float | None, ...]:

@@ -38,12 +38,23 @@ class Excitation(Protocol):
     is_on: bool
     latency_s: float
 
-    def alive(self) -> None: ...
-    def sine(self, frequency_hz: float, volts: float) -> None: ...
-    def set_volts(self, volts: float) -> None: ...
-    def on(self) -> None: ...
-    def ramp_down(self) -> None: ...
-    def off(self) -> None: ...
+    def alive(self) -> None:
+        """The base is watched."""
+
+    def sine(self, frequency_hz: float, volts: float) -> None:
+        """Set a sine."""
+
+    def set_volts(self, volts: float) -> None:
+        """Set the amplitude."""
+
+    def on(self) -> None:
+        """Switch the output on."""
+
+    def ramp_down(self) -> None:
+        """Fade, then switch off."""
+
+    def off(self) -> None:
+        """Switch it off at once."""
 
 
 class Generator:
