@@ -218,8 +218,7 @@ def firmware(samples: int) -> list[Check]:
                         if isinstance(one, Block):
                             seen += 1
                             bad += not np.array_equal(one.samples, message.samples)
-            report_ = board.report
-    span = report_["longest_cycles"], report_["shortest_cycles"]
+    span = board.report["longest_cycles"], board.report["shortest_cycles"]
     return [
         Check(f"firmware at {rate} Hz on simavr: frames missing", missed, 0, 0, "", f"{missed} of {frames}", "none"),
         Check("its samples that are wrong", wrong, 0, 0, "", f"{wrong} of {32 * frames}", f"none in {samples:g}"),

@@ -5,7 +5,7 @@ filter with linear phase, freed of the inputs' coupling, and put into the frames
 it is a board like any other, with captures, gaps and recovery. Only this file knows sounddevice.
 
 Between amplifier and converter, most interfaces have a capacitor, and fall off below some hertz. A loopback cable shows
-how: `measure_loop`. Sensitivities come from a hand calibrator (`calibrator`) or a sensor turned over in gravity (`flip`).
+how: `measure_loop`. Sensitivities come from a hand calibrator (`calibrator`) or a turn in gravity (`flip`).
 """
 
 import json
@@ -56,7 +56,7 @@ _G = 9.80665
 _BEGINS_S = 1.0
 #: Of the loopback signal [s], and its peak (share of full scale).
 _PERIOD_S, _PEAK = 4.0, 0.5
-_TRIES = 3
+_TRIES, _LINES = 3, 600
 #: A calibrator's tone is measured in pieces [s].
 _PIECE_S = 0.25
 #: Inputs that are apart by more [s] are not in step: 0.04 degrees at 50 Hz.
@@ -457,6 +457,7 @@ def analyse_loop(device: str, heard: np.ndarray, signal: np.ndarray) -> Calibrat
     whole = heard[len(heard) // n * n - n :][:n]
     played = np.fft.rfft(signal)
     used = np.flatnonzero(np.abs(played) > 1e-3 * np.abs(played).max())
+    used = used[np.unique(np.geomspace(1, used.size, _LINES).astype(int)) - 1]  # each decade counts alike
     w = 2 * np.pi * used / (n / CARD_HZ)
     loop = np.fft.rfft(whole, axis=0)[used] / played[used, None]
     correlation = np.fft.irfft(np.fft.rfft(whole[:, 0]) * np.conj(played), n)
@@ -476,11 +477,8 @@ def analyse_loop(device: str, heard: np.ndarray, signal: np.ndarray) -> Calibrat
         ]
         return np.column_stack(ways)
 
-    # Each decade of frequencies counts alike: the corners lie where few lines are.
-    weight = np.sqrt(1 / w)[:, None] / gain
-
     def misfit(x: np.ndarray) -> np.ndarray:
-        off = ((model(x) - loop) * weight).ravel()
+        off = ((model(x) - loop) / gain).ravel()
         return np.concatenate([off.real, off.imag])
 
     starts = [np.array([np.log(a), np.log(b), np.log(b), 1, 1, 0, 0]) for a in (1e-2, 5.0) for b in (1e-2, 5.0)]
