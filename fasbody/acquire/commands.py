@@ -19,6 +19,7 @@ from fasbody.acquire.plan import Plan
 from fasbody.acquire.port import Unplugged, ports, probe, swapped
 from fasbody.acquire.session import Session, terminated
 from fasbody.acquire.timeline import counted
+from fasbody.acquire.visa import is_visa
 from fasbody.console import console, print_json, results
 from fasbody.exceptions import AcquisitionError, FasError, SettingError
 from fasbody.foot.shaker import PEAK_TO_PEAK
@@ -32,7 +33,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def record(
     port: Annotated[str | None, typer.Option(help="port of the accelerometer board")] = None,
-    generator: Annotated[str | None, typer.Option(help="port of the SCPI function generator")] = None,
+    generator: Annotated[str | None, typer.Option(help="SCPI function generator: its port or VISA name")] = None,
     frequency: Annotated[float | None, typer.Option(help="one recording at this excitation in Hz")] = None,
     sweep: Annotated[str | None, typer.Option(help="START:STOP:STEP in Hz, one recording each")] = None,
     seconds: Annotated[float, typer.Option(help="length of each recording in s")] = 10.0,
@@ -237,7 +238,7 @@ def _open(
     except Unplugged:
         raise
     except AcquisitionError:
-        if generator and (sentence := swapped(port, baud, generator, generator_baud)):
+        if generator and not is_visa(generator) and (sentence := swapped(port, baud, generator, generator_baud)):
             raise SettingError(sentence) from None
         raise
 

@@ -8,7 +8,8 @@ import time
 from typing import Protocol, Self
 
 from fasbody.acquire.guard import ALIVE, DONE, OFF
-from fasbody.acquire.port import Port, is_identity
+from fasbody.acquire.port import is_identity
+from fasbody.acquire.visa import opened
 from fasbody.console import console
 from fasbody.exceptions import AcquisitionError
 
@@ -64,7 +65,7 @@ class Generator:
     this one be killed or stopped (guard.py): while the output is on, whoever watches the base must call `alive`.
 
     Args:
-        name: port.
+        name: port, or a VISA name.
         baud: its rate.
         guard: start the second process.
 
@@ -80,7 +81,7 @@ class Generator:
     latency_s = 0.0
 
     def __init__(self, name: str, baud: int, guard: bool = True) -> None:
-        self.port = Port(name, baud)
+        self.port = opened(name, baud)
         self.volts = 0.0
         self.is_on = False
         self.identity = ""
@@ -95,7 +96,8 @@ class Generator:
             if guard:
                 self._guard = subprocess.Popen(
                     [sys.executable, "-m", "fasbody.acquire.guard", name, str(baud), str(self.port.fileno())],
-                    stdin=subprocess.PIPE, bufsize=0, start_new_session=True, pass_fds=[self.port.fileno()],
+                    stdin=subprocess.PIPE, bufsize=0, start_new_session=True,
+                    pass_fds=[number for number in [self.port.fileno()] if number >= 0],
                 )  # fmt: skip
                 assert self._guard.stdin is not None
                 os.set_blocking(self._guard.stdin.fileno(), False)
