@@ -12,13 +12,14 @@ import sys
 import tempfile
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from benchmarks import simavr
+from benchmarks import pulse, simavr
 from benchmarks.fuzz_parsers import HELLO, counts_of, fuzz
 from benchmarks.simavr import SimulatedBoard
 from benchmarks.table import report
@@ -34,8 +35,13 @@ from fasbody.acquire.session import Session
 from fasbody.acquire.timeline import Timeline
 from fasbody.acquire.wire import Block, FrameReader, encode_data, encode_hello
 from fasbody.console import command_line, console
-from fasbody.laboratory.foot import TRUTH
-from fasbody.recording.recording import Condition
+from fasbody.foot.shaker import sine
+from fasbody.foot.two_dof import TwoDof
+from fasbody.laboratory.foot import TRUTH, exact
+from fasbody.laboratory.instrument import Instrument
+from fasbody.recording.condition import foot_mass, shank_mass
+from fasbody.recording.recording import Condition, Recording
+from fasbody.recording.study import Study
 from reproduction.check import Check, at_most, told
 
 BAUD = 921600
@@ -229,7 +235,69 @@ def firmware(samples: int) -> list[Check]:
     ]  # fmt: skip
 
 
-TOPICS = ("transfer", "noisy", "plug", "killed", "fuzz", "chain", "firmware")
+def audio(minutes: float) -> list[Check]:
+    """A virtual foot between playback and capture of a sound card: loopback, sweep and fit, and a long recording."""
+    if lacks := pulse.missing():
+        return [told("sound card", f"not run: {lacks}")]
+    from fasbody.acquire.audio import Calibration
+
+    with tempfile.TemporaryDirectory() as name, pulse.PulseBench() as bench:
+        card, study = Path(name) / "card.json", Path(name) / "study"
+
+        def command(*words: str) -> subprocess.CompletedProcess[str]:
+            whole = [sys.executable, "-m", "fasbody.acquire", *words, "--calibration", str(card), "--json"]
+            return subprocess.run(whole, env=bench.environment, capture_output=True, text=True)
+
+        bench.put("cable")
+        found = json.loads(command("calibrate", "loopback", "--device", "pulse", "--latency", "0.8").stdout)
+        off = max(
+            abs(np.array([*found["loop_gain"], found["output_corner_hz"], *found["corner_hz"]])
+                / [*pulse.GAINS, *pulse.CORNERS_HZ] - 1)
+        )  # fmt: skip
+        bench.put("foot")
+        known = replace(Calibration.read(card), scale_m_s2=pulse.SCALE_M_S2, delay_s=2.2)
+        known.write(card)
+        common = ["--board", "audio", "--body-mass", f"{BODY_MASS_KG}", "--subject", "16", "--out", str(study)]
+        swept = command(*common, "--sweep", "15:45:10", "--seconds", "4")
+        console.print(swept.stderr)
+        ratios = [_against_the_foot(one) for one in Study.read(study).recordings]
+        fit = [sys.executable, "-m", "identification.fit", str(study), "--starts", "2", "--json"]
+        parameters = json.loads(subprocess.run(fit, check=True, stdout=subprocess.PIPE).stdout)["parameters"]
+        long = command(*common, "--frequency", "20", "--seconds", f"{60 * minutes:g}", "--retries", "0")
+        console.print(long.stderr)
+        made = json.loads(max((study / "recordings").glob("20hz*.json")).read_text())
+    far = max(
+        abs(next(e for k, e in parameters.items() if k.startswith(f"{s}_"))["value"] - truth)
+        / next(e for k, e in parameters.items() if k.startswith(f"{s}_"))["std_error"]
+        for s, truth in TRUTH.items() if not next(e for k, e in parameters.items() if k.startswith(f"{s}_"))["at_bound"]
+    )  # fmt: skip
+    events = [event["event"] for event in made["events"]]
+    said = f"{made['samples']} samples, {len(made['quality']['gaps'])} gaps; {', '.join(events) or 'nothing happened'}"
+    return [
+        at_most("sound card: gains and high-passes by loopback", 100 * off, 0.1, "%"),
+        at_most("transmissibility by a sweep", 100 * max(abs(abs(r) - 1) for r in ratios), 0.1, "%"),
+        at_most("its phase", max(abs(np.degrees(np.angle(r))) for r in ratios), 0.1, "deg"),
+        Check("identification.fit: farthest parameter", far, high=4, said=f"{far:.1f} standard errors", beside="4"),
+        told(f"{minutes:g} minutes at 20 Hz", said),
+    ]
+
+
+def _against_the_foot(one: Recording) -> complex:
+    """Transmissibility of a recording over the one by DOP853 at the same base acceleration."""
+    hz = one.condition.frequency_hz
+    assert hz is not None
+    waves = [f(2 * np.pi * hz * k * one.time_s) for k in (1, 2, 3) for f in (np.cos, np.sin)]
+    basis = np.column_stack([*waves, one.time_s**0])
+    c, *_ = np.linalg.lstsq(basis, np.column_stack([one.base_m_s2, one.malleolus_m_s2]), rcond=None)
+    base, malleolus = c[0] - 1j * c[1]
+    masses = {"m_S": shank_mass(BODY_MASS_KG, 0.0), "m_F": foot_mass(BODY_MASS_KG)}
+    motion = sine(hz, 5.0, 2 * abs(base))
+    true = exact(TwoDof.from_values({**TRUTH, **masses}), motion, 1.0, Instrument(delay_s=0.0), settle=2.0)
+    wave = np.exp(-2j * np.pi * hz * true.time_s)
+    return complex(malleolus / base / (np.mean(true.malleolus_m_s2 * wave) / np.mean(true.base_m_s2 * wave)))
+
+
+TOPICS = ("transfer", "noisy", "plug", "killed", "fuzz", "chain", "firmware", "audio")
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
@@ -240,6 +308,7 @@ def main(
     accepted: Annotated[int, typer.Option(help="samples to accept on the bad line")] = 1_000_000,
     strings: Annotated[int, typer.Option(help="byte strings of the fuzz run")] = 1_000_000,
     samples: Annotated[int, typer.Option(help="of the firmware on simavr")] = 1_000_000,
+    minutes: Annotated[float, typer.Option(help="length of the long recording by the sound card")] = 2.0,
     json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout")] = False,
 ) -> None:
     """Measure acquisition; about five minutes.
@@ -252,7 +321,7 @@ def main(
     works = {
         "transfer": lambda: transfer(seconds), "noisy": lambda: noisy_line(accepted), "plug": lambda: plug(3),
         "killed": lambda: killed(5), "fuzz": lambda: fuzz(strings), "chain": lambda: chain(4.0),
-        "firmware": lambda: firmware(samples),
+        "firmware": lambda: firmware(samples), "audio": lambda: audio(minutes),
     }  # fmt: skip
     rows: list[Check] = []
     for name in topic or TOPICS:

@@ -1,6 +1,5 @@
-"""A sound card as board and generator: its calibration by arrays, and the whole way through PulseAudio and PortAudio."""
+"""A sound card as board and generator: its calibration by arrays, the whole way through PulseAudio and PortAudio."""
 
-import json
 import subprocess
 import sys
 from dataclasses import replace
@@ -23,8 +22,8 @@ from fasbody.recording.study import Study
 if lacks := pulse.missing():
     pytest.skip(f"no sound card is tested: {lacks}", allow_module_level=True)
 
-from fasbody.acquire import audio  # noqa: E402
-from fasbody.acquire.audio import CARD_HZ, RATE_HZ, Calibration  # noqa: E402
+from fasbody.acquire import audio
+from fasbody.acquire.audio import CARD_HZ, RATE_HZ, Calibration
 
 
 def high_pass(values: np.ndarray, corner_hz: float) -> np.ndarray:
@@ -60,7 +59,7 @@ def test_sensitivity_from_a_flip_and_from_a_calibrator(corner: float) -> None:
         held, tone = settled, high_pass(tone, corner)
     assert audio.flip(held / 80, corner) == pytest.approx(80, rel=2e-3)
     assert audio.calibrator(tone[: 4 * CARD_HZ] / 80, corner) == pytest.approx(80, rel=2e-4)
-    with pytest.raises(AcquisitionError, match="no step|too near"):
+    with pytest.raises(AcquisitionError, match=r"no step|too near"):
         audio.flip(rng.normal(0, 0.1, t.size), corner)
     with pytest.raises(AcquisitionError, match=r"no tone of 159\.155 Hz"):
         audio.calibrator(rng.normal(0, 0.1, CARD_HZ), corner)
@@ -100,7 +99,7 @@ def test_calibrations_are_read_back_and_checked(tmp_path: Path) -> None:
 
 
 def test_virtual_foot_between_playback_and_capture(tmp_path: Path) -> None:
-    """The commands, PortAudio, PulseAudio: loopback, then a recording whose transmissibility is the foot's own."""
+    """Command, PortAudio, PulseAudio: a recording whose transmissibility is the foot's own."""
     card, study, hz = tmp_path / "card.json", tmp_path / "study", 20.0
     with pulse.PulseBench() as bench:
 
@@ -110,14 +109,9 @@ def test_virtual_foot_between_playback_and_capture(tmp_path: Path) -> None:
             assert done.returncode == 0, done.stderr
             return done.stdout
 
-        bench.put("cable")
-        found = json.loads(command("calibrate", "loopback", "--device", "pulse", "--latency", "0.8"))
-        np.testing.assert_allclose(found["loop_gain"], pulse.GAINS, rtol=1e-5)
-        corners = [found["output_corner_hz"], *found["corner_hz"]]
-        np.testing.assert_allclose(corners, pulse.CORNERS_HZ, rtol=1e-4)
         bench.put("foot")
-        made = replace(Calibration.read(card), scale_m_s2=pulse.SCALE_M_S2, delay_s=2.2)  # the foot has its own buffer
-        made.write(card)
+        # the loopback that finds these is in benchmarks/acquire.py; the way through the foot has its own buffers
+        Calibration("pulse", pulse.SCALE_M_S2, pulse.CORNERS_HZ[1:], delay_s=2.2, latency_s=0.8).write(card)
         words = ["--board", "audio", "--frequency", f"{hz:g}", "--seconds", "2", "--peak-to-peak", "1"]
         command(*words, "--body-mass", f"{BODY_MASS_KG}", "--out", str(study))
     (one,) = Study.read(study).recordings[-1:]

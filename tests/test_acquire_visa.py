@@ -109,7 +109,7 @@ devices:
     properties:
       output: {{default: "0", getter: {{q: "OUTP?", r: "{{}}"}}, setter: {{q: "OUTP {{}}"}}}}
       volts: {{default: 1.0, getter: {{q: "VOLT?", r: "{{:.6f}}"}}, setter: {{q: "VOLT {{}}"}}, specs: {{type: float}}}}
-      offset: {{default: 0.0, getter: {{q: "OF?", r: "{{:.2f}}"}}, setter: {{q: "VOLT:OFFS {{}}"}}, specs: {{type: float}}}}
+      offset: {{default: "0", getter: {{q: "VOLT:OFFS?", r: "{{}}"}}, setter: {{q: "VOLT:OFFS {{}}"}}}}
       hertz: {{default: 1.0, getter: {{q: "FREQ?", r: "{{:.4f}}"}}, setter: {{q: "FREQ {{}}"}}, specs: {{type: float}}}}
 resources:
   "{name}":

@@ -151,7 +151,8 @@ class Board:
         stalled = self.decoder.hello is not None and looked - self._last > self.patience
         if self.reader.failure is None and stalled:
             came = self.decoder.bytes - self._bytes
-            how = f"sent {counted(came, 'byte')} and no sample" if came else "is unplugged" if self._away else "is silent"
+            how = "is unplugged" if self._away else "is silent"
+            how = f"sent {counted(came, 'byte')} and no sample" if came else how
             raise Stalled(
                 f"{self.reader.port_name}: the board {how} for {self.patience:g} s; check its supply and firmware."
             )
