@@ -209,7 +209,7 @@ def firmware(samples: int) -> list[Check]:
             for data in board.bytes():
                 *pieces, rest = (rest + data).split(b"\0")
                 for piece in filter(None, pieces):
-                    (message,) = clean.feed(b"\0" + piece + b"\0") or [None]
+                    message = next(iter(clean.feed(b"\0" + piece + b"\0")), None)
                     if not isinstance(message, Block):
                         dirty.feed(b"\0" + piece + b"\0")
                         continue
@@ -255,7 +255,7 @@ def audio(minutes: float) -> list[Check]:
                 / [*pulse.GAINS, *pulse.CORNERS_HZ] - 1)
         )  # fmt: skip
         bench.put("foot")
-        known = replace(Calibration.read(card), scale_m_s2=pulse.SCALE_M_S2, delay_s=2.2)
+        known = replace(Calibration.read(card), scale_m_s2=pulse.SCALE_M_S2, delay_s=3.5)
         known.write(card)
         common = ["--board", "audio", "--body-mass", f"{BODY_MASS_KG}", "--subject", "16", "--out", str(study)]
         swept = command(*common, "--sweep", "15:45:10", "--seconds", "4")

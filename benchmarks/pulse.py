@@ -204,7 +204,8 @@ def main(way: str) -> None:
     """
     import select
 
-    between: Cable | Foot | Calibrator = {"foot": Foot, "cable": Cable, "calibrator": Calibrator}[way]()  # type: ignore[operator]
+    between: Cable | Foot | Calibrator
+    between = Foot() if way == "foot" else Cable() if way == "cable" else Calibrator()
     common = ["--raw", "--format=float32le", f"--rate={CARD_HZ}", "--latency-msec=500"]
     heard = subprocess.Popen(["parec", "-d", "shaker.monitor", "--channels=1", *common], stdout=subprocess.PIPE)
     assert heard.stdout is not None

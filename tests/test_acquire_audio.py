@@ -111,7 +111,7 @@ def test_virtual_foot_between_playback_and_capture(tmp_path: Path) -> None:
 
         bench.put("foot")
         # the loopback that finds these is in benchmarks/acquire.py; the way through the foot has its own buffers
-        Calibration("pulse", pulse.SCALE_M_S2, pulse.CORNERS_HZ[1:], delay_s=2.2, latency_s=0.8).write(card)
+        Calibration("pulse", pulse.SCALE_M_S2, pulse.CORNERS_HZ[1:], delay_s=3.2, latency_s=0.8).write(card)
         words = ["--board", "audio", "--frequency", f"{hz:g}", "--seconds", "2", "--peak-to-peak", "1"]
         command(*words, "--body-mass", f"{BODY_MASS_KG}", "--out", str(study))
     (one,) = Study.read(study).recordings[-1:]
