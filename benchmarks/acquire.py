@@ -246,7 +246,9 @@ def audio(minutes: float) -> list[Check]:
 
         def command(*words: str) -> subprocess.CompletedProcess[str]:
             whole = [sys.executable, "-m", "fasbody.acquire", *words, "--calibration", str(card), "--json"]
-            return subprocess.run(whole, env=bench.environment, capture_output=True, text=True)
+            done = subprocess.run(whole, env=bench.environment, capture_output=True, text=True)
+            console.print(done.stderr, markup=False)
+            return done
 
         bench.put("cable")
         found = json.loads(command("calibrate", "loopback", "--device", "pulse", "--latency", "0.8").stdout)
@@ -258,13 +260,11 @@ def audio(minutes: float) -> list[Check]:
         known = replace(Calibration.read(card), scale_m_s2=pulse.SCALE_M_S2, delay_s=3.5)
         known.write(card)
         common = ["--board", "audio", "--body-mass", f"{BODY_MASS_KG}", "--subject", "16", "--out", str(study)]
-        swept = command(*common, "--sweep", "15:45:10", "--seconds", "4")
-        console.print(swept.stderr)
+        command(*common, "--sweep", "15:45:10", "--seconds", "4")
         ratios = [_against_the_foot(one) for one in Study.read(study).recordings]
         fit = [sys.executable, "-m", "identification.fit", str(study), "--starts", "2", "--json"]
         parameters = json.loads(subprocess.run(fit, check=True, stdout=subprocess.PIPE).stdout)["parameters"]
-        long = command(*common, "--frequency", "20", "--seconds", f"{60 * minutes:g}", "--retries", "0")
-        console.print(long.stderr)
+        command(*common, "--frequency", "20", "--seconds", f"{60 * minutes:g}", "--retries", "0")
         made = json.loads(max((study / "recordings").glob("20hz*.json")).read_text())
     far = max(
         abs(next(e for k, e in parameters.items() if k.startswith(f"{s}_"))["value"] - truth)
