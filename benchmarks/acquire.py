@@ -12,13 +12,16 @@ import sys
 import tempfile
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
+from benchmarks import pulse, simavr
 from benchmarks.fuzz_parsers import HELLO, counts_of, fuzz
+from benchmarks.simavr import SimulatedBoard
 from benchmarks.table import report
 from fasbody.acquire.bench import Bench
 from fasbody.acquire.bench.foot import BODY_MASS_KG
@@ -32,8 +35,13 @@ from fasbody.acquire.session import Session
 from fasbody.acquire.timeline import Timeline
 from fasbody.acquire.wire import Block, FrameReader, encode_data, encode_hello
 from fasbody.console import command_line, console
-from fasbody.laboratory.foot import TRUTH
-from fasbody.recording.recording import Condition
+from fasbody.foot.shaker import sine
+from fasbody.foot.two_dof import TwoDof
+from fasbody.laboratory.foot import TRUTH, exact
+from fasbody.laboratory.instrument import Instrument
+from fasbody.recording.condition import foot_mass, shank_mass
+from fasbody.recording.recording import Condition, Recording
+from fasbody.recording.study import Study
 from reproduction.check import Check, at_most, told
 
 BAUD = 921600
@@ -187,7 +195,109 @@ def chain(seconds: float) -> list[Check]:
     return [Check(what, far, high=4, said=text, beside="all within 4")]
 
 
-TOPICS = ("transfer", "noisy", "plug", "killed", "fuzz", "chain")
+def firmware(samples: int) -> list[Check]:
+    """The firmware on simavr at its highest rate: every sample known beforehand, then the same with damaged bytes."""
+    if lacks := simavr.missing():
+        return [told("firmware on simavr", f"not run: {lacks}")]
+    rate, rng = 2000, np.random.default_rng(9)
+    with tempfile.TemporaryDirectory() as name:
+        root = Path(name)
+        host, elf = simavr.compile_host(root), simavr.compile_firmware(root, "ANALOG", rate)
+        clean, dirty, frames, injected, missed, wrong, bad = FrameReader(), FrameReader(), 0, 0, 0, 0, 0
+        with SimulatedBoard(host, elf, root, seconds=samples / 2 / rate + 2.0, real=False) as board:
+            want, rest, seen = simavr.readings(samples // 2 + 4 * rate, rate), b"", 0
+            for data in board.bytes():
+                *pieces, rest = (rest + data).split(b"\0")
+                for piece in filter(None, pieces):
+                    message = next(iter(clean.feed(b"\0" + piece + b"\0")), None)
+                    if not isinstance(message, Block):
+                        dirty.feed(b"\0" + piece + b"\0")
+                        continue
+                    scale = message.samples.dtype.type(clean.hello.channels[0].counts_per_m_s2)  # type: ignore[union-attr]
+                    truth = want[16 * message.sequence : 16 * (message.sequence + 1)]
+                    missed += message.sequence - frames
+                    wrong += 32 - int(np.sum(np.abs(message.samples * scale - truth) < 1e-6))
+                    frames = message.sequence + 1
+                    spoilt = corrupt(b"\0" + piece + b"\0", 0.01, rng)
+                    injected += spoilt != b"\0" + piece + b"\0"
+                    for one in dirty.feed(spoilt):
+                        if isinstance(one, Block):
+                            seen += 1
+                            bad += not np.array_equal(one.samples, message.samples)
+    span = board.report["longest_cycles"], board.report["shortest_cycles"]
+    return [
+        Check(f"firmware at {rate} Hz on simavr: frames missing", missed, 0, 0, "", f"{missed} of {frames}", "none"),
+        Check("its samples that are wrong", wrong, 0, 0, "", f"{wrong} of {32 * frames}", f"none in {samples:g}"),
+        told("cycles between two conversions, 2000 by the timer", f"{span[1]} to {span[0]}, simavr's instructions"),
+        Check("1 % damaged bytes: frames found", frames - seen, injected, injected, "",
+              f"{frames - seen} of {injected}", "all"),
+        Check("wrong ones accepted", bad, 0, 0, "", f"{bad} of {seen}", "none"),
+    ]  # fmt: skip
+
+
+def audio(minutes: float) -> list[Check]:
+    """A virtual foot between playback and capture of a sound card: loopback, sweep and fit, and a long recording."""
+    if lacks := pulse.missing():
+        return [told("sound card", f"not run: {lacks}")]
+    from fasbody.acquire.audio import Calibration
+
+    with tempfile.TemporaryDirectory() as name, pulse.PulseBench() as bench:
+        card, study = Path(name) / "card.json", Path(name) / "study"
+
+        def command(*words: str) -> subprocess.CompletedProcess[str]:
+            whole = [sys.executable, "-m", "fasbody.acquire", *words, "--calibration", str(card), "--json"]
+            done = subprocess.run(whole, env=bench.environment, capture_output=True, text=True)
+            console.print(done.stderr, markup=False)
+            return done
+
+        bench.put("cable")
+        found = json.loads(command("calibrate", "loopback", "--device", "pulse", "--latency", "0.8").stdout)
+        off = max(
+            abs(np.array([*found["loop_gain"], found["output_corner_hz"], *found["corner_hz"]])
+                / [*pulse.GAINS, *pulse.CORNERS_HZ] - 1)
+        )  # fmt: skip
+        bench.put("foot")
+        known = replace(Calibration.read(card), scale_m_s2=pulse.SCALE_M_S2, delay_s=3.5)
+        known.write(card)
+        common = ["--board", "audio", "--body-mass", f"{BODY_MASS_KG}", "--subject", "16", "--out", str(study)]
+        command(*common, "--sweep", "15:45:10", "--seconds", "4")
+        ratios = [_against_the_foot(one) for one in Study.read(study).recordings]
+        fit = [sys.executable, "-m", "identification.fit", str(study), "--starts", "2", "--json"]
+        parameters = json.loads(subprocess.run(fit, check=True, stdout=subprocess.PIPE).stdout)["parameters"]
+        command(*common, "--frequency", "20", "--seconds", f"{60 * minutes:g}", "--retries", "0")
+        made = json.loads(max((study / "recordings").glob("20hz*.json")).read_text())
+    far = max(
+        abs(next(e for k, e in parameters.items() if k.startswith(f"{s}_"))["value"] - truth)
+        / next(e for k, e in parameters.items() if k.startswith(f"{s}_"))["std_error"]
+        for s, truth in TRUTH.items() if not next(e for k, e in parameters.items() if k.startswith(f"{s}_"))["at_bound"]
+    )  # fmt: skip
+    events = [event["event"] for event in made["events"]]
+    said = f"{made['samples']} samples, {len(made['quality']['gaps'])} gaps; {', '.join(events) or 'nothing happened'}"
+    return [
+        at_most("sound card: gains and high-passes by loopback", 100 * off, 0.1, "%"),
+        at_most("transmissibility by a sweep", 100 * max(abs(abs(r) - 1) for r in ratios), 0.1, "%"),
+        at_most("its phase", max(abs(np.degrees(np.angle(r))) for r in ratios), 0.1, "deg"),
+        Check("identification.fit: farthest parameter", far, high=4, said=f"{far:.1f} standard errors", beside="4"),
+        told(f"{minutes:g} minutes at 20 Hz", said),
+    ]
+
+
+def _against_the_foot(one: Recording) -> complex:
+    """Transmissibility of a recording over the one by DOP853 at the same base acceleration."""
+    hz = one.condition.frequency_hz
+    assert hz is not None
+    waves = [f(2 * np.pi * hz * k * one.time_s) for k in (1, 2, 3) for f in (np.cos, np.sin)]
+    basis = np.column_stack([*waves, one.time_s**0])
+    c, *_ = np.linalg.lstsq(basis, np.column_stack([one.base_m_s2, one.malleolus_m_s2]), rcond=None)
+    base, malleolus = c[0] - 1j * c[1]
+    masses = {"m_S": shank_mass(BODY_MASS_KG, 0.0), "m_F": foot_mass(BODY_MASS_KG)}
+    motion = sine(hz, 5.0, 2 * abs(base))
+    true = exact(TwoDof.from_values({**TRUTH, **masses}), motion, 1.0, Instrument(delay_s=0.0), settle=2.0)
+    wave = np.exp(-2j * np.pi * hz * true.time_s)
+    return complex(malleolus / base / (np.mean(true.malleolus_m_s2 * wave) / np.mean(true.base_m_s2 * wave)))
+
+
+TOPICS = ("transfer", "noisy", "plug", "killed", "fuzz", "chain", "firmware", "audio")
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
@@ -197,6 +307,8 @@ def main(
     seconds: Annotated[float, typer.Option(help="length of the transfer at 4 kHz")] = 60.0,
     accepted: Annotated[int, typer.Option(help="samples to accept on the bad line")] = 1_000_000,
     strings: Annotated[int, typer.Option(help="byte strings of the fuzz run")] = 1_000_000,
+    samples: Annotated[int, typer.Option(help="of the firmware on simavr")] = 1_000_000,
+    minutes: Annotated[float, typer.Option(help="length of the long recording by the sound card")] = 2.0,
     json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout")] = False,
 ) -> None:
     """Measure acquisition; about five minutes.
@@ -209,6 +321,7 @@ def main(
     works = {
         "transfer": lambda: transfer(seconds), "noisy": lambda: noisy_line(accepted), "plug": lambda: plug(3),
         "killed": lambda: killed(5), "fuzz": lambda: fuzz(strings), "chain": lambda: chain(4.0),
+        "firmware": lambda: firmware(samples), "audio": lambda: audio(minutes),
     }  # fmt: skip
     rows: list[Check] = []
     for name in topic or TOPICS:

@@ -236,7 +236,8 @@ def test_short_of_what_was_planned_is_not_listed_until_asked_for(tmp_path: Path)
     file = capture_of(tmp_path, "20hz", sine_frames(125), seconds=3.0)
     made = convert([file], tmp_path, stopped="the board is silent for 3 s; check its supply.")
     assert made.problems == ("2 s are there of 3 s",)
-    assert made.remarks == ("ended early: the board is silent for 3 s; check its supply",)
+    usable = "usable: 2 s without a gap from 0 s on; recover --longest keeps them"
+    assert made.remarks == ("ended early: the board is silent for 3 s; check its supply", usable)
     assert (tmp_path / "recordings.csv").read_text().count("20hz") == 0 and file.is_file()
     assert convert([file], tmp_path, longest=True).problems == ()
     assert (tmp_path / "recordings.csv").read_text().count("20hz") == 1

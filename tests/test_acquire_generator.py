@@ -322,6 +322,12 @@ class Rig:
     def alive(self) -> None:
         """A living driver."""
 
+    latency_s = 0.0
+
+    def watch_for(self, seconds: float) -> None:
+        if seconds:
+            self.collect(seconds)
+
     def collect(self, seconds: float) -> np.ndarray:
         passed = np.arange(round(1000 * seconds)) / 1000
         t = self.now + passed
@@ -339,6 +345,14 @@ class Rig:
 
     def reach(self, wanted: float = 17.9, safety: Safety | None = None, guess: float = 0.0) -> Any:
         return reach(self, self, 20.0, wanted, safety or Safety(), guess)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("lag", [0.3, 1.0])
+def test_late_loop_is_waited_for(lag: float) -> None:
+    """As a sound card's is: without the wait the amplitude rises far above what is wanted."""
+    rig = Rig(lag=lag)
+    rig.latency_s = 5 * lag
+    assert rig.reach().peak_to_peak == pytest.approx(17.9, rel=0.02) and rig.highest < 0.53 * 17.9
 
 
 @pytest.mark.parametrize("clip", [1.0, 3.0, 5.0, 7.0, 8.0])

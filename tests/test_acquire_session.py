@@ -372,3 +372,26 @@ def test_what_is_no_port_is_named(tmp_path: Path) -> None:
         Port(str(line.link), 9600)
     first.close()
     line.unplug()
+
+
+def test_what_broke_off_says_how_much_is_usable_and_an_unplug_is_called_so(
+    tmp_path: Path, feeder: Feeder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cut at 0.8 s, and unplugged while the shaker was on."""
+    board = Board(feeder.port, BAUD, patience=0.3)
+
+    def cut(b: Board) -> None:
+        if b.timeline is not None and b.timeline.length > 800 and feeder.line.master >= 0:
+            feeder.line.unplug()
+            monkeypatch.setattr("fasbody.acquire.board.BLIND_S", 0.2)
+            b.watch = Watch(peak=100.0, offset=0.0)
+
+    board.listener = cut
+    run = Session(Plan(tmp_path / "study", (None,), CONDITION, seconds=60.0, retries=0), board)
+    with pytest.raises(AcquisitionError, match=r"unplugged(, and not back| while the shaker was on)"):
+        run.run()
+    board.close()
+    feeder.line.plug()
+    (one,) = run.made
+    (usable,) = [text for text in one.remarks if text.startswith("usable: ")]
+    assert float(usable.split()[1]) == pytest.approx(one.recording.time_s[-1], rel=0.01) and "--longest" in usable

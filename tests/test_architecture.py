@@ -19,6 +19,8 @@ ALLOWED = {
 DOORS = {
     "pinocchio": {"fasbody/arch/crosscheck.py"},
     "serial": {"fasbody/acquire/port.py"},
+    "sounddevice": {"fasbody/acquire/audio.py"},
+    "pyvisa": {"fasbody/acquire/visa.py"},
     "meshcat": {"viz/scene.py"},
     "gmsh": {"fasbody/cell/mesh.py"},
     "dask": {"identification/study/cluster.py"},

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import acquire_virtual_bench
+import another_board
 import black_box_order
 import cell_modes
 import edit_the_mjcf
@@ -115,6 +116,15 @@ def test_virtual_bench_gives_a_study(picture: Path) -> None:
     assert [recording.condition.frequency_hz for recording in study.recordings] == [15.0, 30.0]
     assert study.origin == "synthetic"
     assert drawn(picture)
+
+
+def test_a_board_of_your_own_gives_a_recording(tmp_path: Path) -> None:
+    made = another_board.main(tmp_path / "study", seconds=0.5)
+    assert made.problems == () and made.quality.frames >= 32
+    one = made.recording
+    wave = np.exp(-2j * np.pi * 20 * one.time_s)
+    ratio = np.mean(one.malleolus_m_s2 * wave) / np.mean(one.base_m_s2 * wave)
+    assert ratio == pytest.approx(12 / 9 * np.exp(-0.3j), abs=1e-3)
 
 
 def test_figure_of_loads(picture: Path) -> None:

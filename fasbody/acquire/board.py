@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.acquire.capture import Capture
-from fasbody.acquire.port import WAIT_S, Reader
+from fasbody.acquire.port import WAIT_S, Opener, Port, Reader
 from fasbody.acquire.timeline import Lateness, Timeline, counted
 from fasbody.acquire.wire import Block, Decoder, Hello, Message
 from fasbody.exceptions import AcquisitionError
@@ -20,6 +20,8 @@ WINDOW_S = 2.0
 STALLED_S = 3.0
 #: So long without a sample ends the excitation [s]: nobody watches the base any more.
 BLIND_S = 1.0
+#: A board whose own test fails says so in its name.
+FAILED = "FAILED"
 
 
 class Stalled(AcquisitionError):
@@ -56,6 +58,7 @@ class Board:
         name: port.
         baud: its rate.
         patience: how long to wait for a replug [s].
+        opener: of the port, if it is no serial one.
 
     Attributes:
         reader: of the port.
@@ -70,11 +73,12 @@ class Board:
         AcquisitionError: the port cannot be opened.
     """
 
-    def __init__(self, name: str, baud: int, patience: float = 15.0) -> None:
-        self.reader = Reader(name, baud, patience)
+    def __init__(self, name: str, baud: int, patience: float = 15.0, opener: Opener = Port) -> None:
+        self.reader = Reader(name, baud, patience, opener)
         self.decoder = Decoder()
         self.timeline: Timeline | None = None
         self.unplugs = 0
+        self._away = False
         self.watch: Watch | None = None
         self.doing = ""
         self.listener: Callable[[Board], None] | None = None
@@ -89,7 +93,7 @@ class Board:
         """The board's description.
 
         Raises:
-            AcquisitionError: it says none, or lacks a channel.
+            AcquisitionError: it says none, lacks a channel, or its own test fails.
         """
         deadline = time.monotonic() + seconds
         self.reader.send(b"?\n")  # ask; boards that cannot hear repeat their hello every second
@@ -105,6 +109,8 @@ class Board:
         for role in ("base", "malleolus"):
             if hello.roles.count(role) != 1:
                 raise AcquisitionError(f"{hello}: a recording needs one channel {role!r}; see docs/acquisition.md.")
+        if FAILED in hello.board:
+            raise AcquisitionError(f"{hello.board}: its own test fails; check wiring and supply of what it names.")
         return hello
 
     def pump(self, wait: float = WAIT_S) -> list[Message]:
@@ -119,6 +125,7 @@ class Board:
         for arrival in self.reader.take(wait):
             if arrival.event:
                 self.unplugs += arrival.event == "unplugged"
+                self._away = arrival.event == "unplugged" or (self._away and arrival.event != "replugged")
                 self.decoder.fresh()
                 self._lateness.forget()
                 continue
@@ -138,12 +145,14 @@ class Board:
         if self.listener is not None:
             self.listener(self)
         if self.watch is not None and time.monotonic() - self._last > BLIND_S:
-            raise Stalled(f"{self.reader.port_name}: no samples for {BLIND_S:g} s while the shaker was on; output off.")
+            what = "unplugged" if self._away else f"no samples for {BLIND_S:g} s"
+            raise Stalled(f"{self.reader.port_name}: {what} while the shaker was on; output off.")
         # By the reader's last look, not by now: a computer too busy to look is no silent board.
         stalled = self.decoder.hello is not None and looked - self._last > self.patience
         if self.reader.failure is None and stalled:
             came = self.decoder.bytes - self._bytes
-            how = f"sent {counted(came, 'byte')} and no sample" if came else "is silent"
+            how = "is unplugged" if self._away else "is silent"
+            how = f"sent {counted(came, 'byte')} and no sample" if came else how
             raise Stalled(
                 f"{self.reader.port_name}: the board {how} for {self.patience:g} s; check its supply and firmware."
             )
@@ -186,8 +195,8 @@ class Board:
                 self.pump(0.5)
             if time.monotonic() > deadline:
                 raise Stalled(
-                    f"{self.reader.port_name}: no sample came for another {self.reader.patience:g} s; switch the board "
-                    "off and on, check its supply and firmware."
+                    f"{self.reader.port_name}: {'unplugged, and ' if self._away else ''}no sample came for another "
+                    f"{self.reader.patience:g} s; switch the board off and on, check its supply and firmware."
                 )
 
     @property
@@ -236,6 +245,16 @@ class Board:
                     "time stamps; are they as docs/acquisition.md says?"
                 )
         return self.recent()[:count]
+
+    def watch_for(self, seconds: float) -> None:
+        """Let so many seconds pass, in which the base is watched.
+
+        Raises:
+            AcquisitionError: what `pump` raises.
+        """
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            self.pump()
 
     def start(self, capture: Capture) -> Timeline:
         """Begin a recording: every byte from now on into the capture file, every block onto a timeline."""

@@ -8,29 +8,32 @@ from typing import Annotated, Any
 
 import typer
 
-from fasbody.acquire import folder
-from fasbody.acquire.board import Board
+from fasbody.acquire import firmware, folder
+from fasbody.acquire.board import STALLED_S, Board
 from fasbody.acquire.capture import grouped
 from fasbody.acquire.display import Display
 from fasbody.acquire.folder import Converted, convert
-from fasbody.acquire.generator import Generator
+from fasbody.acquire.generator import Excitation, Generator
 from fasbody.acquire.level import Safety
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.port import Unplugged, ports, probe, swapped
 from fasbody.acquire.session import Session, terminated
 from fasbody.acquire.timeline import counted
+from fasbody.acquire.visa import is_visa
 from fasbody.console import console, print_json, results
 from fasbody.exceptions import AcquisitionError, FasError, SettingError
 from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.recording.recording import Condition
 
+#: Where the calibration of the sound card is, unless told otherwise.
+SOUND_CARD = Path("sound_card.json")
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command()
 def record(
     port: Annotated[str | None, typer.Option(help="port of the accelerometer board")] = None,
-    generator: Annotated[str | None, typer.Option(help="port of the SCPI function generator")] = None,
+    generator: Annotated[str | None, typer.Option(help="SCPI function generator: its port or VISA name")] = None,
     frequency: Annotated[float | None, typer.Option(help="one recording at this excitation in Hz")] = None,
     sweep: Annotated[str | None, typer.Option(help="START:STOP:STEP in Hz, one recording each")] = None,
     seconds: Annotated[float, typer.Option(help="length of each recording in s")] = 10.0,
@@ -51,6 +54,13 @@ def record(
     simulate: Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")] = False,
     list_: Annotated[bool, typer.Option("--list", help="show the serial ports and stop")] = False,
     probe_: Annotated[bool, typer.Option("--probe", help="tell what speaks on --port (or on all) and stop")] = False,
+    board_: Annotated[str, typer.Option("--board", help="serial, or audio: a sound card plays and records")] = "serial",
+    calibration: Annotated[
+        Path, typer.Option(help="of the sound card; python -m fasbody.acquire calibrate writes it")
+    ] = SOUND_CARD,
+    firmware_: Annotated[
+        Path | None, typer.Option("--firmware", help="write the firmware for an Arduino into this folder and stop")
+    ] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Record accelerations of a foot on the shaker into a study folder.
@@ -66,8 +76,19 @@ def record(
 
       python -m fasbody.acquire --port /dev/ttyACM0 --probe
 
+      python -m fasbody.acquire --board audio --calibration sound_card.json --sweep 10:50:5 --body-mass 72 --out study
+
+      python -m fasbody.acquire --firmware my_sketches
+
       python -m fasbody.acquire recover study/captures/20hz_0kg.fascap
     """
+    if firmware_ is not None:
+        file = str(firmware.write(firmware_))
+        print_json({"sketch": file}) if json_ else results.print(
+            f"{file}: open it in the Arduino IDE, upload it, then record with --baud 500000", soft_wrap=True,
+            markup=False,
+        )  # fmt: skip
+        return
     if list_ or probe_:
         _look(port, probe_, json_)
         return
@@ -75,9 +96,14 @@ def record(
         raise SettingError("where to? Give --out STUDY, a folder that is made if needed.")
     if port is not None and generator is not None and Path(port).resolve() == Path(generator).resolve():
         raise SettingError(f"--port and --generator are both {port}; give the board's and the generator's.")
-    if not simulate and port is None:
+    if board_ not in ("serial", "audio"):
+        raise SettingError(f"--board {board_!r} is neither serial nor audio.")
+    audio = board_ == "audio"
+    if audio and (simulate or port is not None):
+        raise SettingError(f"--board audio is no serial port: leave out {'--simulate' if simulate else '--port'}.")
+    if not simulate and port is None and not audio:
         raise SettingError("give --port (python -m fasbody.acquire --list shows them) or --simulate.")
-    if sweep and not (generator or simulate):
+    if sweep and not (generator or simulate or audio):
         raise SettingError("--sweep needs a function generator: give --generator PORT, or --frequency one by one.")
     truth: dict[str, Any] | None = None
     if simulate:
@@ -105,7 +131,7 @@ def record(
         safety=Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=max_displacement),
         truth=truth,
     )
-    plan.check(generator is not None or simulate)
+    plan.check(generator is not None or simulate or audio)
     with ExitStack() as stack:
         stack.enter_context(terminated())
         if simulate:
@@ -113,8 +139,13 @@ def record(
 
             bench = stack.enter_context(Bench(added_mass=added_mass))
             port, generator = bench.board_port, bench.generator_port
-        assert port is not None
-        board, source = _open(stack, port, baud, generator, generator_baud)
+        board: Board
+        source: Excitation | None
+        if audio:
+            board, source = _open_card(stack, calibration, generator, generator_baud)
+        else:
+            assert port is not None
+            board, source = _open(stack, port, baud, generator, generator_baud)
         stack.enter_context(Display(board))
         session = Session(plan, board, source)
         made = session.run()
@@ -207,9 +238,83 @@ def _open(
     except Unplugged:
         raise
     except AcquisitionError:
-        if generator and (sentence := swapped(port, baud, generator, generator_baud)):
+        if generator and not is_visa(generator) and (sentence := swapped(port, baud, generator, generator_baud)):
             raise SettingError(sentence) from None
         raise
+
+
+def _open_card(
+    stack: ExitStack, calibration: Path, generator: str | None, generator_baud: int
+) -> tuple[Board, Excitation]:
+    """A sound card, whose output is the generator unless another one is named."""
+    from fasbody.acquire.audio import Calibration, open_card
+
+    board, output = open_card(Calibration.read(calibration))
+    stack.callback(board.close)
+    board.wait_for_hello(4 * STALLED_S)
+    if generator:
+        return board, stack.enter_context(Generator(generator, generator_baud))
+    return board, stack.enter_context(output)
+
+
+@app.command()
+def calibrate(
+    what: Annotated[str, typer.Argument(help="loopback, calibrator or flip")],
+    role: Annotated[str, typer.Argument(help="base or malleolus, for calibrator and flip")] = "",
+    device: Annotated[str | None, typer.Option(help="sound card, by a part of its name; for loopback")] = None,
+    calibration: Annotated[Path, typer.Option(help="file to write, or to add to")] = SOUND_CARD,
+    seconds: Annotated[float, typer.Option(help="how long to listen to a calibrator or a flip")] = 9.0,
+    hz: Annotated[float, typer.Option(help="of the hand calibrator")] = 159.155,
+    rms: Annotated[float, typer.Option(help="of the hand calibrator in m/s^2")] = 10.0,
+    latency: Annotated[float, typer.Option(help="buffer of the card in s, each way; for loopback")] = 0.25,
+    full_scale_volts: Annotated[float, typer.Option(help="of the output at full scale, peak to peak")] = 2.0,
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+) -> None:
+    """Calibrate a sound card: loopback first (output to both inputs), then calibrator or flip for each sensor.
+
+    For a flip, hold the sensor still as it is worn for three seconds, turn it upside down, hold it still again.
+
+    Examples:
+      python -m fasbody.acquire calibrate loopback --device "USB Audio"
+
+      python -m fasbody.acquire calibrate calibrator base --rms 10 --hz 159.155
+
+      python -m fasbody.acquire calibrate flip malleolus
+    """
+    from dataclasses import replace
+
+    from fasbody.acquire import audio
+
+    if what == "loopback":
+        if device is None:
+            raise SettingError(f"which card? Give --device; {audio.cards()}.")
+        known = replace(audio.measure_loop(device, latency), full_scale_v=full_scale_volts)
+        if calibration.is_file():  # what the sensors are stays
+            known = replace(known, scale_m_s2=audio.Calibration.read(calibration).scale_m_s2)
+    elif what in ("calibrator", "flip"):
+        if role not in audio.ROLES:
+            raise SettingError(f"the sensor of which input? {role or 'nothing'!r} is neither base nor malleolus.")
+        known = audio.Calibration.read(calibration)
+        channel = audio.ROLES.index(role)
+        heard = audio.capture(known.device, seconds, known.latency_s)[:, channel]
+        if what == "flip":
+            scale = audio.flip(heard, known.corner_hz[channel])
+        else:
+            scale = audio.calibrator(heard, known.corner_hz[channel], hz, rms)
+        scales = list(known.scale_m_s2)
+        scales[channel] = scale
+        known = replace(known, scale_m_s2=(scales[0], scales[1]))
+    else:
+        raise SettingError(f"{what!r} is none of loopback, calibrator, flip.")
+    known.write(calibration)
+    if json_:
+        print_json(vars(known))
+    else:
+        results.print(
+            f"{known}; full scale {known.scale_m_s2[0]:.5g} and {known.scale_m_s2[1]:.5g} m/s^2",
+            soft_wrap=True,
+            markup=False,
+        )
 
 
 def _frequencies(sweep: str | None, frequency: float | None) -> tuple[float | None, ...]:
@@ -231,4 +336,4 @@ def _frequencies(sweep: str | None, frequency: float | None) -> tuple[float | No
 def run() -> None:
     """Run the command that the arguments name; `record` if none is named."""
     words = sys.argv[1:]
-    app(words if words[:1] in (["recover"], ["record"]) else ["record", *words])
+    app(words if words[:1] in (["recover"], ["record"], ["calibrate"]) else ["record", *words])

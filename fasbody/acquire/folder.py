@@ -124,6 +124,8 @@ def convert(
     if wanted and index[-1] < wanted - 1 - hello.frame_samples:
         (remarks if longest else problems).append(f"{length_s:.3g} s are there of {about['seconds']:g} s")
         remarks += [f"ended early: {stopped.rstrip('.')}"] if stopped else []
+    if problems and not longest:
+        remarks += _usable(index, hello.rate_hz, condition.frequency_hz, limits)
     if longest:
         remarks.append("the longest stretch without a gap")
     file = _table_of(study, stem_of(study, files[0], about.get("started_utc")))
@@ -204,6 +206,15 @@ def _longest(index: np.ndarray) -> np.ndarray:
     """Mask of the longest run of consecutive indices."""
     runs = np.concatenate([[0], np.cumsum(np.diff(index) != 1)])
     return runs == np.argmax(np.bincount(runs))
+
+
+def _usable(index: np.ndarray, rate_hz: float, frequency_hz: float | None, limits: Limits) -> list[str]:
+    """How much of a recording with gaps, or of one that ended early, `recover --longest` would keep."""
+    run = index[_longest(index)]
+    seconds = (run[-1] - run[0]) / rate_hz
+    if frequency_hz and seconds * frequency_hz < limits.periods:
+        return [f"usable: nothing, its longest stretch without a gap has {seconds:.3g} s"]
+    return [f"usable: {seconds:.3g} s without a gap from {run[0] / rate_hz:.3g} s on; recover --longest keeps them"]
 
 
 def _recording(index: np.ndarray, values: np.ndarray, hello: Hello, condition: Condition, origin: str) -> Recording:

@@ -5,10 +5,11 @@ import os
 import subprocess
 import sys
 import time
-from typing import Self
+from typing import Protocol, Self
 
 from fasbody.acquire.guard import ALIVE, DONE, OFF
-from fasbody.acquire.port import Port, is_identity
+from fasbody.acquire.port import is_identity
+from fasbody.acquire.visa import opened
 from fasbody.console import console
 from fasbody.exceptions import AcquisitionError
 
@@ -26,6 +27,37 @@ class Refused(AcquisitionError):
     """The instrument reports an error."""
 
 
+class Excitation(Protocol):
+    """What a session needs of a generator; `Generator` says what each means.
+
+    Attributes:
+        latency_s: from a change of the output until the board's samples show it, beyond what their time stamps tell.
+    """
+
+    identity: str
+    volts: float
+    is_on: bool
+    latency_s: float
+
+    def alive(self) -> None:
+        """The base is watched."""
+
+    def sine(self, frequency_hz: float, volts: float) -> None:
+        """Set a sine."""
+
+    def set_volts(self, volts: float) -> None:
+        """Set the amplitude."""
+
+    def on(self) -> None:
+        """Switch the output on."""
+
+    def ramp_down(self) -> None:
+        """Fade, then switch off."""
+
+    def off(self) -> None:
+        """Switch it off at once."""
+
+
 class Generator:
     """A sine generator with its output off unless this object is in use.
 
@@ -33,7 +65,7 @@ class Generator:
     this one be killed or stopped (guard.py): while the output is on, whoever watches the base must call `alive`.
 
     Args:
-        name: port.
+        name: port, or a VISA name.
         baud: its rate.
         guard: start the second process.
 
@@ -46,8 +78,10 @@ class Generator:
         AcquisitionError: nothing answers, or not as an SCPI instrument.
     """
 
+    latency_s = 0.0
+
     def __init__(self, name: str, baud: int, guard: bool = True) -> None:
-        self.port = Port(name, baud)
+        self.port = opened(name, baud)
         self.volts = 0.0
         self.is_on = False
         self.identity = ""
@@ -62,7 +96,8 @@ class Generator:
             if guard:
                 self._guard = subprocess.Popen(
                     [sys.executable, "-m", "fasbody.acquire.guard", name, str(baud), str(self.port.fileno())],
-                    stdin=subprocess.PIPE, bufsize=0, start_new_session=True, pass_fds=[self.port.fileno()],
+                    stdin=subprocess.PIPE, bufsize=0, start_new_session=True,
+                    pass_fds=[number for number in [self.port.fileno()] if number >= 0],
                 )  # fmt: skip
                 assert self._guard.stdin is not None
                 os.set_blocking(self._guard.stdin.fileno(), False)

@@ -2,7 +2,8 @@
 
 Its standard input is a pipe from that process. If it closes without the word that all is done, the driver was killed,
 and no `finally` of its own could run. If it says nothing for SILENT_S while the output is on, the driver is stopped or
-hangs. FILE is the number of the driver's open port, inherited: a driver that still lives does not let it be opened.
+hangs. FILE is the number of the driver's open port, inherited: a driver that still lives does not let it be opened. A
+VISA instrument has none (-1) and is opened anew.
 """
 
 import os
@@ -10,7 +11,7 @@ import select
 import sys
 import time
 
-from fasbody.acquire.port import Port
+from fasbody.acquire.visa import opened
 from fasbody.exceptions import AcquisitionError
 
 #: What the driver says: the output is on and the base is watched; it is off; it is off for good.
@@ -48,7 +49,7 @@ def _told(file: int, name: str, baud: int) -> bool:
     except OSError:
         pass
     try:
-        port = Port(name, baud)
+        port = opened(name, baud)
         port.write(_COMMAND)
         port.close()
     except AcquisitionError:

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from fasbody.acquire.board import Board, Watch
-from fasbody.acquire.generator import Generator
+from fasbody.acquire.generator import Excitation
 from fasbody.exceptions import AcquisitionError, SettingError
 
 
@@ -136,7 +136,7 @@ def _rest(board: Board, settle: bool) -> tuple[float, float]:
 
 
 def reach(
-    generator: Generator, board: Board, frequency_hz: float, wanted: float, safety: Safety, guess_volts: float = 0.0
+    generator: Excitation, board: Board, frequency_hz: float, wanted: float, safety: Safety, guess_volts: float = 0.0
 ) -> Level:
     """Switch the generator on and bring the base to `wanted` [m/s^2] peak to peak within 2 %.
 
@@ -170,6 +170,7 @@ def reach(
     generator.on()
     gain = highest = 0.0  # largest gain [m/s^2 per V] at a new highest amplitude [V]
     for step in range(1, _STEPS + 1):
+        board.watch_for(generator.latency_s)
         board.collect(max(_SETTLE_S, _SETTLE_PERIODS / frequency_hz))
         values = board.collect(max(_MEASURE_S, _MEASURE_PERIODS / frequency_hz))[:, board.base]
         found = peak_to_peak(values, hello.rate_hz, frequency_hz)

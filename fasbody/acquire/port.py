@@ -12,8 +12,10 @@ import termios
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from fasbody.acquire.capture import Capture
 from fasbody.acquire.wire import Decoder
@@ -27,7 +29,7 @@ except ImportError:  # the extra is not installed
 
 #: Longest wait for bytes [s]: what a kill can cost at most, and how soon the live view hears of silence.
 WAIT_S = 0.02
-BAUD_RATES = (921600, 460800, 230400, 115200, 57600, 38400, 19200, 9600)
+BAUD_RATES = (921600, 500000, 460800, 230400, 115200, 57600, 38400, 19200, 9600)
 _LONGEST_ANSWER = 4096
 #: Bytes kept for a consumer that does not come; the capture file has them all.
 _LONGEST_QUEUE = 16_000_000
@@ -40,6 +42,26 @@ _GONE = (OSError, termios.error)
 
 class Unplugged(AcquisitionError):
     """The port went away."""
+
+
+class Source(Protocol):
+    """What gives the bytes of a board: a serial port, a sound card, or one of your own (docs/acquisition.md)."""
+
+    def read(self) -> bytes:
+        """What has arrived, after at most WAIT_S; raises Unplugged if nothing can come any more."""
+
+    def write(self, data: bytes) -> None:
+        """Bytes to the board."""
+
+    def events(self) -> list[str]:
+        """What happened since the last call that bytes do not tell."""
+
+    def close(self) -> None:
+        """End."""
+
+
+#: Opens one by name and baud rate, or raises Unplugged.
+Opener = Callable[[str, int], Source]
 
 
 class Port:
@@ -98,6 +120,10 @@ class Port:
         while not (whole := b"\n" in answer or len(answer) >= _LONGEST_ANSWER) and time.monotonic() <= deadline:
             answer += self.read()
         return answer.split(b"\n")[0].decode("ascii", "replace").strip(), whole
+
+    def events(self) -> list[str]:
+        """Nothing happens to a serial port but its bytes and its end."""
+        return []
 
     def fileno(self) -> int:
         """The open file, for a process that is to have it too."""
@@ -162,6 +188,7 @@ class Reader(threading.Thread):
         name: port.
         baud: its rate.
         patience: after unplugging, try to open it again for so long [s].
+        opener: of the port.
 
     Attributes:
         failure: why nothing comes any more.
@@ -171,10 +198,11 @@ class Reader(threading.Thread):
         Unplugged: the port cannot be opened now.
     """
 
-    def __init__(self, name: str, baud: int, patience: float = 15.0) -> None:
+    def __init__(self, name: str, baud: int, patience: float = 15.0, opener: Opener = Port) -> None:
         super().__init__(name=f"reader of {name}", daemon=True)
         self.port_name, self.baud, self.patience = name, baud, patience
-        self._port: Port | None = Port(name, baud)
+        self._open = opener
+        self._port: Source | None = opener(name, baud)
         self._queue: deque[Arrival] = deque()
         self._size = 0
         self._lock = threading.Lock()
@@ -230,7 +258,7 @@ class Reader(threading.Thread):
             if self._port is not None:
                 self._port.close()
 
-    def _read_once(self, port: Port) -> None:
+    def _read_once(self, port: Source) -> None:
         try:
             data = port.read()
         except Unplugged as gone:
@@ -240,6 +268,8 @@ class Reader(threading.Thread):
             self._reopen(gone)
             return
         now = time.monotonic()
+        for event in port.events():
+            self._put(Arrival(now, b"", event))
         if data:
             self._put(Arrival(now, data))
         self.looked = now
@@ -250,7 +280,7 @@ class Reader(threading.Thread):
         deadline = time.monotonic() + self.patience
         while not self._stop_now.wait(0.1):
             try:
-                self._port = Port(self.port_name, self.baud)
+                self._port = self._open(self.port_name, self.baud)
             except Unplugged:
                 if time.monotonic() > deadline:
                     raise AcquisitionError(

@@ -15,7 +15,7 @@ from fasbody.acquire import folder
 from fasbody.acquire.board import STALLED_S, Board, Stalled
 from fasbody.acquire.capture import SUFFIX, Capture
 from fasbody.acquire.folder import Converted, convert
-from fasbody.acquire.generator import Generator
+from fasbody.acquire.generator import Excitation
 from fasbody.acquire.level import Level, reach
 from fasbody.acquire.plan import Plan
 from fasbody.console import console
@@ -57,7 +57,7 @@ class Session:
         made: what was written so far, failed attempts included.
     """
 
-    def __init__(self, plan: Plan, board: Board, generator: Generator | None = None) -> None:
+    def __init__(self, plan: Plan, board: Board, generator: Excitation | None = None) -> None:
         self.plan, self.board, self.generator = plan, board, generator
         self.made: list[Converted] = []
         self._volts_per = 0.0  # [V per m/s^2], of the latest level
@@ -130,7 +130,7 @@ class Session:
         self._tell(one)
         return one
 
-    def _level(self, generator: Generator, frequency: float) -> Level:
+    def _level(self, generator: Excitation, frequency: float) -> Level:
         self.board.doing = f"{frequency:g} Hz: finding the level"
         wanted = self.plan.peak_to_peak
         try:

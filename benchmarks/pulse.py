@@ -1,0 +1,235 @@
+"""A sound card without one: a PulseAudio of our own with two null sinks, and a foot between playback and capture.
+
+    programs play --> sink "shaker" --> [foot] --> sink "sensors" --> programs record its monitor
+
+`python -m benchmarks.pulse WAY` is the process between: `foot` shakes the virtual foot, `cable` is a loopback cable
+with the gains and the couplings of an interface, `calibrator` a hand calibrator under both sensors.
+The daemon lives in a folder of its own and ends with the bench; it is no user's.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import typer
+
+from fasbody.console import command_line
+from fasbody.exceptions import AcquisitionError
+
+CARD_HZ = 48_000
+#: Acceleration at full scale of both inputs [m/s^2].
+SCALE_M_S2 = (100.0, 80.0)
+#: Gains and first-order high-passes [Hz] of a cheap interface: output, base, malleolus.
+GAINS, CORNERS_HZ = (0.8, 0.72), (1.2, 2.1, 2.6)
+#: Base acceleration at full scale of the output [m/s^2], and of the foot's steps [Hz].
+SHAKER_M_S2, FOOT_HZ = 14.0, 4000
+PACKAGES = "pulseaudio, pulseaudio-utils, libasound2-plugins and libportaudio2"
+_BLOCK = 480
+_STARTS_WITHIN_S, _SETTLES_S = 20.0, 1.5
+
+
+def missing() -> str:
+    """What this computer lacks; empty if nothing."""
+    absent = [name for name in ("pulseaudio", "pactl", "parec", "pacat") if shutil.which(name) is None]
+    try:
+        import sounddevice  # noqa: F401
+    except (ImportError, OSError):
+        absent.append("sounddevice with PortAudio")
+    return f"{', '.join(absent)} missing; apt install {PACKAGES}" if absent else ""
+
+
+class PulseBench:
+    """The daemon, and what lies between its two sinks.
+
+    Attributes:
+        environment: in which programs find them as the card `pulse`.
+    """
+
+    def __init__(self) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="fas_pulse_", ignore_cleanup_errors=True)
+        root = Path(self._folder.name)
+        root.chmod(0o700)
+        socket = root / "native"
+        paths = [str(Path(__file__).parent.parent), os.environ.get("PYTHONPATH")]
+        self.environment = {
+            **os.environ, "HOME": str(root), "XDG_RUNTIME_DIR": str(root), "PULSE_RUNTIME_PATH": str(root),
+            "PULSE_STATE_PATH": str(root), "PULSE_SERVER": f"unix:{socket}", "PULSE_SINK": "shaker",
+            "PULSE_SOURCE": "sensors.monitor", "PYTHONPATH": os.pathsep.join(filter(None, paths)),
+        }  # fmt: skip
+        sinks = [
+            word
+            for name in ("shaker", "sensors")
+            for word in ("-L", f"module-null-sink sink_name={name} rate={CARD_HZ} format=float32le channels=2")
+        ]
+        self._between: subprocess.Popen[bytes] | None = None
+        self._daemon = subprocess.Popen(
+            ["pulseaudio", "-n", "--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no", "--realtime=no",
+             "--high-priority=no", "--disable-shm=yes", "-L",
+             f"module-native-protocol-unix socket={socket} auth-anonymous=1", *sinks],
+            env=self.environment, stderr=subprocess.DEVNULL, start_new_session=True,
+        )  # fmt: skip
+
+    def __enter__(self) -> Self:
+        deadline = time.monotonic() + _STARTS_WITHIN_S
+        while True:
+            asked = subprocess.run(
+                ["pactl", "list", "short", "sources"], env=self.environment, capture_output=True, text=True
+            )
+            if "sensors.monitor" in asked.stdout:
+                return self
+            if self._daemon.poll() is not None or time.monotonic() > deadline:
+                self.close()
+                raise AcquisitionError("PulseAudio did not start.")
+            time.sleep(0.05)
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def put(self, way: str) -> None:
+        """Put this between the two sinks, in place of what was there; returns once it runs."""
+        self._remove()
+        self._between = subprocess.Popen(
+            [sys.executable, "-m", "benchmarks.pulse", way], env=self.environment, stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )  # fmt: skip
+        assert self._between.stdout is not None
+        if not self._between.stdout.readline():
+            raise AcquisitionError(f"what should lie between the sinks did not start: {way}")
+
+    def _remove(self) -> None:
+        if self._between is not None:
+            self._between.communicate(b"")
+            self._between = None
+
+    def close(self) -> None:
+        """End both processes."""
+        self._remove()
+        self._daemon.terminate()
+        self._daemon.wait()
+        self._folder.cleanup()
+
+
+class HighPass:
+    """A first-order high-pass, exact for what is constant between two samples."""
+
+    def __init__(self, corner_hz: float) -> None:
+        self._keep = np.exp(-2 * np.pi * corner_hz / CARD_HZ)
+        self._state = np.zeros(1)
+
+    def feed(self, values: np.ndarray) -> np.ndarray:
+        """The next samples (n,)."""
+        from scipy.signal import lfilter
+
+        half = 0.5 * (1 + self._keep)
+        out, self._state = lfilter([half, -half], [1.0, -self._keep], values, zi=self._state)
+        return np.asarray(out)
+
+
+class Cable:
+    """The output on both inputs."""
+
+    def __init__(self) -> None:
+        self._filters = [HighPass(corner) for corner in CORNERS_HZ]
+
+    def feed(self, played: np.ndarray) -> np.ndarray:
+        """What both inputs have, (n, 2), of what is played (n,)."""
+        out, base, malleolus = self._filters
+        heard = out.feed(played)
+        return np.column_stack([GAINS[0] * base.feed(heard), GAINS[1] * malleolus.feed(heard)])
+
+
+class Foot:
+    """The virtual foot on the shaker; it feels the played signal at FOOT_HZ, its sensors are read at CARD_HZ."""
+
+    def __init__(self) -> None:
+        from fasbody.acquire.bench.foot import BODY_MASS_KG
+        from fasbody.foot.model import load
+        from fasbody.foot.simulate import Batch
+        from fasbody.laboratory.foot import TRUTH
+        from fasbody.recording.condition import foot_mass, shank_mass
+
+        masses = {"m_S": shank_mass(BODY_MASS_KG, 0.0), "m_F": foot_mass(BODY_MASS_KG)}
+        self.foot = load("two_dof").with_values({**TRUTH, **masses})
+        self._batch = Batch(self.foot, 1, 1)
+        self._qpos, self._qvel = self.foot.model.qpos0.copy(), np.zeros(self.foot.model.nv)
+        self._last = np.zeros(1)  # base acceleration at the end of the latest block
+        self._edge = np.zeros((1, 2))
+        self._couplings = [HighPass(corner) for corner in CORNERS_HZ[1:]]
+        self.feed(np.zeros(_BLOCK))
+
+    def feed(self, played: np.ndarray) -> np.ndarray:
+        """What both inputs have, (n, 2) [share of full scale], of what is played (n,), a multiple of 12."""
+        stride = CARD_HZ // FOOT_HZ
+        a = np.concatenate([self._last, SHAKER_M_S2 * played[::stride]])
+        self._last = a[-1:]
+        step, none = 1 / FOOT_HZ, np.zeros(a.size - 1)
+        controls = np.column_stack([step * np.arange(none.size), a[:-1], np.diff(a) / step, none, none])
+        out = self._batch.run(controls[None], step, self._qpos, self._qvel)
+        self._qpos, self._qvel = out.qpos[0, -1].copy(), out.qvel[0, -1].copy()
+        self._qpos[self.foot.base] = self._qvel[self.foot.base] = 0.0
+        felt = np.concatenate([self._edge, np.column_stack([out.base[0], out.malleolus[0]])])
+        self._edge = felt[-1:]
+        fine = np.arange(1, stride + 1) / stride
+        between = felt[:-1, None] + np.diff(felt, axis=0)[:, None] * fine[:, None]
+        volts = between.reshape(-1, 2) / SCALE_M_S2
+        return np.column_stack([one.feed(column) for one, column in zip(self._couplings, volts.T, strict=True)])
+
+
+class Calibrator:
+    """Both sensors on a hand calibrator, behind the inputs' coupling."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._couplings = [HighPass(corner) for corner in CORNERS_HZ[1:]]
+
+    def feed(self, played: np.ndarray) -> np.ndarray:
+        """What both inputs have, (n, 2) [share of full scale]."""
+        t = (self._count + np.arange(played.size)) / CARD_HZ
+        self._count += played.size
+        felt = 10 * np.sqrt(2) * np.sin(2 * np.pi * 159.155 * t)
+        return np.column_stack([one.feed(felt / scale) for one, scale in zip(self._couplings, SCALE_M_S2, strict=True)])
+
+
+def main(way: str) -> None:
+    """Play, as if it were felt, what is recorded from the shaker, until the standard input closes.
+
+    Examples:
+      python -m benchmarks.pulse foot
+    """
+    import select
+
+    between: Cable | Foot | Calibrator
+    between = Foot() if way == "foot" else Cable() if way == "cable" else Calibrator()
+    common = ["--raw", "--format=float32le", f"--rate={CARD_HZ}", "--latency-msec=500"]
+    heard = subprocess.Popen(["parec", "-d", "shaker.monitor", "--channels=1", *common], stdout=subprocess.PIPE)
+    assert heard.stdout is not None
+    begun = time.monotonic()
+    while time.monotonic() - begun < _SETTLES_S:  # an idle sink hands out seconds at once
+        heard.stdout.read(4 * _BLOCK)
+    spoken = subprocess.Popen(["pacat", "-d", "sensors", "--channels=2", *common], stdin=subprocess.PIPE)
+    assert spoken.stdin is not None
+    spoken.stdin.write(np.zeros((CARD_HZ // 2, 2), "<f4").tobytes())  # so much may the foot be late
+    told = False
+    while not select.select([sys.stdin], [], [], 0)[0]:
+        data = heard.stdout.read(4 * _BLOCK)
+        if len(data) < 4 * _BLOCK:  # the daemon is gone
+            break
+        block = np.frombuffer(data, "<f4").astype(float)
+        spoken.stdin.write(between.feed(block).astype("<f4").tobytes())
+        spoken.stdin.flush()
+        if not told:
+            told = True
+            print("ready", flush=True)
+    for process in (heard, spoken):
+        process.terminate()
+        process.wait()
+
+
+if __name__ == "__main__":
+    command_line(lambda: typer.run(main))

@@ -1,0 +1,122 @@
+"""The firmware on simavr: compiled as the Arduino IDE does, run cycle by cycle, its UART on a pseudo-terminal."""
+
+import contextlib
+import json
+import shutil
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from fasbody.acquire.firmware import SKETCH
+from fasbody.acquire.port import Port, Unplugged
+from fasbody.exceptions import AcquisitionError
+
+HOST = Path(__file__).with_name("simavr_board.c")
+BAUD = 500_000
+CLOCK_HZ = 16_000_000
+#: Debian packages that bring what is compiled here.
+PACKAGES = "gcc-avr, avr-libc, gcc, libsimavr-dev and libelf-dev"
+#: Sampling rate of the signals that the sensors feel [Hz].
+SIGNAL_HZ = 8000.0
+#: What tells which sensor the firmware is for.
+SENSORS = {"ANALOG": 335, "ADXL345": 345, "ADXL355": 355}
+_FLAGS = (
+    "-mmcu=atmega328p",
+    f"-DF_CPU={CLOCK_HZ}UL",
+    "-Os",
+    "-std=gnu++11",
+    "-fno-exceptions",
+    "-fno-threadsafe-statics",
+)
+
+
+def missing() -> str:
+    """What this computer lacks to compile and run the firmware; empty if nothing."""
+    header = Path("/usr/include/simavr/sim_avr.h")
+    absent = [name for name in ("avr-g++", "gcc") if shutil.which(name) is None]
+    absent += [] if header.is_file() else ["libsimavr-dev"]
+    return f"{', '.join(absent)} missing; apt install {PACKAGES}" if absent else ""
+
+
+def compile_firmware(folder: Path, sensor: str = "ANALOG", rate_hz: int = 1000) -> Path:
+    """The program of a board: the sketch that ships, for one sensor."""
+    elf = folder / f"fas_{sensor}_{rate_hz}.elf"
+    options = ["-x", "c++", f"-DSENSOR={sensor}", f"-DRATE_HZ={rate_hz}", "-Wall", "-Wextra", "-Werror"]
+    subprocess.run(["avr-g++", *_FLAGS, *options, str(SKETCH), "-o", str(elf)], check=True)
+    return elf
+
+
+def compile_host(folder: Path) -> Path:
+    """The program that simulates the board."""
+    program = folder / "simavr_board"
+    libraries = ["-lsimavr", "-lelf", "-lutil", "-lm"]
+    subprocess.run(["gcc", "-O2", "-Wall", str(HOST), "-o", str(program), *libraries], check=True)
+    return program
+
+
+class SimulatedBoard:
+    """The board in use.
+
+    Args:
+        host: what `compile_host` gave.
+        elf: what `compile_firmware` gave.
+        folder: for the port and the signal.
+        signal: (n, 2) accelerations of base and malleolus [m/s^2] at SIGNAL_HZ, repeated for ever; None counts.
+        seconds: of the board's time.
+        real: in real time; otherwise as fast as it is read.
+        fault: "dead1" cuts the cable of the malleolus.
+
+    Attributes:
+        port: name to open.
+        report: what the simulator saw, once it has ended.
+    """
+
+    def __init__(
+        self, host: Path, elf: Path, folder: Path, signal: np.ndarray | None = None, seconds: float = 3600.0,
+        real: bool = True, fault: str = "",
+    ) -> None:  # fmt: skip
+        self.port = str(folder / f"{elf.stem}_{time.monotonic_ns()}")
+        self.report: dict[str, Any] = {}
+        name = "count"
+        if signal is not None:
+            name = f"{self.port}.signal"
+            Path(name).write_bytes(signal.astype("<f4").tobytes())
+        words = [str(host), str(elf), self.port, str(SENSORS[elf.stem.split("_")[1]]), f"{seconds:g}", name]
+        words += [f"{SIGNAL_HZ:g}", "real" if real else "fast", fault]
+        self._process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def __enter__(self) -> Self:
+        deadline = time.monotonic() + 30.0
+        while not Path(self.port).exists():
+            if self._process.poll() is not None or time.monotonic() > deadline:
+                raise AcquisitionError("the simulated board did not start.")
+            time.sleep(0.01)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.end()
+
+    def end(self) -> None:
+        """Switch it off and read its report."""
+        if not self.report:
+            told, _ = self._process.communicate("")
+            self.report = json.loads(told)
+
+    def bytes(self) -> Iterator[bytes]:
+        """All that it sends until its time is over, as it comes; for a board that is not in real time."""
+        port = Port(self.port, BAUD)
+        with contextlib.closing(port), contextlib.suppress(Unplugged):  # it goes away at its end
+            while True:
+                yield port.read()
+
+
+def readings(samples: int, rate_hz: int) -> np.ndarray:
+    """(samples, 2) counts that a board which counts its conversions must send."""
+    turns = 8000 // rate_hz
+    code = (230 + np.arange(samples * turns) * 7919 % 563).reshape(samples, turns)
+    base = np.array([0, 1, 1, 0, 1, 0, 0, 1][:turns]) == 0  # the order of the conversions, as the sketch has it
+    return np.column_stack([code[:, base].sum(1), code[:, ~base].sum(1)]) - 512 * turns // 2

@@ -1,0 +1,559 @@
+"""A sound card as board and generator on one clock: its output drives the shaker, two inputs take the accelerometers.
+
+The card is played and read in one stream, 48 kHz, channels in step. What comes in is brought down to 4 kHz by one
+filter with linear phase, freed of the inputs' coupling, and put into the frames of docs/acquisition.md: from there on
+it is a board like any other, with captures, gaps and recovery. Only this file knows sounddevice.
+
+Between amplifier and converter, most interfaces have a capacitor, and fall off below some hertz. A loopback cable shows
+how: `measure_loop`. Sensitivities come from a hand calibrator (`calibrator`) or a turn in gravity (`flip`).
+"""
+
+import json
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from fasbody.acquire.board import Board
+from fasbody.acquire.generator import Refused
+from fasbody.acquire.port import WAIT_S, Unplugged
+from fasbody.acquire.wire import Channel, Hello, encode_data, encode_hello
+from fasbody.console import to_json, write_whole
+from fasbody.exceptions import AcquisitionError, InputFileError, MissingPackageError, SettingError
+
+try:
+    import sounddevice
+except ImportError:  # the extra is not installed
+    raise MissingPackageError("sounddevice", "audio") from None
+except OSError:
+    raise AcquisitionError("sounddevice finds no PortAudio library; on Debian: apt install libportaudio2.") from None
+
+#: Of the card and of the recording [Hz].
+CARD_HZ, RATE_HZ = 48_000, 4_000
+ROLES = ("base", "malleolus")
+_DOWN = CARD_HZ // RATE_HZ
+_TAPS = 32 * _DOWN + 1
+_SAMPLES = 16
+_BITS = 24
+_RAIL = 2 ** (_BITS - 1)
+_BLOCK = 960
+#: After the coupling is undone, all inputs fall off here [Hz]: far below every excitation, and drift stays bounded.
+_COMMON_HZ = 0.1
+#: The output changes by full scale in so long [s]; without a sign of life it goes off after so long.
+_SLEW_S, _DEAD_S = 0.1, 1.0
+#: No block for so long means that the card is gone [s].
+_GONE_S = 3.0
+#: And so much longer at the start [s].
+_STARTS_S = 7.0
+_G = 9.80665
+#: What a card gives in so long after its start counts for nothing [s].
+_BEGINS_S = 1.0
+#: Of the loopback signal [s], and its peak (share of full scale).
+_PERIOD_S, _PEAK = 4.0, 0.5
+_TRIES, _LINES = 3, 600
+#: A calibrator's tone is measured in pieces [s].
+_PIECE_S = 0.25
+#: Inputs that are apart by more [s] are not in step: 0.04 degrees at 50 Hz.
+_IN_STEP_S = 2e-6
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What a card does to a signal.
+
+    Attributes:
+        device: its name.
+        scale_m_s2: acceleration at full scale of base and malleolus; 0 where it is not known yet.
+        corner_hz: of the two inputs' high-pass, undone in recordings; 0 if direct.
+        output_corner_hz: of the output's.
+        loop_gain: input over output, of base and malleolus.
+        delay_s: from output to input.
+        skew_s: malleolus behind base.
+        full_scale_v: peak to peak at the output.
+        latency_s: what the card keeps for a late computer, each way; more where samples are lost.
+    """
+
+    device: str
+    scale_m_s2: tuple[float, float] = (0.0, 0.0)
+    corner_hz: tuple[float, float] = (0.0, 0.0)
+    output_corner_hz: float = 0.0
+    loop_gain: tuple[float, float] = (0.0, 0.0)
+    delay_s: float = 0.5
+    skew_s: float = 0.0
+    full_scale_v: float = 2.0
+    latency_s: float = 0.25
+
+    @classmethod
+    def read(cls, file: Path) -> Self:
+        """From a file that `write` wrote.
+
+        Raises:
+            InputFileError: it is none.
+        """
+        valid = "python -m fasbody.acquire calibrate writes it"
+        try:
+            known: dict[str, Any] = json.loads(file.read_text())
+            values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in known.items()}
+            card = cls(**values)
+            pairs = [*card.scale_m_s2, *card.corner_hz, *card.loop_gain]
+            numbers = [*pairs, card.output_corner_hz, card.delay_s, card.skew_s, card.full_scale_v, card.latency_s]
+            if len(pairs) != 6 or not all(math.isfinite(number) for number in numbers):
+                raise ValueError("a number is none")
+        except OSError as error:
+            raise InputFileError(file, f"cannot be read ({error.strerror})", valid) from None
+        except (ValueError, TypeError, AttributeError) as error:
+            raise InputFileError(file, f"is no calibration of a sound card ({error})", valid) from None
+        return card
+
+    def write(self, file: Path) -> None:
+        """As JSON."""
+        write_whole(file, to_json(asdict(self)) + "\n")
+
+    def check(self) -> None:
+        """Raise SettingError if nothing can be recorded with it."""
+        for role, scale in zip(ROLES, self.scale_m_s2, strict=True):
+            if not abs(scale) > 0:
+                raise SettingError(
+                    f"the sensitivity of {role} is not known: python -m fasbody.acquire calibrate flip {role}, or "
+                    f"calibrator {role}."
+                )
+        if abs(self.skew_s) > _IN_STEP_S:
+            raise SettingError(
+                f"the inputs of {self.device} are {1e6 * self.skew_s:.3g} us apart and not in step (at most "
+                f"{1e6 * _IN_STEP_S:g}); use two inputs of one converter."
+            )
+
+    def __str__(self) -> str:
+        text = f"{self.device}: gain {self.loop_gain[0]:.5g} and {self.loop_gain[1]:.5g}"
+        text += f", delay {1e3 * self.delay_s:.1f} ms, malleolus {1e6 * self.skew_s:+.2f} us behind base"
+        for name, corner in zip((*ROLES, "output"), (*self.corner_hz, self.output_corner_hz), strict=True):
+            text += f"; {name} " + (f"falls off below {corner:.3g} Hz" if corner > 0 else "is direct")
+        return text
+
+
+class SoundCard:
+    """The stream that is played and read; a port for `Board`, and a generator's output.
+
+    Args:
+        calibration: of the card.
+
+    Raises:
+        Unplugged: there is no such card, or it cannot do this.
+    """
+
+    def __init__(self, calibration: Calibration) -> None:
+        self.calibration = calibration
+        self._blocks: deque[tuple[np.ndarray, str]] = deque()
+        self._arrived = threading.Event()
+        self._last = time.monotonic()
+        self._amplitude = self._wanted = self._phase = 0.0  # amplitude: share of full scale
+        self._omega = 0.0  # a sample
+        self._beat = -math.inf
+        self._happened: list[str] = []
+        self._frame = self._time = 0
+        self._decimator = Decimator()
+        self._uncouplers = [Uncoupler(corner) for corner in calibration.corner_hz]
+        self._rest = np.zeros((0, 2))
+        self._greeted = -1
+        try:
+            self._stream = sounddevice.Stream(
+                samplerate=CARD_HZ, blocksize=_BLOCK, device=calibration.device, channels=2, dtype="float32",
+                latency=calibration.latency_s, callback=self._serve,
+            )  # fmt: skip
+            self._stream.start()
+            self._last = time.monotonic() + _STARTS_S
+        except (sounddevice.PortAudioError, ValueError) as error:
+            raise Unplugged(f"{calibration.device}: {_why(error)}; {cards()}.") from None
+        span = [abs(scale) * (1 - 1e-6) for scale in calibration.scale_m_s2]
+        kinds = [
+            Channel(role, limit, _RAIL / scale)
+            for role, limit, scale in zip(ROLES, span, calibration.scale_m_s2, strict=True)
+        ]
+        name = f"sound card {calibration.device}".encode()[:32].decode(errors="ignore")
+        self._hello = encode_hello(Hello(name, RATE_HZ, tuple(kinds), _BITS, _SAMPLES, int(time.time()) % 65536))
+
+    def _serve(self, inputs: np.ndarray, outputs: np.ndarray, frames: int, when: object, status: Any) -> None:
+        """In PortAudio's thread: take a block, give a block."""
+        now = time.monotonic()
+        lost = "input overrun" if status.input_overflow else "output underrun" if status.output_underflow else ""
+        self._blocks.append((inputs.copy(), lost))
+        wanted = self._wanted if now - self._beat < _DEAD_S else 0.0
+        most = frames / (_SLEW_S * CARD_HZ)
+        end = self._amplitude + min(max(wanted - self._amplitude, -most), most)
+        steps = np.arange(1, frames + 1)
+        wave = np.sin(self._phase + self._omega * steps)
+        outputs[:] = ((self._amplitude + (end - self._amplitude) / frames * steps) * wave)[:, None]
+        self._amplitude, self._phase = end, (self._phase + self._omega * frames) % (2 * np.pi)
+        self._last = now
+        self._arrived.set()
+
+    def drive(self, frequency_hz: float | None = None, share: float | None = None) -> None:
+        """What the output is to give from now on: frequency, amplitude as a share of full scale."""
+        if frequency_hz is not None:
+            self._omega = 2 * np.pi * frequency_hz / CARD_HZ
+        if share is not None:
+            self._wanted = share
+        self.alive()
+
+    def alive(self) -> None:
+        """The base is watched: the output may go on for another second."""
+        self._beat = time.monotonic()
+
+    def read(self) -> bytes:
+        """Frames of what has come in, after at most WAIT_S.
+
+        Raises:
+            Unplugged: the card gives no more.
+        """
+        self._arrived.wait(WAIT_S)
+        self._arrived.clear()
+        if time.monotonic() - self._last > _GONE_S or not self._stream.active:
+            raise Unplugged(f"{self.calibration.device}: the card went away.")
+        out = b""
+        while self._blocks:
+            block, lost = self._blocks.popleft()
+            if lost:  # before this block, by PortAudio's word; how much, it does not say: a frame at least
+                self._happened.append(lost)
+                self._frame += 1
+                self._time += _SAMPLES
+            self._rest = np.concatenate([self._rest, self._decimator.feed(block.astype(float))])
+            out += self._frames()
+        return out
+
+    def _frames(self) -> bytes:
+        """Whole frames of what waits."""
+        out = b""
+        whole = len(self._rest) // _SAMPLES * _SAMPLES
+        ready, self._rest = self._rest[:whole], self._rest[whole:]
+        ready = np.column_stack([one.feed(column) for one, column in zip(self._uncouplers, ready.T, strict=True)])
+        for start in range(0, whole, _SAMPLES):
+            second = self._frame * _SAMPLES // RATE_HZ
+            if second != self._greeted:
+                self._greeted = second
+                out += self._hello
+            counts = np.clip(np.round(_RAIL * ready[start : start + _SAMPLES]), -_RAIL, _RAIL - 1).astype(np.int32)
+            out += encode_data(self._frame, round(1e6 * self._time / RATE_HZ), counts, _BITS)
+            self._frame += 1
+            self._time += _SAMPLES
+        return out
+
+    def events(self) -> list[str]:
+        """What happened to the card since the last call."""
+        said, self._happened = self._happened, []
+        return said
+
+    def write(self, data: bytes) -> None:
+        """A question of the computer: it is answered by the next hello."""
+        self._greeted = -1
+
+    def close(self) -> None:
+        """Output off and stream closed."""
+        self._wanted = 0.0
+        self._stream.close(ignore_errors=True)
+
+
+class AudioGenerator:
+    """The card's output as the generator of a session.
+
+    Should this process be killed or stopped, the card falls silent by itself: nobody feeds it any more. If nobody has
+    watched the base for a second, the stream fades out.
+
+    Args:
+        card: gives the one that is open; after an unplug, another one.
+
+    Attributes:
+        identity: what it says.
+        volts: amplitude [V peak to peak].
+        is_on: whether the output is.
+        latency_s: from a change to what the inputs show of it.
+    """
+
+    def __init__(self, calibration: Calibration, card: Callable[[], SoundCard]) -> None:
+        self._full, self._card = calibration.full_scale_v, card
+        self.identity = f"output of sound card {calibration.device}"
+        self.volts = 0.0
+        self.is_on = False
+        self.latency_s = max(0.0, calibration.delay_s) + 2 * _SLEW_S
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.off()
+
+    def alive(self) -> None:
+        """Tell the stream that the base is watched."""
+        self._card().alive()
+
+    def sine(self, frequency_hz: float, volts: float) -> None:
+        """Set a sine: frequency [Hz], amplitude [V peak to peak]; the output stays as it is."""
+        self._card().drive(frequency_hz=frequency_hz)
+        self.set_volts(volts)
+
+    def set_volts(self, volts: float) -> None:
+        """Amplitude [V peak to peak].
+
+        Raises:
+            Refused: beyond full scale.
+        """
+        if not 0 <= volts <= self._full:
+            raise Refused(f"{self.identity}: {volts:.3g} V exceed its {self._full:g} V; raise the amplifier's gain.")
+        self.volts = volts
+        if self.is_on:
+            self._card().drive(share=volts / self._full)
+
+    def on(self) -> None:
+        """Switch the output on."""
+        self.is_on = True
+        self.set_volts(self.volts)
+
+    def ramp_down(self) -> None:
+        """Switch off: the stream fades by itself."""
+        self.off()
+
+    def off(self) -> None:
+        """Switch the output off."""
+        self.is_on = False
+        self._card().drive(share=0.0)
+
+
+def open_card(calibration: Calibration) -> tuple[Board, AudioGenerator]:
+    """Board and generator of one card.
+
+    Raises:
+        SettingError: the calibration does not allow a recording. Unplugged: there is no such card.
+    """
+    calibration.check()
+    card: list[SoundCard] = []
+
+    def opened(name: str, baud: int) -> SoundCard:
+        card[:] = [SoundCard(calibration)]
+        return card[0]
+
+    board = Board(calibration.device, CARD_HZ, opener=opened)
+    return board, AudioGenerator(calibration, lambda: card[0])
+
+
+class Decimator:
+    """From CARD_HZ to RATE_HZ, by a filter of linear phase: flat to 1.5 kHz, and 80 dB down above 2.5 kHz."""
+
+    def __init__(self) -> None:
+        n = np.arange(_TAPS) - (_TAPS - 1) / 2
+        taps = np.sinc(n / _DOWN) * np.kaiser(_TAPS, 8.0)
+        self._taps = taps / taps.sum()
+        self._rest = np.zeros((_TAPS - 1, 2))
+
+    def feed(self, block: np.ndarray) -> np.ndarray:
+        """Samples (n, 2) at CARD_HZ -> (m, 2) at RATE_HZ."""
+        data = np.concatenate([self._rest, block])
+        count = max(0, (len(data) - _TAPS) // _DOWN + 1)
+        self._rest = data[count * _DOWN :]
+        if not count:
+            return np.zeros((0, 2))
+        windows = np.lib.stride_tricks.sliding_window_view(data, _TAPS, axis=0)[::_DOWN][:count]
+        return np.asarray(windows @ self._taps)
+
+
+class Uncoupler:
+    """Undoes a first-order high-pass down to _COMMON_HZ: (s + w) / (s + w0), by the bilinear transform.
+
+    Args:
+        corner_hz: of the high-pass; 0 if there is none.
+        rate_hz: of the samples.
+    """
+
+    def __init__(self, corner_hz: float, rate_hz: float = RATE_HZ) -> None:
+        low = _COMMON_HZ if corner_hz > 0 else 0.0
+        zero, pole = (math.pi * f / rate_hz for f in (corner_hz, low))
+        self._b = np.array([1 + zero, zero - 1]) / (1 + pole)
+        self._a = np.array([1.0, (pole - 1) / (1 + pole)])
+        self._state = np.zeros(1)
+
+    def feed(self, values: np.ndarray) -> np.ndarray:
+        """The next samples (n,)."""
+        from scipy.signal import lfilter
+
+        out, self._state = lfilter(self._b, self._a, values, zi=self._state)
+        return np.asarray(out)
+
+
+def cards() -> str:
+    """The cards of this computer that play and record, in words."""
+    found = [d["name"] for d in sounddevice.query_devices() if d["max_input_channels"] > 1 and d["max_output_channels"]]
+    return f"cards of this computer: {', '.join(found) or 'none'}"
+
+
+def _why(error: Exception) -> str:
+    return f"cannot be opened ({str(error).splitlines()[0].rstrip('.')})"
+
+
+def capture(device: str, seconds: float, latency_s: float, play: np.ndarray | None = None) -> np.ndarray:
+    """What both inputs hear, (n, 2), while `play` (n,) is played.
+
+    Raises:
+        AcquisitionError: the card is not there, or lost samples.
+    """
+    count, first = round(seconds * CARD_HZ), round(_BEGINS_S * CARD_HZ)
+    out = np.zeros((first + count, 2), np.float32)
+    if play is not None:
+        out[first : first + play.size] = play[:count, None]
+    try:
+        heard = sounddevice.playrec(
+            out, CARD_HZ, channels=2, device=device, dtype="float32", latency=latency_s, blocking=True
+        )
+        status = sounddevice.get_status()
+    except (sounddevice.PortAudioError, ValueError) as error:
+        raise Unplugged(f"{device}: {_why(error)}; {cards()}.") from None
+    if status.input_overflow or status.output_underflow:
+        raise AcquisitionError(f"{device}: samples were lost ({status}); close other programs and try again.")
+    return np.asarray(heard[first:], float)
+
+
+def loop_signal() -> np.ndarray:
+    """One period of noise with a flat spectrum from 0.25 Hz to 4 kHz."""
+    n = round(_PERIOD_S * CARD_HZ)
+    lines = np.zeros(n // 2 + 1, complex)
+    top = round(4000 * _PERIOD_S)
+    lines[1:top] = np.exp(2j * np.pi * np.random.default_rng(1).random(top - 1))
+    wave = np.fft.irfft(lines, n)
+    return np.asarray(_PEAK * wave / np.abs(wave).max())
+
+
+def measure_loop(device: str, latency_s: float) -> Calibration:
+    """Gain, delay and high-pass of a card whose output is connected to both inputs.
+
+    Raises:
+        AcquisitionError: the card lost samples, or no cable is there.
+    """
+    signal = loop_signal()
+    for _ in range(_TRIES):
+        heard = capture(device, 4 * _PERIOD_S, latency_s, np.tile(signal, 4))
+        before, last = heard[-2 * signal.size : -signal.size], heard[-signal.size :]
+        if np.std(last - before) < 0.01 * np.std(last):
+            return replace(analyse_loop(device, heard, signal), latency_s=latency_s)
+    raise AcquisitionError(
+        f"{device}: two periods of the same signal do not come back alike: samples are lost on the way, or no cable is "
+        "there; close other programs, use a larger buffer."
+    )
+
+
+def analyse_loop(device: str, heard: np.ndarray, signal: np.ndarray) -> Calibration:
+    """The same from what was heard (n, 2) of the repeated signal (m,), whose last whole period is used.
+
+    Both inputs see the output's high-pass and their own: L_i = g_i jw/(jw + w_o) jw/(jw + w_i) exp(-jw d_i).
+
+    Raises:
+        AcquisitionError: no cable is there.
+    """
+    from scipy.optimize import least_squares
+
+    n = signal.size
+    whole = heard[len(heard) // n * n - n :][:n]
+    played = np.fft.rfft(signal)
+    used = np.flatnonzero(np.abs(played) > 1e-3 * np.abs(played).max())
+    used = used[np.unique(np.geomspace(1, used.size, _LINES).astype(int)) - 1]  # each decade counts alike
+    w = 2 * np.pi * used / (n / CARD_HZ)
+    loop = np.fft.rfft(whole, axis=0)[used] / played[used, None]
+    correlation = np.fft.irfft(np.fft.rfft(whole[:, 0]) * np.conj(played), n)
+    late = int(np.argmax(np.abs(correlation))) / CARD_HZ
+    sign = np.sign(correlation[round(late * CARD_HZ)])
+    loop = loop * np.exp(1j * w * late)[:, None]
+    middle = (w > 2 * np.pi * 200) & (w < 2 * np.pi * 2000)
+    gain = sign * np.median(np.abs(loop[middle]), axis=0)
+    if not np.abs(gain).min() > 1e-3:
+        raise AcquisitionError(f"{device}: an input does not hear the output; connect the cable to both, and turn up.")
+
+    def model(x: np.ndarray) -> np.ndarray:
+        out, own = np.exp(x[0]), np.exp(x[1:3])
+        common = 1j * w / (1j * w + out)
+        ways = [
+            gain[i] * x[3 + i] * common * 1j * w / (1j * w + own[i]) * np.exp(-1e-6j * w * x[5 + i]) for i in range(2)
+        ]
+        return np.column_stack(ways)
+
+    def misfit(x: np.ndarray) -> np.ndarray:
+        off = ((model(x) - loop) / gain).ravel()
+        return np.concatenate([off.real, off.imag])
+
+    starts = [np.array([np.log(a), np.log(b), np.log(b), 1, 1, 0, 0]) for a in (1e-2, 5.0) for b in (1e-2, 5.0)]
+    low, high = [-9.0] * 3 + [0.5] * 2 + [-1e3] * 2, [6.0] * 3 + [2.0] * 2 + [1e3] * 2
+    best = min((least_squares(misfit, x, bounds=(low, high), x_scale="jac") for x in starts), key=lambda fit: fit.cost)
+    out, base, malleolus = (float(c) if c > 0.02 else 0.0 for c in np.exp(best.x[:3]) / (2 * np.pi))
+    delays = 1e-6 * best.x[5:]
+    return Calibration(
+        device, (0.0, 0.0), (base, malleolus), out, (float(gain[0] * best.x[3]), float(gain[1] * best.x[4])),
+        float(late + delays[0]), float(delays[1] - delays[0]),
+    )  # fmt: skip
+
+
+def calibrator(values: np.ndarray, corner_hz: float, frequency_hz: float = 159.155, rms_m_s2: float = 10.0) -> float:
+    """Acceleration at full scale [m/s^2] of a sensor on a hand calibrator.
+
+    Args:
+        values: (n,) of full scale, at CARD_HZ.
+        corner_hz: of the input's high-pass; 0 if direct.
+        frequency_hz: of the calibrator.
+        rms_m_s2: of the calibrator.
+
+    Raises:
+        AcquisitionError: no such tone.
+    """
+    from scipy.optimize import minimize_scalar
+
+    t = np.arange(values.size) / CARD_HZ
+
+    def fit(hz: float, part: slice) -> tuple[float, float]:
+        """Amplitude of a sine in a part, and the rms of what it leaves."""
+        wt = 2 * np.pi * hz * t[part]
+        basis = np.column_stack([np.cos(wt), np.sin(wt), np.ones(wt.size)])
+        c, *_ = np.linalg.lstsq(basis, values[part], rcond=None)
+        return float(np.hypot(c[0], c[1])), float(np.std(values[part] - basis @ c))
+
+    spectrum, hz = np.abs(np.fft.rfft(values * np.hanning(values.size))), np.fft.rfftfreq(values.size, 1 / CARD_HZ)
+    near = np.abs(hz / frequency_hz - 1) < 0.03
+    peak, width = float(hz[near][np.argmax(spectrum[near])]), CARD_HZ / values.size
+    found = float(
+        minimize_scalar(lambda f: fit(f, slice(None))[1], bounds=(peak - width, peak + width), method="bounded").x
+    )
+    piece = round(_PIECE_S * CARD_HZ)
+    parts = [fit(found, slice(start, start + piece)) for start in range(0, values.size - piece + 1, piece)]
+    size, rest = (float(np.median(column)) for column in zip(*parts, strict=True))  # a knock spoils one of them
+    if not size > 10 * rest:
+        raise AcquisitionError(f"no tone of {frequency_hz:g} Hz stands out; is the sensor on the running calibrator?")
+    return float(math.sqrt(2) * rms_m_s2 / size / math.hypot(1, corner_hz / frequency_hz))
+
+
+def flip(values: np.ndarray, corner_hz: float, rate_hz: float = CARD_HZ) -> float:
+    """Acceleration at full scale [m/s^2] of a sensor that was turned upside down once, upright first: a step of -2 g.
+
+    The coupling is undone exactly, as an integral; an offset makes a straight line of it, which the step stands on.
+
+    Args:
+        values: (n,) of full scale, with a second and a half of rest on either side of the turn.
+        corner_hz: of the input's high-pass; 0 if direct.
+        rate_hz: of the values.
+
+    Raises:
+        AcquisitionError: no such step.
+    """
+    t = np.arange(values.size) / rate_hz
+    whole = values + 2 * np.pi * corner_hz * np.cumsum(values) / rate_hz
+    short, rest_s, turn_s = round(0.1 * rate_hz), 1.5, 0.6
+    means = whole[: whole.size // short * short].reshape(-1, short).mean(axis=1)
+    turn = (0.5 + float(np.argmax(np.abs(means[4:] - means[:-4]))) + 2) * short / rate_hz
+    near = np.abs(t - turn)
+    rest = (near > turn_s) & (near < turn_s + rest_s)
+    if min(np.sum(rest & (t < turn)), np.sum(rest & (t > turn))) < 0.9 * rest_s * rate_hz:
+        raise AcquisitionError("the turn is too near an end; hold still three seconds, turn over, hold still again.")
+    basis = np.column_stack([np.ones(t.size), t > turn, (t - turn) * (corner_hz > 0)])[rest]
+    c, *_ = np.linalg.lstsq(basis, whole[rest], rcond=None)
+    noise = float(np.std(whole[rest] - basis @ c))
+    if not abs(c[1]) > 4 * noise:
+        raise AcquisitionError("no step stands out; hold the sensor still, turn it over once, hold it still again.")
+    return float(-2 * _G / c[1])

@@ -1,0 +1,82 @@
+"""The wiring of docs/acquisition.md: `python -m fasbody.acquire.firmware.wiring docs/figures/wiring.svg` draws it."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fasbody.console import command_line
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.patches import FancyBboxPatch
+
+#: What is wired: title, names of the sensors' pins, and for each wire the board's pin, the sensors' pin, which of the
+#: two (0 base, 1 malleolus, None both) and its colour.
+Wire = tuple[str, str, int | None, str]
+ANALOG: list[Wire] = [
+    ("3V3", "VCC", None, "tab:red"), ("GND", "GND", None, "black"), ("D4", "ST", None, "tab:purple"),
+    ("A0", "Z", 0, "tab:blue"), ("A1", "Z", 1, "tab:orange"),
+]  # fmt: skip
+SPI: list[Wire] = [
+    ("3V3", "VDD", None, "tab:red"), ("GND", "GND", None, "black"), ("D13", "SCLK", None, "tab:brown"),
+    ("D12", "MISO", None, "tab:green"), ("D11", "MOSI", None, "tab:olive"), ("D9", "DRDY", None, "tab:purple"),
+    ("D10", "CS", 0, "tab:blue"), ("D8", "CS", 1, "tab:orange"),
+]  # fmt: skip
+ROLES = ("base", "malleolus")
+
+
+def draw(ax: "Axes", title: str, wires: list[Wire], between: str = "") -> None:
+    """Board on the left, both sensors on the right, a wire from pin to pin."""
+    pitch = 0.9
+    top = pitch * len(wires) * 2
+    ax.set_title(title, loc="left", fontsize=11)
+    ax.add_patch(_box(-1.2, -0.6, 3.4, top + 0.2))
+    ax.text(0.5, top - 0.75, "Uno or Nano\nATmega328P", ha="center", va="top", fontsize=10)
+    for sensor, role in enumerate(ROLES):
+        mine = [wire for wire in wires if wire[2] in (None, sensor)]
+        low = (1 - sensor) * (top / 2 + 0.2)
+        ax.add_patch(_box(7.6, low - 0.6, 3.6, pitch * len(mine) + 0.2))
+        ax.text(11.0, low + pitch * (len(mine) - 1) / 2, role, ha="right", va="center", fontsize=10)
+        for row, (pin, name, _, colour) in enumerate(reversed(mine)):
+            y = low + row * pitch
+            ax.text(7.75, y, name, va="center", fontsize=9)
+            column = 3.2 + 0.42 * [wire[0] for wire in wires].index(pin)
+            start = _row(wires, pin) * pitch * 1.4
+            ax.plot([2.2, column, column, 7.6], [start, start, y, y], color=colour, lw=1.6, solid_joinstyle="round")
+            if mine[len(mine) - 1 - row][2] is None:  # goes to both
+                ax.plot([column], [start], "o", color=colour, ms=4)
+    for pin, *_ in wires:
+        ax.text(2.05, _row(wires, pin) * pitch * 1.4, pin, ha="right", va="center", fontsize=9)
+    if between:
+        ax.text(2.3, top + 0.1, between, fontsize=9, va="bottom")
+    ax.set(xlim=(-1.4, 11.4), ylim=(-1.0, top + 0.7), aspect="equal")
+    ax.axis("off")
+
+
+def _row(wires: list[Wire], pin: str) -> int:
+    return len(wires) - 1 - [wire[0] for wire in wires].index(pin)
+
+
+def _box(x: float, y: float, width: float, height: float) -> "FancyBboxPatch":
+    from matplotlib.patches import FancyBboxPatch
+
+    return FancyBboxPatch((x, y), width, height, boxstyle="round,pad=0,rounding_size=0.15", fc="0.96", ec="0.3")
+
+
+def main(file: Path | None = None) -> Path:
+    """Draw both and write the file."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    file = file or Path(sys.argv[1] if len(sys.argv) > 1 else "wiring.svg")
+    with rc_context({"svg.hashsalt": "wiring", "svg.fonttype": "none"}):
+        figure = Figure(figsize=(12, 6), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        draw(left, "Analog pair (ADXL335); AREF to 3V3 as well", ANALOG)
+        draw(right, "SPI pair (ADXL355, ADXL345)", SPI, "5 V board: D8 to D13 but D12 through a level shifter")
+        figure.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None, dpi=110)
+    return file
+
+
+if __name__ == "__main__":
+    command_line(main)

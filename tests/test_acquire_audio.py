@@ -1,0 +1,128 @@
+"""A sound card as board and generator: its calibration by arrays, the whole way through PulseAudio and PortAudio."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete, lfilter
+
+from benchmarks import pulse
+from fasbody.acquire.bench.foot import BODY_MASS_KG
+from fasbody.exceptions import AcquisitionError, InputFileError, SettingError
+from fasbody.foot.shaker import sine
+from fasbody.foot.two_dof import TwoDof
+from fasbody.laboratory.foot import TRUTH, exact
+from fasbody.laboratory.instrument import Instrument
+from fasbody.recording.condition import foot_mass, shank_mass
+from fasbody.recording.study import Study
+
+if lacks := pulse.missing():
+    pytest.skip(f"no sound card is tested: {lacks}", allow_module_level=True)
+
+from fasbody.acquire import audio
+from fasbody.acquire.audio import CARD_HZ, RATE_HZ, Calibration
+
+
+def high_pass(values: np.ndarray, corner_hz: float) -> np.ndarray:
+    """First order, of what is constant between two samples: scipy's own discretisation."""
+    w = 2 * np.pi * corner_hz
+    b, a, _ = cont2discrete(([1.0, 0.0], [1.0, w]), 1 / CARD_HZ, "bilinear")
+    return np.asarray(lfilter(b.ravel(), a, values))
+
+
+def test_loopback_gives_gain_delay_and_couplings() -> None:
+    signal, late = audio.loop_signal(), 12_345
+    played = high_pass(np.tile(signal, 4), 0.9)
+    heard = np.column_stack([0.5 * high_pass(played, 3.1), -0.7 * high_pass(played, 1.7)])
+    heard = np.roll(heard, late, axis=0)
+    heard[:, 1] *= -1
+    found = audio.analyse_loop("made", heard + np.random.default_rng(2).normal(0, 1e-5, heard.shape), signal)
+    np.testing.assert_allclose(found.loop_gain, (0.5, 0.7), rtol=1e-4)
+    np.testing.assert_allclose([*found.corner_hz, found.output_corner_hz], [3.1, 1.7, 0.9], rtol=0.01)
+    assert found.delay_s == pytest.approx(late / CARD_HZ, abs=1e-6) and abs(found.skew_s) < 1e-8
+    direct = audio.analyse_loop("direct", np.column_stack(2 * [np.tile(signal, 2)]), signal)
+    assert direct.corner_hz == (0.0, 0.0) and "is direct" in str(direct)
+    with pytest.raises(AcquisitionError, match="does not hear the output"):
+        audio.analyse_loop("open", 1e-6 * heard, signal)
+
+
+@pytest.mark.parametrize("corner", [0.0, 2.3])
+def test_sensitivity_from_a_flip_and_from_a_calibrator(corner: float) -> None:
+    rng, t = np.random.default_rng(4), np.arange(9 * CARD_HZ) / CARD_HZ
+    held = 9.80665 * np.cos(np.pi * np.clip((t - 4.2) / 0.4, 0, 1)) + rng.normal(0, 0.02, t.size)
+    tone = 10 * np.sqrt(2) * np.sin(2 * np.pi * 159.4 * t) * (np.abs(t - 2.03) > 0.01)  # with a knock
+    if corner:
+        settled = high_pass(np.concatenate([np.full(3 * CARD_HZ, 9.80665), held]), corner)[3 * CARD_HZ :]
+        held, tone = settled, high_pass(tone, corner)
+    assert audio.flip(held / 80, corner) == pytest.approx(80, rel=2e-3)
+    assert audio.calibrator(tone[: 4 * CARD_HZ] / 80, corner) == pytest.approx(80, rel=2e-4)
+    with pytest.raises(AcquisitionError, match=r"no step|too near"):
+        audio.flip(rng.normal(0, 0.1, t.size), corner)
+    with pytest.raises(AcquisitionError, match=r"no tone of 159\.155 Hz"):
+        audio.calibrator(rng.normal(0, 0.1, CARD_HZ), corner)
+
+
+def test_what_is_recorded_is_what_came_in() -> None:
+    """From 48 to 4 kHz in pieces: amplitude and phase of a line, and the coupling undone."""
+    t = np.arange(3 * CARD_HZ) / CARD_HZ
+    wave = np.sin(2 * np.pi * 12 * t)
+    down, undo, out = audio.Decimator(), audio.Uncoupler(2.6), []
+    for start in range(0, t.size, 1001):
+        out.append(down.feed(np.column_stack([wave, high_pass(wave, 2.6)])[start : start + 1001]))
+    y = np.concatenate(out)
+    y = np.column_stack([y[:, 0], undo.feed(y[:, 1])])[-RATE_HZ:]
+    line = 2 * np.mean(y * np.exp(-2j * np.pi * 12 * np.arange(RATE_HZ) / RATE_HZ)[:, None], axis=0)
+    assert abs(line[0]) == pytest.approx(1, abs=1e-5)
+    common = 12j / (12j + audio._COMMON_HZ)  # what is left, of every input alike
+    assert abs(line[1] / line[0] - common) < 2e-4
+
+
+def test_calibrations_are_read_back_and_checked(tmp_path: Path) -> None:
+    file = tmp_path / "card.json"
+    card = Calibration("usb", (100.0, 80.0), (2.1, 2.6), skew_s=1e-7)
+    card.write(file)
+    assert Calibration.read(file) == card
+    card.check()
+    with pytest.raises(SettingError, match="sensitivity of malleolus is not known"):
+        replace(card, scale_m_s2=(100.0, 0.0)).check()
+    with pytest.raises(SettingError, match="not in step"):
+        replace(card, skew_s=1e-4).check()
+    for text in ("{}", "[]", '{"device": "x", "delay_s": "late"}', "no JSON"):
+        file.write_text(text)
+        with pytest.raises(InputFileError, match="no calibration"):
+            Calibration.read(file)
+    with pytest.raises(InputFileError, match="cannot be read"):
+        Calibration.read(tmp_path / "none.json")
+
+
+def test_virtual_foot_between_playback_and_capture(tmp_path: Path) -> None:
+    """Command, PortAudio, PulseAudio: a recording whose transmissibility is the foot's own."""
+    card, study, hz = tmp_path / "card.json", tmp_path / "study", 20.0
+    with pulse.PulseBench() as bench:
+
+        def command(*words: str) -> str:
+            whole = [sys.executable, "-m", "fasbody.acquire", *words, "--calibration", str(card), "--json"]
+            done = subprocess.run(whole, env=bench.environment, capture_output=True, text=True)
+            assert done.returncode == 0, done.stderr
+            return done.stdout
+
+        bench.put("foot")
+        # the loopback that finds these is in benchmarks/acquire.py; the way through the foot has its own buffers
+        Calibration("pulse", pulse.SCALE_M_S2, pulse.CORNERS_HZ[1:], delay_s=3.2, latency_s=0.8).write(card)
+        words = ["--board", "audio", "--frequency", f"{hz:g}", "--seconds", "2", "--peak-to-peak", "1"]
+        command(*words, "--body-mass", f"{BODY_MASS_KG}", "--out", str(study))
+    (one,) = Study.read(study).recordings[-1:]
+    assert one.rate_hz == RATE_HZ and one.time_s.size == 2 * RATE_HZ
+    t = one.time_s
+    basis = np.column_stack([f(2 * np.pi * hz * k * t) for k in (1, 2, 3) for f in (np.cos, np.sin)] + [t**0])
+    c, *_ = np.linalg.lstsq(basis, np.column_stack([one.base_m_s2, one.malleolus_m_s2]), rcond=None)
+    base, malleolus = c[0] - 1j * c[1]
+    masses = {"m_S": shank_mass(BODY_MASS_KG, 0.0), "m_F": foot_mass(BODY_MASS_KG)}
+    foot = TwoDof.from_values({**TRUTH, **masses})
+    true = exact(foot, sine(hz, 5.0, 2 * abs(base)), 1.0, Instrument(delay_s=0.0), settle=2.0)
+    wave = np.exp(-2j * np.pi * hz * true.time_s)
+    ratio = malleolus / base / (np.mean(true.malleolus_m_s2 * wave) / np.mean(true.base_m_s2 * wave))
+    assert abs(abs(ratio) - 1) < 1e-3 and abs(np.degrees(np.angle(ratio))) < 0.1

@@ -1,0 +1,157 @@
+"""The firmware as it is flashed, compiled and run on simavr cycle by cycle, recorded through a pseudo-terminal."""
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import simavr
+from benchmarks.simavr import BAUD, SIGNAL_HZ, SimulatedBoard
+from fasbody.acquire import firmware
+from fasbody.acquire.bench.foot import BODY_MASS_KG
+from fasbody.acquire.bench.line import corrupt
+from fasbody.acquire.board import Board
+from fasbody.acquire.commands import app
+from fasbody.acquire.wire import Block, FrameReader
+from fasbody.exceptions import AcquisitionError, InputFileError
+from fasbody.recording.study import Study
+
+Rig = Callable[..., SimulatedBoard]
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Rig:
+    """Simulated boards; each program is compiled once."""
+    if lacks := simavr.missing():
+        pytest.skip(f"the firmware is not run: {lacks}")
+    folder = tmp_path_factory.mktemp("simavr")
+    host = simavr.compile_host(folder)
+
+    def make(sensor: str = "ANALOG", rate: int = 1000, **options: object) -> SimulatedBoard:
+        elf = folder / f"fas_{sensor}_{rate}.elf"
+        if not elf.is_file():
+            elf = simavr.compile_firmware(folder, sensor, rate)
+        return SimulatedBoard(host, elf, folder, **options)  # type: ignore[arg-type]
+
+    return make
+
+
+def shaken(hz: float, transfer: complex) -> np.ndarray:
+    """One second of a base upright in gravity, and of a malleolus that follows it [m/s^2]."""
+    wave = 8.95 * np.exp(2j * np.pi * hz * np.arange(round(SIGNAL_HZ)) / SIGNAL_HZ)
+    return 9.81 + np.column_stack([wave.imag, (transfer * wave).imag])
+
+
+def line(values: np.ndarray, rate_hz: float, hz: float) -> np.ndarray:
+    """Complex amplitude of each column at `hz`, by least squares."""
+    t = np.arange(len(values)) / rate_hz
+    basis = np.column_stack([np.ones(t.size), np.exp(2j * np.pi * hz * t), np.exp(-2j * np.pi * hz * t)])
+    return np.linalg.lstsq(basis, values.astype(complex), rcond=None)[0][1]
+
+
+@pytest.mark.parametrize("rate", [1000, 2000])
+def test_every_conversion_arrives_in_its_sample(rig: Rig, rate: int) -> None:
+    """The converter gives numbers that say which conversion they are; so each sample is known beforehand."""
+    with rig(rate=rate, seconds=4.0, real=False) as board:
+        reader = FrameReader()
+        blocks = [m for data in board.bytes() for m in reader.feed(data) if isinstance(m, Block)]
+    assert reader.hello is not None and reader.hello.rate_hz == rate
+    assert [block.sequence for block in blocks] == list(range(len(blocks)))
+    counts = np.concatenate([block.samples for block in blocks]) * reader.hello.channels[0].counts_per_m_s2
+    assert len(counts) > 3.1 * rate
+    np.testing.assert_allclose(counts, simavr.readings(len(counts), rate), atol=1e-6)
+    stamps = np.diff([block.time_us for block in blocks])
+    assert (stamps == 16_000_000 / rate).all()
+    # simavr raises a compare match between two instructions; the hardware is exact
+    assert 1992 <= board.report["shortest_cycles"] <= board.report["longest_cycles"] <= 2008
+
+
+def test_damaged_bytes_are_all_found(rig: Rig) -> None:
+    rng = np.random.default_rng(3)
+    clean, dirty, hit = FrameReader(), FrameReader(), set()
+    came: dict[int, np.ndarray] = {}
+    with rig(rate=2000, seconds=6.0, real=False) as board:
+        rest = b""
+        for data in board.bytes():
+            *frames, rest = (rest + data).split(b"\0")
+            for frame in filter(None, frames):
+                (message,) = clean.feed(b"\0" + frame + b"\0") or [None]
+                spoilt = corrupt(b"\0" + frame + b"\0", 0.01, rng)
+                if isinstance(message, Block) and spoilt != b"\0" + frame + b"\0":
+                    hit.add(message.sequence)
+                found = dirty.feed(spoilt)
+                came |= {block.sequence: block.samples for block in found if isinstance(block, Block)}
+    assert dirty.hello is not None and len(came) > 100
+    first, last = min(came), max(came)
+    assert set(range(first, last)) - set(came) == {number for number in hit if first < number < last}
+    want = simavr.readings(16 * (last + 1), 2000)
+    for number, samples in came.items():
+        counts = samples * dirty.hello.channels[0].counts_per_m_s2
+        np.testing.assert_allclose(counts, want[16 * number : 16 * (number + 1)], atol=1e-6)
+
+
+@pytest.mark.parametrize("sensor", ["ANALOG", "ADXL355"])
+def test_recorded_by_the_command(rig: Rig, tmp_path: Path, sensor: str) -> None:
+    """The transmissibility comes out as the sensors felt it: within 1 % and 1 degree from the converter."""
+    hz, transfer = 25.0, 1.35 * np.exp(-0.4j)
+    study = tmp_path / "study"
+    with rig(sensor, signal=shaken(hz, transfer)) as board:
+        words = ["--port", board.port, "--baud", str(BAUD), "--frequency", f"{hz:g}", "--seconds", "2"]
+        app(["record", *words, "--body-mass", f"{BODY_MASS_KG}", "--out", str(study), "--json"], standalone_mode=False)
+    (one,) = Study.read(study).recordings
+    details = json.loads((study / "recordings" / "25hz_0kg.json").read_text())
+    assert details["usable"] and details["quality"]["gaps"] == [] and details["quality"]["damaged"] == 0
+    base, malleolus = line(np.column_stack([one.base_m_s2, one.malleolus_m_s2]), one.rate_hz, hz)
+    found = malleolus / base / transfer
+    assert abs(abs(found) - 1) < 0.01 and abs(np.degrees(np.angle(found))) < 1.0
+    assert abs(2 * abs(base) / 8.95 - 1) < 0.01
+
+
+def test_commands_and_a_cut_cable(rig: Rig) -> None:
+    """Stop and start are obeyed, each start is another boot; noise on the line is no command."""
+    still = np.full((8, 2), 9.81)
+    with rig("ADXL345", signal=still) as simulated:
+        board = Board(simulated.port, BAUD)
+        boot = board.wait_for_hello().boot
+        np.testing.assert_allclose(board.collect(0.2), 9.81, atol=0.02)
+        board.reader.send(b"stop\nstart over\n*IDN?\n")
+        ended = _silent(board)
+        board.reader.send(b"?\n")
+        deadline = time.monotonic() + 5.0
+        while not any(m == board.decoder.hello for m in board.pump()):
+            assert time.monotonic() < deadline
+        assert ended and board.decoder.hello is not None and board.decoder.hello.boot == boot
+        board.reader.send(b"start\n")
+        board.collect(0.2)
+        assert board.decoder.hello.boot == boot + 1
+        board.close()
+    for sensor in ("ANALOG", "ADXL355"):
+        with rig(sensor, signal=still, fault="dead1") as simulated:
+            board = Board(simulated.port, BAUD)
+            with pytest.raises(AcquisitionError, match=r"FAILED: malleolus: its own test fails"):
+                board.wait_for_hello()
+            board.close()
+
+
+def _silent(board: Board) -> bool:
+    """Whether the samples end within some seconds, and stay away for half a second."""
+    last = start = time.monotonic()
+    while time.monotonic() - start < 5.0:
+        if any(isinstance(message, Block) for message in board.pump()):
+            last = time.monotonic()
+        if time.monotonic() - last > 0.5:
+            return True
+    return False
+
+
+def test_the_sketch_is_written_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    app(["record", "--firmware", str(tmp_path), "--json"], standalone_mode=False)
+    file = Path(json.loads(capsys.readouterr().out)["sketch"])
+    assert file == tmp_path / "fas_board" / "fas_board.ino" and file.read_text() == firmware.SKETCH.read_text()
+    assert firmware.write(tmp_path) == file
+    file.write_text(file.read_text() + "// mine\n")
+    with pytest.raises(InputFileError, match="is there already, with changes"):
+        firmware.write(tmp_path)
