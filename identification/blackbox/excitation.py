@@ -89,7 +89,7 @@ def _significant_part(series: Series) -> tuple[np.ndarray, np.ndarray]:
     """The input without spectral lines at its noise floor, and the frequencies of the lines kept.
 
     The floor is the median power; an input whose lines all keep close to it (white noise, a pseudo-random binary
-    signal) is kept whole. Lines stand two bins or more from zero: nearer ones are not told from a level, as of a step.
+    signal) is kept whole. Lines hold the power, two bins or more from zero; that of a step falls from zero on.
     """
     u = series.u - series.u.mean()
     spectrum = np.fft.rfft(u)
@@ -106,7 +106,10 @@ def _significant_part(series: Series) -> tuple[np.ndarray, np.ndarray]:
     lines = (windowed > 1e-4 * windowed.max()) & (windowed > SIGNIFICANT * np.median(windowed)) & (frequency > 0)
     lines[1:-1] &= (windowed[1:-1] >= windowed[:-2]) & (windowed[1:-1] > windowed[2:])  # tops, not their flanks
     lines[:2] = False
-    return np.fft.irfft(np.where(strong, spectrum, 0.0), len(u)), frequency[lines] if lines.any() else broad
+    above = np.where(windowed > SIGNIFICANT * np.median(windowed), windowed, 0.0)
+    beside = np.convolve(lines, np.ones(5), mode="same") > 0  # a line's lobe behind a Hann window is two bins wide
+    found = frequency[lines] if above[beside].sum() > 0.9 * above.sum() else broad
+    return np.fft.irfft(np.where(strong, spectrum, 0.0), len(u)), found
 
 
 def _gram(u: np.ndarray, lags: int) -> np.ndarray:

@@ -104,7 +104,9 @@ def _bode_band(report: Report) -> Figure:
         size = np.abs(seen.value)
         sure = CONFIDENCE * seen.std < 0.5 * size
         angle = np.angle(seen.value[sure], deg=True)
-        for found in [*_responding(report).values()][:1]:  # the points turn with the first curve, gaps between them or not
+        for found in [*_responding(report).values()][
+            :1
+        ]:  # the points turn with the first curve, gaps between them or not
             r = found.response
             curve = np.interp(seen.frequency_hz[sure], r.frequency_hz, np.rad2deg(np.unwrap(np.angle(r.value))))
             angle += 360.0 * np.round((curve - angle) / 360.0)
