@@ -143,11 +143,13 @@ class Referee:
         estimation: all data that orders may be chosen on.
         reason: why one-step errors and BIC decide; empty where free simulation does.
         poor: whether the input excites too little to tell a forced motion from a free one.
+        steps: whether the input is a few steps.
     """
 
     estimation: Sequence[Series]
     reason: str = ""
     poor: bool = False
+    steps: bool = False
     fitted: Sequence[Series] = field(init=False)
     check: Sequence[Series] = field(init=False)
 
@@ -174,6 +176,8 @@ class Referee:
         errors = [model.residuals(s) if one_step else s.y - model.simulate(s) for s in self.fitted]
         samples = sum(len(series) for series in self.fitted)
         score = criteria.whitened_score(errors, model.parameters, len(model.poles()), samples=samples)
+        if self.steps:  # they tell little, so coefficients pay what Schwarz asks
+            score += (np.log(samples) - 4.0) * (model.parameters + len(model.poles()))
         return replace(judge(model, self.check), score=score)
 
 
