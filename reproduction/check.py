@@ -69,6 +69,8 @@ class Check:
         return over(self.high, self.value) if math.isfinite(self.high) else over(self.value, self.low)
 
     def __str__(self) -> str:
+        if self.said and not self.asked:
+            return f"{self.what}: {self.said}"
         unit = f" {self.unit}" if self.unit else ""
         return f"{self.what}: {self.value:.4g}{unit} ({'' if self.met else 'NOT '}{self.criterion})"
 

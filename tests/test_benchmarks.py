@@ -59,6 +59,7 @@ def test_checks_say_how_much_better_than_required() -> None:
     assert cells(faster("x", 2e-3, 0.1, "other")) == ("x", "2 ms", "other: 100 ms", "50", "", "")
     assert cells(within("x", 95.0, 92.0, 98.0, "%")) == ("x", "95 %", "92 to 98 %", "", "", "yes")
     assert cells(told("x", "9 kB")) == ("x", "9 kB", "", "", "", "")
+    assert str(told("x", "9 kB")) == "x: 9 kB"
     assert at_most("x", 0.0, 1.0).margin is None
 
 

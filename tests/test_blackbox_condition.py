@@ -105,3 +105,13 @@ def test_response_without_a_model_and_points_at_the_poles() -> None:
     top = np.abs(exact(np.linspace(0.08, 0.11, 5000))).max()
     assert np.abs(found.models["oe"].response.value).max() == pytest.approx(top, rel=0.02)
     assert found.nonparametric is not None
+
+
+def test_rounding_of_a_simulated_recording_is_no_spike_and_a_spike_in_it_is() -> None:
+    u = np.random.default_rng(0).standard_normal(1500)
+    y = np.array([float(f"{value:.8g}") for value in lfilter([0, 1, 0.5], DEN, u)])
+    assert condition.mend(Series(u, y, 1.0).centred())[1] == ()
+    y[700] += 2.0
+    repaired, where = condition.mend(Series(u, y, 1.0).centred())
+    assert where == (700,)
+    assert np.ptp(y - repaired.y) == pytest.approx(2.0, abs=1e-5)

@@ -80,3 +80,12 @@ def test_response_is_shown_only_where_excited() -> None:
     two_bands = foot.multisine(N, 2.0, 5) + 8.0 * np.cos(2 * np.pi * 100.0 * np.arange(N) * foot.SAMPLE_TIME)
     shown = shown_frequencies(excitation.examine(series(two_bands)))
     assert not np.any((shown > 12) & (shown < 98))
+
+
+@pytest.mark.parametrize("at", [50, 133, 465, 880])
+def test_a_step_excites_a_band_from_the_lowest_frequency_on(at: int) -> None:
+    """Its spectrum falls from zero on and has no line, wherever the step is."""
+    u = (np.arange(1000) > at) * 1.0
+    found = excitation.examine(Series(u, RNG.standard_normal(1000), 0.01))
+    assert found.band_hz[0] == pytest.approx(0.1) and not found.lines and not found.single_sine
+    assert "excited from 0.1 to" in str(found)

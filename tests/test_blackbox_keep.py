@@ -119,3 +119,5 @@ def test_bad_files_are_sentences(tmp_path: Path, models: dict[str, keep.Model]) 
         keep.save(models["arx"], tmp_path / "model.pkl")
     with pytest.raises(SettingError, match="3 steps needs"):
         keep.forecast(models["arx"], Series(np.arange(50.0), np.arange(50.0) ** 2, 1.0), 3, [1.0])
+    with pytest.raises(SettingError, match="not of -1"):
+        keep.forecast(models["arx"], Series(np.arange(50.0), np.arange(50.0) ** 2, 1.0), -1)

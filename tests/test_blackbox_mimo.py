@@ -94,3 +94,24 @@ def test_files_with_several_signals_are_never_guessed(tmp_path: Path) -> None:
     assert isinstance(wrong.exception, FasError) and "several inputs" in str(wrong.exception)
     with pytest.raises(SettingError, match="3 orders"):
         mimo.identify(record, ("arx",), {"arx": (2, 2)})
+
+
+def test_what_serves_one_input_and_one_output_alone_is_refused(tmp_path: Path) -> None:
+    whole = plant(200, 0.1)
+    path = tmp_path / "plant.csv"
+    np.savetxt(path, np.hstack([whole.u, whole.y]), delimiter=",", header="u1,u2,y1,y2", comments="")
+    both = [str(path), "--sample-time", "1", "--input", "u1,u2", "--output"]
+    for options in (
+        ["y1,y2", "--robust"], ["y1,y2", "--pool"], ["y1,y1"], ["y1,y2", "--split", "2"], ["y1,y2", "--detrend", "9"],
+    ):  # fmt: skip
+        assert isinstance(CliRunner().invoke(app, [*both, *options]).exception, FasError)
+
+
+def test_a_trend_is_taken_off_several_outputs(tmp_path: Path) -> None:
+    whole = plant(800, 0.05)
+    drifting = whole.y + 3 * whole.y.std(axis=0) * np.linspace(0, 1, 800)[:, None]
+    path = tmp_path / "plant.csv"
+    np.savetxt(path, np.hstack([whole.u, drifting]), delimiter=",", header="u1,u2,y1,y2", comments="")
+    options = ["--sample-time", "1", "--input", "u1,u2", "--output", "y1,y2", "--structures", "ss", "--json"]
+    result = CliRunner().invoke(app, [str(path), *options, "--orders", "ss=3", "--detrend", "1"])
+    assert json.loads(result.stdout)["models"][0]["fit_percent"] > 93

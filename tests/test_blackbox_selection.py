@@ -251,3 +251,23 @@ def test_the_referee_keeps_data_for_the_choice_or_says_why_not() -> None:
     still = Referee([Series(step, step + rng.standard_normal(900), 1.0)])
     assert not still.simulates and "still" in still.reason and len(still.fitted[0]) == 900
     assert "too few" in Referee([Series(u[:60], u[:60] + rng.standard_normal(60), 1.0)]).reason
+
+
+def test_the_unit_of_the_output_chooses_no_orders() -> None:
+    rng = np.random.default_rng(5)
+    u = rng.standard_normal(1200)
+    w = signal.lfilter([0, 1, 0.5], np.poly([0.9 * np.exp(0.5j), 0.9 * np.exp(-0.5j)]).real, u)
+    y = w + 0.1 * np.std(w) * rng.standard_normal(len(u))
+    found = [search.select_oe(Referee([Series(u, unit * y, 1.0).centred()]), 1).best.model for unit in (1.0, 1e9)]
+    assert found[0].label == found[1].label == "OE (2, 2, 1)"
+    assert found[1].loss / 1e18 == pytest.approx(found[0].loss)
+
+
+def test_samples_before_the_delay_has_passed_flatter_no_fit() -> None:
+    """They answer inputs before the record, of which nothing is known: free initial states take them all."""
+    u, y = np.random.default_rng(0).standard_normal((2, 400))
+    late = pem.estimate("oe", Series(u, y, 1.0), Orders(nb=1, nf=0, nk=150))
+    fresh = Series(*np.random.default_rng(1).standard_normal((2, 400)), 1.0)
+    assert np.abs(late.simulate(fresh) - fresh.y)[:150].max() < 1e-9
+    found = selection.judge(late, [fresh])
+    assert abs(found.fit_percent) < 2 and found.block_errors.min() > 0.3

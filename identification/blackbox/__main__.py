@@ -60,7 +60,9 @@ def main(
     from identification.blackbox.identify import identify
 
     if "," in input + output:
-        _several(files, (input, output), sample_time, structures, orders, split, json, out)
+        if pool or robust:
+            raise SettingError("--pool and --robust are for one input and one output.")
+        _several(files, (input, output), sample_time, structures, orders, split, detrend, json, out)
         return
     chosen = tuple(name.strip().lower() for name in structures.split(",") if name.strip())
     if not chosen:
@@ -97,10 +99,10 @@ def main(
 
 def _several(
     files: list[Path], columns: tuple[str, str], sample_time: float | None, structures: str, orders: str, split: float,
-    json: bool, out: Path | None,
+    detrend: int, json: bool, out: Path | None,
 ) -> None:  # fmt: skip
     """Models of several inputs or outputs of one file."""
-    from identification.blackbox import data, keep, mimo
+    from identification.blackbox import condition, data, keep, mimo
 
     if len(files) != 1:
         raise SettingError("several inputs or outputs are identified from one file at a time.")
@@ -108,11 +110,13 @@ def _several(
     if not inputs or not outputs:
         raise SettingError("several inputs or outputs need both --input and --output.")
     named = structures != ",".join(DEFAULT)
-    chosen = tuple(name.strip().lower() for name in structures.split(",")) if named else mimo.STRUCTURES
+    names = tuple(name.strip().lower() for name in structures.split(",") if name.strip())
+    chosen = names if named else mimo.STRUCTURES
     wanted = parse_orders(orders, chosen)
     if out is not None:
         make_folder(out)
     pairs = [[data.read_csv(files[0], input=u, output=y, sample_time=sample_time) for u in inputs] for y in outputs]
+    pairs = [[condition.detrend(series, detrend) for series in row] for row in pairs]
     found = mimo.identify(mimo.Channels.of(pairs), chosen, wanted, split)
     console.print(str(found), markup=False, soft_wrap=True)
     if json:

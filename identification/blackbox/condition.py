@@ -17,6 +17,7 @@ ANSWER = 0.02  # share of the input's news that errors must foretell: a nonlinea
 LAGS = 25  # of the long ARX model whose errors stand for e(t)
 SPIKE = 6.0  # robust standard deviations from which a sample is no noise: 1e-5 of a Gaussian recording has one
 MOST = 0.1  # of all samples that may be spikes; more are the signal
+FAINT = 1e-6  # of the output's standard deviation: smaller errors are those of rounding
 CERTAIN = 1e-6  # p-value below which drift or feedback is said: both tests are led astray by a nonlinear plant
 FLAT = 0.02  # of the input's reach that a change must exceed to count as a step
 STEPS = 6  # changes of level up to which an input is a step record
@@ -113,8 +114,7 @@ def mend(series: Series) -> tuple[Series, tuple[int, ...]]:
             theta = pem.solve([(phi * root[:, None], out * root)])
             errors = out - phi @ theta
             sigma = 1.4826 * float(np.median(np.abs(errors - np.median(errors))))
-            if sigma <= 1e-9 * float(np.std(series.y)):
-                return series, ()
+            sigma = max(sigma, FAINT * float(np.std(series.y)))
             weight = np.minimum(1.0, 2.0 * sigma / np.maximum(np.abs(errors), 1e-300))
         first = len(y) - len(out)
         a = np.concatenate([[1.0], theta[:lags]])

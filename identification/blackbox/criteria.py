@@ -42,8 +42,12 @@ def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
     return float(100 * (1 - error / np.linalg.norm(measured - measured.mean())))
 
 
-def whitened_score(errors: Sequence[np.ndarray], parameters: int, poles: int = 0, order: int = 20) -> float:
+def whitened_score(
+    errors: Sequence[np.ndarray], parameters: int, poles: int = 0, order: int = 20, samples: int = 0
+) -> float:
     """Criterion, times the number of samples, of errors (N_i,) that need not be white: N log V + 4 d.
+
+    Models that are compared need the same N, `samples` where their first rows differ; else the unit of V would choose.
 
     V is the variance that an autoregression of `order` leaves. So a plant too small is seen behind coloured noise, and
     one too large gains nothing by following it. A coefficient enters when it stands out by two standard errors: what
@@ -51,7 +55,7 @@ def whitened_score(errors: Sequence[np.ndarray], parameters: int, poles: int = 0
     again, as it may go wherever noise happens to have a peak.
     """
     left = whitened_variance(errors, order)
-    count = sum(len(e) for e in errors)
+    count = samples or sum(len(e) for e in errors)
     return float(count * np.log(left) + 4.0 * (parameters + poles)) if left > 0 else -np.inf
 
 

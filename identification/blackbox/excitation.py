@@ -89,7 +89,7 @@ def _significant_part(series: Series) -> tuple[np.ndarray, np.ndarray]:
     """The input without spectral lines at its noise floor, and the frequencies of the lines kept.
 
     The floor is the median power; an input whose lines all keep close to it (white noise, a pseudo-random binary
-    signal) is kept whole.
+    signal) is kept whole. Lines hold the power, two bins or more from zero; that of a step falls from zero on.
     """
     u = series.u - series.u.mean()
     spectrum = np.fft.rfft(u)
@@ -98,13 +98,18 @@ def _significant_part(series: Series) -> tuple[np.ndarray, np.ndarray]:
     floor = max(float(np.median(power[1:])), 1e-20 * float(power.max()))
     strong = power > SIGNIFICANT * floor
     kept = power[strong].sum()
-    if kept < 0.9 * power.sum():  # a broad spectrum: a few bins above the floor are chance
-        smooth = np.convolve(power, np.ones(9) / 9, mode="same")
-        return u, frequency[(smooth > 1e-4 * smooth.max()) & (frequency > 0)]
+    smooth = np.convolve(power, np.ones(9) / 9, mode="same")
+    broad = frequency[(smooth > 1e-4 * smooth.max()) & (frequency > 0)]
+    if kept < 0.9 * power.sum():  # a few bins above the floor are chance
+        return u, broad
     windowed = np.abs(np.fft.rfft(np.hanning(len(u)) * u)) ** 2  # without the skirts of lines between the bins
     lines = (windowed > 1e-4 * windowed.max()) & (windowed > SIGNIFICANT * np.median(windowed)) & (frequency > 0)
     lines[1:-1] &= (windowed[1:-1] >= windowed[:-2]) & (windowed[1:-1] > windowed[2:])  # tops, not their flanks
-    return np.fft.irfft(np.where(strong, spectrum, 0.0), len(u)), frequency[lines]
+    lines[:2] = False
+    above = np.where(windowed > SIGNIFICANT * np.median(windowed), windowed, 0.0)
+    beside = np.convolve(lines, np.ones(5), mode="same") > 0  # a line's lobe behind a Hann window is two bins wide
+    found = frequency[lines] if above[beside].sum() > 0.9 * above.sum() else broad
+    return np.fft.irfft(np.where(strong, spectrum, 0.0), len(u)), found
 
 
 def _gram(u: np.ndarray, lags: int) -> np.ndarray:

@@ -103,7 +103,13 @@ def _bode_band(report: Report) -> Figure:
         seen = report.nonparametric
         size = np.abs(seen.value)
         sure = CONFIDENCE * seen.std < 0.5 * size
-        angle = np.rad2deg(np.unwrap(np.angle(seen.value[sure])))
+        angle = np.angle(seen.value[sure], deg=True)
+        for found in [*_responding(report).values()][
+            :1
+        ]:  # the points turn with the first curve, gaps between them or not
+            r = found.response
+            curve = np.interp(seen.frequency_hz[sure], r.frequency_hz, np.rad2deg(np.unwrap(np.angle(r.value))))
+            angle += 360.0 * np.round((curve - angle) / 360.0)
         style: dict[str, Any] = {"fmt": "o", "ms": 2, "color": "0.55", "elinewidth": 0.6, "zorder": 0}
         shown = seen.frequency_hz[sure]
         gain.errorbar(shown, size[sure], CONFIDENCE * seen.std[sure], label="no model", **style)

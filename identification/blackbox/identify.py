@@ -136,7 +136,7 @@ def identify(
         condition.examine(series.cut(0, min(len(series), LOOKED_AT)).centred()) for series in pooled
     ])  # fmt: skip
     notes += state.warnings()
-    referee = Referee([first for first, _ in parts], state.by_prediction, poor=seen.rank <= FEW)
+    referee = Referee([first for first, _ in parts], state.by_prediction, poor=seen.rank <= FEW, steps=state.steps)
     chooser = _Chooser(referee, [second for _, second in parts], wanted or {}, step, state)
     models, failures = {}, []
     for name in structures:

@@ -146,10 +146,12 @@ def forecast(model: Model, series: Series, steps: int, u: ArrayLike | None = Non
     """
     if isinstance(model, MimoModel):
         raise SettingError("forecasts are of models with one input and one output.")
+    if steps != int(steps) or steps < 1:
+        raise SettingError(f"a forecast is of one step or more, a whole number, not of {steps:g}.")
     ahead = np.zeros(steps) if u is None else np.asarray(u, dtype=float)
-    if steps < 1 or ahead.shape != (steps,):
+    if ahead.shape != (steps,) or not np.isfinite(ahead).all():
         raise SettingError(
-            f"a forecast of {steps} steps needs an input of {steps} samples, not of shape {ahead.shape}."
+            f"a forecast of {steps} steps needs an input of {steps} finite samples, not one of shape {ahead.shape}."
         )
     if isinstance(model, Narx | HammersteinWiener):
         spread = np.nan if isinstance(model, Narx) else np.sqrt(model.loss)

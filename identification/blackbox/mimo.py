@@ -48,6 +48,9 @@ class Channels:
         """Check the whole through its pairs: each first input with each output, and the other inputs."""
         if len(self.u) < SHORTEST:
             raise RecordingError(f"{self.name}: {len(self.u)} samples are too few; at least {SHORTEST} are needed.")
+        names = (*self.inputs, *self.outputs)
+        if len({*names}) < len(names):
+            raise RecordingError(f"{self.name}: a signal is named twice in {', '.join(names)}; name each once.")
         for label, values in zip((*self.inputs, *self.outputs), (*self.u.T, *self.y.T), strict=True):
             if not np.isfinite(values).all():
                 first = int(np.argmin(np.isfinite(values))) + 1
@@ -75,8 +78,17 @@ class Channels:
         return replace(self, u=self.u[start:stop], y=self.y[start:stop])
 
     def split(self, fraction: float) -> tuple[Self, Self]:
-        """The first `fraction` and the rest, both less the means of the first."""
+        """The first `fraction` and the rest, both less the means of the first.
+
+        Raises:
+            SettingError: `fraction` leaves one part shorter than any model needs.
+        """
         middle = round(fraction * len(self))
+        if not SHORTEST <= middle <= len(self) - SHORTEST:
+            raise SettingError(
+                f"split {fraction:g} of {len(self)} samples leaves a part with fewer than {SHORTEST} samples; "
+                "choose a fraction nearer to 0.5 or a longer recording."
+            )
         centred = replace(self, u=self.u - self.u[:middle].mean(axis=0), y=self.y - self.y[:middle].mean(axis=0))
         return centred.cut(0, middle), centred.cut(middle, len(self))
 

@@ -117,14 +117,22 @@ class Candidate:
 
 
 def judge(model: Model, validation: Sequence[Series]) -> Candidate:
-    """The model with its fit over all held-out parts together, in free simulation."""
+    """The model with its fit over all held-out parts together, in free simulation.
+
+    The first n_k samples answer inputs before the part, which are fitted with its initial state; so they do not count.
+    """
+    plant = getattr(model, "linear", model)
+    delay = getattr(getattr(plant, "orders", None), "nk", 0)
+    fitted = np.concatenate([np.arange(len(series)) < min(delay, len(series) // 2) for series in validation])
     measured = np.concatenate([series.y - series.y.mean() for series in validation])
     simulated = np.concatenate([model.simulate(series) - series.y.mean() for series in validation])
-    blocks = np.array([np.mean(part**2) for part in np.array_split(measured - simulated, BLOCKS)])
+    squares = (measured - simulated) ** 2
+    squares[fitted] = np.mean(squares[~fitted])
+    blocks = np.array([np.mean(part) for part in np.array_split(squares, BLOCKS)])
     errors = [model.residuals(series) for series in validation]
     seen = np.concatenate([series.y[len(series) - len(e) :] for series, e in zip(validation, errors, strict=True)])
     one_step = criteria.fit_percent(seen, seen - np.concatenate(errors)) if np.ptp(seen) else -np.inf
-    return Candidate(model, criteria.fit_percent(measured, simulated), blocks, one_step)
+    return Candidate(model, criteria.fit_percent(measured[~fitted], simulated[~fitted]), blocks, one_step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,11 +143,13 @@ class Referee:
         estimation: all data that orders may be chosen on.
         reason: why one-step errors and BIC decide; empty where free simulation does.
         poor: whether the input excites too little to tell a forced motion from a free one.
+        steps: whether the input is a few steps.
     """
 
     estimation: Sequence[Series]
     reason: str = ""
     poor: bool = False
+    steps: bool = False
     fitted: Sequence[Series] = field(init=False)
     check: Sequence[Series] = field(init=False)
 
@@ -164,7 +174,10 @@ class Referee:
         """The model on the data kept for the choice, with its score on those fitted."""
         one_step = model.structure in NOISE_MODELS or not self.simulates
         errors = [model.residuals(s) if one_step else s.y - model.simulate(s) for s in self.fitted]
-        score = criteria.whitened_score(errors, model.parameters, len(model.poles()))
+        samples = sum(len(series) for series in self.fitted)
+        score = criteria.whitened_score(errors, model.parameters, len(model.poles()), samples=samples)
+        if self.steps:  # they tell little, so coefficients pay what Schwarz asks
+            score += (np.log(samples) - 4.0) * (model.parameters + len(model.poles()))
         return replace(judge(model, self.check), score=score)
 
 
