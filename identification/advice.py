@@ -59,16 +59,17 @@ def advice(
         )
     bound = [key for key, e in best.parameters.items() if e.at_bound]
     zero = [key for key in bound if best.parameters[key].value == 0.0]
-    if zero:
+    follows = best.world is None or best.world.follows
+    if zero and follows:
         texts.append(f"At zero: {', '.join(zero)}. The recordings show no such bend of the damper's law.")
     if set(bound) - set(zero):
         rest = ", ".join(key for key in bound if key not in zero)
         texts.append(f"At its bound: {rest}. The value says where the bound is, not where the foot is.")
     weak = [key for key, e in best.parameters.items() if e.identifiability == "not identifiable" and not e.at_bound]
-    if weak and not (best.world and not best.world.follows):
+    if weak and follows:
         texts.append(f"Not identifiable from these recordings: {', '.join(weak)} (standard error too large).")
     loads = {recording.condition.added_mass_kg for recording in data}
-    if len(loads) == 1 and str(verdict) == "undecided":
+    if len(loads) == 1 and str(verdict) == "undecided" and follows:
         texts.append(
             "All recordings carry one load; a second load separates the mirror solutions. That rests on constants that "
             "do not change with the load."
@@ -87,13 +88,13 @@ def departures(world: World) -> list[str]:
         if mass.weighed:
             texts.append(
                 f"The recordings weigh the leg: {mass.name} without load is {mass.value:.3g} kg ({mass.lower:.3g} to "
-                f"{mass.upper:.3g} kg), {100 * (mass.value / mass.stated - 1):+.1f} % off the {mass.stated:.3g} stated."
+                f"{mass.upper:.3g} kg), {100 * (mass.value / mass.stated - 1):+.1f} % off the {mass.stated:.4g} stated."
             )
-    if world.masses and not any(mass.weighed for mass in world.masses):
+    if world.follows and world.masses and not any(mass.weighed for mass in world.masses):
         texts.append(
-            "The recordings do not weigh the leg, and all stiffness and damping scale with its mass: intervals are at "
-            f"least as wide as masses are known ({100 * max(m.prior_std for m in world.masses):.3g} %, --mass-std). "
-            "Two loads weigh it."
+            "The recordings do not weigh the leg, and all stiffness and damping scale with its mass: they are known "
+            "about as well as the masses were stated (standard deviation "
+            f"{100 * max(m.prior_std for m in world.masses):.3g} % each, --mass-std). Two loads weigh it."
         )
     for each in world.nuisances:
         if each.group in ("masses", "gain", "delay", "drift"):

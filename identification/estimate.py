@@ -39,6 +39,11 @@ _UNSETTLED = (
     "No branch is decided, as the fit that allows for whatever else may be true has not come to rest; more starts or "
     "what the laboratory knows ([known] in study.toml) may help."
 )
+_TRUSTS = (
+    "These intervals and odds trust the model, the stated masses and the instrument: whatever else may be true is "
+    "allowed for only where all recordings are settled sines, at several frequencies."
+)
+_PEOPLE = "The recordings are of {n} people or feet ({names}), and one set of constants is fitted to all of them."
 _PASSED_OVER = "The best end of the {name} branch was passed over: its motion does not last in MuJoCo."
 
 #: Called with what is done, how many, and of how many.
@@ -116,6 +121,8 @@ def fit_foot(
     result = judge(question, explored, answer, ends)
     if settings.wide and result.wide is None:
         result = replace(result, branches=tuple(trusting(branch) for branch in result.branches))
+        if not _can_widen(question):
+            result = replace(result, warnings=(*result.warnings, _TRUSTS))
     return replace(
         result,
         source=study.name if isinstance(study, Study) else result.source,
@@ -182,6 +189,10 @@ class Question:
         apart(recordings)
         data = [_calibrated(checked(recording), known) for recording in recordings]
         warnings = gathered([text for recording in data for text in recording.warnings])
+        people = list(dict.fromkeys(r.condition.subject for r in data))
+        if len(people) > 1:
+            names = ", ".join(person or "unnamed" for person in people)
+            warnings.append(_PEOPLE.format(n=len(people), names=names))
         name, why = choose_domain(data, settings.domain)
         warnings += why
         none = known.delay_std_s == 0.0  # known exactly, so there is nothing to estimate
@@ -363,9 +374,13 @@ def certify(question: Question, explored: Explored, advance: Advance) -> Answer:
     return Answer(sorted(certified, key=lambda c: c.deviance), tuple(left_out), tuple(warnings))
 
 
+def _can_widen(question: Question) -> bool:
+    return question.name == "periodic" and _tells_delay(question.domain.recordings)
+
+
 def widen(question: Question, answer: Answer, advance: Advance) -> list[End]:
     """Each branch once more with whatever else may be true; nothing for one frequency or in the time domain."""
-    if question.name != "periodic" or not _tells_delay(question.domain.recordings):
+    if not _can_widen(question):
         return []
     advance("allowing for whatever else may be true", 0, 1)
     return widest(question.domain, question.space, question.ratio, answer.branches, question.known, answer.left_out)

@@ -258,12 +258,18 @@ def _model(result: FitResult) -> str:
     free = ", ".join(label(key) for key in result.parameters)
     masses = result.wide.masses if result.wide else ()
     stated = ", ".join(f"{m.name} = {m.stated:.4g} kg ± {100 * m.prior_std:.3g} %" for m in masses)
+    evidence = result.evidence
+    shares = evidence is None or all("m_F" in r.condition.masses for r in evidence.domain.recordings)
     text = f"The model {result.model} with {len(result.parameters)} free parameters was fitted ({free}). "
     if stated:
-        text += (
-            f"Segment masses were {100 * SHANK_MASS_FRACTION:.3g} % (shank) and {100 * FOOT_MASS_FRACTION:.3g} % "
-            f"(foot) of the body mass ({stated}, standard deviation) and were estimated with the rest. "
+        of = (
+            f"{100 * SHANK_MASS_FRACTION:.3g} % (shank) and {100 * FOOT_MASS_FRACTION:.3g} % (foot) of the body mass"
+            if shares
+            else "those of the model, as the body mass is unknown"
         )
+        text += f"Segment masses were {of} ({stated}, standard deviation) and were estimated with the rest. "
+    elif result.wide:
+        text += "Segment masses were taken as exactly known. "
     seed = result.provenance.get("seed")
     text += f"The search had {len(result.starts)} starts" + (f" (seed {seed})" if seed is not None else "")
     text += "; both mirror solutions were followed to their ends. " if result.mirror else ". "
@@ -279,9 +285,10 @@ def _beyond(result: FitResult) -> str:
         return "All intervals hold if the model, the masses and the instruments are exact."
     names = [n.name for n in result.wide.nuisances if n.group != "masses"]
     names = ["delay between the channels" if name == DELAY.name else name for name in names]
+    names = (["segment masses"] if result.wide.masses else []) + names
     return (
         "A second fit had everything that a laboratory seldom excludes as nuisances with priors, estimated together "
-        f"with the constants: segment masses, {', '.join(names)}. Unless said otherwise, 95 % intervals are of this "
+        f"with the constants: {', '.join(names)}. Unless said otherwise, 95 % intervals are of this "
         "fit. The others hold if the model is true. Errors of derived quantities are propagated linearly; natural "
         "frequencies and damping ratios are of small motion about rest."
     )

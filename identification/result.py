@@ -83,7 +83,10 @@ class Estimate:
         if self.at_bound or not np.isfinite(self.std_error):
             return f"{self.value:.4g} (bound)" if self.at_bound else "unknown"
         if max(below, above) > 1.2 * min(below, above):  # cut by a bound, or wide on a logarithmic scale
-            return f"{self.text(self.lower)} to {self.text(self.upper)}"
+            low = self.text(self.lower)
+            if self.lower and not float(low):  # a bound far below the value, which rounding would make zero
+                low = f"{float(f'{self.lower:.2g}'):.10g}"
+            return f"{low} to {self.text(self.upper)}"
         return f"{self.text(self.value)} ± {self.text(0.5 * (below + above))}"
 
     @property
@@ -117,6 +120,9 @@ class Mass:
     Attributes:
         name: thesis symbol. stated: [kg]. prior_std: its relative standard deviation. value, lower, upper: estimate and
             95 % interval [kg]. learned: by which share the recordings made the standard deviation smaller.
+        weighed: the recordings say more of it than what was stated: they learned it, by several loads, in a fit that
+            follows them and has come to rest. Under one load all constants scale with the mass, whatever was learned
+            of the ratio of two masses.
     """
 
     name: str
@@ -126,11 +132,7 @@ class Mass:
     lower: float
     upper: float
     learned: float
-
-    @property
-    def weighed(self) -> bool:
-        """Whether the recordings say more of it than what was stated."""
-        return self.learned > WEIGHED
+    weighed: bool = False
 
     def interval(self) -> str:
         """Value and half width of the 95 % interval [kg]."""

@@ -19,7 +19,7 @@ from identification.engines.engine import Engine, Excitation
 from identification.engines.mujoco import Rollouts
 from identification.engines.twin import Twin
 from identification.periodic import Line, PeriodicProblem
-from identification.result import Allowance, Branch, Estimate, Mass, World, identifiability
+from identification.result import WEIGHED, Allowance, Branch, Estimate, Mass, World, identifiability
 from identification.search import inverse_of_gram
 from identification.settle import settle
 from identification.space import MASSES, Space
@@ -218,7 +218,7 @@ def widened(end: End, narrow: Branch | None, space: Space, dof: int) -> Branch:
         end.objective,
         dof,
         follows,
-        _masses(world, q, C),
+        _masses(world, q, C, follows and end.converged),
         _allowances(world, q, C),
         end.constant,
         _exponents(world, q, C),
@@ -246,9 +246,11 @@ def _percent(y: np.ndarray, line: Line) -> float:
     return float(100 * (1 - np.linalg.norm(y[: Y.size] - Y) / np.linalg.norm(Y)))
 
 
-def _masses(world: WorldSpace, q: np.ndarray, C: np.ndarray) -> tuple[Mass, ...]:
-    """Each segment of each person: all recordings of one share it."""
+def _masses(world: WorldSpace, q: np.ndarray, C: np.ndarray, sure: bool) -> tuple[Mass, ...]:
+    """Each segment of each person: all recordings of one share it. `sure`: the fit follows them, and is at rest."""
     found = []
+    loads = {recording.condition.added_mass_kg for recording in world.recordings}
+    scales = len(loads) == 1 and set(EXCHANGED) <= set(world.base)  # the whole foot with its mass
     for name, kinds in world.kinds.items():
         for kind in dict.fromkeys(kinds):
             if kind in world.index:
@@ -257,7 +259,9 @@ def _masses(world: WorldSpace, q: np.ndarray, C: np.ndarray) -> tuple[Mass, ...]
                 ends = np.clip([x - _Z95 * std * prior, x + _Z95 * std * prior], *_HALF)
                 low, high = (stated * float(np.exp(end)) for end in ends)
                 whose = name + kind.partition(" mass")[2]
-                found.append(Mass(whose, stated, prior, stated * float(np.exp(x)), low, high, max(0.0, 1 - std)))
+                learned = max(0.0, 1 - std)
+                weighed = sure and not scales and learned > WEIGHED
+                found.append(Mass(whose, stated, prior, stated * float(np.exp(x)), low, high, learned, weighed))
     return tuple(found)
 
 

@@ -226,7 +226,7 @@ class Layout:
         clock = ("time_s",) if line and self.rate_hz is None else ()  # only text has no rate of its own
         for name in (*clock, "base_m_s2", "malleolus_m_s2"):
             if name not in wanted:
-                hint = _CLOCK if name in clock else _HELP
+                hint = _CLOCK if name in clock else _HELP.format(name=name.removesuffix("_m_s2"))
                 raise InputFileError(file, f"has no column {name!r} ({listed})", hint, line=line)
         wanted |= self._others(names, units, sizes, wanted)
         lengths = {name: sizes[index] for name, (index, _) in wanted.items()} if sizes else {}
@@ -386,7 +386,7 @@ _LONGEST_DELAY = 0.1
 #: Two sampling rates are the same within this share: a nominal rate and a logger's own clock.
 _SAME_RATE = 1e-3
 _CLOCK = "study.toml can name it ([channels.time] column = ...), or give sampling_rate_hz"
-_HELP = "units may also be g or ms, and study.toml can name the column: [channels.base] column = ..."
+_HELP = "units may also be g or ms, and study.toml can name the column ([channels.{name}] column = ...)"
 
 
 def _channel(file: Path, name: str, table: Mapping[str, Any]) -> Channel:
