@@ -6,7 +6,6 @@ says why. docs/files.md lists them, and a test keeps list and page equal.
 
 import csv
 import gzip
-import importlib.util
 import json
 import re
 import struct
@@ -14,7 +13,6 @@ import wave
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -113,8 +111,7 @@ def _(file: Path) -> None:
 def _(file: Path) -> None:
     start = datetime(2026, 3, 4, 23, 59, 59, 500_000)
     body = [
-        [(start + timedelta(seconds=t)).strftime("%H:%M:%S.%f"), *row[1:]]
-        for t, row in zip(TIME, cells(), strict=True)
+        [(start + timedelta(seconds=t)).strftime("%H:%M:%S.%f"), *row[1:]] for t, row in zip(TIME, cells(), strict=True)
     ]
     text(file, "Time,base [m/s^2],malleolus [m/s^2]\n", body, ",")
 
@@ -510,36 +507,45 @@ def _(file: Path) -> None:
 # ---- universal files, TDMS
 
 
-def universal(file: Path, binary: int, start: float = 0.0) -> None:
-    import pyuff
-
-    for node, (name, values) in enumerate({"base": BASE, "malleolus": MALLEOLUS}.items(), 1):
-        record = pyuff.prepare_58(
-            binary=binary, id1=name, func_type=1, rsp_node=node, rsp_dir=3, ref_node=0, ref_dir=0,
-            rsp_ent_name="foot", ref_ent_name="NONE", ord_data_type=4, num_pts=TIME.size, abscissa_spacing=1,
-            abscissa_min=start, abscissa_inc=1 / RATE, abscissa_spec_data_type=17, abscissa_axis_units_lab="s",
-            ordinate_spec_data_type=12, ordinate_axis_units_lab="m/s^2", data=values, x=TIME + start, ver_num=0,
-            load_case_id=0, orddenom_spec_data_type=0, z_axis_value=0.0, z_axis_spec_data_type=0,
-        )  # fmt: skip
-        pyuff.UFF(str(file)).write_sets(record, "add" if node > 1 else "overwrite")
-
-
 @made("universal file 58, text, by pyuff", "text.uff", "pyuff")
 def _(file: Path) -> None:
-    universal(file, 0)
+    import pyuff
+
+    records = [
+        pyuff.prepare_58(
+            binary=0, id1=name, func_type=1, rsp_node=node, rsp_dir=3, ref_node=0, ref_dir=0, rsp_ent_name="foot",
+            ref_ent_name="NONE", ord_data_type=4, num_pts=TIME.size, abscissa_spacing=1, abscissa_min=0.0,
+            abscissa_inc=1 / RATE, abscissa_spec_data_type=17, abscissa_axis_units_lab="s", x=TIME, data=values,
+            ordinate_spec_data_type=12, ordinate_axis_units_lab="m/s^2", ver_num=0, load_case_id=0,
+            orddenom_spec_data_type=0, z_axis_value=0.0, z_axis_spec_data_type=0,
+        )
+        for node, (name, values) in enumerate({"base": BASE, "malleolus": MALLEOLUS}.items(), 1)
+    ]  # fmt: skip
+    pyuff.UFF(str(file)).write_sets(records, "overwrite")
 
 
-@made("universal file 58, binary, by pyuff, both channels from 5 s on", "binary.unv", "pyuff")
+@made("universal file 58b, binary, by its description, both channels from 5 s on", "binary.unv", "pyuff")
 def _(file: Path) -> None:
-    universal(file, 1, 5.0)
+    whole = b""
+    for node, (name, values) in enumerate({"base": BASE, "malleolus": MALLEOLUS}.items(), 1):
+        axes = ((17, "Time", "s"), (12, "Acc", "m/s^2"), (0, "NONE", "NONE"), (0, "NONE", "NONE"))
+        lines = [
+            f"{58:6}b{1:6}{2:6}{11:12}{8 * values.size:12}{0:6}{0:6}{0:12}{0:12}",
+            *(f"{word:<80}" for word in (name, "NONE", "04-Mar-26 10:11:12", "NONE", "NONE")),
+            f"{1:5}{0:10}{0:5}{0:10} {'foot':>10}{node:10}{3:4} {'NONE':>10}{0:10}{0:4}",
+            f"{4:10}{values.size:10}{1:10}{5.0:13.5e}{1 / RATE:13.5e}{0.0:13.5e}",
+            *(f"{kind:10}{0:5}{0:5}{0:5} {label:>20} {unit:>20}" for kind, label, unit in axes),
+        ]
+        whole += "\n".join(["    -1", *lines, ""]).encode() + values.astype("<f8").tobytes() + b"\n    -1\n"
+    file.write_bytes(whole)
 
 
 def tdms(file: Path, names: tuple[str, str], unit: str, scale: float, offsets: tuple[float, float] = (0, 0)) -> None:
     """Two channels whose samples begin when their offsets say."""
     from nptdms import ChannelObject, TdmsWriter
 
-    made = []
-    for name, offset, (size, turn) in zip(names, offsets, ((8.95, 0.3), (8.95 * T, 0.3 + np.radians(PHASE_DEG)))):
+    made, waves = [], ((8.95, 0.3), (8.95 * T, 0.3 + np.radians(PHASE_DEG)))
+    for name, offset, (size, turn) in zip(names, offsets, waves, strict=True):
         values = scale * size * np.sin(2 * np.pi * HZ * (TIME + offset) + turn)
         about = {"wf_increment": 1 / RATE, "unit_string": unit, "wf_start_offset": offset}
         made.append(ChannelObject("run", name, values, properties=about))
@@ -617,6 +623,20 @@ def _(file: Path) -> None:
 @made("Parquet", "columns.parquet", refused="no format has the ending '.parquet'")
 def _(file: Path) -> None:
     file.write_bytes(b"PAR1" + struct.pack("<I", 0) + b"PAR1")
+
+
+def told(case: Case) -> str:
+    """The row of a file on the page."""
+    how = f"refused: {case.refused}" if case.refused else "with a study.toml" if case.toml else "at once"
+    return f"| `{case.name}` | {case.what} | {how} |"
+
+
+def test_the_page_lists_every_file() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "files.md").read_text()
+    assert [line for line in page.splitlines() if line.startswith("| `")] == [told(case) for case in CASES]
+    read = [case for case in CASES if not case.refused]
+    alone = sum(not case.toml for case in read)
+    assert f"{len(CASES)} files: {alone} at once, {len(read) - alone} with a study.toml" in page
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])

@@ -18,12 +18,15 @@ from fasbody.recording.known import Known
 _G = 9.80665
 #: Units that a CSV header or a board may carry behind a channel's name, and what they are in SI.
 UNITS = {"m_s2": 1.0, "g": _G, "mg": 1e-3 * _G, "mm_s2": 1e-3, "cm_s2": 1e-2}
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+TIME_UNITS = {
+    "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "sec": 1.0, "second": 1.0, "seconds": 1.0, "msec": 1e-3,
+}  # fmt: skip
 #: Those and what else instruments write into their files.
 ACCELERATIONS = UNITS | {
-    "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "m/s/s": 1.0, "gn": _G, "mm/s^2": 1e-3, "cm/s^2": 1e-2,
+    "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "m/s/s": 1.0, "m s-2": 1.0, "m s^-2": 1.0, "m*s^-2": 1.0,
+    "gn": _G, "mm/s^2": 1e-3, "mm/s2": 1e-3, "mm/s²": 1e-3, "cm/s^2": 1e-2, "cm/s2": 1e-2, "cm/s²": 1e-2,
 }  # fmt: skip
-VOLTAGES = {"v": 1.0, "mv": 1e-3}
+VOLTAGES = {"v": 1.0, "mv": 1e-3, "volt": 1.0, "volts": 1.0}
 KNOWN_UNITS = frozenset(ACCELERATIONS | VOLTAGES | TIME_UNITS)
 _SENSITIVITY = re.compile(
     r"\s*([-+.\deE]+)\s*(m?V)\s*/\s*(?P<open>\()?\s*(g|m\s*/\s*s(?:(?:\^|\*\*)?2|²))\s*(?(open)\))\s*", re.IGNORECASE
