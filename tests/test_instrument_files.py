@@ -275,7 +275,8 @@ def _(file: Path) -> None:
 
 
 @made("columns in another language", "kolonnen.csv",
-      toml=columns("Tisch", "Knöchel", 'unit = "m/s^2"') + '[channels.time]\ncolumn = "Zeit"\nunit = "s"\n')  # fmt: skip
+      toml=columns("Tisch", "Knöchel", 'unit = "m/s^2"')
+      + '[channels.time]\ncolumn = "Zeit"\nunit = "s"\n')  # fmt: skip
 def _(file: Path) -> None:
     text(file, "Zeit;Tisch;Knöchel\n", cells(decimal=","), ";", "cp1252")
 
@@ -414,7 +415,8 @@ def _(file: Path) -> None:
 
 
 @made("MATLAB 5 by scipy: integers of a converter", "integers.mat",
-      toml="[study]\nsampling_rate_hz = 1000\n" + columns("ch1", "ch2", 'unit = "m/s^2"\nsensitivity = 1000'))  # fmt: skip
+      toml="[study]\nsampling_rate_hz = 1000\n"
+      + columns("ch1", "ch2", 'unit = "m/s^2"\nsensitivity = 1000'))  # fmt: skip
 def _(file: Path) -> None:
     from scipy.io import savemat
 

@@ -5,7 +5,7 @@ Which column of a file is which channel, and what turns its numbers into m/s^2: 
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -116,6 +116,7 @@ class Layout:
         rate_hz: sampling rate of files that have no time.
         columns: names of the columns of text files without a header. units: of those columns, if known apart.
         beyond: what the laboratory knows beyond the recordings.
+        apart: patterns of file names, and the layout of the files that fit one.
     """
 
     channels: Mapping[str, Channel] = field(default_factory=dict)
@@ -123,6 +124,19 @@ class Layout:
     columns: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     beyond: Known = field(default_factory=Known)
+    apart: tuple[tuple[str, "Layout"], ...] = field(default=(), repr=False)
+
+    def of(self, file: Path) -> "Layout":
+        """The layout of one file: that of the pattern that its name fits, else this one.
+
+        Raises:
+            InputFileError: it fits patterns of two layouts.
+        """
+        fitting = [(pattern, layout) for pattern, layout in self.apart if file.match(pattern)]
+        if any(layout is not fitting[0][1] for _, layout in fitting):
+            listed = " and ".join(pattern for pattern, _ in fitting)
+            raise InputFileError(file, f"fits two layouts of study.toml ({listed})", "make their patterns exclusive")
+        return fitting[0][1] if fitting else replace(self, apart=())
 
     @classmethod
     def from_toml(

@@ -133,6 +133,7 @@ class Recording:
         Raises:
             InputFileError: no such file, or it is not such a table; the message names line and column.
         """
+        layout = layout.of(Path(file)) if layout else None
         channels = files.read(Path(file), layout)
         return cls(
             time_s=channels[HEADER[0]],

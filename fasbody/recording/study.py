@@ -119,12 +119,17 @@ def read_truth(folder: Path) -> dict[str, float]:
         raise InputFileError(file, "is not the truth.json of a synthetic study", "make it anew or delete it") from None
 
 
-def read_file(file: Path) -> Recording:
+def read_file(file: Path, study: Path | None = None) -> Recording:
     """A recording with its conditions where it lies in a study that lists it, else as a bare file.
+
+    Args:
+        file: the recording. study: study.toml that says what its channels are, if it lies in no study.
 
     Raises:
         InputFileError: it, or the study around it, cannot be read.
     """
+    if study is not None:
+        return Recording.read(file, layout=describe(study)[1])
     for folder in file.resolve().parents[:2]:
         if is_listed(file, folder):
             return Study.read(folder, only=file).recordings[0]

@@ -33,7 +33,7 @@ from fasbody.recording.formats.series import FormatError, Series, check_size, ne
 MEMORY = 1_000_000_000
 PATIENCE_S = 60.0
 #: Its time of computing for one file [s], and more for each megabyte; a damaged file loops, and a busy machine is slow.
-COMPUTING_S, COMPUTING_S_PER_MB = 10.0, 4.0
+COMPUTING_S, COMPUTING_S_PER_MB = 5.0, 4.0
 _LARGEST_FILE = 500_000_000
 _child: "_Child | None" = None
 _lock = threading.Lock()
