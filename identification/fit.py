@@ -122,7 +122,9 @@ def _typed() -> str:
 
 
 def gather(
-    data: Sequence[Path], body_mass: Sequence[float] | None, added_mass: Sequence[float] | None,
+    data: Sequence[Path],
+    body_mass: Sequence[float] | None,
+    added_mass: Sequence[float] | None,
     mapping: Path | None = None,
 ) -> tuple[str, list[Recording], dict[str, float]]:
     """Recordings of study folders and files, with masses from the command line, and the truth of a synthetic study.

@@ -31,8 +31,20 @@ def describe(file: Path) -> tuple[dict[str, str], Layout]:
     if not file.is_file():
         raise InputFileError(file, "no such file", "a study folder needs study.toml, subjects.csv and recordings.csv")
     try:
-        document = tomllib.loads(file.read_text("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        return parsed(file, file.read_text("utf-8"))
+    except UnicodeDecodeError as error:
+        raise InputFileError(file, f"is not TOML ({error})") from None
+
+
+def parsed(file: Path, text: str) -> tuple[dict[str, str], Layout]:
+    """The same of a study.toml's text, whether it is written yet or not.
+
+    Raises:
+        InputFileError: not TOML, or a table, key or value that does not exist.
+    """
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
         raise InputFileError(file, f"is not TOML ({error})") from None
     _known(file, document, "table", ("study", "channels", "known", "layouts"))
     given, channels = _table(file, document, "study"), _table(file, document, "channels")
