@@ -22,6 +22,7 @@ import numpy as np
 
 from fasbody.exceptions import FasError
 from fasbody.recording import files
+from fasbody.recording.channels import Channel, Layout
 
 ENDINGS: tuple[str, ...] = (
     "csv",
@@ -44,6 +45,8 @@ ENDINGS += tuple(
     for ending, library in {"xlsx": "openpyxl", "wav": "soundfile", "flac": "soundfile", "c3d": "ezc3d"}.items()
     if find_spec(library)
 )
+#: What a sound file does not say of itself.
+_SOUND = Layout({name: Channel(f"channel_{i}", "m/s^2") for i, name in enumerate(("base", "malleolus"), 1)})
 _EXTREMES = (
     b"\x00" * 8,
     b"\xff" * 8,
@@ -174,7 +177,7 @@ def fuzz(ending: str, count: int, seed: int = 0, advance: Callable[[], None] = l
             file.write_bytes(mutated(intact[ending], list(intact.values()), rng))
             start = time.monotonic()
             try:
-                channels = files.read(file)
+                channels = files.read(file, _SOUND if ending in ("wav", "flac") else None)
                 assert {"time_s", "base_m_s2", "malleolus_m_s2"} <= set(channels)
                 seen["read"] += 1
             except FasError as error:

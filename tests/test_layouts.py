@@ -115,7 +115,7 @@ def test_a_fit_takes_several_files_and_one_study(study: Path, tmp_path: Path) ->
     ratios = [r.malleolus_m_s2.std() / r.base_m_s2.std() for r in recordings]
     assert ratios == pytest.approx([1.4, 1.5], rel=1e-3)
     assert [r.condition.added_mass_kg for r in recordings] == [0.0, 2.3]
-    with pytest.raises(SettingError, match="a study folder has a study.toml of its own"):
+    with pytest.raises(SettingError, match=r"a study folder has a study\.toml of its own"):
         gather([study], None, None, tmp_path / "study.toml")
 
 
@@ -164,3 +164,22 @@ def test_a_folder_of_two_kinds_is_proposed_with_a_layout_each(tmp_path: Path) ->
     (tmp_path / "subjects.csv").write_text(people)
     ratios = [r.malleolus_m_s2.std() / r.base_m_s2.std() for r in Study.read(tmp_path)]
     assert ratios == pytest.approx([1.1, 1.2], rel=1e-3)
+
+
+def test_a_recording_of_a_whole_table() -> None:
+    pd, xarray = pytest.importorskip("pandas"), pytest.importorskip("xarray")
+    base, malleolus = sines(1.3)
+    stamps = pd.Timestamp("2026-03-04") + pd.to_timedelta(TIME, "s")
+    frame = pd.DataFrame({"base [g]": base / G, "malleolus": malleolus}, pd.Index(stamps, name="time"))
+    frame.attrs["units"] = {"malleolus": "m/s^2"}
+    data = {"base": ("time", base, {"units": "m/s^2"}), "malleolus": ("time", malleolus / G, {"units": "g"})}
+    dataset = xarray.Dataset(data, {"time": ("time", TIME, {"units": "s"})})
+    plain = {"time_ms": 1e3 * TIME, "base_m_s2": base, "malleolus_m_s2": malleolus, "foot_m_s2": base}
+    for whole in (frame, dataset, plain):
+        made = Recording.from_table(whole, body_mass_kg=70.0)
+        assert made.time_s == pytest.approx(TIME)
+        assert made.base_m_s2 == pytest.approx(base) and made.malleolus_m_s2 == pytest.approx(malleolus)
+        assert made.condition.body_mass_kg == 70.0
+    assert list(made.others) == ["foot"]
+    with pytest.raises(InputFileError, match=r"mine: has no column 'malleolus_m_s2' \(found: time_s, base_g\)"):
+        Recording.from_table({"time_s": TIME, "base_g": base}, name="mine")
