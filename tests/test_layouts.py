@@ -129,7 +129,7 @@ def test_transmissibility_takes_several_files_and_one_study(study: Path) -> None
 
 
 def test_check_tells_the_quality_by_subject(study: Path) -> None:
-    words = [sys.executable, "-m", "fasbody.recording", "check", str(study)]
+    words = [sys.executable, "-m", "fasbody.recording", "check", str(study), "--jobs", "2"]
     done = subprocess.run(words, capture_output=True, text=True, check=True, env=os.environ | {"COLUMNS": "200"})
     lines = [[cell.strip() for cell in line.split("│")[1:-1]] for line in done.stdout.splitlines() if "│" in line]
     by_subject = {row[0]: row[1:4] for row in lines if row[0] in ("1", "2")}

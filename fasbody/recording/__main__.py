@@ -14,8 +14,8 @@ from fasbody.recording.checks import QUALITIES, checked, quality_cells, understo
 from fasbody.recording.files import read_one
 from fasbody.recording.proposal import TABLES, propose
 from fasbody.recording.recording import Recording
-from fasbody.recording.study import StudyFolder
-from fasbody.recording.trials import Trial, describe, posture_remarks
+from fasbody.recording.study import StudyFolder, understood_trial
+from fasbody.recording.trials import describe, posture_remarks
 from fasbody.runner import run
 
 #: Of more recordings only those are listed that are not sound.
@@ -71,7 +71,7 @@ def check(
         for remark in posture_remarks(folder.trials):
             console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
         light = replace(folder, trials=())  # what a process needs besides its trial
-        found = dict(run(_understood, [(light, trial) for trial in folder.trials], "checking", jobs))
+        found = dict(run(understood_trial, [(light, trial) for trial in folder.trials], "checking", jobs))
         rows += [found[i] for i in range(len(found))]
     elif len(paths) == 1:
         recording = Recording.read(path, layout=_layout(study, columns))  # unreadable: one sentence
@@ -93,16 +93,6 @@ def check(
         raise RecordingError(
             wrong[0]["problem"].rstrip(".") + (f" (and {len(wrong) - 1} more)." if len(wrong) > 1 else ".")
         )
-
-
-def _understood(task: tuple[StudyFolder, Trial]) -> dict[str, Any]:
-    """What was understood of one trial of a study, and whose it is."""
-    folder, trial = task
-    try:
-        row = understood(folder.read(trial))
-    except FasError as error:
-        row = {"file": trial.label, "problem": str(error)}
-    return row | {"subject": trial.condition.subject}
 
 
 def _by_subject(rows: list[dict[str, Any]]) -> None:

@@ -5,8 +5,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
-from fasbody.exceptions import InputFileError
+from fasbody.exceptions import FasError, InputFileError
 from fasbody.recording.channels import Layout
 from fasbody.recording.checks import Checked, understood
 from fasbody.recording.recording import Recording
@@ -92,6 +93,16 @@ class Study:
         """Open a study folder as `StudyFolder.open` does, and read every recording it lists."""
         study = StudyFolder.open(folder, only)
         return cls(study.name, study.origin, study.description, tuple(study.read(trial) for trial in study.trials))
+
+
+def understood_trial(task: tuple[StudyFolder, Trial]) -> dict[str, Any]:
+    """What was understood of one trial of a study, and whose it is; a task of a process."""
+    folder, trial = task
+    try:
+        row = understood(folder.read(trial))
+    except FasError as error:
+        row = {"file": trial.label, "problem": str(error)}
+    return row | {"subject": trial.condition.subject}
 
 
 def bundled() -> Study:
