@@ -1,4 +1,4 @@
-"""Mutated files for every reader: `python benchmarks/fuzz_readers.py 2000`.
+"""Mutated files for every reader: `python benchmarks/fuzz_readers.py 2000`, or of some endings, `... 2000 c3d xlsx`.
 
 Each file is a sound recording with bytes flipped, blocks cut, repeated, or replaced by extreme numbers, or the file of
 another format under the wrong name. A reader must answer with a recording or with an InputFileError, within its time
@@ -22,6 +22,7 @@ import numpy as np
 
 from fasbody.exceptions import FasError
 from fasbody.recording import files
+from fasbody.recording.channels import Channel, Layout
 
 ENDINGS: tuple[str, ...] = (
     "csv",
@@ -35,6 +36,8 @@ ENDINGS: tuple[str, ...] = (
     "lvm",
     "csv.gz",
     "tdms.gz",
+    "nc",
+    "npz",
 )
 #: Formats whose libraries may be missing.
 ENDINGS += tuple(
@@ -42,6 +45,8 @@ ENDINGS += tuple(
     for ending, library in {"xlsx": "openpyxl", "wav": "soundfile", "flac": "soundfile", "c3d": "ezc3d"}.items()
     if find_spec(library)
 )
+#: What a sound file does not say of itself.
+_SOUND = Layout({name: Channel(f"channel_{i}", "m/s^2") for i, name in enumerate(("base", "malleolus"), 1)})
 _EXTREMES = (
     b"\x00" * 8,
     b"\xff" * 8,
@@ -82,7 +87,9 @@ def sound(samples: int = 200) -> dict[str, bytes]:
     ]
     made |= {"lvm": "\n".join([*head, *rows, ""]).encode(), "logger.csv": logger.encode("latin-1")}
     return made | {
-        ending: _read_only(ending, channels) for ending in ENDINGS if ending in ("xlsx", "wav", "flac", "c3d")
+        ending: _read_only(ending, channels)
+        for ending in ENDINGS
+        if ending in ("xlsx", "wav", "flac", "c3d", "nc", "npz")
     }
 
 
@@ -90,6 +97,18 @@ def _read_only(ending: str, channels: dict[str, np.ndarray]) -> bytes:
     """A recording in a format that only its own library writes."""
     file = BytesIO()
     table = np.column_stack(list(channels.values()))
+    if ending == "npz":
+        np.savez_compressed(file, allow_pickle=False, **channels)
+        return file.getvalue()
+    if ending == "nc":
+        from scipy.io import netcdf_file
+
+        with netcdf_file(file, "w") as out:
+            out.createDimension("time", table.shape[0])
+            for name, values in channels.items():
+                out.createVariable(name, "f8", ("time",))[:] = values
+            out.flush()
+            return file.getvalue()
     if ending == "xlsx":
         import openpyxl
 
@@ -158,14 +177,18 @@ def fuzz(ending: str, count: int, seed: int = 0, advance: Callable[[], None] = l
             file.write_bytes(mutated(intact[ending], list(intact.values()), rng))
             start = time.monotonic()
             try:
-                channels = files.read(file)
+                channels = files.read(file, _SOUND if ending in ("wav", "flac") else None)
                 assert {"time_s", "base_m_s2", "malleolus_m_s2"} <= set(channels)
                 seen["read"] += 1
             except FasError as error:
                 text = str(error)
                 assert text.count("\n") == 0 and text.startswith(str(file)), text
                 seen[
-                    "process ended" if "breaks its reader" in text else "too slow" if "within" in text else "refused"
+                    "process ended"
+                    if "breaks its reader" in text or "of computing" in text
+                    else "too slow"
+                    if "within" in text
+                    else "refused"
                 ] += 1
             seen["slowest, ms"] = max(seen["slowest, ms"], round(1000 * (time.monotonic() - start)))
             advance()
@@ -178,7 +201,7 @@ def main() -> None:
     from fasbody.recording.formats import reader
 
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
-    for ending in ENDINGS:
+    for ending in sys.argv[2:] or ENDINGS:
         with progress_bar() as progress:
             bar = progress.add_task(ending, total=count)
             seen = fuzz(ending, count, advance=partial(progress.advance, bar))

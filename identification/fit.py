@@ -33,6 +33,9 @@ def main(
     added_mass: Annotated[
         list[float] | None, typer.Option(help="mass on the knee in kg, for bare files; once, or once a file")
     ] = None,
+    study: Annotated[
+        Path | None, typer.Option("--study", help="study.toml that maps channels, units and sensitivities of files")
+    ] = None,
     free: Annotated[
         str | None, typer.Option(help="parameters to estimate, e.g. k_T,k_F,c_11,c_21 (default: all)")
     ] = None,
@@ -67,6 +70,8 @@ def main(
 
       python -m identification.fit 20hz.csv 30hz.csv --body-mass 72.5 --added-mass 2.3
 
+      python -m identification.fit 20hz.tdms 30hz.tdms --study study.toml --body-mass 72.5
+
       python -m identification.fit my_study --exclude mount,rocking --mass-std 0.03
 
       python -m identification.fit my_study --sensors malleolus,foot
@@ -79,7 +84,7 @@ def main(
     from identification.estimate import Settings, fit_foot
     from identification.space import limits, names
 
-    source, recordings, truth = gather(data or [BUNDLED], body_mass, added_mass)
+    source, recordings, truth = gather(data or [BUNDLED], body_mass, added_mass, study)
     settings = Settings(
         free=names(free), bounds=limits(bounds), starts=starts, seed=seed, domain=domain, mass_std=mass_std,
         gain_std=gain_std, delay_std_s=delay_std, exclude=names(exclude) or (), sensors=names(sensors),
@@ -117,14 +122,19 @@ def _typed() -> str:
 
 
 def gather(
-    data: Sequence[Path], body_mass: Sequence[float] | None, added_mass: Sequence[float] | None
+    data: Sequence[Path],
+    body_mass: Sequence[float] | None,
+    added_mass: Sequence[float] | None,
+    mapping: Path | None = None,
 ) -> tuple[str, list[Recording], dict[str, float]]:
     """Recordings of study folders and files, with masses from the command line, and the truth of a synthetic study.
 
     Raises:
         InputFileError: nothing of that name, or it cannot be read.
-        SettingError: several masses, and not one for each of the files.
+        SettingError: several masses, and not one for each of the files; or a study.toml for a folder with its own.
     """
+    if mapping is not None and any(path.is_dir() for path in data):
+        raise SettingError("--study is for files; a study folder has a study.toml of its own.")
     bodies, loads = _each(data, body_mass, "--body-mass"), _each(data, added_mass, "--added-mass")
     sources: list[str] = []
     recordings: list[Recording] = []
@@ -137,7 +147,7 @@ def gather(
             truth = read_truth(path) if len(data) == 1 else {}
         elif path.exists():
             sources.append(path.name)
-            recordings.append(with_masses(read_file(path), body, load))
+            recordings.append(with_masses(read_file(path, mapping), body, load))
         else:
             raise InputFileError(path, "no such file or folder", "give a study folder or CSV recordings")
     named = ", ".join(sources[:3]) + (f" and {len(sources) - 3} more" if len(sources) > 3 else "")

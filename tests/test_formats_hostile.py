@@ -2,6 +2,8 @@
 
 import os
 import pickle
+import signal
+import subprocess
 import sys
 import zlib
 from pathlib import Path
@@ -126,6 +128,13 @@ def test_a_reader_that_hangs_or_dies_is_replaced(tmp_path: Path, monkeypatch: py
     reader._child.process.kill()
     reader._child.process.wait()
     assert Recording.read(tmp_path / "r.h5").time_s.size == 200
+
+
+def test_a_reader_that_computes_too_long_is_ended() -> None:
+    """The system ends it, whatever loop of a library it is in; how it ended can be told from a crash."""
+    loop = "from fasbody.recording.formats.reader import allow; allow(0)\nwhile True: pass"
+    ended = subprocess.run([sys.executable, "-c", loop], timeout=60)
+    assert ended.returncode == -signal.SIGXCPU
 
 
 def test_missing_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -128,7 +128,7 @@ def test_a_delay_longer_than_a_tenth_of_the_recording_is_refused(folder: Path) -
             "[chanels.base]\nsign = 1\n",
             r"unknown table 'chanels', did you mean 'channels'\? \(valid: study, c",
         ),
-        ("study.toml", "name = 'x'\n", r"unknown table 'name' \(valid: study, channels, known\)"),
+        ("study.toml", "name = 'x'\n", r"unknown table 'name' \(valid: study, channels, known, layouts\)"),
         (
             "study.toml",
             "[study]\nsampling_rat_hz = 9\n",

@@ -7,15 +7,19 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from fasbody.console import command_line, console, print_json, progress_bar, results, to_json, write_whole
+from fasbody.console import command_line, console, print_json, results, to_json, write_whole
 from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError, unknown
 from fasbody.recording.channels import Layout
 from fasbody.recording.checks import QUALITIES, checked, quality_cells, understood, verdict
 from fasbody.recording.files import read_one
 from fasbody.recording.proposal import TABLES, propose
 from fasbody.recording.recording import Recording
-from fasbody.recording.study import StudyFolder
+from fasbody.recording.study import StudyFolder, understood_trial
 from fasbody.recording.trials import describe, posture_remarks
+from fasbody.runner import run
+
+#: Of more recordings only those are listed that are not sound.
+_MANY = 100
 
 app: typer.Typer = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
 
@@ -42,6 +46,7 @@ def check(
     study: _Study = None,
     columns: _Columns = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+    jobs: Annotated[int, typer.Option(help="processes for a study; 0 for all cores")] = 0,
 ) -> None:
     """Tell what was understood of a recording or a study, and what is wrong with it.
 
@@ -65,13 +70,9 @@ def check(
         folder = StudyFolder.open(path)
         for remark in posture_remarks(folder.trials):
             console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
-        with progress_bar() as progress:
-            for trial in progress.track(folder.trials, description="checking"):
-                try:
-                    rows.append(understood(folder.read(trial)))
-                except FasError as error:
-                    rows.append({"file": trial.label, "problem": str(error)})
-                rows[-1]["subject"] = trial.condition.subject
+        light = replace(folder, trials=())  # what a process needs besides its trial
+        found = dict(run(understood_trial, [(light, trial) for trial in folder.trials], "checking", jobs))
+        rows += [found[i] for i in range(len(found))]
     elif len(paths) == 1:
         recording = Recording.read(path, layout=_layout(study, columns))  # unreadable: one sentence
         rows.append(understood(recording))
@@ -274,7 +275,8 @@ def _show(rows: list[dict[str, Any]]) -> None:
     colours = {"unusable": "red", "usable, see below": "yellow", "sound": "default"}
     heads = ("file", "samples", "rate [Hz]", "excitation [Hz]", "rms [m/s²]", *QUALITIES, "verdict")
     table = Table(*map(escape, heads))
-    for row in rows:
+    listed = [row for row in rows if len(rows) <= _MANY or verdict(row) != "sound"]
+    for row in listed:
         found = row.get("frequency_hz")
         table.add_row(
             escape(row["file"]),
@@ -285,7 +287,10 @@ def _show(rows: list[dict[str, Any]]) -> None:
             *quality_cells(row),
             f"[{colours[verdict(row)]}]{verdict(row)}[/]",
         )
-    results.print(table)
+    if listed:
+        results.print(table)
+    if len(listed) < len(rows):
+        results.print(f"{len(rows) - len(listed)} more recordings are sound (--json lists them).", markup=False)
     for row in rows:
         for text in row.get("warnings", []):
             console.print(text, markup=False, soft_wrap=True)

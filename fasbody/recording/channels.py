@@ -5,7 +5,7 @@ Which column of a file is which channel, and what turns its numbers into m/s^2: 
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -18,12 +18,15 @@ from fasbody.recording.known import Known
 _G = 9.80665
 #: Units that a CSV header or a board may carry behind a channel's name, and what they are in SI.
 UNITS = {"m_s2": 1.0, "g": _G, "mg": 1e-3 * _G, "mm_s2": 1e-3, "cm_s2": 1e-2}
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+TIME_UNITS = {
+    "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "sec": 1.0, "second": 1.0, "seconds": 1.0, "msec": 1e-3,
+}  # fmt: skip
 #: Those and what else instruments write into their files.
 ACCELERATIONS = UNITS | {
-    "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "m/s/s": 1.0, "gn": _G, "mm/s^2": 1e-3, "cm/s^2": 1e-2,
+    "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "m/s/s": 1.0, "m s-2": 1.0, "m s^-2": 1.0, "m*s^-2": 1.0,
+    "gn": _G, "mm/s^2": 1e-3, "mm/s2": 1e-3, "mm/s²": 1e-3, "cm/s^2": 1e-2, "cm/s2": 1e-2, "cm/s²": 1e-2,
 }  # fmt: skip
-VOLTAGES = {"v": 1.0, "mv": 1e-3}
+VOLTAGES = {"v": 1.0, "mv": 1e-3, "volt": 1.0, "volts": 1.0}
 KNOWN_UNITS = frozenset(ACCELERATIONS | VOLTAGES | TIME_UNITS)
 _SENSITIVITY = re.compile(
     r"\s*([-+.\deE]+)\s*(m?V)\s*/\s*(?P<open>\()?\s*(g|m\s*/\s*s(?:(?:\^|\*\*)?2|²))\s*(?(open)\))\s*", re.IGNORECASE
@@ -113,6 +116,7 @@ class Layout:
         rate_hz: sampling rate of files that have no time.
         columns: names of the columns of text files without a header. units: of those columns, if known apart.
         beyond: what the laboratory knows beyond the recordings.
+        apart: patterns of file names, and the layout of the files that fit one.
     """
 
     channels: Mapping[str, Channel] = field(default_factory=dict)
@@ -120,6 +124,19 @@ class Layout:
     columns: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     beyond: Known = field(default_factory=Known)
+    apart: tuple[tuple[str, "Layout"], ...] = field(default=(), repr=False)
+
+    def of(self, file: Path) -> "Layout":
+        """The layout of one file: that of the pattern that its name fits, else this one.
+
+        Raises:
+            InputFileError: it fits patterns of two layouts.
+        """
+        fitting = [(pattern, layout) for pattern, layout in self.apart if file.match(pattern)]
+        if any(layout is not fitting[0][1] for _, layout in fitting):
+            listed = " and ".join(pattern for pattern, _ in fitting)
+            raise InputFileError(file, f"fits two layouts of study.toml ({listed})", "make their patterns exclusive")
+        return fitting[0][1] if fitting else replace(self, apart=())
 
     @classmethod
     def from_toml(

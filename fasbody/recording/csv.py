@@ -34,6 +34,8 @@ _BINARY = re.compile(r"[\x00-\x08\x0e-\x1f]")
 _MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 #: Columns that a recording itself has.
 _OWN = ("time", "time_s", *(f"{name}_m_s2" for name in NAMES))
+#: A time of the day, with or without its date before it.
+_STAMP = re.compile(r"(?:[\d./-]{8,10}[T ]+)?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d)?")
 _QUOTE = "opens a quotation mark that nothing closes"
 
 
@@ -177,7 +179,7 @@ def read_csv(file: Path, layout: Layout | None = None) -> Channels:
     line, separator, names = header(text, layout.known)
     if not any(names):
         raise InputFileError(file, "is empty", "the first line must be time_s,base_m_s2,malleolus_m_s2")
-    headless = not layout.known(names) and all(numeric(cell) for cell in names if cell)
+    headless = not layout.known(names) and all(numeric(cell) or _STAMP.fullmatch(cell) for cell in names if cell)
     if headless and not layout.columns:
         raise InputFileError(
             file, "has no header line",
@@ -196,7 +198,12 @@ def read_csv(file: Path, layout: Layout | None = None) -> Channels:
     else:
         units = _units(text, line, separator, names)
         first = line + (units is not None)
-    wanted = layout.find(file, names, units or [""] * len(names), line=line or 1)
+    told = units or [""] * len(names)
+    stamped = [_STAMP.fullmatch(cell) for cell in _row(text, first, separator)]
+    told = ["s" if i < len(stamped) and stamped[i] else unit for i, unit in enumerate(told)]
+    wanted = layout.find(file, names, told, line=line or 1)
+    clock = "time_s" in wanted and bool(stamped[wanted["time_s"][0] :] and stamped[wanted["time_s"][0]])
+    times = {"time_s": _seconds(file, text, separator, wanted.pop("time_s")[0], first)} if clock else {}
     places = {name: index for name, (index, _) in wanted.items()}
     own = {name: at for name, at in places.items() if name in _OWN or name.removesuffix("_m_s2") in layout.channels}
     try:
@@ -206,7 +213,7 @@ def read_csv(file: Path, layout: Layout | None = None) -> Channels:
             raise
         columns = _numbers(file, text, separator, names, own, first)  # others may hold what they want
         wanted = {name: wanted[name] for name in own}
-    channels = {name: columns[name] * factor for name, (_, factor) in wanted.items()}
+    channels = times | {name: columns[name] * factor for name, (_, factor) in wanted.items()}
     return layout.timed(file, channels)
 
 
@@ -272,6 +279,20 @@ def _numbers(
         kept.append([_cell(file, name, cells, index, line) for name, index in wanted.items()])
     table = np.array(kept, float).reshape(-1, len(wanted))
     return dict(zip(wanted, table.T, strict=True))
+
+
+def _seconds(file: Path, text: str, separator: str, index: int, first: int) -> np.ndarray:
+    """A column of times of the day (n,) [s]; a recording may pass midnight."""
+    found = []
+    for line, cells in rows(file, text, separator, first):
+        cell = cells[index] if index < len(cells) else ""
+        stamp = _STAMP.fullmatch(cell)
+        if stamp is None:
+            raise InputFileError(file, f"time is {shown(cell)!r}, not a time of the day as above it", line=line)
+        found.append(3600 * int(stamp[1]) + 60 * int(stamp[2]) + float(stamp[3].replace(",", ".")))
+    times = np.array(found)
+    passed = np.concatenate([[0], np.cumsum(np.diff(times) < -43_200)]) if times.size else times
+    return times + 86_400 * passed
 
 
 def _no_wider(file: Path, text: str, separator: str, width: int, first: int) -> None:

@@ -34,7 +34,7 @@ def read(file: Path, layout: Layout | None = None) -> Channels:
     Raises:
         InputFileError: what is wrong with the file, in one sentence.
     """
-    layout = layout or Layout()
+    layout = (layout or Layout()).of(file)
     end = ending(file)
     if end in TEXTS:
         layout = beside(file, layout)
@@ -76,7 +76,7 @@ def read_one(file: Path, channel: str, layout: Layout | None = None, named: str 
     Raises:
         InputFileError: as `read`.
     """
-    layout = layout or Layout()
+    layout = (layout or Layout()).of(file)
     told = layout.channels.get(channel, Channel())
     column = named or told.column or _named_like(file, channel, layout)
     both = {name: replace(told, column=column) for name in ("base", "malleolus")}

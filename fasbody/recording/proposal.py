@@ -9,13 +9,14 @@ from pathlib import Path
 
 from fasbody.console import write_whole
 from fasbody.exceptions import FasError, InputFileError, SettingError, unknown
-from fasbody.recording.channels import KNOWN_UNITS, NAMES, TIME_UNITS, Layout, heading, name_and_unit
+from fasbody.recording.channels import KNOWN_UNITS, NAMES, TIME_UNITS, VOLTAGES, Layout, heading, name_and_unit
 from fasbody.recording.condition import POSTURES
 from fasbody.recording.csv import headings
 from fasbody.recording.files import TEXTS, beside
 from fasbody.recording.formats import READ, ending
 from fasbody.recording.formats.reader import read_series
 from fasbody.recording.recording import Recording
+from fasbody.recording.trials import parsed
 
 #: What a pattern of file names may hold; {any} is what says nothing.
 FIELDS = ("subject", "posture", "load", "frequency", "any")
@@ -179,13 +180,25 @@ def _plain(number: str) -> str:
 def _toml(folder: Path, kinds: Sequence[Path], missing: list[str]) -> str:
     """The text of study.toml from one file of each kind; what it cannot say is added to `missing`."""
     lines = ["[study]", f"name = {json.dumps(folder.resolve().name)}", 'origin = "measured"  # or "synthetic"']
-    first = kinds[0]
-    if len(kinds) > 1:
-        missing.append(f"study.toml: files of {len(kinds)} kinds, proposed from {first.name}; check one of each")
-    names, units, rate = _columns(first)
+    for file in kinds:
+        layout = "" if file is kinds[0] else f"layouts.{ending(file)[1:]}."
+        if layout:
+            packed = [json.dumps(f"*{ending(file)}{end}") for end in ("", ".gz")]
+            lines += ["", f"[{layout[:-1]}]  # the files that are otherwise", f"files = [{', '.join(packed)}]"]
+        lines += _of_one(file, layout, missing)
+    if not missing:
+        for file in kinds:
+            missing += _unread(folder, file, "\n".join(lines))
+    return "\n".join(lines) + "\n"
+
+
+def _of_one(file: Path, layout: str, missing: list[str]) -> list[str]:
+    """The lines of one file's rate, columns and channels. `layout` stands before the names of its tables."""
+    lines: list[str] = []
+    names, units, rate = _columns(file)
     if not names:
         lines.append('# columns = ["time_s", "base_g", ...]  # of files without a header')
-        missing.append(f"study.toml: columns, for {first.name} has no header")
+        missing.append(f"study.toml: columns, for {file.name} has no header")
     has_time = any(name_and_unit(name)[0] == "time" for name in names)
     if rate is None and not has_time:
         lines.append("# sampling_rate_hz = 1000  # needed: the files have neither time nor rate")
@@ -193,32 +206,30 @@ def _toml(folder: Path, kinds: Sequence[Path], missing: list[str]) -> str:
     if rate is None and has_time:
         time, unit = next((n, u) for n, u in zip(names, units, strict=True) if name_and_unit(n)[0] == "time")
         if not {unit.lower(), name_and_unit(time)[1]} & TIME_UNITS.keys():
-            lines += ["", "[channels.time]", '# unit = "s"  # or ms, us: the heading does not say']
-            missing.append(f"study.toml: channels.time.unit, for {time!r} does not say")
-    lines += ["", f"# Columns of {first.name}: {', '.join(names) or 'unnamed'}"]
+            lines += ["", f"[{layout}channels.time]", '# unit = "s"  # or ms, us: the heading does not say']
+            missing.append(f"study.toml: {layout}channels.time.unit, for {time!r} does not say")
+    lines += ["", f"# Columns of {file.name}: {', '.join(names) or 'unnamed'}"]
     for channel in NAMES:
         column = _column(channel, names)
         if column is None and channel == "tuberosity":
             continue
-        lines.append(f"[channels.{channel}]")
+        lines.append(f"[{layout}channels.{channel}]")
         if column is None:
             lines.append('# column = "..."  # needed: one of the columns above')
-            missing.append(f"study.toml: channels.{channel}.column")
+            missing.append(f"study.toml: {layout}channels.{channel}.column")
             continue
         name, unit = names[column], units[column]
         if name_and_unit(name)[0] != channel:
-            lines.append(f"column = {json.dumps(name)}")
+            lines.append(f"column = {json.dumps(name, ensure_ascii=False)}")
         claimed = unit or name_and_unit(name)[1] or heading(name)[1]
-        if claimed.lower() in ("v", "mv"):
+        if claimed.lower() in VOLTAGES:
             lines.append('# sensitivity = "100 mV/g"  # needed: the column is in volts')
-            missing.append(f"study.toml: channels.{channel}.sensitivity, for {name!r} is in {claimed}")
+            missing.append(f"study.toml: {layout}channels.{channel}.sensitivity, for {name!r} is in {claimed}")
         elif claimed.lower() not in KNOWN_UNITS:
             lines.append('# unit = "m/s^2"  # needed, or g, mg, V ...: the file does not say')
-            missing.append(f"study.toml: channels.{channel}.unit, for {name!r} does not say")
+            missing.append(f"study.toml: {layout}channels.{channel}.unit, for {name!r} does not say")
         lines.append("# sign = -1, delay_s = 0.0, gain_std = 0.0, delay_std_s = 0.0  # one a line, if known")
-    if not missing:
-        missing += _unread(folder, first, "\n".join(lines))
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def _columns(file: Path) -> tuple[list[str], list[str], float | None]:
@@ -240,11 +251,8 @@ def _column(channel: str, names: Sequence[str]) -> int | None:
 
 def _unread(folder: Path, file: Path, toml: str) -> list[str]:
     """Why a file cannot be read as proposed, if so."""
-    import tomllib
-
-    document = tomllib.loads(toml)
     try:
-        Recording.read(file, layout=Layout.from_toml(folder / "study.toml", document.get("channels", {})))
+        Recording.read(file, layout=parsed(folder / "study.toml", toml)[1])
     except FasError as error:
         return [f"study.toml: {error}".rstrip(".")]
     return []

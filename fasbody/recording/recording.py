@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -113,6 +114,44 @@ class Recording:
         return cls(*own, condition=condition, file=name, origin=origin, others=rest)
 
     @classmethod
+    def from_table(cls, table: Any, layout: Layout | None = None, **about: Any) -> "Recording":
+        """A recording of a whole table: pandas' DataFrame, xarray's Dataset, or a mapping of names to arrays.
+
+        Columns are found as in a file: ``time_s``, ``base_m_s2``, ``malleolus [g]``. A unit may also stand in
+        ``attrs["units"]``, of a DataFrame by column. An index that has a name, or a coordinate, is a column, too.
+
+        Args:
+            table: the table. layout: what its columns are, if their names do not say so. about: as `from_arrays`.
+
+        Raises:
+            InputFileError: a channel or its unit is missing. RecordingError: as `from_arrays`.
+        """
+        name = str(about.setdefault("name", "table"))
+        index = getattr(table, "index", None)
+        table = table.reset_index() if getattr(index, "name", None) is not None else table
+        columns = {str(column): table[column] for column in (*getattr(table, "coords", ()), *table)}
+        said = getattr(table, "attrs", {}).get("units", {})
+        own = [getattr(values, "attrs", {}).get("units") for values in columns.values()]
+        units = [
+            one if isinstance(one, str) else said.get(column, "") if isinstance(said, dict) else ""
+            for column, one in zip(columns, own, strict=True)
+        ]
+        arrays = [np.asarray(values) for values in columns.values()]
+        dated = [values.dtype.kind in "mM" for values in arrays]
+        units = ["s" if date else str(unit) for date, unit in zip(dated, units, strict=True)]
+        layout, file = layout or Layout(), Path(name)
+        sizes = [values.size for values in arrays]
+        wanted = layout.find(file, list(columns), units, None, (), sizes, clocked=layout.rate_hz is not None)
+        rows = {
+            key: _seconds(arrays[i], name) if dated[i] else factor * arrays[i] for key, (i, factor) in wanted.items()
+        }
+        rows = layout.aligned(file, layout.timed(file, rows))
+        others = {key.removesuffix("_m_s2"): values for key, values in rows.items() if key not in HEADER}
+        time, base, malleolus = (rows[key] for key in HEADER[:3])
+        made = cls.from_arrays(time, base, malleolus, rows.get(HEADER[3]), others=others, **about)
+        return replace(made, calibration=layout.channels, known=layout.beyond)
+
+    @classmethod
     def read(
         cls,
         file: Path | str,
@@ -133,6 +172,7 @@ class Recording:
         Raises:
             InputFileError: no such file, or it is not such a table; the message names line and column.
         """
+        layout = layout.of(Path(file)) if layout else None
         channels = files.read(Path(file), layout)
         return cls(
             time_s=channels[HEADER[0]],

@@ -5,8 +5,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
-from fasbody.exceptions import InputFileError
+from fasbody.exceptions import FasError, InputFileError
 from fasbody.recording.channels import Layout
 from fasbody.recording.checks import Checked, understood
 from fasbody.recording.recording import Recording
@@ -94,6 +95,16 @@ class Study:
         return cls(study.name, study.origin, study.description, tuple(study.read(trial) for trial in study.trials))
 
 
+def understood_trial(task: tuple[StudyFolder, Trial]) -> dict[str, Any]:
+    """What was understood of one trial of a study, and whose it is; a task of a process."""
+    folder, trial = task
+    try:
+        row = understood(folder.read(trial))
+    except FasError as error:
+        row = {"file": trial.label, "problem": str(error)}
+    return row | {"subject": trial.condition.subject}
+
+
 def bundled() -> Study:
     """The study that ships with the package (`BUNDLED`)."""
     return Study.read(BUNDLED)
@@ -119,12 +130,17 @@ def read_truth(folder: Path) -> dict[str, float]:
         raise InputFileError(file, "is not the truth.json of a synthetic study", "make it anew or delete it") from None
 
 
-def read_file(file: Path) -> Recording:
+def read_file(file: Path, study: Path | None = None) -> Recording:
     """A recording with its conditions where it lies in a study that lists it, else as a bare file.
+
+    Args:
+        file: the recording. study: study.toml that says what its channels are, if it lies in no study.
 
     Raises:
         InputFileError: it, or the study around it, cannot be read.
     """
+    if study is not None:
+        return Recording.read(file, layout=describe(study)[1])
     for folder in file.resolve().parents[:2]:
         if is_listed(file, folder):
             return Study.read(folder, only=file).recordings[0]

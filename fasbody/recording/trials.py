@@ -6,7 +6,7 @@ What a study folder lists: one trial a row of recordings.csv, with its condition
 import tomllib
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,10 +31,22 @@ def describe(file: Path) -> tuple[dict[str, str], Layout]:
     if not file.is_file():
         raise InputFileError(file, "no such file", "a study folder needs study.toml, subjects.csv and recordings.csv")
     try:
-        document = tomllib.loads(file.read_text("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        return parsed(file, file.read_text("utf-8"))
+    except UnicodeDecodeError as error:
         raise InputFileError(file, f"is not TOML ({error})") from None
-    _known(file, document, "table", ("study", "channels", "known"))
+
+
+def parsed(file: Path, text: str) -> tuple[dict[str, str], Layout]:
+    """The same of a study.toml's text, whether it is written yet or not.
+
+    Raises:
+        InputFileError: not TOML, or a table, key or value that does not exist.
+    """
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputFileError(file, f"is not TOML ({error})") from None
+    _known(file, document, "table", ("study", "channels", "known", "layouts"))
     given, channels = _table(file, document, "study"), _table(file, document, "channels")
     _known(file, given, "key of [study]", _KEYS)
     about = {"name": file.parent.resolve().name, "origin": "measured", "description": ""}
@@ -42,7 +54,30 @@ def describe(file: Path) -> tuple[dict[str, str], Layout]:
     if about["origin"] not in ("measured", "synthetic"):
         raise InputFileError(file, f"origin is {about['origin']!r}", 'valid: "measured", "synthetic"')
     rate, columns = given.get("sampling_rate_hz"), given.get("columns", ())
-    return about, Layout.from_toml(file, channels, rate, columns, _table(file, document, "known"))
+    known, apart = _table(file, document, "known"), list[tuple[str, Layout]]()
+    for name, table in _table(file, document, "layouts").items():
+        patterns, own = _apart(file, name, table)
+        told = (table.get("sampling_rate_hz", rate), table.get("columns", columns), known)
+        layout = Layout.from_toml(file, {**channels, **own}, *told)
+        apart += [(pattern, layout) for pattern in patterns]
+    return about, replace(Layout.from_toml(file, channels, rate, columns, known), apart=tuple(apart))
+
+
+def _apart(file: Path, name: str, table: Any) -> tuple[list[str], dict[str, Any]]:
+    """The patterns of file names of one [layouts.*] table, and its channels.
+
+    Raises:
+        InputFileError: it has no such patterns, or a key that does not exist.
+    """
+    if not isinstance(table, dict):
+        raise InputFileError(file, f"layouts.{name} is {table!r}", f"it must be a table, [layouts.{name}]")
+    _known(file, table, f"key of [layouts.{name}]", ("files", "sampling_rate_hz", "columns", "channels"))
+    files = table.get("files")
+    patterns = [files] if isinstance(files, str) else files
+    if not (isinstance(patterns, list) and patterns and all(isinstance(p, str) and p.strip() for p in patterns)):
+        hint = 'valid: a pattern of file names, or several: files = ["*_phone.csv"]'
+        raise InputFileError(file, f"layouts.{name}.files = {files!r}", hint)
+    return patterns, _table(file, table, "channels")
 
 
 _KEYS = ("name", "origin", "description", "sampling_rate_hz", "columns")

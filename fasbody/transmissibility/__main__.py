@@ -21,7 +21,10 @@ _ENDINGS = ("svg", "png", "pdf")
 
 @app.command()
 def main(
-    study: Annotated[Path, typer.Argument(help="study folder, or one recording")],
+    data: Annotated[list[Path], typer.Argument(metavar="STUDY|FILES...", help="study folder, or recordings")],
+    study: Annotated[
+        Path | None, typer.Option("--study", help="study.toml that maps channels, units and sensitivities of files")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="folder for tables and figures (default results/NAME)")] = None,
     json_: Annotated[
         bool, typer.Option("--json", help="print one JSON document on stdout; files only with --out")
@@ -47,6 +50,8 @@ def main(
       python -m fasbody.transmissibility my_study --model "group * added_mass_kg + age_yr"
 
       python -m fasbody.transmissibility 20hz.csv --json
+
+      python -m fasbody.transmissibility 20hz.tdms 30hz.tdms --study study.toml
     """
     from fasbody.transmissibility.table import Table
 
@@ -54,10 +59,13 @@ def main(
         raise SettingError(f"figures cannot be {figure_format!r} (valid: {', '.join(_ENDINGS)}).")
     if not 0.05 <= resolution <= 20:
         raise SettingError(f"--resolution {resolution:g} makes no curve (valid: 0.05 to 20 Hz).")
-    if model is not None and not study.is_dir():
+    path = data[0]
+    if any(p.is_dir() for p in data) and (len(data) > 1 or study is not None):
+        raise SettingError("give one study folder, which has a study.toml of its own, or recordings.")
+    if model is not None and not path.is_dir():
         raise SettingError("--model needs a study folder, whose subjects.csv has the groups and covariates.")
-    folder = out or (None if json_ else Path("results") / study.resolve().stem)
-    opened = StudyFolder.open(study) if study.is_dir() else read_file(study)
+    folder = out or (None if json_ else Path("results") / path.resolve().stem)
+    opened = StudyFolder.open(path) if path.is_dir() else [read_file(p, study) for p in data]
     if folder is not None:
         make_folder(folder)  # before the work: a folder that cannot be written costs no time
     if isinstance(opened, StudyFolder):
@@ -65,7 +73,7 @@ def main(
             console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
         table = Table.of(opened, resolution, jobs, estimate)
     else:
-        table = Table.of_recordings([opened], resolution, estimate)
+        table = Table.of_recordings(opened, resolution, estimate)
     if json_:
         print_json(table.frame.to_dict("records"))
     else:
@@ -78,7 +86,7 @@ def main(
         if model is not None:
             from fasbody.transmissibility.comparisons import mixed
 
-            terms = mixed(table, people(study), model).to_csv(index=False, float_format="%.6g")
+            terms = mixed(table, people(path), model).to_csv(index=False, float_format="%.6g")
             write_whole(folder / "mixed.csv", terms)
         console.print(f"tables and figures in [bold]{escape(str(folder))}[/]", soft_wrap=True)
     for problem in table.problems:

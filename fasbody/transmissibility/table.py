@@ -12,7 +12,7 @@ import pandas as pd
 
 from fasbody.exceptions import FasError, RecordingError
 from fasbody.presentation import Presented, Sheet
-from fasbody.recording.channels import Channel
+from fasbody.recording.channels import Channel, Layout
 from fasbody.recording.condition import POSTURES
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study, StudyFolder
@@ -117,7 +117,7 @@ class Table(Presented):
         problems = tuple(part for part in ordered if isinstance(part, str))
         if not lines:
             raise RecordingError(problems[0])
-        return cls(_common_band(pd.DataFrame(lines)), study.origin, problems, covered(study.layout.channels))
+        return cls(_common_band(pd.DataFrame(lines)), study.origin, problems, covered(_stated(study.layout)))
 
     @classmethod
     def of_recordings(
@@ -252,6 +252,11 @@ def _common_band(frame: pd.DataFrame) -> pd.DataFrame:
     if not low < high:  # no broadband recordings, or none in common
         return frame
     return frame[~wide | frame["frequency_hz"].between(low, high)].reset_index(drop=True)
+
+
+def _stated(layout: Layout) -> dict[str, Channel]:
+    """The channels of a study, of all its layouts."""
+    return {name: c for one in (layout, *(other for _, other in layout.apart)) for name, c in one.channels.items()}
 
 
 def covered(channels: Mapping[str, Channel]) -> str:

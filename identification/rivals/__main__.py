@@ -30,6 +30,9 @@ def main(
     added_mass: Annotated[
         list[float] | None, typer.Option(help="mass on the knee in kg, for bare files; once, or once a file")
     ] = None,
+    study: Annotated[
+        Path | None, typer.Option("--study", help="study.toml that maps channels, units and sensitivities of files")
+    ] = None,
     mass_std: Annotated[float | None, typer.Option(help="what the segment masses may be off, as a share")] = None,
     gain_std: Annotated[float | None, typer.Option(help="what the gain may be off, as a share")] = None,
     delay_std: Annotated[float | None, typer.Option(help="what the delay between channels may be, in s")] = None,
@@ -54,7 +57,7 @@ def main(
     from identification.rivals.compare import compare_rivals
     from identification.space import names
 
-    source, recordings, _ = gather(data or [BUNDLED], body_mass, added_mass)
+    source, recordings, _ = gather(data or [BUNDLED], body_mass, added_mass, study)
     foot = load(model)
     for folder in (write_model, out):
         if folder is not None:

@@ -164,7 +164,9 @@ def content(study: StudyFolder, trial: Trial) -> str:
 
     A file that is not there has a digest too: its job fails with a sentence, and has another key once it is there.
     """
-    digest = hashlib.sha256(repr((study.origin, study.layout, sorted(asdict(trial.condition).items()))).encode())
+    digest = hashlib.sha256(
+        repr((study.origin, study.layout.of(trial.path), sorted(asdict(trial.condition).items()))).encode()
+    )
     for file in (trial.path, trial.path.with_suffix(".json")):  # the latter holds acquisition's remarks
         digest.update(file.read_bytes() if file.is_file() else b"-")
         digest.update(b"|")

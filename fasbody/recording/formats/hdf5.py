@@ -42,6 +42,14 @@ def decode(file: Path) -> list[Series]:
         check_size(0, len(datasets))
         base_rate = _rate(source.attrs)
         for name, item in datasets:
+            if _is_table(item):
+                total += item.size * len(item.dtype.names)
+                check_size(total)
+                rows = item[()]
+                numeric = [field for field in item.dtype.names if item.dtype[field].kind in "fiub"]
+                rate = _rate(item.attrs) or base_rate
+                found += [s for field in numeric for s in columns_of(f"{name}/{field}", rows[field], "", rate)]
+                continue
             what = _no_numbers(item)
             if what or name.startswith("#"):
                 found += [] if name.startswith("#") else [passed_over(name, what)]
@@ -56,6 +64,12 @@ def decode(file: Path) -> list[Series]:
             columns = columns_of(name, values, text, _rate(item.attrs) or base_rate)
             found += [replace(s, scaled=scaled, unclear=unclear) for s in columns]
     return with_rate(short(found))
+
+
+def _is_table(item: Any) -> bool:
+    """Whether a dataset has rows with named columns, no complex numbers."""
+    named = item.dtype.names is not None and item.dtype.names != ("real", "imag") and item.shape is not None
+    return named and item.ndim == 1 and not item.external and not item.is_virtual
 
 
 #: Attributes that may be a scale, applied or not; nobody can know.

@@ -12,6 +12,7 @@ import importlib
 import json
 import os
 import select
+import signal
 import subprocess
 import sys
 import tempfile
@@ -28,16 +29,21 @@ from fasbody.exceptions import InputFileError, SettingError
 from fasbody.recording.formats import READ, ending
 from fasbody.recording.formats.series import FormatError, Series, check_size, need
 
-#: Address space of the child [bytes], and the time it may take for one file [s].
+#: Address space of the child [bytes], and the time on the clock that it may take for one file [s].
 MEMORY = 1_000_000_000
 PATIENCE_S = 60.0
+#: Its time of computing for one file [s], and more for each megabyte; a damaged file loops, and a busy machine is slow.
+COMPUTING_S, COMPUTING_S_PER_MB = 5.0, 4.0
 _LARGEST_FILE = 500_000_000
 _child: "_Child | None" = None
 _lock = threading.Lock()
 
 
-def read_series(file: Path, patience_s: float = PATIENCE_S) -> list[Series]:
+def read_series(file: Path, patience_s: float | None = None) -> list[Series]:
     """All numeric columns of a binary file, and by name what else there is.
+
+    Args:
+        file: to read. patience_s: on the clock, None for a minute and more for a large file.
 
     Raises:
         InputFileError: no such file, too large, or not what its ending says.
@@ -48,14 +54,19 @@ def read_series(file: Path, patience_s: float = PATIENCE_S) -> list[Series]:
     if file.stat().st_size > _LARGEST_FILE:
         raise InputFileError(file, f"is larger than {_LARGEST_FILE // 1_000_000} MB", "split it into recordings")
     need(_format(file).LIBRARY)
+    longest = max(PATIENCE_S, 2 * computing_s(file)) if patience_s is None else patience_s
     with _lock:
+        child = _reader()
         try:
-            header, data = _reader().ask(file, patience_s)
+            header, data = child.ask(file, longest)
         except TimeoutError:
             end_child()
-            raise InputFileError(file, f"could not be read within {patience_s:g} s", "the file is broken") from None
+            raise InputFileError(file, f"could not be read within {longest:g} s", "the file is broken") from None
         except (EOFError, OSError, ValueError):
             end_child()
+            if child.process.returncode == -getattr(signal, "SIGXCPU", 0):
+                what = f"could not be read within {computing_s(file)} s of computing"
+                raise InputFileError(file, what, "the file is broken") from None
             raise InputFileError(file, "breaks its reader (it is damaged, or made to do so)") from None
     if "problem" in header:
         raise InputFileError(file, header["problem"])
@@ -67,6 +78,11 @@ def read_series(file: Path, patience_s: float = PATIENCE_S) -> list[Series]:
         Series(values=v, **{key: value for key, value in s.items() if key != "size"})
         for s, v in zip(told, parts, strict=True)
     ]
+
+
+def computing_s(file: Path) -> int:
+    """Seconds of computing that a file may take."""
+    return round(COMPUTING_S + COMPUTING_S_PER_MB * file.stat().st_size / 1e6)
 
 
 def _reader() -> "_Child":
@@ -158,6 +174,8 @@ class _Child:
                 raise TimeoutError
             part = os.read(self.process.stdout.fileno(), min(1 << 20, count - len(got)))
             if not part:
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    self.process.wait(1.0)  # it has ended; how it ended says why
                 raise EOFError
             got += part
         return bytes(got)
@@ -168,6 +186,7 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
     for line in requests:
         file = Path(json.loads(line))
         try:
+            allow(computing_s(file))
             with _unpacked(file) as plain:
                 series = _format(file).decode(plain)
             check_size(sum(s.values.size for s in series), len(series))
@@ -192,6 +211,15 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
         for s in series:
             answers.write(np.ascontiguousarray(s.values, float).tobytes())
         answers.flush()
+
+
+def allow(seconds: int) -> None:
+    """End this process when it has computed for so many more seconds; the next file sets the limit anew."""
+    import resource
+
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    end = round(used.ru_utime + used.ru_stime + 0.5) + seconds
+    resource.setrlimit(resource.RLIMIT_CPU, (end, resource.getrlimit(resource.RLIMIT_CPU)[1]))
 
 
 def _limit() -> None:

@@ -1,0 +1,29 @@
+"""numpy's .npz: its numeric arrays of one or two dimensions, by their names; Python objects are not loaded."""
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from fasbody.recording.formats.series import FormatError, Series, check_size, columns_of, passed_over, with_rate
+
+LIBRARY = "numpy"
+
+
+def decode(file: Path) -> list[Series]:
+    """Numeric arrays; a scalar named fs or rate_hz gives the rate."""
+    if not zipfile.is_zipfile(file):
+        raise FormatError("is not an archive of numpy's: it is no .zip file")
+    with zipfile.ZipFile(file) as packed:
+        check_size(sum(entry.file_size for entry in packed.infolist()) / 8, len(packed.infolist()))
+    found = list[Series]()
+    with np.load(file, allow_pickle=False) as source:
+        for name in source.files:
+            try:
+                values = source[name]
+            except ValueError:  # an array of Python objects
+                found.append(passed_over(name, "no numbers"))
+                continue
+            good = values.dtype.kind in "fiub" and values.ndim <= 2
+            found += columns_of(name, values) if good else [passed_over(name, "no vector or matrix of numbers")]
+    return with_rate(found)
