@@ -481,8 +481,7 @@ class FitResult(Presented):
         if self.wide and not self.wide.follows:
             return (
                 "The model does not follow the recordings, whatever else may be true (chi-square "
-                f"{self.wide.per_dof:.3g} per degree of freedom): no constant is identified; "
-                f"{_ASK} compares rivals. For what they are worth: "
+                f"{self.wide.per_dof:.3g} per degree of freedom): no constant is offered; {_ASK} compares rivals. "
             )
         if p is None or p >= UNLIKELY:
             return ""
@@ -502,6 +501,8 @@ class FitResult(Presented):
             found = f", {per}" if self.best.dof else ", no degrees of freedom left"
         rests_on = "whatever else may be true" if self.wide else "if the model is true"
         word = self.verdict if self.verdict == "not compared" else f"{self.verdict}, {rests_on}"
+        if self.wide and not self.wide.follows:
+            return f"{self.misfit()}Fit {self.fit_percent:.1f} %; {word}."
         return f"{self.misfit()}{values}; fit {self.fit_percent:.1f} %{found}; {word}."
 
     def __str__(self) -> str:

@@ -194,8 +194,9 @@ def declared(model: "mujoco.MjModel", name: str) -> Parameters:
 def _follow_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Parameter]:
     """Where the law on an element is another than its declarations were made for, its own names and units.
 
-    A declaration that stands in a `user` field and has another unit than the law's parameter there is dropped with all
-    that stand beside it, and the law declares its own: `fat_pad_E` [N], from a hundredth to a hundred times its value.
+    Where a declaration in a `user` field has another unit than the law's parameter there, it is dropped with all that
+    stand beside it but those with the law's own symbol and unit, and the law declares the others: `fat_pad_E` [N],
+    from a hundredth to a hundred times its value.
     """
     from fasbody.foot import damper  # compiles; names and units are wanted without it
 
@@ -212,10 +213,12 @@ def _follow_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Parame
             columns = {x.index % width: p.unit for p in here for x in p.places}
             if all(0 < c <= len(units) and units[c - 1][1] == unit for c, unit in columns.items()):
                 continue
-            items = [p for p in items if p not in here]
+            its = dict(enumerate(units, 1))
+            meant = {c for p in here for x in p.places if its.get(c := x.index % width) == (p.name, p.unit)}
+            items = [p for p in items if p not in here or {x.index % width for x in p.places} <= meant]
             for column, (symbol, unit) in enumerate(units, 1):
                 value = float(row[column])
-                if symbol not in damper.FIXED and value > 0:
+                if column not in meant and symbol not in damper.FIXED and value > 0:
                     place = Place(field, number * width + column, 1.0)
                     source = f"as written; law {law.equation}"
                     own.append(Parameter(f"{label}_{symbol}", unit, value / 100, 100 * value, (place,), source))
