@@ -244,3 +244,51 @@ def test_study_of_tdms_files_in_volts(tmp_path: Path) -> None:
     back = study.read(study.trials[0])
     assert back.base_m_s2 == pytest.approx(BASE)
     assert back.malleolus_m_s2 == pytest.approx(1.3 * BASE)
+
+
+@pytest.mark.parametrize(
+    ("told", "says"),
+    [
+        ({"Fs": 500.0, "fs": 1000.0}, "two sampling rates, Fs = 500 and fs = 1000"),
+        ({"dt": 0.002, "fs": 1000.0}, "two sampling rates, dt = 0.002 and fs = 1000"),
+        ({"sampling_rate": 1000.0, "dt": 0.001}, ""),
+        ({"sampling_frequency": 1000.0}, ""),
+        ({"dt": 0.001}, ""),
+    ],
+)
+@pytest.mark.parametrize("ending", ["mat", "h5", "npz"])
+def test_rates_and_intervals_that_disagree_are_named(
+    tmp_path: Path, ending: str, told: dict[str, float], says: str
+) -> None:
+    t = np.arange(3000) / 1000
+    columns = {"base_m_s2": np.sin(40 * np.pi * t), "malleolus_m_s2": np.sin(40 * np.pi * t - 0.4)}
+    file = tmp_path / f"run.{ending}"
+    if ending == "mat":
+        savemat(file, columns | told)
+    elif ending == "npz":
+        np.savez(file, **columns, **told)
+    else:
+        with h5py.File(file, "w") as out:
+            out.attrs.update(told)
+            for name, values in columns.items():
+                out[name] = values
+    if says:
+        with pytest.raises(InputFileError, match=says):
+            Recording.read(file)
+    else:
+        assert Recording.read(file).rate_hz == pytest.approx(1000)
+
+
+def test_attributes_of_hdf5_that_scale_or_shift_a_channel(tmp_path: Path) -> None:
+    t = np.arange(3000) / 1000
+    start, scaled = tmp_path / "start.h5", tmp_path / "scaled.h5"
+    for file, key, value in ((start, "start_time", 0.01), (scaled, "conversion", 0.5)):
+        with h5py.File(file, "w") as out:
+            out.attrs["fs"] = 1000.0
+            for name, own in (("base_m_s2", value - 0.01), ("malleolus_m_s2", value)):
+                out[name] = np.sin(40 * np.pi * (t + (own if file == start else 0.0)))
+                out[name].attrs[key] = own
+    read = Recording.read(start)
+    assert np.allclose(read.base_m_s2, read.malleolus_m_s2, atol=1e-3)
+    with pytest.raises(InputFileError, match=r"conversion = 0\.49 with 'base_m_s2'"):
+        Recording.read(scaled)

@@ -89,3 +89,16 @@ def test_the_command_writes_a_recording_that_knows_its_delay(tmp_path: Path) -> 
     assert gain_and_delay(read, "malleolus", "base")[1] == pytest.approx(5e-4, rel=0.5)
     assert json.loads(out.with_suffix(".json").read_text())["delay_std_s"]["malleolus"] > 0
     assert any("two loggers" in text for text in read.warnings)
+
+
+def test_a_shaker_that_starts_at_once_is_no_knock() -> None:
+    for seed in range(4):
+        t, base, u, foot = loggers(seed, clock=30e-6)
+        early, soon = t < 3, u < 1.7  # the knock before is lost, and the sine starts and stops with a jump
+        base, foot = (np.where(early, 0.0, base), np.where(soon, 0.0, foot))
+        rng = np.random.default_rng(seed)
+        made = merge(t, base + 0.02 * rng.normal(size=t.size), u, foot + 0.02 * rng.normal(size=u.size))
+        assert made.way == "knock" and made.clock == 0
+        knock = 24.2655  # on the second clock
+        assert abs(made.delay_s - 1.2345 - 30e-6 * knock) < 0.5e-3
+        assert made.delay_std_s > 30e-6 * (knock - 12.5)  # what the clocks gained from the middle to the knock

@@ -278,9 +278,15 @@ def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
             f"(at most {_IMPOSSIBLE:.0e} is read); check its unit and sensitivity",
         )
     spread = values.std()
-    if spread < 1e-3 or np.unique(values).size < 8:
+    if spread < 1e-3:
         raise _fail(
             recording, f"{name} is dead (it varies by {np.ptp(values):.2g} m/s^2); check the cable and the units"
+        )
+    if (levels := np.unique(values).size) < 8:
+        raise _fail(
+            recording,
+            f"{name} is dead or too coarse: it takes {levels} values only; check the cable, and that its numbers "
+            "were saved with their decimals",
         )
 
 

@@ -15,10 +15,14 @@ from fasbody.recording.recording import Recording
 
 #: A knock stands out of what is fast by so many times its median size, and lasts so long [s].
 _KNOCK, _LASTS_S = 12.0, 0.05
+#: What stands out less than by this share of the loudest is no knock, but the shaker that starts or stops.
+_LOUD = 0.2
 #: The lag of a foot behind its base that a correlation takes for delay [s], as a standard deviation.
 _FOOT_S = 3e-3
 #: Clocks of loggers differ by less than this share.
 _CLOCKS = 2e-3
+#: And by this, as a standard deviation, if nothing else is known: two quartz crystals of 20 ppm each.
+_CRYSTALS = 3e-5
 WAYS = ("knock", "correlation")
 
 
@@ -99,7 +103,7 @@ def _fast(t: np.ndarray, x: np.ndarray) -> np.ndarray:
 def _knocks(t: np.ndarray, x: np.ndarray) -> list[float]:
     """When something stood out [s], at least half a second apart, the first and the last."""
     size = np.abs(_fast(t, x))
-    loud = np.flatnonzero(size > _KNOCK * np.median(size))
+    loud = np.flatnonzero(size > max(_KNOCK * np.median(size), _LOUD * size.max()))
     if not loud.size:
         return []
     groups = np.split(loud, np.flatnonzero(np.diff(t[loud]) > 0.5) + 1)
@@ -125,7 +129,8 @@ def _by_knocks(t: np.ndarray, x: np.ndarray, u: np.ndarray, y: np.ndarray) -> tu
     step = 1 / min(_rate(t), _rate(u))
     late, spread = zip(*(_onset_lag(t, x, a, u, y, b, step) for a, b in zip(first, second, strict=True)), strict=True)
     if len(first) == 1:
-        return late[0], float(np.hypot(spread[0], 1e-5)), 0.0
+        drift = _CRYSTALS * float(np.sqrt(np.mean((u - second[0]) ** 2)))  # one knock says nothing of the clocks
+        return late[0], float(np.hypot(spread[0], drift)), 0.0
     clock = (late[1] - late[0]) / (second[1] - second[0])
     if abs(clock) > _CLOCKS:
         return None  # not the same knocks

@@ -11,12 +11,14 @@ from fasbody.recording.channels import Channels
 from fasbody.recording.formats.series import (
     MOST_SERIES,
     RATES,
+    STEPS,
     FormatError,
     Series,
     check_size,
     columns_of,
     passed_over,
     short,
+    stated_rate,
     with_rate,
 )
 
@@ -62,7 +64,7 @@ def decode(file: Path) -> list[Series]:
             text = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else unit if isinstance(unit, str) else ""
             values, scaled, unclear = _scaled(item)
             columns = columns_of(name, values, text, _rate(item.attrs) or base_rate)
-            found += [replace(s, scaled=scaled, unclear=unclear) for s in columns]
+            found += [replace(s, scaled=scaled, unclear=unclear, start_s=_start(item.attrs)) for s in columns]
     return with_rate(short(found))
 
 
@@ -73,7 +75,12 @@ def _is_table(item: Any) -> bool:
 
 
 #: Attributes that may be a scale, applied or not; nobody can know.
-_SCALES = ("scale", "scaling", "scaling_factor", "gain", "sensitivity", "calibration", "calibration_factor")
+_SCALES = (
+    "scale", "scaling", "scaling_factor", "gain", "sensitivity", "calibration", "calibration_factor", "conversion",
+    "conversion_factor", "factor", "multiplier", "slope",
+)  # fmt: skip
+#: Attributes that say when a dataset's first sample was taken [s].
+_STARTS = ("start_s", "start_time_s", "start_time", "t0", "t0_s")
 
 
 def _scaled(item: Any) -> tuple[np.ndarray, str, str]:
@@ -115,11 +122,12 @@ def _no_numbers(item: Any) -> str:
 
 
 def _rate(attributes: Any) -> float | None:
-    for name in RATES:
-        value = _number(attributes.get(name))
-        if value is not None and 0 < value < 1e9:
-            return value
-    return None
+    return stated_rate((name, _number(value)) for name, value in attributes.items() if name.lower() in RATES + STEPS)
+
+
+def _start(attributes: Any) -> float | None:
+    """When a dataset's first sample was taken [s], if a number says."""
+    return next((value for name in _STARTS if (value := _number(attributes.get(name))) is not None), None)
 
 
 def encode(channels: Channels) -> bytes:

@@ -2,6 +2,7 @@
 
 import importlib.util
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -70,14 +71,37 @@ def short(series: list[Series]) -> list[Series]:
     return [s if lasts[last] > 1 else replace(s, name=last) for s in series for last in (s.name.rsplit("/", 1)[-1],)]
 
 
-#: Names under which programs store the sampling rate [Hz].
-RATES = ("rate_hz", "sampling_rate_hz", "fs", "sample_rate", "samplerate")
+#: Names, in small letters, under which programs store the sampling rate [Hz], and the sampling interval [s].
+RATES = (
+    "rate_hz", "sampling_rate_hz", "fs", "sample_rate", "samplerate", "sampling_rate", "samplingrate",
+    "sampling_frequency", "samplingfrequency",
+)  # fmt: skip
+STEPS = ("dt", "dt_s", "sampling_interval", "sampling_interval_s")
+#: Two statements of a rate that differ by more than this share are two rates.
+_ALIKE = 1e-3
+
+
+def stated_rate(told: Iterable[tuple[str, float | None]]) -> float | None:
+    """The sampling rate [Hz] of names and numbers, None if none of them states it.
+
+    Raises:
+        FormatError: two of them disagree.
+    """
+    found: list[tuple[str, float]] = []
+    for name, value in told:
+        key = name.rsplit("/")[-1].lower()
+        if value is None or not 0 < value < 1e9 or key not in RATES + STEPS:
+            continue
+        found.append((f"{name} = {value:g}", value if key in RATES else 1 / value))
+    for text, rate in found[1:]:
+        if abs(rate - found[0][1]) > _ALIKE * rate:
+            raise FormatError(f"states two sampling rates, {found[0][0]} and {text}; delete the wrong one")
+    return found[0][1] if found else None
 
 
 def with_rate(series: list[Series]) -> list[Series]:
     """Without the scalars; one that is named like a sampling rate becomes that of all others."""
-    rates = [float(s.values[0]) for s in series if s.values.size == 1 and s.name.rsplit("/")[-1].lower() in RATES]
-    rate = rates[0] if rates and 0 < rates[0] < 1e9 else None
+    rate = stated_rate((s.name, float(s.values[0])) for s in series if s.values.size == 1)
     return [replace(s, rate_hz=s.rate_hz or rate) for s in series if s.values.size > 1 or s.what]
 
 

@@ -8,12 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from fasbody.recording.channels import Channels
+from fasbody.recording.channels import ACCELERATIONS, Channels
 from fasbody.recording.formats.series import FormatError, Series, check_size, step_of, uniform_step
 
 LIBRARY = "pyuff"
 _DELIMITER = re.compile(rb"^ {4}-1[ \t]*\r?$", re.MULTILINE)
 _TIME_RESPONSE, _ACCELERATION, _TIME, _REAL = 1, 12, 17, 4
+#: What a data set can call its ordinate, and no accelerometer measures.
+_MOTIONS = {8: "displacement", 11: "velocity"}
 
 
 def decode(file: Path) -> list[Series]:
@@ -48,6 +50,9 @@ def decode(file: Path) -> list[Series]:
         times += [x] if step is None else []
         name = str(data.get("id1", "")).strip() or f"{data.get('rsp_node', 0)}:{data.get('rsp_dir', 0)}"
         unit = str(data.get("ordinate_axis_units_lab", "")).strip()
+        kind_of = _MOTIONS.get(int(data.get("ordinate_spec_data_type") or 0))
+        if kind_of and unit.lower() in ACCELERATIONS:
+            raise FormatError(f"calls {name!r} a {kind_of} and gives its unit as {unit}; correct one of them")
         rate = 1 / step if step and np.isfinite(step) and step > 0 else None
         found.append(
             Series(

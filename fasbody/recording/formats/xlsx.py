@@ -1,5 +1,6 @@
 """Excel's .xlsx by openpyxl: the columns below each sheet's header, units in brackets or in a row of their own."""
 
+import re
 from collections import Counter
 from dataclasses import replace
 from datetime import datetime, time, timedelta
@@ -45,7 +46,12 @@ def _columns(sheet: str, rows: list[tuple[Any, ...]]) -> list[Series]:
     """Below the last row of texts before the first row of numbers; a row of units may stand between."""
     first = next((i for i, row in enumerate(islice(rows, _HEADER_ROWS)) if sum(map(_numeric, row)) >= 2), None)
     if first is None:
-        return []
+        worded = next((i for i, row in enumerate(rows[:_HEADER_ROWS]) if sum(map(_number_in_words, row)) >= 2), None)
+        if worded is None:
+            return []
+        raise FormatError(
+            f"the sheet {sheet!r} keeps its numbers as text (row {worded + 1}); make them numbers in Excel"
+        )
     above = [row for row in rows[:first] if sum(isinstance(cell, str) for cell in row) >= 2]
     if not above:
         raise FormatError(f"the sheet {sheet!r} has no header row; write time_s, base_m_s2, ... above its numbers")
@@ -60,7 +66,10 @@ def _columns(sheet: str, rows: list[tuple[Any, ...]]) -> list[Series]:
     found = []
     for index, (name, unit) in enumerate(zip(above[-1], units, strict=False)):
         cells = [row[index] if index < len(row) else None for row in body]
-        if name is None or all(cell is None for cell in cells):
+        if name is None:
+            continue
+        if all(cell is None for cell in cells):
+            found.append(passed_over(str(name), "empty (formulas have values once Excel has saved them)"))
             continue
         if any(isinstance(cell, datetime | time | timedelta) for cell in cells):
             cells, unit = _seconds(cells), "s"
@@ -77,6 +86,10 @@ def _numeric(cell: Any) -> bool:
     return (isinstance(cell, int | float) and not isinstance(cell, bool)) or isinstance(
         cell, datetime | time | timedelta
     )
+
+
+def _number_in_words(cell: Any) -> bool:
+    return isinstance(cell, str) and re.fullmatch(r"\s*[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?\s*", cell) is not None
 
 
 def _seconds(cells: list[Any]) -> list[Any]:
