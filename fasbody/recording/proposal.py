@@ -25,7 +25,7 @@ _NUMBER = r"\d+(?:[.,p]\d+)?"
 _MATCHES = {
     "load": _NUMBER,
     "frequency": _NUMBER,
-    "subject": r"[A-Za-z0-9]+",
+    "subject": r"[^\W_]+",  # names with accents, too
     "posture": r"[A-Za-z]+",
     "any": r"[^/]*?",
 }
