@@ -19,7 +19,6 @@ from typing import Self
 import numpy as np
 import typer
 
-from fasbody.console import command_line
 from fasbody.exceptions import AcquisitionError
 
 CARD_HZ = 48_000
@@ -232,4 +231,4 @@ def main(way: str) -> None:
 
 
 if __name__ == "__main__":
-    command_line(lambda: typer.run(main))
+    typer.run(main)

@@ -114,6 +114,11 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "fasbody.acquire.commands",
         ),
         Command(
+            "calibrate", "fasbody.acquire", "calibrate",
+            "Calibrate a sound card: loopback first (output to both inputs), then calibrator or flip for each sensor.",
+            "fasbody.acquire.commands",
+        ),
+        Command(
             "board", "fasbody.acquire.bench", "board",
             "The accelerometer board: samples the shaken foot and sends frames (or, with --bits 0, text lines).",
         ),

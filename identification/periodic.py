@@ -274,7 +274,7 @@ class PeriodicProblem:
         key = q.tobytes()
         if self._cache is None or self._cache[0] != key:
             self.evaluations += 1
-            rows_in_all = self.size
+            rows_in_all = sum(2 * line.size for line in self.lines)
             r, J = np.empty(rows_in_all), np.empty((rows_in_all, q.size))
             row = 0
             try:

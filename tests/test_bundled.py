@@ -131,7 +131,7 @@ def test_bundled_report_shows_the_fit(bundled: tuple) -> None:
     assert page.outside == []
     for name in ("stiff ankle", "stiff pad", "50hz_0kg.csv", "truth"):
         assert name in text
-    assert len(re.findall("<figure", text)) == 10
+    assert len(re.findall("<figure", text)) == 11
     for _, digest in document["provenance"]["sha256"].items():
         assert digest in text
     assert "identification.fit --json --out" in document["provenance"]["command"] in unescape(text)

@@ -88,7 +88,7 @@ def _windows(
             for k, b in enumerate(outs):
                 freedom = place.size - 2 * (_ORDER + 1) - 1
                 scatter = np.sum(found[j][2] * found[k][2].conj()) / freedom
-                spread = np.sqrt(found[j][1] * found[k][1])
+                spread = np.sqrt(np.abs(found[j][1] * found[k][1]))
                 covariance[a, b][i] = scatter * spread * widening(2 * freedom) ** 2
     return Response("local rational", np.asarray(frequency_hz, float), H, covariance)
 

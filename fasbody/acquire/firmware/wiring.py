@@ -4,8 +4,6 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fasbody.console import command_line
-
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.patches import FancyBboxPatch
@@ -79,4 +77,4 @@ def main(file: Path | None = None) -> Path:
 
 
 if __name__ == "__main__":
-    command_line(main)
+    main()
