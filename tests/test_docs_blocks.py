@@ -33,7 +33,7 @@ NOT_RUN = {
     r"--port|--probe|--list|acquire (recover|calibrate)|--board audio|--firmware": "needs a board, or a capture of one",
     r"-m viz\.(foot|cell)\b(?!.*--export \S+\.html)": "serves a page, or needs Chromium",
     r"-m mujoco\.viewer": "needs a screen",
-    r"recording merge|\.tdms": "needs files of an instrument; test_merge.py and test_layouts.py do it",
+    r"recording merge|\*\.tdms|\dhz\.tdms": "needs files of an instrument; test_merge.py and test_layouts.py do it",
     r"-m benchmarks|benchmarks/": "takes minutes",
     r"-m reproduction\b(?!.*--only \"?(Eq|Table))|-m identification\.study chapter4": "takes minutes",
     r"-m identification\.study .*--(mode|scheduler)": "takes minutes or a scheduler; tests/test_study_*.py do it",
