@@ -35,6 +35,9 @@ _SETTLED = 0.5
 #: Standard deviations of chi-square above what noise leaves, beyond which the search goes on from more places, and by
 #: how much heavier or lighter the leg is there: the valley of masses, loads and mount is long.
 _POOR, _HEAVIER = 1.0, (0.1, -0.1)
+#: How far apart the branches are where a search begins afresh (rho), evaluations of each such start, and how many of
+#: them go on to the end.
+_APART, _TRIED, _KEPT = 0.7, 15, 2
 #: Sign of rho on each branch.
 _SIGNS = {STIFF_ANKLE: 1, STIFF_PAD: -1}
 #: No leg's mass is further off than this (of the logarithm), however little the recordings say.
@@ -101,10 +104,8 @@ def widest(
     for name, q in starts:
         ends.enter(name, q)
     ends.mirror()
-    if ends.poor():  # a narrow fit that a wrong model drove into a corner is no place to start from
-        own = world.start(foot.values())
-        ends.enter(STIFF_ANKLE if own[world.index["k_F"]] >= 0 else STIFF_PAD, own)
-        ends.mirror()
+    misled = certified[0].descent.cost > FOLLOWS * problem.size
+    ends.afresh(foot.values(), misled)
     for end in list(ends.found.values()):  # second harmonics have one optimum for each way that dampers bend
         for q in world.bent(end.q):
             ends.enter(end.name, q)
@@ -114,7 +115,7 @@ def widest(
             heavier = world.heavier(end.q, share)
             ends.enter(end.name, heavier)
             ends.enter(_other(end.name), world.image(heavier))
-    if certified[0].descent.cost > FOLLOWS * problem.size:  # the weights rest on the model, and that was a wrong one
+    if misled:  # the weights rest on the model, and that was a wrong one
         problem.reweigh(min(ends.found.values(), key=_objective).q)
         ends = _Ends(problem, both, most, ends.found)
     for name, end in list(ends.found.items()):  # the odds are between ends, not between places on the way
@@ -155,7 +156,7 @@ class _Ends:
     def enter(self, name: str, q: np.ndarray) -> None:
         """Descend on a branch from q (n,)."""
         if name in self.both:
-            end = _descend(self.problem, name, q, *self.problem.world.side(_SIGNS[name]), self._most)
+            end = self._descended(name, q, self._most)
             if name not in self.found or end.objective < self.found[name].objective:
                 self.found[name] = end
 
@@ -166,11 +167,37 @@ class _Ends:
             self._imaged = best.q
             self.enter(_other(best.name), self.problem.world.image(best.q))
 
-    def poor(self) -> bool:
-        """Whether even the best end leaves more than the noise, or is none."""
-        end = min(self.found.values(), key=_objective)
+    def afresh(self, own: Mapping[str, float], misled: bool) -> None:
+        """Descend on each branch that would be left out, or on both, from places that owe nothing to what was found.
+
+        A narrow fit that a wrong model drove into a corner is no place to start from, and a branch may be left out
+        for its chi-square only where no better end of it is found.
+
+        Args:
+            own: constants of the model as it is. misled: the narrow fit followed nothing.
+        """
+        world = self.problem.world
+        for name in self.both:
+            if misled or self.poor(name):
+                best = min(self.found.values(), key=_objective)
+                starts = [world.start(own), *world.fresh(best.q, _APART * _SIGNS[name])]
+                if starts[0][world.index["k_F"]] * _SIGNS[name] < 0:
+                    starts[0] = world.image(starts[0])
+                tried = [self._descended(name, q, _TRIED) for q in starts]
+                for end in sorted(tried, key=_objective)[:_KEPT]:
+                    self.enter(name, end.q)
+        self.mirror()
+
+    def poor(self, name: str = "") -> bool:
+        """Whether the end of a branch, or even the best end, leaves more than the noise, or is none."""
+        if name and name not in self.found:
+            return True
+        end = self.found[name] if name else min(self.found.values(), key=_objective)
         expected = self.problem.size
         return not end.converged or end.objective > expected + _POOR * np.sqrt(2 * expected)
+
+    def _descended(self, name: str, q: np.ndarray, most: int) -> End:
+        return _descend(self.problem, name, q, *self.problem.world.side(_SIGNS[name]), most)
 
 
 def _other(name: str) -> str:

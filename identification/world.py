@@ -10,7 +10,6 @@ a = m_S / (m_S + m_F) of the stated masses: each branch has its own constrained 
 The response is even in c_13 and c_23, so their squares are the variables.
 """
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -97,8 +96,9 @@ _BEND = 200.0
 _SHARP = 20.0
 #: Constants of each joint.
 _JOINTS = (("k_T", "c_11", "c_12", "c_13"), ("k_F", "c_21", "c_22", "c_23"))
-#: Bend of a damper from where a descent is tried, 1/m.
+#: Bend of a damper from where a descent is tried, 1/m, and the ways that both may bend.
 _BENT = 60.0
+_WAYS = ((True, True), (True, False), (False, True), (False, False))
 #: Below this square [1/m^2] a damper's c_13 is no different from zero.
 _LEAST = 1e-2
 
@@ -531,19 +531,41 @@ class WorldSpace:
 
     def bent(self, q: np.ndarray) -> list[np.ndarray]:
         """The same leg (n,) with dampers that bend the other ways: each has a descent of its own."""
-        if not {"c_12", "c_22"} <= set(self.base) or not self.twin:
+        if not self.bends:
             return []
         own = tuple(bool(q[self.index[name]] > 0) for name in ("c_12", "c_22"))
-        found = []
-        for ways in itertools.product((True, False), repeat=2):
-            if ways != own:
-                other = q.copy()
-                for name, up in zip(("c_12", "c_22"), ways, strict=True):
-                    other[self.index[name]] = (_BENT if up else -_BENT) / self._scale[self.index[name]]
-                for name in self.squared:
-                    other[self.index[name]] = _BENT**2 / self._scale[self.index[name]]
-                found.append(np.clip(other, *self.bounds))
-        return found
+        return [self._bending(q, ways) for ways in _WAYS if ways != own]
+
+    @property
+    def bends(self) -> bool:
+        """Whether it is searched how both dampers bend."""
+        return self.twin and {"c_12", "c_22"} <= set(self.base)
+
+    def _bending(self, q: np.ndarray, ways: tuple[bool, bool]) -> np.ndarray:
+        q = q.copy()
+        for name, up in zip(("c_12", "c_22"), ways, strict=True):
+            q[self.index[name]] = (_BENT if up else -_BENT) / self._scale[self.index[name]]
+        for name in self.squared:
+            q[self.index[name]] = _BENT**2 / self._scale[self.index[name]]
+        return np.clip(q, *self.bounds)
+
+    def fresh(self, q: np.ndarray, rho: float) -> list[np.ndarray]:
+        """Places (n,) where nothing is known but how stiff the leg is as a whole, as q has it.
+
+        Nuisances are where their priors are centred, both dampers are alike, and bend each of the four ways.
+
+        Args:
+            q: (n,). rho: how far apart the springs are, its sign the branch.
+        """
+        assert self.ratio is not None
+        mean, _ = self.prior
+        p, q = len(self.base), q.copy()
+        q[p:] = mean[p:]
+        q[self.index["k_F"]] = rho
+        if {"c_11", "c_21"} <= set(self.base):
+            ankle, pad = self.index["c_11"], self.index["c_21"]
+            q[ankle] = q[pad] = 0.5 * (q[ankle] + q[pad])
+        return [self._bending(q, ways) for ways in _WAYS] if self.bends else [np.clip(q, *self.bounds)]
 
     def image(self, q: np.ndarray) -> np.ndarray:
         """The mirror image (n,) of q: the two joints change places, with what they do besides."""
@@ -662,10 +684,6 @@ class WorldProblem(PeriodicProblem):
         h = np.arange(1, line.count + 1)
         f, U = line.base.frequency_hz * h, line.base.amplitudes
         gain, delay, drift, mount, mount_damping, rocking = (of_sensor(kind, sensor) for kind in _EACH)
-        if "relaxation time" in world.index and line.count > 1:
-            y, j = self._overtones(z, sensor)[number]
-            Y[1:] += y * U[1:]
-            J[1:] += j * U[1:, None]
         if rocking in world.index:
             size, zeta = world.of(z, rocking), world.of(z, "rocking damping")
             own = np.exp(world.of(z, "rocking frequency"))
@@ -704,13 +722,13 @@ class WorldProblem(PeriodicProblem):
 
     @cached_property
     def _orbits(self) -> Orbits | None:
-        """Orbits of all recordings at once, where the twin stands for the model and the malleolus alone is read."""
-        if not (isinstance(self.engine, Twin) and self.world.twin) or any(line.others for line in self.lines):
+        """Orbits of all recordings at once, where the twin stands for the model."""
+        if not (isinstance(self.engine, Twin) and self.world.twin):
             return None
         return Orbits(self.engine, [line.count for line in self.lines], self.tolerance)
 
     def _motion(self, number: int, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Harmonics (H,) of one recording without what the instrument adds, and their derivatives (H, n) to z."""
+        """Harmonics (k H,) of one recording without what the instrument adds, and their derivatives (k H, n) to z."""
         if self._orbits is None:
             Y, DY, slope = super().response(number, z)
             return Y, DY @ slope.astype(complex)
@@ -721,50 +739,36 @@ class WorldProblem(PeriodicProblem):
             if found is None:
                 raise SimulationError(f"no periodic motion for {z}.")
             counts = [line.count for line in self.lines]
+            Y, J = found[0], np.einsum("sij,ijk->sik", found[1], np.repeat(slope, counts, axis=0))
+            if "relaxation time" in self.world.index:
+                Y, J = self._relaxed(z, Y, J)
             ends = np.cumsum(counts)[:-1]
-            J = np.einsum("ij,ijk->ik", found[1], np.repeat(slope, counts, axis=0))
             self._moved.clear()
-            self._moved[key] = list(zip(np.split(found[0], ends), np.split(J, ends), strict=True))
+            self._moved[key] = list(zip(np.split(Y, ends, axis=1), np.split(J, ends, axis=1), strict=True))
         Y, J = self._moved[key][number]
-        return Y.copy(), J.copy()
+        engine = self.engine
+        assert isinstance(engine, Twin)
+        on = [int(engine.on_foot[engine.sensors.index(name)]) for name in self.lines[number].sensors]
+        return np.concatenate(Y[on]), np.concatenate(J[on])
 
     @cached_property
     def _moved(self) -> dict[bytes, list[tuple[np.ndarray, np.ndarray]]]:
         return {}
 
-    @cached_property
-    def _kept(self) -> dict[tuple[bytes, str], list[tuple[np.ndarray, np.ndarray]]]:
-        return {}
+    def _relaxed(self, z: np.ndarray, Y: np.ndarray, J: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Harmonics of shank and foot on springs that relax, from those on springs right at the fundamental.
 
-    def _overtones(self, z: np.ndarray, sensor: str) -> list[tuple[np.ndarray, np.ndarray]]:
-        """What relaxing springs add to a sensor's linear response above the fundamental, of each recording.
-
-        The constants of `WorldSpace.at` are right at the fundamental. Of the harmonics above it the part that the
-        base drives is linear, so that its error is known and taken off.
-
-        Returns:
-            Arrays (H - 1,), (H - 1, n): the transmissibility, and its derivatives to z.
-        """
-        key = z.tobytes(), sensor
-        if key not in self._kept:
-            counts = [line.count - 1 for line in self.lines]
-            whose = np.repeat(np.arange(len(counts)), counts)
-            h = np.concatenate([np.arange(2, count + 2) for count in counts])
-            s = 2j * np.pi * h * np.array([line.base.frequency_hz for line in self.lines])[whose]
-            G, dG = self._more(z, whose, s, sensor)
-            ends = np.cumsum(counts)[:-1]
-            if len(self._kept) > len(self.lines[0].sensors):
-                self._kept.clear()
-            self._kept[key] = list(zip(np.split(G, ends), np.split(dG, ends), strict=True))
-        return self._kept[key]
-
-    def _more(self, z: np.ndarray, whose: np.ndarray, s: np.ndarray, sensor: str) -> tuple[np.ndarray, np.ndarray]:
-        """Transmissibility with relaxing springs less that of constants right at the fundamental, and its derivatives.
+        The constants of `WorldSpace.at` are right at the fundamental alone. What dampers that bend, and the base, put
+        into a harmonic above it is the force that holds the motion there; the same force on the springs as they are at
+        that harmonic gives the motion.
 
         Args:
-            z: (n,). whose: (N,) recordings. s: (N,) i w [rad/s]. sensor: that reads it.
+            z: (n,). Y: (2, N) accelerations, recordings behind each other. J: (2, N, n) derivatives.
         """
-        world = self.world
+        world, counts = self.world, [line.count for line in self.lines]
+        whose = np.repeat(np.arange(len(counts)), counts)
+        h = np.concatenate([np.arange(1, count + 1) for count in counts])
+        s = 2j * np.pi * h * np.array([line.base.frequency_hz for line in self.lines])[whose]
         theta, slope = world.everywhere(z)
         mapped = {name: (theta[whose, i], slope[whose, i]) for i, name in enumerate(world.names)}
         plain, slopes = world.constants(z)
@@ -781,30 +785,38 @@ class WorldProblem(PeriodicProblem):
             exact.append((k0 * (1 + r * x / (1 + x)) + c0 * s, d))
             (k1, dk), (c1, dc) = mapped[k], mapped[c]
             alike.append((k1 + c1 * s, dk + s[:, None] * dc))
-        m_S, m_F = ((mass[whose], slope[whose]) for mass, slope in (world.weights(z)[name] for name in ("m_S", "m_F")))
-        engine = self.engine
-        on_foot = isinstance(engine, Twin) and engine.on_foot[engine.sensors.index(sensor)]
-        (G, dG), (H, dH) = (_linear(s, ankle, pad, m_S, m_F, on_foot) for ankle, pad in (exact, alike))
-        return G - H, dG - dH
+        masses = [(mass[whose], slope[whose]) for mass, slope in (world.weights(z)[name] for name in ("m_S", "m_F"))]
+        base = np.concatenate([line.base.amplitudes for line in self.lines])
+        f, df = _force(s, alike, masses, Y - base, J)
+        (a, _), (b, _) = exact
+        u, v = masses[0][0] * s**2 + a, masses[1][0] * s**2 + a + b
+        below = u * v - a * a
+        over = np.stack([v * f[0] + a * f[1], a * f[0] + u * f[1]]) / below
+        rest = df - _force(s, exact, masses, over, np.zeros_like(J))[1]
+        v, a, u, below = v[:, None], a[:, None], u[:, None], below[:, None]
+        return base + over, np.stack([v * rest[0] + a * rest[1], a * rest[0] + u * rest[1]]) / below
 
 
-def _linear(
+def _force(
     s: np.ndarray,
-    ankle: tuple[np.ndarray, np.ndarray],
-    pad: tuple[np.ndarray, np.ndarray],
-    m_S: tuple[np.ndarray, np.ndarray],
-    m_F: tuple[np.ndarray, np.ndarray],
-    on_foot: bool = False,
+    springs: Sequence[tuple[np.ndarray, np.ndarray]],
+    masses: Sequence[tuple[np.ndarray, np.ndarray]],
+    y: np.ndarray,
+    dy: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Malleolus, or the foot's mass, over base (N,) at s = i w of two masses on complex springs; derivatives (N, n)."""
-    (a, da), (b, db) = ankle, pad
-    u, v = m_S[0] * s**2 + a, m_F[0] * s**2 + a + b
-    below = u * v - a * a
-    G = a * b / below
-    d = ((b - G * (v + u - 2 * a)) / below)[:, None] * da + ((a - G * u) / below)[:, None] * db
-    d = d - (G / below * s**2 * v)[:, None] * m_S[1] - (G / below * s**2 * u)[:, None] * m_F[1]
-    if not on_foot:
-        return G, d
-    # the ankle holds the shank: u y1 = a y2
-    more = (1 - u / a)[:, None] * da + (s**2)[:, None] * m_S[1]
-    return G * u / a, d * (u / a)[:, None] + (G / a)[:, None] * more
+    """s^2 times the forces (2, N) that move two masses on complex springs by y / s^2, and their derivatives (2, N, n).
+
+    Args:
+        s: (N,) i w [rad/s]. springs: stiffness (N,) and derivatives (N, n) of ankle and pad. masses: of shank and foot.
+        y, dy: accelerations over the base (2, N), and their derivatives (2, N, n).
+    """
+    ((a, da), (b, db)), (shank, foot) = springs, masses
+    m_S, m_F = shank[0] * s**2, foot[0] * s**2 + b
+    apart, dapart = y[0] - y[1], dy[0] - dy[1]
+    joint, djoint = a * apart, a[:, None] * dapart + apart[:, None] * da
+    f = np.stack([m_S * y[0] + joint, m_F * y[1] - joint])
+    df = np.stack([
+        m_S[:, None] * dy[0] + (s**2 * y[0])[:, None] * shank[1] + djoint,
+        m_F[:, None] * dy[1] + (s**2 * y[1])[:, None] * foot[1] + y[1][:, None] * db - djoint,
+    ])  # fmt: skip
+    return f, df

@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 
 from fasbody.foot import two_dof
-from fasbody.foot.two_dof import NAMES, STATES, WITH_MASSES, periodic
+from fasbody.foot.two_dof import NAMES, STATES, WITH_MASSES, both_periodic, periodic
 from identification.engines.engine import LOST, PASSES, Excitation
 from identification.engines.twin import Twin
 from identification.search import UNSTABLE, ZERO
@@ -221,25 +221,16 @@ class Orbits:
         self._theta = np.zeros((n, _P + 2))
 
     def __call__(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Harmonics (N,), recordings behind each other, and derivatives (N, 10) to constants and masses.
+        """Harmonics (2, N) of shank and foot, recordings behind each other, and derivatives (2, N, 10) to all of theta.
 
         Args:
-            theta: (R, 10) of each recording. Returns None where a recording has no orbit.
+            theta: (R, 10) constants and masses of each recording. Returns None where a recording has no orbit.
         """
-        Y, DY = np.empty(self._counts.sum(), complex), np.empty((self._counts.sum(), _P + 2), complex)
+        Y, DY = np.empty((2, self._counts.sum()), complex), np.empty((2, self._counts.sum(), _P + 2), complex)
         found = _stamped_orbits(_sources())(
-            theta,
-            self._about,
-            self._steps,
-            self._inputs,
-            self._counts,
-            self._gap,
-            self._x,
-            self._dx,
-            self._theta,
-            Y,
-            DY,
-        )
+            theta, self._about, self._steps, self._inputs, self._counts, self._gap, self._x, self._dx, self._theta,
+            Y, DY,
+        )  # fmt: skip
         return (Y, DY) if found else None
 
 
@@ -253,27 +244,31 @@ def _orbits(  # type: ignore[no-untyped-def]
     for i in range(counts.size):
         n, H = steps[i], counts[i]
         u, p = inputs[at_input : at_input + 2 * n + 1], theta[i, :_P].copy()
-        guess = last_x[i] + last_dx[i] @ (theta[i] - last_theta[i])
-        Y, DY, x, dx, miss = periodic(
-            guess, p, theta[i, _P], theta[i, _P + 1], u, about[i, 1], gap, PASSES, WITH_MASSES
+        guess, m_S, m_F, h = (
+            last_x[i] + last_dx[i] @ (theta[i] - last_theta[i]),
+            theta[i, _P],
+            theta[i, _P + 1],
+            about[i, 1],
         )
-        if not miss < gap:
-            Y, DY, x, dx, miss = periodic(
-                np.zeros(STATES), p, theta[i, _P], theta[i, _P + 1], u, about[i, 1], gap, PASSES, WITH_MASSES
-            )
+        miss = np.inf
+        for _ in range(2):
+            Y, DY, x, dx, miss, Z, DZ = both_periodic(guess, p, m_S, m_F, u, h, gap, PASSES, WITH_MASSES, True)
+            if miss < gap:
+                break
+            guess = np.zeros(STATES)
         if not miss < LOST:
             return False
         last_x[i], last_dx[i], last_theta[i] = x, dx, theta[i]
         for k in range(H):
             step, at = np.exp(-2j * np.pi * (k + 1) / n), 2.0 / n + 0j
-            A = 0j
-            slopes[row + k] = 0j
+            out[:, row + k], slopes[:, row + k] = 0j, 0j
             for s in range(n):
-                A += at * Y[s]
+                out[0, row + k] += at * Y[s]
+                out[1, row + k] += at * Z[s]
                 for j in range(width):
-                    slopes[row + k, j] += at * DY[s, j]
+                    slopes[0, row + k, j] += at * DY[s, j]
+                    slopes[1, row + k, j] += at * DZ[s, j]
                 at *= step
-            out[row + k] = A
         at_input, row = at_input + 2 * n + 1, row + H
     return True
 
