@@ -8,6 +8,7 @@ import numpy as np
 import oracle
 import pytest
 
+from benchmarks.worlds import Departure, Leg, moved
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.foot.model import Foot
 from fasbody.recording.known import Known
@@ -102,6 +103,29 @@ def test_a_spring_that_relaxes_is_exact_in_a_linear_foot(foot: Foot, trial: Tria
         want = K[0] * K[1] / ((m["m_S"] * s**2 + K[0]) * (m["m_F"] * s**2 + K[0] + K[1]) - K[0] ** 2)
         Y = problem.response(number, q)[0][0]
         assert Y / problem.lines[number].base.amplitudes[0] == pytest.approx(want, rel=1e-4)
+
+
+def test_dampers_bend_beside_springs_that_relax(foot: Foot, trial: Trial) -> None:
+    """All harmonics of a strongly damped foot against collocation, by the simulator that judges the fit."""
+    bent = {**TRUTH, "c_12": 80.0, "c_13": 120.0, "c_22": -100.0, "c_23": 110.0}
+    data = [trial(bent, f) for f in (10.0, 20.0)]
+    problem = opened(foot.with_values(bent), data)
+    space = problem.world
+    q = space.start(bent)
+    departure = Departure(relax_T=0.5, relax_F=0.3, tau_s=6e-3)
+    relaxing = {"relaxing k_T": 0.5, "relaxing k_F": 0.3, "relaxation time": np.log(6e-3)}
+    for name, value in relaxing.items():
+        q[space.index[name]] = value / space.slope(name)
+    constants = {name: float(value[0]) for name, value in space.constants(q)[0].items()}
+    for number, recording in enumerate(data):
+        masses = recording.condition.masses
+        leg = Leg(**constants, m_S=masses["m_S"], m_F=masses["m_F"])
+        f, base = recording.condition.frequency_hz, problem.lines[number].base.amplitudes
+        assert f is not None
+        want = moved(leg, departure, f, base)[0][: base.size]
+        Y = problem.response(number, q)[0]
+        assert abs(want[1]) > 0.005 * abs(want[0])
+        np.testing.assert_allclose(Y[:3], want[:3], rtol=0, atol=0.02 * abs(want[1]))
 
 
 @pytest.fixture(scope="module")
