@@ -10,8 +10,6 @@ the truth if it holds any value of that range; the row "at rest, without load" a
 What is done is kept in a file and not done again while neither the fit nor the worlds change.
 """
 
-import hashlib
-import json
 import signal
 import time
 from collections.abc import Iterator, Sequence
@@ -25,6 +23,8 @@ import numpy as np
 import typer
 from rich.progress import Progress
 
+from benchmarks import kept
+from benchmarks.kept import ROOT
 from benchmarks.table import JsonOption, report
 from benchmarks.worlds import CLEAN, WORLDS, Member, member, recordings
 from fasbody.console import command_line, console, progress_bar
@@ -35,7 +35,6 @@ from identification.result import Branch, FitResult
 from identification.space import names
 from reproduction.check import Check, at_least, at_most, told, within
 
-ROOT = Path(__file__).parents[1]
 #: Constants whose intervals are counted.
 COUNTED = ("k_T", "k_F", "c_11", "c_21")
 STARTS = 4
@@ -138,28 +137,15 @@ def trial(world: str, seed: int, exclude: Sequence[str] = ()) -> Judged:
 
 
 def digest(exclude: Sequence[str] = ()) -> str:
-    """Of everything that a result depends on: worlds, fit, models and readers, and what is excluded."""
-    found = hashlib.sha256(",".join(sorted(exclude)).encode())
-    files = [ROOT / "benchmarks" / name for name in ("worlds.py", "reality.py")]
-    for room in ("identification", "fasbody/foot", "fasbody/recording", "mjcf"):
-        files += [file for file in (ROOT / room).rglob("*") if file.suffix in (".py", ".xml")]
-    for file in sorted(files):
-        found.update(file.read_bytes())
-    return found.hexdigest()[:16]
+    """Of worlds and fit, and of what is excluded."""
+    own = [ROOT / "benchmarks" / name for name in ("worlds.py", "reality.py")]
+    return kept.digest([*own, *kept.fit_sources()], ",".join(sorted(exclude)))
 
 
-def read(file: Path, stamp: str) -> list[Judged]:
-    """What was done with these sources; a line cut off by an interruption is not."""
-    done = []
-    for line in file.read_text().splitlines() if file.is_file() else []:
-        try:
-            row = json.loads(line)
-        except ValueError:
-            continue
-        if row.pop("digest", None) == stamp:
-            row["intervals"] = {name: Interval(**interval) for name, interval in row["intervals"].items()}
-            done.append(Judged(**row))
-    return done
+def read(state: kept.Kept) -> list[Judged]:
+    """What was done with these sources."""
+    rows = state.rows()
+    return [Judged(**{**r, "intervals": {k: Interval(**i) for k, i in r["intervals"].items()}}) for r in rows]
 
 
 def _quiet() -> None:
@@ -196,15 +182,14 @@ def measure(
     for world in worlds:
         if world not in WORLDS:
             raise SettingError(f"--world is {world!r}; there are {', '.join(WORLDS)}.")
-    stamp = digest(exclude)
+    file = kept.Kept(state, digest(exclude))
     wanted = [(world, seed) for seed in range(first, first + seeds) for world in worlds]
-    done = {(j.world, j.seed): j for j in read(state, stamp)}
+    done = {(j.world, j.seed): j for j in read(file)}
     work = [key for key in wanted if key not in done]
-    with progress_bar() as progress, state.open("a") as file:
+    with progress_bar() as progress:
         for found in study(work, jobs, progress, exclude) if work else ():
             done[found.world, found.seed] = found
-            file.write(json.dumps({**asdict(found), "digest": stamp}) + "\n")
-            file.flush()
+            file.add(asdict(found))
     return rows_of([done[key] for key in wanted if key in done])
 
 

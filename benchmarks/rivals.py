@@ -4,8 +4,6 @@ The recordings come from worlds.py, which shares no code with the ladder. What i
 again while neither the worlds nor the ladder's numbers change; how rivals are ranked is computed from what is kept.
 """
 
-import hashlib
-import json
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +13,8 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from benchmarks import kept
+from benchmarks.kept import ROOT
 from benchmarks.table import JsonOption, report
 from benchmarks.worlds import CLEAN, WORLDS, Member, member, recordings
 from fasbody.console import command_line, progress_bar
@@ -24,7 +24,6 @@ from identification.rivals.ladder import KINDS, LADDER, LINEAR
 from identification.rivals.result import MODEL, Rival, Rivals, preferred
 from reproduction.check import Check, at_least, told
 
-ROOT = Path(__file__).parents[1]
 #: A clean world whose dampers are linear.
 STRAIGHT = "linear dampers"
 #: What is named rightly in each world; in the clean ones the model, or the linear foot nested in it.
@@ -126,25 +125,9 @@ def truths(truth: Member, result: Rivals) -> dict[str, bool]:
 
 def digest() -> str:
     """Of everything that a run's numbers depend on."""
-    found = hashlib.sha256()
     files = [ROOT / "benchmarks" / "worlds.py", ROOT / "identification" / "periodic.py"]
     files += [ROOT / "identification" / "rivals" / f"{name}.py" for name in ("steady", "ladder", "problem", "search")]
-    for file in sorted(files):
-        found.update(file.read_bytes())
-    return found.hexdigest()[:16]
-
-
-def read(file: Path, stamp: str) -> list[Run]:
-    """What was done with these sources; a line cut off by an interruption is not."""
-    done = []
-    for line in file.read_text().splitlines() if file.is_file() else []:
-        try:
-            row = json.loads(line)
-        except ValueError:
-            continue
-        if row.pop("digest", None) == stamp:
-            done.append(Run(**{**row, "rivals": tuple(row["rivals"])}))
-    return done
+    return kept.digest(files)
 
 
 def measure(seeds: int, state: Path, worlds: Sequence[str]) -> list[Check]:
@@ -159,17 +142,16 @@ def measure(seeds: int, state: Path, worlds: Sequence[str]) -> list[Check]:
     for world in worlds:
         if world not in valid:
             raise SettingError(f"--world is {world!r}; there are {', '.join(valid)}.")
-    stamp = digest()
+    file = kept.Kept(state, digest())
     wanted = [(world, seed) for seed in range(seeds) for world in worlds]
-    done = {(run.world, run.seed): run for run in read(state, stamp)}
+    done = {
+        (run.world, run.seed): run for run in (Run(**{**row, "rivals": tuple(row["rivals"])}) for row in file.rows())
+    }
     work = [key for key in wanted if key not in done]
-    with progress_bar() as progress, state.open("a") as file:
-        task = progress.add_task("worlds", total=len(work))
-        for key in work:
+    with progress_bar() as progress:
+        for key in progress.track(work, description="worlds"):
             done[key] = trial(*key)
-            file.write(json.dumps({**vars(done[key]), "digest": stamp}) + "\n")
-            file.flush()
-            progress.advance(task)
+            file.add(vars(done[key]))
     return rows_of([done[key] for key in wanted if key in done])
 
 

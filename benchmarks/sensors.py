@@ -5,8 +5,6 @@ recorded twice, without any departure, and as a laboratory has it: everything th
 usual size, in each sensor for itself. What is done is kept in a file and not done again while no source changes.
 """
 
-import hashlib
-import json
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -16,7 +14,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from benchmarks.reality import ROOT, STARTS
+from benchmarks import kept
+from benchmarks.reality import STARTS
 from benchmarks.table import JsonOption, report
 from benchmarks.worlds import LOADS_KG, Departure, Member, leg_of, recordings
 from fasbody.console import command_line, progress_bar
@@ -110,40 +109,22 @@ def trial(world: str, sensors: tuple[str, ...], seed: int) -> Judged:
 
 def digest() -> str:
     """Of the worlds, and of everything that a fit depends on."""
-    found = hashlib.sha256()
-    files = [ROOT / "benchmarks" / name for name in ("worlds.py", "sensors.py")]
-    for room in ("identification", "fasbody/foot", "fasbody/recording", "mjcf"):
-        files += [file for file in (ROOT / room).rglob("*") if file.suffix in (".py", ".xml")]
-    for file in sorted(files):
-        found.update(file.read_bytes())
-    return found.hexdigest()[:16]
-
-
-def read(file: Path, stamp: str) -> list[Judged]:
-    """What was done with these sources."""
-    done = []
-    for line in file.read_text().splitlines() if file.is_file() else []:
-        try:
-            row = json.loads(line)
-        except ValueError:  # cut off by an interruption
-            continue
-        if row.pop("digest", None) == stamp:
-            done.append(Judged(**{**row, "holds": tuple(row["holds"])}))
-    return done
+    own = [kept.ROOT / "benchmarks" / name for name in ("worlds.py", "sensors.py")]
+    return kept.digest([*own, *kept.fit_sources()])
 
 
 def measure(feet: int, state: Path) -> list[Check]:
     """Rows from so many legs; what `state` holds is not done again."""
-    stamp = digest()
-    done = {(j.world, j.seed, j.sensors): j for j in read(state, stamp)}
+    file = kept.Kept(state, digest())
+    before = [Judged(**{**row, "holds": tuple(row["holds"])}) for row in file.rows()]
+    done = {(j.world, j.seed, j.sensors): j for j in before}
     wanted = [(world, sensors, seed) for world, sensors in TASKS for seed in range(feet)]
     work = [key for key in wanted if (key[0], key[2], len(key[1])) not in done]
-    with progress_bar() as progress, state.open("a") as file:
+    with progress_bar() as progress:
         for world, sensors, seed in progress.track(work, description="legs"):
             found = trial(world, sensors, seed)
             done[world, seed, len(sensors)] = found
-            file.write(json.dumps({**asdict(found), "digest": stamp}) + "\n")
-            file.flush()
+            file.add(asdict(found))
     return rows_of([done[world, seed, len(sensors)] for world, sensors, seed in wanted])
 
 

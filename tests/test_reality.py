@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from benchmarks import reality, worlds
+from benchmarks.kept import Kept
 from benchmarks.worlds import CLEAN, WORLDS, Departure, Leg, Member
 
 
@@ -175,7 +176,6 @@ def test_rows_count_wrong_decisions_and_intervals() -> None:
 
 def test_a_fit_is_judged_on_the_true_branch_and_kept(tmp_path) -> None:  # type: ignore[no-untyped-def]
     """A real fit of a strongly nonlinear leg in the model's own world, kept, read back and forgotten by other code."""
-    import json
     from dataclasses import asdict
 
     leg = replace(worlds.member(CLEAN, 2).leg, c_12=90.0, c_22=-120.0, c_13=140.0, c_23=170.0)
@@ -185,8 +185,10 @@ def test_a_fit_is_judged_on_the_true_branch_and_kept(tmp_path) -> None:  # type:
     assert found.true_shown and set(found.intervals) == set(reality.COUNTED)
     assert sum(interval.holds for interval in found.intervals.values()) >= 3
     file = tmp_path / "done.jsonl"
-    file.write_text(json.dumps({**asdict(found), "digest": "now"}) + '\n{"cut off')
-    assert reality.read(file, "now") == [found] and reality.read(file, "later") == []
+    Kept(file, "now").add(asdict(found))
+    with file.open("a") as cut:
+        cut.write('{"cut off')
+    assert reality.read(Kept(file, "now")) == [found] and reality.read(Kept(file, "later")) == []
 
 
 def test_ranges_hold_every_value_that_a_constant_has() -> None:
