@@ -199,5 +199,17 @@ def progress_bar() -> Iterator[Progress]:
         yield progress
 
 
+@contextmanager
+def stages() -> Iterator[Callable[[str, int, int], None]]:
+    """A progress bar of work in stages: yields what is told the stage, how much of it is done, and of how much."""
+    with progress_bar() as progress:
+        task = progress.add_task("reading", total=None)
+
+        def advance(what: str, done: int, total: int) -> None:
+            progress.update(task, description=what, completed=done, total=total)
+
+        yield advance
+
+
 def _escape(text: str) -> str:
     return text.replace("[", r"\[")

@@ -1,7 +1,6 @@
 """`python -m identification.fit`: stiffness and damping of a foot from its recordings."""
 
 import sys
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
@@ -10,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from rich.markup import escape
 
-from fasbody.console import command_line, console, make_folder, print_json, progress_bar, results
-from fasbody.exceptions import InputFileError, SettingError
-from fasbody.recording.recording import Recording, with_masses
-from fasbody.recording.study import BUNDLED, Study, read_file, read_truth
+from fasbody.console import command_line, console, make_folder, print_json, results, stages
+from fasbody.recording.sources import gather
+from fasbody.recording.study import BUNDLED
+from identification.options import AddedMass, BodyMass, Data, DelayStd, GainStd, Mapping, MassStd
 
 if TYPE_CHECKING:
     from identification.result import FitResult
@@ -23,19 +22,11 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def main(
-    data: Annotated[
-        list[Path] | None, typer.Argument(help="study folder, or CSV recordings", show_default="bundled study")
-    ] = None,
+    data: Data = None,
     model: Annotated[str, typer.Option(help="shipped model or MJCF file")] = "two_dof",
-    body_mass: Annotated[
-        list[float] | None, typer.Option(help="body mass in kg, for bare files; once, or once a file in their order")
-    ] = None,
-    added_mass: Annotated[
-        list[float] | None, typer.Option(help="mass on the knee in kg, for bare files; once, or once a file")
-    ] = None,
-    study: Annotated[
-        Path | None, typer.Option("--study", help="study.toml that maps channels, units and sensitivities of files")
-    ] = None,
+    body_mass: BodyMass = None,
+    added_mass: AddedMass = None,
+    study: Mapping = None,
     free: Annotated[
         str | None, typer.Option(help="parameters to estimate, e.g. k_T,k_F,c_11,c_21 (default: all)")
     ] = None,
@@ -43,13 +34,9 @@ def main(
     starts: Annotated[int, typer.Option(help="starts of the search")] = 8,
     seed: Annotated[int, typer.Option(min=0, help="seed of the random starts")] = 0,
     domain: Annotated[str, typer.Option(help="auto, periodic (steady state) or time")] = "auto",
-    mass_std: Annotated[
-        float | None, typer.Option(help="what the segment masses may be off, as a share (default 0.1; 0: exact)")
-    ] = None,
-    gain_std: Annotated[float | None, typer.Option(help="what the gain may be off, as a share (default 0.01)")] = None,
-    delay_std: Annotated[
-        float | None, typer.Option(help="what the delay between channels may be, in s (default a tenth of a sample)")
-    ] = None,
+    mass_std: MassStd = None,
+    gain_std: GainStd = None,
+    delay_std: DelayStd = None,
     exclude: Annotated[
         str | None, typer.Option(help="what cannot be: mount, relaxation, load, rocking, drift, or all")
     ] = None,
@@ -93,12 +80,7 @@ def main(
     folder = out or (None if json_ else Path("results") / _slug(source))
     if folder is not None:
         make_folder(folder)
-    with progress_bar() as progress:
-        task = progress.add_task("reading", total=None)
-
-        def advance(what: str, done: int, total: int) -> None:
-            progress.update(task, description=what, completed=done, total=total)
-
+    with stages() as advance:
         result = fit_foot(recordings, foot, settings, advance=advance).with_source(source, truth)
     result = replace(result, provenance={**result.provenance, "command": _typed()})
     if json_:
@@ -119,52 +101,6 @@ def main(
 def _typed() -> str:
     """The command as it was typed."""
     return " ".join(["python -m identification.fit", *map(quote, sys.argv[1:])])
-
-
-def gather(
-    data: Sequence[Path],
-    body_mass: Sequence[float] | None,
-    added_mass: Sequence[float] | None,
-    mapping: Path | None = None,
-) -> tuple[str, list[Recording], dict[str, float]]:
-    """Recordings of study folders and files, with masses from the command line, and the truth of a synthetic study.
-
-    Raises:
-        InputFileError: nothing of that name, or it cannot be read.
-        SettingError: several masses, and not one for each of the files; or a study.toml for a folder with its own.
-    """
-    if mapping is not None and any(path.is_dir() for path in data):
-        raise SettingError("--study is for files; a study folder has a study.toml of its own.")
-    bodies, loads = _each(data, body_mass, "--body-mass"), _each(data, added_mass, "--added-mass")
-    sources: list[str] = []
-    recordings: list[Recording] = []
-    truth: dict[str, float] = {}
-    for path, body, load in zip(data, bodies, loads, strict=True):
-        if path.is_dir():
-            study = Study.read(path)
-            sources.append(study.name)
-            recordings += [with_masses(recording, body, load) for recording in study.recordings]
-            truth = read_truth(path) if len(data) == 1 else {}
-        elif path.exists():
-            sources.append(path.name)
-            recordings.append(with_masses(read_file(path, mapping), body, load))
-        else:
-            raise InputFileError(path, "no such file or folder", "give a study folder or CSV recordings")
-    named = ", ".join(sources[:3]) + (f" and {len(sources) - 3} more" if len(sources) > 3 else "")
-    return named, recordings, truth
-
-
-def _each(data: Sequence[Path], masses: Sequence[float] | None, option: str) -> list[float | None]:
-    """The mass for each of the files: none, one for all, or one each."""
-    if not masses:
-        return [None] * len(data)
-    if len(masses) not in (1, len(data)) or (len(masses) > 1 and any(path.is_dir() for path in data)):
-        given = ", ".join(f"{mass:g}" for mass in masses)
-        raise SettingError(
-            f"{option} is given {len(masses)} times ({given}) for {len(data)} files or folders; valid: once for all, "
-            "or once for each file in their order."
-        )
-    return list(masses) if len(masses) > 1 else [masses[0]] * len(data)
 
 
 def _slug(text: str) -> str:

@@ -12,10 +12,10 @@ import pytest
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.recording.proposal import propose
 from fasbody.recording.recording import Recording
+from fasbody.recording.sources import gather
 from fasbody.recording.study import Study, StudyFolder
 from fasbody.recording.trials import describe
 from fasbody.transmissibility.table import Table
-from identification.fit import gather
 
 G = 9.80665
 TIME = np.arange(2000) / 1000

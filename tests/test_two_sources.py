@@ -13,7 +13,7 @@ from fasbody.exceptions import InputFileError, SettingError
 from fasbody.recording.channels import Layout
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.recording import Recording
-from identification.fit import gather
+from fasbody.recording.sources import gather
 
 RATE, N, LATE = 1000.0, 2000, 2e-3
 T = np.arange(N) / RATE

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from fasbody.console import command_line, console, make_folder, print_json, progress_bar, results
+from fasbody.console import command_line, console, make_folder, print_json, results, stages
+from fasbody.recording.sources import gather
 from fasbody.recording.study import BUNDLED
+from identification.options import AddedMass, BodyMass, Data, DelayStd, GainStd, Mapping, MassStd
 
 if TYPE_CHECKING:
     from identification.rivals.result import Rivals
@@ -17,25 +19,19 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def main(
-    data: Annotated[
-        list[Path] | None, typer.Argument(help="study folder, or CSV recordings", show_default="bundled study")
-    ] = None,
+    data: Data = None,
     model: Annotated[str, typer.Option(help="two-mass model that rivals are edits of, or its file")] = "two_dof",
     rival: Annotated[list[Path] | None, typer.Option(help="an edited MJCF to compare, too; repeat for more")] = None,
     rungs: Annotated[
         str | None,
         typer.Option(help="of exponential, polynomial, relaxing, mount, third, load; with commas (default: all)"),
     ] = None,
-    body_mass: Annotated[list[float] | None, typer.Option(help="body mass in kg, for bare files")] = None,
-    added_mass: Annotated[
-        list[float] | None, typer.Option(help="mass on the knee in kg, for bare files; once, or once a file")
-    ] = None,
-    study: Annotated[
-        Path | None, typer.Option("--study", help="study.toml that maps channels, units and sensitivities of files")
-    ] = None,
-    mass_std: Annotated[float | None, typer.Option(help="what the segment masses may be off, as a share")] = None,
-    gain_std: Annotated[float | None, typer.Option(help="what the gain may be off, as a share")] = None,
-    delay_std: Annotated[float | None, typer.Option(help="what the delay between channels may be, in s")] = None,
+    body_mass: BodyMass = None,
+    added_mass: AddedMass = None,
+    study: Mapping = None,
+    mass_std: MassStd = None,
+    gain_std: GainStd = None,
+    delay_std: DelayStd = None,
     write_model: Annotated[Path | None, typer.Option(help="folder for every fitted rival as MJCF")] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
     out: Annotated[Path | None, typer.Option(help="folder for rivals.csv, rivals.json and figures")] = None,
@@ -53,7 +49,6 @@ def main(
     """
     import mjcf
     from fasbody.foot.model import load
-    from identification.fit import gather
     from identification.rivals.compare import compare_rivals
     from identification.space import names
 
@@ -62,12 +57,7 @@ def main(
     for folder in (write_model, out):
         if folder is not None:
             make_folder(folder)
-    with progress_bar() as progress:
-        task = progress.add_task("reading", total=None)
-
-        def advance(what: str, done: int, total: int) -> None:
-            progress.update(task, description=what, completed=done, total=total)
-
+    with stages() as advance:
         result = compare_rivals(
             recordings, foot, rungs=names(rungs), files=rival or (), mass_std=mass_std, gain_std=gain_std,
             delay_std_s=delay_std, source=source, advance=advance,
