@@ -154,7 +154,11 @@ def predict(mechanism: Mechanism, values: dict[str, Array], plan: Plan, start: A
     draws = len(M)
     if nearby:
         assert start is not None
-        inverse = np.linalg.inv(systems[np.arange(f.size)].slope(start))  # the first draw is the one at `start`
+        slope = systems[np.arange(f.size)].slope(start)  # the first draw is the one at `start`
+        try:
+            inverse = np.linalg.inv(slope)
+        except np.linalg.LinAlgError:  # a motion that bifurcates: the shortest of its steps
+            inverse = np.linalg.pinv(slope)
         x = np.tile(start, (draws, 1))
         x -= (np.tile(inverse, (draws, 1, 1)) @ systems.left_over(x)[..., None])[..., 0]
     elif seen is not None:
