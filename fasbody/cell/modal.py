@@ -9,7 +9,7 @@ docs/cell.md.
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.util import find_spec
 
@@ -27,8 +27,8 @@ from fasbody.exceptions import SettingError, SimulationError, unknown
 
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 Block = NDArray[np.float64]
-#: Unknowns above which SuperLU's factors outgrow the two-level iteration in memory (docs/cell.md).
-DIRECT_LIMIT = 120_000
+#: Unknowns above which the two-level iteration is faster than a factorisation of them all (docs/cell.md).
+MULTIGRID_FROM = 20_000
 #: Of the two-level iteration: Chebyshev steps before and after the coarse correction; the smoother damps the upper 7/8
 #: of the spectrum, the coarse level serves the rest; vectors carried beyond the wanted ones, for the convergence of the
 #: last of them; residual relative to |K phi| (the frequencies' error is its square); most iterations.
@@ -37,7 +37,7 @@ SMOOTHING, BAND, GUARD, TOLERANCE, ITERATIONS = 3, 8.0, 4, 1e-8, 200
 
 @dataclass(frozen=True)
 class CellModel:
-    """A discretised cell made of materials.
+    """A discretised cell, or any other body, made of materials.
 
     Args:
         assembly: unit matrices of the mesh.
@@ -47,7 +47,7 @@ class CellModel:
     """
 
     assembly: Assembly
-    materials: tuple[Material, Material]
+    materials: tuple[Material, ...]
     metres_per_um: float = 1e-6
     membrane: Membrane | None = None
     cytoskeleton: Tensegrity | None = None
@@ -64,7 +64,7 @@ class CellModel:
     @cached_property
     def K(self) -> sp.csr_array:
         """Stiffness matrix [N/m], [K] of Eq. (5.2)."""
-        return self.stiffness(CYTOPLASM) + self.stiffness(NUCLEUS) + self.additions
+        return sum((self.stiffness(region) for region in range(len(self.materials))), self.additions)
 
     @cached_property
     def additions(self) -> sp.csr_array:
@@ -79,12 +79,33 @@ class CellModel:
     @cached_property
     def M(self) -> sp.csr_array:
         """Mass matrix [kg], [M] of Eq. (5.2)."""
-        return self.mass(CYTOPLASM) + self.mass(NUCLEUS)
+        return sum((self.mass(region) for region in range(1, len(self.materials))), self.mass(0))
 
     @cached_property
     def rigid(self) -> NDArray[np.float64]:
         """Unit translations (dof, 3) along x, y, z over the free unknowns."""
         return np.tile(np.eye(3), (len(self.assembly.free), 1))
+
+    @cached_property
+    def flight(self) -> NDArray[np.float64]:
+        """The six rigid motions (dof, 6) of a body that nothing holds, mass-orthonormal; none (dof, 0) of a held one."""
+        if not self.assembly.flies:
+            return np.zeros((self.assembly.dof, 0))
+        x = self.assembly.nodes_um - self.assembly.nodes_um.mean(axis=0)
+        turns = np.stack([np.cross(axis, x / np.abs(x).max()).ravel() for axis in np.eye(3)], axis=1)
+        motions = np.column_stack([self.rigid, turns])
+        gram = np.linalg.cholesky(motions.T @ (self.M @ motions))
+        return np.asarray(np.linalg.solve(gram, motions.T).T)
+
+    @property
+    def lift(self) -> float:
+        """What is added to the squares of a free body so that its stiffness can be inverted [rad^2/s^2].
+
+        A hundredth of the first square of a free rod as long as the body.
+        """
+        length = float(np.ptp(self.assembly.nodes_um, axis=0).max()) * self.metres_per_um
+        speed2 = max(m.E / m.rho for m in self.materials)
+        return 0.01 * np.pi**2 * speed2 / length**2 if self.assembly.flies else 0.0
 
     @property
     def mass_kg(self) -> float:
@@ -104,6 +125,8 @@ class Modes:
         orthogonality: largest off-diagonal entry of phi^T M phi.
         participation: share (c, 3) of the cell's mass that each mode moves along x, y, z (effective modal mass).
         way: how the problem was solved.
+        rigid_hz: frequencies (6,) of a free body's rigid motions, which are skipped; none for a held body. They are
+            zero but for rounding [Hz].
     """
 
     frequencies_hz: NDArray[np.float64]
@@ -112,6 +135,7 @@ class Modes:
     orthogonality: float
     participation: NDArray[np.float64]
     way: str
+    rigid_hz: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
     @property
     def omega(self) -> NDArray[np.float64]:
@@ -125,44 +149,52 @@ class Modes:
         )
 
 
-def solve(model: CellModel, count: int = 10, *, way: str | None = None, shift_hz2: float = 0.0) -> Modes:
-    """The lowest modes of a cell.
+def solve(model: CellModel, count: int = 10, *, way: str | None = None) -> Modes:
+    """The lowest modes of a cell, or of another body; of one that nothing holds, those above the six rigid motions.
 
     Args:
         model: matrices.
         count: number of modes.
-        way: "pardiso", "superlu" or "multigrid"; None takes the fastest that fits in memory.
-        shift_hz2: frequencies are searched around the root of this [Hz^2]; negative for a body that is free to fly.
+        way: "pardiso", "superlu" or "multigrid"; None takes the `fastest`.
 
     Raises:
         SettingError: more modes are asked for than there are unknowns.
-        SimulationError: the iteration did not converge, or the stiffness is not positive (a prestress that buckles).
+        SimulationError: the iteration did not converge, the stiffness is not positive (a prestress that buckles), or a
+            free body has other than six rigid motions.
     """
-    K, M = model.K, model.M
-    if not 0 < count < K.shape[0] - 1:
-        raise SettingError(f"{count} modes cannot be had from {K.shape[0]} unknowns: ask for 1 to {K.shape[0] - 2}.")
-    way = way or (fastest() if fastest() != "superlu" or K.shape[0] <= DIRECT_LIMIT else "multigrid")
+    flight = model.flight
+    K, M, wanted = model.K, model.M, count + flight.shape[1]
+    most = K.shape[0] - 2 - flight.shape[1]
+    if not 0 < count <= most:
+        raise SettingError(f"{count} modes cannot be had from {K.shape[0]} unknowns: ask for 1 to {most}.")
+    way = way or fastest(K.shape[0])
+    lifted = K + model.lift * M if model.assembly.flies else K
     try:
         if way == "multigrid":
-            squares, vectors = lowest_by_multigrid(K, M, model.assembly, count)
+            squares, vectors = lowest_by_multigrid(lifted, M, model.assembly, wanted)
         else:
-            squares, vectors = _lanczos(K, M, count, way, (2 * np.pi) ** 2 * shift_hz2)
+            squares, vectors = _lanczos(lifted, M, wanted, way)
     except spla.ArpackError as error:
         raise SimulationError(f"the modes did not converge ({error}): ask for fewer or refine the mesh.") from error
     order = np.argsort(squares)
-    squares, vectors = squares[order], vectors[:, order]
-    if shift_hz2 >= 0 and squares[0] <= 0:
+    squares, vectors = squares[order] - model.lift, vectors[:, order]
+    rigid = ((flight.T @ (M @ vectors)) ** 2).sum(axis=0) > 0.5 * np.einsum("ij,ij->j", vectors, M @ vectors)
+    if rigid.sum() != flight.shape[1]:
+        raise SimulationError(f"a free body has six rigid motions, and {rigid.sum()} were found: its parts are loose.")
+    elastic = squares[~rigid]
+    if elastic[0] <= 0:
         raise SimulationError("the cell's stiffness is not positive: its prestress exceeds what it can carry.")
-    return _assess(model, K, squares, vectors, way)
+    modes = _assess(model, K, elastic, vectors[:, ~rigid], way)
+    return replace(modes, rigid_hz=np.sqrt(np.abs(squares[rigid])) / (2 * np.pi))
 
 
 def _lanczos(
-    K: sp.csr_array, M: sp.csr_array, count: int, way: str, shift: float
+    K: sp.csr_array, M: sp.csr_array, count: int, way: str
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """([K] - omega^2 [M]) {Phi} = 0, Eq. (5.3), by Lanczos on (K - shift M)^-1 M."""
-    apply = spla.LinearOperator(K.shape, inverse(K - shift * M if shift else K, way), dtype=np.float64)
+    """([K] - omega^2 [M]) {Phi} = 0, Eq. (5.3), by Lanczos on K^-1 M."""
+    apply = spla.LinearOperator(K.shape, inverse(K, way), dtype=np.float64)
     start = np.random.default_rng(5).standard_normal(K.shape[0])  # fixed: the same run gives the same digits
-    return spla.eigsh(K, count, M, sigma=shift, OPinv=apply, v0=start, ncv=min(K.shape[0] - 1, 2 * count + 10))
+    return spla.eigsh(K, count, M, sigma=0, OPinv=apply, v0=start, ncv=min(K.shape[0] - 1, 2 * count + 10))
 
 
 def _assess(
@@ -176,7 +208,7 @@ def _assess(
     gram = vectors.T @ M_phi
     moved = (M_phi.T @ model.rigid) ** 2 / model.mass_kg
     return Modes(
-        frequencies_hz=np.sqrt(np.maximum(squares, 0)) / (2 * np.pi),
+        frequencies_hz=np.sqrt(squares) / (2 * np.pi),
         vectors=vectors,
         residuals=residuals,
         orthogonality=float(np.abs(gram - np.diag(np.diag(gram))).max()) if len(gram) > 1 else 0.0,
@@ -206,8 +238,10 @@ def superlu(K: sp.csr_array) -> Solve:
 WAYS: dict[str, Callable[[sp.csr_array], Solve]] = {"pardiso": pardiso, "superlu": superlu}
 
 
-def fastest() -> str:
-    """The fastest way that is installed."""
+def fastest(unknowns: int = 0) -> str:
+    """The fastest way that is installed, at that number of unknowns (docs/cell.md); without it, the fastest inverse."""
+    if unknowns > MULTIGRID_FROM:
+        return "multigrid"
     return "pardiso" if find_spec("pypardiso") else "superlu"
 
 
