@@ -14,8 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fasbody.cell.mesh import QUADRATURE, REGIONS, TetMesh
-from fasbody.exceptions import MissingPackageError
-
+from fasbody.exceptions import MeshError, MissingPackageError
 
 #: Held faces of a body that is free to fly.
 FREE: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
@@ -111,7 +110,7 @@ def assemble(mesh: TetMesh, *, held: NDArray[np.int64] | None = None) -> Assembl
         held: corners (f, 3) of the faces that stand still in x, y and z; None is the base (section 5.3), `FREE` none.
 
     Raises:
-        MeshError: nothing flat stands on the ground.
+        MeshError: nothing flat stands on the ground, or a held face is none of the mesh.
         MissingPackageError: scikit-fem is not installed.
     """
     try:
@@ -143,6 +142,9 @@ def _facets(mesh: TetMesh, faces: NDArray[np.int64]) -> NDArray[np.int64]:
         a, b, c = np.sort(corners.astype(np.int64), axis=0)
         return np.asarray((a * count + b) * count + c)
 
-    known = number(mesh.skfem.facets)
+    known, wanted = number(mesh.skfem.facets), number(vertex[faces].T)
+    lost = int((~np.isin(wanted, known) | (faces < 0).any(axis=1)).sum())
+    if lost:
+        raise MeshError(f"{lost} of the {len(faces)} triangles to hold are no faces of its tetrahedra.")
     order = np.argsort(known)
-    return np.asarray(order[np.searchsorted(known, number(vertex[faces].T), sorter=order)])
+    return np.asarray(order[np.searchsorted(known, wanted, sorter=order)])

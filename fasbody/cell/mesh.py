@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 import scipy.sparse as sp
+from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
@@ -135,7 +135,7 @@ class TetMesh:
         """Return the mesh if its elements and its surface are sound and it is one body.
 
         Raises:
-            MeshError: elements are inverted or flat, nodes are not merged, there are several bodies, or an open surface.
+            MeshError: elements are inverted or flat, nodes not merged, bodies several, or the surface is open.
         """
         bad = np.any(self.det_j <= 0, axis=1)
         if bad.any():

@@ -22,7 +22,6 @@ from fasbody.cell.assembly import Assembly
 from fasbody.cell.cytoskeleton import Tensegrity, cytoskeleton_stiffness
 from fasbody.cell.materials import Material
 from fasbody.cell.membrane import Membrane, membrane_stiffness
-from fasbody.cell.mesh import CYTOPLASM, NUCLEUS
 from fasbody.exceptions import SettingError, SimulationError, unknown
 
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -88,7 +87,7 @@ class CellModel:
 
     @cached_property
     def flight(self) -> NDArray[np.float64]:
-        """The six rigid motions (dof, 6) of a body that nothing holds, mass-orthonormal; none (dof, 0) of a held one."""
+        """Rigid motions of the body, mass-orthonormal: six (dof, 6) if it is free, none (dof, 0) if held."""
         if not self.assembly.flies:
             return np.zeros((self.assembly.dof, 0))
         x = self.assembly.nodes_um - self.assembly.nodes_um.mean(axis=0)
@@ -188,9 +187,7 @@ def solve(model: CellModel, count: int = 10, *, way: str | None = None) -> Modes
     return replace(modes, rigid_hz=np.sqrt(np.abs(squares[rigid])) / (2 * np.pi))
 
 
-def _lanczos(
-    K: sp.csr_array, M: sp.csr_array, count: int, way: str
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _lanczos(K: sp.csr_array, M: sp.csr_array, count: int, way: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """([K] - omega^2 [M]) {Phi} = 0, Eq. (5.3), by Lanczos on K^-1 M."""
     apply = spla.LinearOperator(K.shape, inverse(K, way), dtype=np.float64)
     start = np.random.default_rng(5).standard_normal(K.shape[0])  # fixed: the same run gives the same digits
