@@ -38,7 +38,7 @@ class Assembly:
         nodes_um: positions (n, 3) of all displacement nodes [um].
         free: node numbers (k,) that are not held.
         regions: scalar matrices by region number.
-        basis: scikit-fem's scalar quadratic basis over the whole mesh.
+        basis: scikit-fem's scalar quadratic basis over the whole mesh, for its numbering.
 
     Vectors over the free degrees of freedom run x, y, z of the first free node, then of the next.
     """
@@ -126,7 +126,7 @@ def assemble(mesh: TetMesh, *, held: NDArray[np.int64] | None = None) -> Assembl
         basis = Basis(mesh.skfem, ElementTetP2(), elements=elements, intorder=QUADRATURE)
         G = {ij: sp.csr_array(form.assemble(basis)) for ij, form in forms.items()}
         regions.append(Region(G, sp.csr_array(mass.assemble(basis)), float(basis.dx.sum())))
-    whole = Basis(mesh.skfem, ElementTetP2(), intorder=QUADRATURE)
+    whole = Basis(mesh.skfem, ElementTetP2(), intorder=1)  # for its numbering; more points would fill the memory
     nodes = np.ascontiguousarray(whole.doflocs.T)
     still = whole.get_dofs(_facets(mesh, mesh.base if held is None else held)).all()
     return Assembly(mesh, nodes, np.setdiff1d(np.arange(len(nodes)), still), tuple(regions), whole)

@@ -55,17 +55,17 @@ def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> F
             _draw(axes, points + SWELL * length * mode, faces, size, view)
             _outline(axes, points, faces, view)
         f, d = analysis.frequencies_hz[i], analysis.descriptions[i]
-        place[0].set_title(f"mode {i + 1}: {_hertz(f)}, {d.label}", fontsize=8, loc="left")
+        place[0].set_title(f"mode {i + 1}: {_hertz(f)}, {d.label}", fontsize=7.5, loc="left", pad=9)
     name, um = analysis.unit
     _scale_bar(panels[0, 1], length, name, um)
     tall = max(axes.get_data_ratio() for axes in panels[0])
     figure.set_figheight(1.2 + rows * (0.25 + 7.2 * tall / (2 * wide)))
     bar = figure.colorbar(ScalarMappable(cmap="viridis"), ax=panels, shrink=0.5, aspect=40, location="bottom")
-    bar.set_label(
-        f"displacement / largest displacement, which is drawn as {SWELL * length / um:.3g} {name}", fontsize=8
-    )
-    where = "left: oblique, right: from above; lines: outline at rest"
-    figure.suptitle(f"{analysis.title}\n{where}".replace("um", "µm"), fontsize=9)
+    drawn = f"{SWELL * length / um:.3g} {name}".replace("um", "µm")
+    bar.set_label(f"displacement / largest displacement, which is drawn as {drawn}", fontsize=8)
+    bar.ax.tick_params(labelsize=8)
+    title = analysis.title.replace("um", "µm")
+    figure.suptitle(f"{title}\nleft: oblique, right: from above; lines: outline at rest", fontsize=9)
     return figure
 
 

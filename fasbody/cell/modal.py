@@ -28,10 +28,13 @@ Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 Block = NDArray[np.float64]
 #: Unknowns above which the two-level iteration is faster than a factorisation of them all (docs/cell.md).
 MULTIGRID_FROM = 20_000
-#: Of the two-level iteration: Chebyshev steps before and after the coarse correction; the smoother damps the upper 7/8
+NOT_POSITIVE = "the stiffness is not positive: its prestress exceeds what it can carry."
+#: Relative tolerance of Lanczos on the inverse: residuals of some 1e-11, frequencies to rounding.
+PRECISE = 1e-10
+#: Of the two-level iteration: Chebyshev steps before and after the coarse correction; the smoother damps the upper 3/4
 #: of the spectrum, the coarse level serves the rest; vectors carried beyond the wanted ones, for the convergence of the
 #: last of them; residual relative to |K phi| (the frequencies' error is its square); most iterations.
-SMOOTHING, BAND, GUARD, TOLERANCE, ITERATIONS = 3, 8.0, 4, 1e-8, 200
+SMOOTHING, BAND, GUARD, TOLERANCE, ITERATIONS = 2, 4.0, 4, 1e-7, 200
 
 
 @dataclass(frozen=True)
@@ -110,7 +113,7 @@ class CellModel:
     def mass_kg(self) -> float:
         """Mass of the whole cell, clamped layer included [kg]."""
         volumes = (region.volume_um3 for region in self.assembly.regions)
-        return self.metres_per_um**3 * sum(m.rho * v for m, v in zip(self.materials, volumes, strict=True))
+        return self.metres_per_um**3 * sum(m.rho * v for m, v in zip(self.materials, volumes, strict=False))
 
 
 @dataclass(frozen=True)
@@ -182,7 +185,7 @@ def solve(model: CellModel, count: int = 10, *, way: str | None = None) -> Modes
         raise SimulationError(f"a free body has six rigid motions, and {rigid.sum()} were found: its parts are loose.")
     elastic = squares[~rigid]
     if elastic[0] <= 0:
-        raise SimulationError("the cell's stiffness is not positive: its prestress exceeds what it can carry.")
+        raise SimulationError(NOT_POSITIVE)
     modes = _assess(model, K, elastic, vectors[:, ~rigid], way)
     return replace(modes, rigid_hz=np.sqrt(np.abs(squares[rigid])) / (2 * np.pi))
 
@@ -191,7 +194,7 @@ def _lanczos(K: sp.csr_array, M: sp.csr_array, count: int, way: str) -> tuple[ND
     """([K] - omega^2 [M]) {Phi} = 0, Eq. (5.3), by Lanczos on K^-1 M."""
     apply = spla.LinearOperator(K.shape, inverse(K, way), dtype=np.float64)
     start = np.random.default_rng(5).standard_normal(K.shape[0])  # fixed: the same run gives the same digits
-    return spla.eigsh(K, count, M, sigma=0, OPinv=apply, v0=start, ncv=min(K.shape[0] - 1, 2 * count + 10))
+    return spla.eigsh(K, count, M, sigma=0, OPinv=apply, v0=start, ncv=min(K.shape[0] - 1, 2 * count + 4), tol=PRECISE)
 
 
 def _assess(
@@ -215,12 +218,23 @@ def _assess(
 
 
 def pardiso(K: sp.csr_array) -> Solve:
-    """Cholesky-like factorisation by MKL Pardiso (real symmetric indefinite, so that free bodies may be shifted)."""
-    from pypardiso import PyPardisoSolver
+    """Cholesky factorisation by MKL Pardiso.
 
-    solver = PyPardisoSolver(mtype=-2)
+    Raises:
+        SimulationError: the stiffness is not positive.
+    """
+    from pypardiso import PyPardisoSolver
+    from pypardiso.pardiso_wrapper import PyPardisoError
+
+    solver = PyPardisoSolver(mtype=2)
     upper = sp.csr_matrix(sp.triu(K, format="csr"))
-    solver.factorize(upper)
+    try:
+        solver.factorize(upper)
+    except PyPardisoError as error:
+        raise SimulationError(
+            "the cell's stiffness is not positive: its prestress exceeds what it can carry."
+        ) from error
+    solver.factorized_A = upper  # and not its copy of it
     return lambda b: np.asarray(solver.solve(upper, np.asarray(b, dtype=np.float64)))
 
 
@@ -262,18 +276,19 @@ def lowest_by_multigrid(K: sp.csr_array, M: sp.csr_array, assembly: Assembly, co
     Raises:
         SimulationError: it did not converge within 200 iterations.
     """
-    precondition = two_level(K, prolongation(assembly))
-    start = np.random.default_rng(5).standard_normal((K.shape[0], count + GUARD))
-    start = precondition(M @ precondition(start))
-    vectors = start
-    for tolerance in (1e-4, TOLERANCE):  # lobpcg's tolerance is absolute, and its scale is known only near the modes
-        vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, M @ vectors))
-        scale = float(np.linalg.norm(K @ vectors, axis=0)[:count].min())
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # what it warns of is measured below
-            squares, vectors = spla.lobpcg(
-                K, vectors, M, precondition, tol=tolerance * scale, maxiter=ITERATIONS, largest=False
-            )
+    P = prolongation(assembly)
+    R = P.T.tocsr()
+    coarse = superlu(R @ K @ P)
+    precondition = two_level(K, P, coarse)
+    vectors = _coarse_modes(sp.csr_array(R @ M @ P), coarse, count + GUARD)
+    vectors = precondition(M @ (P @ vectors))
+    vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, M @ vectors))
+    scale = float(np.linalg.norm(K @ vectors, axis=0)[:count].min())  # lobpcg's tolerance is absolute
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # what it warns of is measured below
+        squares, vectors = spla.lobpcg(
+            K, vectors, M, precondition, tol=TOLERANCE * scale, maxiter=ITERATIONS, largest=False
+        )
     order = np.argsort(squares)[:count]
     squares, vectors = squares[order], vectors[:, order]
     residual = np.linalg.norm(K @ vectors - (M @ vectors) * squares, axis=0) / np.linalg.norm(K @ vectors, axis=0)
@@ -294,10 +309,20 @@ def prolongation(assembly: Assembly) -> sp.csr_array:
     return sp.kron(scalar[assembly.free][:, free_corners], sp.eye_array(3), format="csr")
 
 
-def two_level(K: sp.csr_array, P: sp.csr_array) -> Callable[[Block], Block]:
-    """A symmetric positive approximation of K^-1 acting on blocks (dof, c)."""
+def _coarse_modes(M: sp.csr_array, apply: Solve, count: int) -> Block:
+    """Roughly the lowest modes (n, count) of the corners' problem, whose stiffness `apply` inverts."""
+    n = M.shape[0]
+    start = np.random.default_rng(5).standard_normal((n, count))
+    if n <= 2 * count:
+        return start
+    inverted = spla.LinearOperator(M.shape, apply, dtype=np.float64)
+    # eigsh takes the stiffness for its shape alone, as the inverse is given
+    return spla.eigsh(M, count, M, sigma=0, OPinv=inverted, v0=start[:, 0], tol=1e-3, ncv=2 * count)[1]
+
+
+def two_level(K: sp.csr_array, P: sp.csr_array, coarse: Solve) -> Callable[[Block], Block]:
+    """A symmetric positive approximation of K^-1 acting on blocks (dof, c); `coarse` inverts P^T K P."""
     R = P.T.tocsr()
-    coarse = superlu(R @ K @ P)
     d = 1 / K.diagonal()[:, None]
     x = np.random.default_rng(0).standard_normal((K.shape[0], 1))
     for _ in range(15):  # power iteration for the largest eigenvalue of D^-1 K
