@@ -219,17 +219,17 @@ def sweep(
 
 @app.command("verify")
 def verify(preset_name: PresetOption = "as-reproduced", as_json: JsonOption = False) -> None:
-    """Known bodies: free sphere, clamped beam, scaling laws; and the cell's mesh convergence. Takes about a minute.
+    """Known bodies: free sphere, beams, plates, scaling laws; and the cell's mesh convergence. Takes about a minute.
 
     Examples:
       python -m fasbody.cell verify
     """
-    from fasbody.cell.verification import check_cantilever, check_scaling, check_sphere, convergence
+    from fasbody.cell.verification import check_beams, check_plates, check_scaling, check_sphere, convergence
 
     chosen = preset(preset_name)
     dome = Dome(height=chosen.height_um)
     with console.status("solving known bodies"):
-        checks = [*check_sphere(), *check_cantilever(), *check_scaling(chosen, dome, mesh_size(6.0))]
+        checks = [*check_sphere(), *check_beams(), *check_plates(), *check_scaling(chosen, dome, mesh_size(6.0))]
         study = convergence(chosen, dome)
     document = {"checks": [check.document() for check in checks], "convergence": study.document()}
     _report(document, "\n".join([*map(str, checks), str(study)]), as_json)

@@ -1,10 +1,9 @@
 """Natural frequencies and mode shapes: Eq. (5.3) by shift-invert Lanczos, with what tells whether to believe them.
 
-The inverse is the fastest factorisation that is installed: Pardiso (package pypardiso, with Intel's MKL) factors the
-symmetric half; SuperLU comes with scipy and keeps L and U. A factorisation of 250,000 quadratic unknowns outgrows 4 GB
-in SuperLU: there, LOBPCG runs over a two-level preconditioner, in which only the problem of the corner nodes (linear
-elements, an eighth of the unknowns) is factored and Chebyshev steps smooth what it cannot see. Measured side by side in
-docs/cell.md.
+SuperLU, which comes with scipy, is the fastest inverse of a small cell. Above 15,000 unknowns LOBPCG is faster, over a
+two-level preconditioner, in which only the problem of the corner nodes (linear elements, an eighth of the unknowns) is
+factored and Chebyshev steps smooth what it cannot see. Pardiso (package pypardiso, with Intel's MKL) wins on free
+bodies, whose many inner elements slow that iteration down. Measured side by side in docs/cell.md.
 """
 
 import warnings
@@ -26,11 +25,12 @@ from fasbody.exceptions import SettingError, SimulationError, unknown
 
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 Block = NDArray[np.float64]
-#: Unknowns above which the two-level iteration is faster than a factorisation of them all (docs/cell.md).
-MULTIGRID_FROM = 20_000
+#: Unknowns up to which SuperLU is the fastest, and up to which Pardiso's factors stay below 2 GiB (docs/cell.md).
+SUPERLU_TO, PARDISO_TO = 15_000, 150_000
+HINGED = "parts of the body hang together by a hinge only: they must share faces."
 NOT_POSITIVE = "the stiffness is not positive: its prestress exceeds what it can carry."
-#: Relative tolerance of Lanczos on the inverse: residuals of some 1e-11, frequencies to rounding.
-PRECISE = 1e-10
+#: Squares of a free body's first mode, relative to the lift, below which it is no mode but a hinge.
+LOOSE = 1e-8
 #: Of the two-level iteration: Chebyshev steps before and after the coarse correction; the smoother damps the upper 3/4
 #: of the spectrum, the coarse level serves the rest; vectors carried beyond the wanted ones, for the convergence of the
 #: last of them; residual relative to |K phi| (the frequencies' error is its square); most iterations.
@@ -162,39 +162,43 @@ def solve(model: CellModel, count: int = 10, *, way: str | None = None) -> Modes
     Raises:
         SettingError: more modes are asked for than there are unknowns.
         SimulationError: the iteration did not converge, the stiffness is not positive (a prestress that buckles), or a
-            free body has other than six rigid motions.
+            free body is loose.
     """
-    flight = model.flight
-    K, M, wanted = model.K, model.M, count + flight.shape[1]
+    K, M, flight = model.K, model.M, model.flight
     most = K.shape[0] - 2 - flight.shape[1]
     if not 0 < count <= most:
         raise SettingError(f"{count} modes cannot be had from {K.shape[0]} unknowns: ask for 1 to {most}.")
-    way = way or fastest(K.shape[0])
-    lifted = K + model.lift * M if model.assembly.flies else K
+    way = way or fastest(K.shape[0], model.assembly.flies)
+    lifted = K + model.lift * M if flight.shape[1] else K
     try:
         if way == "multigrid":
-            squares, vectors = lowest_by_multigrid(lifted, M, model.assembly, wanted)
+            squares, vectors = lowest_by_multigrid(lifted, M, model.assembly, count, flight)
         else:
-            squares, vectors = _lanczos(lifted, M, wanted, way)
+            squares, vectors = _lanczos(lifted, M, count, way, flight)
     except spla.ArpackError as error:
         raise SimulationError(f"the modes did not converge ({error}): ask for fewer or refine the mesh.") from error
     order = np.argsort(squares)
     squares, vectors = squares[order] - model.lift, vectors[:, order]
-    rigid = ((flight.T @ (M @ vectors)) ** 2).sum(axis=0) > 0.5 * np.einsum("ij,ij->j", vectors, M @ vectors)
-    if rigid.sum() != flight.shape[1]:
-        raise SimulationError(f"a free body has six rigid motions, and {rigid.sum()} were found: its parts are loose.")
-    elastic = squares[~rigid]
-    if elastic[0] <= 0:
-        raise SimulationError(NOT_POSITIVE)
-    modes = _assess(model, K, elastic, vectors[:, ~rigid], way)
-    return replace(modes, rigid_hz=np.sqrt(np.abs(squares[rigid])) / (2 * np.pi))
+    if squares[0] <= LOOSE * model.lift:
+        raise SimulationError(HINGED if model.assembly.flies else NOT_POSITIVE)
+    rigid = np.sqrt(np.abs(np.einsum("ij,ij->j", flight, K @ flight))) / (2 * np.pi)
+    return replace(_assess(model, K, squares, vectors, way), rigid_hz=rigid)
 
 
-def _lanczos(K: sp.csr_array, M: sp.csr_array, count: int, way: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """([K] - omega^2 [M]) {Phi} = 0, Eq. (5.3), by Lanczos on K^-1 M."""
-    apply = spla.LinearOperator(K.shape, inverse(K, way), dtype=np.float64)
+def _lanczos(
+    K: sp.csr_array, M: sp.csr_array, count: int, way: str, flight: Block
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """([K] - omega^2 [M]) {Phi} = 0, Eq. (5.3), by Lanczos on K^-1 M, beside the rigid motions `flight`."""
+    invert, weights = inverse(K, way), M @ flight
+
+    def apply(b: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = invert(b)
+        return x - flight @ (weights.T @ x)
+
+    operator = spla.LinearOperator(K.shape, apply, dtype=np.float64)
     start = np.random.default_rng(5).standard_normal(K.shape[0])  # fixed: the same run gives the same digits
-    return spla.eigsh(K, count, M, sigma=0, OPinv=apply, v0=start, ncv=min(K.shape[0] - 1, 2 * count + 4), tol=PRECISE)
+    start -= flight @ (weights.T @ start)
+    return spla.eigsh(K, count, M, sigma=0, OPinv=operator, v0=start, ncv=min(K.shape[0] - 1, 2 * count + 4))
 
 
 def _assess(
@@ -249,11 +253,21 @@ def superlu(K: sp.csr_array) -> Solve:
 WAYS: dict[str, Callable[[sp.csr_array], Solve]] = {"pardiso": pardiso, "superlu": superlu}
 
 
-def fastest(unknowns: int = 0) -> str:
-    """The fastest way that is installed, at that number of unknowns (docs/cell.md); without it, the fastest inverse."""
-    if unknowns > MULTIGRID_FROM:
-        return "multigrid"
+def direct() -> str:
+    """The best factorisation that is installed."""
     return "pardiso" if find_spec("pypardiso") else "superlu"
+
+
+def fastest(unknowns: int, flies: bool = False) -> str:
+    """The fastest way that is installed, as measured at that number of unknowns (docs/cell.md).
+
+    Args:
+        unknowns: of the problem.
+        flies: the body is free; the two-level iteration takes twice as long on it.
+    """
+    if unknowns <= SUPERLU_TO:
+        return "superlu"
+    return "pardiso" if flies and unknowns <= PARDISO_TO and find_spec("pypardiso") else "multigrid"
 
 
 def inverse(K: sp.csr_array, way: str) -> Solve:
@@ -270,8 +284,10 @@ def inverse(K: sp.csr_array, way: str) -> Solve:
         raise SettingError(f"the solver {way} needs the package pypardiso: pip install pypardiso.") from error
 
 
-def lowest_by_multigrid(K: sp.csr_array, M: sp.csr_array, assembly: Assembly, count: int) -> tuple[Block, Block]:
-    """Eigenvalues (count,) and vectors (dof, count) of K x = lambda M x.
+def lowest_by_multigrid(
+    K: sp.csr_array, M: sp.csr_array, assembly: Assembly, count: int, flight: Block
+) -> tuple[Block, Block]:
+    """Eigenvalues (count,) and vectors (dof, count) of K x = lambda M x, beside the rigid motions `flight`.
 
     Raises:
         SimulationError: it did not converge within 200 iterations.
@@ -280,14 +296,23 @@ def lowest_by_multigrid(K: sp.csr_array, M: sp.csr_array, assembly: Assembly, co
     R = P.T.tocsr()
     coarse = superlu(R @ K @ P)
     precondition = two_level(K, P, coarse)
-    vectors = _coarse_modes(sp.csr_array(R @ M @ P), coarse, count + GUARD)
+    vectors = _coarse_modes(sp.csr_array(R @ M @ P), coarse, count + GUARD + flight.shape[1])
     vectors = precondition(M @ (P @ vectors))
     vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, M @ vectors))
+    share = flight.T @ (M @ vectors)
+    vectors = (vectors - flight @ share)[:, (share**2).sum(axis=0) < 0.5][:, : count + GUARD]
     scale = float(np.linalg.norm(K @ vectors, axis=0)[:count].min())  # lobpcg's tolerance is absolute
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # what it warns of is measured below
         squares, vectors = spla.lobpcg(
-            K, vectors, M, precondition, tol=TOLERANCE * scale, maxiter=ITERATIONS, largest=False
+            K,
+            vectors,
+            M,
+            precondition,
+            flight if flight.shape[1] else None,
+            tol=TOLERANCE * scale,
+            maxiter=ITERATIONS,
+            largest=False,
         )
     order = np.argsort(squares)[:count]
     squares, vectors = squares[order], vectors[:, order]
@@ -317,7 +342,8 @@ def _coarse_modes(M: sp.csr_array, apply: Solve, count: int) -> Block:
         return start
     inverted = spla.LinearOperator(M.shape, apply, dtype=np.float64)
     # eigsh takes the stiffness for its shape alone, as the inverse is given
-    return spla.eigsh(M, count, M, sigma=0, OPinv=inverted, v0=start[:, 0], tol=1e-3, ncv=2 * count)[1]
+    squares, vectors = spla.eigsh(M, count, M, sigma=0, OPinv=inverted, v0=start[:, 0], tol=1e-3, ncv=2 * count)
+    return np.asarray(vectors[:, np.argsort(squares)])
 
 
 def two_level(K: sp.csr_array, P: sp.csr_array, coarse: Solve) -> Callable[[Block], Block]:
