@@ -61,12 +61,12 @@ def sesamoid() -> BodyModes:
 
 
 def test_a_free_bone_skips_six_rigid_motions(sesamoid: BodyModes) -> None:
-    """Against scipy's own shift-invert of K and M, with all ten."""
+    """Against scipy's own shift-invert of K and M, rigid motions and all."""
     model = sesamoid.model
     first = (2 * np.pi * sesamoid.frequencies_hz[0]) ** 2
-    squares = np.sort(spla.eigsh(model.K.tocsc(), 10, model.M.tocsc(), sigma=-first, return_eigenvectors=False))
-    assert np.abs(squares[:6]).max() < 1e-6 * first
-    assert sesamoid.frequencies_hz == pytest.approx(np.sqrt(squares[6:]) / (2 * np.pi), rel=1e-6)
+    found = spla.eigsh(model.K.tocsc(), 12, model.M.tocsc(), sigma=-first, return_eigenvectors=False)
+    elastic = np.sort(found[found > 0.1 * first])[:4]  # of six equal squares scipy misses one
+    assert sesamoid.frequencies_hz == pytest.approx(np.sqrt(elastic) / (2 * np.pi), rel=1e-6)
     assert len(sesamoid.modes.rigid_hz) == 6
     assert sesamoid.modes.rigid_hz.max() < 1e-4 * sesamoid.frequencies_hz[0]
     assert "six rigid motions of the free body" in str(sesamoid) and "six rigid" in repr(sesamoid)
