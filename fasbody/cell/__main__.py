@@ -154,7 +154,7 @@ def modes_of_a_body(
     found = read_body(body, unit=unit, up=up, size=size)
     with console.status("solving"):
         result = body_modes(found, given, support, part=held, count=modes, way=solver)
-    console.print("warning: a mesh of your own has no error estimate; how far it has converged is unknown until "
+    console.print("warning: a body from a file has no error estimate; how far it has converged is unknown until "
                   "you solve a finer one", soft_wrap=True)  # fmt: skip
     if out is not None:
         from fasbody.cell import figures

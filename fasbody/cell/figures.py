@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SWELL = 0.12  # largest drawn displacement, of the cell's length
 MARKERS = "osD^v<>pPX*hdH"
 #: Angle between faces from which their edge is drawn [rad].
-SHARP = 0.9
+SHARP = 1.2
 #: Viewing directions: turn about y and tilt from the horizon [degrees].
 OBLIQUE, ABOVE, FRONT = (-15.0, 40.0), (0.0, 90.0), (0.0, 8.0)
 
@@ -56,6 +56,10 @@ def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> F
             _outline(axes, points, faces, view)
         f, d = analysis.frequencies_hz[i], analysis.descriptions[i]
         place[0].set_title(f"mode {i + 1}: {_hertz(f)}, {d.label}", fontsize=7.5, loc="left", pad=9)
+    for side in (panels[:, 0::2], panels[:, 1::2]):  # one scale for all
+        x, y = (np.array([getattr(axes, f"get_{a}lim")() for axes in side.flat]) for a in "xy")
+        for axes in side.flat:
+            axes.set(xlim=(x[:, 0].min(), x[:, 1].max()), ylim=(y[:, 0].min(), y[:, 1].max()))
     name, um = analysis.unit
     _scale_bar(panels[0, 1], length, name, um)
     tall = max(axes.get_data_ratio() for axes in panels[0])
@@ -201,8 +205,9 @@ def _scale_bar(axes: Any, length: float, name: str, um: float) -> None:
     bar = max(step * n for n in (1, 2, 5) if step * n <= quarter)
     right, low = axes.get_xlim()[1], axes.get_ylim()[0]
     axes.plot((right - bar * um, right), (low, low), color="k", linewidth=1.5, clip_on=False)
-    axes.text(right - bar * um / 2, low, f"{bar:g} {name}\n".replace("um", "µm"), ha="center", va="bottom", fontsize=7,
-              linespacing=0.3)  # fmt: skip
+    middle = (right - bar * um / 2, low)
+    label = f"{bar:g} {name}".replace("um", "µm")
+    axes.annotate(label, middle, (0, 3), textcoords="offset points", ha="center", va="bottom", fontsize=7)
 
 
 def _screen(view: tuple[float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
