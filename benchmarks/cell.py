@@ -21,11 +21,12 @@ from fasbody.cell.assembly import assemble
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import preset
 from fasbody.cell.mesh import MeshSize, dome_mesh
-from fasbody.cell.modal import CellModel, solve
+from fasbody.cell.modal import CellModel, fastest, solve
 from fasbody.console import command_line, print_json
 from reproduction.check import Check, told
 
-SIZE, LARGE = 3.2, 1.4  # element sizes [um] of about 25,000 and 250,000 unknowns
+#: Element sizes [um] of about 5,000, 25,000 and 100,000 unknowns, and of 250,000.
+SMALL, SIZE, MIDDLE, LARGE = 6.0, 3.2, 1.95, 1.4
 PLAIN = "plain scipy"
 
 
@@ -55,16 +56,17 @@ def apart(way: str, size: float) -> dict[str, float]:
 
 
 def measure(large: bool = False) -> list[Check]:
-    """Rows of each way, the usual cell beside plain scipy."""
-    installed = ["pardiso"] if find_spec("pypardiso") else []
-    jobs = [(way, SIZE) for way in ("superlu", "multigrid", *installed)]
-    jobs += [(way, LARGE) for way in ("multigrid", *installed) if large]
+    """Rows of each way at each size, the usual cell beside plain scipy."""
+    ways = ["superlu", "multigrid", *(["pardiso"] if find_spec("pypardiso") else [])]
+    jobs = [(way, size) for size in (SMALL, SIZE, MIDDLE) for way in ways]
+    jobs += [(way, LARGE) for way in ways[1:] if large]
     for size in sorted({size for _, size in jobs}):
         dome_mesh(Dome(), MeshSize.of(size))  # meshing is not what is measured
     plain, rows = apart(PLAIN, SIZE), []
     for way, size in jobs:
         found = apart(way, size)
-        what = f"ten modes of the cell, {found['unknowns']:.0f} unknowns, {way}, {_ends(found)}"
+        default = ", the default" if way == fastest(int(found["unknowns"])) else ""
+        what = f"ten modes of the cell, {found['unknowns']:.0f} unknowns, {way}{default}, {_ends(found)}"
         beside = f"{PLAIN}, {_ends(plain)}: {_cost(plain)}" if size == SIZE else ""
         rows.append(told(what, _cost(found), beside, plain["solution_s"] / found["solution_s"] if beside else None))
     rows.append(told(f"the same, assembly of {plain['unknowns']:.0f} unknowns", f"{plain['assembly_s']:.1f} s"))

@@ -174,12 +174,16 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Natural frequencies and mode shapes of an adherent cell (Chapter 5 of the thesis).",
         ),
         Command(
+            "cell modes", "fasbody.cell", "modes",
+            "Modes of any elastic body: a bone, an insole block, a shoe sole; free, on its base, or held at a part of it.",
+        ),
+        Command(
             "cell sweep", "fasbody.cell", "sweep",
             "Figures 5.9 (four shapes), 5.10 (seven moduli) and 5.11 (power law with both ways of fitting).",
         ),
         Command(
             "cell verify", "fasbody.cell", "verify",
-            "Known bodies: free sphere, clamped beam, scaling laws; and the cell's mesh convergence. "
+            "Known bodies: free sphere, beams, plates, scaling laws; and the cell's mesh convergence. "
             "Takes about a minute.",
         ),
         Command(

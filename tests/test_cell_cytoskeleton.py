@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from cell_cases import cell
 
-from fasbody.cell.assembly import assemble
+from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.cytoskeleton import Tensegrity, cytoskeleton_stiffness, expanded_octahedron, place
 from fasbody.cell.materials import preset
 from fasbody.cell.modal import CellModel, solve
@@ -38,7 +38,7 @@ def test_it_stands_on_three_nodes_inside_the_cell() -> None:
 
 def test_uniform_stretch_stores_the_bars_energy() -> None:
     """Without prestress, u = a x lengthens every bar by a times its length: energy = sum of E A L a^2 / 2."""
-    assembly = assemble(cell(size=5.0).mesh, clamped=False)
+    assembly = assemble(cell(size=5.0).mesh, held=FREE)
     net = Tensegrity(grip_um=3.0, height=0.6, reach=0.6)
     K = cytoskeleton_stiffness(assembly, net, 1e-6)
     inner = place(assembly, net)

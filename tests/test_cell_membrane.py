@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from cell_cases import cell
 
-from fasbody.cell.assembly import assemble
+from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.membrane import Membrane, membrane_stiffness
 from fasbody.cell.mesh import ball_mesh
 from fasbody.exceptions import SettingError
@@ -14,7 +14,7 @@ MEMBRANE = Membrane(E=2e3, nu=0.3, thickness_nm=10.0)
 
 def test_a_swelling_sphere_stores_the_energy_of_equal_biaxial_strain() -> None:
     """Moved by u = a x on the sphere: energy = E t / (1 - nu) a^2 times the area."""
-    ball = assemble(ball_mesh(2.0, 0.8), clamped=False)
+    ball = assemble(ball_mesh(2.0, 0.8), held=FREE)
     K = membrane_stiffness(ball, MEMBRANE, 1e-6)
     u = ball.nodes_um.ravel() * 1e-6 * 0.01
     expected = 2e3 * 10e-9 / (1 - 0.3) * 0.01**2 * 4 * np.pi * (2e-6) ** 2
@@ -22,7 +22,7 @@ def test_a_swelling_sphere_stores_the_energy_of_equal_biaxial_strain() -> None:
 
 
 def test_rotation_and_inner_nodes_cost_nothing() -> None:
-    ball = assemble(ball_mesh(2.0, 0.8), clamped=False)
+    ball = assemble(ball_mesh(2.0, 0.8), held=FREE)
     K = membrane_stiffness(ball, MEMBRANE, 1e-6)
     x = ball.nodes_um
     turn = np.stack([-x[:, 1], x[:, 0], 0 * x[:, 0]], axis=1).ravel()

@@ -70,8 +70,8 @@ def test_inverted_elements_are_named() -> None:
 def test_hanging_cell_has_no_base() -> None:
     mesh = block()
     turn = np.array([[1, 1, 0], [-1, 1, 0], [0, 0, np.sqrt(2)]]) / np.sqrt(2)
-    with pytest.raises(MeshError, match="stands on its base"):
-        TetMesh(mesh.points_um @ turn.T, mesh.tets, mesh.region).check()
+    with pytest.raises(MeshError, match="stands on its base with y up"):
+        assemble(TetMesh(mesh.points_um @ turn.T, mesh.tets, mesh.region).check())
 
 
 def test_closed_surfaces_are_filled() -> None:

@@ -7,7 +7,7 @@ from cell_cases import block, cell
 from skfem import Basis, BilinearForm, ElementTetP2, ElementVector
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from fasbody.cell.assembly import assemble
+from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.materials import preset
 from fasbody.cell.modal import WAYS, CellModel, inverse, solve
 from fasbody.exceptions import SettingError, SimulationError
@@ -32,7 +32,7 @@ def test_matrices_equal_the_vector_valued_forms() -> None:
 
 
 def test_a_free_body_resists_no_rigid_motion_and_has_its_mass() -> None:
-    assembly = assemble(cell(size=8.0).mesh, clamped=False)
+    assembly = assemble(cell(size=8.0).mesh, held=FREE)
     free = CellModel(assembly, SI.materials, SI.metres_per_um)
     x = assembly.nodes_um
     turn = np.stack([x[:, 2], 0 * x[:, 0], -x[:, 0]], axis=1).reshape(-1, 1)
@@ -43,7 +43,7 @@ def test_a_free_body_resists_no_rigid_motion_and_has_its_mass() -> None:
 
 def test_uniform_strain_stores_the_closed_form_energy() -> None:
     """Moved by u = a (x, y, z) on one material: energy = 9/2 K_bulk a^2 V with K_bulk = E / (3 (1 - 2 nu))."""
-    assembly = assemble(block((3, 3, 3), seed=1), clamped=False)
+    assembly = assemble(block((3, 3, 3), seed=1), held=FREE)
     u = assembly.nodes_um.ravel()
     assert u @ (assembly.stiffness(0, 0.3) @ u) / 2 == pytest.approx(4.5 / (3 * (1 - 0.6)) * 8.0)
 

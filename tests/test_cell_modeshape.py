@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cell_cases import block, cell
 
-from fasbody.cell.assembly import Assembly, assemble
+from fasbody.cell.assembly import FREE, Assembly, assemble
 from fasbody.cell.materials import Preset, preset
 from fasbody.cell.modal import CellModel, Modes, solve
 from fasbody.cell.modeshape import LOST, Match, describe, mac, track, track_along
@@ -44,7 +44,7 @@ def test_drawn_motions(motion, label) -> None:
 
 def test_nucleus_share_is_its_part_of_the_energy() -> None:
     """A rigid shift puts kinetic energy where the mass is: the lower half of the cube, minus its clamped layer."""
-    assembly = assemble(block((2, 4, 2), nucleus_below=1.0), clamped=False)
+    assembly = assemble(block((2, 4, 2), nucleus_below=1.0), held=FREE)
     model = CellModel(assembly, (PRESET.cytoplasm, PRESET.cytoplasm), 1e-6)
     u = model.rigid[:, :1] / np.sqrt(model.mass_kg)
     (found,) = describe(model, Modes(np.ones(1), u, np.zeros(1), 0.0, np.zeros((1, 3)), "drawn"))

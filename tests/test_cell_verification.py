@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from cell_cases import CACHE, cell
+from scipy.linalg import eigh
 
 from fasbody.cell.analysis import analyse, assemblies
 from fasbody.cell.dome import Dome
@@ -10,14 +11,17 @@ from fasbody.cell.materials import preset
 from fasbody.cell.mesh import MeshSize
 from fasbody.cell.modal import CellModel, solve
 from fasbody.cell.verification import (
+    CANTILEVER_PLATE,
+    FREE_PLATE,
     Check,
     Convergence,
-    check_cantilever,
+    check_beams,
+    check_plates,
     check_scaling,
     check_sphere,
     lamb_spheroidal,
     lamb_torsional,
-    timoshenko_cantilever,
+    timoshenko,
 )  # fmt: skip
 
 
@@ -28,14 +32,38 @@ def test_lamb_roots_are_the_published_ones() -> None:
     assert lamb_spheroidal(2, 0.25) / np.pi == pytest.approx(0.840, abs=1e-3)
 
 
-def test_slender_beam_is_euler_and_bernoulli() -> None:
+@pytest.mark.parametrize(("held", "root"), [(True, 1.875104), (False, 4.730041)])
+def test_slender_beam_is_euler_and_bernoulli(held: bool, root: float) -> None:
     E, rho, length, side = 100.0, 1000.0, 1.0, 0.002
-    slender = 1.875104**2 / (2 * np.pi) * np.sqrt(E * side**2 / 12 / rho) / length**2
-    assert timoshenko_cantilever(E, rho, length, side) == pytest.approx(slender, rel=1e-4)
+    slender = root**2 / (2 * np.pi) * np.sqrt(E * side**2 / 12 / rho) / length**2
+    assert timoshenko(E, rho, length, side, held=held) == pytest.approx(slender, rel=1e-4)
+
+
+@pytest.mark.parametrize(("clamped", "known", "skip"), [(0, FREE_PLATE, 3), (2, CANTILEVER_PLATE, 0)])
+def test_plates_by_ritz(clamped: int, known: tuple[float, ...], skip: int, nu: float = 0.3, n: int = 12) -> None:
+    """Thin square plates by Legendre's polynomials, times (1 + x)^2 where the edge x = -1 is clamped."""
+    x, weights = np.polynomial.legendre.leggauss(30)
+
+    def derivatives(power: int) -> list[np.ndarray]:
+        wall = np.polynomial.Polynomial([1, 1]) ** power
+        shapes = [wall * np.polynomial.Legendre.basis(i).convert(kind=np.polynomial.Polynomial) for i in range(n)]
+        return [np.array([shape.deriv(d)(x) for shape in shapes]) for d in range(3)]
+
+    X, Y = derivatives(clamped), derivatives(0)
+
+    def product(a: int, b: int, c: int, d: int) -> np.ndarray:
+        """Integral of X^(a) Y^(b) times X^(c) Y^(d) over the plate of side 2."""
+        return np.kron((X[a] * weights) @ X[c].T, (Y[b] * weights) @ Y[d].T)
+
+    K = product(2, 0, 2, 0) + product(0, 2, 0, 2) + 2 * (1 - nu) * product(1, 1, 1, 1)
+    K += nu * (product(2, 0, 0, 2) + product(0, 2, 2, 0))
+    squares = eigh(K, product(0, 0, 0, 0), eigvals_only=True)
+    assert 4 * np.sqrt(np.abs(squares[skip:][: len(known)])) == pytest.approx(known, rel=2e-4)
 
 
 def test_known_bodies() -> None:
-    checks = [*check_sphere(0.25), *check_cantilever(), *check_scaling(preset("si"), Dome(), MeshSize.of(8.0), CACHE)]
+    checks = [*check_sphere(0.25), *check_beams(), *check_plates()]
+    checks += check_scaling(preset("si"), Dome(), MeshSize.of(8.0), CACHE)
     assert [str(check) for check in checks if not check.passed] == []
     assert all(check.dof <= 15_000 for check in checks)
 

@@ -1,4 +1,4 @@
-"""Command line of the cell: ``python -m fasbody.cell [sweep | verify | shake] --help``."""
+"""Command line of the cell and of other bodies: ``python -m fasbody.cell [modes | sweep | verify | shake] --help``."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fasbody.cell.dome import Dome, Nucleus, shape
-from fasbody.cell.materials import MODULI_PA, Preset, preset
+from fasbody.cell.materials import MODULI_PA, Material, Preset, preset
 from fasbody.console import command_line, console, make_folder, print_json, progress_bar, to_json, write_whole
 from fasbody.exceptions import SettingError
 
@@ -21,6 +21,9 @@ PresetOption = Annotated[str, typer.Option("--preset", help="as-printed, as-repr
 ShapeOption = Annotated[str, typer.Option("--shape", help=r"base axes, long x short \[um]")]
 SizeOption = Annotated[float, typer.Option("--size", help=r"element size \[um]; finer at nucleus and rim")]
 ModesOption = Annotated[int, typer.Option("--modes", help="number of modes")]
+SolverOption = Annotated[
+    str | None, typer.Option("--solver", help="pardiso, superlu or multigrid; default: the fastest")
+]
 ModulusOption = Annotated[float | None, typer.Option("--modulus", help="Young's modulus of the cytoplasm [Pa]")]
 JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
 OutOption = Annotated[
@@ -59,7 +62,7 @@ def analyse_cell(
         int | None, typer.Option(help="region number of the nucleus in --mesh", show_default="1, if there are several")
     ] = None,
     nucleus_surface: Annotated[Path | None, typer.Option(help="closed .stl of the nucleus, for an .stl cell")] = None,
-    solver: Annotated[str | None, typer.Option(help="pardiso, superlu or multigrid; default: the fastest")] = None,
+    solver: SolverOption = None,
     as_json: JsonOption = False,
     out: OutOption = None,
 ) -> None:
@@ -110,6 +113,61 @@ def analyse_cell(
     _report(analysis.document(), str(analysis), as_json)
 
 
+@app.command("modes")
+def modes_of_a_body(
+    body: Annotated[str, typer.Argument(help="a .stl, .obj, .vtu or .msh file, or a bundled bone such as calcaneus")],
+    material: Annotated[
+        list[str],
+        typer.Option(help=r"Young's modulus \[Pa], Poisson's ratio, density \[kg/m^3]; of one region: REGION=E,NU,RHO"),
+    ],
+    support: Annotated[str, typer.Option(help="free, base (flat on the lowest plane) or region (see --held)")] = "free",
+    held: Annotated[
+        str | None, typer.Option(help="number or name of the triangles or tetrahedra in the file that stand still")
+    ] = None,
+    unit: Annotated[str, typer.Option(help="length unit of the file: nm, um, mm, cm or m")] = "mm",
+    up: Annotated[str, typer.Option(help="axis that points up from the base: x, y or z")] = "y",
+    size: Annotated[
+        float | None,
+        typer.Option(help="element size inside a surface, in its unit", show_default="as fine as its triangles"),
+    ] = None,
+    modes: ModesOption = 10,
+    solver: SolverOption = None,
+    as_json: JsonOption = False,
+    out: OutOption = None,
+) -> None:
+    """Modes of any elastic body: a bone, an insole block, a shoe sole; free, on its base, or held at a part of it.
+
+    The rigid motions of a free body are skipped. With --out, writes body.json, body.vtu (ParaView), body.npz (for
+    python -m viz.cell) and modes.png.
+
+    Examples:
+      python -m fasbody.cell modes calcaneus --material 7.3e9,0.3,1500 --size 5
+
+      python -m fasbody.cell modes sole.stl --support base --up z --material 2e6,0.4,200 --out results/sole
+
+      python -m fasbody.cell modes soles.msh --support region --held 3 --material 1=2e6,0.4,200 --material 1e7,0.4,300
+    """
+    check_count(modes)
+    from fasbody.cell.body import body_modes, read_body
+
+    given = dict(map(named_material, material))
+    found = read_body(body, unit=unit, up=up, size=size)
+    with console.status("solving"):
+        result = body_modes(found, given, support, part=held, count=modes, way=solver)
+    console.print("warning: a body from a file has no error estimate; how far it has converged is unknown until "
+                  "you solve a finer one", soft_wrap=True)  # fmt: skip
+    if out is not None:
+        from fasbody.cell import figures
+        from fasbody.cell.meshfile import write_browser, write_vtu
+
+        write_whole(out / "body.json", to_json(result.document()))
+        write_vtu(out / "body.vtu", result, found.tags, result.unit[1])
+        write_browser(out / "body.npz", result, inner=None)
+        figures.save(figures.mode_shapes(result), out / "modes.png")
+        console.print(f"written: {out}")
+    _report(result.document(), str(result), as_json)
+
+
 @app.command("sweep")
 def sweep(
     preset_name: PresetOption = "as-reproduced",
@@ -154,24 +212,24 @@ def sweep(
         ):
             figures.save(figure, out / f"{name}.png")
         for number, analysis in enumerate(by_shape.analyses, start=5):
-            figures.save(figures.mode_shapes(analysis), out / f"figure_5_{number}.png")
+            figures.save(figures.mode_shapes(analysis, 5), out / f"figure_5_{number}.png")
         console.print(f"written: {out}")
     _report(document, f"{by_shape}\n{printed}\n{summary}, {direct.descriptions[0]}", as_json)
 
 
 @app.command("verify")
 def verify(preset_name: PresetOption = "as-reproduced", as_json: JsonOption = False) -> None:
-    """Known bodies: free sphere, clamped beam, scaling laws; and the cell's mesh convergence. Takes about a minute.
+    """Known bodies: free sphere, beams, plates, scaling laws; and the cell's mesh convergence. Takes about a minute.
 
     Examples:
       python -m fasbody.cell verify
     """
-    from fasbody.cell.verification import check_cantilever, check_scaling, check_sphere, convergence
+    from fasbody.cell.verification import check_beams, check_plates, check_scaling, check_sphere, convergence
 
     chosen = preset(preset_name)
     dome = Dome(height=chosen.height_um)
     with console.status("solving known bodies"):
-        checks = [*check_sphere(), *check_cantilever(), *check_scaling(chosen, dome, mesh_size(6.0))]
+        checks = [*check_sphere(), *check_beams(), *check_plates(), *check_scaling(chosen, dome, mesh_size(6.0))]
         study = convergence(chosen, dome)
     document = {"checks": [check.document() for check in checks], "convergence": study.document()}
     _report(document, "\n".join([*map(str, checks), str(study)]), as_json)
@@ -252,6 +310,21 @@ def chosen_materials(chosen: Preset, nucleus_E: float | None, nu: float | None, 
         return chosen
     with named("--nucleus-modulus"):
         return replace(chosen, nucleus=replace(chosen.nucleus, E=nucleus_E))
+
+
+def named_material(text: str) -> tuple[str | None, Material]:
+    """Region and material from ``REGION=E,NU,RHO``, or None and the material of all from ``E,NU,RHO``.
+
+    Raises:
+        SettingError: the text does not have that form, or no solid has these values.
+    """
+    region, _, values = text.rpartition("=")
+    with named(f"--material {text}"):
+        try:
+            E, nu, rho = map(float, values.split(","))
+        except ValueError:
+            raise SettingError("three numbers are needed, such as 17e9,0.3,1900.") from None
+        return region or None, Material(E, nu, rho)
 
 
 def check_count(modes: int) -> None:

@@ -53,6 +53,16 @@ class Analysis(Presented):
         return self.modes.frequencies_hz
 
     @property
+    def title(self) -> str:
+        """The cell and its modulus."""
+        return f"{self.dome or 'own mesh'}, {self.model.materials[0].E:g} Pa"
+
+    @property
+    def unit(self) -> tuple[str, float]:
+        """The length unit of figures, and its micrometres."""
+        return "um", 1.0
+
+    @property
     def volume_m3(self) -> float:
         """Volume at real size [m^3]: a micrometre of the mesh is a micrometre, whatever the preset's slip."""
         return self.model.assembly.volume_um3 * 1e-18
@@ -106,7 +116,7 @@ class Analysis(Presented):
         }
 
     def __str__(self) -> str:
-        head = f"{self.dome or 'own mesh'}, {self.model.materials[0].E:g} Pa, preset {self.preset.name}: "
+        head = f"{self.title}, preset {self.preset.name}: "
         lines = [f"{head}{self.model.assembly.dof} unknowns, {self.volume_m3:.4g} m^3"]
         for i, (f, d) in enumerate(zip(self.frequencies_hz, self.descriptions, strict=True)):
             error = "" if self.errors is None else f" +-{self.errors[i]:.2%}"

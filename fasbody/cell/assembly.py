@@ -14,7 +14,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fasbody.cell.mesh import QUADRATURE, REGIONS, TetMesh
-from fasbody.exceptions import MissingPackageError
+from fasbody.exceptions import MeshError, MissingPackageError
+
+#: Held faces of a body that is free to fly.
+FREE: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -33,9 +36,9 @@ class Assembly:
     Args:
         mesh: the tetrahedra.
         nodes_um: positions (n, 3) of all displacement nodes [um].
-        free: node numbers (k,) that are not clamped.
+        free: node numbers (k,) that are not held.
         regions: scalar matrices by region number.
-        basis: scikit-fem's scalar quadratic basis over the whole mesh.
+        basis: scikit-fem's scalar quadratic basis over the whole mesh, for its numbering.
 
     Vectors over the free degrees of freedom run x, y, z of the first free node, then of the next.
     """
@@ -50,6 +53,11 @@ class Assembly:
     def dof(self) -> int:
         """Unknowns of the eigenvalue problem."""
         return 3 * len(self.free)
+
+    @property
+    def flies(self) -> bool:
+        """Nothing is held: the body has six rigid motions."""
+        return len(self.free) == len(self.nodes_um)
 
     @property
     def volume_um3(self) -> float:
@@ -94,10 +102,15 @@ class Assembly:
         return matrix[self.free][:, self.free]
 
 
-def assemble(mesh: TetMesh, *, clamped: bool = True) -> Assembly:
-    """Assemble the unit matrices; `clamped` holds the base still in x, y and z (section 5.3).
+def assemble(mesh: TetMesh, *, held: NDArray[np.int64] | None = None) -> Assembly:
+    """Assemble the unit matrices.
+
+    Args:
+        mesh: the tetrahedra.
+        held: corners (f, 3) of the faces that stand still in x, y and z; None is the base (section 5.3), `FREE` none.
 
     Raises:
+        MeshError: nothing flat stands on the ground, or a held face is none of the mesh.
         MissingPackageError: scikit-fem is not installed.
     """
     try:
@@ -108,15 +121,30 @@ def assemble(mesh: TetMesh, *, clamped: bool = True) -> Assembly:
     forms = {(i, j): BilinearForm(lambda u, v, w, i=i, j=j: v.grad[i] * u.grad[j]) for i, j in pairs}
     mass = BilinearForm(lambda u, v, w: u * v)
     regions = []
-    for number in range(len(REGIONS)):
+    for number in range(max(len(REGIONS), int(mesh.region.max()) + 1)):
         elements = np.flatnonzero(mesh.region == number)
         basis = Basis(mesh.skfem, ElementTetP2(), elements=elements, intorder=QUADRATURE)
         G = {ij: sp.csr_array(form.assemble(basis)) for ij, form in forms.items()}
         regions.append(Region(G, sp.csr_array(mass.assemble(basis)), float(basis.dx.sum())))
-    whole = Basis(mesh.skfem, ElementTetP2(), intorder=QUADRATURE)
+    whole = Basis(mesh.skfem, ElementTetP2(), intorder=1)  # for its numbering; more points would fill the memory
     nodes = np.ascontiguousarray(whole.doflocs.T)
-    held: NDArray[np.int64] = np.array([], dtype=np.int64)
-    if clamped:
-        ground = mesh.base_um + mesh.base_tolerance
-        held = whole.get_dofs(mesh.skfem.facets_satisfying(lambda x: x[1] <= ground, boundaries_only=True)).all()
-    return Assembly(mesh, nodes, np.setdiff1d(np.arange(len(nodes)), held), tuple(regions), whole)
+    still = whole.get_dofs(_facets(mesh, mesh.base if held is None else held)).all()
+    return Assembly(mesh, nodes, np.setdiff1d(np.arange(len(nodes)), still), tuple(regions), whole)
+
+
+def _facets(mesh: TetMesh, faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Numbers (f,) in scikit-fem's mesh of the faces with these corners (f, 3)."""
+    vertex = np.zeros(len(mesh.points_um), dtype=np.int64)
+    vertex[mesh.tets[:, :4]] = mesh.skfem.t.T
+    count = len(mesh.points_um)
+
+    def number(corners: NDArray[np.int64]) -> NDArray[np.int64]:
+        a, b, c = np.sort(corners.astype(np.int64), axis=0)
+        return np.asarray((a * count + b) * count + c)
+
+    known, wanted = number(mesh.skfem.facets), number(vertex[faces].T)
+    lost = int((~np.isin(wanted, known) | (faces < 0).any(axis=1)).sum())
+    if lost:
+        raise MeshError(f"{lost} of the {len(faces)} triangles to hold are no faces of its tetrahedra.")
+    order = np.argsort(known)
+    return np.asarray(order[np.searchsorted(known, wanted, sorter=order)])

@@ -19,6 +19,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fasbody.cell.assembly import Assembly
+from fasbody.cell.mesh import QUADRATURE
 from fasbody.exceptions import SettingError
 
 
@@ -146,15 +147,15 @@ def _mean_length(bars: Bars, kind: NDArray[np.int64], metres_per_um: float) -> f
 
 def _ties(assembly: Assembly, nodes_um: NDArray[np.float64], grip_um: float) -> sp.csr_array:
     """Mean motion (36, dof) of the cytoplasm within `grip_um` of each node, weighted 1 - (r / grip)^2."""
-    from skfem import LinearForm
+    from skfem import Basis, ElementTetP2, LinearForm
 
-    rows = []
+    basis, rows = Basis(assembly.mesh.skfem, ElementTetP2(), intorder=QUADRATURE), []
     for node in nodes_um:
 
         def near(w, node=node):  # type: ignore[no-untyped-def]
             return np.maximum(0, 1 - ((w.x - node[:, None, None]) ** 2).sum(axis=0) / grip_um**2)
 
-        weight = LinearForm(lambda v, w, near=near: near(w) * v).assemble(assembly.basis)
+        weight = LinearForm(lambda v, w, near=near: near(w) * v).assemble(basis)
         total = weight.sum()  # the shape functions sum to 1
         if total <= 0.05 * grip_um**3:  # a full ball has 1.68, half a ball on the base 0.84
             raise SettingError(

@@ -9,46 +9,71 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
-from fasbody.cell.analysis import Analysis
 from fasbody.cell.mesh import NUCLEUS, TetMesh
-from fasbody.cell.meshfile import displacements
+from fasbody.cell.meshfile import displacements, upright
 from fasbody.cell.sweep import YEAST_PA, PowerLaw, Sweep
 from fasbody.console import write_whole
 
 if TYPE_CHECKING:
+    from fasbody.cell.analysis import Analysis
+    from fasbody.cell.body import BodyModes
     from fasbody.cell.viscoelastic import BaseResponse
 
 SWELL = 0.12  # largest drawn displacement, of the cell's length
 MARKERS = "osD^v<>pPX*hdH"
+#: Angle between faces from which their edge is drawn [rad].
+SHARP = 1.2
 #: Viewing directions: turn about y and tilt from the horizon [degrees].
 OBLIQUE, ABOVE, FRONT = (-15.0, 40.0), (0.0, 90.0), (0.0, 8.0)
 
 
-def mode_shapes(analysis: Analysis, count: int = 5) -> Figure:
-    """Figures 5.5 to 5.8: the first modes on the deformed surface, coloured by displacement, from two sides."""
+def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> Figure:
+    """The modes (of the cell: Figures 5.5 to 5.8), enlarged and coloured by displacement, over the outline at rest.
+
+    Args:
+        analysis: modes of a cell or of another body.
+        count: how many modes; None draws all.
+    """
     mesh = analysis.model.assembly.mesh
-    u = displacements(analysis)[:count]
-    figure = Figure(figsize=(7.2, 1.3 * len(u) + 1.0), layout="constrained")
-    panels = np.atleast_2d(figure.subplots(len(u), 2))
-    faces = np.asarray(mesh.surface.faces)
-    swell = SWELL * float(np.ptp(mesh.points_um[:, 0]))
+    u = upright(displacements(analysis)[:count], mesh.up)
+    points, surface = upright(mesh.points_um, mesh.up), mesh.surface
+    faces = np.asarray(surface.faces)
+    length = float(np.ptp(points, axis=0).max())
+    wide = 1 if len(u) <= 5 else 2
+    rows = -(-len(u) // wide)
+    figure = Figure(figsize=(7.2, 1.0), layout="constrained")
+    panels = np.atleast_2d(figure.subplots(rows, 2 * wide, sharex="col", sharey="col"))
+    for axes in panels.flat:
+        axes.set_axis_off()
     for i, mode in enumerate(u):
         size = np.linalg.norm(mode, axis=1)[faces].mean(axis=1)
-        for axes, view in zip(panels[i], (OBLIQUE, ABOVE), strict=True):
-            _draw(axes, mesh.points_um + swell * mode, faces, size, view)
+        place = panels[i % rows, 2 * (i // rows) :][:2]
+        for axes, view in zip(place, (OBLIQUE, ABOVE), strict=True):
+            _draw(axes, points + SWELL * length * mode, faces, size, view)
+            _outline(axes, points, faces, view)
         f, d = analysis.frequencies_hz[i], analysis.descriptions[i]
-        panels[i, 0].set_title(f"mode {i + 1}: {_hertz(f)}, {d.label}", fontsize=9, loc="left")
+        place[0].set_title(f"mode {i + 1}: {_hertz(f)}, {d.label}", fontsize=7.5, loc="left", pad=9)
+    for side in (panels[:, 0::2], panels[:, 1::2]):  # one scale for all
+        x, y = (np.array([getattr(axes, f"get_{a}lim")() for axes in side.flat]) for a in "xy")
+        for axes in side.flat:
+            axes.set(xlim=(x[:, 0].min(), x[:, 1].max()), ylim=(y[:, 0].min(), y[:, 1].max()))
+    name, um = analysis.unit
+    _scale_bar(panels[0, 1], length, name, um)
+    tall = max(axes.get_data_ratio() for axes in panels[0])
+    figure.set_figheight(1.2 + rows * (0.25 + 7.2 * tall / (2 * wide)))
     bar = figure.colorbar(ScalarMappable(cmap="viridis"), ax=panels, shrink=0.5, aspect=40, location="bottom")
-    bar.set_label("displacement / largest displacement", fontsize=9)
-    what = f"{_name(analysis)}, {analysis.model.materials[0].E:g} Pa"
-    figure.suptitle(f"{what} (left: oblique, right: from above)", fontsize=10)
+    drawn = f"{SWELL * length / um:.3g} {name}".replace("um", "µm")
+    bar.set_label(f"displacement / largest displacement, which is drawn as {drawn}", fontsize=8)
+    bar.ax.tick_params(labelsize=8)
+    title = analysis.title.replace("um", "µm")
+    figure.suptitle(f"{title}\nleft: oblique, right: from above; lines: outline at rest", fontsize=9)
     return figure
 
 
-def mesh_views(analysis: Analysis) -> Figure:
+def mesh_views(analysis: "Analysis") -> Figure:
     """Figure 5.4: the surface mesh, and the elements behind the plane z = 0 with the nucleus in another colour."""
     mesh = analysis.model.assembly.mesh
     figure = Figure(figsize=(7.2, 4.2), layout="constrained")
@@ -141,10 +166,7 @@ def _draw(
 
     An orthographic projection of our own: matplotlib's 3D axes clip a flat body and leave most of the panel empty.
     """
-    turn, tilt = np.radians(view)
-    right = np.array([np.cos(turn), 0, np.sin(turn)])
-    toward = np.array([-np.sin(turn) * np.cos(tilt), np.sin(tilt), np.cos(turn) * np.cos(tilt)])
-    up = np.cross(toward, right)
+    right, up, toward = _screen(view)
     corners = points[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -162,7 +184,41 @@ def _draw(
     axes.set_axis_off()
 
 
-def _name(analysis: Analysis) -> str:
+def _outline(axes: Any, points: np.ndarray, faces: np.ndarray, view: tuple[float, float]) -> None:
+    """Where the surface at rest turns away from the eye, and its sharp edges on the near side."""
+    import trimesh
+
+    right, up, toward = _screen(view)
+    body = trimesh.Trimesh(points, faces, process=False)
+    seen = (body.face_normals @ toward > 0)[body.face_adjacency]
+    drawn = (seen[:, 0] != seen[:, 1]) | ((body.face_adjacency_angles > SHARP) & seen.any(axis=1))
+    ends = points[body.face_adjacency_edges[drawn]]
+    flat = np.stack([ends @ right, ends @ up], axis=-1)
+    axes.add_collection(LineCollection(list(flat), colors="0.1", linewidths=0.5))
+    axes.autoscale_view()
+
+
+def _scale_bar(axes: Any, length: float, name: str, um: float) -> None:
+    """A bar of a round length, about a quarter of the body's, below the drawing."""
+    quarter = length / um / 4
+    step = 10.0 ** np.floor(np.log10(quarter))
+    bar = max(step * n for n in (1, 2, 5) if step * n <= quarter)
+    right, low = axes.get_xlim()[1], axes.get_ylim()[0]
+    axes.plot((right - bar * um, right), (low, low), color="k", linewidth=1.5, clip_on=False)
+    middle = (right - bar * um / 2, low)
+    label = f"{bar:g} {name}".replace("um", "µm")
+    axes.annotate(label, middle, (0, 3), textcoords="offset points", ha="center", va="bottom", fontsize=7)
+
+
+def _screen(view: tuple[float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Unit vectors to the right, up, and towards the eye."""
+    turn, tilt = np.radians(view)
+    right = np.array([np.cos(turn), 0, np.sin(turn)])
+    toward = np.array([-np.sin(turn) * np.cos(tilt), np.sin(tilt), np.cos(turn) * np.cos(tilt)])
+    return right, np.cross(toward, right), toward
+
+
+def _name(analysis: "Analysis") -> str:
     return str(analysis.dome).replace("um", "µm") if analysis.dome else "own mesh"
 
 

@@ -14,7 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from fasbody.cell.dome import Dome
@@ -33,6 +35,9 @@ QUADRATURE = 4
 EDGES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
 #: Corners of the four faces, normals outwards.
 FACES = ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2))
+#: How far above the lowest node a node still belongs to the base, relative to the height; and how near two corners are
+#: one place, relative to the body's length.
+FLAT, SAME_PLACE = 1e-5, 1e-7
 #: gmsh numbers the last two mid-edge nodes the other way round than VTK.
 TO_VTK = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
 TET10 = 11  # gmsh's element type
@@ -69,14 +74,16 @@ class TetMesh:
     """Tetrahedra with 4 or 10 nodes, in the node order of VTK.
 
     Args:
-        points_um: node positions (n, 3) [um], y up.
+        points_um: node positions (n, 3) [um].
         tets: node numbers (m, 4) or (m, 10).
-        region: region number (m,), see `REGIONS`.
+        region: region number (m,); of a cell, see `REGIONS`.
+        up: axis that points up from the base, 0 to 2; y for a cell.
     """
 
     points_um: NDArray[np.float64]
     tets: NDArray[np.int64]
     region: NDArray[np.int64]
+    up: int = 1
 
     @property
     def corners(self) -> NDArray[np.float64]:
@@ -109,21 +116,26 @@ class TetMesh:
         sign = self.skfem.mapping().detDF(points)
         return np.asarray(np.broadcast_to(sign, (len(self.tets), points.shape[1])))
 
-    @property
-    def base_tolerance(self) -> float:
-        """How far above the lowest node a node still belongs to the base [um]."""
-        return 1e-5 * float(np.ptp(self.points_um[:, 1]))
-
-    @property
-    def base_um(self) -> float:
-        """Height of the base plane [um]."""
-        return float(self.points_um[:, 1].min())
-
-    def check(self, *, standing: bool = True) -> "TetMesh":
-        """Return the mesh if its elements and its surface are sound; `standing` asks for a base to clamp.
+    @cached_property
+    def base(self) -> NDArray[np.int64]:
+        """Corners (f, 3) of the faces that lie flat on the lowest plane.
 
         Raises:
-            MeshError: elements are inverted or flat, the surface is open, or nothing flat stands on the ground.
+            MeshError: there is none.
+        """
+        height = self.points_um[:, self.up]
+        on_base = height <= height.min() + FLAT * float(np.ptp(height))
+        faces = np.asarray(self.surface.faces)
+        found = faces[on_base[faces].all(axis=1)]
+        if not len(found):
+            raise MeshError(f"no face lies flat on the lowest plane: it stands on its base with {'xyz'[self.up]} up.")
+        return found
+
+    def check(self) -> "TetMesh":
+        """Return the mesh if its elements and its surface are sound and it is one body.
+
+        Raises:
+            MeshError: elements are inverted or flat, nodes not merged, bodies several, or the surface is open.
         """
         bad = np.any(self.det_j <= 0, axis=1)
         if bad.any():
@@ -131,11 +143,21 @@ class TetMesh:
                 f"{int(bad.sum())} of the {len(bad)} tetrahedra are inverted or flat (the first is number "
                 f"{int(np.argmax(bad))}): mesh with another element size or repair the file."
             )
+        skin = self.points_um[np.unique(self.surface.faces)]
+        double = len(cKDTree(skin).query_pairs(SAME_PLACE * float(np.ptp(skin, axis=0).max())))
+        if double:
+            raise MeshError(
+                f"{double} pairs of corners lie at the same place and are not one, so that nothing holds the elements "
+                "together there: merge the nodes (gmsh: Mesh.removeDuplicateNodes)."
+            )
+        ends = self.tets[:, np.array(EDGES)].reshape(-1, 2)
+        links = sp.coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(self.points_um),) * 2)
+        _, number = connected_components(links, directed=False)
+        bodies = len(np.unique(number[self.tets[:, 0]]))
+        if bodies > 1:
+            raise MeshError(f"{bodies} bodies share no nodes: analyse one at a time, or join them.")
         if not self.surface.is_watertight:
             raise MeshError("the mesh's outer surface is open or branched: neighbouring elements must share faces.")
-        on_base = self.points_um[:, 1] <= self.base_um + self.base_tolerance
-        if standing and not on_base[self.surface.faces].all(axis=1).any():
-            raise MeshError("no face lies flat on the lowest plane: the cell stands on its base with y pointing up.")
         return self
 
     @cached_property
@@ -256,6 +278,8 @@ def surface_mesh(
     for name, surface in (("cell", outer), ("nucleus", inner)):
         if surface is not None and not surface.is_watertight:
             raise MeshError(f"the {name}'s surface is not closed: {_open_edges(surface)} edges have no second face.")
+        if surface is not None and surface.body_count > 1:
+            raise MeshError(f"the {name}'s surface has {surface.body_count} separate pieces: one body has one.")
     if inner is not None and not ((inner.bounds[0] > outer.bounds[0]) & (inner.bounds[1] < outer.bounds[1])).all():
         raise MeshError("the nucleus' surface is not inside the cell's surface.")
     if size is not None:
@@ -320,7 +344,7 @@ def ball_mesh(radius: float, size: float) -> TetMesh:
         for bound in ("Min", "Max"):
             gmsh.option.setNumber(f"Mesh.MeshSize{bound}", size)
         gmsh.model.mesh.generate(3)
-        return _unbend(_collect(gmsh, [ball], [])).check(standing=False)
+        return _unbend(_collect(gmsh, [ball], [])).check()
 
 
 def _mesh_patiently(dome: Dome, size: MeshSize) -> TetMesh:

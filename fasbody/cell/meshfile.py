@@ -1,8 +1,10 @@
-"""Meshes from and to files: VTU, MSH and STL in, VTU and the browser's compact file out."""
+"""Meshes from and to files: VTU, MSH, STL and OBJ in, VTU and the browser's compact file out."""
 
 import io
 import tempfile
+from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +16,7 @@ from fasbody.exceptions import FasError, InputFileError, MeshError, MissingPacka
 
 if TYPE_CHECKING:
     from fasbody.cell.analysis import Analysis
+    from fasbody.cell.body import BodyModes
 
 #: Micrometres that a length unit of a file may be: from a tenth of a nanometre to ten metres.
 UNITS = (1e-4, 1e7)
@@ -53,27 +56,38 @@ def read_mesh(
         raise InputFileError(file, "is not a mesh format known here", "valid: .vtu, .msh, .stl")
     try:
         if file.suffix.lower() == ".stl":
-            surfaces = [_stl(path, um_per_unit) for path in (file, nucleus) if path is not None]
+            surfaces = [read_surface(path, um_per_unit) for path in (file, nucleus) if path is not None]
             for path, surface in zip((file, nucleus), surfaces, strict=False):
                 edge = float(surface.edges_unique_length.mean())
                 if size is not None and edge > np.sqrt(2) * size.size:
                     console.print(f"note: {path}: its triangles (mean edge {edge:.3g} um) are coarser than the element "
                                   f"size of {size.size:g} um; they are cut, but stay flat", soft_wrap=True)  # fmt: skip
             return _like_a_cell(file, surface_mesh(surfaces[0], surfaces[1] if nucleus else None, size), um_per_unit)
-        return _like_a_cell(file, _volume(file, um_per_unit, nucleus_tag).check(), um_per_unit)
+        found = read_tagged(file, um_per_unit)
+        region = _nucleus(file, found.tags, tet_volumes(found.points_um, found.tets), nucleus_tag).astype(np.int64)
+        mesh = TetMesh(found.points_um, found.tets, region).check()
+        return _like_a_cell(file, mesh, um_per_unit)
     except MeshError as error:
         raise InputFileError(file, str(error).rstrip(".")) from error
 
 
-def write_vtu(file: Path, analysis: "Analysis") -> Path:
-    """Write the mesh with region numbers and every mode as a point vector, largest displacement 1."""
+def write_vtu(file: Path, analysis: "Analysis | BodyModes", tags: Sequence[int] = (0, 1), unit_um: float = 1) -> Path:
+    """Write the mesh with region numbers and every mode as a point vector, largest displacement 1.
+
+    Args:
+        file: to write.
+        analysis: mesh and modes.
+        tags: number of each region in the file.
+        unit_um: length unit of the file [um].
+    """
     meshio = _meshio()
     mesh = analysis.model.assembly.mesh
     u = displacements(analysis)
     data = {f"mode_{i + 1:02d}": np.ascontiguousarray(mode) for i, mode in enumerate(u)}
     kind = "tetra10" if mesh.tets.shape[1] == 10 else "tetra"
+    region = np.asarray(tags, dtype=np.int32)[mesh.region]
     content = meshio.Mesh(
-        mesh.points_um, [(kind, mesh.tets)], point_data=data, cell_data={"region": [mesh.region.astype(np.int32)]}
+        mesh.points_um / unit_um, [(kind, mesh.tets)], point_data=data, cell_data={"region": [region]}
     )
     with tempfile.TemporaryDirectory() as folder:  # meshio writes files only, and picks the format by the suffix
         part = Path(folder) / "cell.vtu"
@@ -81,42 +95,69 @@ def write_vtu(file: Path, analysis: "Analysis") -> Path:
         return write_whole(file, part.read_bytes())
 
 
-def displacements(analysis: "Analysis") -> np.ndarray:
+def displacements(analysis: "Analysis | BodyModes") -> np.ndarray:
     """Mode shapes (c, points, 3) at the mesh's points, largest displacement 1."""
     u = analysis.model.assembly.expand(analysis.modes.vectors)[:, analysis.model.assembly.mesh_to_node]
     return np.asarray(u / np.linalg.norm(u, axis=2).max(axis=1)[:, None, None])
 
 
-def write_browser(file: Path, analysis: "Analysis") -> Path:
+def upright(vectors: np.ndarray, up: int) -> np.ndarray:
+    """Vectors (..., 3) with the axis `up` as y, turned and not mirrored."""
+    return np.roll(vectors, 1 - up, axis=-1)
+
+
+def write_browser(file: Path, analysis: "Analysis | BodyModes", inner: int | None = NUCLEUS) -> Path:
     """Write what a page needs to show the modes: a .npz of
 
     - `vertices_um` (v, 3) float32: corners of the outer surface and of the nucleus' surface, y up [um];
     - `faces` (f, 3) int32: triangles of the outer surface, normals outwards;
-    - `nucleus_faces` (g, 3) int32: triangles of the nucleus' surface (none without a nucleus);
+    - `nucleus_faces` (g, 3) int32: triangles of the surface of the region `inner` (none without);
     - `modes` (c, v, 3) float32: displacement at each vertex, largest over the whole cell 1;
     - `frequencies_hz` (c,) float64;
     - `document`: the JSON text of ``--json`` (labels, nucleus shares, errors, preset).
     """
     mesh = analysis.model.assembly.mesh
     outer = np.asarray(mesh.surface.faces)
-    inside = mesh.region == NUCLEUS
-    inner = np.asarray(TetMesh(mesh.points_um, mesh.tets[inside], mesh.region[inside]).surface.faces).reshape(-1, 3)
-    used, renumbered = np.unique(np.concatenate([outer, inner]), return_inverse=True)
+    inside = mesh.region == (-1 if inner is None else inner)
+    core = np.asarray(TetMesh(mesh.points_um, mesh.tets[inside], mesh.region[inside]).surface.faces).reshape(-1, 3)
+    used, renumbered = np.unique(np.concatenate([outer, core]), return_inverse=True)
     faces = renumbered.reshape(-1, 3).astype(np.int32)
     memory = io.BytesIO()
     np.savez_compressed(
         memory,
-        vertices_um=mesh.points_um[used].astype(np.float32),
+        vertices_um=upright(mesh.points_um[used], mesh.up).astype(np.float32),
         faces=faces[: len(outer)],
         nucleus_faces=faces[len(outer) :],
-        modes=displacements(analysis)[:, used].astype(np.float32),
+        modes=upright(displacements(analysis)[:, used], mesh.up).astype(np.float32),
         frequencies_hz=analysis.frequencies_hz,
         document=np.array(to_json(analysis.document())),
     )
     return write_whole(file, memory.getvalue())
 
 
-def _volume(file: Path, um_per_unit: float, nucleus_tag: int | None) -> TetMesh:
+@dataclass(frozen=True)
+class Tagged:
+    """What a VTU or MSH file holds.
+
+    Args:
+        points_um: (n, 3) [um]. tets: (m, 4) or (m, 10). tags: region number (m,) of each in the file.
+        faces: corners (f, 3) of the triangles that the file holds, by their number.
+        names: numbers by the names that a .msh file gives them.
+    """
+
+    points_um: np.ndarray
+    tets: np.ndarray
+    tags: np.ndarray
+    faces: dict[int, np.ndarray]
+    names: dict[str, int]
+
+
+def read_tagged(file: Path, um_per_unit: float) -> Tagged:
+    """Tetrahedra and triangles of a file with their numbers.
+
+    Raises:
+        InputFileError: it cannot be read, or has no tetrahedra of one kind.
+    """
     meshio = _meshio()
     try:
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):  # meshio prints errors of its own
@@ -125,23 +166,35 @@ def _volume(file: Path, um_per_unit: float, nucleus_tag: int | None) -> TetMesh:
         raise
     except (Exception, SystemExit) as error:  # meshio raises whatever its parsers raise, and exits on some formats
         raise InputFileError(file, f"is not a {file.suffix[1:].upper()} file that meshio can read") from error
-    blocks = [i for i, block in enumerate(content.cells) if block.type in ("tetra", "tetra10")]
-    kinds = {content.cells[i].type for i in blocks}
-    if len(kinds) != 1:
+    name = next((name for name in TAGS if name in content.cell_data), None)
+
+    def of(*kinds: str) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        blocks = [i for i, block in enumerate(content.cells) if block.type in kinds]
+        cells = [content.cells[i].data.astype(np.int64) for i in blocks]
+        return cells, [
+            content.cell_data[name][i] if name else np.zeros(len(c)) for i, c in zip(blocks, cells, strict=True)
+        ]
+
+    blocks, tags = of("tetra", "tetra10")
+    if len({block.shape[1] for block in blocks}) != 1:
         have = ", ".join(sorted({block.type for block in content.cells})) or "nothing"
         raise InputFileError(file, f"holds {have}", "tetrahedra of one kind are needed, 4 or 10 nodes each")
-    tets = np.concatenate([content.cells[i].data for i in blocks]).astype(np.int64)
-    name = next((name for name in TAGS if name in content.cell_data), None)
-    tags = np.concatenate([content.cell_data[name][i] for i in blocks]) if name else np.zeros(len(tets))
+    tets = np.concatenate(blocks)
     used, renumbered = np.unique(tets, return_inverse=True)
     points = np.asarray(content.points[used], dtype=np.float64) * um_per_unit
     if not np.isfinite(points).all():
         raise InputFileError(file, "has points that are not finite numbers")
-    tets = renumbered.reshape(tets.shape)
-    return TetMesh(points, tets, _nucleus(file, tags, _volumes(points, tets), nucleus_tag).astype(np.int64))
+    number = np.full(len(content.points), -1)
+    number[used] = np.arange(len(used))
+    triangles, marks = of("triangle", "triangle6")
+    corners = np.concatenate([np.empty((0, 3), dtype=np.int64), *(number[t[:, :3]] for t in triangles)])
+    mark = np.concatenate([np.empty(0), *marks])
+    faces = {int(each): corners[mark == each] for each in np.unique(mark)}
+    names = {str(each): int(number[0]) for each, number in content.field_data.items()}
+    return Tagged(points, renumbered.reshape(tets.shape), np.concatenate(tags).astype(np.int64), faces, names)
 
 
-def _volumes(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
+def tet_volumes(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
     """Volume of each tetrahedron (m,) between its corners [um^3]."""
     x = points[tets[:, :4]]
     return np.asarray(np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / 6)
@@ -167,8 +220,9 @@ def _nucleus(file: Path, tags: np.ndarray, volumes: np.ndarray, tag: int | None)
 
 
 def _like_a_cell(file: Path, mesh: TetMesh, um_per_unit: float) -> TetMesh:
-    """The mesh, with a warning where its size is that of no cell, as it is with the wrong unit."""
-    volume = float(_volumes(mesh.points_um, mesh.tets).sum())
+    """The mesh, which must have a base; with a warning where its size is that of no cell, as with a wrong unit."""
+    mesh.base  # noqa: B018  raises where there is none
+    volume = float(tet_volumes(mesh.points_um, mesh.tets).sum())
     if not CELLS_UM3[0] <= volume <= CELLS_UM3[1]:
         fitting = [f"{unit:g} ({name})" for unit, name in ((1e-3, "nm"), (1.0, "um"), (1e3, "mm"), (1e6, "m"))
                    if CELLS_UM3[0] <= volume * (unit / um_per_unit) ** 3 <= CELLS_UM3[1]]  # fmt: skip
@@ -178,7 +232,12 @@ def _like_a_cell(file: Path, mesh: TetMesh, um_per_unit: float) -> TetMesh:
     return mesh
 
 
-def _stl(file: Path, um_per_unit: float) -> Any:
+def read_surface(file: Path, um_per_unit: float) -> Any:
+    """A trimesh of an STL or OBJ file, its vertices merged [um].
+
+    Raises:
+        InputFileError: it cannot be read, or holds no triangles.
+    """
     try:
         import trimesh
     except ImportError as error:
@@ -186,7 +245,7 @@ def _stl(file: Path, um_per_unit: float) -> Any:
     try:
         surface = trimesh.load_mesh(file)
     except Exception as error:  # trimesh raises whatever its parsers raise
-        raise InputFileError(file, f"cannot be read as STL ({error})") from error
+        raise InputFileError(file, f"cannot be read as {file.suffix[1:].upper()} ({error})") from error
     if len(surface.faces) == 0:
         raise InputFileError(file, "holds no triangles")
     surface.merge_vertices()

@@ -1,15 +1,14 @@
 """Natural frequencies and mode shapes: Eq. (5.3) by shift-invert Lanczos, with what tells whether to believe them.
 
-The inverse is the fastest factorisation that is installed: Pardiso (package pypardiso, with Intel's MKL) factors the
-symmetric half; SuperLU comes with scipy and keeps L and U. A factorisation of 250,000 quadratic unknowns outgrows 4 GB
-in SuperLU: there, LOBPCG runs over a two-level preconditioner, in which only the problem of the corner nodes (linear
-elements, an eighth of the unknowns) is factored and Chebyshev steps smooth what it cannot see. Measured side by side in
-docs/cell.md.
+SuperLU, which comes with scipy, is the fastest inverse of a small cell. Above 15,000 unknowns LOBPCG is faster, over a
+two-level preconditioner, in which only the problem of the corner nodes (linear elements, an eighth of the unknowns) is
+factored and Chebyshev steps smooth what it cannot see. Pardiso (package pypardiso, with Intel's MKL) wins on free
+bodies, whose many inner elements slow that iteration down. Measured side by side in docs/cell.md.
 """
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.util import find_spec
 
@@ -22,22 +21,25 @@ from fasbody.cell.assembly import Assembly
 from fasbody.cell.cytoskeleton import Tensegrity, cytoskeleton_stiffness
 from fasbody.cell.materials import Material
 from fasbody.cell.membrane import Membrane, membrane_stiffness
-from fasbody.cell.mesh import CYTOPLASM, NUCLEUS
 from fasbody.exceptions import SettingError, SimulationError, unknown
 
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 Block = NDArray[np.float64]
-#: Unknowns above which SuperLU's factors outgrow the two-level iteration in memory (docs/cell.md).
-DIRECT_LIMIT = 120_000
-#: Of the two-level iteration: Chebyshev steps before and after the coarse correction; the smoother damps the upper 7/8
+#: Unknowns up to which SuperLU is the fastest, and up to which Pardiso's factors stay below 2 GiB (docs/cell.md).
+SUPERLU_TO, PARDISO_TO = 15_000, 150_000
+HINGED = "parts of the body hang together by a hinge only: they must share faces."
+NOT_POSITIVE = "the stiffness is not positive: its prestress exceeds what it can carry."
+#: Squares of a free body's first mode, relative to the lift, below which it is no mode but a hinge.
+LOOSE = 1e-8
+#: Of the two-level iteration: Chebyshev steps before and after the coarse correction; the smoother damps the upper 3/4
 #: of the spectrum, the coarse level serves the rest; vectors carried beyond the wanted ones, for the convergence of the
 #: last of them; residual relative to |K phi| (the frequencies' error is its square); most iterations.
-SMOOTHING, BAND, GUARD, TOLERANCE, ITERATIONS = 3, 8.0, 4, 1e-8, 200
+SMOOTHING, BAND, GUARD, TOLERANCE, ITERATIONS = 2, 4.0, 4, 1e-7, 200
 
 
 @dataclass(frozen=True)
 class CellModel:
-    """A discretised cell made of materials.
+    """A discretised cell, or any other body, made of materials.
 
     Args:
         assembly: unit matrices of the mesh.
@@ -47,7 +49,7 @@ class CellModel:
     """
 
     assembly: Assembly
-    materials: tuple[Material, Material]
+    materials: tuple[Material, ...]
     metres_per_um: float = 1e-6
     membrane: Membrane | None = None
     cytoskeleton: Tensegrity | None = None
@@ -64,7 +66,7 @@ class CellModel:
     @cached_property
     def K(self) -> sp.csr_array:
         """Stiffness matrix [N/m], [K] of Eq. (5.2)."""
-        return self.stiffness(CYTOPLASM) + self.stiffness(NUCLEUS) + self.additions
+        return sum((self.stiffness(region) for region in range(len(self.materials))), self.additions)
 
     @cached_property
     def additions(self) -> sp.csr_array:
@@ -79,18 +81,39 @@ class CellModel:
     @cached_property
     def M(self) -> sp.csr_array:
         """Mass matrix [kg], [M] of Eq. (5.2)."""
-        return self.mass(CYTOPLASM) + self.mass(NUCLEUS)
+        return sum((self.mass(region) for region in range(1, len(self.materials))), self.mass(0))
 
     @cached_property
     def rigid(self) -> NDArray[np.float64]:
         """Unit translations (dof, 3) along x, y, z over the free unknowns."""
         return np.tile(np.eye(3), (len(self.assembly.free), 1))
 
+    @cached_property
+    def flight(self) -> NDArray[np.float64]:
+        """Rigid motions of the body, mass-orthonormal: six (dof, 6) if it is free, none (dof, 0) if held."""
+        if not self.assembly.flies:
+            return np.zeros((self.assembly.dof, 0))
+        x = self.assembly.nodes_um - self.assembly.nodes_um.mean(axis=0)
+        turns = np.stack([np.cross(axis, x / np.abs(x).max()).ravel() for axis in np.eye(3)], axis=1)
+        motions = np.column_stack([self.rigid, turns])
+        gram = np.linalg.cholesky(motions.T @ (self.M @ motions))
+        return np.asarray(np.linalg.solve(gram, motions.T).T)
+
+    @property
+    def lift(self) -> float:
+        """What is added to the squares of a free body so that its stiffness can be inverted [rad^2/s^2].
+
+        A hundredth of the first square of a free rod as long as the body.
+        """
+        length = float(np.ptp(self.assembly.nodes_um, axis=0).max()) * self.metres_per_um
+        speed2 = max(m.E / m.rho for m in self.materials)
+        return 0.01 * np.pi**2 * speed2 / length**2 if self.assembly.flies else 0.0
+
     @property
     def mass_kg(self) -> float:
         """Mass of the whole cell, clamped layer included [kg]."""
         volumes = (region.volume_um3 for region in self.assembly.regions)
-        return self.metres_per_um**3 * sum(m.rho * v for m, v in zip(self.materials, volumes, strict=True))
+        return self.metres_per_um**3 * sum(m.rho * v for m, v in zip(self.materials, volumes, strict=False))
 
 
 @dataclass(frozen=True)
@@ -104,6 +127,8 @@ class Modes:
         orthogonality: largest off-diagonal entry of phi^T M phi.
         participation: share (c, 3) of the cell's mass that each mode moves along x, y, z (effective modal mass).
         way: how the problem was solved.
+        rigid_hz: frequencies (6,) of a free body's rigid motions, which are skipped; none for a held body. They are
+            zero but for rounding [Hz].
     """
 
     frequencies_hz: NDArray[np.float64]
@@ -112,6 +137,7 @@ class Modes:
     orthogonality: float
     participation: NDArray[np.float64]
     way: str
+    rigid_hz: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
     @property
     def omega(self) -> NDArray[np.float64]:
@@ -125,44 +151,54 @@ class Modes:
         )
 
 
-def solve(model: CellModel, count: int = 10, *, way: str | None = None, shift_hz2: float = 0.0) -> Modes:
-    """The lowest modes of a cell.
+def solve(model: CellModel, count: int = 10, *, way: str | None = None) -> Modes:
+    """The lowest modes of a cell, or of another body; of one that nothing holds, those above the six rigid motions.
 
     Args:
         model: matrices.
         count: number of modes.
-        way: "pardiso", "superlu" or "multigrid"; None takes the fastest that fits in memory.
-        shift_hz2: frequencies are searched around the root of this [Hz^2]; negative for a body that is free to fly.
+        way: "pardiso", "superlu" or "multigrid"; None takes the `fastest`.
 
     Raises:
         SettingError: more modes are asked for than there are unknowns.
-        SimulationError: the iteration did not converge, or the stiffness is not positive (a prestress that buckles).
+        SimulationError: the iteration did not converge, the stiffness is not positive (a prestress that buckles), or a
+            free body is loose.
     """
-    K, M = model.K, model.M
-    if not 0 < count < K.shape[0] - 1:
-        raise SettingError(f"{count} modes cannot be had from {K.shape[0]} unknowns: ask for 1 to {K.shape[0] - 2}.")
-    way = way or (fastest() if fastest() != "superlu" or K.shape[0] <= DIRECT_LIMIT else "multigrid")
+    K, M, flight = model.K, model.M, model.flight
+    most = K.shape[0] - 2 - flight.shape[1]
+    if not 0 < count <= most:
+        raise SettingError(f"{count} modes cannot be had from {K.shape[0]} unknowns: ask for 1 to {most}.")
+    way = way or fastest(K.shape[0], model.assembly.flies)
+    lifted = K + model.lift * M if flight.shape[1] else K
     try:
         if way == "multigrid":
-            squares, vectors = lowest_by_multigrid(K, M, model.assembly, count)
+            squares, vectors = lowest_by_multigrid(lifted, M, model.assembly, count, flight)
         else:
-            squares, vectors = _lanczos(K, M, count, way, (2 * np.pi) ** 2 * shift_hz2)
+            squares, vectors = _lanczos(lifted, M, count, way, flight)
     except spla.ArpackError as error:
         raise SimulationError(f"the modes did not converge ({error}): ask for fewer or refine the mesh.") from error
     order = np.argsort(squares)
-    squares, vectors = squares[order], vectors[:, order]
-    if shift_hz2 >= 0 and squares[0] <= 0:
-        raise SimulationError("the cell's stiffness is not positive: its prestress exceeds what it can carry.")
-    return _assess(model, K, squares, vectors, way)
+    squares, vectors = squares[order] - model.lift, vectors[:, order]
+    if squares[0] <= LOOSE * model.lift:
+        raise SimulationError(HINGED if model.assembly.flies else NOT_POSITIVE)
+    rigid = np.sqrt(np.abs(np.einsum("ij,ij->j", flight, K @ flight))) / (2 * np.pi)
+    return replace(_assess(model, K, squares, vectors, way), rigid_hz=rigid)
 
 
 def _lanczos(
-    K: sp.csr_array, M: sp.csr_array, count: int, way: str, shift: float
+    K: sp.csr_array, M: sp.csr_array, count: int, way: str, flight: Block
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """([K] - omega^2 [M]) {Phi} = 0, Eq. (5.3), by Lanczos on (K - shift M)^-1 M."""
-    apply = spla.LinearOperator(K.shape, inverse(K - shift * M if shift else K, way), dtype=np.float64)
+    """([K] - omega^2 [M]) {Phi} = 0, Eq. (5.3), by Lanczos on K^-1 M, beside the rigid motions `flight`."""
+    invert, weights = inverse(K, way), M @ flight
+
+    def apply(b: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = invert(b)
+        return x - flight @ (weights.T @ x)
+
+    operator = spla.LinearOperator(K.shape, apply, dtype=np.float64)
     start = np.random.default_rng(5).standard_normal(K.shape[0])  # fixed: the same run gives the same digits
-    return spla.eigsh(K, count, M, sigma=shift, OPinv=apply, v0=start, ncv=min(K.shape[0] - 1, 2 * count + 10))
+    start -= flight @ (weights.T @ start)
+    return spla.eigsh(K, count, M, sigma=0, OPinv=operator, v0=start, ncv=min(K.shape[0] - 1, 2 * count + 4))
 
 
 def _assess(
@@ -176,7 +212,7 @@ def _assess(
     gram = vectors.T @ M_phi
     moved = (M_phi.T @ model.rigid) ** 2 / model.mass_kg
     return Modes(
-        frequencies_hz=np.sqrt(np.maximum(squares, 0)) / (2 * np.pi),
+        frequencies_hz=np.sqrt(squares) / (2 * np.pi),
         vectors=vectors,
         residuals=residuals,
         orthogonality=float(np.abs(gram - np.diag(np.diag(gram))).max()) if len(gram) > 1 else 0.0,
@@ -186,12 +222,23 @@ def _assess(
 
 
 def pardiso(K: sp.csr_array) -> Solve:
-    """Cholesky-like factorisation by MKL Pardiso (real symmetric indefinite, so that free bodies may be shifted)."""
-    from pypardiso import PyPardisoSolver
+    """Cholesky factorisation by MKL Pardiso.
 
-    solver = PyPardisoSolver(mtype=-2)
+    Raises:
+        SimulationError: the stiffness is not positive.
+    """
+    from pypardiso import PyPardisoSolver
+    from pypardiso.pardiso_wrapper import PyPardisoError
+
+    solver = PyPardisoSolver(mtype=2)
     upper = sp.csr_matrix(sp.triu(K, format="csr"))
-    solver.factorize(upper)
+    try:
+        solver.factorize(upper)
+    except PyPardisoError as error:
+        raise SimulationError(
+            "the cell's stiffness is not positive: its prestress exceeds what it can carry."
+        ) from error
+    solver.factorized_A = upper  # and not its copy of it
     return lambda b: np.asarray(solver.solve(upper, np.asarray(b, dtype=np.float64)))
 
 
@@ -206,9 +253,21 @@ def superlu(K: sp.csr_array) -> Solve:
 WAYS: dict[str, Callable[[sp.csr_array], Solve]] = {"pardiso": pardiso, "superlu": superlu}
 
 
-def fastest() -> str:
-    """The fastest way that is installed."""
+def direct() -> str:
+    """The best factorisation that is installed."""
     return "pardiso" if find_spec("pypardiso") else "superlu"
+
+
+def fastest(unknowns: int, flies: bool = False) -> str:
+    """The fastest way that is installed, as measured at that number of unknowns (docs/cell.md).
+
+    Args:
+        unknowns: of the problem.
+        flies: the body is free; the two-level iteration takes twice as long on it.
+    """
+    if unknowns <= SUPERLU_TO:
+        return "superlu"
+    return "pardiso" if flies and unknowns <= PARDISO_TO and find_spec("pypardiso") else "multigrid"
 
 
 def inverse(K: sp.csr_array, way: str) -> Solve:
@@ -225,24 +284,36 @@ def inverse(K: sp.csr_array, way: str) -> Solve:
         raise SettingError(f"the solver {way} needs the package pypardiso: pip install pypardiso.") from error
 
 
-def lowest_by_multigrid(K: sp.csr_array, M: sp.csr_array, assembly: Assembly, count: int) -> tuple[Block, Block]:
-    """Eigenvalues (count,) and vectors (dof, count) of K x = lambda M x.
+def lowest_by_multigrid(
+    K: sp.csr_array, M: sp.csr_array, assembly: Assembly, count: int, flight: Block
+) -> tuple[Block, Block]:
+    """Eigenvalues (count,) and vectors (dof, count) of K x = lambda M x, beside the rigid motions `flight`.
 
     Raises:
         SimulationError: it did not converge within 200 iterations.
     """
-    precondition = two_level(K, prolongation(assembly))
-    start = np.random.default_rng(5).standard_normal((K.shape[0], count + GUARD))
-    start = precondition(M @ precondition(start))
-    vectors = start
-    for tolerance in (1e-4, TOLERANCE):  # lobpcg's tolerance is absolute, and its scale is known only near the modes
-        vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, M @ vectors))
-        scale = float(np.linalg.norm(K @ vectors, axis=0)[:count].min())
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # what it warns of is measured below
-            squares, vectors = spla.lobpcg(
-                K, vectors, M, precondition, tol=tolerance * scale, maxiter=ITERATIONS, largest=False
-            )
+    P = prolongation(assembly)
+    R = P.T.tocsr()
+    coarse = superlu(R @ K @ P)
+    precondition = two_level(K, P, coarse)
+    vectors = _coarse_modes(sp.csr_array(R @ M @ P), coarse, count + GUARD + flight.shape[1])
+    vectors = precondition(M @ (P @ vectors))
+    vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, M @ vectors))
+    share = flight.T @ (M @ vectors)
+    vectors = (vectors - flight @ share)[:, (share**2).sum(axis=0) < 0.5][:, : count + GUARD]
+    scale = float(np.linalg.norm(K @ vectors, axis=0)[:count].min())  # lobpcg's tolerance is absolute
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # what it warns of is measured below
+        squares, vectors = spla.lobpcg(
+            K,
+            vectors,
+            M,
+            precondition,
+            flight if flight.shape[1] else None,
+            tol=TOLERANCE * scale,
+            maxiter=ITERATIONS,
+            largest=False,
+        )
     order = np.argsort(squares)[:count]
     squares, vectors = squares[order], vectors[:, order]
     residual = np.linalg.norm(K @ vectors - (M @ vectors) * squares, axis=0) / np.linalg.norm(K @ vectors, axis=0)
@@ -263,10 +334,21 @@ def prolongation(assembly: Assembly) -> sp.csr_array:
     return sp.kron(scalar[assembly.free][:, free_corners], sp.eye_array(3), format="csr")
 
 
-def two_level(K: sp.csr_array, P: sp.csr_array) -> Callable[[Block], Block]:
-    """A symmetric positive approximation of K^-1 acting on blocks (dof, c)."""
+def _coarse_modes(M: sp.csr_array, apply: Solve, count: int) -> Block:
+    """Roughly the lowest modes (n, count) of the corners' problem, whose stiffness `apply` inverts."""
+    n = M.shape[0]
+    start = np.random.default_rng(5).standard_normal((n, count))
+    if n <= 2 * count:
+        return start
+    inverted = spla.LinearOperator(M.shape, apply, dtype=np.float64)
+    # eigsh takes the stiffness for its shape alone, as the inverse is given
+    squares, vectors = spla.eigsh(M, count, M, sigma=0, OPinv=inverted, v0=start[:, 0], tol=1e-3, ncv=2 * count)
+    return np.asarray(vectors[:, np.argsort(squares)])
+
+
+def two_level(K: sp.csr_array, P: sp.csr_array, coarse: Solve) -> Callable[[Block], Block]:
+    """A symmetric positive approximation of K^-1 acting on blocks (dof, c); `coarse` inverts P^T K P."""
     R = P.T.tocsr()
-    coarse = superlu(R @ K @ P)
     d = 1 / K.diagonal()[:, None]
     x = np.random.default_rng(0).standard_normal((K.shape[0], 1))
     for _ in range(15):  # power iteration for the largest eigenvalue of D^-1 K

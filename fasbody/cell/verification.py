@@ -12,7 +12,7 @@ from scipy.optimize import brentq, minimize_scalar
 from scipy.special import spherical_jn
 
 from fasbody.cell.analysis import assemblies
-from fasbody.cell.assembly import assemble
+from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import Material, Preset
 from fasbody.cell.mesh import MeshSize, TetMesh, ball_mesh, dome_mesh
@@ -78,11 +78,16 @@ def lamb_spheroidal(n: int, nu: float) -> float:
     return _first_root(determinant)
 
 
-def timoshenko_cantilever(E: float, rho: float, length: float, side: float) -> float:
-    """Lowest bending frequency [Hz] of a clamped square beam with nu = 0 (shear coefficient 5/6), lengths in m."""
+def timoshenko(E: float, rho: float, length: float, side: float, *, held: bool) -> float:
+    """Lowest bending frequency [Hz] of a square beam with nu = 0 (shear coefficient 5/6), lengths in m.
+
+    Args:
+        E: Young's modulus [Pa]. rho: density [kg/m^3]. length: of the beam. side: of its section.
+        held: one end is clamped, the other free; otherwise both are free.
+    """
     A, inertia, shear = side**2, side**4 / 12, 5 / 6 * E / 2
 
-    def free_end(omega: float) -> float:
+    def far_end(omega: float) -> float:
         # along the beam: deflection, rotation, moment, shear force
         along = np.array(
             [
@@ -92,41 +97,90 @@ def timoshenko_cantilever(E: float, rho: float, length: float, side: float) -> f
                 [-rho * A * omega**2, 0, 0, 0],
             ]
         )
-        return float(np.linalg.det(expm(along * length)[2:, 2:]))
+        near = slice(2, 4) if held else slice(0, 2)
+        return float(np.linalg.det(expm(along * length)[2:, near]))
 
-    slender = 1.8751**2 * np.sqrt(E * inertia / (rho * A)) / length**2  # Euler and Bernoulli: an upper bound
-    return brentq(free_end, 0.5 * slender, 1.05 * slender) / (2 * np.pi)
+    # Euler and Bernoulli: an upper bound
+    slender = (1.8751 if held else 4.7300) ** 2 * np.sqrt(E * inertia / (rho * A)) / length**2
+    return brentq(far_end, 0.5 * slender, 1.05 * slender) / (2 * np.pi)
+
+
+def two_part_rod(materials: tuple[Material, Material], lengths: tuple[float, float]) -> float:
+    """Lowest axial frequency [Hz] of a rod held at the end of its first part, nu = 0, lengths in m.
+
+    tan(k1 l1) tan(k2 l2) = Z1 / Z2 with the wave numbers k = omega / c and the impedances Z = sqrt(E rho).
+    """
+    l1, l2 = lengths
+    c1, c2 = (np.sqrt(m.E / m.rho) for m in materials)
+    Z1, Z2 = (np.sqrt(m.E * m.rho) for m in materials)
+    ends = min(np.pi / 2 * c1 / l1, np.pi / 2 * c2 / l2)  # where one of the tangents is infinite
+    root = brentq(lambda w: np.tan(w * l1 / c1) * np.tan(w * l2 / c2) - Z1 / Z2, 1e-9 * ends, (1 - 1e-9) * ends)
+    return float(root / (2 * np.pi))
+
+
+def box(*grids: NDArray[np.float64], up: int = 1) -> TetMesh:
+    """A cuboid in straight tetrahedra with these coordinates of the corners along x, y, z [um]."""
+    from skfem import MeshTet
+
+    mesh = MeshTet.init_tensor(*grids)
+    points, tets = mesh.p.T.copy(), mesh.t.T.astype(np.int64)
+    inverted = np.linalg.det(np.diff(points[tets], axis=1)) < 0
+    tets[inverted] = tets[inverted][:, [1, 0, 2, 3]]
+    return TetMesh(points, tets, np.zeros(len(tets), dtype=np.int64), up).check()
 
 
 def check_sphere(size: float = 0.3, nu: float = 0.37) -> list[Check]:
     """A free ball: six rigid-body modes, then five torsional and five spheroidal modes of degree 2."""
-    model = CellModel(assemble(ball_mesh(1.0, size), clamped=False), (Material(1.0, nu, 1.0),) * 2, 1.0)
+    model = CellModel(assemble(ball_mesh(1.0, size), held=FREE), (Material(1.0, nu, 1.0),) * 2, 1.0)
     c_s = np.sqrt(1 / (2 * (1 + nu)))
     f_t, f_s = (x * c_s / (2 * np.pi) for x in (lamb_torsional(2), lamb_spheroidal(2, nu)))
-    modes = solve(model, 16, shift_hz2=-(f_t**2) / 4)
+    modes = solve(model, 10)
     f, dof = modes.frequencies_hz, model.assembly.dof
+    lowest = 1 + modes.rigid_hz.max() / f[0]
     return [
-        Check("free sphere, torsional modes of degree 2, mean of 5 [Hz]", f[6:11].mean(), f_t, dof, 1e-3),
-        Check("free sphere, spheroidal modes of degree 2, mean of 5 [Hz]", f[11:16].mean(), f_s, dof, 1e-3),
-        Check("free sphere, 1 + largest rigid-body frequency / first elastic", 1 + f[5] / f[6], 1.0, dof, 1e-4),
+        Check("free sphere, torsional modes of degree 2, mean of 5 [Hz]", f[:5].mean(), f_t, dof, 1e-3),
+        Check("free sphere, spheroidal modes of degree 2, mean of 5 [Hz]", f[5:].mean(), f_s, dof, 1e-3),
+        Check("free sphere, 1 + largest rigid-body frequency / first elastic", lowest, 1.0, dof, 1e-4),
     ]
 
 
-def check_cantilever(length: float = 10.0, parts: int = 20) -> list[Check]:
-    """An upright square beam clamped at its foot, nu = 0, against Timoshenko's theory."""
-    from skfem import MeshTet
-
+def check_beams(length: float = 10.0, parts: int = 20) -> list[Check]:
+    """A square beam, nu = 0, clamped at its foot and free, against Timoshenko's theory; its axial mode is c / 4 l."""
     across = np.linspace(-0.5, 0.5, 3)
-    box = MeshTet.init_tensor(across, np.linspace(0, length, parts + 1), across)
-    tets = box.t.T.copy()
-    inverted = np.linalg.det(np.diff(box.p.T[tets], axis=1)) < 0
-    tets[inverted] = tets[inverted][:, [1, 0, 2, 3]]
-    mesh = TetMesh(box.p.T.copy(), tets.astype(np.int64), np.zeros(len(tets), dtype=np.int64)).check()
-    model = CellModel(assemble(mesh), (Material(100.0, 0.0, 1000.0),) * 2)
-    f = solve(model, 2).frequencies_hz
-    reference = timoshenko_cantilever(100.0, 1000.0, length * 1e-6, 1e-6)
-    name = "clamped square beam, length 10 sides, first bending pair [Hz]"
-    return [Check(name, f.mean(), reference, model.assembly.dof, 1e-3)]
+    mesh = box(across, np.linspace(0, length, parts + 1), across)
+    E, rho, checks = 100.0, 1000.0, []
+    for name, held in (("clamped", None), ("free", FREE)):
+        model = CellModel(assemble(mesh, held=held), (Material(E, 0.0, rho),) * 2)
+        modes = solve(model, 8)
+        f, dof = modes.frequencies_hz, model.assembly.dof
+        reference = timoshenko(E, rho, length * 1e-6, 1e-6, held=held is None)
+        what = f"{name} square beam, length {length:g} sides, first bending pair [Hz]"
+        checks.append(Check(what, f[:2].mean(), reference, dof, 1e-3))
+        along = np.einsum("ij,ij->j", modes.vectors[1::3], (model.M @ modes.vectors)[1::3])
+        axial = float(f[np.flatnonzero(along > 0.99)[0]])
+        quarter = np.sqrt(E / rho) / (length * 1e-6) / (4 if held is None else 2)
+        checks.append(Check(f"{name} square beam, first axial mode [Hz]", axial, quarter, dof, 1e-4))
+    return checks
+
+
+#: omega a^2 sqrt(rho h / D) of thin square plates with nu = 0.3, all edges free and one edge clamped: by the method of
+#: Ritz with Legendre's polynomials (tests/test_cell_verification.py), as Leissa tables them (NASA SP-160, 1969).
+FREE_PLATE, CANTILEVER_PLATE = (13.468, 19.596, 24.270), (3.471, 8.507, 21.285, 27.199, 30.956)
+
+
+def check_plates(thickness: float = 0.02, parts: int = 14) -> list[Check]:
+    """A square plate of side 1, free and clamped at one edge, against the theory of thin plates."""
+    E, nu, rho, side = 1e9, 0.3, 1000.0, np.linspace(0, 1e6, parts + 1)
+    mesh = box(side, side, np.array([0, thickness * 1e6]), up=0)
+    unit = np.sqrt(E * thickness**2 / (12 * (1 - nu**2) * rho)) / (2 * np.pi)
+    checks = []
+    for name, held, known in (("free", FREE, FREE_PLATE), ("cantilever", None, CANTILEVER_PLATE)):
+        model = CellModel(assemble(mesh, held=held), (Material(E, nu, rho),) * 2)
+        f = solve(model, len(known)).frequencies_hz
+        for i, (computed, value) in enumerate(zip(f, known, strict=True), start=1):
+            what = f"{name} square plate, thickness {thickness:g} sides, mode {i} [Hz]"
+            checks.append(Check(what, float(computed), value * unit, model.assembly.dof, 2e-2))
+    return checks
 
 
 def check_scaling(preset: Preset, dome: Dome, size: MeshSize, cache: Path | None = None) -> list[Check]:

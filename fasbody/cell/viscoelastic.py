@@ -24,7 +24,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fasbody.cell.mesh import CYTOPLASM, NUCLEUS
-from fasbody.cell.modal import CellModel, fastest, inverse, solve
+from fasbody.cell.modal import CellModel, direct, inverse, solve
 from fasbody.exceptions import SettingError
 
 
@@ -85,7 +85,7 @@ class ReducedCell:
     def of(cls, model: CellModel, count: int) -> "ReducedCell":
         """Basis of `count` modes, their correction by the nucleus, and the deflection under steady acceleration."""
         modes = solve(model, count)
-        apply = inverse(model.K, fastest())
+        apply = inverse(model.K, direct())
         K_n = model.stiffness(NUCLEUS)
         columns = np.column_stack([K_n @ modes.vectors, model.M @ model.rigid])
         vectors = np.column_stack([modes.vectors, *(apply(column) for column in columns.T)])

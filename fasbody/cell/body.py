@@ -1,0 +1,322 @@
+"""The modes of any body in a file: a bone, an insole block, a shoe sole; free, on its base, or held at a part of it.
+
+Elements, matrices and solver are those of the cell. `python -m fasbody.cell modes`; docs/cell.md.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+import mjcf
+from fasbody.cell.assembly import FREE, assemble
+from fasbody.cell.materials import Material
+from fasbody.cell.mesh import FACES, MeshSize, TetMesh, surface_mesh
+from fasbody.cell.meshfile import read_surface, read_tagged
+from fasbody.cell.modal import CellModel, Modes, solve
+from fasbody.exceptions import InputFileError, MeshError, SettingError, unknown
+from fasbody.presentation import Presented, Sheet
+
+#: Length units of files [um].
+UNITS = {"nm": 1e-3, "um": 1.0, "mm": 1e3, "cm": 1e4, "m": 1e6}
+SUPPORTS = ("free", "base", "region")
+SURFACES, VOLUMES = (".stl", ".obj"), (".vtu", ".msh")
+#: The unit in which the bundled bones are stored (`viz.anatomy.assets`) [um].
+GRAIN_UM = 10.0
+#: Share of the kinetic energy from which a direction is named.
+NAMED = 0.05
+
+
+@dataclass(frozen=True)
+class Body:
+    """Tetrahedra with the names that their file gives to parts of them.
+
+    Args:
+        name: of the file or the bone.
+        mesh: regions are numbered in the order of `tags`.
+        tags: number (r,) of each region in the file; a surface has one region, 0.
+        faces: corners (f, 3) of the file's own triangles, by their number.
+        names: numbers by the names that a .msh file gives them.
+        unit: of the file, one of `UNITS`.
+    """
+
+    name: str
+    mesh: TetMesh
+    tags: tuple[int, ...] = (0,)
+    faces: Mapping[int, NDArray[np.int64]] = field(default_factory=dict)
+    names: Mapping[str, int] = field(default_factory=dict)
+    unit: str = "mm"
+
+    def number(self, text: str) -> int:
+        """The number that a name or a number in words means.
+
+        Raises:
+            SettingError: neither.
+        """
+        if text in self.names:
+            return self.names[text]
+        try:
+            return int(text)
+        except ValueError:
+            have = ", ".join(self.names) or "none"
+            raise SettingError(f"{text!r} is no number and no name in {self.name}, whose names are: {have}.") from None
+
+    def held(self, support: str, part: str | None = None) -> NDArray[np.int64]:
+        """Corners (f, 3) of the faces that a support holds still.
+
+        Args:
+            support: "free"; "base", every face flat on the lowest plane; or "region".
+            part: of "region", the number or name of triangles or of tetrahedra in the file; those are held whole.
+
+        Raises:
+            SettingError: no such support or region.
+            InputFileError: the body has no flat base.
+        """
+        if support not in SUPPORTS:
+            raise SettingError(unknown("support", support, SUPPORTS) + ".")
+        if support == "free":
+            return FREE
+        if support == "base":
+            try:
+                return self.mesh.base
+            except MeshError as error:
+                hint = "hold it by --support region, or leave it free by --support free; --up says which axis points up"
+                raise InputFileError(Path(self.name), str(error).rstrip("."), hint) from error
+        have = ", ".join(map(str, sorted({*self.faces, *self.tags})))
+        if part is None:
+            raise SettingError(f"--support region needs --held, one of the regions of {self.name}: {have}.")
+        tag = self.number(part)
+        if tag in self.faces:
+            return self.faces[tag]
+        if tag not in self.tags:
+            raise SettingError(f"{self.name} has no region {tag} to hold; it has {have}.")
+        if len(self.tags) == 1:
+            raise SettingError(f"all of {self.name} is region {tag}: held, nothing of it could move.")
+        tets = self.mesh.tets[self.mesh.region == self.tags.index(tag)]
+        return np.asarray(tets[:, :4][:, np.array(FACES)].reshape(-1, 3))
+
+    def materials(self, given: Mapping[str | None, Material]) -> tuple[Material, ...]:
+        """One material for each region.
+
+        Args:
+            given: by number or name of a region; None is for all that have none of their own.
+
+        Raises:
+            SettingError: a region has no material, or a material no region.
+        """
+        found = {None if name is None else self.number(name): material for name, material in given.items()}
+        have = ", ".join(map(str, self.tags))
+        for tag in set(found) - {None, *self.tags}:
+            raise SettingError(f"--material {tag}: {self.name} has no such region; it has {have}.")
+        bare = [tag for tag in self.tags if tag not in found]
+        if bare and None not in found:
+            raise SettingError(f"region {bare[0]} of {self.name} has no material: give --material {bare[0]}=E,NU,RHO.")
+        return tuple(found.get(tag, found.get(None)) for tag in self.tags)  # type: ignore[misc]  # None is refused above
+
+
+def bones() -> list[str]:
+    """Names of the bundled bones and soft parts. Their shapes are modelled after atlases, not scanned."""
+    with np.load(mjcf.asset("anatomy.npz"), allow_pickle=False) as stored:
+        return [str(name) for name in stored["names"]]
+
+
+def read_body(source: str | Path, *, unit: str = "mm", up: str = "y", size: float | None = None) -> Body:
+    """A body from a file, or one of the bundled `bones`.
+
+    Args:
+        source: .vtu or .msh with tetrahedra of 4 or 10 nodes, closed .stl or .obj surface, or the name of a bone.
+        unit: length unit of the file, one of `UNITS`; bones bring theirs.
+        up: axis that points up from the base, "x", "y" or "z".
+        size: element size in a surface, in its unit, millimetres for bones; None is as fine as its triangles.
+
+    Raises:
+        SettingError: no such unit or axis, or the size asks for too many unknowns.
+        InputFileError: the file cannot be read or is not one sound body.
+    """
+    if unit not in UNITS:
+        raise SettingError(unknown("unit", unit, tuple(UNITS)) + ".")
+    if up not in ("x", "y", "z"):
+        raise SettingError(unknown("axis", up, ("x", "y", "z")) + ".")
+    file, axis = Path(source), "xyz".index(up)
+    bone = not file.suffix and str(source) in bones()
+    if not bone and not file.is_file():
+        raise InputFileError(file, "there is no such file", f"or name a bone: {', '.join(bones())}")
+    kind = file.suffix.lower()
+    if not bone and kind not in (*SURFACES, *VOLUMES):
+        raise InputFileError(file, "is not a mesh format known here", f"valid: {', '.join((*VOLUMES, *SURFACES))}")
+    try:
+        if bone or kind in SURFACES:
+            surface = _bone(str(source)) if bone else read_surface(file, UNITS[unit])
+            unit = "mm" if bone else unit
+            filled = surface_mesh(surface, None, None if size is None else MeshSize.of(size * UNITS[unit]))
+            return Body(str(source), TetMesh(filled.points_um, filled.tets, filled.region, axis), unit=unit)
+        if size is not None:
+            raise SettingError(f"--size serves a surface; {file} brings its own tetrahedra: leave it out.")
+        found = read_tagged(file, UNITS[unit])
+        tags, region = np.unique(found.tags, return_inverse=True)
+        mesh = TetMesh(found.points_um, found.tets, region.astype(np.int64), axis).check()
+        return Body(str(source), mesh, tuple(map(int, tags)), found.faces, found.names, unit)
+    except MeshError as error:
+        raise InputFileError(file, str(error).rstrip(".")) from error
+
+
+def _bone(name: str) -> Any:
+    import trimesh
+
+    with np.load(mjcf.asset("anatomy.npz"), allow_pickle=False) as stored:
+        vertices, faces = stored[f"{name}.vertices"], stored[f"{name}.faces"]
+    return trimesh.Trimesh(GRAIN_UM * vertices.astype(np.float64), faces.astype(np.int64))
+
+
+@dataclass(frozen=True)
+class BodyMode:
+    """How one mode moves.
+
+    Args:
+        energy: share (3,) of the kinetic energy in motion along x, y, z.
+        parts: share (r,) of the kinetic energy in each region.
+    """
+
+    energy: tuple[float, float, float]
+    parts: tuple[float, ...]
+
+    @property
+    def label(self) -> str:
+        """The directions that matter, the strongest first: such as "z 93%, x 6%"."""
+        order = sorted(range(3), key=lambda axis: -self.energy[axis])
+        return ", ".join(f"{'xyz'[axis]} {self.energy[axis]:.0%}" for axis in order if self.energy[axis] >= NAMED)
+
+
+@dataclass(frozen=True, repr=False)
+class BodyModes(Presented):
+    """What ``python -m fasbody.cell modes`` reports.
+
+    Args:
+        body: mesh and names.
+        support: "free", "base" or "region".
+        model: matrices.
+        modes: frequencies and shapes, without the rigid motions of a free body.
+        descriptions: one for each mode.
+    """
+
+    body: Body
+    support: str
+    model: CellModel
+    modes: Modes
+    descriptions: tuple[BodyMode, ...]
+
+    figures: ClassVar[str] = "fasbody.cell.figures"
+    plots: ClassVar[tuple[str, ...]] = ("mode_shapes",)
+    #: A mesh of the user's own has no coarser companion.
+    errors: ClassVar[None] = None
+
+    @property
+    def frequencies_hz(self) -> NDArray[np.float64]:
+        """Natural frequencies (c,) above the rigid motions [Hz]."""
+        return self.modes.frequencies_hz
+
+    @property
+    def title(self) -> str:
+        """Name, size and support."""
+        size = np.ptp(self.model.assembly.nodes_um, axis=0) / UNITS[self.body.unit]
+        held = {"free": "free", "base": "held at its base", "region": "held at a region"}[self.support]
+        return f"{Path(self.body.name).name}, {size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g} {self.body.unit}, {held}"
+
+    @property
+    def unit(self) -> tuple[str, float]:
+        """The length unit of the file, and its micrometres."""
+        return self.body.unit, UNITS[self.body.unit]
+
+    @property
+    def skipped(self) -> str:
+        """The sentence on rigid motions; empty for a held body."""
+        if not len(self.modes.rigid_hz):
+            return ""
+        highest = f"at most {self.modes.rigid_hz.max():.1g} Hz"
+        return f"six rigid motions of the free body, {highest}, are skipped: mode 1 is the first that deforms it"
+
+    def sheet(self) -> Sheet:
+        """Frequency and directions of each mode."""
+        rows = [
+            (str(i), f"{f:.5g}", d.label, " ".join(f"{share:.0%}" for share in d.parts))
+            for i, (f, d) in enumerate(zip(self.frequencies_hz, self.descriptions, strict=True), start=1)
+        ]
+        columns = ("mode", "frequency [Hz]", "moves along", f"kinetic energy in {', '.join(map(str, self.body.tags))}")
+        notes = [f"{self.skipped}."] if self.skipped else []
+        return Sheet(f"{self.title}: {self.model.assembly.dof} degrees of freedom", columns, rows, notes)
+
+    def records(self) -> list[dict[str, Any]]:
+        """One row a mode."""
+        modes = self.document()["modes"]
+        return [{"frequency_hz": f, **mode} for f, mode in zip(self.frequencies_hz, modes, strict=True)]
+
+    def document(self) -> dict[str, Any]:
+        """Everything but the shapes, ready for JSON."""
+        regions = zip(self.body.tags, self.model.materials, self.model.assembly.regions, strict=False)
+        return {
+            "body": self.body.name,
+            "support": self.support,
+            "size_m": np.ptp(self.model.assembly.nodes_um, axis=0) * 1e-6,
+            "volume_m3": self.model.assembly.volume_um3 * 1e-18,
+            "mass_kg": self.model.mass_kg,
+            "regions": [
+                {"tag": tag, "E_pa": m.E, "nu": m.nu, "rho_kg_m3": m.rho, "volume_m3": region.volume_um3 * 1e-18}
+                for tag, m, region in regions
+            ],
+            "dof": self.model.assembly.dof,
+            "rigid_hz": self.modes.rigid_hz,
+            "frequencies_hz": self.frequencies_hz,
+            "estimated_error": None,
+            "modes": [
+                {"label": d.label, "energy_xyz": d.energy, "energy_of_regions": d.parts, "participation_xyz": p,
+                 "residual": r}
+                for d, p, r in zip(self.descriptions, self.modes.participation, self.modes.residuals, strict=True)
+            ],
+            "orthogonality": self.modes.orthogonality,
+            "solver": self.modes.way,
+        }  # fmt: skip
+
+    def __str__(self) -> str:
+        volume = self.model.assembly.volume_um3 * 1e-12
+        lines = [f"{self.title}: {volume:.4g} cm^3, {1e3 * self.model.mass_kg:.4g} g, "
+                 f"{self.model.assembly.dof} unknowns"]  # fmt: skip
+        lines += [f"  {self.skipped}"] if self.skipped else []
+        for i, (f, d) in enumerate(zip(self.frequencies_hz, self.descriptions, strict=True), start=1):
+            parts = ", ".join(f"{tag}: {share:.0%}" for tag, share in zip(self.body.tags, d.parts, strict=True))
+            lines.append(
+                f"  mode {i:2d}  {f:10.5g} Hz  moves along {d.label}" + (f"; energy in {parts}" if "," in parts else "")
+            )
+        return "\n".join(lines)
+
+
+def body_modes(
+    body: Body, materials: Mapping[str | None, Material], support: str = "free", *, part: str | None = None,
+    count: int = 10, way: str | None = None,
+) -> BodyModes:  # fmt: skip
+    """The lowest modes of a body.
+
+    Args:
+        body: of `read_body`.
+        materials: by number or name of a region, None for the others.
+        support: "free", "base" or "region". part: the region that is held.
+        count: number of modes, rigid motions not counted.
+        way: solver, None is the fastest.
+    """
+    chosen = body.materials(materials)
+    try:
+        model = CellModel(assemble(body.mesh, held=body.held(support, part)), chosen)
+    except MeshError as error:
+        raise InputFileError(Path(body.name), str(error).rstrip(".")) from error
+    modes = solve(model, count, way=way)
+    phi = modes.vectors
+    moving = model.M @ phi
+    along = np.stack([np.einsum("ij,ij->j", phi[axis::3], moving[axis::3]) for axis in range(3)], axis=1)
+    parts = np.stack([np.einsum("ij,ij->j", phi, model.mass(r) @ phi) for r in range(len(chosen))], axis=1)
+    found = tuple(
+        BodyMode((float(x), float(y), float(z)), tuple(map(float, shares)))
+        for (x, y, z), shares in zip(along, parts, strict=True)
+    )
+    return BodyModes(body, support, model, modes, found)

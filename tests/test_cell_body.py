@@ -1,0 +1,170 @@
+"""Any body: textbook answers from files, six rigid motions, parts by number and name, a sentence for each refusal."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+import scipy.sparse.linalg as spla
+import trimesh
+from typer.testing import CliRunner
+
+from fasbody.cell.__main__ import app
+from fasbody.cell.assembly import FREE, assemble
+from fasbody.cell.body import UNITS, Body, BodyModes, body_modes, bones, read_body
+from fasbody.cell.materials import Material
+from fasbody.cell.verification import box, two_part_rod
+from fasbody.exceptions import FasError, InputFileError, SettingError
+
+SOFT, STIFF = Material(2e6, 0.0, 200.0), Material(3e7, 0.0, 1200.0)
+BONE = Material(7.3e9, 0.3, 1500.0)
+
+
+@pytest.fixture(scope="module")
+def rod(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A rod of 10 x 10 x 40 mm along x, its first 16 mm region 3, the rest region 7, its end at x = 0 triangles 9."""
+    across = np.linspace(0, 10, 2)
+    mesh = box(np.linspace(0, 40, 11), across, across, up=0)
+    tag = np.where(mesh.corners[:, :, 0].mean(axis=1) < 16, 3, 7)
+    file = tmp_path_factory.mktemp("bodies") / "rod.vtu"
+    cells = [("tetra", mesh.tets), ("triangle", mesh.base)]
+    meshio.Mesh(mesh.points_um, cells, cell_data={"region": [tag, np.full(len(mesh.base), 9)]}).write(file)
+    return file
+
+
+def test_a_rod_of_two_materials(rod: Path) -> None:
+    body = read_body(rod, up="x")
+    found = body_modes(body, {"3": SOFT, None: STIFF}, "base", count=8)
+    axial = [f for f, d in zip(found.frequencies_hz, found.descriptions, strict=True) if d.energy[0] > 0.999]
+    assert axial[0] == pytest.approx(two_part_rod((SOFT, STIFF), (0.016, 0.024)), rel=1e-4)
+    document = json.loads(json.dumps(found.document(), default=np.ndarray.tolist))
+    assert [part["volume_m3"] for part in document["regions"]] == pytest.approx([1.6e-6, 2.4e-6])
+    assert document["mass_kg"] == pytest.approx(200 * 1.6e-6 + 1200 * 2.4e-6)
+    assert found.modes.rigid_hz.size == 0
+    assert np.sum([d.parts for d in found.descriptions], axis=1) == pytest.approx(1.0)
+
+
+def test_triangles_of_the_file_hold_like_the_base(rod: Path) -> None:
+    body = read_body(rod)
+    one = body_modes(body, {None: SOFT}, "region", part="9", count=3).frequencies_hz
+    two = body_modes(read_body(rod, up="x"), {None: SOFT}, "base", count=3).frequencies_hz
+    assert one == pytest.approx(two, rel=1e-9)
+    held = assemble(body.mesh, held=body.held("region", "3"))
+    assert held.nodes_um[held.free][:, 0].min() > 16e3  # all of the first part stands still, its inside too
+
+
+@pytest.fixture(scope="module")
+def sesamoid() -> BodyModes:
+    return body_modes(read_body("sesamoid_medial"), {None: BONE}, count=4)
+
+
+def test_a_free_bone_skips_six_rigid_motions(sesamoid: BodyModes) -> None:
+    """Against scipy's own shift-invert of K and M, rigid motions and all."""
+    model = sesamoid.model
+    first = (2 * np.pi * sesamoid.frequencies_hz[0]) ** 2
+    found = spla.eigsh(model.K.tocsc(), 12, model.M.tocsc(), sigma=-first, return_eigenvectors=False)
+    elastic = np.sort(found[found > 0.1 * first])[:4]  # of six equal squares scipy misses one
+    assert sesamoid.frequencies_hz == pytest.approx(np.sqrt(elastic) / (2 * np.pi), rel=1e-6)
+    assert len(sesamoid.modes.rigid_hz) == 6
+    assert sesamoid.modes.rigid_hz.max() < 1e-4 * sesamoid.frequencies_hz[0]
+    assert "six rigid motions of the free body" in str(sesamoid) and "six rigid" in repr(sesamoid)
+    assert np.abs(sesamoid.modes.participation).max() < 1e-9  # a free body's mode moves no centre of mass
+
+
+@pytest.mark.parametrize("way", ["multigrid", "superlu"])
+def test_ways_agree_on_a_free_body(sesamoid: BodyModes, way: str) -> None:
+    again = body_modes(sesamoid.body, {None: BONE}, count=4, way=way)
+    assert again.frequencies_hz == pytest.approx(sesamoid.frequencies_hz, rel=1e-9)
+
+
+def test_bundled_bones_have_the_size_of_bones() -> None:
+    assert "calcaneus" in bones()
+    body = read_body("sesamoid_medial")
+    assert (np.ptp(body.mesh.points_um, axis=0) / UNITS["mm"] < 20).all()
+
+
+def test_obj_and_stl_give_the_same(tmp_path: Path) -> None:
+    surface = trimesh.creation.box((40, 10, 12)).subdivide()
+    found = []
+    for suffix in ("stl", "obj"):
+        surface.export(tmp_path / f"block.{suffix}")
+        found.append(body_modes(read_body(tmp_path / f"block.{suffix}"), {None: SOFT}, "base", count=3).frequencies_hz)
+    assert found[0] == pytest.approx(found[1], rel=0.02)  # the triangles come in another order
+
+
+def test_names_of_a_msh_file(tmp_path: Path) -> None:
+    mesh = box(*[np.linspace(0, 2, 3)] * 3)
+    region = 4 + (mesh.corners[:, :, 0].mean(axis=1) > 1)
+    data = {"gmsh:physical": [region], "gmsh:geometrical": [region]}
+    content = meshio.Mesh(mesh.points_um, [("tetra", mesh.tets)], cell_data=data, field_data={"sole": np.array([5, 3])})
+    content.write(tmp_path / "two.msh", file_format="gmsh22")
+    body = read_body(tmp_path / "two.msh")
+    assert body.materials({"sole": STIFF, "4": SOFT}) == (SOFT, STIFF)
+    with pytest.raises(SettingError, match=r"'upper' is no number and no name in .*: sole"):
+        body.materials({"upper": SOFT})
+    with pytest.raises(SettingError, match=r"region 5 of .* has no material"):
+        body.materials({"4": SOFT})
+    with pytest.raises(SettingError, match=r"--material 6: .* it has 4, 5"):
+        body.materials({"6": SOFT, None: SOFT})
+
+
+def test_each_unsound_body_gets_its_sentence(tmp_path: Path) -> None:
+    mesh = box(*[np.linspace(0, 1, 2)] * 3)
+    file = tmp_path / "body.vtu"
+
+    def written(points: np.ndarray, tets: np.ndarray) -> Path:
+        meshio.Mesh(points, [("tetra", tets)]).write(file)
+        return file
+
+    torn = mesh.points_um[mesh.tets].reshape(-1, 3), np.arange(mesh.tets.size).reshape(-1, 4)
+    with pytest.raises(InputFileError, match=r"pairs of corners lie at the same place.*merge the nodes"):
+        read_body(written(*torn))
+    far = np.vstack([mesh.points_um, mesh.points_um + 5]), np.vstack([mesh.tets, mesh.tets + len(mesh.points_um)])
+    with pytest.raises(InputFileError, match="2 bodies share no nodes"):
+        read_body(written(*far))
+    two = trimesh.creation.box((1, 1, 1)) + trimesh.creation.box((1, 1, 1)).apply_translation([3, 0, 0])
+    two.export(tmp_path / "two.stl")
+    with pytest.raises(InputFileError, match="2 separate pieces"):
+        read_body(tmp_path / "two.stl")
+    turn = np.array([[1, 1, 0], [-1, 1, 0], [0, 0, np.sqrt(2)]]) / np.sqrt(2)
+    turned = Body("turned", replace(mesh, points_um=mesh.points_um @ turn.T))
+    with pytest.raises(InputFileError, match=r"no face lies flat on the lowest plane.*--support free"):
+        turned.held("base")
+    assert len(turned.held("free")) == len(FREE)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["no_bone", "--material", "1,0,1"], "or name a bone: calcaneus"),
+        (["sesamoid_medial", "--material", "1,0"], "--material 1,0: three numbers are needed"),
+        (["sesamoid_medial", "--material", "1,0.5,1"], "Poisson's ratio must lie"),
+        (["sesamoid_medial", "--material", "2=1,0,1"], "--material 2: sesamoid_medial has no such region; it has 0"),
+        (["sesamoid_medial", "--material", "1,0,1", "--support", "glued"], "valid: free, base, region"),
+        (["sesamoid_medial", "--material", "1,0,1", "--support", "region"], "needs --held"),
+        (["sesamoid_medial", "--material", "1,0,1", "--support", "region", "--held", "0"], "nothing of it could move"),
+        (["sesamoid_medial", "--material", "1,0,1", "--unit", "inch"], "valid: nm, um, mm, cm, m"),
+        (["sesamoid_medial", "--material", "1,0,1", "--up", "w"], "valid: x, y, z"),
+    ],
+)
+def test_bad_input_is_one_sentence(arguments: list[str], says: str) -> None:
+    found = CliRunner().invoke(app, ["modes", *arguments])
+    assert isinstance(found.exception, FasError)
+    assert says in str(found.exception)
+
+
+def test_the_command_writes_its_files(rod: Path, tmp_path: Path) -> None:
+    options = ["--support", "base", "--up", "x", "--material", "2e6,0,200", "--modes", "3", "--out", str(tmp_path)]
+    found = CliRunner().invoke(app, ["modes", str(rod), "--json", *options])
+    assert found.exit_code == 0, found.exception
+    document = json.loads(found.stdout)
+    assert json.loads((tmp_path / "body.json").read_text()) == document
+    assert {file.name for file in tmp_path.iterdir()} == {"body.json", "body.vtu", "body.npz", "modes.png"}
+    again = meshio.read(tmp_path / "body.vtu")
+    assert np.ptp(again.points, axis=0) == pytest.approx([40, 10, 10])
+    assert sorted(set(again.cell_data["region"][0])) == [3, 7]
+    assert "no error estimate" in " ".join(found.stderr.split())
+    with np.load(tmp_path / "body.npz") as stored:  # the page's y is the body's x
+        assert np.ptp(stored["vertices_um"], axis=0) == pytest.approx([1e4, 4e4, 1e4])
