@@ -10,6 +10,7 @@ the truth if it holds any value of that range; the row "at rest, without load" a
 What is done is kept in a file and not done again while neither the fit nor the worlds change.
 """
 
+import itertools
 import signal
 import time
 from collections.abc import Iterator, Sequence
@@ -169,8 +170,20 @@ def study(
             console.print("interrupted; the rows rest on what is done")
 
 
+def seeds_of(world: str, count: int, first: int, strong: bool) -> list[int]:
+    """So many seeds from the first on, or so many of those whose legs are strongly nonlinear."""
+    found = (seed for seed in itertools.count(first) if not strong or member(world, seed).strength >= STRONG)
+    return list(itertools.islice(found, count))
+
+
 def measure(
-    seeds: int, jobs: int, state: Path, worlds: Sequence[str] = WORLDS, first: int = 0, exclude: Sequence[str] = ()
+    seeds: int,
+    jobs: int,
+    state: Path,
+    worlds: Sequence[str] = WORLDS,
+    first: int = 0,
+    exclude: Sequence[str] = (),
+    strong: bool = False,
 ) -> list[Check]:
     """Rows from so many seeds a world, from the first on; what `state` holds is not done again.
 
@@ -183,7 +196,8 @@ def measure(
         if world not in WORLDS:
             raise SettingError(f"--world is {world!r}; there are {', '.join(WORLDS)}.")
     file = kept.Kept(state, digest(exclude))
-    wanted = [(world, seed) for seed in range(first, first + seeds) for world in worlds]
+    each = [[(world, seed) for seed in seeds_of(world, seeds, first, strong)] for world in worlds]
+    wanted = [key for keys in zip(*each, strict=True) for key in keys]
     done = {(j.world, j.seed): j for j in read(file)}
     work = [key for key in wanted if key not in done]
     with progress_bar() as progress:
@@ -253,6 +267,7 @@ def main(
     world: Annotated[list[str] | None, typer.Option(help="only this world; repeat it for more")] = None,
     first: Annotated[int, typer.Option(help="first seed: other ones judge what was mended after a look at these")] = 0,
     exclude: Annotated[str | None, typer.Option(help="what the laboratory has excluded, as identification.fit")] = None,
+    strong: Annotated[bool, typer.Option("--strong", help="only legs whose dampers are strongly nonlinear")] = False,
     state: Annotated[Path, typer.Option(help="what is done, to go on from")] = Path("reality.jsonl"),
     json_: JsonOption = False,
 ) -> None:
@@ -263,7 +278,7 @@ def main(
 
       python -m benchmarks.reality --world "sensor on tissue" --world clean
     """
-    report("reality", measure(seeds, jobs, state, world or WORLDS, first, names(exclude) or ()), json_)
+    report("reality", measure(seeds, jobs, state, world or WORLDS, first, names(exclude) or (), strong), json_)
 
 
 if __name__ == "__main__":
