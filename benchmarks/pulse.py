@@ -68,8 +68,7 @@ class PulseBench:
         ]
         self._between: subprocess.Popen[bytes] | None = None
         self._daemon = subprocess.Popen(
-            ["pulseaudio", "-n", "--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no", "--realtime=no",
-             "--high-priority=no", "--disable-shm=yes", "-L",
+            ["pulseaudio", "-n", "--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no", "--disable-shm=yes", "-L",
              f"module-native-protocol-unix socket={socket} auth-anonymous=1", *sinks],
             env=self.environment, stderr=subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip

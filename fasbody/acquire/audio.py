@@ -181,7 +181,8 @@ class SoundCard:
     def _serve(self, inputs: np.ndarray, outputs: np.ndarray, frames: int, when: object, status: Any) -> None:
         """In PortAudio's thread: take a block, give a block."""
         now = time.monotonic()
-        lost = "input overrun" if status.input_overflow else "output underrun" if status.output_underflow else ""
+        lost = "input overrun" if status.input_overflow else "input underrun" if status.input_underflow else ""
+        lost = lost or ("output underrun" if status.output_underflow else "")
         self._blocks.append((inputs.copy(), lost))
         wanted = self._wanted if now - self._beat < _DEAD_S else 0.0
         most = frames / (_SLEW_S * CARD_HZ)

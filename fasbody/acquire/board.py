@@ -128,6 +128,8 @@ class Board:
                 self._away = arrival.event == "unplugged" or (self._away and arrival.event != "replugged")
                 self.decoder.fresh()
                 self._lateness.forget()
+                if self.timeline is not None:
+                    self.timeline.note(arrival.event)
                 continue
             greeted = self.decoder.hello is not None
             found = self.decoder.feed(arrival.data)

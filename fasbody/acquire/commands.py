@@ -131,7 +131,8 @@ def record(
         safety=Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=max_displacement),
         truth=truth,
     )
-    plan.check(generator is not None or simulate or audio)
+    by_hand = audio and generator is None and not (sweep or frequency)  # another program plays, or another shaker
+    plan.check(not by_hand and (generator is not None or simulate or audio))
     with ExitStack() as stack:
         stack.enter_context(terminated())
         if simulate:
@@ -143,6 +144,7 @@ def record(
         source: Excitation | None
         if audio:
             board, source = _open_card(stack, calibration, generator, generator_baud)
+            source = None if by_hand else source
         else:
             assert port is not None
             board, source = _open(stack, port, baud, generator, generator_baud)

@@ -171,8 +171,12 @@ def replay(files: Sequence[Path]) -> tuple[dict[str, Any], Timeline, list[dict[s
                 except ValueError:
                     raise InputFileError(file, "its first record has no readable hello of the board") from None
             elif record.kind == "E":
-                events.append({"host_s": record.host, **record.json()})
+                event = record.json()
+                events.append({"host_s": record.host, **event})
                 decoder.fresh()
+                if timeline is not None:
+                    events[-1]["after_s"] = timeline.length / timeline.hello.rate_hz
+                    timeline.note(str(event.get("event")))
             elif record.kind == "B":
                 messages = decoder.feed(record.content)
                 if timeline is None and decoder.hello is not None:

@@ -48,6 +48,8 @@ _BACK_US = 1_000_000
 _DRIFT = 1e-2
 #: Stamps that stay the same for longer [s] do not advance.
 _STILL_S = 1.0
+#: So many gaps are named in a sentence.
+_NAMED = 5
 
 
 def counted(count: int, noun: str) -> str:
@@ -80,7 +82,7 @@ class Gap:
         after_s: time of the last sample before it [s].
         lost_samples: how many a channel are missing.
         cause: "lost frames"; "damaged lines"; "skipped" (the device's time stamps jump); "restart" (length by the
-            host's clock).
+            host's clock). Behind it, what the port said meanwhile: "lost frames, unplugged".
     """
 
     after_s: float
@@ -131,11 +133,11 @@ class Quality:
         if self.frames == 0:
             texts.append("no samples arrived")
         if self.gaps:
-            first = self.gaps[0]
-            where = f"the first after {first.after_s:.4g} s, {first.cause}"
+            named = "; ".join(f"after {gap.after_s:.6g} s, {gap.cause}" for gap in self.gaps[:_NAMED])
+            more = f"; and {len(self.gaps) - _NAMED} more, in the JSON" if len(self.gaps) > _NAMED else ""
             many = "is" if self.lost_samples == 1 else "are"
             gaps = counted(len(self.gaps), "gap")
-            texts.append(f"{counted(self.lost_samples, 'sample')} {many} missing in {gaps} ({where})")
+            texts.append(f"{counted(self.lost_samples, 'sample')} {many} missing in {gaps} ({named}{more})")
         over = {name: count for name, count in self.over_range.items() if count}
         if over:
             texts.append("over range: " + ", ".join(f"{name} {counted(n, 'sample')}" for name, n in over.items()))
@@ -216,6 +218,8 @@ class Timeline:
         self._samples: list[np.ndarray] = []
         self._jumps: list[int] = []  # samples missing before each block
         self._causes: list[str] = []
+        self._noted: dict[int, str] = {}  # what the port said before a block
+        self._gaps = 0
         self._stamps: list[int] = []  # device time of each block since the last restart's, without its turns [us]
         self._clock: list[tuple[float, float]] = []
         self._next = 0  # index of the next sample
@@ -235,11 +239,11 @@ class Timeline:
     @property
     def has_gaps(self) -> bool:
         """Whether samples are missing so far."""
-        return any(self._jumps)
+        return self._gaps > 0
 
     def __str__(self) -> str:
-        gaps = counted(sum(jump > 0 for jump in self._jumps), "gap")
-        return f"{counted(len(self._jumps), 'frame')}, {self._lost} lost, {self._damaged} damaged, {gaps}"
+        frames, gaps = counted(len(self._jumps), "frame"), counted(self._gaps, "gap")
+        return f"{frames}, {self._lost} lost, {self._damaged} damaged, {gaps}"
 
     @property
     def over_range(self) -> dict[str, int]:
@@ -261,6 +265,11 @@ class Timeline:
         if block is not None:
             self._clock.append((self._stamps[-1] * 1e-6, host))
             self._host = host
+
+    def note(self, event: str) -> None:
+        """What happened to the port just now: why samples are missing before the next block, if they are."""
+        if event != "replugged":
+            self._noted[len(self._jumps)] = event
 
     def _greet(self, hello: Hello) -> None:
         self._changed |= replace(hello, board=self.hello.board, boot=self.hello.boot) != self.hello
@@ -290,6 +299,7 @@ class Timeline:
                     jump, cause = self._damaged_lines, "damaged lines"
         self._restarted, self._damaged_lines = False, 0
         self._jumps.append(jump)
+        self._gaps += jump > 0
         self._causes.append(cause)
         self._stamps.append(stamp)
         self._samples.append(block.samples)
@@ -336,7 +346,8 @@ class Timeline:
         for i in np.flatnonzero(jumps):
             at = int(starts[i] - jumps[i])
             if length is None or at < length:
-                gaps.append(Gap((at - 1) / rate, int(jumps[i]), causes[i]))
+                cause = ", ".join(filter(None, [causes[i], self._noted.get(int(i))]))
+                gaps.append(Gap((at - 1) / rate, int(jumps[i]), cause))
         drift, drift_std = _drift(self._clock)
         return replace(
             kept, gaps=tuple(gaps), stamps_advance=told.advance, jitter=told.jitter,
