@@ -8,6 +8,7 @@ The daemon lives in a folder of its own and ends with the bench; it is no user's
 """
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -20,6 +21,7 @@ import numpy as np
 import typer
 
 from fasbody.exceptions import AcquisitionError
+from fasbody.foot.shaker import BaseMotion
 
 CARD_HZ = 48_000
 #: Acceleration at full scale of both inputs [m/s^2].
@@ -28,8 +30,12 @@ SCALE_M_S2 = (100.0, 80.0)
 GAINS, CORNERS_HZ = (0.8, 0.72), (1.2, 2.1, 2.6)
 #: Base acceleration at full scale of the output [m/s^2], and of the foot's steps [Hz].
 SHAKER_M_S2, FOOT_HZ = 14.0, 4000
+#: Of both sensors [m/s^2 rms], several times that of an IEPE sensor on a cheap interface.
+NOISE_M_S2 = 0.02
 PACKAGES = "pulseaudio, pulseaudio-utils, libasound2-plugins and libportaudio2"
 _BLOCK = 480
+#: Where a player is cut off, the wave jumps, and no cubic goes through it: MuJoCo takes no control beyond 1e10.
+_SHARP = 1e9
 _STARTS_WITHIN_S, _SETTLES_S = 20.0, 1.5
 
 
@@ -53,6 +59,7 @@ class PulseBench:
     def __init__(self) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="fas_pulse_", ignore_cleanup_errors=True)
         root = Path(self._folder.name)
+        self._log = root / "between.log"
         root.chmod(0o700)
         socket = root / "native"
         paths = [str(Path(__file__).parent.parent), os.environ.get("PYTHONPATH")]
@@ -68,8 +75,8 @@ class PulseBench:
         ]
         self._between: subprocess.Popen[bytes] | None = None
         self._daemon = subprocess.Popen(
-            ["pulseaudio", "-n", "--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no", "--disable-shm=yes", "-L",
-             f"module-native-protocol-unix socket={socket} auth-anonymous=1", *sinks],
+            ["pulseaudio", "-n", "--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no", "--disable-shm=yes",
+             "-L", f"module-native-protocol-unix socket={socket} auth-anonymous=1", *sinks],
             env=self.environment, stderr=subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
 
@@ -92,13 +99,29 @@ class PulseBench:
     def put(self, way: str) -> None:
         """Put this between the two sinks, in place of what was there; returns once it runs."""
         self._remove()
-        self._between = subprocess.Popen(
-            [sys.executable, "-m", "benchmarks.pulse", way], env=self.environment, stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-        )  # fmt: skip
+        with self._log.open("ab") as log:
+            self._between = subprocess.Popen(
+                [sys.executable, "-m", "benchmarks.pulse", way], env=self.environment, stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE, stderr=log,
+            )  # fmt: skip
         assert self._between.stdout is not None
         if not self._between.stdout.readline():
-            raise AcquisitionError(f"what should lie between the sinks did not start: {way}")
+            raise AcquisitionError(f"what should lie between the sinks did not start: {way}: {self._log.read_text()}")
+
+    def losses(self) -> list[str]:
+        """What PulseAudio's programs between the sinks said of samples that they lost, as on busy cores."""
+        said = self._log.read_text(errors="replace") if self._log.is_file() else ""
+        return re.findall(r"[Ss]tream (?:over|under)run", said)
+
+    def play(self, motion: BaseMotion) -> None:
+        """Let another program play, so that the shaker moves so; returns when it has played."""
+        t = np.arange(round(motion.duration * CARD_HZ)) / CARD_HZ
+        still = np.zeros(CARD_HZ)
+        wave = np.concatenate([still, motion.acceleration(t) / SHAKER_M_S2, still]).astype("<f4")
+        words = ["--raw", "--format=float32le", f"--rate={CARD_HZ}", "--channels=1", "--latency-msec=1000"]
+        subprocess.run(
+            ["pacat", "-d", "shaker", *words], env=self.environment, input=wave.tobytes(), timeout=motion.duration + 60
+        )
 
     def _remove(self) -> None:
         if self._between is not None:
@@ -156,25 +179,36 @@ class Foot:
         self.foot = load("two_dof").with_values({**TRUTH, **masses})
         self._batch = Batch(self.foot, 1, 1)
         self._qpos, self._qvel = self.foot.model.qpos0.copy(), np.zeros(self.foot.model.nv)
-        self._last = np.zeros(1)  # base acceleration at the end of the latest block
-        self._edge = np.zeros((1, 2))
+        self._rest = np.zeros(CARD_HZ // FOOT_HZ + 2)  # of what was played, from one sample before the foot's time on
+        self._edge = np.zeros((3, 2))  # the last that was felt
+        self._rng = np.random.default_rng(5)
         self._couplings = [HighPass(corner) for corner in CORNERS_HZ[1:]]
         self.feed(np.zeros(_BLOCK))
 
     def feed(self, played: np.ndarray) -> np.ndarray:
         """What both inputs have, (n, 2) [share of full scale], of what is played (n,), a multiple of 12."""
-        stride = CARD_HZ // FOOT_HZ
-        a = np.concatenate([self._last, SHAKER_M_S2 * played[::stride]])
-        self._last = a[-1:]
-        step, none = 1 / FOOT_HZ, np.zeros(a.size - 1)
-        controls = np.column_stack([step * np.arange(none.size), a[:-1], np.diff(a) / step, none, none])
+        stride, step = CARD_HZ // FOOT_HZ, 1 / FOOT_HZ
+        count = played.size // stride
+        a = np.concatenate([self._rest, SHAKER_M_S2 * played])
+        self._rest = a[played.size :]
+        before, at, after = (a[i::stride][: count + 1] for i in range(3))
+        jerk = (after - before) * CARD_HZ / 2  # a straight line between the steps would lose 0.04 % at 45 Hz
+        played_so = BaseMotion(
+            "played", count * step,
+            lambda t: at[np.rint(t / step).astype(int)], lambda t: jerk[np.rint(t / step).astype(int)],
+        )  # fmt: skip
+        controls = played_so.controls(step, count)
+        sharp = np.abs(controls[:, 4]) > _SHARP
+        controls[sharp, 2], controls[sharp, 3:] = np.diff(at)[sharp] / step, 0.0
         out = self._batch.run(controls[None], step, self._qpos, self._qvel)
         self._qpos, self._qvel = out.qpos[0, -1].copy(), out.qvel[0, -1].copy()
         self._qpos[self.foot.base] = self._qvel[self.foot.base] = 0.0
-        felt = np.concatenate([self._edge, np.column_stack([out.base[0], out.malleolus[0]])])
-        self._edge = felt[-1:]
-        fine = np.arange(1, stride + 1) / stride
-        between = felt[:-1, None] + np.diff(felt, axis=0)[:, None] * fine[:, None]
+        new = np.column_stack([out.base[0], out.malleolus[0]])
+        felt = np.concatenate([self._edge, new + self._rng.normal(0, NOISE_M_S2, new.shape)])
+        self._edge = felt[-3:]
+        p, q, r, s = (felt[i : i + count, None] for i in range(4))  # a cubic between q and r
+        u = np.arange(1, stride + 1)[:, None] / stride
+        between = q + u / 2 * (r - p + u * (2 * p - 5 * q + 4 * r - s + u * (3 * (q - r) + s - p)))
         volts = between.reshape(-1, 2) / SCALE_M_S2
         return np.column_stack([one.feed(column) for one, column in zip(self._couplings, volts.T, strict=True)])
 
@@ -204,15 +238,17 @@ def main(way: str) -> None:
 
     between: Cable | Foot | Calibrator
     between = Foot() if way == "foot" else Cable() if way == "cable" else Calibrator()
-    common = ["--raw", "--format=float32le", f"--rate={CARD_HZ}", "--latency-msec=500"]
-    heard = subprocess.Popen(["parec", "-d", "shaker.monitor", "--channels=1", *common], stdout=subprocess.PIPE)
+    common = ["--raw", "--format=float32le", f"--rate={CARD_HZ}", "--verbose"]
+    listen = ["parec", "-d", "shaker.monitor", "--channels=1", "--latency-msec=100"]
+    heard = subprocess.Popen([*listen, *common], stdout=subprocess.PIPE)
     assert heard.stdout is not None
     begun = time.monotonic()
     while time.monotonic() - begun < _SETTLES_S:  # an idle sink hands out seconds at once
         heard.stdout.read(4 * _BLOCK)
-    spoken = subprocess.Popen(["pacat", "-d", "sensors", "--channels=2", *common], stdin=subprocess.PIPE)
+    speak = ["pacat", "-d", "sensors", "--channels=2", "--latency-msec=2000"]
+    spoken = subprocess.Popen([*speak, *common], stdin=subprocess.PIPE)
     assert spoken.stdin is not None
-    spoken.stdin.write(np.zeros((CARD_HZ // 2, 2), "<f4").tobytes())  # so much may the foot be late
+    spoken.stdin.write(np.zeros((CARD_HZ, 2), "<f4").tobytes())  # so much may the foot be late
     told = False
     while not select.select([sys.stdin], [], [], 0)[0]:
         data = heard.stdout.read(4 * _BLOCK)

@@ -1,9 +1,11 @@
 """A sound card as board and generator: its calibration by arrays, the whole way through PulseAudio and PortAudio."""
 
+import json
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -11,6 +13,8 @@ from scipy.signal import cont2discrete, lfilter
 
 from benchmarks import pulse
 from fasbody.acquire.bench.foot import BODY_MASS_KG
+from fasbody.acquire.timeline import Limits, Timeline
+from fasbody.acquire.wire import Decoder
 from fasbody.exceptions import AcquisitionError, InputFileError, SettingError
 from fasbody.foot.shaker import sine
 from fasbody.foot.two_dof import TwoDof
@@ -98,38 +102,121 @@ def test_calibrations_are_read_back_and_checked(tmp_path: Path) -> None:
         Calibration.read(tmp_path / "none.json")
 
 
+class Status(NamedTuple):
+    """What PortAudio says of a block."""
+
+    input_overflow: bool = False
+    input_underflow: bool = False
+    output_underflow: bool = False
+
+
+class Stream:
+    """PortAudio's, played by the test."""
+
+    active = True
+
+    def __init__(self, **options: Any) -> None:
+        self.serve = options["callback"]
+
+    def start(self) -> None: ...
+
+    def close(self, ignore_errors: bool = True) -> None: ...
+
+
+def opened(monkeypatch: pytest.MonkeyPatch) -> tuple[audio.SoundCard, Stream]:
+    monkeypatch.setattr(audio.sounddevice, "Stream", Stream)
+    card = audio.SoundCard(Calibration("made", (100.0, 80.0)))
+    stream = card._stream
+    assert isinstance(stream, Stream)
+    return card, stream
+
+
+def test_every_overrun_is_a_gap_named_with_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What PortAudio says of block 30, 60 and 90 of 20 ms is at its time, in a capture's words and in a sentence."""
+    sound, stream = opened(monkeypatch)
+    said = {30: Status(input_overflow=True), 60: Status(output_underflow=True), 90: Status(input_underflow=True)}
+    decoder, timeline = Decoder(), None
+    quiet = np.full((960, 2), 0.1, np.float32)
+    for number in range(150):
+        stream.serve(quiet, np.zeros((960, 2), np.float32), 960, None, said.get(number, Status()))
+        data = sound.read()
+        messages = decoder.feed(data)
+        if timeline is None and decoder.hello is not None:
+            timeline = Timeline(decoder.hello)
+        assert timeline is not None
+        for event in sound.events():
+            timeline.note(event)
+        timeline.add(messages, 0.02 * number)
+    assert timeline is not None
+    gaps = timeline.quality().gaps
+    causes = ["input overrun", "output underrun", "input underrun"]
+    assert [gap.cause for gap in gaps] == [f"lost frames, {cause}" for cause in causes]
+    # 384 samples fill the filter once, which is 5 frames of 4 ms; each gap is one frame
+    np.testing.assert_allclose([gap.after_s for gap in gaps], [0.6, 1.204, 1.808], atol=0.025)
+    (problem,) = timeline.quality().problems(Limits())
+    assert all(f"after {gap.after_s:.6g} s, {gap.cause}" in problem for gap in gaps)
+    _, values = timeline.samples()
+    np.testing.assert_allclose(values[-100:], [[10.0, 8.0]] * 100, rtol=1e-6)
+
+
+def test_output_fades_in_and_out_without_a_jump(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sine of the wanted amplitude, full scale in 0.1 s at most; silence a second after the last look."""
+    clock = [100.0]
+    monkeypatch.setattr(audio.time, "monotonic", lambda: clock[0])
+    sound, stream = opened(monkeypatch)
+    out = []
+    sound.drive(frequency_hz=50.0, share=0.5)
+    for number in range(200):
+        clock[0] += 0.02
+        if number < 50:
+            sound.alive()
+        block = np.zeros((960, 2), np.float32)
+        stream.serve(np.zeros((960, 2), np.float32), block, 960, None, Status())
+        out.append(block[:, 0])
+    wave = np.concatenate(out)
+    t = np.arange(1, wave.size + 1) / CARD_HZ
+    steady = (t > 0.1) & (t < 1.9)
+    np.testing.assert_allclose(wave[steady], 0.5 * np.sin(2 * np.pi * 50 * t[steady]), atol=1e-5)
+    assert np.abs(np.diff(wave)).max() <= 0.5 * 2 * np.pi * 50 / CARD_HZ + 1.05 / (0.1 * CARD_HZ)
+    assert not wave[t > 2.2].any()
+
+
 def test_virtual_foot_between_playback_and_capture(tmp_path: Path) -> None:
     """Command, PortAudio, PulseAudio: a recording whose transmissibility is the foot's own.
 
-    Where other tests keep both cores busy, PulseAudio drops samples; so one good recording of three is asked for.
+    On busy cores PulseAudio drops samples, and says so. Such an attempt tells nothing of the code, and another is made.
     """
-    off = []
+    lost = []
     for attempt in range(3):
         (folder := tmp_path / str(attempt)).mkdir()
-        ratio = through_the_card(folder)
-        off.append((abs(abs(ratio) - 1), abs(np.degrees(np.angle(ratio)))))
-        if off[-1][0] < 1e-3 and off[-1][1] < 0.1:
-            return
-    pytest.fail(f"off by (share, degrees) {off}")
+        with pulse.PulseBench() as bench:
+            done, ratio = through_the_card(folder, bench)
+            said = bench.losses()
+        made = json.loads(done.stdout)["recordings"] if done.stdout else []
+        said += [gap["cause"] for one in made for gap in one["quality"]["gaps"] if "run" in gap["cause"]]
+        if said:
+            lost.append(f"{len(said)} times {said[0]}")
+            continue
+        assert done.returncode == 0, done.stderr
+        assert abs(abs(ratio) - 1) < 1e-3 and abs(np.degrees(np.angle(ratio))) < 0.1
+        return
+    pytest.skip(f"PulseAudio lost samples in each of {len(lost)} attempts: {'; '.join(lost)}")
 
 
-def through_the_card(tmp_path: Path) -> complex:
-    """The recorded transmissibility over the foot's own."""
+def through_the_card(tmp_path: Path, bench: pulse.PulseBench) -> tuple[subprocess.CompletedProcess[str], complex]:
+    """What the command said, and the recorded transmissibility over the foot's own; nan if nothing is listed."""
     card, study, hz = tmp_path / "card.json", tmp_path / "study", 20.0
-    with pulse.PulseBench() as bench:
-
-        def command(*words: str) -> str:
-            whole = [sys.executable, "-m", "fasbody.acquire", *words, "--calibration", str(card), "--json"]
-            done = subprocess.run(whole, env=bench.environment, capture_output=True, text=True)
-            assert done.returncode == 0, done.stderr
-            return done.stdout
-
-        bench.put("foot")
-        # the loopback that finds these is in benchmarks/acquire.py; the way through the foot has its own buffers
-        Calibration("pulse", pulse.SCALE_M_S2, pulse.CORNERS_HZ[1:], delay_s=3.2, latency_s=0.8).write(card)
-        words = ["--board", "audio", "--frequency", f"{hz:g}", "--seconds", "2", "--peak-to-peak", "1"]
-        command(*words, "--body-mass", f"{BODY_MASS_KG}", "--out", str(study))
-    (one,) = Study.read(study).recordings[-1:]
+    bench.put("foot")
+    # the loopback that finds these is in benchmarks/acquire.py; the way through the foot has its own buffers
+    Calibration("pulse", pulse.SCALE_M_S2, pulse.CORNERS_HZ[1:], delay_s=3.5, latency_s=0.8).write(card)
+    words = ["--board", "audio", "--frequency", f"{hz:g}", "--seconds", "2", "--peak-to-peak", "4", "--retries", "0"]
+    words += ["--body-mass", f"{BODY_MASS_KG}", "--out", str(study), "--calibration", str(card), "--json"]
+    done = subprocess.run(
+        [sys.executable, "-m", "fasbody.acquire", *words], env=bench.environment, capture_output=True, text=True
+    )
+    if done.returncode:
+        return done, complex(np.nan)
+    (one,) = Study.read(study).recordings
     assert one.rate_hz == RATE_HZ and one.time_s.size == 2 * RATE_HZ
     t = one.time_s
     basis = np.column_stack([f(2 * np.pi * hz * k * t) for k in (1, 2, 3) for f in (np.cos, np.sin)] + [t**0])
@@ -139,4 +226,4 @@ def through_the_card(tmp_path: Path) -> complex:
     foot = TwoDof.from_values({**TRUTH, **masses})
     true = exact(foot, sine(hz, 5.0, 2 * abs(base)), 1.0, Instrument(delay_s=0.0), settle=2.0)
     wave = np.exp(-2j * np.pi * hz * true.time_s)
-    return complex(malleolus / base / (np.mean(true.malleolus_m_s2 * wave) / np.mean(true.base_m_s2 * wave)))
+    return done, complex(malleolus / base / (np.mean(true.malleolus_m_s2 * wave) / np.mean(true.base_m_s2 * wave)))

@@ -51,6 +51,8 @@ _SLEW_S, _DEAD_S = 0.1, 1.0
 _GONE_S = 3.0
 #: And so much longer at the start [s].
 _STARTS_S = 7.0
+#: The input's buffer is no longer [s].
+_INPUT_S = 0.25
 _G = 9.80665
 #: What a card gives in so long after its start counts for nothing [s].
 _BEGINS_S = 1.0
@@ -76,7 +78,7 @@ class Calibration:
         delay_s: from output to input.
         skew_s: malleolus behind base.
         full_scale_v: peak to peak at the output.
-        latency_s: what the card keeps for a late computer, each way; more where samples are lost.
+        latency_s: of the output, what it keeps for a late computer; more where the sine breaks.
     """
 
     device: str
@@ -87,7 +89,7 @@ class Calibration:
     delay_s: float = 0.5
     skew_s: float = 0.0
     full_scale_v: float = 2.0
-    latency_s: float = 0.25
+    latency_s: float = 0.5
 
     @classmethod
     def read(cls, file: Path) -> Self:
@@ -164,7 +166,7 @@ class SoundCard:
         try:
             self._stream = sounddevice.Stream(
                 samplerate=CARD_HZ, blocksize=_BLOCK, device=calibration.device, channels=2, dtype="float32",
-                latency=calibration.latency_s, callback=self._serve,
+                latency=_buffers(calibration.latency_s), callback=self._serve,
             )  # fmt: skip
             self._stream.start()
             self._last = time.monotonic() + _STARTS_S
@@ -390,6 +392,15 @@ def cards() -> str:
     return f"cards of this computer: {', '.join(found) or 'none'}"
 
 
+def _buffers(latency_s: float) -> tuple[float, float]:
+    """Of input and output [s].
+
+    What comes in comes in lumps of half the input's buffer, and the watch on the base must not wait for it. With both
+    alike, 0.8 s, the lumps of 0.44 s left the output too little: it ran dry seven times in twenty minutes.
+    """
+    return min(latency_s, _INPUT_S), latency_s
+
+
 def _why(error: Exception) -> str:
     return f"cannot be opened ({str(error).splitlines()[0].rstrip('.')})"
 
@@ -406,7 +417,7 @@ def capture(device: str, seconds: float, latency_s: float, play: np.ndarray | No
         out[first : first + play.size] = play[:count, None]
     try:
         heard = sounddevice.playrec(
-            out, CARD_HZ, channels=2, device=device, dtype="float32", latency=latency_s, blocking=True
+            out, CARD_HZ, channels=2, device=device, dtype="float32", latency=_buffers(latency_s), blocking=True
         )
         status = sounddevice.get_status()
     except (sounddevice.PortAudioError, ValueError) as error:

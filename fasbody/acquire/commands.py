@@ -268,7 +268,7 @@ def calibrate(
     seconds: Annotated[float, typer.Option(help="how long to listen to a calibrator or a flip")] = 9.0,
     hz: Annotated[float, typer.Option(help="of the hand calibrator")] = 159.155,
     rms: Annotated[float, typer.Option(help="of the hand calibrator in m/s^2")] = 10.0,
-    latency: Annotated[float, typer.Option(help="buffer of the card in s, each way; for loopback")] = 0.25,
+    latency: Annotated[float, typer.Option(help="buffer of the card's output in s; for loopback")] = 0.5,
     full_scale_volts: Annotated[float, typer.Option(help="of the output at full scale, peak to peak")] = 2.0,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:

@@ -30,6 +30,9 @@ CAPTURES, RECORDINGS, TRUTH = "captures", "recordings", "truth.json"
 _SLOWEST_HZ = 3.0
 #: A base that moves by less [m/s^2 rms] is at rest: simple sensors have 0.03 to 0.1 of noise, the thesis shakes at 6.3.
 _AT_REST = 0.2
+#: A sine is judged in pieces so long; one that differs from the next by a larger share (0.15 are 15 % or 9 degrees)
+#: is broken. Noise and a body that sways make a hundredth.
+_PIECE_S, _PIECE_PERIODS, _BREAK = 0.25, 5.0, 0.15
 
 
 @dataclass(frozen=True)
@@ -97,15 +100,19 @@ def convert(
     index, values = timeline.samples()
     quality = timeline.quality(wanted)
     kept = index < wanted if wanted else np.ones(index.size, bool)
-    if longest and index.size:
-        kept &= _longest(index)
-        quality = replace(quality, gaps=())
     index, values = index[kept], values[kept]
+    known = about.get("condition", {})
+    condition = Condition(**{key: known[key] for key in asdict(Condition()) if key in known})
+    broken = torn(index, values[:, hello.roles.index("base")], hello.rate_hz, condition.frequency_hz)
+    if longest and index.size:
+        kept = _longest(index, broken)
+        index, values, broken = index[kept], values[kept], broken[kept]
+        quality = replace(quality, gaps=())
+    begins = np.flatnonzero(broken & ~np.concatenate([[False], broken[:-1]]))
+    quality = replace(quality, breaks=tuple(float(index[i]) / hello.rate_hz for i in begins))
     if index.size < 2:
         many = "one sample" if index.size else "no samples"
         raise AcquisitionError(f"{files[0]}: the board's description is there, but {many}; no recording can be made.")
-    known = about.get("condition", {})
-    condition = Condition(**{key: known[key] for key in asdict(Condition()) if key in known})
     recording = _recording(index - index[0], values, hello, condition, origin)
     problems, remarks = quality.problems(limits), quality.remarks(limits)
     length_s = recording.time_s[-1]
@@ -125,7 +132,7 @@ def convert(
         (remarks if longest else problems).append(f"{length_s:.3g} s are there of {about['seconds']:g} s")
         remarks += [f"ended early: {stopped.rstrip('.')}"] if stopped else []
     if problems and not longest:
-        remarks += _usable(index, hello.rate_hz, condition.frequency_hz, limits)
+        remarks += _usable(index, broken, hello.rate_hz, condition.frequency_hz, limits)
     if longest:
         remarks.append("the longest stretch without a gap")
     file = _table_of(study, stem_of(study, files[0], about.get("started_utc")))
@@ -206,15 +213,54 @@ def _check_plan(file: Path, about: dict[str, Any]) -> None:
             raise InputFileError(file, f"its plan has {name} {condition[name]!r}", "a text is needed")
 
 
-def _longest(index: np.ndarray) -> np.ndarray:
-    """Mask of the longest run of consecutive indices."""
-    runs = np.concatenate([[0], np.cumsum(np.diff(index) != 1)])
-    return runs == np.argmax(np.bincount(runs))
+def torn(index: np.ndarray, base: np.ndarray, rate_hz: float, frequency_hz: float | None) -> np.ndarray:
+    """Where a sine is none: mask (n,) of the pieces whose line differs from a neighbour's by more than _BREAK.
+
+    A card's driver need not report that it ran dry, nor a board that it skipped: then the sine jumps, or stops a while.
+
+    Args:
+        index: (n,) of each sample on the grid of samples; what lies on both sides of a gap is not compared.
+        base: (n,) [m/s^2].
+        rate_hz: of the samples.
+        frequency_hz: of the excitation; None, or one that does not stand out, is not judged.
+    """
+    out = np.zeros(index.size, bool)
+    if not frequency_hz:
+        return out
+    size = round(max(_PIECE_S, _PIECE_PERIODS / frequency_hz) * rate_hz)
+    wave = base * np.exp(-2j * np.pi * frequency_hz / rate_hz * index)
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(index) != 1) + 1, [index.size]])
+    pieces = [
+        (start, wave[start : start + size].mean())
+        for first, last in itertools.pairwise(edges)
+        for start in range(first, last - size + 1, size)
+    ]
+    if len(pieces) < 3:
+        return out
+    starts, lines = np.array([start for start, _ in pieces]), np.array([line for _, line in pieces])
+    if not 2 * np.median(np.abs(lines)) > base.std():  # no such sine: the checks of identification say it
+        return out
+    near = np.diff(index[starts]) == size
+    turns = lines[1:][near] / lines[:-1][near]
+    drift = np.exp(-1j * np.angle(np.median(turns.real) + 1j * np.median(turns.imag)))  # of the generator's clock
+    for start in starts[:-1][near][np.abs(turns * drift - 1) > _BREAK]:
+        out[start : start + 2 * size] = True
+    return out
 
 
-def _usable(index: np.ndarray, rate_hz: float, frequency_hz: float | None, limits: Limits) -> list[str]:
-    """How much of a recording with gaps, or of one that ended early, `recover --longest` would keep."""
-    run = index[_longest(index)]
+def _longest(index: np.ndarray, broken: np.ndarray) -> np.ndarray:
+    """Mask of the longest run of consecutive indices without a break; all, if there is none."""
+    if broken.all():
+        broken = np.zeros_like(broken)
+    runs = np.concatenate([[0], np.cumsum((np.diff(index) != 1) | np.diff(broken))])
+    return runs == np.argmax(np.bincount(runs, weights=~broken))
+
+
+def _usable(
+    index: np.ndarray, broken: np.ndarray, rate_hz: float, frequency_hz: float | None, limits: Limits
+) -> list[str]:
+    """How much of a recording with gaps or breaks, or of one that ended early, `recover --longest` would keep."""
+    run = index[_longest(index, broken)]
     seconds = (run[-1] - run[0]) / rate_hz
     if frequency_hz and seconds * frequency_hz < limits.periods:
         return [f"usable: nothing, its longest stretch without a gap has {seconds:.3g} s"]

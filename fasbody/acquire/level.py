@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from fasbody.acquire.board import Board, Watch
+from fasbody.acquire.board import Board, Stalled, Watch
 from fasbody.acquire.generator import Excitation
 from fasbody.exceptions import AcquisitionError, SettingError
 
@@ -168,11 +168,14 @@ def reach(
     volts = min(max(safety.start_volts, 0.25 * guess_volts), safety.volts)
     generator.sine(frequency_hz, volts)
     generator.on()
+    unplugs = board.unplugs
     gain = highest = 0.0  # largest gain [m/s^2 per V] at a new highest amplitude [V]
     for step in range(1, _STEPS + 1):
         board.watch_for(generator.latency_s)
         board.collect(max(_SETTLE_S, _SETTLE_PERIODS / frequency_hz))
         values = board.collect(max(_MEASURE_S, _MEASURE_PERIODS / frequency_hz))[:, board.base]
+        if board.unplugs > unplugs:  # what it shows since then may belong to no amplitude, or to none that was set
+            raise Stalled(f"{board.reader.port_name}: unplugged while the shaker was on; output off.")
         found = peak_to_peak(values, hello.rate_hz, frequency_hz)
         travel = found / (2 * np.pi * frequency_hz) ** 2
         if not travel <= (1 + TOLERANCE) * safety.displacement_m:

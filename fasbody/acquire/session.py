@@ -87,7 +87,7 @@ class Session:
         return [ones[0].file.name for ones in by_condition.values() if all(one.problems for one in ones)]
 
     def _record_well(self, frequency: float | None) -> None:
-        """One recording, repeated while the line loses samples or the board stalls."""
+        """One recording, repeated while the line loses samples, the base's sine breaks or the board stalls."""
         for left in reversed(range(self.plan.retries + 1)):
             try:
                 self.board.wait_for_hello()
@@ -98,10 +98,11 @@ class Session:
                 console.print(f"{stall} This recording is repeated as soon as samples come.", soft_wrap=True)
                 self.board.revive()
                 continue
-            if not one.quality.gaps:
+            if not one.quality.gaps and not one.quality.breaks:
                 return
             if left:
-                console.print("samples were lost, so this recording is repeated")
+                what = "samples were lost" if one.quality.gaps else "the base's sine broke"
+                console.print(f"{what}, so this recording is repeated")
 
     def _attempt(self, frequency: float | None) -> Converted:
         """Bring the base to its level and record; the output is off afterwards, whatever ends it."""

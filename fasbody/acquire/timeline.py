@@ -107,6 +107,7 @@ class Quality:
         drift_ppm: device clock against the host's.
         drift_std_ppm: its standard error.
         changed: the board described itself differently during the recording.
+        breaks: when the base's sine stopped or jumped [s], without a gap that says why.
     """
 
     frames: int = 0
@@ -121,6 +122,7 @@ class Quality:
     drift_ppm: float = 0.0
     drift_std_ppm: float = float("inf")
     changed: bool = False
+    breaks: tuple[float, ...] = ()
 
     @property
     def lost_samples(self) -> int:
@@ -138,6 +140,13 @@ class Quality:
             many = "is" if self.lost_samples == 1 else "are"
             gaps = counted(len(self.gaps), "gap")
             texts.append(f"{counted(self.lost_samples, 'sample')} {many} missing in {gaps} ({named}{more})")
+        if self.breaks:
+            named = ", ".join(f"{after:.6g}" for after in self.breaks[:_NAMED])
+            more = f" and {len(self.breaks) - _NAMED} more times" if len(self.breaks) > _NAMED else ""
+            texts.append(
+                f"the base's sine breaks after {named} s{more}: the excitation stopped, or samples are missing that "
+                "nobody counted"
+            )
         over = {name: count for name, count in self.over_range.items() if count}
         if over:
             texts.append("over range: " + ", ".join(f"{name} {counted(n, 'sample')}" for name, n in over.items()))
@@ -181,7 +190,8 @@ class Quality:
         if self.stamps_advance and _SURE * self.drift_std_ppm <= Limits.clock_ppm:  # else it says nothing
             clock = f", clock {self.drift_ppm:+.0f} +- {_SURE * self.drift_std_ppm:.0f} ppm"
         lines = f"{counted(self.frames, 'frame')}, {self.lost_frames} lost, {self.damaged} damaged"
-        return f"{lines}, {counted(len(self.gaps), 'gap')}{clock}"
+        breaks = f", {counted(len(self.breaks), 'break')}" if self.breaks else ""
+        return f"{lines}, {counted(len(self.gaps), 'gap')}{breaks}{clock}"
 
 
 @dataclass(frozen=True)

@@ -16,15 +16,15 @@ ANALOG: list[Wire] = [
     ("A0", "Z", 0, "tab:blue"), ("A1", "Z", 1, "tab:orange"),
 ]  # fmt: skip
 SPI: list[Wire] = [
-    ("3V3", "VDD", None, "tab:red"), ("GND", "GND", None, "black"), ("D13", "SCLK", None, "tab:brown"),
+    ("3V3", "VDD, VDDIO", None, "tab:red"), ("GND", "GND", None, "black"), ("D13", "SCLK", None, "tab:brown"),
     ("D12", "MISO", None, "tab:green"), ("D11", "MOSI", None, "tab:olive"), ("D9", "DRDY", None, "tab:purple"),
     ("D10", "CS", 0, "tab:blue"), ("D8", "CS", 1, "tab:orange"),
 ]  # fmt: skip
 ROLES = ("base", "malleolus")
 
 
-def draw(ax: "Axes", title: str, wires: list[Wire], between: str = "") -> None:
-    """Board on the left, both sensors on the right, a wire from pin to pin."""
+def draw(ax: "Axes", title: str, wires: list[Wire], between: str = "", reference: bool = False) -> None:
+    """Board on the left, both sensors on the right, a wire from pin to pin; with AREF to the supply as reference."""
     pitch = 0.9
     top = pitch * len(wires) * 2
     ax.set_title(title, loc="left", fontsize=11)
@@ -43,11 +43,16 @@ def draw(ax: "Axes", title: str, wires: list[Wire], between: str = "") -> None:
             ax.plot([2.2, column, column, 7.6], [start, start, y, y], color=colour, lw=1.6, solid_joinstyle="round")
             if mine[len(mine) - 1 - row][2] is None:  # goes to both
                 ax.plot([column], [start], "o", color=colour, ms=4)
+    if reference:
+        column, start = 3.2, _row(wires, wires[0][0]) * pitch * 1.4
+        ax.plot([2.2, column], [start + pitch, start + pitch], color=wires[0][3], lw=1.6)
+        ax.plot([column], [start + pitch], "o", color=wires[0][3], ms=4)
+        ax.text(2.05, start + pitch, "AREF", ha="right", va="center", fontsize=9)
     for pin, *_ in wires:
         ax.text(2.05, _row(wires, pin) * pitch * 1.4, pin, ha="right", va="center", fontsize=9)
     if between:
         ax.text(2.3, top + 0.1, between, fontsize=9, va="bottom")
-    ax.set(xlim=(-1.4, 11.4), ylim=(-1.0, top + 0.7), aspect="equal")
+    ax.set(xlim=(-1.4, 11.4), ylim=(-1.0, top + 1.3), aspect="equal")
     ax.axis("off")
 
 
@@ -70,8 +75,9 @@ def main(file: Path | None = None) -> Path:
     with rc_context({"svg.hashsalt": "wiring", "svg.fonttype": "none"}):
         figure = Figure(figsize=(12, 6), layout="constrained")
         left, right = figure.subplots(1, 2)
-        draw(left, "Analog pair (ADXL335); AREF to 3V3 as well", ANALOG)
-        draw(right, "SPI pair (ADXL355, ADXL345)", SPI, "5 V board: D8 to D13 but D12 through a level shifter")
+        draw(left, "Analog pair (ADXL335)", ANALOG, "wires that cross without a dot do not touch", reference=True)
+        note = "ADXL345: no wire to D9. 5 V board: all of D8 to D13\nbut D12 through a level shifter"
+        draw(right, "SPI pair (ADXL355, ADXL345)", SPI, note)
         figure.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None, dpi=110)
     return file
 
