@@ -1,5 +1,6 @@
 """The commands: record a study from a serial accelerometer board, or recover a recording from its capture."""
 
+import math
 import shlex
 import sys
 from contextlib import ExitStack
@@ -9,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from fasbody.acquire import firmware, folder
-from fasbody.acquire.board import STALLED_S, Board
+from fasbody.acquire.board import Board
 from fasbody.acquire.capture import grouped
 from fasbody.acquire.display import Display
 from fasbody.acquire.folder import Converted, convert
@@ -27,6 +28,10 @@ from fasbody.recording.recording import Condition
 
 #: Where the calibration of the sound card is, unless told otherwise.
 SOUND_CARD = Path("sound_card.json")
+#: How long a sound card may take for its first sample [s]; a sound server on a busy computer takes seconds.
+_CARD_STARTS_S = 40.0
+#: No calibration listens longer [s].
+_LONGEST_S = 600.0
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
@@ -49,8 +54,8 @@ def record(
         float, typer.Option(help="largest base motion in m, peak to peak")
     ] = Safety.displacement_m,
     retries: Annotated[int, typer.Option(min=0, help="repeat a recording that lost samples so often")] = 2,
-    baud: Annotated[int, typer.Option(help="baud rate of the board")] = 921600,
-    generator_baud: Annotated[int, typer.Option(help="baud rate of the generator")] = 115200,
+    baud: Annotated[int, typer.Option(min=1, help="baud rate of the board")] = 921600,
+    generator_baud: Annotated[int, typer.Option(min=1, help="baud rate of the generator")] = 115200,
     simulate: Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")] = False,
     list_: Annotated[bool, typer.Option("--list", help="show the serial ports and stop")] = False,
     probe_: Annotated[bool, typer.Option("--probe", help="tell what speaks on --port (or on all) and stop")] = False,
@@ -99,6 +104,8 @@ def record(
     if board_ not in ("serial", "audio"):
         raise SettingError(f"--board {board_!r} is neither serial nor audio.")
     audio = board_ == "audio"
+    if calibration != SOUND_CARD and not audio:
+        raise SettingError("--calibration is of a sound card: add --board audio, or leave it out.")
     if audio and (simulate or port is not None):
         raise SettingError(f"--board audio is no serial port: leave out {'--simulate' if simulate else '--port'}.")
     if not simulate and port is None and not audio:
@@ -118,8 +125,10 @@ def record(
         truth = {"origin": "synthetic", "parameters": TRUTH, "instrument": {"delay_s": 0.0}}
     subject = subject or "1"
     mass = body_mass if body_mass is not None else folder.body_mass(out, subject)
-    if mass is None or not 20 <= mass <= 300:
+    if mass is None:
         raise SettingError(f"the body mass of subject {subject!r} is needed once: --body-mass, 20 to 300 kg.")
+    if not 20 <= mass <= 300:
+        raise SettingError(f"a body mass of {mass:g} kg cannot be meant (valid: 20 to 300).")
     plan = Plan(
         study=out,
         frequencies_hz=_frequencies(sweep, frequency),
@@ -131,7 +140,9 @@ def record(
         safety=Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=max_displacement),
         truth=truth,
     )
-    by_hand = audio and generator is None and not (sweep or frequency)  # another program plays, or another shaker
+    by_hand = (
+        audio and generator is None and sweep is None and frequency is None
+    )  # another program plays, or another shaker
     plan.check(not by_hand and (generator is not None or simulate or audio))
     with ExitStack() as stack:
         stack.enter_context(terminated())
@@ -253,7 +264,15 @@ def _open_card(
 
     board, output = open_card(Calibration.read(calibration))
     stack.callback(board.close)
-    board.wait_for_hello(4 * STALLED_S)
+    try:
+        board.wait_for_hello(_CARD_STARTS_S)
+    except Unplugged:
+        raise
+    except AcquisitionError:
+        raise AcquisitionError(
+            f"{board.reader.port_name}: the card is open and gave no sample in {_CARD_STARTS_S:g} s; does another "
+            "program use it, and can it do 48 kHz in two channels?"
+        ) from None
     if generator:
         return board, stack.enter_context(Generator(generator, generator_baud))
     return board, stack.enter_context(output)
@@ -287,6 +306,12 @@ def calibrate(
 
     from fasbody.acquire import audio
 
+    given = {"--seconds": seconds, "--hz": hz, "--rms": rms, "--latency": latency}
+    for name, value in (given | {"--full-scale-volts": full_scale_volts}).items():
+        if not 0 < value < math.inf:
+            raise SettingError(f"{name} is {value:g}; it must be positive.")
+    if seconds > _LONGEST_S:
+        raise SettingError(f"--seconds is {seconds:g}; {_LONGEST_S:g} are enough for any calibration.")
     if what == "loopback":
         if device is None:
             raise SettingError(f"which card? Give --device; {audio.cards()}.")
