@@ -94,7 +94,8 @@ def test_calibrations_are_read_back_and_checked(tmp_path: Path) -> None:
         replace(card, scale_m_s2=(100.0, 0.0)).check()
     with pytest.raises(SettingError, match="not in step"):
         replace(card, skew_s=1e-4).check()
-    for text in ("{}", "[]", '{"device": "x", "delay_s": "late"}', "no JSON"):
+    wrong = ('{"device": "x", "delay_s": "late"}', '{"device": 5}', '{"device": "x", "latency_s": 0}')
+    for text in ("{}", "[]", "no JSON", '{"device": "x", "corner_hz": [-1, 2]}', '{"device": "x", "more": 1}', *wrong):
         file.write_text(text)
         with pytest.raises(InputFileError, match="no calibration"):
             Calibration.read(file)

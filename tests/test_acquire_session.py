@@ -89,7 +89,7 @@ def test_unplugged_and_back(tmp_path: Path, feeder: Feeder, board: Board) -> Non
     assert board.unplugs == 1
     made = convert([capture.file], tmp_path / "study")
     (gap,) = made.quality.gaps
-    assert gap.lost_samples >= 300 and gap.cause == "lost frames"  # the board itself went on
+    assert gap.lost_samples >= 300 and gap.cause == "lost frames, unplugged"  # the board itself went on
     details = json.loads(made.file.with_suffix(".json").read_text())
     assert [event["event"] for event in details["events"]] == ["unplugged", "replugged"]
     as_sent(capture.file, 2)

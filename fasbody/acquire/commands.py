@@ -140,9 +140,8 @@ def record(
         safety=Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=max_displacement),
         truth=truth,
     )
-    by_hand = (
-        audio and generator is None and sweep is None and frequency is None
-    )  # another program plays, or another shaker
+    # Then another program plays, or another shaker is used; the card only records.
+    by_hand = audio and generator is None and sweep is None and frequency is None
     plan.check(not by_hand and (generator is not None or simulate or audio))
     with ExitStack() as stack:
         stack.enter_context(terminated())

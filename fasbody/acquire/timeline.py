@@ -228,7 +228,8 @@ class Timeline:
         self._samples: list[np.ndarray] = []
         self._jumps: list[int] = []  # samples missing before each block
         self._causes: list[str] = []
-        self._noted: dict[int, str] = {}  # what the port said before a block
+        self._note = ""  # what the port said since the last blocks
+        self._noted: dict[int, str] = {}  # and what it said before a block
         self._gaps = 0
         self._stamps: list[int] = []  # device time of each block since the last restart's, without its turns [us]
         self._clock: list[tuple[float, float]] = []
@@ -273,13 +274,14 @@ class Timeline:
             else:
                 self._greet(message)
         if block is not None:
+            self._note = ""
             self._clock.append((self._stamps[-1] * 1e-6, host))
             self._host = host
 
     def note(self, event: str) -> None:
-        """What happened to the port just now: why samples are missing before the next block, if they are."""
+        """What happened to the port just now: why samples are missing in what comes next, if they are."""
         if event != "replugged":
-            self._noted[len(self._jumps)] = event
+            self._note = event
 
     def _greet(self, hello: Hello) -> None:
         self._changed |= replace(hello, board=self.hello.board, boot=self.hello.boot) != self.hello
@@ -310,6 +312,8 @@ class Timeline:
         self._restarted, self._damaged_lines = False, 0
         self._jumps.append(jump)
         self._gaps += jump > 0
+        if jump and self._note:
+            self._noted[len(self._jumps) - 1] = self._note
         self._causes.append(cause)
         self._stamps.append(stamp)
         self._samples.append(block.samples)
