@@ -189,6 +189,7 @@ class Board:
             Stalled: none came.
         """
         self.watch = None
+        self._lateness.forget()  # what was lost without a word in the stall would count as lateness for minutes
         before = self._last
         deadline = time.monotonic() + self.reader.patience
         self.reader.send(b"?\n")
