@@ -186,8 +186,8 @@ def test_output_fades_in_and_out_without_a_jump(monkeypatch: pytest.MonkeyPatch)
 def test_virtual_foot_between_playback_and_capture(tmp_path: Path) -> None:
     """Command, PortAudio, PulseAudio: a recording whose transmissibility is the foot's own.
 
-    On busy cores PulseAudio drops samples, ALSA recovers from it, or the base is unseen for a second; each is said. Such
-    an attempt tells nothing of the code, and another is made.
+    On busy cores PulseAudio drops samples, ALSA recovers from it, or the base is unseen for a second; each is said.
+    Such an attempt tells nothing of the code, and another is made.
     """
     lost = []
     for attempt in range(3):
