@@ -175,7 +175,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "cell modes", "fasbody.cell", "modes",
-            "Modes of any elastic body: a bone, an insole block, a shoe sole; free, on its base, or held at a part of it.",
+            "Modes of any elastic body: a bone, an insole block, a shoe sole; free, on its base, or held somewhere.",
         ),
         Command(
             "cell sweep", "fasbody.cell", "sweep",
