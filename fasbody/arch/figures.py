@@ -157,7 +157,8 @@ def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Fig
     """
     figure = Figure(figsize=(7.4, 3.4), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.3, 1])
-    for colour, case in zip((KEPT, DROPPED, THIRD), result.cases, strict=True):
+    for i, case in enumerate(result.cases):
+        colour = (KEPT, DROPPED, THIRD)[i] if i < 3 else f"C{i}"
         left.plot(result.frequency_hz, case.transmissibility, color=colour, label=f"+ {case.added_mass:g} kg")
         left.plot(case.peak_hz, case.transmissibility.max(), "o", color=colour)
     left.set_xlabel("frequency [Hz]")
@@ -166,7 +167,7 @@ def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Fig
     added = [case.added_mass for case in result.cases]
     right.plot(added, [case.peak_hz for case in result.cases], "o-", color=KEPT, label="model, constants unchanged")
     if measured_hz is None:
-        measured_hz = np.array([MEASURED_HZ[mass] for mass in added])
+        measured_hz = np.array([MEASURED_HZ.get(mass, (np.nan, np.nan)) for mass in added])
     middle = np.mean(measured_hz, axis=1)
     spread = np.abs(np.array(measured_hz).T - middle)
     right.errorbar(added, middle, yerr=spread, fmt="s", color="0.2", capsize=4, label="measured (Chapter 2)")
