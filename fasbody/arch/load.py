@@ -80,7 +80,9 @@ def equilibrium(arch: Arch, load: float, steps: int = 20, springs: Springs | Non
     give = np.linalg.solve(-tangent(arch, q, load, springs), fall)  # d theta / d load
     lengthening = gradients(arch, q).e[2:5] @ give / (fall @ give)
     q[0], q[1], q[X] = -load / arch.k_F, -load / arch.k_T, e
-    pull = springs.tension(e) / load if load else springs.tension(e + 1j * _STEP).imag / _STEP * lengthening * fall @ give
+    pull = (
+        springs.tension(e) / load if load else springs.tension(e + 1j * _STEP).imag / _STEP * lengthening * fall @ give
+    )
     front = a.l_2 + a.l_3 + a.l_4  # moments of both contact points about the apex
     heel = front / (front + np.sqrt(a.E_1))
     values = (arch.height_0 - a.E_2, e, 1 / (fall @ give), pull * lengthening, heel)
@@ -133,8 +135,8 @@ def tangent(arch: Arch, q: Array, load: Array | float, springs: Springs) -> Arra
     return np.stack(columns, axis=-1)
 
 
-def poses(arch: Arch, load: Array, springs: Springs) -> Array:
-    """Many arches under load at once, shape (..., 6), as far as they hold: NaN for those that collapse.
+def poses(arch: Arch, load: Array, springs: Springs) -> tuple[Array, Array]:
+    """Many arches under load at once: poses (..., 6), and which of them hold, shape (...); the others are at rest.
 
     Args:
         arch: the bones.
@@ -142,16 +144,19 @@ def poses(arch: Arch, load: Array, springs: Springs) -> Array:
         springs: aponeurosis and ligaments, numbers or of shape (...).
     """
     q = np.broadcast_to(rest(arch), (*np.shape(load), 6)).copy()
+    stands = np.ones(np.shape(load), bool)
     for _ in range(200):
         step = np.linalg.solve(tangent(arch, q, load, springs), moments(arch, q, load, springs)[..., None])[..., 0]
-        largest = np.abs(step).max(axis=-1, keepdims=True)
-        q[..., 2:5] -= step * np.minimum(1, 0.05 / np.maximum(largest, 1e-300))
-        if largest.max() < 1e-12:
+        largest = np.where(stands, np.abs(step).max(axis=-1), 0)
+        q[..., 2:5] -= step * np.minimum(1, 0.05 / np.maximum(largest, 1e-300))[..., None]
+        height = np.cos(q[..., 2:5]) @ [arch.L_2, arch.L_3, arch.L_4]
+        stands &= (height > 0) & (height < arch.L_1)
+        q[~stands] = rest(arch)
+        if largest.max(initial=0) < 1e-12:
             break
     slope = tangent(arch, q, load, springs)
-    stands = (np.linalg.eigvalsh(-(slope + np.swapaxes(slope, -1, -2)) / 2)[..., 0] > 0) & (largest[..., 0] < 1e-9)
-    q[~stands] = np.nan
-    return q
+    stands &= (np.linalg.eigvalsh(-(slope + np.swapaxes(slope, -1, -2)) / 2)[..., 0] > 0) & (largest < 1e-9)
+    return q, stands
 
 
 def loaded(arch: Arch, gravity: float = G) -> Linear:
