@@ -1,4 +1,4 @@
-"""Command line of the five-body arch: `python -m fasbody.arch sensitivity | reduction | load | crosscheck --help`."""
+"""Command line of the five-body arch: `python -m fasbody.arch sensitivity | reduction | load | validate | crosscheck`."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -27,6 +27,7 @@ from fasbody.exceptions import InputFileError, SettingError
 if TYPE_CHECKING:
     from fasbody.arch.crosscheck import Crosscheck, Dynamics
     from fasbody.arch.sensitivity import Study
+    from fasbody.arch.validate import Validation
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -232,6 +233,63 @@ def _load_table(study: LoadStudy, name: str) -> Table:
             f"{case.added_mass:g}", f"{case.peak_hz:.1f}", f"{low:.0f}-{high:.0f}",
             f"{case.transmissibility.max():.2f}", f"{case.arch_stiffness / 1e3:.1f}", f"{case.factor:.2f}",
         )  # fmt: skip
+    return table
+
+
+@app.command("validate")
+def print_validation(
+    steps: Annotated[int, typer.Option(help="moves of each leg", min=20)] = 1000,
+    walkers: Annotated[int, typer.Option(help="legs that walk at once in each fit", min=8)] = 96,
+    seed: SeedOption = 0,
+    figure: Annotated[Path | None, typer.Option(help="PNG to write")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Published numbers of feet, each foreseen by an arch under a leg fitted to the others; what cannot be met, and why.
+
+    A minute or two.
+
+    Examples:
+      python -m fasbody.arch validate --figure docs/figures/validation.png
+
+      python -m fasbody.arch validate --steps 200 --json
+    """
+    if figure is not None:
+        make_folder(figure.parent)
+        if figure.is_dir():
+            raise InputFileError(figure, "is a folder", "name a PNG file")
+    from fasbody.arch.validate import validate
+
+    with progress_bar() as progress:
+        task = progress.add_task("legs", total=steps)
+        result = validate(walkers=walkers, steps=steps, seed=seed, tick=lambda: progress.advance(task))
+    console.print(_validation_table(result))
+    for note in result.sheet().notes:
+        console.print(note)
+    console.print(_proof_table(result))
+    if figure is not None:
+        from fasbody.arch import figures
+
+        console.print(f"written: {write_whole(figure, figures.png(figures.validation(result)))}")
+    if json:
+        print_json({"seed": seed, "numbers": result.records(), "proofs": result.bounds()})
+
+
+def _validation_table(result: "Validation") -> Table:
+    sheet = result.sheet()
+    table = Table(*sheet.columns, title=sheet.title)
+    for row in sheet.rows:
+        table.add_row(*row)
+    return table
+
+
+def _proof_table(result: "Validation") -> Table:
+    table = Table(title="What rigid bones cannot do, whatever the springs")
+    for column in ("number", "bound", "needed", "excluded by", "for", "proved"):
+        table.add_column(column)
+    for proof in result.proofs:
+        word = "at least" if proof.above else "at most"
+        table.add_row(proof.number, f"{word} {proof.bound:.3g} {proof.unit}", f"{proof.needed:.3g}", proof.against,
+                      proof.holds, "yes" if proof.excluded else "no")  # fmt: skip
     return table
 
 

@@ -1,23 +1,17 @@
-"""What others published about whole feet, and what a mounted arch says of each number when it was fitted to the others.
+"""What others published about feet, and what an arch under a leg has to say of each number."""
 
-The rule: a number is met independently if a model that never saw it predicts it. So each number is left out in turn,
-the 13 constants that nobody measured are fitted to the rest within their literature's bounds, and the one left out is
-read from those fits. Numbers that are no measurements but came from other people's models are fitted to nothing.
-"""
-
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, ClassVar
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import Array, arms, deformations, gradients
-from fasbody.arch.load import ARANGIO_CUT, ARANGIO_LOAD, ARANGIO_SAG, G, MEASURED_HZ, poses, tangent
+from fasbody.arch.load import ARANGIO_CUT, ARANGIO_LOAD, ARANGIO_SAG, MEASURED_HZ, G, poses, tangent
 from fasbody.arch.mounted import SEATED_N, STANDING_N, Mounted, Stance, stance
 from fasbody.arch.tissue import Tissue
-from fasbody.presentation import Presented, Sheet
 
 
 def _stiffness_at(tension: float) -> float:
@@ -113,7 +107,7 @@ class Number:
 
     def holds(self, values: Array) -> Array:
         """Which rows (..., n) lie within the limits, shape (...)."""
-        return ((values >= self.low) & (values <= self.high)).all(axis=-1)
+        return np.all((values >= self.low) & (values <= self.high), axis=-1)
 
 
 class Statics:
@@ -155,7 +149,8 @@ class Statics:
         rate, apex, bones, joint, *numbers = (found[:, place] for place in self._places)
         d = len(found)
         three = (d, len(self.loads), 3)
-        stood = Stance(*(x.reshape(three) for x in (rate, apex, bones)), self.mass, joint.reshape(*three[:2], 2, 3))
+        rate, apex, bones = (part.reshape(three) for part in (rate, apex, bones))
+        stood = Stance(rate, apex, bones, self.mass, joint.reshape(*three[:2], 2, 3))
         return stood, numbers
 
 
@@ -203,6 +198,14 @@ class Feet:
         added = list(MEASURED_HZ)[i]
         r = self.legs.response(self._stood(i), self.loads[i], SEATED_HZ, added)
         return _highest(SEATED_HZ, r.malleolus)[:, None]
+
+    def spread(self, i: int, j: int) -> Array:
+        """Sag (j = 0) or elongation of Arangio's case i [mm], shape (d, 1)."""
+        return 1e3 * self.arangio[i][:, j : j + 1]
+
+    def more(self, j: int) -> Array:
+        """What cutting the fascia adds to sag (j = 0) or elongation of the 60 mm arch [%], shape (d, 1)."""
+        return 100 * (self.arangio[3] / self.arangio[2] - 1)[:, j : j + 1]
 
     @cached_property
     def _standing(self) -> Any:
@@ -258,104 +261,27 @@ def _numbers() -> tuple[Number, ...]:
     ]  # fmt: skip
     for i, (added, (low, high)) in enumerate(MEASURED_HZ.items()):
         found.append(Number(f"resonance with {added:g} kg", "Wee & Voloshin 2013", "Hz", (low,), (high,), "its range",
-                            lambda f, i=i: f.seated(i)))  # fmt: skip
+                            partial(Feet.seated, i=i)))  # fmt: skip
     found += [
-        Number("ankle, standing", "Goggins", "Hz", (16.0,), (39.0,), "21 people", lambda f: f.ankle,
-               fitted=False),
+        Number("ankle, standing", "Goggins", "Hz", (16.0,), (39.0,), "21 people", lambda f: f.ankle, fitted=False),
         Number("midfoot, standing, two joints", "Goggins", "Hz", (51.0, 51.0), (84.0, 84.0), "21 people",
                lambda f: f.midfoot, fitted=False),
     ]  # fmt: skip
-    places = [(height, cut) for height in ARANGIO_SAG for cut in (0, 1)]
-    for i, (height, cut) in enumerate(places):
+    for i, (height, cut) in enumerate((height, cut) for height in ARANGIO_SAG for cut in (0, 1)):
+        tail = ", fascia cut" if cut else ""
         for j, (what, table) in enumerate((("sag", ARANGIO_SAG), ("elongation", ARANGIO_ELONGATION))):
-            low, high = _share([1e3 * table[height][cut]], 0.1)
-            name = f"{what}, {1e3 * height:.0f} mm arch{', fascia cut' if cut else ''}"
-            found.append(Number(name, "Arangio 1998", "mm", low, high, "10 % were chosen here",
-                                lambda f, i=i, j=j: 1e3 * f.arangio[i][:, j : j + 1], fitted=False))  # fmt: skip
-    for j, (what, more) in enumerate(zip(("sag", "elongation"), ARANGIO_CUT, strict=True)):
-        found.append(
-            Number(f"more {what} of a 60 mm arch when the fascia is cut", "Arangio 1998", "%", (100 * more - 5,),
-                   (100 * more + 5,), "5 points were chosen here",
-                   lambda f, j=j: 100 * (f.arangio[3] / f.arangio[2] - 1)[:, j : j + 1], fitted=False)
-        )  # fmt: skip
+            found.append(Number(f"{what}, {1e3 * height:.0f} mm arch{tail}", "Arangio 1998", "mm",
+                                *_share([1e3 * table[height][cut]], 0.1), "10 % were chosen here",
+                                partial(Feet.spread, i=i, j=j), fitted=False))  # fmt: skip
+    for j, more in enumerate(ARANGIO_CUT):
+        what, percent = ("sag", "elongation")[j], 100 * more
+        found.append(Number(f"more {what} when it is cut, 60 mm arch", "Arangio 1998", "%", (percent - 5,),
+                            (percent + 5,), "5 points were chosen here", partial(Feet.more, j=j),
+                            fitted=False))  # fmt: skip
     return tuple(found)
 
 
 NUMBERS = _numbers()
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """One number, foreseen by legs that were fitted to the others.
-
-    Attributes:
-        number: which. before: the share of legs within the bounds alone that meet it.
-        low, middle, high: 2.5, 50 and 97.5 % of the fitted legs, each (n,).
-        inside: the share of the fitted legs that meet it. shipped: what the shipped set gives, (n,).
-    """
-
-    number: Number
-    before: float
-    low: Array
-    middle: Array
-    high: Array
-    inside: float
-    shipped: Array
-
-    @property
-    def met(self) -> bool:
-        """The middle of what is foreseen lies within the limits, and so do at least half of the legs."""
-        return bool(self.number.holds(self.middle)) and self.inside >= 0.5
-
-
-def fit(
-    statics: Statics, left_out: Sequence[int | None], walkers: int, steps: int, seed: int, draws: int
-) -> tuple[Array, Array, Array]:
-    """Legs fitted to all measured numbers but one, for several numbers at once.
-
-    Differential evolution Markov chains (ter Braak 2006): each leg moves along the difference of two others.
-
-    Args:
-        statics: of the arch.
-        left_out: index into `NUMBERS` for each problem, None for none.
-        walkers: legs of each problem. steps: moves of each; the first half is forgotten.
-        seed: of the random numbers. draws: legs within the bounds from which the first ones are chosen.
-
-    Returns:
-        Legs of each problem, (problems, kept, 13); their half chi-square, (problems, kept); the draws, (draws, 13).
-    """
-    rng = np.random.default_rng(seed)
-    weight = np.array([[number.fitted and i != out for i, number in enumerate(NUMBERS)] for out in left_out])
-
-    def misfit(shares: Array) -> Array:
-        outside = ((shares < 0) | (shares > 1)).any(axis=-1)
-        feet = Feet(statics, of(np.clip(shares, 0, 1)))
-        with np.errstate(invalid="ignore"):
-            each = [n.misfit(n.predict(feet)) if n.fitted else np.zeros(len(shares)) for n in NUMBERS]
-        return np.where(outside, np.inf, 0)[:, None] + np.stack(each, axis=-1)
-
-    first = rng.random((draws, len(BOUNDS)))
-    each = np.concatenate([misfit(part) for part in np.array_split(first, max(1, draws // 2000))])
-    P, n = len(left_out), len(BOUNDS)
-    cost = np.stack([np.where(w, each, 0).sum(axis=-1) for w in weight])  # (P, draws)
-    chosen = np.argsort(cost, axis=-1)[:, :walkers]
-    x, c = first[chosen], np.take_along_axis(cost, chosen, -1)
-    kept_x, kept_c = [], []
-    for step in range(steps):
-        a = (np.arange(walkers) + rng.integers(1, walkers, (P, walkers))) % walkers
-        b = (np.arange(walkers) + rng.integers(1, walkers, (P, walkers))) % walkers
-        moved = rng.random((P, walkers, n)) < rng.choice([0.3, 0.6, 1.0], (P, walkers, 1))
-        size = np.where(step % 10 == 9, 1.0, 2.38 / np.sqrt(2 * np.maximum(moved.sum(axis=-1, keepdims=True), 1)))
-        rows = np.arange(P)[:, None]
-        proposal = x + moved * (size * (x[rows, a] - x[rows, b]) + 1e-3 * rng.standard_normal(x.shape))
-        each = misfit(proposal.reshape(-1, n)).reshape(P, walkers, -1)
-        new = np.where(weight[:, None], each, 0).sum(axis=-1)
-        take = np.log(rng.random((P, walkers))) < c - new
-        x, c = np.where(take[..., None], proposal, x), np.where(take, new, c)
-        if step >= steps // 2 and step % 5 == 0:
-            kept_x.append(x)
-            kept_c.append(c)
-    return np.concatenate(kept_x, axis=1), np.concatenate(kept_c, axis=1), first
 
 
 def of(shares: Array) -> Array:

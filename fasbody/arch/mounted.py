@@ -1,4 +1,4 @@
-"""The arch under a leg: table, fat pad, tissue arch about the pose in which it stands, malleolus, ankle, shank, thigh, load.
+"""The arch under a leg: fat pad, tissue arch about the pose in which it stands, malleolus, ankle, shank, thigh, load.
 
 As in mjcf/leg.xml, but what leg.xml calls `hindfoot`, one spring between foot and malleolus, is the arch here: its
 stiffness is that of its ligaments under the load it carries, and no constant of it was chosen by a vibration. The
@@ -11,9 +11,9 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from fasbody.arch.bones import Arch
-from fasbody.arch.kinematics import Array, arms, deformations, gradients
+from fasbody.arch.kinematics import Array, arms
 from fasbody.arch.lagrange import mass_matrix
-from fasbody.arch.load import G, poses, tangent
+from fasbody.arch.load import poses, tangent
 from fasbody.arch.tissue import Springs, Tissue
 
 #: What the foot carries of a seated leg [N]: foot and shank of mjcf/leg.xml, the seat has the thigh. Nominal.
@@ -138,9 +138,19 @@ class Mounted:
 
 
 class Response(NamedTuple):
-    """Complex accelerations over the table's: malleolus (d, f), tuberosity (d, f), joints behind and before the
-    cuneiforms (d, f, 2)."""
+    """Complex accelerations over the table's.
+
+    Attributes:
+        malleolus, tuberosity: shape (d, f). midfoot: joints behind and before the cuneiforms, shape (d, f, 2).
+    """
 
     malleolus: Array
     tuberosity: Array
     midfoot: Array
+
+
+#: The set that is shipped, fitted to the numbers of `fasbody.arch.evidence` that are marked as fitted.
+SHIPPED = Mounted(
+    arm=0.0402, slack=2.02e-3, k_F=1.59e6, c_F=109, k_T=1.56e4, c_T=393, k_H=3980, c_H=70, k_A=6e4, c_A=275,
+    lag=2.3e-4, share=0.291, up=0.054,
+)  # fmt: skip

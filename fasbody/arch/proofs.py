@@ -1,4 +1,4 @@
-"""Published numbers that exclude each other in an arch of rigid bones, whatever its springs: bounds, not failed searches.
+"""Published numbers that exclude each other in an arch of rigid bones, whatever its springs: bounds, no failed search.
 
 Every joint and the aponeurosis may have any law that pulls only when stretched and never less when stretched more.
 Poses are searched on a grid whose step, times the longest lever, is added to the bound.
@@ -21,6 +21,12 @@ BEND = 0.6
 STEP = 0.0025
 #: Limits that Arangio's numbers are given: 10 %.
 LOWEST = 0.9
+#: Upper limit of the fascia's share that Kim & Voloshin's 14 % are given [%].
+KIM_MOST = 19.0
+#: Damping of the ankle, Aruin & Zatsiorsky [N s/m]: under vibration with its deviation; under impact, 20 % chosen here.
+ARUIN_VIBRATION, ARUIN_IMPACT = (430.0, 36.0), 811.0
+#: Kinoshita 1993: peak [weights], depth [m], least loss [1]; 20 % chosen for the first two.
+KINOSHITA = (11.6, 11.3e-3, 0.75)
 
 
 @dataclass(frozen=True)
@@ -62,7 +68,7 @@ class Pose:
 
 
 def turned(arch: Arch, d_2: Array, d_3: Array, d_4: Array) -> Pose:
-    """The pose whose joints have turned by d_2, d_3, d_4 [rad] from rest, arrays of one shape; the closure in closed form."""
+    """The pose whose joints have turned by d_2, d_3, d_4 [rad] from rest, arrays of one shape; a closed form."""
     opening = arch.theta_10 + arch.theta_20 + d_2
     b_3 = arch.theta_30 - arch.theta_20 + d_3
     b_4 = arch.theta_40 - arch.theta_30 + d_4 + b_3
@@ -99,7 +105,9 @@ def _bends(arch: Arch, elongation: float, truss: bool) -> tuple[Array, Array, Ar
     return high[there], d_3[there], d_4[there]
 
 
-def after_ker(arch: Arch, height: float, other: float, least: float, truss: bool = False) -> tuple[float, float]:
+def after_ker(
+    arch: Arch, height: float, other: float, least: float, truss: bool = False, longer: float = 0.0
+) -> tuple[float, float]:
     """How far Arangio's arch without fascia can sag and lengthen [m], if its tissue is that of Ker's foot.
 
     At rest Ker's arch is `height` high [m], Arangio's `other`. At some elongation of Ker's cut foot the moment at every
@@ -111,22 +119,23 @@ def after_ker(arch: Arch, height: float, other: float, least: float, truss: bool
         height: of Ker's arch [m]. other: of Arangio's [m].
         least: sag [m] that is to be excluded, with all larger ones that leave the arch off the floor.
         truss: only the joint at the apex turns.
+        longer: share by which Ker's elongations may be longer than read.
 
     Returns:
         Largest sag and elongation [m], infinite if Ker's curve ends before.
     """
     foot, spread = arch.with_height(height), arch.with_height(other)
-    d = np.stack(
-        np.meshgrid(np.linspace(0, 1.2, 121), *[[0.0] if truss else np.linspace(0, BEND, 41)] * 2), axis=0
-    ).reshape(3, -1)
+    forefoot = np.zeros(1) if truss else np.linspace(0, BEND, 41)
+    d = np.stack(np.meshgrid(np.linspace(0, 1.2, 121), forefoot, forefoot)).reshape(3, -1)
     pose = turned(spread, *d)
     inside = (pose.sag >= least - 1e-3) & (pose.sag < other)
     asked = 1.01 * ARANGIO_LOAD * pose.arms[inside].max(axis=0)  # 1 %: between the poses of this grid
-    low, high = 0.0, min(float(KER_ELONGATION[-1]), longest(arch, height) - 1e-6)
+    curve = (1 + longer) * np.array([0, *KER_ELONGATION])
+    low, high = 0.0, min(float(curve[-1]), longest(arch, height) - 1e-6)
     found = (np.inf, np.inf)
     for _ in range(9):  # the smallest elongation that serves; whatever it is, it proves
         elongation = (low + high) / 2
-        load = np.interp(elongation, [0, *KER_ELONGATION], [0, *KER_CUT]) - READING_N
+        load = np.interp(elongation, curve, [0, *KER_CUT]) - READING_N
         bends = _bends(foot, elongation, truss)
         moment = load * turned(foot, *bends).arms.min(axis=0, initial=np.inf)
         if load > 0 and (moment >= asked)[: 1 if truss else 3].all():
@@ -162,19 +171,19 @@ def drop(k: Array, zeta: Array, mass: float = 5.0, speed: float = 0.93) -> tuple
 
 
 def linear_drop() -> float:
-    """Greatest depth of a linear pad that stops 5 kg at 9.3 weights or more and absorbs 75 % or more [m].
+    """Greatest depth [m] of a linear pad in Kinoshita's drop that has at least 80 % of its peak, and its loss.
 
     Depth falls with the stiffness and the peak rises, so for each damping ratio the softest pad that is hard enough is
     the deepest. The grid's largest step from one damping ratio to the next is added.
     """
-    zeta = np.concatenate([np.linspace(0, 0.98, 491)])
+    zeta = np.linspace(0, 0.98, 491)
     low, high = np.full_like(zeta, 1e2), np.full_like(zeta, 1e6)
     for _ in range(30):
         k = np.sqrt(low * high)
-        hard = drop(k, zeta)[0] >= 9.3
+        hard = drop(k, zeta)[0] >= 0.8 * KINOSHITA[0]
         low, high = np.where(hard, low, k), np.where(hard, k, high)
     _, depth, absorbed = drop(high, zeta)
-    return float(depth[absorbed >= 0.74].max() + np.abs(np.diff(depth)).max())
+    return float(depth[absorbed >= KINOSHITA[2] - 0.01].max() + np.abs(np.diff(depth)).max())
 
 
 def proofs(arch: Arch | None = None) -> list[Proof]:
@@ -186,28 +195,39 @@ def proofs(arch: Arch | None = None) -> list[Proof]:
     arch = arch or Arch.nominal()
     found = []
     for cut, tail in enumerate(("", ", fascia cut")):
-        needed = LOWEST * ARANGIO_ELONGATION[0.02][cut]
-        found.append(Proof(f"Arangio: elongation, 20 mm arch{tail}", "lengths of Table 4.1", 1e3 * longest(arch, 0.02),
-                           1e3 * needed, "mm", "rigid bones, any pose"))  # fmt: skip
-    for truss, which in ((False, 1), (True, 0)):
-        for height, sags in ARANGIO_SAG.items():
-            sag, elongation = after_ker(arch, arch.height_0, height, LOWEST * sags[which], truss)
-            tail, holds = (", fascia cut", "any laws at three joints") if which else ("", "any laws of a truss")
-            name = f"{1e3 * height:.0f} mm arch{tail}"
-            found.append(Proof(f"Arangio: sag, {name}", "Ker, fascia cut", 1e3 * sag, 1e3 * LOWEST * sags[which], "mm",
-                               holds))  # fmt: skip
-            if height > 0.05:
-                needed = LOWEST * ARANGIO_ELONGATION[height][which]
-                found.append(Proof(f"Arangio: elongation, {name}", "Ker, fascia cut", 1e3 * elongation, 1e3 * needed,
-                                   "mm", holds))  # fmt: skip
-    # in a truss tension and ligaments share the load as the two curves of Ker do at one elongation
+        needed, most = 1e3 * LOWEST * ARANGIO_ELONGATION[0.02][cut], 1e3 * longest(arch, 0.02)
+        name = f"Arangio: elongation, 20 mm arch{tail}"
+        found.append(Proof(name, "Table 4.1", most, needed, "mm", "rigid bones, any pose"))
+    for truss, cut in ((False, 1), (True, 0)):  # an aponeurosis of any law makes no truss sag more
+        for height in ARANGIO_SAG:
+            found += _ker_against_arangio(arch, height, truss, cut)
+    # in a truss fascia and ligaments share the load as the two curves do at one elongation; from 5 mm on
     share = 100 * (1 - (KER_CUT + READING_N) / (KER_WHOLE - READING_N))[4:]
-    found.append(Proof("Kim & Voloshin: share of the fascia", "Ker, both curves, 1 to 3 kN", float(share.min()), 19.0, "%",
-                       "any laws of a truss", above=True))  # fmt: skip
-    found.append(Proof("Aruin & Zatsiorsky: damping of the ankle under impact", "the same under vibration",
-                       430.0 + 2 * 36, 0.8 * 811, "N s/m", "one linear damper"))  # fmt: skip
-    found.append(Proof("Baines: slope of the heel at 88 N", "the same at 43 N", 47.25, 49.39, "kN/m",
-                       "one linear spring under the heel"))  # fmt: skip
-    found.append(Proof("Kinoshita: depth of the drop", "its peak and its loss", 1e3 * linear_drop(), 9.04, "mm",
-                       "one linear spring and damper under the heel"))  # fmt: skip
+    found += [
+        Proof("Kim & Voloshin: share of the fascia", "Ker, both curves as read, 1 to 3 kN", float(share.min()), KIM_MOST,
+              "%", "a truss, any laws", above=True),
+        Proof("Aruin & Zatsiorsky: damping of the ankle under impact", "the same under vibration",
+              ARUIN_VIBRATION[0] + 2 * ARUIN_VIBRATION[1], 0.8 * ARUIN_IMPACT, "N s/m", "one linear damper"),
+        Proof("Kinoshita: depth of the drop", "its peak and its loss", 1e3 * linear_drop(), 1e3 * 0.8 * KINOSHITA[1],
+              "mm", "one linear spring and damper under the heel"),
+    ]  # fmt: skip
+    return found
+
+
+def _ker_against_arangio(arch: Arch, height: float, truss: bool, cut: int) -> list[Proof]:
+    """Sag and elongation of one of Arangio's arches, with as much patience for Ker's curve as excludes the sag."""
+    needed = LOWEST * np.array([ARANGIO_SAG[height][cut], ARANGIO_ELONGATION[height][cut]])
+    for longer in (0.15, 0.10, 0.05, 0.0):
+        most = np.array(after_ker(arch, arch.height_0, height, needed[0], truss, longer))
+        if most[0] < needed[0]:
+            break
+    allowed = f"up to {100 * longer:.0f} % longer than read" if longer else "as read"
+    laws = "a truss, any laws" if truss else "three joints, any laws"
+    tail = ", fascia cut" if cut else ""
+    found = []
+    for i, what in enumerate(("sag", "elongation")):
+        if what == "sag" or height > 0.05:  # the elongation of the low arch has a proof of its own
+            name = f"Arangio: {what}, {1e3 * height:.0f} mm arch{tail}"
+            against = f"Ker, fascia cut, {allowed}"
+            found.append(Proof(name, against, 1e3 * float(most[i]), 1e3 * float(needed[i]), "mm", laws))
     return found

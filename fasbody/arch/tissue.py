@@ -16,8 +16,8 @@ from fasbody.exceptions import ModelError
 
 #: Natali 2010, plantar fascia: matrix mu [Pa], fibres k [Pa] and a [1].
 NATALI_MU, NATALI_K, NATALI_A = 14.449e6, 254.02e6, 10.397
-#: Ligaments of the foot, Gefen 2002 as fitted by D'Hondt 2024 (10.1371/journal.pcbi.1012219): stress [Pa], exponent [1].
-#: Their offset of 0.18 % of stretch is left out, so that a ligament is at rest where its joint is.
+#: Ligaments of the foot, Gefen 2002 as fitted by D'Hondt 2024 (10.1371/journal.pcbi.1012219): stress [Pa] and exponent
+#: [1]. Their offset of 0.18 % of stretch is left out, so that a ligament is at rest where its joint is.
 LIGAMENT_STRESS, LIGAMENT_EXPONENT = 7.9884e6, 8.2061
 
 
