@@ -146,8 +146,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "arch validate", "fasbody.arch", "validate",
-            "Published numbers of feet, each foreseen by an arch under a leg fitted to the others; what cannot be met, "
-            "and why.",
+            "Published numbers of feet, each foreseen by an arch under a leg fitted to the others; and what cannot be met.",
         ),
         Command(
             "leg peaks", "fasbody.leg", "peaks",

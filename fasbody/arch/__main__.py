@@ -1,4 +1,4 @@
-"""Command line of the five-body arch: `python -m fasbody.arch sensitivity | reduction | load | validate | crosscheck`."""
+"""Command line of the five-body arch: sensitivity, reduction, load, validate, crosscheck; see each one's --help."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -244,7 +244,7 @@ def print_validation(
     figure: Annotated[Path | None, typer.Option(help="PNG to write")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Published numbers of feet, each foreseen by an arch under a leg fitted to the others; what cannot be met, and why.
+    """Published numbers of feet, each foreseen by an arch under a leg fitted to the others; and what cannot be met.
 
     A minute or two.
 
@@ -278,7 +278,7 @@ def _validation_table(result: "Validation") -> Table:
     sheet = result.sheet()
     table = Table(*sheet.columns, title=sheet.title)
     for row in sheet.rows:
-        table.add_row(*row)
+        table.add_row(*row, end_section=True)
     return table
 
 

@@ -247,7 +247,7 @@ def _numbers() -> tuple[Number, ...]:
         Number("stiffness of the fascia in stance", "Gefen 2003", "N/mm", (125.0,), (215.0,), "170 +- 45",
                lambda f: 1e-3 * f.fascia[:, 1:2]),
         Number("stiffness of the fascia at half its failure load", "Kitaoka 1994", "N/mm", (153.2,), (254.2,),
-               "203.7 +- 50.5", lambda f: np.full((len(f.fascia), 1), 1e-3 * KITAOKA)),
+               "203.7 +- 50.5", lambda f: np.full((len(f.fascia), 1), 1e-3 * KITAOKA), fitted=False),
         Number("stiffness lost when the fascia is cut, 690 N", "Huang 1993, 12 feet", "%", (20.0,), (30.0,),
                "5 points were chosen here", lambda f: 1e2 * f.lost),
         Number("fascia's share of the load", "Kim & Voloshin 1995", "%", (9.0,), (19.0,), "5 points were chosen here",

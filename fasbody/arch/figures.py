@@ -188,10 +188,11 @@ def validation(result: "Validation") -> Figure:
     ax = figure.subplots()
     ax.axvspan(-1, 1, color="0.92", lw=0, label="published, with its limits")
     colours = {"foreseen": THIRD, "open": "0.35", "missed": KEPT}
-    labels = []
+    labels, edge = [], 9.0
     for y, (p, k) in enumerate(rows):
         centre, half = (p.number.high[k] + p.number.low[k]) / 2, (p.number.high[k] - p.number.low[k]) / 2
         low, middle, high, shipped = ((float(v[k]) - centre) / half for v in (p.low, p.middle, p.high, p.shipped))
+        middle, shipped = (max(-edge, min(edge, v)) for v in (middle, shipped))
         ax.plot([low, high], [y, y], color=colours[p.verdict], lw=1.6)
         ax.plot(middle, y, "o", color=colours[p.verdict], ms=5)
         ax.plot(shipped, y, "D", mfc="white" if p.number.fitted else DROPPED, mec=DROPPED, ms=4, zorder=3)
@@ -199,8 +200,9 @@ def validation(result: "Validation") -> Figure:
         labels.append(f"{p.number.name} ({short})" if k == 0 else f"the same, {k + 1} of {len(p.middle)}")
     ax.set_yticks(range(len(rows)), labels, fontsize=7)
     ax.set_ylim(len(rows) - 0.4, -0.6)
-    ax.set_xlim(-9, 9)
-    ax.set_xlabel("distance from the middle of the published range, in half ranges")
+    ax.set_xlim(-edge - 0.3, edge + 0.3)
+    ax.set_xlabel("distance from the middle of the published range, in half ranges; what lies farther stands at the edge",
+                  fontsize=8)  # fmt: skip
     ax.grid(axis="x", color="0.85")
     ax.set_axisbelow(True)
     shown = [Line2D([], [], marker="o", color=colour, label=f"{word}, 95 %") for word, colour in colours.items()]

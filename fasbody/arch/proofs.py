@@ -204,8 +204,8 @@ def proofs(arch: Arch | None = None) -> list[Proof]:
     # in a truss fascia and ligaments share the load as the two curves do at one elongation; from 5 mm on
     share = 100 * (1 - (KER_CUT + READING_N) / (KER_WHOLE - READING_N))[4:]
     found += [
-        Proof("Kim & Voloshin: share of the fascia", "Ker, both curves as read, 1 to 3 kN", float(share.min()), KIM_MOST,
-              "%", "a truss, any laws", above=True),
+        Proof("Kim & Voloshin: share of the fascia", "Ker, both curves as read, 1 to 3 kN", float(share.min()),
+              KIM_MOST, "%", "a truss, any laws", above=True),
         Proof("Aruin & Zatsiorsky: damping of the ankle under impact", "the same under vibration",
               ARUIN_VIBRATION[0] + 2 * ARUIN_VIBRATION[1], 0.8 * ARUIN_IMPACT, "N s/m", "one linear damper"),
         Proof("Kinoshita: depth of the drop", "its peak and its loss", 1e3 * linear_drop(), 1e3 * 0.8 * KINOSHITA[1],
@@ -226,7 +226,7 @@ def _ker_against_arangio(arch: Arch, height: float, truss: bool, cut: int) -> li
     tail = ", fascia cut" if cut else ""
     found = []
     for i, what in enumerate(("sag", "elongation")):
-        if what == "sag" or height > 0.05:  # the elongation of the low arch has a proof of its own
+        if what == "sag" or (cut and height > 0.05):  # of the others one has a proof of its own, one has none
             name = f"Arangio: {what}, {1e3 * height:.0f} mm arch{tail}"
             against = f"Ker, fascia cut, {allowed}"
             found.append(Proof(name, against, 1e3 * float(most[i]), 1e3 * float(needed[i]), "mm", laws))

@@ -99,12 +99,12 @@ class Validation(Presented):
     def sheet(self) -> Sheet:
         """Published, foreseen, shipped."""
         rows = [
-            (p.number.source, p.number.name, _range(p.number.low, p.number.high, p.number.unit),
-             f"{_some(p.middle)} ({_range(p.low, p.high)})", f"{p.before:.2f} to {p.inside:.2f}", p.verdict,
-             f"{_some(p.shipped)}{'' if p.shipped_meets else ' NOT'}{' fitted' if p.number.fitted else ''}")
+            (f"{p.number.name} ({p.number.source})", _range(p.number.low, p.number.high, p.number.unit),
+             f"{_some(p.middle)} ({_range(p.low, p.high)})", f"{p.inside:.2f} ({p.before:.2f})", p.verdict,
+             f"{_some(p.shipped)}{'' if p.shipped_meets else ' NOT'}{', fitted' if p.number.fitted else ''}")
             for p in self.predictions
         ]  # fmt: skip
-        columns = ("source", "number", "published", "foreseen without it (95 %)", "legs inside", "verdict", "shipped")
+        columns = ("number", "published", "foreseen without it (95 %)", "inside (unfitted)", "verdict", "shipped")
         words = [p.verdict for p in self.predictions if p.basis == "independent"]
         counts = ", ".join(f"{words.count(word)} {word}" for word in ("foreseen", "open", "missed"))
         return Sheet(f"Each number without itself, {self.legs} legs a fit", columns, rows, [f"Independent: {counts}."])
