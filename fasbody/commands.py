@@ -146,7 +146,8 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "arch validate", "fasbody.arch", "validate",
-            "Published numbers of feet, each foreseen by an arch under a leg fitted to the others; and what cannot be met.",
+            "Published numbers of feet, each foreseen by an arch under a leg fitted to the others; and what cannot be "
+            "met.",
         ),
         Command(
             "leg peaks", "fasbody.leg", "peaks",

@@ -11,10 +11,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from fasbody.arch.bones import Arch
+from fasbody.arch.evidence import NUMBERS, Number
 from fasbody.arch.linear import linearise, response, transmissibility
 from fasbody.arch.load import ARANGIO_CUT, ARANGIO_SAG, HEEL, MEASURED_HZ, LoadStudy, SagStudy, load_study, sag_study
 from fasbody.arch.proofs import proofs
-from fasbody.arch.validate import Prediction, Validation, validate
+from fasbody.arch.validate import ship, validate
 from fasbody.heel.study import HeelStudy
 from fasbody.laboratory.subject import constants
 from identification.heel.shaker import beside
@@ -240,26 +241,20 @@ def heel_strikes() -> Outcome:
 ARCH = "python -m fasbody.arch validate"
 
 
-@cache
-def left_out() -> Validation:
-    """The arch under a leg, each number left out in turn."""
-    return validate()
-
-
-def _checks(prediction: Prediction, values: np.ndarray) -> list[Check]:
+def _checks(number: Number, values: np.ndarray) -> list[Check]:
     """What a leg says of one number, part by part."""
-    number, parts = prediction.number, range(len(values))
     return [
         within(f"{number.source}, {number.name}" + (f", {i + 1} of {len(values)}" if len(values) > 1 else ""),
-               float(values[i]), number.low[i], number.high[i], number.unit) for i in parts
+               float(values[i]), number.low[i], number.high[i], number.unit) for i in range(len(values))
     ]  # fmt: skip
 
 
 @ROWS("Validation 12", "an arch under a leg, the shipped set, beside what is published of feet", ARCH)
 def shipped() -> Outcome:
     found: dict[bool, list[Check]] = {True: [], False: []}
-    for prediction in left_out().predictions:
-        found[prediction.number.fitted] += _checks(prediction, prediction.shipped)
+    feet = ship()
+    for number in NUMBERS:
+        found[number.fitted] += _checks(number, number.predict(feet)[0])
     return Outcome(
         printed=found[False],
         calibrated=found[True],
@@ -270,8 +265,8 @@ def shipped() -> Outcome:
 @ROWS("Validation 13", "the same, each number foreseen by legs fitted to the others", ARCH)
 def foreseen() -> Outcome:
     checks, words = [], []
-    for prediction in left_out().predictions:
-        checks += _checks(prediction, prediction.middle)
+    for prediction in validate().predictions:
+        checks += _checks(prediction.number, prediction.middle)
         words.append(prediction.verdict if prediction.basis == "independent" else prediction.basis)
     counts = ", ".join(f"{word} {words.count(word)}" for word in dict.fromkeys(words))
     return Outcome(

@@ -10,7 +10,7 @@ import numpy as np
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import Array, arms, deformations, gradients
 from fasbody.arch.load import ARANGIO_CUT, ARANGIO_LOAD, ARANGIO_SAG, MEASURED_HZ, G, poses, tangent
-from fasbody.arch.mounted import SEATED_N, STANDING_N, Mounted, Stance, stance
+from fasbody.arch.mounted import PAD_N, PAD_POWER, SEATED_N, STANDING_N, Mounted, Stance, stance
 from fasbody.arch.tissue import Tissue
 
 
@@ -33,6 +33,10 @@ KER_POINTS = np.array([3, 5, 7])
 #: Arangio 1998 also gives elongations [m], by arch height: with and without fascia.
 ARANGIO_ELONGATION = {0.020: (8.6e-3, 9.8e-3), 0.060: (8.4e-3, 11.7e-3)}
 
+#: Baines 2018, heels of eleven walkers: slope of force over compression [kN/m] for a new person, 95 %, at loads [N].
+#: `python -m identification.heel` prints them; pressed at 0.5 m/s, with all that lies between skin and shank.
+HEEL_N = (43.0, 66.0, 88.0)
+HEEL_SLOPES = (23.4, 36.6, 49.4), (47.2, 75.4, 103.3)
 #: Huang 1993: load [N] under which 12 feet lost 25 % of their stiffness, load over sag, with the fascia.
 HUANG_N = 690.0
 #: Stiffness of the tissue's aponeurosis at half the load at which Kitaoka's 1189 N tore them [N/m]: no free constant.
@@ -111,13 +115,22 @@ class Number:
 
 
 class Statics:
-    """What depends on the tissue's two free constants alone, on a grid of them; nine tenths of the work, done once."""
+    """What depends on the tissue's two free constants alone, on a grid of them; nine tenths of the work, done once.
 
-    def __init__(self, arch: Arch, points: int = 36) -> None:
+    Args:
+        arch: the bones.
+        points: of the grid, each way.
+        legs: about whose constants alone the grid is made, to be exact there; None for all within the bounds.
+    """
+
+    def __init__(self, arch: Arch, points: int = 36, legs: Mounted | None = None) -> None:
         from scipy.interpolate import RegularGridInterpolator
 
         arm = BOUNDS[0].value(np.linspace(0, 1, points))
         slack = BOUNDS[1].value(np.linspace(0, 1, points))
+        if legs is not None:
+            arm, slack = (float(x) * np.array([0.9999, 1.0001]) for x in (legs.arm, legs.slack))
+            points = 2
         tissue = Tissue(arm=arm[:, None, None], slack=slack[None, :, None])
         shape = (points, points)
         self.loads = np.array([SEATED_N + G * added for added in MEASURED_HZ] + [STANDING_N])
@@ -207,6 +220,11 @@ class Feet:
         """What cutting the fascia adds to sag (j = 0) or elongation of the 60 mm arch [%], shape (d, 1)."""
         return 100 * (self.arangio[3] / self.arangio[2] - 1)[:, j : j + 1]
 
+    @property
+    def pad(self) -> Array:
+        """Stiffness of the fat pad [N/m] at `HEEL_N`, shape (d, 3)."""
+        return np.asarray(self.legs.k_F)[:, None] * (np.array(HEEL_N) / PAD_N) ** PAD_POWER
+
     @cached_property
     def _standing(self) -> Any:
         return self.legs.response(self._stood(3), self.loads[3], STANDING_HZ)
@@ -258,6 +276,8 @@ def _numbers() -> tuple[Number, ...]:
                lambda f: 1e-3 * np.asarray(f.legs.k_T)[:, None]),
         Number("ankle, damping", "Aruin & Zatsiorsky 1984, vibration", "N s/m", (358.0,), (502.0,), "two deviations",
                lambda f: np.asarray(f.legs.c_T)[:, None]),
+        Number("slope of the heel at 43, 66, 88 N", "Baines 2018", "kN/m", HEEL_SLOPES[0], HEEL_SLOPES[1],
+               "95 % of walkers", lambda f: 1e-3 * f.pad),
     ]  # fmt: skip
     for i, (added, (low, high)) in enumerate(MEASURED_HZ.items()):
         found.append(Number(f"resonance with {added:g} kg", "Wee & Voloshin 2013", "Hz", (low,), (high,), "its range",
