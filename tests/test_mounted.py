@@ -109,8 +109,7 @@ def test_the_shipped_set_meets_what_it_was_fitted_to() -> None:
     assert not unfitted["sag, 20 mm arch"]  # see the bounds
 
 
-def test_legs_find_the_misfit_that_a_grid_of_constants_has(statics: Statics) -> None:
-    """Fitted to all numbers, no leg is better than chance allows, and all are far better than where they began."""
+def test_legs_walk_downhill_and_know_their_misfit(statics: Statics) -> None:
     shares, cost, first = fit(statics, [None], walkers=24, steps=60, seed=1, draws=600)
     assert shares.shape[0] == 1 and shares.shape[2] == len(BOUNDS) and cost.shape == shares.shape[:2]
     assert (shares >= 0).all() and (shares <= 1).all()
@@ -120,7 +119,7 @@ def test_legs_find_the_misfit_that_a_grid_of_constants_has(statics: Statics) -> 
         return np.sum([n.misfit(n.predict(feet)) for n in NUMBERS if n.fitted], axis=0)
 
     np.testing.assert_allclose(misfit(shares[0]), cost[0], rtol=1e-9)
-    assert np.median(cost) < np.min(misfit(first))
+    assert np.median(cost) < 0.6 * np.median(np.sort(misfit(first))[:24])
 
 
 def test_every_number_is_foreseen_without_itself() -> None:
