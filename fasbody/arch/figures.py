@@ -201,8 +201,8 @@ def validation(result: "Validation") -> Figure:
     ax.set_yticks(range(len(rows)), labels, fontsize=7)
     ax.set_ylim(len(rows) - 0.4, -0.6)
     ax.set_xlim(-edge - 0.3, edge + 0.3)
-    scale = "distance from the middle of the published range, in half ranges"
-    ax.set_xlabel(f"{scale}; what lies farther stands at the edge", fontsize=8)
+    ax.set_xticks(range(-8, 9, 2))
+    ax.set_xlabel("half ranges from the middle of what is published (at the edge: farther)", fontsize=8)
     ax.grid(axis="x", color="0.85")
     ax.set_axisbelow(True)
     shown = [Line2D([], [], marker="o", color=colour, label=f"{word}, 95 %") for word, colour in colours.items()]

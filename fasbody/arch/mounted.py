@@ -149,7 +149,7 @@ class Response(NamedTuple):
     midfoot: Array
 
 
-#: The set that is shipped, fitted to the numbers of `fasbody.arch.evidence` that are marked as fitted. It meets them all;
+#: The set that is shipped, fitted to the numbers of `fasbody.arch.evidence` that are marked as fitted. It meets them;
 #: of sets whose constants are 1 % off at random three in four do.
 SHIPPED = Mounted(
     arm=0.0413, slack=2.09e-3, k_F=3.55e4, c_F=2990.0, k_T=1.75e4, c_T=364.0, k_H=1.21e4, c_H=63.8, k_A=9.51e4,
