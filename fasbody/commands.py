@@ -145,6 +145,11 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Sag of the arch under a static load, and its resonance under the added masses of Chapter 2.",
         ),
         Command(
+            "arch validate", "fasbody.arch", "validate",
+            "Published numbers of feet, each foreseen by an arch under a leg fitted to the others; and what cannot be "
+            "met.",
+        ),
+        Command(
             "leg peaks", "fasbody.leg", "peaks",
             "Where MB, TB and TM of a leg are highest under 0, 2.3 and 4.5 kg, and which statements they meet.",
         ),

@@ -1,6 +1,6 @@
-"""Command line of the five-body arch: `python -m fasbody.arch sensitivity | reduction | load | crosscheck --help`."""
+"""Command line of the five-body arch: sensitivity, reduction, load, validate, crosscheck; see each one's --help."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -26,7 +26,9 @@ from fasbody.exceptions import InputFileError, SettingError
 
 if TYPE_CHECKING:
     from fasbody.arch.crosscheck import Crosscheck, Dynamics
+    from fasbody.arch.proofs import Proof
     from fasbody.arch.sensitivity import Study
+    from fasbody.arch.validate import Validation
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -197,7 +199,7 @@ def print_load(
 
 
 def _sag_table(study: SagStudy, name: str) -> Table:
-    table = Table(title=f"{name} under {study.load:g} N; measured in brackets (Arangio 1998; heel: Kim & Voloshin)")
+    table = Table(title=f"{name} under {study.load:g} N; published in brackets (Arangio 1998; heel: Kim & Voloshin)")
     for column in (
         "height [mm]", "sag [mm]", "sag, fascia cut [mm]", "more sag [%]", "more elongation [%]",
         "fascia's share [%]", "heel's share [%]",
@@ -232,6 +234,71 @@ def _load_table(study: LoadStudy, name: str) -> Table:
             f"{case.added_mass:g}", f"{case.peak_hz:.1f}", f"{low:.0f}-{high:.0f}",
             f"{case.transmissibility.max():.2f}", f"{case.arch_stiffness / 1e3:.1f}", f"{case.factor:.2f}",
         )  # fmt: skip
+    return table
+
+
+@app.command("validate")
+def print_validation(
+    steps: Annotated[int, typer.Option(help="moves of each leg", min=20)] = 800,
+    walkers: Annotated[int, typer.Option(help="legs that walk at once in each fit", min=8)] = 64,
+    seed: SeedOption = 0,
+    figure: Annotated[Path | None, typer.Option(help="PNG to write")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Published numbers of feet, each foreseen by an arch under a leg fitted to the others; and what cannot be met.
+
+    A minute or two.
+
+    Examples:
+      python -m fasbody.arch validate --figure docs/figures/validation.png
+
+      python -m fasbody.arch validate --steps 200 --json
+    """
+    if figure is not None:
+        make_folder(figure.parent)
+        if figure.is_dir():
+            raise InputFileError(figure, "is a folder", "name a PNG file")
+    from fasbody.arch.proofs import proofs
+    from fasbody.arch.validate import validate
+
+    bounds = proofs()
+    with progress_bar() as progress:
+        task = progress.add_task("legs", total=steps)
+        result = validate(walkers=walkers, steps=steps, seed=seed, tick=lambda: progress.advance(task))
+    console.print(_validation_table(result))
+    for note in result.sheet().notes:
+        console.print(note)
+    console.print(_proof_table(bounds))
+    if figure is not None:
+        from fasbody.arch import figures
+
+        console.print(f"written: {write_whole(figure, figures.png(figures.validation(result)))}")
+    if json:
+        print_json(
+            {
+                "seed": seed,
+                "numbers": result.records(),
+                "proofs": [vars(proof) | {"excluded": proof.excluded} for proof in bounds],
+            }
+        )
+
+
+def _validation_table(result: "Validation") -> Table:
+    sheet = result.sheet()
+    table = Table(*sheet.columns, title=sheet.title)
+    for row in sheet.rows:
+        table.add_row(*row, end_section=True)
+    return table
+
+
+def _proof_table(bounds: Sequence["Proof"]) -> Table:
+    table = Table(title="What rigid bones cannot do, whatever the springs")
+    for column in ("number", "bound", "needed", "excluded by", "for", "proved"):
+        table.add_column(column)
+    for proof in bounds:
+        word = "at least" if proof.above else "at most"
+        table.add_row(proof.number, f"{word} {proof.bound:.3g} {proof.unit}", f"{proof.needed:.3g}", proof.against,
+                      proof.holds, "yes" if proof.excluded else "no")  # fmt: skip
     return table
 
 

@@ -17,6 +17,7 @@ from fasbody.arch.sensitivity import CLAIMED, OUTPUTS, Study
 if TYPE_CHECKING:
     from fasbody.arch.load import LoadStudy, SagStudy
     from fasbody.arch.reduction import Reduction
+    from fasbody.arch.validate import Validation
 
 KEPT, DROPPED, THIRD = "#c44e52", "#4c72b0", "#55a868"
 #: The 13 constants as the thesis sets them.
@@ -157,7 +158,8 @@ def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Fig
     """
     figure = Figure(figsize=(7.4, 3.4), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.3, 1])
-    for colour, case in zip((KEPT, DROPPED, THIRD), result.cases, strict=True):
+    for i, case in enumerate(result.cases):
+        colour = (KEPT, DROPPED, THIRD)[i] if i < 3 else f"C{i}"
         left.plot(result.frequency_hz, case.transmissibility, color=colour, label=f"+ {case.added_mass:g} kg")
         left.plot(case.peak_hz, case.transmissibility.max(), "o", color=colour)
     left.set_xlabel("frequency [Hz]")
@@ -166,7 +168,7 @@ def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Fig
     added = [case.added_mass for case in result.cases]
     right.plot(added, [case.peak_hz for case in result.cases], "o-", color=KEPT, label="model, constants unchanged")
     if measured_hz is None:
-        measured_hz = np.array([MEASURED_HZ[mass] for mass in added])
+        measured_hz = np.array([MEASURED_HZ.get(mass, (np.nan, np.nan)) for mass in added])
     middle = np.mean(measured_hz, axis=1)
     spread = np.abs(np.array(measured_hz).T - middle)
     right.errorbar(added, middle, yerr=spread, fmt="s", color="0.2", capsize=4, label="measured (Chapter 2)")
@@ -176,4 +178,37 @@ def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Fig
     right.legend(fontsize=8)
     for ax in (left, right):
         ax.grid(color="0.9")
+    return figure
+
+
+def validation(result: "Validation") -> Figure:
+    """What legs that never saw a number say of it, on a scale on which every published range reaches from -1 to 1."""
+    rows = [(p, k) for p in result.predictions for k in range(len(p.middle))]
+    figure = Figure(figsize=(7.4, 0.9 + 0.23 * len(rows)), layout="constrained")
+    ax = figure.subplots()
+    ax.axvspan(-1, 1, color="0.92", lw=0, label="published, with its limits")
+    colours = {"foreseen": THIRD, "open": "0.35", "missed": KEPT}
+    labels, edge = [], 9.0
+    for y, (p, k) in enumerate(rows):
+        centre, half = (p.number.high[k] + p.number.low[k]) / 2, (p.number.high[k] - p.number.low[k]) / 2
+        low, middle, high, shipped = ((float(v[k]) - centre) / half for v in (p.low, p.middle, p.high, p.shipped))
+        middle, shipped = (max(-edge, min(edge, v)) for v in (middle, shipped))
+        ax.plot([low, high], [y, y], color=colours[p.verdict], lw=1.6)
+        ax.plot(middle, y, "o", color=colours[p.verdict], ms=5)
+        ax.plot(shipped, y, "D", mfc="white" if p.number.fitted else DROPPED, mec=DROPPED, ms=4, zorder=3)
+        short = p.number.source.split(",")[0]
+        labels.append(f"{p.number.name} ({short})" if k == 0 else f"the same, {k + 1} of {len(p.middle)}")
+    ax.set_yticks(range(len(rows)), labels, fontsize=7)
+    ax.set_ylim(len(rows) - 0.4, -0.6)
+    ax.set_xlim(-edge - 0.3, edge + 0.3)
+    ax.set_xticks(range(-8, 9, 2))
+    ax.set_xlabel("half ranges from the middle of what is published (at the edge: farther)", fontsize=8)
+    ax.grid(axis="x", color="0.85")
+    ax.set_axisbelow(True)
+    shown = [Line2D([], [], marker="o", color=colour, label=f"{word}, 95 %") for word, colour in colours.items()]
+    shown += [
+        Line2D([], [], marker="D", ls="", mfc=face, mec=DROPPED, label=f"shipped set, {word}")
+        for face, word in (("white", "fitted to it"), (DROPPED, "not fitted to it"))
+    ]
+    figure.legend(handles=shown, loc="outside upper center", ncols=3, fontsize=7, frameon=False)
     return figure

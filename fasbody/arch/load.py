@@ -4,6 +4,7 @@ Static means after the dashpot of the aponeurosis has yielded: only k_11 holds. 
 and z_T = -W / k_T apart from the angles, so that the arch itself is three equations, solved by Newton's method.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -11,9 +12,11 @@ import numpy as np
 
 from fasbody.arch.bones import SPRINGS, Arch
 from fasbody.arch.kinematics import Array, X, arms, deformations, gradients, rest
-from fasbody.arch.lagrange import force_per_parameter, right_hand_side
+from fasbody.arch.lagrange import right_hand_side
 from fasbody.arch.linear import Linear, linearise, response, state_space
-from fasbody.exceptions import SimulationError
+from fasbody.arch.tissue import Linear as LinearSprings
+from fasbody.arch.tissue import Springs
+from fasbody.exceptions import SettingError, SimulationError
 from fasbody.presentation import Presented, Sheet
 
 #: Acceleration of gravity [m/s^2].
@@ -41,7 +44,8 @@ class Equilibrium:
         sag: fall of the apex towards the floor of the arch [m].
         elongation: of the aponeurosis [m].
         stiffness: of the arch, d load / d sag [N/m].
-        share: part of the load that the aponeurosis carries, tension x d elongation / d sag / load.
+        share: part of the load that the aponeurosis carries, tension x d elongation / d sag / load; without a load the
+            part of a very small one.
         heel: part of the load that presses on the heel, the rest on the metatarsal heads.
     """
 
@@ -53,42 +57,49 @@ class Equilibrium:
     heel: float
 
 
-def equilibrium(arch: Arch, load: float, steps: int = 20) -> Equilibrium:
+def equilibrium(arch: Arch, load: float, steps: int = 20, springs: Springs | None = None) -> Equilibrium:
     """Settle the arch under a load on its apex.
 
     Args:
         arch: the constants.
-        load: downward [N], above zero.
+        load: downward [N], zero or more.
         steps: in which the load is raised.
+        springs: aponeurosis and ligaments; None for the arch's own linear ones.
 
     Raises:
+        SettingError: the load is below zero or no number.
         SimulationError: the arch collapses under the load.
     """
-    q = rest(arch)
+    if not 0 <= load < np.inf:
+        raise SettingError(f"the load on the arch is {load:g} N, but must be zero or more.")
+    q, springs = rest(arch), springs or LinearSprings(arch)
     for force in np.linspace(load / steps, load, steps):
-        q = _settle(arch, q, force, load)
-    a, e = arms(arch, q), float(deformations(arch, q).e)
+        q = _settle(arch, q, force, load, springs)
+    a, e = arms(arch, q), deformations(arch, q).e
     fall = np.array([a.l_2, a.l_3, a.l_4])  # d sag / d theta
-    give = np.linalg.solve(-_tangent(arch, q, load), fall)  # d theta / d load
+    give = np.linalg.solve(-tangent(arch, q, load, springs), fall)  # d theta / d load
     lengthening = gradients(arch, q).e[2:5] @ give / (fall @ give)
     q[0], q[1], q[X] = -load / arch.k_F, -load / arch.k_T, e
-    share = arch.k_11 * e * lengthening / load
+    pull = (
+        springs.tension(e) / load if load else springs.tension(e + 1j * _STEP).imag / _STEP * lengthening * fall @ give
+    )
     front = a.l_2 + a.l_3 + a.l_4  # moments of both contact points about the apex
     heel = front / (front + np.sqrt(a.E_1))
-    return Equilibrium(q, float(arch.height_0 - a.E_2), e, float(1 / (fall @ give)), float(share), float(heel))
+    values = (arch.height_0 - a.E_2, e, 1 / (fall @ give), pull * lengthening, heel)
+    return Equilibrium(q, *map(float, values))
 
 
-def _settle(arch: Arch, q: Array, force: float, load: float) -> Array:
+def _settle(arch: Arch, q: Array, force: float, load: float, springs: Springs) -> Array:
     """Newton's method for one of the forces on the way to `load` [N]; flat or unstable counts as collapsed."""
     for _ in range(50):
-        step = np.linalg.solve(_tangent(arch, q, force), _moments(arch, q, force))
+        step = np.linalg.solve(tangent(arch, q, force, springs), moments(arch, q, force, springs))
         q = q.copy()
         q[2:5] -= step
         if not np.abs(step).max() < 1 or not abs(apex_height(arch, q)) < arch.L_1:
             break
         if np.abs(step).max() < 1e-13:
-            tangent = _tangent(arch, q, force)
-            if apex_height(arch, q) > 0 and np.linalg.eigvalsh(-(tangent + tangent.T) / 2)[0] > 0:
+            slope = tangent(arch, q, force, springs)
+            if apex_height(arch, q) > 0 and np.linalg.eigvalsh(-(slope + slope.T) / 2)[0] > 0:
                 return q
             break
     raise SimulationError(
@@ -102,15 +113,50 @@ def apex_height(arch: Arch, q: Array) -> float:
     return float(np.cos(q[2:5]) @ [arch.L_2, arch.L_3, arch.L_4])
 
 
-def _moments(arch: Arch, q: Array, load: float) -> Array:
-    """Moments about theta_2, theta_3, theta_4 with the dashpot yielded, shape (..., 3)."""
-    table, a = force_per_parameter(arch, q, np.zeros(6)), arms(arch, q)
-    springs = sum(getattr(arch, name) * table[name] for name in ("k_11", "k_2", "k_3", "k_4"))
-    return springs[..., 2:5] + load * np.stack([a.l_2, a.l_3, a.l_4], axis=-1)
+def moments(arch: Arch, q: Array, load: Array | float, springs: Springs) -> Array:
+    """About theta_2, theta_3, theta_4 [N m] at poses (..., 6) with the dashpot yielded, shape (..., 3).
+
+    Args:
+        arch: the bones.
+        q: coordinates, shape (..., 6).
+        load: on the apex [N], shape (...).
+        springs: aponeurosis and ligaments.
+    """
+    d, g, a = deformations(arch, q), gradients(arch, q), arms(arch, q)
+    Q = -springs.tension(d.e)[..., None] * g.e
+    for joint, turn, slope in ((2, d.d_2, g.d_2), (3, d.d_3, g.d_3), (4, d.d_4, g.d_4)):
+        Q = Q - springs.moment(joint, turn)[..., None] * slope
+    return Q[..., 2:5] + np.asarray(load)[..., None] * np.stack([a.l_2, a.l_3, a.l_4], axis=-1)
 
 
-def _tangent(arch: Arch, q: Array, load: float) -> Array:
-    return (_moments(arch, q + 1j * _STEP * np.eye(6)[2:5], load).imag / _STEP).T
+def tangent(arch: Arch, q: Array, load: Array | float, springs: Springs) -> Array:
+    """Slope of `moments` over theta_2, theta_3, theta_4 [N m/rad] at poses (..., 6), shape (..., 3, 3)."""
+    columns = [moments(arch, q + 1j * _STEP * e, load, springs).imag / _STEP for e in np.eye(6)[2:5]]
+    return np.stack(columns, axis=-1)
+
+
+def poses(arch: Arch, load: Array, springs: Springs) -> tuple[Array, Array]:
+    """Many arches under load at once: poses (..., 6), and which of them hold, shape (...); the others are at rest.
+
+    Args:
+        arch: the bones.
+        load: on the apex [N], shape (...).
+        springs: aponeurosis and ligaments, numbers or of shape (...).
+    """
+    q = np.broadcast_to(rest(arch), (*np.shape(load), 6)).copy()
+    stands = np.ones(np.shape(load), bool)
+    for _ in range(200):
+        step = np.linalg.solve(tangent(arch, q, load, springs), moments(arch, q, load, springs)[..., None])[..., 0]
+        largest = np.where(stands, np.abs(step).max(axis=-1), 0)
+        q[..., 2:5] -= step * np.minimum(1, 0.05 / np.maximum(largest, 1e-300))[..., None]
+        height = np.cos(q[..., 2:5]) @ [arch.L_2, arch.L_3, arch.L_4]
+        stands &= (height > 0) & (height < arch.L_1)
+        q[~stands] = rest(arch)
+        if largest.max(initial=0) < 1e-12:
+            break
+    slope = tangent(arch, q, load, springs)
+    stands &= (np.linalg.eigvalsh(-(slope + np.swapaxes(slope, -1, -2)) / 2)[..., 0] > 0) & (largest < 1e-9)
+    return q, stands
 
 
 def loaded(arch: Arch, gravity: float = G) -> Linear:
@@ -172,7 +218,8 @@ class SagStudy(Presented):
         """One row a height."""
         names = ("height", "sag", "sag_cut", "elongation", "elongation_cut")
         lengths = [{f"{name}_m": float(getattr(self, name)[i]) for name in names} for i in range(len(self.height))]
-        return [row | {"fascia_share": float(s)} for row, s in zip(lengths, self.share, strict=True)]
+        shares = zip(lengths, self.share, self.heel, strict=True)
+        return [row | {"fascia_share": float(fascia), "heel_share": float(heel)} for row, fascia, heel in shares]
 
     def sheet(self) -> Sheet:
         """Sag with and without fascia by height."""
@@ -216,7 +263,8 @@ class LoadCase:
         transmissibility: |T| at the malleolus about the loaded pose, shape (n,).
         peak_hz: frequency of its largest value [Hz].
         arch_stiffness: tangent stiffness of the relaxed arch under the weight [N/m].
-        factor: by which all springs must be multiplied for the peak to lie in the middle of the measured range.
+        factor: by which all springs must be multiplied for the peak to lie in the middle of the measured range; NaN
+            for a mass that nobody measured.
     """
 
     added_mass: float
@@ -250,23 +298,30 @@ class LoadStudy(Presented):
         """Resonance and stiffness under each added mass, beside the measured range."""
         rows = []
         for c in self.cases:
-            low, high = MEASURED_HZ[c.added_mass]
-            cells = (f"{c.added_mass:g}", f"{c.peak_hz:.4g}", f"{low:g} to {high:g}", f"{c.arch_stiffness:.4g}")
-            rows.append((*cells, f"{c.factor:.3g}"))
+            measured = "{:g} to {:g}".format(*MEASURED_HZ[c.added_mass]) if c.added_mass in MEASURED_HZ else ""
+            cells = (f"{c.added_mass:g}", f"{c.peak_hz:.4g}", measured, f"{c.arch_stiffness:.4g}")
+            rows.append((*cells, f"{c.factor:.3g}" if measured else ""))
         columns = ("added mass [kg]", "resonance [Hz]", "measured [Hz]", "arch stiffness [N/m]", "factor needed")
         return Sheet("Resonance at the malleolus under added mass, constants unchanged", columns, rows)
 
 
-def load_study(arch: Arch) -> LoadStudy:
-    """Resonance and stiffness of `arch` under 0, 2.3 and 4.5 kg on the knee."""
+def load_study(arch: Arch, added_kg: Sequence[float] = tuple(MEASURED_HZ)) -> LoadStudy:
+    """Resonance and stiffness of `arch` with masses on the knee.
+
+    Args:
+        arch: the constants.
+        added_kg: the masses [kg]; those of Chapter 2 unless given.
+    """
     frequency = np.arange(2.0, 80.0, 0.05)
     cases = []
-    for added_mass, measured in MEASURED_HZ.items():
+    for added_mass in added_kg:
         heavy = replace(arch, m_T=arch.m_T + added_mass)
         T = np.abs(response(loaded(heavy), frequency))
         stiffness = equilibrium(heavy, heavy.m_T * G).stiffness
         peak = float(frequency[T.argmax()])
-        cases.append(LoadCase(added_mass, T, peak, stiffness, _factor(heavy, float(np.mean(measured)))))
+        wanted = MEASURED_HZ.get(added_mass)
+        factor = _factor(heavy, float(np.mean(wanted))) if wanted else np.nan
+        cases.append(LoadCase(added_mass, T, peak, stiffness, factor))
     return LoadStudy(frequency, cases)
 
 

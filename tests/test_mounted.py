@@ -1,0 +1,207 @@
+"""The arch under a leg against all its matrices at once and against the chain of leg.xml; its bounds against search."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from fasbody.arch.bones import Arch
+from fasbody.arch.evidence import BOUNDS, KER_CUT, KER_ELONGATION, NUMBERS, Feet, Statics, elongation, of
+from fasbody.arch.kinematics import arms, deformations
+from fasbody.arch.lagrange import mass_matrix
+from fasbody.arch.load import equilibrium, tangent
+from fasbody.arch.mounted import FOOT_KG, PAD_N, SHANK_KG, THIGH_KG, TISSUE_KG, Mounted, Stance, stance
+from fasbody.arch.proofs import Proof, drop, linear_drop, proofs, turned
+from fasbody.arch.tissue import Tissue
+from fasbody.arch.validate import Prediction, fit, ship, validate
+from fasbody.foot.model import load
+from fasbody.leg.chain import Leg
+
+ARCH = Arch.nominal()
+LEG = Mounted(
+    arm=0.038, slack=2.5e-3, k_F=3e5, c_F=100.0, k_T=1.4e4, c_T=400.0, k_H=3.5e3, c_H=35.0, k_A=6e4, c_A=400.0,
+    lag=2e-4, share=0.2, up=0.1,
+)  # fmt: skip
+HZ = np.arange(5.0, 120.0, 5.0)
+
+
+def test_elimination_is_the_solution_of_all_equations() -> None:
+    """Eight coordinates: z_F, z_T, three angles, thigh, tissue; mass by rows that carry it."""
+    weight, added = 80.0, 2.3
+    q = equilibrium(ARCH, weight, springs=LEG.tissue).q
+    a, unit = arms(ARCH, q), np.eye(7)
+    apex = np.array([1, 0, -a.l_2, -a.l_3, -a.l_4, 0, 0])
+    shank = apex + unit[1]
+    M, K, C = np.zeros((7, 7)), np.zeros((7, 7)), np.zeros((7, 7))
+    M[:5, :5] = mass_matrix(replace(ARCH, m_T=1e-12), q)[:5, :5]
+    flesh = FOOT_KG - ARCH.m_F
+    carried = (
+        (flesh * (1 - LEG.up), unit[0]), (flesh * LEG.up + SHANK_KG * LEG.share, apex),
+        (SHANK_KG * (1 - LEG.share), shank), (THIGH_KG, shank + unit[5]), (TISSUE_KG + added, shank + unit[6]),
+    )  # fmt: skip
+    for mass, row in carried:
+        M += mass * np.outer(row, row)
+    K[2:5, 2:5] = -tangent(ARCH, q, weight, LEG.tissue)
+    C[2:5, 2:5] = LEG.lag * K[2:5, 2:5]
+    pad = LEG.k_F * (weight / PAD_N) ** 0.61
+    for i, k, c in ((0, pad, LEG.c_F), (1, LEG.k_T, LEG.c_T), (5, LEG.k_H, LEG.c_H), (6, LEG.k_A, LEG.c_A)):
+        K[i, i] += k
+        C[i, i] += c
+    s = 2j * np.pi * HZ[:, None, None]
+    x = np.linalg.solve(s**2 * M + s * C + K, np.broadcast_to(-(M @ unit[0])[:, None], (len(HZ), 7, 1)))[..., 0]
+    rows = (apex, shank, [1, 0, 0, -a.l_3, -a.l_4, 0, 0], [1, 0, 0, 0, -a.l_4, 0, 0])
+    expected = [1 + s[:, 0, 0] ** 2 * (x @ np.asarray(row)) for row in rows]
+    found = LEG.response(stance(ARCH, np.array(weight), LEG.tissue), weight, HZ, added)
+    for one, other in zip((found.malleolus, found.tuberosity, *found.midfoot.T), expected, strict=True):
+        np.testing.assert_allclose(np.ravel(one), other, rtol=1e-9, atol=1e-12)
+
+
+def test_an_arch_without_bones_is_the_hindfoot_of_the_chain() -> None:
+    """leg.xml, which MuJoCo and Pinocchio confirm, with a massless spring in place of the arch."""
+    leg = Leg.from_model(load("leg").model, "leg")
+    at = {name: i for i, name in enumerate(leg.names)}
+    k, c = leg.stiffness, leg.damping
+    hindfoot = at["hindfoot"]
+    tiny = 1e-9
+    spring = Stance(
+        np.array([k[hindfoot] / tiny, 1e20, 1e20]), np.array([tiny**-0.5, 0, 0]), np.zeros(3), 0.0, np.zeros((2, 3))
+    )
+    shank, malleolus = leg.mass[at["talocrural"]], leg.mass[hindfoot]
+    assert shank + malleolus == pytest.approx(SHANK_KG)
+    same = Mounted(
+        arm=1.0, slack=0.0, lag=c[hindfoot] / k[hindfoot], share=malleolus / SHANK_KG, up=0.0,
+        **{f"{kind}_{mine}": values[at[joint]] for kind, values in (("k", k), ("c", c))
+           for mine, joint in (("F", "fat_pad"), ("T", "talocrural"), ("H", "thigh"), ("A", "tissue"))},
+    )  # fmt: skip
+    for added in (0.0, 4.5):
+        loaded, found = leg.with_added(added), same.response(spring, PAD_N, HZ, added)
+        np.testing.assert_allclose(found.malleolus, loaded.at("malleolus", HZ), rtol=1e-6)
+        np.testing.assert_allclose(found.tuberosity, loaded.at("tuberosity", HZ), rtol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def statics() -> Statics:
+    return Statics(ARCH, points=12)
+
+
+def test_the_grid_is_the_foot_itself(statics: Statics) -> None:
+    values = of(np.full((1, len(BOUNDS)), 0.47))
+    feet, tissue = Feet(statics, values), Tissue(arm=values[0, 0], slack=values[0, 1])
+    for i, weight in enumerate(statics.loads):
+        exact = feet.legs.response(stance(ARCH, np.array([weight]), tissue), weight, HZ)
+        np.testing.assert_allclose(feet.legs.response(feet._stood(i), weight, HZ).malleolus, exact.malleolus, rtol=0.03)
+    at = equilibrium(ARCH, 683.0, springs=tissue)
+    assert feet.fascia[0, 0] == pytest.approx(at.share, abs=0.02)
+    assert feet.fascia[0, 2] == pytest.approx(at.heel, abs=1e-3)
+    low = equilibrium(ARCH.with_height(0.06), 683.0, springs=tissue.cut())
+    np.testing.assert_allclose(feet.arangio[3][0], [low.sag, low.elongation], rtol=0.02)
+
+
+def test_the_shipped_set_meets_what_it_was_fitted_to() -> None:
+    """And Kitaoka's fascia and the heel's lever, to which nothing was fitted."""
+    feet = ship()
+    missed = [n.name for n in NUMBERS if n.fitted and not n.holds(n.predict(feet)).all()]
+    assert missed == []
+    unfitted = {n.name: bool(n.holds(n.predict(feet)).all()) for n in NUMBERS if not n.fitted}
+    assert unfitted["stiffness of the fascia at half its failure load"]
+    assert unfitted["heel's share of the load"]
+    assert not unfitted["sag, 20 mm arch"]  # see the bounds
+
+
+def test_legs_walk_downhill_and_know_their_misfit(statics: Statics) -> None:
+    shares, cost, first = fit(statics, [None], walkers=24, steps=60, seed=1, draws=600)
+    assert shares.shape[0] == 1 and shares.shape[2] == len(BOUNDS) and cost.shape == shares.shape[:2]
+    assert (shares >= 0).all() and (shares <= 1).all()
+
+    def misfit(x: np.ndarray) -> np.ndarray:
+        feet = Feet(statics, of(x))
+        return np.sum([n.misfit(n.predict(feet)) for n in NUMBERS if n.fitted], axis=0)
+
+    np.testing.assert_allclose(misfit(shares[0]), cost[0], rtol=1e-9)
+    assert np.median(cost) < 0.6 * np.median(np.sort(misfit(first))[:24])
+
+
+def test_every_number_is_foreseen_without_itself() -> None:
+    result = validate(walkers=8, steps=20, draws=300, points=12)
+    assert len(result.predictions) == len(NUMBERS)
+    assert {p.verdict for p in result.predictions} <= {"foreseen", "open", "missed"}
+    assert [p.basis for p in result.predictions if "heel's share" in p.number.name] == ["geometry"]
+    assert [p.basis for p in result.predictions if "failure load" in p.number.name] == ["tissue"]
+    assert [row[0] for row in result.sheet().rows] == [f"{n.name} ({n.source})" for n in NUMBERS]
+    assert result.plot("validation") is not None
+    assert result.records()[0]["number"] == NUMBERS[0].name
+
+
+def test_verdicts() -> None:
+    number = replace(NUMBERS[6], low=(10.0,), high=(20.0,))
+    at = {"number": number, "before": 0.3, "shipped": np.array([15.0])}
+    cases = (
+        (12, 15, 18, 0.9, "foreseen"),
+        (5, 15, 40, 0.3, "open"),
+        (18, 25, 30, 0.1, "open"),
+        (21, 25, 30, 0.0, "missed"),
+    )
+    for low, middle, high, inside, verdict in cases:
+        ends = (np.array([float(x)]) for x in (low, middle, high))
+        low_, middle_, high_ = ends
+        assert Prediction(low=low_, middle=middle_, high=high_, inside=inside, **at).verdict == verdict
+
+
+def test_poses_on_paper_are_those_of_the_equations() -> None:
+    found = equilibrium(ARCH, 683.0, springs=LEG.tissue)
+    d = deformations(ARCH, found.q)
+    pose = turned(ARCH, *(np.array(x) for x in (d.d_2, d.d_3, d.d_4)))
+    assert pose.sag == pytest.approx(found.sag, abs=1e-14)
+    assert pose.elongation == pytest.approx(found.elongation, abs=1e-14)
+    # the arms are the slopes of the sag
+    for i in range(3):
+        step = [np.array(x) for x in (d.d_2, d.d_3, d.d_4)]
+        ends = []
+        for h in (-1e-6, 1e-6):
+            moved = list(step)
+            moved[i] = moved[i] + h
+            ends.append(float(turned(ARCH, *moved).sag))
+        assert (ends[1] - ends[0]) / 2e-6 == pytest.approx(float(pose.arms[i]), rel=1e-6)
+
+
+@pytest.fixture(scope="module")
+def bounds() -> list[Proof]:
+    return proofs()
+
+
+def test_each_bound_excludes(bounds: list[Proof]) -> None:
+    assert all(proof.excluded for proof in bounds)
+    assert sum("Arangio" in proof.number for proof in bounds) == 7
+    assert not replace(bounds[0], bound=20.0).excluded
+
+
+def test_no_foot_breaks_a_bound(bounds: list[Proof]) -> None:
+    """Tissue at least as stiff as Ker's cut foot under all loads: Arangio's arches stay below what is possible."""
+    most = {proof.number.removeprefix("Arangio: "): proof.bound for proof in bounds}
+    for arm in (0.0405, 0.043, 0.05):
+        cut = Tissue(arm=arm, slack=0.0).cut()
+        assert (elongation(ARCH, KER_CUT, cut) < 1.15 * KER_ELONGATION).all()
+        for height in (20, 60):
+            found = equilibrium(ARCH.with_height(1e-3 * height), 683.0, springs=cut)
+            assert 1e3 * found.sag < most[f"sag, {height} mm arch, fascia cut"]
+            assert 1e3 * found.elongation < most[f"elongation, {height} mm arch, fascia cut"]
+
+
+def test_a_linear_pad_falls_as_the_equation_says() -> None:
+    k, zeta = 4.6e4, 0.2
+    c = 2 * zeta * np.sqrt(k * 5.0)
+
+    def fall(t: float, s: np.ndarray) -> list[float]:
+        return [s[1], 9.81 - (k * s[0] + c * s[1]) / 5.0]
+
+    def leaves(t: float, s: np.ndarray) -> float:
+        return float(k * s[0] + c * s[1])
+
+    leaves.terminal, leaves.direction = True, -1  # type: ignore[attr-defined]
+    run = solve_ivp(fall, (0, 0.1), [0.0, 0.93], events=leaves, rtol=1e-10, atol=1e-12, max_step=1e-4)
+    peak, depth, absorbed = (float(x[0]) for x in drop(np.array([k]), np.array([zeta])))
+    assert peak == pytest.approx((k * run.y[0] + c * run.y[1]).max() / 5 / 9.81, rel=1e-3)
+    assert depth == pytest.approx(run.y[0].max(), rel=1e-3)
+    assert absorbed == pytest.approx(1 - (run.y[1, -1] / 0.93) ** 2, abs=2e-3)
+    assert depth < linear_drop() < 0.8 * 11.3e-3
