@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from fasbody.exceptions import SettingError, SimulationError, unknown
+from fasbody.recording.known import DEPARTURES
 from fasbody.recording.recording import Recording
 from identification.branches import DECISIVE_ODDS, EXCHANGED
 from identification.periodic import Line
@@ -35,7 +36,7 @@ SHARE = 0.9
 #: for feet that are not the population's, 15 % have room for the difference.
 AS_THESIS = 1.05
 #: Rounds of exchange of a whole session, and the gain in nats that is worth one.
-_ROUNDS, _WORTH = 2, 1e-3
+_ROUNDS, _WORTH = 3, 1e-3
 _DECISIVE = float(np.log(DECISIVE_ODDS))
 _Z95 = 1.959963984540054
 #: So often is every candidate recorded where a protocol goes on for ever.
@@ -129,6 +130,16 @@ class Director:
         self.asked = {name: given.get(name, AS_THESIS * usual[name]) for name in EXCHANGED}
         self.told = tuple(given)
 
+    @property
+    def feet(self) -> int:
+        """Over how many feet the scores are averaged."""
+        return len(self._feet)
+
+    @property
+    def allowed(self) -> tuple[str, ...]:
+        """Departures of the world from the model that are allowed for."""
+        return tuple(group for group in DEPARTURES if group not in self.person.known.excluded)
+
     def _draws(self, count: int, rng: np.random.Generator) -> list[Seen]:
         feet: list[Seen] = []
         for number in range(_TRIES * count):
@@ -141,7 +152,9 @@ class Director:
                 feet.append(seen)
             if len(feet) == count:
                 return feet
-        raise SimulationError("too few feet of the population have a steady motion on this shaker; lower its amplitude.")
+        raise SimulationError(
+            "too few feet of the population have a steady motion on this shaker; lower its amplitude."
+        )
 
     # sums of what steps tell
 
@@ -307,18 +320,24 @@ class Director:
                 f"{most} recordings in {seconds:g} s hold none of {self.shaker.seconds:g} s; give more, or shorter ones."
             )
         chosen: list[int] = []
-        while len(chosen) < pieces and not (chosen and self.met(self.outlook(self._steps(chosen)))):
-            chosen.append(self._best(chosen, most)[0])
         for _ in range(_ROUNDS):
-            changed = False
-            for number, now in enumerate(chosen):
-                best, gains = self._best(chosen[:number] + chosen[number + 1 :], most)
-                if gains[best] > gains[now] + _WORTH:
-                    chosen[number], changed = best, True
-            if not changed:
+            while len(chosen) < pieces and not (chosen and self.met(self.outlook(self._steps(chosen)))):
+                chosen.append(self._best(chosen, most)[0])
+            if not self._exchange(chosen, most):
                 break
+        while len(chosen) < pieces and not self.met(self.outlook(self._steps(chosen))):
+            chosen.append(self._best(chosen, most)[0])
         steps = [replace(self.candidates[i], seconds=n * self.shaker.seconds) for i, n in Counter(chosen).items()]
         return tuple(sorted(steps, key=lambda s: (s.added_mass_kg, s.frequency_hz, -s.amplitude_m_s2, s.kind)))
+
+    def _exchange(self, chosen: list[int], most: int) -> bool:
+        """Replace each piece by what adds more beside all the others; whether any was."""
+        changed = False
+        for number, now in enumerate(chosen):
+            best, gains = self._best(chosen[:number] + chosen[number + 1 :], most)
+            if gains[best] > gains[now] + _WORTH:
+                chosen[number], changed = best, True
+        return changed
 
     def _steps(self, chosen: Sequence[int]) -> list[Step]:
         return [self.candidates[i] for i in chosen]

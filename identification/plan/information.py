@@ -116,5 +116,5 @@ def _line(person: Person, step: Step, shaker: Shaker) -> Line:
     U = step.base(count)
     std = np.full(count, shaker.noise_m_s2 * np.sqrt(2 / (step.seconds * shaker.rate_hz)))
     harmonics = Harmonics(step.frequency_hz, U, std, 0.0, shaker.noise_m_s2, 0.0, 0.0)
-    others = {name: harmonics for name in step.sensors[1:]}
+    others = dict.fromkeys(step.sensors[1:], harmonics)
     return Line(stub(person, step, shaker.rate_hz), harmonics, harmonics, others)

@@ -10,6 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
+from fasbody.exceptions import SettingError
+from fasbody.foot.model import Foot
 from fasbody.recording.condition import Condition
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
@@ -18,9 +20,6 @@ from identification.engines.twin import twin_applies
 from identification.plan.candidates import Step
 from identification.space import MASSES, space_of
 from identification.world import Nuisance, WorldSpace, nuisances
-
-from fasbody.exceptions import SettingError
-from fasbody.foot.model import Foot
 
 #: The population. The resonance of the leg on both springs: the thesis finds it between 15 and 40 Hz (Figures 2.3 to
 #: 2.5), so 25 Hz with a standard deviation of a fifth (half of that of the stiffness).

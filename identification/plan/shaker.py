@@ -66,7 +66,9 @@ class Shaker:
             if not low <= value <= high:
                 raise SettingError(f"the {name} is {value:g} {unit}; valid: {low:g} to {high:g}.")
         if self.highest_hz < self.lowest_hz:
-            raise SettingError(f"the frequencies go from {self.lowest_hz:g} to {self.highest_hz:g} Hz; give the lower first.")
+            raise SettingError(
+                f"the frequencies go from {self.lowest_hz:g} to {self.highest_hz:g} Hz; give the lower first."
+            )
         if not self.loads_kg:
             raise SettingError("no load is given; 0 is one.")
         for kind in self.kinds:
