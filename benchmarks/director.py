@@ -15,6 +15,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Annotated
 
 import numpy as np
@@ -22,9 +23,14 @@ import typer
 
 from benchmarks.table import JsonOption, report
 from benchmarks.worlds import FOOT, RATE_HZ, SHANK, Departure, Leg, felt, leg_of, sample
+from fasbody.acquire.board import Watch
+from fasbody.acquire.level import Safety, reach
+from fasbody.acquire.wire import Channel as WireChannel
+from fasbody.acquire.wire import Hello
 from fasbody.console import command_line, progress_bar
 from fasbody.exceptions import FasError
 from fasbody.recording.condition import Condition
+from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.recording import Recording
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.plan.candidates import Step, thesis
@@ -121,7 +127,7 @@ def planned(foot: Virtual) -> tuple[tuple[Step, ...], dict[str, float]]:
     from identification.plan.prior import Person
     from identification.plan.shaker import Shaker
 
-    person = Person(load("two_dof"), foot.body_kg, Known().told(exclude=("all",)))
+    person = Person(load("two_dof"), foot.body_kg, Known().told(exclude=("all",)), "made")
     director = Director(person, Shaker(), seed=foot.seed)
     steps = director.session(len(thesis()) // 3, sum(step.seconds for step in thesis()))
     return steps, dict(director.outlook(steps).half_width)
@@ -165,6 +171,173 @@ def trial(protocol: str, seed: int) -> Fitted:
     )  # fmt: skip
 
 
+class Rig:
+    """A shaker that misbehaves, with the sensors on it, in the time of its own samples: board and generator in one.
+
+    `reach` (acquire's amplitude loop) drives it and its watch looks at every block, as acquire's board does. The
+    malleolus follows the base as it would if it were settled at every instant.
+
+    Args:
+        foot: on it. rng: of what goes wrong.
+
+    Attributes:
+        beyond_s: longest time that the base spent beyond its limit at once. commanded: largest level asked of it, as a
+            share of the limits.
+    """
+
+    rate_hz, block = 1000.0, 16
+    identity, latency_s = "rig", 0.0
+    base = 0
+
+    def __init__(self, foot: Virtual, rng: np.random.Generator) -> None:
+        self._foot, self._rng = foot, rng
+        self.volts, self.is_on = 0.0, False
+        self.watch: Watch | None = None
+        kinds = tuple(WireChannel(role, 39.2, 1000.0) for role in ("base", "malleolus"))
+        self.decoder = SimpleNamespace(hello=Hello("rig", self.rate_hz, kinds, 16, self.block, 1))
+        self._hz, self._t = 20.0, 0.0
+        self._gain = 14.0 * float(np.exp(0.5 * rng.standard_normal()))
+        self._drift = float(rng.choice([0.0, 0.002, -0.004]))  # of the gain, a second
+        self._second = float(rng.choice([0.015, 0.05, 0.09]))
+        self._jumps = float(rng.choice([0.0, 0.004, 0.02]))  # a second
+        self._dead = float(rng.choice([0.0, 15.0, 40.0]))  # it does not answer near this frequency [Hz]
+        self._clips = float(rng.choice([np.inf, np.inf, np.inf, np.inf, np.inf, 12.0, 11.0, 7.0]))  # amplitude of the amplifier's rail [m/s^2]
+        self.beyond_s = self.commanded = self._beyond = 0.0
+        self.offs = 0
+        self.safety = Safety()
+
+    def sine(self, frequency_hz: float, volts: float) -> None:
+        self._hz = frequency_hz
+        self.set_volts(volts)
+
+    def set_volts(self, volts: float) -> None:
+        self.volts = volts
+        self.commanded = max(self.commanded, volts / self.safety.volts)
+
+    def on(self) -> None:
+        self.is_on = True
+
+    def off(self) -> None:
+        self.offs += self.is_on
+        self.is_on, self.watch, self._beyond = False, None, 0.0
+
+    def ramp_down(self) -> None:
+        self.off()
+
+    def alive(self) -> None:
+        pass
+
+    def watch_for(self, seconds: float) -> None:
+        self.collect(seconds)
+
+    def collect(self, seconds: float) -> np.ndarray:
+        """(n, 1) of the base [m/s^2], block by block, each of which the watch sees."""
+        found = []
+        for _ in range(max(1, round(seconds * self.rate_hz / self.block))):
+            found.append(self._next())
+            if self.watch is not None:
+                self.watch.check(found[-1])
+        return np.concatenate(found)[:, None]
+
+    def _next(self) -> np.ndarray:
+        t = self._t + np.arange(self.block) / self.rate_hz
+        self._t += self.block / self.rate_hz
+        self._gain *= 1 + self._drift * self.block / self.rate_hz
+        if self.is_on and self._rng.random() < self._jumps * self.block / self.rate_hz:
+            self._gain *= float(self._rng.choice([0.6, 1.3, 2.0, 4.0]))
+        size = 0.5 * self._gain * self.volts if self.is_on and abs(self._hz - self._dead) > 1 else 0.0
+        wave = size * (np.sin(2 * np.pi * self._hz * t) + self._second * np.sin(4 * np.pi * self._hz * t + 0.7))
+        wave = np.clip(wave, -self._clips, self._clips)
+        limit = self.safety.peak(self._hz)
+        over = np.abs(wave).max() > limit
+        self._beyond = self._beyond + self.block / self.rate_hz if over else 0.0
+        self.beyond_s = max(self.beyond_s, self._beyond)
+        return np.asarray(wave + 0.03 * self._rng.standard_normal(self.block))
+
+    def record(self, step: Step) -> Recording:
+        """Level, record, off: what acquire's session does, with the same amplitude loop and watch."""
+        try:
+            wanted = 2 * step.amplitude_m_s2
+            self.commanded = max(self.commanded, wanted / (2 * self.safety.peak(step.frequency_hz)))
+            reach(self, self, step.frequency_hz, wanted, self.safety)  # type: ignore[arg-type]
+            self.collect(0.5)
+            base = np.concatenate([self.collect(0.25) for _ in range(round(step.seconds / 0.25))])[:, 0]
+        finally:
+            self.off()
+        t = np.arange(base.size) / self.rate_hz
+        parts = max(1, int(t[-1] * step.frequency_hz / 10))
+        y = np.empty(base.size)
+        for i in range(parts):  # ten periods at a time
+            part = slice(i * base.size // parts, (i + 1) * base.size // parts)
+            U = fit_harmonics(t[part], base[part], step.frequency_hz, 3).amplitudes
+            y[part] = sample(
+                t[part], step.frequency_hz, felt(self._foot.leg, Departure(), step.added_mass_kg, step.frequency_hz, U)
+            )
+        noise = self._foot.noise_m_s2 * self._rng.standard_normal((2, base.size))
+        condition = Condition("made", "midstance", step.added_mass_kg, self._foot.body_kg, step.frequency_hz)
+        a, b = base + noise[0], (1 + self._foot.gain) * y + noise[1]
+        return Recording(t, a, b, condition=condition, file=str(step), origin="synthetic")
+
+
+@dataclass(frozen=True)
+class Ran:
+    """One session that ran by itself.
+
+    Attributes:
+        seed: of foot and rig. ended: why. steps, failed, shaking_s: tried, of these in vain, and how long.
+        decided, right: the branch. holds, half_width: of the main constants. beyond_s, commanded: see `Rig`.
+        left_on: the output was on at the end. step_s: worst CPU time from one recording to the next.
+    """
+
+    seed: int
+    ended: str
+    steps: int
+    failed: int
+    shaking_s: float
+    decided: bool
+    right: bool
+    holds: dict[str, bool]
+    half_width: dict[str, float]
+    beyond_s: float
+    commanded: float
+    left_on: bool
+    step_s: float
+
+
+def session(seed: int) -> Ran:
+    """A session with --auto on a rig that misbehaves."""
+    from fasbody.foot.model import load
+    from fasbody.recording.known import Known
+    from identification.plan.prior import Person
+    from identification.plan.session import Session
+    from identification.plan.shaker import Shaker
+
+    foot = virtual(10_000 + seed)
+    rig = Rig(foot, np.random.default_rng([seed, 77]))
+    person = Person(load("two_dof"), foot.body_kg, Known().told(exclude=("all",)), "made")
+    waits, since = [0.0], [time.process_time()]
+
+    def record(step: Step) -> Recording:
+        waits.append(time.process_time() - since[0])
+        try:
+            return rig.record(step)
+        finally:
+            since[0] = time.process_time()
+
+    shaker = Shaker(every_hz=5.0, loads_kg=(0.0, 4.5), seconds=4.0)
+    asked = dict.fromkeys(COUNTED, 0.10)
+    done = Session(person, shaker, asked, 9, 120.0, seed, 6, record).run()
+    last = done.good[-1] if done.good else None
+    name = STIFF_ANKLE if foot.leg.stiff_ankle else STIFF_PAD
+    bands = dict(last.bands) if last else {}
+    return Ran(
+        seed, done.ended, len(done.taken), len(done.taken) - len(done.good), sum(t.step.seconds for t in done.good),
+        bool(last and last.decided), bool(last and last.branch == name),
+        {n: bool(b.lower <= getattr(foot.leg, n) <= b.upper) for n, b in bands.items()},
+        {n: b.half_width for n, b in bands.items()}, rig.beyond_s, rig.commanded, rig.is_on, max(waits[2:] or [0.0]),
+    )  # fmt: skip
+
+
 def digest(plan: bool) -> str:
     """Of everything that a fit of these feet depends on: worlds, fit and models, and what is planned for two."""
     found = hashlib.sha256(repr([planned(virtual(seed))[0] for seed in (0, 1)]).encode() if plan else b"")
@@ -192,7 +365,8 @@ def read(file: Path, stamps: Mapping[str, str]) -> list[Fitted]:
 def measure(feet: int, state: Path) -> list[Check]:
     """Rows from so many feet; what `state` holds is not done again."""
     stamps = {protocol: digest(protocol == PROTOCOLS[0]) for protocol in PROTOCOLS}
-    wanted = [(protocol, seed) for seed in range(feet) for protocol in PROTOCOLS]
+    wanted = [(protocol, seed) for seed in range(feet) for protocol in PROTOCOLS[:2]]
+    wanted += [(PROTOCOLS[2], seed) for seed in range(feet)]
     done = {(f.protocol, f.seed): f for f in read(state, stamps)}
     with progress_bar() as progress, state.open("a") as file:
         for key in progress.track([key for key in wanted if key not in done], description="feet"):

@@ -1,7 +1,8 @@
 """What recordings say of a foot so far: the likeliest foot of each branch, and where it could lie beside that.
 
 The problem is that of the wide fit, with the population of feet as one more prior, so that one recording is enough to
-go on from. It is the fit for the minute between two recordings: identification.fit has no population, and the last word.
+go on from. It is the fit for the minute between two recordings; identification.fit, without a population, has the last
+word.
 """
 
 from collections.abc import Sequence
@@ -93,7 +94,7 @@ class Belief:
         return self.per_dof <= FOLLOWS
 
     def bands(self, names: Sequence[str], end: int = 0) -> dict[str, Band]:
-        """Constants at rest, without load, of one end; wider where the recordings are not quite those of such a foot."""
+        """Constants at rest, without load, of one end; wider where such a foot does not quite follow the recordings."""
         found, e = {}, self.ends[end]
         L = self.space.logarithms(e.q, names)
         std = np.sqrt(np.diag(L @ e.C @ L.T) * max(1.0, e.chi_square / max(1, e.dof)))

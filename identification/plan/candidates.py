@@ -38,8 +38,8 @@ class Step:
     def __str__(self) -> str:
         many = f" and its harmonics to {self.tones * self.frequency_hz:g} Hz" if self.tones > 1 else ""
         return (
-            f"{self.frequency_hz:g} Hz{many}, {self.added_mass_kg:g} kg on the knee, +-{self.amplitude_m_s2:.3g} m/s^2, "
-            f"{self.seconds:g} s"
+            f"{self.frequency_hz:g} Hz{many}, {self.added_mass_kg:g} kg on the knee, +-{self.amplitude_m_s2:.3g} "
+            f"m/s^2, {self.seconds:g} s"
         )
 
     def base(self, count: int) -> np.ndarray:

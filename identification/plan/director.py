@@ -7,7 +7,7 @@ The score is in nats, and a mean over draws of the prior (or, after recordings, 
 - rivals: the same for the departures that are not excluded, each of the size that its prior expects;
 - widest: the logarithm by which the widest asked interval comes nearer to what was asked.
 
-The odds are those of one Gauss-Newton step from the mirror image, with everything else that may be true at its disposal.
+The odds are those of one Gauss-Newton step from the mirror image, which has everything else that may be true to help.
 """
 
 from collections import Counter
@@ -116,7 +116,17 @@ class Director:
             raise SettingError(f"{draws} feet are no average; give 2 or more.")
         self.candidates = Candidates(shaker, person.leg_kg).steps
         self.done = tuple(step_of(recording) for recording in earlier)
-        self.recordings = tuple(earlier)
+        for recording in earlier:
+            whose = recording.condition
+            if (whose.subject, whose.body_mass_kg) != (person.name, person.body_mass_kg):
+                raise SettingError(
+                    f"{recording.file} is of subject {whose.subject!r} with {whose.body_mass_kg} kg, and the plan is for "
+                    f"{person.name!r} with {person.body_mass_kg:g} kg."
+                )
+        if earlier:  # what sensors and person hiss is known by now
+            sigma = [(line.base.sigma, line.malleolus.sigma) for line in map(Line.of, earlier)]
+            shaker = replace(shaker, noise_m_s2=float(np.clip(np.sqrt(np.mean(np.square(sigma))), 1e-6, 10.0)))
+            self.shaker = shaker
         rng = np.random.default_rng([seed, len(earlier)])
         every = tuple(dict.fromkeys(map(self._unit, [*self.candidates, *thesis(), *self.done])))
         self._place = {step: i for i, step in enumerate(every)}
@@ -143,18 +153,14 @@ class Director:
     def _draws(self, count: int, rng: np.random.Generator) -> list[Seen]:
         feet: list[Seen] = []
         for number in range(_TRIES * count):
-            if self.belief is None:
-                q = self._sight.space.draw(rng, 1 if number % 2 else -1)
-            else:
-                q = self.belief.draw(rng)
+            sign = 1 if number % 2 else -1
+            q = self._sight.space.draw(rng, sign) if self.belief is None else self.belief.draw(rng)
             seen = self._sight.see(q)
             if seen is not None:
                 feet.append(seen)
             if len(feet) == count:
                 return feet
-        raise SimulationError(
-            "too few feet of the population have a steady motion on this shaker; lower its amplitude."
-        )
+        raise SimulationError("too few feet of the population move steadily on this shaker; lower its amplitude.")
 
     # sums of what steps tell
 
@@ -273,6 +279,11 @@ class Director:
         """What each candidate adds to what is done and to steps."""
         return [Score(*row) for row in self._gains(self._counts(steps, False))]
 
+    def gains(self, steps: Sequence[Step]) -> np.ndarray:
+        """Total score (K,) of steps of any length, each alone beside what is done."""
+        now = self.outlook(()).utility.sum()
+        return np.array([self.outlook([step]).utility.sum() - now for step in steps])
+
     def _gains(self, counts: np.ndarray) -> np.ndarray:
         """(K, 4) by candidate."""
         at = np.flatnonzero(counts)
@@ -317,7 +328,7 @@ class Director:
         pieces = int(seconds / self.shaker.seconds + 1e-9)
         if most < 1 or pieces < 1:
             raise SettingError(
-                f"{most} recordings in {seconds:g} s hold none of {self.shaker.seconds:g} s; give more, or shorter ones."
+                f"{most} recordings in {seconds:g} s hold none of {self.shaker.seconds:g} s; give more or shorter ones."
             )
         chosen: list[int] = []
         for _ in range(_ROUNDS):

@@ -100,7 +100,7 @@ class Sight:
         return Seen(q, image, A[at], B[at], b[at], c[at], gain[at])
 
     def _std(self, line: Line, Y: np.ndarray) -> np.ndarray:
-        """Standard deviations (2 k H,) of the real and imaginary parts: the output's noise, and the input's seen through."""
+        """Noise (2 k H,) of real and imaginary parts: the output's own, and the input's through the foot."""
         U, H = line.base.amplitudes, line.count
         found = []
         for place in range(Y.size // H):

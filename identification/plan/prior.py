@@ -5,7 +5,7 @@ population of feet is added, wide enough for both mirror feet: without it a plan
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -100,7 +100,7 @@ class Person:
 
     foot: Foot
     body_mass_kg: float
-    known: Known = Known()
+    known: Known = field(default_factory=Known)
     name: str = "1"
     posture: str = "midstance"
 

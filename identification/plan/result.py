@@ -122,8 +122,8 @@ class Planned(Presented):
         """What to expect."""
         mine, theirs = self.expected[PLANNED], self.expected[THESIS]
         text = (
-            f"{_many(len(self.steps), 'recording')} and {shaking_s(self.steps) / 60:.2g} minutes of shaking in place of "
-            f"{len(theirs.steps)} and {shaking_s(theirs.steps) / 60:.2g}: "
+            f"{_many(len(self.steps), 'recording')} and {shaking_s(self.steps) / 60:.2g} minutes of shaking in place "
+            f"of {len(theirs.steps)} and {shaking_s(theirs.steps) / 60:.2g}: "
         )
         ratio = {name: mine.half_width[name] / theirs.half_width[name] for name in EXCHANGED}
         worst = max(ratio, key=lambda name: ratio[name])

@@ -1,4 +1,4 @@
-"""What a laboratory can do: how its shaker moves, how long, with which loads and sensors, and how much its sensors hiss."""
+"""What a laboratory can do: how its shaker moves, how long, with which loads and sensors, and how they hiss."""
 
 from dataclasses import dataclass
 
@@ -67,7 +67,7 @@ class Shaker:
                 raise SettingError(f"the {name} is {value:g} {unit}; valid: {low:g} to {high:g}.")
         if self.highest_hz < self.lowest_hz:
             raise SettingError(
-                f"the frequencies go from {self.lowest_hz:g} to {self.highest_hz:g} Hz; give the lower first."
+                f"the frequencies go from {self.lowest_hz:g} to {self.highest_hz:g} Hz; the lower comes first."
             )
         if not self.loads_kg:
             raise SettingError("no load is given; 0 is one.")
