@@ -201,33 +201,41 @@ class Rig:
         self._second = float(rng.choice([0.015, 0.05, 0.09]))
         self._jumps = float(rng.choice([0.0, 0.004, 0.02]))  # a second
         self._dead = float(rng.choice([0.0, 15.0, 40.0]))  # it does not answer near this frequency [Hz]
-        self._clips = float(rng.choice([np.inf, np.inf, np.inf, np.inf, np.inf, 12.0, 11.0, 7.0]))  # amplitude of the amplifier's rail [m/s^2]
+        self._clips = float(
+            rng.choice([np.inf, np.inf, np.inf, np.inf, np.inf, 12.0, 11.0, 7.0])
+        )  # amplitude of the amplifier's rail [m/s^2]
         self.beyond_s = self.commanded = self._beyond = 0.0
         self.offs = 0
         self.safety = Safety()
 
     def sine(self, frequency_hz: float, volts: float) -> None:
+        """See acquire's generator."""
         self._hz = frequency_hz
         self.set_volts(volts)
 
     def set_volts(self, volts: float) -> None:
+        """See acquire's generator."""
         self.volts = volts
         self.commanded = max(self.commanded, volts / self.safety.volts)
 
     def on(self) -> None:
+        """See acquire's generator."""
         self.is_on = True
 
     def off(self) -> None:
+        """See acquire's generator."""
         self.offs += self.is_on
         self.is_on, self.watch, self._beyond = False, None, 0.0
 
     def ramp_down(self) -> None:
+        """See acquire's generator."""
         self.off()
 
     def alive(self) -> None:
-        pass
+        """See acquire's generator: this one has no guard to tell."""
 
     def watch_for(self, seconds: float) -> None:
+        """See acquire's board."""
         self.collect(seconds)
 
     def collect(self, seconds: float) -> np.ndarray:
@@ -338,11 +346,11 @@ def session(seed: int) -> Ran:
     )  # fmt: skip
 
 
-def digest(plan: bool) -> str:
+def digest(plan: bool, *rooms: str) -> str:
     """Of everything that a fit of these feet depends on: worlds, fit and models, and what is planned for two."""
     found = hashlib.sha256(repr([planned(virtual(seed))[0] for seed in (0, 1)]).encode() if plan else b"")
     files = [ROOT / "benchmarks" / "worlds.py"]
-    for room in ("identification", "identification/engines", "fasbody/foot"):
+    for room in ("identification", "identification/engines", "fasbody/foot", *rooms):
         files += list((ROOT / room).glob("*.py"))
     for file in sorted(files):
         found.update(file.read_bytes())
@@ -362,8 +370,44 @@ def read(file: Path, stamps: Mapping[str, str]) -> list[Fitted]:
     return done
 
 
-def measure(feet: int, state: Path) -> list[Check]:
-    """Rows from so many feet; what `state` holds is not done again."""
+def measure(feet: int, sessions: int, state: Path) -> list[Check]:
+    """Rows from so many feet and sessions; what `state` holds is not done again."""
+    rows = compared(feet, state) if feet else []
+    return [*rows, *(by_themselves(sessions, state.with_suffix(".sessions.jsonl")) if sessions else [])]
+
+
+def by_themselves(sessions: int, state: Path) -> list[Check]:
+    """Rows from so many sessions on a rig that misbehaves."""
+    stamp = digest(True, "identification/plan", "fasbody/acquire")
+    lines = [json.loads(line) for line in state.read_text().splitlines()] if state.is_file() else []
+    done = {row["seed"]: Ran(**row) for row in lines if row.pop("digest") == stamp}
+    with progress_bar() as progress, state.open("a") as file:
+        for seed in progress.track([s for s in range(sessions) if s not in done], description="sessions"):
+            done[seed] = session(seed)
+            file.write(json.dumps({**asdict(done[seed]), "digest": stamp}) + "\n")
+            file.flush()
+    ran = [done[seed] for seed in range(sessions)]
+    held = [ok for r in ran for ok in r.holds.values()]
+    ends = ", ".join(f"{word} {sum(r.ended == word for r in ran)}" for word in sorted({r.ended for r in ran}))
+    wrong = sum(r.decided and not r.right for r in ran)
+    over = [r.beyond_s for r in ran if r.beyond_s]
+    return [
+        told("sessions that ended by themselves", f"{len(ran)}", ends),
+        at_most("sessions that asked for more than a limit", sum(r.commanded > 1 for r in ran), 0),
+        at_most("sessions with the output left on", sum(r.left_on for r in ran), 0),
+        at_most(
+            "longest time of a base beyond its limit", 1e3 * max([0.0, *over]), 1e3 * Rig.block / Rig.rate_hz, "ms"
+        ),
+        told("sessions in which the shaker itself jumped beyond it", f"{len(over)}", f"of {len(ran)}"),
+        at_least("intervals that hold the truth", 100 * float(np.mean(held or [0.0])), 92.0, "%"),
+        told("decided, of these wrong", f"{sum(r.decided for r in ran)}, {wrong}", f"of {len(ran)}"),
+        told("steps tried, of these failed", f"{sum(r.steps for r in ran)}, {sum(r.failed for r in ran)}", ""),
+        at_most("CPU time of a step, worst", max(r.step_s for r in ran), 1.0, "s"),
+    ]
+
+
+def compared(feet: int, state: Path) -> list[Check]:
+    """Rows from so many feet."""
     stamps = {protocol: digest(protocol == PROTOCOLS[0]) for protocol in PROTOCOLS}
     wanted = [(protocol, seed) for seed in range(feet) for protocol in PROTOCOLS[:2]]
     wanted += [(PROTOCOLS[2], seed) for seed in range(feet)]
@@ -431,6 +475,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def main(
     feet: Annotated[int, typer.Option(help="virtual feet; the statement takes 100")] = 100,
+    sessions: Annotated[int, typer.Option(help="sessions by themselves; the statement takes 50")] = 50,
     state: Annotated[Path, typer.Option(help="what is done, to go on from")] = Path("director.jsonl"),
     json_: JsonOption = False,
 ) -> None:
@@ -439,7 +484,7 @@ def main(
     Examples:
       python -m benchmarks.director --feet 10
     """
-    report("director", measure(feet, state), json_)
+    report("director", measure(feet, sessions, state), json_)
 
 
 if __name__ == "__main__":

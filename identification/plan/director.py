@@ -27,6 +27,7 @@ from identification.plan.candidates import Candidates, Step, thesis
 from identification.plan.information import Seen, Sight
 from identification.plan.prior import Person
 from identification.plan.shaker import SINE, Shaker
+from identification.sensors import MALLEOLUS
 
 #: Feet over which scores are averaged: of the prior, and of what recordings leave possible, where they are more alike.
 DRAWS, FEWER = 32, 12
@@ -93,6 +94,7 @@ class Director:
             that are not named are as narrow as the thesis' three loads are expected to make them, within 15 %.
         earlier: recordings that exist, as steps that were done and what they said. seed: of the draws.
         draws: how many feet, 0 for the usual. believed: what earlier recordings were taken for before, to go on from.
+        compares: the thesis' protocol is looked at, too; it must be where not all intervals are asked for.
     """
 
     def __init__(
@@ -104,6 +106,7 @@ class Director:
         seed: int = 0,
         draws: int = 0,
         believed: Belief | None = None,
+        compares: bool = True,
     ) -> None:
         self.person, self.shaker, self.seed = person, shaker, seed
         for name, share in (ask or {}).items():
@@ -112,6 +115,12 @@ class Director:
             if not 0 < share < 10:
                 raise SettingError(f"the half-width asked of {name} is {share:g}; give a share, 0.05 for +-5 %.")
         draws = draws or (FEWER if earlier else DRAWS)
+        there = [name for name in person.foot.sensors if name != "base"]
+        for name in shaker.sensors:
+            if name not in there:
+                raise SettingError(f"{unknown('sensor', name, there)} in model {person.foot.name}.")
+        if shaker.sensors[:1] != MALLEOLUS:
+            raise SettingError("the malleolus is always worn; name it first, malleolus,foot for example.")
         if draws < 2:
             raise SettingError(f"{draws} feet are no average; give 2 or more.")
         self.candidates = Candidates(shaker, person.leg_kg).steps
@@ -120,15 +129,16 @@ class Director:
             whose = recording.condition
             if (whose.subject, whose.body_mass_kg) != (person.name, person.body_mass_kg):
                 raise SettingError(
-                    f"{recording.file} is of subject {whose.subject!r} with {whose.body_mass_kg} kg, and the plan is for "
-                    f"{person.name!r} with {person.body_mass_kg:g} kg."
+                    f"{recording.file} is of subject {whose.subject!r} with {whose.body_mass_kg} kg, and the plan is "
+                    f"for {person.name!r} with {person.body_mass_kg:g} kg."
                 )
         if earlier:  # what sensors and person hiss is known by now
             sigma = [(line.base.sigma, line.malleolus.sigma) for line in map(Line.of, earlier)]
             shaker = replace(shaker, noise_m_s2=float(np.clip(np.sqrt(np.mean(np.square(sigma))), 1e-6, 10.0)))
             self.shaker = shaker
         rng = np.random.default_rng([seed, len(earlier)])
-        every = tuple(dict.fromkeys(map(self._unit, [*self.candidates, *thesis(), *self.done])))
+        compared = thesis() if compares or set(ask or {}) != set(EXCHANGED) else ()
+        every = tuple(dict.fromkeys(map(self._unit, [*self.candidates, *compared, *self.done])))
         self._place = {step: i for i, step in enumerate(every)}
         allowed = person.allowed(every, earlier, shaker.rate_hz)
         middle = float(np.sqrt(shaker.lowest_hz * shaker.highest_hz))
@@ -136,7 +146,7 @@ class Director:
         self.belief = believe(person, earlier, allowed, middle, rng, believed) if earlier else None
         self._feet = self._draws(draws, rng)
         given = dict(ask or {})
-        usual = self.outlook(thesis(), fresh=True).half_width
+        usual = self.outlook(thesis(), fresh=True).half_width if compared else given
         self.asked = {name: given.get(name, AS_THESIS * usual[name]) for name in EXCHANGED}
         self.told = tuple(given)
 

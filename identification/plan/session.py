@@ -186,8 +186,9 @@ class Session:
 
     def _direct(self) -> Director:
         director = Director(
-            self._person, self._shaker, self._ask, self._recordings, self._seed, self._draws, self._believed
-        )
+            self._person, self._shaker, self._ask, self._recordings, self._seed, self._draws, self._believed,
+            compares=False,
+        )  # fmt: skip
         self._believed = director.belief
         if self._taken and self._taken[-1].heard is not None:
             self._taken[-1] = _after(self._taken[-1], director.belief)
