@@ -34,7 +34,7 @@ from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.recording import Recording
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.plan.candidates import Step, thesis
-from reproduction.check import Check, at_most, told, within
+from reproduction.check import Check, at_least, at_most, told, within
 
 ROOT = Path(__file__).parents[1]
 COUNTED = ("k_T", "k_F", "c_11", "c_21")
@@ -479,7 +479,7 @@ def main(
     state: Annotated[Path, typer.Option(help="what is done, to go on from")] = Path("director.jsonl"),
     json_: JsonOption = False,
 ) -> None:
-    """The planned session against the thesis' on virtual feet that the plan did not know, by their own simulator.
+    """The planned session against the thesis' on feet that the plan did not know, and sessions by themselves.
 
     Examples:
       python -m benchmarks.director --feet 10

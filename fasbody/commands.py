@@ -246,7 +246,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "bench director", "benchmarks.director", "",
-            "The planned session against the thesis' on virtual feet that the plan did not know, by their own simulator.",
+            "The planned session against the thesis' on feet that the plan did not know, and sessions by themselves.",
         ),
         Command(
             "bench rivals", "benchmarks.rivals", "",
