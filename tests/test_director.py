@@ -21,13 +21,13 @@ from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study
 from identification.branches import EXCHANGED
 from identification.plan.__main__ import app
-from identification.plan.candidates import Candidates, Step, thesis
+from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Candidates, Step, thesis
 from identification.plan.director import Director
 from identification.plan.heard import coherence, heard
 from identification.plan.information import Sight
 from identification.plan.prior import Person
 from identification.plan.protocol import Protocol
-from identification.plan.result import PLANNED, THESIS, UNLOADED, Planned, planned
+from identification.plan.result import Planned, planned
 from identification.plan.session import FAILING, Offering, Session
 from identification.plan.shaker import Shaker
 

@@ -13,6 +13,8 @@ from identification.plan.shaker import MULTISINE, SINE, Shaker
 #: The thesis' protocol, section 2.2.2: frequencies [Hz], amplitude of the base [m/s^2], length [s].
 THESIS_HZ = (10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0)
 THESIS_AMPLITUDE, THESIS_S = 0.5 * PEAK_TO_PEAK, 10.0
+#: Names of the protocols that are compared: the plan, the thesis', and the part of it without load.
+PLANNED, THESIS, UNLOADED = "planned", "thesis", "thesis_unloaded"
 #: How much more than its own mass a foot and its load may weigh on the shaker: the resonance of a damped leg.
 _RESONANT = 2.5
 

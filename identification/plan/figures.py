@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from identification.branches import EXCHANGED
 from identification.figures import panels
-from identification.plan.result import PLANNED, THESIS, UNLOADED
+from identification.plan.candidates import PLANNED, THESIS, UNLOADED
 from identification.plan.shaker import SINE
 
 if TYPE_CHECKING:

@@ -10,12 +10,10 @@ import numpy as np
 from fasbody.console import to_json, write_whole
 from fasbody.presentation import Presented, Sheet
 from identification.branches import EXCHANGED
-from identification.plan.candidates import Step, thesis
+from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Step, thesis
 from identification.plan.director import SHARE, Director, Outlook, Score
 from identification.plan.protocol import Protocol, shaking_s
 
-#: Names of the protocols in the document: the plan, the thesis', and the part of it without load.
-PLANNED, THESIS, UNLOADED = "planned", "thesis", "thesis_unloaded"
 _TITLES = {PLANNED: "planned", THESIS: "the thesis, three loads", UNLOADED: "the thesis, unloaded"}
 
 
