@@ -399,7 +399,7 @@ def by_themselves(sessions: int, state: Path) -> list[Check]:
             "longest time of a base beyond its limit", 1e3 * max([0.0, *over]), 1e3 * Rig.block / Rig.rate_hz, "ms"
         ),
         told("sessions in which the shaker itself jumped beyond it", f"{len(over)}", f"of {len(ran)}"),
-        at_least("intervals that hold the truth", 100 * float(np.mean(held or [0.0])), 92.0, "%"),
+        at_least("intervals that hold the truth", 100 * float(np.mean(held or [False])), 92.0, "%"),
         told("decided, of these wrong", f"{sum(r.decided for r in ran)}, {wrong}", f"of {len(ran)}"),
         told("steps tried, of these failed", f"{sum(r.steps for r in ran)}, {sum(r.failed for r in ran)}", ""),
         at_most("CPU time of a step, worst", max(r.step_s for r in ran), 1.0, "s"),

@@ -223,8 +223,8 @@ class Session:
         barred = [s for s in director.candidates if (s.frequency_hz, s.added_mass_kg) in self._failed]
         rest = [s for s in director.session(self._most - count, left) if not _among(s, barred)]
         if not rest:
-            gains = director.scores(())
-            order = sorted(range(len(gains)), key=lambda i: -gains[i].total)
+            scores = director.scores(())
+            order = sorted(range(len(scores)), key=lambda i: -scores[i].total)
             rest = [director.candidates[i] for i in order if director.candidates[i] not in barred][:1]
         if not rest:
             return None
