@@ -44,6 +44,7 @@ PACKAGES: dict[str, str] = {
     "Identification": "identification",
     "Engines": "identification/engines",
     "Rival models": "identification/rivals",
+    "The experiment director": "identification/plan",
     "Black-box models": "identification/blackbox",
     "Many recordings": "identification/study",
     "Laws of the heel": "identification/heel",

@@ -62,6 +62,14 @@ GROUPS: dict[str, tuple[Command, ...]] = {
     "A foot from its recordings": (
         Command("fit", "identification.fit", "", "Estimate the parameters of a foot from recordings of its vibration."),
         Command(
+            "plan", "identification.plan", "propose",
+            "Plan the recordings worth making: a session that decides the mirror feet and narrows the intervals.",
+        ),
+        Command(
+            "plan run", "identification.plan", "run",
+            "Record, fit and plan in turn: after each recording what it was, what is known now, and the next step.",
+        ),
+        Command(
             "rivals", "identification.rivals", "",
             "Compare rival models on the same recordings, ranked by BIC and by held-out prediction.",
         ),
@@ -240,6 +248,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         Command(
             "bench reality", "benchmarks.reality", "",
             "Verdicts and intervals in worlds that depart from the model, by its own simulator.",
+        ),
+        Command(
+            "bench director", "benchmarks.director", "",
+            "The planned session against the thesis' on feet that the plan did not know, and sessions by themselves.",
         ),
         Command(
             "bench rivals", "benchmarks.rivals", "",

@@ -3,7 +3,9 @@
 import math
 import shlex
 import sys
+from collections.abc import Sequence
 from contextlib import ExitStack
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,7 +18,7 @@ from fasbody.acquire.display import Display
 from fasbody.acquire.folder import Converted, convert
 from fasbody.acquire.generator import Excitation, Generator
 from fasbody.acquire.level import Safety
-from fasbody.acquire.plan import Plan
+from fasbody.acquire.plan import Plan, PlannedStep, steps_in
 from fasbody.acquire.port import Unplugged, ports, probe, swapped
 from fasbody.acquire.session import Session, terminated
 from fasbody.acquire.timeline import counted
@@ -41,11 +43,17 @@ def record(
     generator: Annotated[str | None, typer.Option(help="SCPI function generator: its port or VISA name")] = None,
     frequency: Annotated[float | None, typer.Option(help="one recording at this excitation in Hz")] = None,
     sweep: Annotated[str | None, typer.Option(help="START:STOP:STEP in Hz, one recording each")] = None,
+    plan_: Annotated[
+        Path | None, typer.Option("--plan", help="planned session; python -m identification.plan writes it")
+    ] = None,
     seconds: Annotated[float, typer.Option(help="length of each recording in s")] = 10.0,
     out: Annotated[Path | None, typer.Option(help="study folder; recordings are added to one that exists")] = None,
     subject: Annotated[str | None, typer.Option(help="name or number of the subject (1 if not given)")] = None,
     body_mass: Annotated[float | None, typer.Option(help="body mass in kg; once for each subject")] = None,
-    added_mass: Annotated[float, typer.Option(help="mass on the knee in kg")] = 0.0,
+    added_mass: Annotated[
+        float | None,
+        typer.Option(help="mass on the knee in kg (default 0); with --plan: only its steps under this load"),
+    ] = None,
     posture: Annotated[str, typer.Option(help="posture of the foot")] = "midstance",
     peak_to_peak: Annotated[float, typer.Option(help="wanted base acceleration in m/s^2")] = PEAK_TO_PEAK,
     max_volts: Annotated[float, typer.Option(help="highest generator amplitude in V peak to peak")] = Safety.volts,
@@ -76,6 +84,8 @@ def record(
       python -m fasbody.acquire --port /dev/ttyACM0 --generator /dev/ttyUSB0 --sweep 10:50:5 --body-mass 72 --out study
 
       python -m fasbody.acquire --port /dev/ttyACM0 --frequency 20 --body-mass 72.5 --out study
+
+      python -m fasbody.acquire --port /dev/ttyACM0 --generator /dev/ttyUSB0 --plan protocol.json --out study
 
       python -m fasbody.acquire --list
 
@@ -110,8 +120,16 @@ def record(
         raise SettingError(f"--board audio is no serial port: leave out {'--simulate' if simulate else '--port'}.")
     if not simulate and port is None and not audio:
         raise SettingError("give --port (python -m fasbody.acquire --list shows them) or --simulate.")
-    if sweep and not (generator or simulate or audio):
-        raise SettingError("--sweep needs a function generator: give --generator PORT, or --frequency one by one.")
+    if (sweep or plan_) and not (generator or simulate or audio):
+        option = "--sweep" if sweep else "--plan"
+        raise SettingError(f"{option} needs a function generator: give --generator PORT, or --frequency one by one.")
+    steps: Sequence[PlannedStep] | None = None
+    if plan_ is not None:
+        if sweep or frequency is not None:
+            raise SettingError("--plan has its own frequencies: leave out --frequency and --sweep.")
+        document, steps = _planned(plan_, added_mass, simulate)
+        subject = subject or (None if simulate else str(document.get("subject", "1")))
+        body_mass = body_mass or (None if simulate else float(document["body_mass_kg"]))
     truth: dict[str, Any] | None = None
     if simulate:
         ignored = {"--port": port, "--generator": generator, "--subject": subject, "--body-mass": body_mass}
@@ -132,7 +150,7 @@ def record(
     plan = Plan(
         study=out,
         frequencies_hz=_frequencies(sweep, frequency),
-        condition=Condition(subject, posture, added_mass, mass),
+        condition=Condition(subject, posture, added_mass or 0.0, mass),
         seconds=seconds,
         peak_to_peak=peak_to_peak,
         retries=retries,
@@ -141,33 +159,45 @@ def record(
         truth=truth,
     )
     # Then another program plays, or another shaker is used; the card only records.
-    by_hand = audio and generator is None and sweep is None and frequency is None
-    plan.check(not by_hand and (generator is not None or simulate or audio))
-    with ExitStack() as stack:
-        stack.enter_context(terminated())
-        if simulate:
-            from fasbody.acquire.bench import Bench
+    by_hand = audio and generator is None and sweep is None and frequency is None and steps is None
+    plans = [plan] if steps is None else [step.of(plan) for step in steps]
+    for each in plans:
+        each.check(not by_hand and (generator is not None or simulate or audio))
+    made: list[Converted] = []
+    bad: list[str] = []
+    loads = [list(group) for _, group in groupby(plans, lambda each: each.condition.added_mass_kg)]
+    for group in loads:
+        load = group[0].condition.added_mass_kg
+        if len(loads) > 1 and not simulate:
+            typer.confirm(f"{load:g} kg are on the knee", default=True, abort=True, err=True)
+        with ExitStack() as stack:
+            stack.enter_context(terminated())
+            if simulate:
+                from fasbody.acquire.bench import Bench
 
-            bench = stack.enter_context(Bench(added_mass=added_mass))
-            port, generator = bench.board_port, bench.generator_port
-        board: Board
-        source: Excitation | None
-        if audio:
-            board, source = _open_card(stack, calibration, generator, generator_baud)
-            source = None if by_hand else source
-        else:
-            assert port is not None
-            board, source = _open(stack, port, baud, generator, generator_baud)
-        stack.enter_context(Display(board))
-        session = Session(plan, board, source)
-        made = session.run()
+                bench = stack.enter_context(Bench(added_mass=load))
+                port, generator = bench.board_port, bench.generator_port
+            board: Board
+            source: Excitation | None
+            if audio:
+                board, source = _open_card(stack, calibration, generator, generator_baud)
+                source = None if by_hand else source
+            else:
+                assert port is not None
+                board, source = _open(stack, port, baud, generator, generator_baud)
+            stack.enter_context(Display(board))
+            session = Session(group[0], board, source)
+            for each in group:
+                session.plan = each
+                session.run()
+        made += session.made
+        bad += session.unusable()
     if json_:
         print_json({"study": str(out), "recordings": [one.document() for one in made]})
     else:
         good = sum(not one.problems for one in made)
         text = f"{counted(good, 'recording')} in {out}; next: python -m identification.fit {shlex.quote(str(out))}"
         results.print(text, soft_wrap=True, markup=False)
-    bad = session.unusable()
     if bad:
         are = "is" if len(bad) == 1 else "are"
         raise AcquisitionError(
@@ -218,6 +248,27 @@ def recover(
         print_json(documents[0] if single else documents)
     if bad:
         raise AcquisitionError(" ".join(bad))
+
+
+def _planned(file: Path, added_mass: float | None, simulate: bool) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
+    """A planned session, or its part under one load."""
+    document, steps = steps_in(file)
+    loads = sorted({step.added_mass_kg for step in steps})
+    listed = ", ".join(f"{load:g}" for load in loads)
+    if other := [step.kind for step in steps if step.kind != "sine"]:
+        raise SettingError(f"{file}: a step is a {other[0]}, and a generator speaks sines; plan with --kinds sine.")
+    if added_mass is not None:
+        steps = [step for step in steps if step.added_mass_kg == added_mass]
+        if not steps:
+            raise SettingError(
+                f"{file}: no step has {added_mass:g} kg on the knee (it has {', '.join(map('{:g}'.format, loads))})."
+            )
+    elif len(loads) > 1 and not simulate and not sys.stdin.isatty():
+        raise SettingError(
+            f"{file} has loads of {listed} kg, and nobody is at the terminal to lay them "
+            "on the knee: give --added-mass, one after the other."
+        )
+    return document, steps
 
 
 def _look(port: str | None, probing: bool, json_: bool) -> None:

@@ -1,15 +1,16 @@
-"""What is to be recorded, and whether it can be meant."""
+"""What is to be recorded, and whether it can be meant; a session that was planned in a file."""
 
+import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from fasbody.acquire import folder
 from fasbody.acquire.level import Safety
 from fasbody.acquire.timeline import Limits
-from fasbody.exceptions import SettingError
+from fasbody.exceptions import InputFileError, SettingError
 from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.recording.recording import Condition
 
@@ -69,3 +70,61 @@ class Plan:
             if generator:
                 self.safety.check(frequency, self.peak_to_peak)
         folder.check(self.study, self.condition, self.origin, self.truth)
+
+
+#: What a file of planned steps says of itself.
+PROTOCOL = "fasbody protocol 1"
+#: Numbers of a step: what each is, and between what it may lie.
+_NUMBERS = {
+    "frequency_hz": (3.0, 500.0), "added_mass_kg": (0.0, 100.0), "amplitude_m_s2": (0.01, 100.0),
+    "seconds": (0.1, 3600.0),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PlannedStep:
+    """One recording of a planned session: `amplitude_m_s2` is half of peak to peak; `kind` as who planned it says."""
+
+    kind: str
+    frequency_hz: float
+    added_mass_kg: float
+    amplitude_m_s2: float
+    seconds: float
+
+    def of(self, plan: Plan) -> Plan:
+        """The plan of this recording, in all else as another."""
+        return replace(
+            plan, frequencies_hz=(self.frequency_hz,), seconds=self.seconds, peak_to_peak=2 * self.amplitude_m_s2,
+            condition=replace(plan.condition, added_mass_kg=self.added_mass_kg),
+        )  # fmt: skip
+
+
+def steps_in(path: Path) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
+    """A file of planned steps, as `python -m identification.plan` writes it: the document, and its steps in order.
+
+    Raises:
+        InputFileError: it cannot be read, is no such file, or has a step that cannot be meant.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputFileError(path, f"cannot be read ({error.strerror})") from None
+    except ValueError as error:
+        raise InputFileError(path, f"is no JSON ({error})") from None
+    if not isinstance(document, dict) or document.get("format") != PROTOCOL:
+        raise InputFileError(path, f"is no planned session: its format is not {PROTOCOL!r}")
+    rows, mass = document.get("protocol"), document.get("body_mass_kg")
+    if isinstance(mass, bool) or not isinstance(mass, int | float) or not 20 <= mass <= 300:
+        raise InputFileError(path, f"body_mass_kg = {mass!r}", "valid: 20 to 300 kg")
+    if not isinstance(rows, list) or not rows:
+        raise InputFileError(path, "holds no steps", "valid: a list of them as protocol")
+    found = []
+    for number, row in enumerate(rows, start=1):
+        values: dict[str, float] = {}
+        for name, (low, high) in _NUMBERS.items():
+            value = row.get(name) if isinstance(row, dict) else None
+            if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+                raise InputFileError(path, f"step {number}: {name} = {value!r}", f"valid: {low:g} to {high:g}")
+            values[name] = float(value)
+        found.append(PlannedStep(kind=str(row.get("kind", "sine")), **values))
+    return document, found

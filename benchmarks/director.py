@@ -1,0 +1,491 @@
+"""Is a planned session worth its third of the recordings? Virtual feet that the plan did not know, and auto sessions.
+
+The feet and what their sensors record come from worlds.py, which shares no code with the plan or the fit: legs of both
+branches, segment masses off by 10 % from what the scale and the table say, a gain that is off by 1 %. Each foot is
+recorded three times, by the plan, by the thesis' three loads and by its unloaded part, and fitted as a user fits it.
+
+The sessions run by themselves (`identification.plan.session`) on a shaker that misbehaves.
+
+What is done is kept in a file and not done again while neither plan nor fit change.
+"""
+
+import hashlib
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from benchmarks.table import JsonOption, report
+from benchmarks.worlds import FOOT, RATE_HZ, SHANK, Departure, Leg, felt, leg_of, sample
+from fasbody.acquire.board import Watch
+from fasbody.acquire.level import Safety, reach
+from fasbody.acquire.wire import Channel as WireChannel
+from fasbody.acquire.wire import Hello
+from fasbody.console import command_line, progress_bar
+from fasbody.exceptions import FasError
+from fasbody.recording.condition import Condition
+from fasbody.recording.harmonics import fit_harmonics
+from fasbody.recording.recording import Recording
+from identification.branches import STIFF_ANKLE, STIFF_PAD
+from identification.plan.candidates import Step, thesis
+from reproduction.check import Check, at_least, at_most, told, within
+
+ROOT = Path(__file__).parents[1]
+COUNTED = ("k_T", "k_F", "c_11", "c_21")
+#: What is compared: the plan, the thesis' three loads, and its unloaded part.
+PROTOCOLS = ("planned", "three loads", "one load")
+#: Standard deviations of the segment masses and of the gain (shares); of the noise in a sample [m/s^2], drawn between.
+MASS_STD, GAIN_STD, NOISE = 0.10, 0.01, (0.25, 1.0)
+STARTS = 4
+#: Recordings are written so many times shorter, with less noise by the root of that: the same information about a
+#: settled sine, for a fifth of the computing.
+SHORTER = 5
+#: Feet from which on something is required.
+ENOUGH = 100
+
+
+@dataclass(frozen=True)
+class Virtual:
+    """A foot that is recorded.
+
+    Attributes:
+        leg: the truth. body_kg: as the scale says. gain: error of the malleolus' channel. noise_m_s2: of a sample.
+        strength: of the dampers' nonlinearity.
+    """
+
+    seed: int
+    leg: Leg
+    body_kg: float
+    gain: float
+    noise_m_s2: float
+    strength: float
+
+
+def virtual(seed: int) -> Virtual:
+    """A foot of a population that is not the plan's: neither its springs, nor its dampers, nor its noise."""
+    rng = np.random.default_rng([seed, 2020])
+    body, strength = float(rng.uniform(45, 110)), float(np.exp(rng.uniform(np.log(0.03), np.log(1.3))))
+    true = np.exp(MASS_STD * rng.standard_normal(2))
+    leg = leg_of(rng, body, strength)
+    leg = replace(leg, m_S=SHANK * body * true[0], m_F=FOOT * body * true[1])
+    noise = float(np.exp(rng.uniform(*np.log(NOISE))))
+    return Virtual(seed, leg, body, float(GAIN_STD * rng.standard_normal()), noise, strength)
+
+
+def recorded(foot: Virtual, steps: Sequence[Step], session: int) -> list[Recording]:
+    """What the laboratory writes of these steps."""
+    rng = np.random.default_rng([foot.seed, session])
+    made, noise = [], foot.noise_m_s2 / np.sqrt(SHORTER)
+    for step in steps:
+        base = step.amplitude_m_s2 * np.array([1.0, 0.015, 0.008]) * np.exp(1j * rng.uniform(0, 2 * np.pi, 3))
+        t = np.arange(round(step.seconds / SHORTER * RATE_HZ)) / RATE_HZ
+        hz = step.frequency_hz
+        y = (1 + foot.gain) * felt(foot.leg, Departure(), step.added_mass_kg, hz, base)
+        a, b = (sample(t, hz, x) + noise * rng.standard_normal(t.size) for x in (base, y))
+        condition = Condition("made", "midstance", step.added_mass_kg, foot.body_kg, hz)
+        made.append(Recording(t, a, b, condition=condition, file=str(step), origin="synthetic"))
+    return made
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """One protocol on one foot.
+
+    Attributes:
+        protocol: which. seed, strength: of the foot. recordings, shaking_s: how many, how long. verdict: of the fit.
+        right: the branch named first is the true one. half_width, holds: by constant, on the true branch where it is
+            shown, else on the first. expected: half-widths that the plan foretold for such feet.
+        plan_s, fit_s: CPU time. why: of a refusal.
+    """
+
+    protocol: str
+    seed: int
+    strength: float
+    recordings: int
+    shaking_s: float
+    verdict: str
+    right: bool
+    half_width: dict[str, float]
+    holds: dict[str, bool]
+    expected: dict[str, float]
+    plan_s: float
+    fit_s: float
+    why: str = ""
+
+
+def planned(foot: Virtual) -> tuple[tuple[Step, ...], dict[str, float]]:
+    """A session of a third of the thesis' recordings for a person of whom the scale alone is known, and its promise."""
+    from fasbody.foot.model import load
+    from fasbody.recording.known import Known
+    from identification.plan.director import Director
+    from identification.plan.prior import Person
+    from identification.plan.shaker import Shaker
+
+    person = Person(load("two_dof"), foot.body_kg, Known().told(exclude=("all",)), "made")
+    director = Director(person, Shaker(), seed=foot.seed)
+    steps = director.session(len(thesis()) // 3, sum(step.seconds for step in thesis()))
+    return steps, dict(director.outlook(steps).half_width)
+
+
+def trial(protocol: str, seed: int) -> Fitted:
+    """Plan, record and fit."""
+    from fasbody.foot.model import load
+    from identification.estimate import fit_foot
+
+    foot, model = virtual(seed), load("two_dof")
+    expected: dict[str, float] = {}
+    began = time.process_time()
+    if protocol == "planned":
+        steps, expected = planned(foot)
+    else:
+        steps = thesis() if protocol == "three loads" else thesis((0.0,))
+    spent_on_plan = time.process_time() - began
+    shaking = sum(step.seconds for step in steps)
+    data = recorded(foot, steps, PROTOCOLS.index(protocol))
+    began = time.process_time()
+    try:
+        result = fit_foot(data, model, starts=STARTS, threads=1, exclude=("all",))
+    except FasError as error:
+        spent = time.process_time() - began
+        return Fitted(
+            protocol, seed, foot.strength, len(steps), shaking, "none", False, {}, {}, expected, spent_on_plan, spent,
+            str(error),
+        )  # fmt: skip
+    spent = time.process_time() - began
+    name = STIFF_ANKLE if foot.leg.stiff_ankle else STIFF_PAD
+    branch = {b.name: b for b in result.open}.get(name, result.best)
+    half, holds = {}, {}
+    for constant in COUNTED:
+        e = next(e for key, e in branch.parameters.items() if key.startswith(f"{constant}_"))
+        half[constant] = 0.5 * (e.upper - e.lower) / e.value
+        holds[constant] = bool(e.lower <= getattr(foot.leg, constant) <= e.upper)
+    return Fitted(
+        protocol, seed, foot.strength, len(steps), shaking, result.verdict, result.best.name == name, half, holds,
+        expected, spent_on_plan, spent,
+    )  # fmt: skip
+
+
+class Rig:
+    """A shaker that misbehaves, with the sensors on it, in the time of its own samples: board and generator in one.
+
+    `reach` (acquire's amplitude loop) drives it and its watch looks at every block, as acquire's board does. The
+    malleolus follows the base as it would if it were settled at every instant.
+
+    Args:
+        foot: on it. rng: of what goes wrong.
+
+    Attributes:
+        beyond_s: longest time that the base spent beyond its limit at once. commanded: largest level asked of it, as a
+            share of the limits.
+    """
+
+    rate_hz, block = 1000.0, 16
+    identity, latency_s = "rig", 0.0
+    base = 0
+
+    def __init__(self, foot: Virtual, rng: np.random.Generator) -> None:
+        self._foot, self._rng = foot, rng
+        self.volts, self.is_on = 0.0, False
+        self.watch: Watch | None = None
+        kinds = tuple(WireChannel(role, 39.2, 1000.0) for role in ("base", "malleolus"))
+        self.decoder = SimpleNamespace(hello=Hello("rig", self.rate_hz, kinds, 16, self.block, 1))
+        self._hz, self._t = 20.0, 0.0
+        self._gain = 14.0 * float(np.exp(0.5 * rng.standard_normal()))
+        self._drift = float(rng.choice([0.0, 0.002, -0.004]))  # of the gain, a second
+        self._second = float(rng.choice([0.015, 0.05, 0.09]))
+        self._jumps = float(rng.choice([0.0, 0.004, 0.02]))  # a second
+        self._dead = float(rng.choice([0.0, 15.0, 40.0]))  # it does not answer near this frequency [Hz]
+        self._clips = float(
+            rng.choice([np.inf, np.inf, np.inf, np.inf, np.inf, 12.0, 11.0, 7.0])
+        )  # amplitude of the amplifier's rail [m/s^2]
+        self.beyond_s = self.commanded = self._beyond = 0.0
+        self.offs = 0
+        self.safety = Safety()
+
+    def sine(self, frequency_hz: float, volts: float) -> None:
+        """See acquire's generator."""
+        self._hz = frequency_hz
+        self.set_volts(volts)
+
+    def set_volts(self, volts: float) -> None:
+        """See acquire's generator."""
+        self.volts = volts
+        self.commanded = max(self.commanded, volts / self.safety.volts)
+
+    def on(self) -> None:
+        """See acquire's generator."""
+        self.is_on = True
+
+    def off(self) -> None:
+        """See acquire's generator."""
+        self.offs += self.is_on
+        self.is_on, self.watch, self._beyond = False, None, 0.0
+
+    def ramp_down(self) -> None:
+        """See acquire's generator."""
+        self.off()
+
+    def alive(self) -> None:
+        """See acquire's generator: this one has no guard to tell."""
+
+    def watch_for(self, seconds: float) -> None:
+        """See acquire's board."""
+        self.collect(seconds)
+
+    def collect(self, seconds: float) -> np.ndarray:
+        """(n, 1) of the base [m/s^2], block by block, each of which the watch sees."""
+        found = []
+        for _ in range(max(1, round(seconds * self.rate_hz / self.block))):
+            found.append(self._next())
+            if self.watch is not None:
+                self.watch.check(found[-1])
+        return np.concatenate(found)[:, None]
+
+    def _next(self) -> np.ndarray:
+        t = self._t + np.arange(self.block) / self.rate_hz
+        self._t += self.block / self.rate_hz
+        self._gain *= 1 + self._drift * self.block / self.rate_hz
+        if self.is_on and self._rng.random() < self._jumps * self.block / self.rate_hz:
+            self._gain *= float(self._rng.choice([0.6, 1.3, 2.0, 4.0]))
+        size = 0.5 * self._gain * self.volts if self.is_on and abs(self._hz - self._dead) > 1 else 0.0
+        wave = size * (np.sin(2 * np.pi * self._hz * t) + self._second * np.sin(4 * np.pi * self._hz * t + 0.7))
+        wave = np.clip(wave, -self._clips, self._clips)
+        limit = self.safety.peak(self._hz)
+        over = np.abs(wave).max() > limit
+        self._beyond = self._beyond + self.block / self.rate_hz if over else 0.0
+        self.beyond_s = max(self.beyond_s, self._beyond)
+        return np.asarray(wave + 0.03 * self._rng.standard_normal(self.block))
+
+    def record(self, step: Step) -> Recording:
+        """Level, record, off: what acquire's session does, with the same amplitude loop and watch."""
+        try:
+            wanted = 2 * step.amplitude_m_s2
+            self.commanded = max(self.commanded, wanted / (2 * self.safety.peak(step.frequency_hz)))
+            reach(self, self, step.frequency_hz, wanted, self.safety)  # type: ignore[arg-type]
+            self.collect(0.5)
+            base = np.concatenate([self.collect(0.25) for _ in range(round(step.seconds / 0.25))])[:, 0]
+        finally:
+            self.off()
+        t = np.arange(base.size) / self.rate_hz
+        parts = max(1, int(t[-1] * step.frequency_hz / 10))
+        y = np.empty(base.size)
+        for i in range(parts):  # ten periods at a time
+            part = slice(i * base.size // parts, (i + 1) * base.size // parts)
+            U = fit_harmonics(t[part], base[part], step.frequency_hz, 3).amplitudes
+            y[part] = sample(
+                t[part], step.frequency_hz, felt(self._foot.leg, Departure(), step.added_mass_kg, step.frequency_hz, U)
+            )
+        noise = self._foot.noise_m_s2 * self._rng.standard_normal((2, base.size))
+        condition = Condition("made", "midstance", step.added_mass_kg, self._foot.body_kg, step.frequency_hz)
+        a, b = base + noise[0], (1 + self._foot.gain) * y + noise[1]
+        return Recording(t, a, b, condition=condition, file=str(step), origin="synthetic")
+
+
+@dataclass(frozen=True)
+class Ran:
+    """One session that ran by itself.
+
+    Attributes:
+        seed: of foot and rig. ended: why. steps, failed, shaking_s: tried, of these in vain, and how long.
+        decided, right: the branch. holds, half_width: of the main constants. beyond_s, commanded: see `Rig`.
+        left_on: the output was on at the end. step_s: worst CPU time from one recording to the next.
+    """
+
+    seed: int
+    ended: str
+    steps: int
+    failed: int
+    shaking_s: float
+    decided: bool
+    right: bool
+    holds: dict[str, bool]
+    half_width: dict[str, float]
+    beyond_s: float
+    commanded: float
+    left_on: bool
+    step_s: float
+
+
+def session(seed: int) -> Ran:
+    """A session with --auto on a rig that misbehaves."""
+    from fasbody.foot.model import load
+    from fasbody.recording.known import Known
+    from identification.plan.prior import Person
+    from identification.plan.session import Session
+    from identification.plan.shaker import Shaker
+
+    foot = virtual(10_000 + seed)
+    rig = Rig(foot, np.random.default_rng([seed, 77]))
+    person = Person(load("two_dof"), foot.body_kg, Known().told(exclude=("all",)), "made")
+    waits, since = [0.0], [time.process_time()]
+
+    def record(step: Step) -> Recording:
+        waits.append(time.process_time() - since[0])
+        try:
+            return rig.record(step)
+        finally:
+            since[0] = time.process_time()
+
+    shaker = Shaker(every_hz=5.0, loads_kg=(0.0, 4.5), seconds=4.0)
+    asked = dict.fromkeys(COUNTED, 0.10)
+    done = Session(person, shaker, asked, 9, 120.0, seed, 6, record).run()
+    last = done.good[-1] if done.good else None
+    name = STIFF_ANKLE if foot.leg.stiff_ankle else STIFF_PAD
+    bands = dict(last.bands) if last else {}
+    return Ran(
+        seed, done.ended, len(done.taken), len(done.taken) - len(done.good), sum(t.step.seconds for t in done.good),
+        bool(last and last.decided), bool(last and last.branch == name),
+        {n: bool(b.lower <= getattr(foot.leg, n) <= b.upper) for n, b in bands.items()},
+        {n: b.half_width for n, b in bands.items()}, rig.beyond_s, rig.commanded, rig.is_on, max(waits[2:] or [0.0]),
+    )  # fmt: skip
+
+
+def digest(plan: bool, *rooms: str) -> str:
+    """Of everything that a fit of these feet depends on: worlds, fit and models, and what is planned for two."""
+    found = hashlib.sha256(repr([planned(virtual(seed))[0] for seed in (0, 1)]).encode() if plan else b"")
+    files = [ROOT / "benchmarks" / "worlds.py"]
+    for room in ("identification", "identification/engines", "fasbody/foot", *rooms):
+        files += list((ROOT / room).glob("*.py"))
+    for file in sorted(files):
+        found.update(file.read_bytes())
+    return found.hexdigest()[:16]
+
+
+def read(file: Path, stamps: Mapping[str, str]) -> list[Fitted]:
+    """What was done with these sources; a line cut off by an interruption is not."""
+    done = []
+    for line in file.read_text().splitlines() if file.is_file() else []:
+        try:
+            row = json.loads(line)
+        except ValueError:
+            continue
+        if row.pop("digest", None) == stamps[row["protocol"]]:
+            done.append(Fitted(**row))
+    return done
+
+
+def measure(feet: int, sessions: int, state: Path) -> list[Check]:
+    """Rows from so many feet and sessions; what `state` holds is not done again."""
+    rows = compared(feet, state) if feet else []
+    return [*rows, *(by_themselves(sessions, state.with_suffix(".sessions.jsonl")) if sessions else [])]
+
+
+def by_themselves(sessions: int, state: Path) -> list[Check]:
+    """Rows from so many sessions on a rig that misbehaves."""
+    stamp = digest(True, "identification/plan", "fasbody/acquire")
+    lines = [json.loads(line) for line in state.read_text().splitlines()] if state.is_file() else []
+    done = {row["seed"]: Ran(**row) for row in lines if row.pop("digest") == stamp}
+    with progress_bar() as progress, state.open("a") as file:
+        for seed in progress.track([s for s in range(sessions) if s not in done], description="sessions"):
+            done[seed] = session(seed)
+            file.write(json.dumps({**asdict(done[seed]), "digest": stamp}) + "\n")
+            file.flush()
+    ran = [done[seed] for seed in range(sessions)]
+    held = [ok for r in ran for ok in r.holds.values()]
+    ends = ", ".join(f"{word} {sum(r.ended == word for r in ran)}" for word in sorted({r.ended for r in ran}))
+    wrong = sum(r.decided and not r.right for r in ran)
+    over = [r.beyond_s for r in ran if r.beyond_s]
+    return [
+        told("sessions that ended by themselves", f"{len(ran)}", ends),
+        at_most("sessions that asked for more than a limit", sum(r.commanded > 1 for r in ran), 0),
+        at_most("sessions with the output left on", sum(r.left_on for r in ran), 0),
+        at_most(
+            "longest time of a base beyond its limit", 1e3 * max([0.0, *over]), 1e3 * Rig.block / Rig.rate_hz, "ms"
+        ),
+        told("sessions in which the shaker itself jumped beyond it", f"{len(over)}", f"of {len(ran)}"),
+        at_least("intervals that hold the truth", 100 * float(np.mean(held or [False])), 92.0, "%"),
+        told("decided, of these wrong", f"{sum(r.decided for r in ran)}, {wrong}", f"of {len(ran)}"),
+        told("steps tried, of these failed", f"{sum(r.steps for r in ran)}, {sum(r.failed for r in ran)}", ""),
+        at_most("CPU time of a step, worst", max(r.step_s for r in ran), 1.0, "s"),
+    ]
+
+
+def compared(feet: int, state: Path) -> list[Check]:
+    """Rows from so many feet."""
+    stamps = {protocol: digest(protocol == PROTOCOLS[0]) for protocol in PROTOCOLS}
+    wanted = [(protocol, seed) for seed in range(feet) for protocol in PROTOCOLS[:2]]
+    wanted += [(PROTOCOLS[2], seed) for seed in range(feet)]
+    done = {(f.protocol, f.seed): f for f in read(state, stamps)}
+    with progress_bar() as progress, state.open("a") as file:
+        for key in progress.track([key for key in wanted if key not in done], description="feet"):
+            done[key] = trial(*key)
+            file.write(json.dumps({**asdict(done[key]), "digest": stamps[key[0]]}) + "\n")
+            file.flush()
+    return rows_of([done[key] for key in wanted])
+
+
+def rows_of(found: Sequence[Fitted]) -> list[Check]:
+    """What was asked, over all feet that every protocol recorded."""
+    by: dict[str, dict[int, Fitted]] = {p: {f.seed: f for f in found if f.protocol == p} for p in PROTOCOLS}
+    seeds = sorted(s for s in by["planned"] if all(by[p][s].half_width for p in PROTOCOLS))
+    rows: list[Check] = []
+    enough = len(seeds) >= ENOUGH
+    for p in PROTOCOLS:
+        mine = list(by[p].values())
+        count, n = np.mean([f.recordings for f in mine]), len(mine)
+        minutes = np.mean([f.shaking_s for f in mine]) / 60
+        decided = sum(f.verdict == "decided" for f in mine)
+        wrong = sum(f.verdict == "decided" and not f.right for f in mine)
+        rows.append(told(f"{p}: recordings, minutes of shaking", f"{count:.3g}, {minutes:.3g} min", f"of {n} feet"))
+        rows.append(told(f"{p}: decided, of these wrong", f"{decided}, {wrong}", f"of {n}, {_none(mine)} refused"))
+        widths = [_mean([by[p][s].half_width[name] for s in seeds]) for name in COUNTED]
+        told_ = ", ".join(f"{name} {100 * w:.3g} %" for name, w in zip(COUNTED, widths, strict=True))
+        rows.append(told(f"{p}: half-widths, geometric means", told_, f"of {len(seeds)} feet"))
+        held = [ok for f in mine for ok in f.holds.values()]
+        share = 100 * float(np.mean(held)) if held else 0.0
+        row = within(f"{p}: coverage of 95 % intervals", share, 92.0, 98.0, "%")
+        rows.append(row if enough else replace(row, asked=False))
+    for other, most in (("three loads", 1.15), ("one load", None)):
+        for name in COUNTED:
+            ratio = _mean([by["planned"][s].half_width[name] / by[other][s].half_width[name] for s in seeds])
+            what = f"half-width of {name}, planned over {other}"
+            if most is not None:
+                row = at_most(what, ratio, most)
+            else:
+                row = at_most(what, ratio, 0.5) if name == "k_T" else told(what, f"{ratio:.3g}", "")
+            rows.append(row if enough else replace(row, asked=False))
+    third = np.mean([by["planned"][s].recordings / by["three loads"][s].recordings for s in seeds])
+    rows.append(at_most("recordings, planned over three loads", float(third), 0.334))
+    pace = np.mean([by["planned"][s].shaking_s / by["three loads"][s].shaking_s for s in seeds])
+    rows.append(told("shaking, planned over three loads", f"{pace:.3g}", ""))
+    foretold = [_mean([by["planned"][s].half_width[n] / by["planned"][s].expected[n] for s in seeds]) for n in COUNTED]
+    rows.append(told("half-widths, fitted over foretold", ", ".join(f"{x:.3g}" for x in foretold), ", ".join(COUNTED)))
+    plan = [f.plan_s for f in by["planned"].values()]
+    rows.append(told("CPU time of a plan, median", f"{np.median(plan):.3g} s", f"worst {max(plan):.3g} s"))
+    return rows
+
+
+def _none(found: Sequence[Fitted]) -> int:
+    return sum(f.verdict == "none" for f in found)
+
+
+def _mean(values: Sequence[float]) -> float:
+    return float(np.exp(np.mean(np.log(values)))) if values else float("nan")
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    feet: Annotated[int, typer.Option(help="virtual feet; the statement takes 100")] = 100,
+    sessions: Annotated[int, typer.Option(help="sessions by themselves; the statement takes 50")] = 50,
+    state: Annotated[Path, typer.Option(help="what is done, to go on from")] = Path("director.jsonl"),
+    json_: JsonOption = False,
+) -> None:
+    """The planned session against the thesis' on feet that the plan did not know, and sessions by themselves.
+
+    Examples:
+      python -m benchmarks.director --feet 10
+    """
+    report("director", measure(feet, sessions, state), json_)
+
+
+if __name__ == "__main__":
+    command_line(app)

@@ -1,0 +1,334 @@
+"""`python -m identification.plan`: the next recording worth making, a whole session, and the session itself."""
+
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+
+from fasbody.console import command_line, console, make_folder, print_json, results
+from fasbody.exceptions import SettingError
+from fasbody.foot.shaker import PEAK_TO_PEAK
+
+if TYPE_CHECKING:
+    from fasbody.presentation import Presented
+    from fasbody.recording.recording import Recording
+    from identification.plan.director import Director
+    from identification.plan.prior import Person
+    from identification.plan.shaker import Shaker
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+_Data = Annotated[
+    list[Path] | None, typer.Argument(help="earlier recordings: study folder, or CSV files", show_default="none")
+]
+_Model = Annotated[str, typer.Option(help="two-mass model, or its file")]
+_BodyMass = Annotated[float | None, typer.Option(help="body mass in kg (72.57 if nothing says it)")]
+_Ask = Annotated[list[str] | None, typer.Option(help="NAME=SHARE, half-width of an interval; repeat for several")]
+_Minutes = Annotated[float, typer.Option(help="of shaking at most")]
+_Recordings = Annotated[int, typer.Option(help="recordings at most")]
+_Frequencies = Annotated[str, typer.Option(help="START:STOP:STEP in Hz")]
+_Loads = Annotated[str, typer.Option(help="masses for the knee in kg, with commas")]
+_Amplitude = Annotated[float, typer.Option(help="largest amplitude of the base in m/s^2, half of peak to peak")]
+_Amplitudes = Annotated[str | None, typer.Option(help="amplitudes to try, with commas (default: the largest)")]
+_Displacement = Annotated[float, typer.Option(help="largest travel of the base in m, peak to peak")]
+_Force = Annotated[float | None, typer.Option(help="largest force of the shaker in N")]
+_Table = Annotated[float, typer.Option(help="moving mass of the shaker in kg, for --force")]
+_Kinds = Annotated[str, typer.Option(help="sine, multisine; with commas")]
+_Sensors = Annotated[str, typer.Option(help="accelerometers that are worn, e.g. malleolus,foot")]
+_Seconds = Annotated[float, typer.Option(help="length of a recording in s")]
+_Noise = Annotated[float, typer.Option(help="of a sensor on a person, rms of a sample in m/s^2")]
+_Allow = Annotated[
+    str | None, typer.Option(help="what else may be true: mount, relaxation, load, rocking, drift, or all")
+]
+_MassStd = Annotated[float | None, typer.Option(help="what the segment masses may be off, as a share (default 0.1)")]
+_GainStd = Annotated[float | None, typer.Option(help="what the gain may be off, as a share (default 0.01)")]
+_DelayStd = Annotated[float | None, typer.Option(help="what the delay between channels may be, in s")]
+_Draws = Annotated[int, typer.Option(help="feet to average over (default 32, after recordings 12)")]
+_Seed = Annotated[int, typer.Option(min=0, help="of the feet that are drawn")]
+_Json = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
+
+#: A third of the thesis' recordings, and as long as it shook [min].
+RECORDINGS, MINUTES = 9, 4.5
+#: The body mass where nobody says one: that of the laboratory's subject 16 [kg].
+BODY_MASS_KG = 72.57
+
+
+@app.command()
+def propose(
+    data: _Data = None,
+    model: _Model = "two_dof",
+    body_mass: _BodyMass = None,
+    ask: _Ask = None,
+    minutes: _Minutes = MINUTES,
+    recordings: _Recordings = RECORDINGS,
+    frequencies: _Frequencies = "10:50:2",
+    loads: _Loads = "0,2.3,4.5",
+    amplitude: _Amplitude = 0.5 * PEAK_TO_PEAK,
+    amplitudes: _Amplitudes = None,
+    displacement: _Displacement = 0.008,
+    force: _Force = None,
+    table_mass: _Table = 5.0,
+    kinds: _Kinds = "sine",
+    sensors: _Sensors = "malleolus",
+    seconds: _Seconds = 10.0,
+    noise: _Noise = 0.5,
+    allow: _Allow = None,
+    mass_std: _MassStd = None,
+    gain_std: _GainStd = None,
+    delay_std: _DelayStd = None,
+    draws: _Draws = 0,
+    seed: _Seed = 0,
+    json_: _Json = False,
+    protocol: Annotated[
+        Path | None, typer.Option(help="write the steps to this file, which python -m fasbody.acquire --plan runs")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="folder for protocol.json, plan.json, plan.csv and figures")] = None,
+) -> None:
+    """Plan the recordings worth making: a session that decides the mirror feet and narrows the intervals.
+
+    Examples:
+      python -m identification.plan --body-mass 80
+
+      python -m identification.plan my_study --ask k_T=0.05 --ask k_F=0.05 --out next
+
+      python -m identification.plan --frequencies 15:40:5 --loads 0,5 --displacement 0.004 --protocol steps.json
+
+      python -m identification.plan --allow all --sensors malleolus,foot --recordings 14 --json
+
+      python -m identification.plan run --simulate --auto --out my_study
+    """
+    from identification.plan.result import planned
+
+    began = time.perf_counter()
+    shaker = _shaker(
+        frequencies, loads, amplitude, amplitudes, displacement, force, table_mass, kinds, sensors, seconds, noise
+    )
+    if recordings < 1 or 60 * minutes < seconds:
+        raise SettingError(f"{recordings} recordings in {minutes:g} minutes hold none of {seconds:g} s; give more.")
+    earlier = _earlier(data, body_mass)
+    person = _person(model, body_mass, earlier, allow, mass_std, gain_std, delay_std)
+    director = _director(person, shaker, ask, earlier, seed, draws)
+    if out is not None:
+        make_folder(out)
+    result = planned(director, recordings, 60 * minutes, time.perf_counter() - began)
+    if protocol is not None:
+        result.protocol.write(protocol)
+    if json_:
+        print_json(result.document())
+    else:
+        show(result)
+    if out is not None:
+        result.write(out)
+        for kind in result.plots:
+            result.plot(kind).savefig(out / f"{kind}.png", dpi=200)
+        console.print(f"written to [bold]{out}[/]: protocol.json, plan.json, plan.csv and figures", soft_wrap=True)
+
+
+@app.command()
+def run(
+    out: Annotated[Path | None, typer.Option(help="study folder; recordings that are there count")] = None,
+    auto: Annotated[bool, typer.Option("--auto", help="take each step without asking")] = False,
+    port: Annotated[str | None, typer.Option(help="port of the accelerometer board")] = None,
+    generator: Annotated[str | None, typer.Option(help="SCPI function generator: its port or VISA name")] = None,
+    baud: Annotated[int, typer.Option(help="baud rate of the board")] = 921600,
+    generator_baud: Annotated[int, typer.Option(help="baud rate of the generator")] = 115200,
+    max_volts: Annotated[float, typer.Option(help="highest generator amplitude in V peak to peak")] = 5.0,
+    max_acceleration: Annotated[float, typer.Option(help="highest base acceleration in m/s^2")] = 15.0,
+    simulate: Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")] = False,
+    subject: Annotated[str, typer.Option(help="name or number of the subject")] = "1",
+    model: _Model = "two_dof",
+    body_mass: _BodyMass = None,
+    ask: _Ask = None,
+    minutes: _Minutes = MINUTES,
+    recordings: _Recordings = RECORDINGS,
+    frequencies: _Frequencies = "10:50:2",
+    loads: _Loads = "0,2.3,4.5",
+    amplitude: _Amplitude = 0.5 * PEAK_TO_PEAK,
+    amplitudes: _Amplitudes = None,
+    displacement: _Displacement = 0.008,
+    force: _Force = None,
+    table_mass: _Table = 5.0,
+    seconds: _Seconds = 10.0,
+    noise: _Noise = 0.5,
+    allow: _Allow = None,
+    mass_std: _MassStd = None,
+    gain_std: _GainStd = None,
+    delay_std: _DelayStd = None,
+    draws: _Draws = 0,
+    seed: _Seed = 0,
+    json_: _Json = False,
+) -> None:
+    """Record, fit and plan in turn: after each recording what it was, what is known now, and the next step.
+
+    Examples:
+      python -m identification.plan run --simulate --auto --seconds 4 --out my_study
+
+      python -m identification.plan run --port /dev/ttyACM0 --generator /dev/ttyUSB0 --body-mass 72 --out my_study
+    """
+    from fasbody.acquire.level import Safety
+    from fasbody.acquire.session import terminated
+    from identification.plan.record import Laboratory, Offer
+    from identification.plan.session import Session
+
+    if out is None:
+        raise SettingError("where to? Give --out STUDY, a folder that is made if needed.")
+    if simulate:
+        from fasbody.acquire.bench import foot as bench
+
+        if given := [n for n, v in (("--port", port), ("--generator", generator), ("--body-mass", body_mass)) if v]:
+            raise SettingError(f"--simulate brings its own board, generator and subject: leave out {', '.join(given)}.")
+        body_mass, subject = bench.BODY_MASS_KG, str(bench.SUBJECT)
+    elif port is None or generator is None:
+        raise SettingError("give --port and --generator (python -m fasbody.acquire --list shows them), or --simulate.")
+    if not auto and not sys.stdin.isatty():
+        raise SettingError("nobody is at the terminal to take a step: give --auto.")
+    shaker = _shaker(
+        frequencies, loads, amplitude, amplitudes, displacement, force, table_mass, "sine", "malleolus", seconds, noise
+    )
+    earlier = _earlier([out] if (out / "recordings.csv").is_file() else None, None)
+    person = _person(model, body_mass, earlier, allow, mass_std, gain_std, delay_std, subject)
+    safety = Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=displacement)
+    ports = None if simulate else (port or "", baud, generator or "", generator_baud)
+    with ExitStack() as stack:
+        stack.enter_context(terminated())
+        laboratory = stack.enter_context(Laboratory(out, person, safety, ports, asks=not auto))
+        session = Session(
+            person, shaker, _asked(ask), recordings, 60 * minutes, seed, draws, laboratory.record, Offer(auto), earlier
+        )
+        result = session.run()
+    if json_:
+        print_json(result.document())
+    else:
+        show(result)
+
+
+def _shaker(
+    frequencies: str,
+    loads: str,
+    amplitude: float,
+    amplitudes: str | None,
+    displacement: float,
+    force: float | None,
+    table_mass: float,
+    kinds: str,
+    sensors: str,
+    seconds: float,
+    noise: float,
+) -> "Shaker":
+    from identification.plan.shaker import Shaker
+    from identification.space import names
+
+    try:
+        low, high, step = (float(part) for part in frequencies.split(":"))
+    except ValueError:
+        raise SettingError(f"--frequencies {frequencies!r} is not START:STOP:STEP, for example 10:50:2.") from None
+    return Shaker(
+        low, high, step, amplitude, displacement, force, table_mass, _numbers(amplitudes, "--amplitudes"),
+        _numbers(loads, "--loads"), names(kinds) or (), names(sensors) or (), seconds, noise_m_s2=noise,
+    )  # fmt: skip
+
+
+def _numbers(text: str | None, option: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(",") if part.strip()) if text else ()
+    except ValueError:
+        raise SettingError(f"{option} {text!r} holds no numbers with commas between them.") from None
+
+
+def _asked(texts: Sequence[str] | None) -> dict[str, float]:
+    found = {}
+    for text in texts or ():
+        name, _, share = text.partition("=")
+        try:
+            found[name.strip()] = float(share)
+        except ValueError:
+            raise SettingError(f"--ask {text!r} is not NAME=SHARE, for example k_T=0.05.") from None
+    return found
+
+
+def _earlier(data: Sequence[Path] | None, body_mass: float | None) -> "list[Recording]":
+    """Earlier recordings that can serve: settled sines."""
+    if not data:
+        return []
+    from fasbody.recording.checks import checked
+    from identification.fit import gather
+
+    found = [checked(recording) for recording in gather(data, [body_mass] if body_mass else None, None)[1]]
+    if other := [r.file for r in found if r.condition.frequency_hz is None]:
+        raise SettingError(f"{other[0]} is no sine; the director goes on from settled sines.")
+    return found
+
+
+def _person(
+    model: str,
+    body_mass: float | None,
+    earlier: "Sequence[Recording]",
+    allow: str | None,
+    mass_std: float | None,
+    gain_std: float | None,
+    delay_std: float | None,
+    subject: str = "1",
+) -> "Person":
+    from fasbody.foot.model import load
+    from fasbody.recording.known import DEPARTURES, Known
+    from identification.plan.prior import Person
+    from identification.space import names
+
+    allowed = set(names(allow) or ())
+    known = Known.of_all([recording.known for recording in earlier])
+    known.told(exclude=allowed)  # refuses what there is not
+    excluded = () if "all" in allowed else tuple(set(DEPARTURES) - allowed)
+    known = known.told(mass_std, gain_std, delay_std, excluded)
+    if earlier:
+        first = earlier[0].condition
+        body_mass, subject = body_mass or first.body_mass_kg, first.subject or subject
+        people = {(r.condition.subject, r.condition.posture, r.condition.body_mass_kg) for r in earlier}
+        if len(people) > 1:
+            raise SettingError("the earlier recordings are of several people or postures; plan for one.")
+        return Person(load(model), body_mass or BODY_MASS_KG, known, subject, first.posture)
+    return Person(load(model), body_mass or BODY_MASS_KG, known, subject)
+
+
+def _director(
+    person: "Person",
+    shaker: "Shaker",
+    ask: Sequence[str] | None,
+    earlier: "Sequence[Recording]",
+    seed: int,
+    draws: int,
+) -> "Director":
+    from identification.plan.director import Director
+
+    return Director(person, shaker, _asked(ask), earlier, seed, draws)
+
+
+def show(result: "Presented") -> None:
+    """Print a plan, or a session, for a person."""
+    from rich.table import Table
+
+    sheet = result.sheet()
+    table = Table(title=sheet.title, title_justify="left")
+    for number, column in enumerate(sheet.columns):
+        table.add_column(column, justify="left" if number == 1 else "right")
+    for row in sheet.rows:
+        table.add_row(*map(escape, row))
+    results.print(table)
+    first, *others = sheet.notes
+    results.print(f"[bold]{escape(first)}[/]", soft_wrap=True)
+    for text in others:
+        results.print(escape(text), soft_wrap=True)
+
+
+def start() -> None:
+    """Run the command that the arguments name; `propose` if none is named."""
+    words = sys.argv[1:]
+    app(words if words[:1] in (["run"], ["propose"]) else ["propose", *words])
+
+
+if __name__ == "__main__":
+    command_line(start)

@@ -1,0 +1,190 @@
+"""What recordings say of a foot so far: the likeliest foot of each branch, and where it could lie beside that.
+
+The problem is that of the wide fit, with the population of feet as one more prior, so that one recording is enough to
+go on from. It is the fit for the minute between two recordings; identification.fit, without a population, has the last
+word.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fasbody.exceptions import SimulationError
+from fasbody.recording.recording import Recording
+from identification.branches import DECISIVE_ODDS, STIFF_ANKLE, STIFF_PAD
+from identification.engines.twin import Twin
+from identification.periodic import Line, PeriodicProblem, excitations
+from identification.plan.prior import Person, PlanSpace
+from identification.search import inverse_of_gram
+from identification.settle import settle
+from identification.world import Nuisance, WorldProblem
+
+#: Starts of a first descent on each branch, and evaluations of a descent.
+_STARTS, _MOST = 6, 40
+#: Up to so many recordings the dampers may yet bend the other way.
+_FEW = 4
+_Z95 = 1.959963984540054
+#: Chi-square per degree of freedom beyond which the recordings are not those of such a foot.
+FOLLOWS = 2.0
+
+
+@dataclass(frozen=True)
+class Band:
+    """A constant with its 95 % limits."""
+
+    value: float
+    lower: float
+    upper: float
+
+    @property
+    def half_width(self) -> float:
+        """Half of the interval as a share of the value."""
+        return 0.5 * (self.upper - self.lower) / self.value
+
+    def __str__(self) -> str:
+        return f"{self.value:.4g} ({self.lower:.4g} to {self.upper:.4g})"
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """The likeliest foot of a branch.
+
+    Attributes:
+        name: of the branch. q: (n,). objective: chi-square and the squares of the prior's rows. C: covariance (n, n).
+        chi_square: of the recordings alone. dof: their numbers less the foot's constants.
+    """
+
+    name: str
+    q: np.ndarray
+    objective: float
+    C: np.ndarray
+    chi_square: float
+    dof: int
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """What is believed of a foot after recordings.
+
+    Attributes:
+        ends: of both branches, the likelier first. space: of their variables. problem: whose ends they are.
+    """
+
+    ends: tuple[End, ...]
+    space: PlanSpace
+    problem: WorldProblem
+
+    @property
+    def log_odds(self) -> float:
+        """Of the first branch over the other."""
+        return 0.5 * (self.ends[1].objective - self.ends[0].objective)
+
+    @property
+    def decided(self) -> bool:
+        """Beyond 1000 to 1, by recordings that such a foot can make."""
+        return self.follows and self.log_odds > np.log(DECISIVE_ODDS)
+
+    @property
+    def per_dof(self) -> float:
+        """Chi-square per degree of freedom of the likelier foot."""
+        return self.ends[0].chi_square / max(1, self.ends[0].dof)
+
+    @property
+    def follows(self) -> bool:
+        """Whether such a foot can make these recordings."""
+        return self.per_dof <= FOLLOWS
+
+    def bands(self, names: Sequence[str], end: int = 0) -> dict[str, Band]:
+        """Constants at rest, without load, of one end; wider where such a foot does not quite follow the recordings."""
+        found, e = {}, self.ends[end]
+        L = self.space.logarithms(e.q, names)
+        std = np.sqrt(np.diag(L @ e.C @ L.T) * max(1.0, e.chi_square / max(1, e.dof)))
+        for name, s in zip(names, std, strict=True):
+            value = self.space.value(e.q, name)
+            found[name] = Band(value, float(value * np.exp(-_Z95 * s)), float(value * np.exp(_Z95 * s)))
+        return found
+
+    def open_bands(self, names: Sequence[str]) -> dict[str, Band]:
+        """The same, over both feet while their branch is open."""
+        first = self.bands(names)
+        if self.decided:
+            return first
+        other = self.bands(names, 1)
+        return {
+            n: replace(b, lower=min(b.lower, other[n].lower), upper=max(b.upper, other[n].upper))
+            for n, b in first.items()
+        }
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """A foot (n,) that the recordings leave possible."""
+        other = 1 / (1 + np.exp(min(self.log_odds, 500.0)))
+        end = self.ends[1 if rng.random() < other else 0]
+        values, vectors = np.linalg.eigh(end.C)
+        q = end.q + vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(end.q.size))
+        low, high = self.space.side(1 if end.name == STIFF_ANKLE else -1)
+        return np.clip(q, low, high)
+
+
+def believe(
+    person: Person,
+    recordings: Sequence[Recording],
+    allowed: tuple[Nuisance, ...],
+    middle_hz: float,
+    rng: np.random.Generator,
+    before: Belief | None = None,
+) -> Belief:
+    """The likeliest foot of each branch.
+
+    Args:
+        person: on the shaker. recordings: settled sines, checked. allowed: what else may be true. middle_hz: of the
+            band. rng: of the starts. before: what was believed, to go on from.
+
+    Raises:
+        SimulationError: no foot of the population has such a motion.
+    """
+    lines = [Line.of(recording) for recording in recordings]
+    space = person.space(allowed, recordings, middle_hz)
+    weighed = any(each.group == "masses" for each in allowed)
+    drives = [replace(d, masses={}) if weighed else d for d in excitations(lines, person.foot)]
+    engine = Twin(person.foot, drives)
+    problem = WorldProblem(lines, engine, space, PeriodicProblem(lines, engine, space))
+    ends = _ends(problem, space, rng, before)
+    problem.reweigh(min(ends, key=lambda e: e.objective).q)
+    again = [_descend(problem, space, e.name, e.q) for e in ends]
+    if len(again) < 2 or not all(np.isfinite(e.objective) for e in again):
+        raise SimulationError("no foot of the population moves as these recordings do; check masses and units.")
+    return Belief(tuple(sorted(again, key=lambda e: e.objective)), space, problem)
+
+
+def _ends(problem: WorldProblem, space: PlanSpace, rng: np.random.Generator, before: Belief | None) -> list[End]:
+    found: dict[str, End] = {}
+
+    def enter(name: str, q: np.ndarray) -> None:
+        end = _descend(problem, space, name, q)
+        if name not in found or end.objective < found[name].objective:
+            found[name] = end
+
+    known = {e.name: e.q for e in before.ends} if before is not None and before.space.index == space.index else {}
+    for name, sign in ((STIFF_ANKLE, 1), (STIFF_PAD, -1)):
+        if name in known:
+            enter(name, known[name])
+        for _ in range(0 if known else _STARTS):
+            enter(name, space.draw(rng, sign))
+    best = min(found.values(), key=lambda e: e.objective)
+    enter(STIFF_PAD if best.name == STIFF_ANKLE else STIFF_ANKLE, space.image(best.q))
+    best = min(found.values(), key=lambda e: e.objective)
+    for q in space.bent(best.q) if len(problem.lines) <= _FEW else []:
+        enter(best.name, q)
+    best = min(found.values(), key=lambda e: e.objective)
+    enter(STIFF_PAD if best.name == STIFF_ANKLE else STIFF_ANKLE, space.image(best.q))
+    return list(found.values())
+
+
+def _descend(problem: WorldProblem, space: PlanSpace, name: str, q: np.ndarray) -> End:
+    problem.start(q)
+    low, high = space.side(1 if name == STIFF_ANKLE else -1)
+    found = settle(problem, q, low, high, _MOST)
+    C = inverse_of_gram(problem.jacobian(found.q))
+    dof = problem.size - len(space.base)
+    return End(name, found.q, found.objective, C, problem.chi(found.q), dof)

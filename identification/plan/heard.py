@@ -1,0 +1,69 @@
+"""What a recording was, right after it was made: level, distortion, coherence, and the response with its interval."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fasbody.recording.recording import Recording
+from fasbody.transmissibility.sines import by_segments
+from identification.periodic import Line
+
+_Z95 = 1.959963984540054
+#: Segments that the coherence compares.
+_SEGMENTS = 20
+
+
+@dataclass(frozen=True)
+class Heard:
+    """One recording.
+
+    Attributes:
+        level_m_s2: amplitude of the base's fundamental. distortion: its harmonics over that, as a share.
+        coherence: of malleolus and base at the fundamental, over segments.
+        transmissibility: with its 95 % limits lower and upper. phase_deg: of the malleolus against the base.
+        noise_m_s2: rms of a sample, of both channels together.
+    """
+
+    level_m_s2: float
+    distortion: float
+    coherence: float
+    transmissibility: float
+    lower: float
+    upper: float
+    phase_deg: float
+    noise_m_s2: float
+
+    def __str__(self) -> str:
+        return (
+            f"level {self.level_m_s2:.3g} m/s^2, distortion {100 * self.distortion:.2g} %, coherence "
+            f"{self.coherence:.4f}, transmissibility {self.transmissibility:.4g} ({self.lower:.4g} to "
+            f"{self.upper:.4g}), phase {self.phase_deg:.3g} deg"
+        )
+
+
+def heard(recording: Recording) -> Heard:
+    """What a checked recording of one sine was."""
+    line = Line.of(recording)
+    U, f = line.base.amplitudes, line.base.frequency_hz
+    channels = {"base": recording.base_m_s2, "malleolus": recording.malleolus_m_s2}
+    H, std = by_segments(recording.time_s, channels, f).ratio("malleolus")
+    size, wide = float(abs(H[0])), _Z95 * float(std[0])
+    return Heard(
+        float(abs(U[0])), float(np.linalg.norm(U[1:]) / abs(U[0])), coherence(recording, f), size,
+        max(0.0, size - wide), size + wide, float(np.degrees(np.angle(H[0]))),
+        float(np.sqrt(0.5 * (line.base.sigma**2 + line.malleolus.sigma**2))),
+    )  # fmt: skip
+
+
+def coherence(recording: Recording, frequency_hz: float) -> float:
+    """|sum of Y conj U|^2 over the product of their powers, of segments of whole periods at the fundamental."""
+    t = recording.time_s - recording.time_s[0]
+    period = recording.rate_hz / frequency_hz
+    parts = max(2, min(_SEGMENTS, int(t.size / period / 3)))
+    length = int(int(t.size / parts / period) * period)
+    turn = np.exp(-2j * np.pi * frequency_hz * t)
+    U, Y = (
+        np.array([((x - x.mean()) * turn)[i * length : (i + 1) * length].mean() for i in range(parts)])
+        for x in (recording.base_m_s2, recording.malleolus_m_s2)
+    )
+    return float(abs(np.vdot(U, Y)) ** 2 / (np.vdot(U, U).real * np.vdot(Y, Y).real))

@@ -1,0 +1,124 @@
+"""The steps of a session on real hardware, or on the virtual bench: acquire's board, generator, level and guard."""
+
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Self
+
+import typer
+
+from fasbody.acquire.bench import Bench
+from fasbody.acquire.board import Board
+from fasbody.acquire.display import Display
+from fasbody.acquire.generator import Generator
+from fasbody.acquire.level import Safety
+from fasbody.acquire.plan import Plan
+from fasbody.acquire.session import Session
+from fasbody.console import console
+from fasbody.exceptions import AcquisitionError, SettingError
+from fasbody.recording.recording import Recording
+from identification.plan.candidates import Step
+from identification.plan.prior import Person
+from identification.plan.session import Offering
+from identification.plan.shaker import SINE
+
+
+class Laboratory:
+    """Records steps into a study, one after the other, the output off between them.
+
+    Args:
+        study: folder. person: on the shaker. safety: what guard and level keep to.
+        ports: board, its baud rate, generator, its baud rate; None for the virtual bench. asks: a person at the
+            terminal lays the loads; without one, they must be laid when a step comes to them.
+    """
+
+    def __init__(
+        self, study: Path, person: Person, safety: Safety, ports: tuple[str, int, str, int] | None, asks: bool
+    ) -> None:
+        self._study, self._person, self._safety, self._ports, self._asks = study, person, safety, ports, asks
+        self._stack = ExitStack()
+        self._load: float | None = None
+        self._session: Session | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._stack.close()
+
+    def record(self, step: Step) -> Recording:
+        """Bring the base to its level and record.
+
+        Raises:
+            AcquisitionError: it did not succeed; the output is off.
+        """
+        if step.kind != SINE:
+            raise SettingError(f"a generator speaks sines, and no {step.kind}.")
+        plan = self._plan(step)
+        plan.check(True)
+        session = self._at(step.added_mass_kg, plan)
+        session.plan = plan
+        before = len(session.made)
+        session.run()
+        good = [one for one in session.made[before:] if not one.problems]
+        if not good:
+            why = "; ".join(problem for one in session.made[before:] for problem in one.problems) or "nothing was made"
+            raise AcquisitionError(f"no attempt was usable: {why}.")
+        return replace(good[-1].recording, origin=plan.origin)
+
+    def _plan(self, step: Step) -> Plan:
+        condition = replace(self._person.condition(step), frequency_hz=None)
+        truth: dict[str, Any] | None = None
+        if self._ports is None:
+            from fasbody.laboratory.foot import TRUTH
+
+            truth = {"origin": "synthetic", "parameters": TRUTH, "instrument": {"delay_s": 0.0}}
+        return Plan(
+            self._study, (step.frequency_hz,), condition, step.seconds, 2 * step.amplitude_m_s2, safety=self._safety,
+            origin="measured" if truth is None else "synthetic", truth=truth,
+        )  # fmt: skip
+
+    def _at(self, load_kg: float, plan: Plan) -> Session:
+        """The session under a load: on the bench a new one, as the virtual foot has its masses from the start."""
+        if self._session is not None and load_kg == self._load:
+            return self._session
+        if self._ports is None:
+            self._stack.close()
+            bench = self._stack.enter_context(Bench(added_mass=load_kg))
+            ports = bench.board_port, 921600, bench.generator_port, 115200
+        else:
+            ports = self._ports
+            if self._load is not None or load_kg:
+                self._lay(load_kg)
+        if self._session is None or self._ports is None:
+            board = Board(ports[0], ports[1])
+            self._stack.callback(board.close)
+            board.wait_for_hello()
+            generator = self._stack.enter_context(Generator(ports[2], ports[3]))
+            self._stack.enter_context(Display(board))
+            self._session = Session(plan, board, generator)
+        self._load = load_kg
+        return self._session
+
+    def _lay(self, load_kg: float) -> None:
+        """Wait until somebody has laid the load; the output is off."""
+        if not typer.confirm(f"{load_kg:g} kg are on the knee", default=True, err=True):
+            raise AcquisitionError(f"{load_kg:g} kg are not on the knee.")
+
+
+class Offer(Offering):
+    """Tells on the terminal; asks before each step unless it is taken by itself."""
+
+    def __init__(self, auto: bool) -> None:
+        self._auto = auto
+
+    def step(self, proposed: Step, why: str) -> Step | None:
+        """See `Offering`."""
+        console.print(f"next: {proposed} ({why})", soft_wrap=True, markup=False)
+        if self._auto:
+            return proposed
+        return proposed if typer.confirm("take it", default=True, err=True) else None
+
+    def told(self, sentence: str) -> None:
+        """See `Offering`."""
+        console.print(sentence, soft_wrap=True, markup=False)

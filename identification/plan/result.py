@@ -1,0 +1,279 @@
+"""A session planned in advance, beside the thesis' protocol."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fasbody.console import to_json, write_whole
+from fasbody.presentation import Presented, Sheet
+from identification.branches import EXCHANGED
+from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Step, thesis
+from identification.plan.director import SHARE, Director, Outlook, Score
+from identification.plan.protocol import Protocol, shaking_s
+
+_TITLES = {PLANNED: "planned", THESIS: "the thesis, three loads", UNLOADED: "the thesis, unloaded"}
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What a protocol is expected to leave.
+
+    Attributes:
+        steps: of it. half_width: half of the 95 % interval as a share of the value, by constant; the geometric mean
+            over the feet. least, most: over the feet. decided: share of the feet whose branch is decided.
+    """
+
+    steps: tuple[Step, ...]
+    half_width: dict[str, float]
+    least: dict[str, float]
+    most: dict[str, float]
+    decided: float
+
+    @classmethod
+    def of(cls, steps: Sequence[Step], outlook: Outlook) -> "Expected":
+        """Of an outlook."""
+        low, high = ({name: ends[i] for name, ends in outlook.spread.items()} for i in (0, 1))
+        return cls(tuple(steps), dict(outlook.half_width), low, high, outlook.decided)
+
+    def document(self) -> dict[str, Any]:
+        """As plain data."""
+        return {
+            "recordings": len(self.steps), "shaking_s": shaking_s(self.steps), "relative_half_width": self.half_width,
+            "relative_half_width_least": self.least, "relative_half_width_most": self.most,
+            "decided_share": self.decided,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Place:
+    """One candidate on the map: what it adds as the first recording, and as one more after the plan."""
+
+    step: Step
+    first: Score
+    more: Score
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Planned(Presented):
+    """A session in advance.
+
+    Attributes:
+        model, subject, body_mass_kg, posture, seed: whose plan, and of which draws. feet: how many draws.
+        steps: to record, in order. adds: what each adds to all the others. expected: by protocol.
+        asked: half-widths by constant; told: those of them that were asked for in words.
+        reached: half-widths if every candidate were recorded for ever, and the share decided then.
+        allowed: departures of the world that are allowed for. earlier: how many recordings there are.
+        places: the map. said: what earlier recordings say. seconds: that the planning took.
+    """
+
+    figures: ClassVar[str] = "identification.plan.figures"
+    plots: ClassVar[tuple[str, ...]] = ("session", "information")
+
+    model: str
+    subject: str
+    body_mass_kg: float
+    posture: str
+    seed: int
+    feet: int
+    steps: tuple[Step, ...]
+    adds: tuple[Score, ...]
+    expected: dict[str, Expected]
+    asked: dict[str, float]
+    told: tuple[str, ...]
+    reached: Expected
+    allowed: tuple[str, ...]
+    earlier: int
+    places: tuple[Place, ...]
+    said: str
+    seconds: float
+
+    @property
+    def missed(self) -> tuple[str, ...]:
+        """Constants whose interval the plan is not expected to bring down to what is asked."""
+        mine = self.expected[PLANNED].half_width
+        return tuple(name for name in EXCHANGED if mine[name] > self.asked[name])
+
+    @property
+    def never(self) -> tuple[str, ...]:
+        """Constants whose interval no protocol of these candidates brings down to what is asked."""
+        return tuple(name for name in self.missed if self.reached.half_width[name] > self.asked[name])
+
+    @property
+    def decides(self) -> bool:
+        """The branch is expected to be decided."""
+        return self.expected[PLANNED].decided >= SHARE
+
+    @property
+    def met(self) -> bool:
+        """The branch is expected to be decided, and every asked interval to be met."""
+        return self.decides and not self.missed
+
+    @property
+    def protocol(self) -> Protocol:
+        """For the file."""
+        return Protocol(self.steps, self.subject, self.body_mass_kg, self.posture, self.seed)
+
+    def sentence(self) -> str:
+        """What to expect."""
+        mine, theirs = self.expected[PLANNED], self.expected[THESIS]
+        text = (
+            f"{_many(len(self.steps), 'recording')} and {shaking_s(self.steps) / 60:.2g} minutes of shaking in place "
+            f"of {len(theirs.steps)} and {shaking_s(theirs.steps) / 60:.2g}: "
+        )
+        ratio = {name: mine.half_width[name] / theirs.half_width[name] for name in EXCHANGED}
+        worst = max(ratio, key=lambda name: ratio[name])
+        text += (
+            f"intervals of {min(ratio.values()):.2g} to {ratio[worst]:.2g} times those of the thesis' three loads, and "
+            f"the branch decided for {100 * mine.decided:.0f} % of such feet."
+        )
+        return f"{text} {self.stop()}"
+
+    def stop(self) -> str:
+        """Whether what is asked is met, will be, or never is."""
+        if self.met:
+            return "What is asked is met."
+        parts = []
+        for name in self.missed:
+            if name not in self.never:
+                parts.append(f"{name} stays at +-{_percent(self.expected[PLANNED].half_width[name])}")
+        if not self.decides and self.reached.decided >= SHARE:
+            parts.append("the branch may stay open")
+        never = [
+            f"{name} below +-{_percent(self.reached.half_width[name])} ({_percent(self.asked[name])} asked)"
+            for name in self.never
+        ]
+        if self.reached.decided < SHARE:
+            never.append(f"the branch for more than {100 * self.reached.decided:.0f} % of such feet")
+        text = ""
+        if parts:
+            text = f"More recordings or minutes are needed: {', '.join(parts)}. "
+        if never:
+            text += (
+                f"No protocol of these candidates ever brings {', nor '.join(never)}: what stays uncertain is not in "
+                "the vibration. Weigh the segments, calibrate the channels, or add a load or a sensor on the foot."
+            )
+        return text.strip()
+
+    def sheet(self) -> Sheet:
+        """The session, step by step."""
+        rows = [
+            (
+                str(i), step.kind, f"{step.frequency_hz:g}", f"{step.added_mass_kg:g}", f"{step.amplitude_m_s2:.3g}",
+                f"{step.seconds:g}", f"{score.information:.2f}", f"{score.widest:.2f}", f"{score.branch:.2f}",
+            )
+            for i, (step, score) in enumerate(zip(self.steps, self.adds, strict=True), start=1)
+        ]  # fmt: skip
+        columns = (
+            "step", "kind", "Hz", "kg", "m/s^2", "s", "information [nat]", "widest [nat]", "branch",
+        )  # fmt: skip
+        notes = [self.sentence()]
+        for name, e in self.expected.items():
+            widths = ", ".join(f"{n} +-{_percent(w)}" for n, w in e.half_width.items())
+            notes.append(
+                f"{_TITLES[name]}: {_many(len(e.steps), 'recording')}, {shaking_s(e.steps) / 60:.2g} min, {widths}, "
+                f"decided {100 * e.decided:.0f} %."
+            )
+        also = f", {', '.join(self.allowed)}" if self.allowed else ""
+        notes.append(
+            f"Averages over {self.feet} feet of {self.body_mass_kg:g} kg persons; masses, gain, delay{also} are "
+            f"uncertain as in a fit. Seed {self.seed}."
+        )
+        if self.said:
+            notes.append(self.said)
+        return Sheet(f"{self.model}: the next session of subject {self.subject}", columns, rows, notes)
+
+    def records(self) -> list[dict[str, Any]]:
+        """One row a step."""
+        return [_row(step) | asdict(score) for step, score in zip(self.steps, self.adds, strict=True)]
+
+    def document(self) -> dict[str, Any]:
+        """The plan as plain data."""
+        return {
+            **self.protocol.document(), "model": self.model, "feet": self.feet,
+            "next": _row(self.steps[0]) if self.steps else None,
+            "scores": [asdict(score) | {"total": score.total} for score in self.adds],
+            "expected": {name: e.document() for name, e in self.expected.items()},
+            "asked": self.asked, "met": self.met,
+            "never": {
+                "constants": list(self.never), "relative_half_width": self.reached.half_width,
+                "decided_share": self.reached.decided,
+            },
+            "allowed": list(self.allowed), "earlier_recordings": self.earlier,
+            "information": [
+                {
+                    **_row(p.step), "first_nat": p.first.information, "more_nat": p.more.information,
+                    "first_total": p.first.total, "more_total": p.more.total,
+                }
+                for p in self.places
+            ],
+            "sentence": self.sentence(), "seconds": self.seconds,
+        }  # fmt: skip
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write protocol.json, which acquire runs, plan.json and plan.csv into a folder."""
+        place = Path(folder)
+        return [
+            self.protocol.write(place / "protocol.json"),
+            write_whole(place / "plan.json", to_json(self.document()) + "\n"),
+            write_whole(place / "plan.csv", self.to_dataframe().to_csv(index=False)),
+        ]
+
+
+def planned(director: Director, most: int, seconds: float, took_s: float = 0.0) -> Planned:
+    """A whole session of a director, and what is expected of it.
+
+    Args:
+        director: of the person. most: recordings. seconds: of shaking. took_s: that making the director took.
+    """
+    import time
+
+    began = time.perf_counter()
+    steps = director.session(most, seconds)
+    protocols: dict[str, Sequence[Step]] = {PLANNED: steps, THESIS: thesis(), UNLOADED: thesis((0.0,))}
+    expected = {
+        name: Expected.of(each, director.outlook(each, fresh=name != PLANNED)) for name, each in protocols.items()
+    }
+    whole = director.outlook(steps).utility
+    adds = []
+    for number in range(len(steps)):
+        without = director.outlook([*steps[:number], *steps[number + 1 :]]).utility
+        adds.append(Score(*map(float, whole - without)))
+    first, more = director.scores(()), director.scores(steps)
+    person = director.person
+    return Planned(
+        person.foot.name, person.name, person.body_mass_kg, person.posture, director.seed, director.feet, steps,
+        tuple(adds), expected, dict(director.asked), director.told, Expected.of((), director.for_ever()),
+        director.allowed, len(director.done),
+        tuple(Place(s, a, b) for s, a, b in zip(director.candidates, first, more, strict=True)),
+        "" if director.belief is None else believed(director), took_s + time.perf_counter() - began,
+    )  # fmt: skip
+
+
+def believed(director: Director) -> str:
+    """What recordings say so far, in a sentence."""
+    belief = director.belief
+    if belief is None:
+        return "Nothing is recorded yet."
+    bands = ", ".join(f"{name} {band}" for name, band in belief.open_bands(EXCHANGED).items())
+    odds = np.exp(min(belief.log_odds, np.log(1e6)))
+    name = belief.ends[0].name
+    told = f"{name}, decided" if belief.decided else f"branch open, {name} at {odds:.3g} to 1"
+    lost = "" if belief.follows else f" Such a foot does not move like this (chi-square {belief.per_dof:.3g} a dof)."
+    return f"After {_many(len(director.done), 'recording')}: {told}; {bands}.{lost}"
+
+
+def _row(step: Step) -> dict[str, Any]:
+    row = asdict(step)
+    row["sensors"] = ",".join(step.sensors)
+    return row
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.0f} %"

@@ -1,0 +1,361 @@
+"""The experiment director against closed forms, finite differences, its own limits, and acquire's virtual bench."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from benchmarks.director import COUNTED, SHORTER, Rig, recorded, virtual
+from fasbody.acquire.commands import app as acquire
+from fasbody.acquire.plan import PROTOCOL
+from fasbody.exceptions import FasError, InputFileError, SettingError
+from fasbody.foot.model import load
+from fasbody.foot.two_dof import TwoDof
+from fasbody.recording.checks import checked
+from fasbody.recording.known import Known
+from fasbody.recording.recording import Recording
+from fasbody.recording.study import Study
+from identification.branches import EXCHANGED
+from identification.plan.__main__ import app
+from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Candidates, Step, thesis
+from identification.plan.director import Director
+from identification.plan.heard import coherence, heard
+from identification.plan.information import Sight
+from identification.plan.prior import Person
+from identification.plan.protocol import Protocol
+from identification.plan.result import Planned, planned
+from identification.plan.session import FAILING, Offering, Session
+from identification.plan.shaker import Shaker
+
+ALONE = Known().told(exclude=("all",))
+SHAKER = Shaker(every_hz=5.0, loads_kg=(0.0, 4.5))
+FOOT = {"k_T": 1.5e5, "k_F": 1.0e5, "c_11": 300.0, "c_12": 0.0, "c_13": 0.0, "c_21": 400.0, "c_22": 0.0, "c_23": 0.0}
+
+
+def person(body_mass_kg: float = 72.0, known: Known = ALONE) -> Person:
+    return Person(load("two_dof"), body_mass_kg, known)
+
+
+@pytest.fixture(scope="module")
+def director() -> Director:
+    return Director(person(), SHAKER, draws=6)
+
+
+@pytest.fixture(scope="module")
+def plan(director: Director) -> Planned:
+    return planned(director, 9, 270.0)
+
+
+def sight(steps: list[Step], who: Person) -> Sight:
+    return Sight(who, steps, SHAKER, who.allowed(steps, (), 1000.0), np.random.default_rng(0), 25.0)
+
+
+# what a recording tells
+
+
+def test_information_is_that_of_finite_differences_of_the_closed_form() -> None:
+    """Of a linear foot: constants, masses, gain and delay, each nudged in the transmissibility of Eq. (4.30)."""
+    who = person()
+    steps = [Step("sine", hz, load_kg, 8.95, 10.0) for hz, load_kg in ((18.0, 0.0), (48.0, 0.0), (25.0, 2.3))]
+    eye = sight(steps, who)
+    space = eye.space
+    q = space.start(FOOT)
+    seen = eye.see(q)
+    assert seen is not None
+    names = ["k_T", "k_F", "c_11", "c_21", "shank mass", "foot mass", "gain", "delay"]
+    at = [space.index[name] for name in names]
+    stated = who.condition(steps[0]).masses
+
+    def harmonic(x: np.ndarray, step: Step) -> complex:
+        v = dict(zip(names, x, strict=True))
+        a = stated["m_S"] / (stated["m_S"] + stated["m_F"])
+        mass = {n: stated[n] * np.exp(0.1 * v[kind]) for n, kind in (("m_S", "shank mass"), ("m_F", "foot mass"))}
+        leg = TwoDof(
+            np.exp(v["k_T"] + 0.5 * (v["k_F"] + np.log(a))), np.exp(v["k_T"] - 0.5 * (v["k_F"] + np.log(a))),
+            np.exp(v["c_11"]), 0, 0, np.exp(v["c_21"]), 0, 0, mass["m_S"] + step.added_mass_kg, mass["m_F"],
+        )  # fmt: skip
+        late = np.exp(-2j * np.pi * step.frequency_hz * 1e-4 * v["delay"])
+        return complex(leg.transmissibility(np.array([step.frequency_hz]))[0] * (1 + 0.01 * v["gain"]) * late * 8.95)
+
+    for number, step in enumerate(steps):
+        x, J = q[at], np.empty((2, len(at)))
+        for j in range(len(at)):
+            nudge = np.eye(len(at))[j] * 1e-4
+            d = (harmonic(x + nudge, step) - harmonic(x - nudge, step)) / 2e-4
+            J[:, j] = d.real, d.imag
+        std = SHAKER.noise_m_s2 * np.sqrt(2 / 10_000) * np.hypot(1, abs(harmonic(x, step)) / 8.95)
+        expected = J.T @ J / std**2
+        found = seen.A[number][np.ix_(at, at)]
+        scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+        assert np.abs((found - expected) / scale).max() < 2e-3
+    A = [x.A for x in (eye.see(q),) if x]
+    np.testing.assert_array_equal(A[0], seen.A)  # nothing is left from before
+
+
+def test_mirror_foot_of_a_linear_one_misses_nothing_without_load_and_much_under_it() -> None:
+    eye = sight([Step("sine", hz, load_kg, 8.95, 10.0) for load_kg in (0.0, 4.5) for hz in (15.0, 30.0)], person())
+    seen = eye.see(eye.space.start(FOOT))
+    assert seen is not None
+    assert seen.c[:2].max() < 1e-3 < 100 < seen.c[2:].min()
+
+
+def test_information_grows_with_the_time(director: Director) -> None:
+    step = director.candidates[3]
+    twice = director.outlook([step, step, director.candidates[12]])
+    once = director.outlook([replace(step, seconds=2 * step.seconds), director.candidates[12]])
+    assert once.half_width == pytest.approx(twice.half_width) and np.allclose(once.log_odds, twice.log_odds)
+    assert all(twice.half_width[n] < director.outlook([step]).half_width[n] for n in EXCHANGED)
+
+
+def test_next_step_is_the_one_of_the_largest_score(director: Director) -> None:
+    chosen = [director.candidates[0]]
+    step, score = director.next(chosen)
+    totals = [
+        director.outlook([*chosen, each]).utility.sum() - director.outlook(chosen).utility.sum()
+        for each in director.candidates
+    ]
+    assert director.candidates[int(np.argmax(totals))] == step and score.total == pytest.approx(max(totals))
+
+
+# plans
+
+
+def test_third_of_the_recordings_leaves_the_intervals_of_the_thesis(plan: Planned) -> None:
+    mine, three, one = (plan.expected[name] for name in (PLANNED, THESIS, UNLOADED))
+    assert len(mine.steps) <= 9 and len(three.steps) == 27 and len(one.steps) == 9
+    assert all(mine.half_width[n] <= 1.15 * three.half_width[n] for n in EXCHANGED)
+    assert mine.half_width["k_T"] <= 0.5 * one.half_width["k_T"]
+    assert plan.met and not plan.never
+
+
+def test_plan_follows_from_its_seed(plan: Planned) -> None:
+    again = planned(Director(person(), SHAKER, draws=6), 9, 270.0)
+    assert {**again.document(), "seconds": 0} == {**plan.document(), "seconds": 0}
+    assert (
+        Director(person(), SHAKER, draws=6, seed=1).outlook(plan.steps).half_width != again.expected[PLANNED].half_width
+    )
+
+
+def test_document_has_what_was_asked(plan: Planned) -> None:
+    document = json.loads(json.dumps(plan.document()))
+    assert {"kind", "frequency_hz", "added_mass_kg", "amplitude_m_s2", "seconds"} <= set(document["protocol"][0])
+    for name in (PLANNED, THESIS):
+        assert set(document["expected"][name]["relative_half_width"]) == set(EXCHANGED)
+    assert document["expected"][THESIS]["shaking_s"] == 270.0
+    assert document["expected"][PLANNED]["shaking_s"] == sum(s["seconds"] for s in document["protocol"])
+    assert f"{len(plan.steps)} recordings" in plan.sentence()
+    assert len(plan.records()) == len(plan.steps) == len(plan.sheet().rows)
+
+
+def test_figures_are_drawn(plan: Planned) -> None:
+    for kind in plan.plots:
+        assert plan.plot(kind).axes
+
+
+def test_what_shaking_cannot_tell_is_said() -> None:
+    """One load leaves every constant as uncertain as the mass of the leg."""
+    shaker = Shaker(every_hz=10.0, loads_kg=(0.0,))
+    result = planned(Director(person(), shaker, dict.fromkeys(EXCHANGED, 0.01), draws=4), 4, 40.0)
+    assert set(result.never) == set(EXCHANGED) and "No protocol of these candidates ever" in result.sentence()
+    assert all(result.reached.half_width[n] > 0.1 for n in EXCHANGED)
+
+
+def test_asked_intervals_end_a_plan_early(director: Director) -> None:
+    easy = Director(person(), SHAKER, dict.fromkeys(EXCHANGED, 0.5), draws=6)
+    steps = easy.session(9, 270.0)
+    assert len(steps) < 9 and easy.met(easy.outlook(steps))
+
+
+# limits
+
+
+@pytest.mark.parametrize("shaker", [Shaker(displacement_m=1e-3), Shaker(force_n=60.0), Shaker(amplitude_m_s2=3.0)])
+def test_no_candidate_exceeds_a_limit(shaker: Shaker) -> None:
+    leg = person().leg_kg
+    steps = Candidates(replace(shaker, kinds=("sine", "multisine")), leg).steps
+    for step in steps:
+        U = step.base(step.count(1000.0))
+        wave = np.real(np.exp(2j * np.pi * np.outer(np.arange(4096) / 4096, np.arange(1, U.size + 1))) @ U)
+        w = 2 * np.pi * step.frequency_hz * np.arange(1, U.size + 1)
+        travel = np.real(np.exp(2j * np.pi * np.outer(np.arange(4096) / 4096, np.arange(1, U.size + 1))) @ (U / w**2))
+        assert np.abs(wave).max() <= shaker.amplitude_m_s2 * 1.001
+        assert np.ptp(travel) <= shaker.displacement_m * 1.001
+        if shaker.force_n is not None:
+            assert (shaker.table_kg + leg + step.added_mass_kg) * np.abs(wave).max() <= shaker.force_n
+    assert {step.kind for step in steps} == {"sine", "multisine"}
+
+
+def test_what_cannot_be_meant_is_refused() -> None:
+    for wrong in (
+        {"lowest_hz": 60.0}, {"loads_kg": ()}, {"loads_kg": (-1.0,)}, {"kinds": ("noise",)}, {"kinds": ()},
+        {"amplitude_m_s2": np.nan}, {"force_n": 0.0}, {"seconds": 0.1},
+    ):  # fmt: skip
+        with pytest.raises(SettingError):
+            Shaker(**wrong)  # type: ignore[arg-type]
+    with pytest.raises(SettingError, match="20 to 300"):
+        person(5.0)
+    with pytest.raises(SettingError, match="another model"):
+        Person(load("foot_arch"), 70.0)
+    for ask in ({"k_X": 0.1}, {"k_T": 0.0}):
+        with pytest.raises(SettingError):
+            Director(person(), SHAKER, ask, draws=2)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--ask", "k_T"], ["--ask", "k_X=0.1"], ["--frequencies", "50:10:2"], ["--frequencies", "a"], ["--loads", "x"],
+        ["--kinds", "noise"], ["--amplitude", "0"], ["--body-mass", "5"], ["--allow", "ghosts"], ["--recordings", "0"],
+        ["--minutes", "0"], ["--draws", "1"], ["no_such_study"], ["--sensors", "malleolus,nose"], ["run"],
+        ["run", "--out", "s"], ["run", "--simulate", "--port", "x", "--out", "s"],
+    ],
+)  # fmt: skip
+def test_command_refuses_in_a_sentence(words: list[str]) -> None:
+    words = words if words[0] == "run" else ["propose", *words]
+    result = CliRunner().invoke(app, words)
+    assert isinstance(result.exception, FasError) and str(result.exception).endswith(".")
+
+
+def test_command_writes_what_it_says(tmp_path: Path) -> None:
+    words = ["--frequencies", "10:50:10", "--loads", "0,4.5", "--draws", "3", "--recordings", "3", "--minutes", "0.5"]
+    file = tmp_path / "steps.json"
+    result = CliRunner().invoke(app, ["propose", *words, "--json", "--protocol", str(file)])
+    document = json.loads(result.stdout)
+    assert [vars_of(s) for s in Protocol.read(file).steps] == [
+        {**s, "sensors": tuple(s["sensors"])} for s in document["protocol"]
+    ]
+
+
+def vars_of(step: Step) -> dict[str, object]:
+    return dict(vars(step))
+
+
+# files
+
+
+def test_protocol_comes_back_and_broken_ones_are_refused(tmp_path: Path, plan: Planned) -> None:
+    file = plan.protocol.write(tmp_path / "protocol.json")
+    assert Protocol.read(file) == plan.protocol
+    document = json.loads(file.read_text())
+    step = document["protocol"][0]
+    wrong = {"seconds": True, "frequency_hz": 1e9, "kind": "noise", "tones": 99, "sensors": "malleolus"}
+    for broken in (
+        {**document, "format": "x"}, {**document, "protocol": []}, {**document, "body_mass_kg": None},
+        *({**document, "protocol": [{**step, name: value}]} for name, value in wrong.items()),
+        {**document, "protocol": [7]}, [],
+    ):  # fmt: skip
+        file.write_text(json.dumps(broken))
+        with pytest.raises(InputFileError, match=r"protocol\.json"):
+            Protocol.read(file)
+    file.write_text("{")
+    with pytest.raises(InputFileError, match="JSON"):
+        Protocol.read(file)
+
+
+def test_acquire_runs_a_plan_on_the_virtual_bench(tmp_path: Path) -> None:
+    steps = (Step("sine", 30.0, 2.3, 5.0, 0.6), Step("sine", 40.0, 2.3, 4.0, 0.5))
+    file = Protocol(steps, "16", 72.57, "midstance", 0).write(tmp_path / "steps.json")
+    study = tmp_path / "study"
+    result = CliRunner().invoke(acquire, ["record", "--simulate", "--plan", str(file), "--out", str(study), "--json"])
+    assert result.exit_code == 0, result.output
+    made = Study.read(study).recordings
+    assert [(r.condition.frequency_hz, r.condition.added_mass_kg) for r in made] == [(30.0, 2.3), (40.0, 2.3)]
+    for step, recording in zip(steps, made, strict=True):
+        assert heard(checked(recording)).level_m_s2 == pytest.approx(step.amplitude_m_s2, rel=0.04)
+        assert recording.time_s.size == pytest.approx(1000 * step.seconds)
+
+
+@pytest.mark.parametrize(
+    ("step", "words", "says"),
+    [
+        ({"kind": "multisine"}, [], "speaks sines"),
+        ({}, ["--frequency", "20"], "leave out"),
+        ({}, ["--added-mass", "9"], "no step has 9 kg"),
+        ({"amplitude_m_s2": 40.0}, [], "limit"),
+        ({"frequency_hz": 4.0}, [], "more than 8 mm"),
+    ],
+)
+def test_acquire_refuses_a_plan_that_it_cannot_run(
+    tmp_path: Path, step: dict[str, object], words: list[str], says: str
+) -> None:
+    row = {"kind": "sine", "frequency_hz": 30.0, "added_mass_kg": 0.0, "amplitude_m_s2": 5.0, "seconds": 1.0, **step}
+    file = tmp_path / "steps.json"
+    file.write_text(json.dumps({"format": PROTOCOL, "body_mass_kg": 70.0, "protocol": [row]}))
+    line = ["record", "--simulate", "--plan", str(file), "--out", str(tmp_path / "s"), *words]
+    result = CliRunner().invoke(acquire, line)
+    assert isinstance(result.exception, FasError) and says in str(result.exception)
+
+
+# while shaking
+
+
+@pytest.fixture(scope="module")
+def half_way() -> Iterator[tuple[Director, list[Recording]]]:
+    foot = virtual(3)
+    data = [checked(r) for r in recorded(foot, thesis((0.0, 4.5), 2.0)[::2], 5)]
+    yield Director(Person(load("two_dof"), foot.body_kg, ALONE, "made"), SHAKER, earlier=data, draws=4), data
+
+
+def test_recordings_of_another_simulator_are_believed(half_way: tuple[Director, list[Recording]]) -> None:
+    director, _ = half_way
+    belief, truth = director.belief, virtual(3).leg
+    assert belief is not None and belief.follows and belief.decided
+    assert belief.ends[0].name == ("stiff ankle" if truth.stiff_ankle else "stiff pad")
+    for name, band in belief.open_bands(COUNTED).items():
+        assert band.lower <= getattr(truth, name) <= band.upper
+    more = director.outlook([director.next()[0]]).half_width
+    assert all(more[n] < director.outlook(()).half_width[n] for n in EXCHANGED)
+    assert director.shaker.noise_m_s2 == pytest.approx(virtual(3).noise_m_s2 / np.sqrt(SHORTER), rel=0.05)
+
+
+def test_recordings_of_somebody_else_are_refused(half_way: tuple[Director, list[Recording]]) -> None:
+    with pytest.raises(SettingError, match="is of subject 'made'"):
+        Director(person(), SHAKER, earlier=half_way[1], draws=2)
+
+
+def test_level_distortion_and_coherence_are_those_of_the_signals() -> None:
+    rng, t = np.random.default_rng(0), np.arange(10_000) / 1000
+    base = 5 * np.sin(2 * np.pi * 20 * t) + 0.4 * np.sin(2 * np.pi * 40 * t + 1)
+    y = 7.5 * np.sin(2 * np.pi * 20 * t - 0.5)
+    clean = checked(Recording.from_arrays(t, base, y + 1e-3 * rng.normal(size=t.size), frequency_hz=20.0))
+    found = heard(clean)
+    assert found.level_m_s2 == pytest.approx(5, rel=1e-4) and found.distortion == pytest.approx(0.08, rel=1e-3)
+    assert found.transmissibility == pytest.approx(1.5, rel=1e-4) and found.lower <= 1.5 <= found.upper
+    assert found.phase_deg == pytest.approx(-np.degrees(0.5), abs=0.02) and found.coherence > 0.99999
+    # amplitudes of segments scatter as much as they are large: |E Y U*|^2 / (E|Y|^2 E|U|^2) = 1/2
+    wander = np.repeat(rng.normal(size=20) + 1j * rng.normal(size=20), 500)
+    half = replace(clean, malleolus_m_s2=np.real((1 + wander / np.sqrt(2)) * np.exp(2j * np.pi * 20 * t)))
+    assert coherence(half, 20.0) == pytest.approx(0.5, abs=0.25)
+
+
+def test_session_ends_by_itself_within_the_limits() -> None:
+    foot = virtual(10_000)
+    rig = Rig(foot, np.random.default_rng(1))
+    said: list[str] = []
+
+    class Listening(Offering):
+        def told(self, sentence: str) -> None:
+            said.append(sentence)
+
+    who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
+    shaker = Shaker(every_hz=10.0, loads_kg=(0.0, 4.5), seconds=2.0)
+    done = Session(who, shaker, dict.fromkeys(EXCHANGED, 0.3), 4, 20.0, 0, 3, rig.record, Listening()).run()
+    assert len(done.good) <= 4 and sum(t.step.seconds for t in done.good) <= 20.0
+    assert not rig.is_on and rig.commanded <= 1 and rig.beyond_s <= Rig.block / Rig.rate_hz
+    assert {replace(t.step, seconds=2.0) for t in done.taken} <= set(Candidates(shaker, who.leg_kg).steps)
+    assert any("transmissibility" in text for text in said) and done.reason in done.sentence()
+    assert json.loads(json.dumps(done.document(), default=float))["recordings"] == len(done.good)
+
+
+def test_session_on_a_dead_shaker_gives_up() -> None:
+    rig = Rig(virtual(0), np.random.default_rng(0))
+    rig._gain = 0.0
+    who = Person(load("two_dof"), virtual(0).body_kg, ALONE, "made")
+    shaker = Shaker(every_hz=20.0, loads_kg=(0.0, 4.5), seconds=2.0)
+    done = Session(who, shaker, dict.fromkeys(EXCHANGED, 0.3), 4, 20.0, 0, 2, rig.record).run()
+    assert done.ended == FAILING and not done.good and not rig.is_on
+    assert "does not follow" in str(done.sheet())
