@@ -256,7 +256,7 @@ def _earlier(data: Sequence[Path] | None, body_mass: float | None) -> "list[Reco
     if not data:
         return []
     from fasbody.recording.checks import checked
-    from identification.fit import gather
+    from fasbody.recording.sources import gather
 
     found = [checked(recording) for recording in gather(data, [body_mass] if body_mass else None, None)[1]]
     if other := [r.file for r in found if r.condition.frequency_hz is None]:
