@@ -1,7 +1,10 @@
 """A branch of a fit converged on the MuJoCo rollout, with its standard errors: the numbers that are reported.
 
-The estimate is then run over whole recordings in MuJoCo (`replay`): the traces of the report and the fit percentage of
-the thesis.
+The estimate is then run over whole recordings (`replay`): the traces of the report and the fit percentage of the thesis.
+MuJoCo runs all of them where it alone is the model. Where the compiled twin is the model too and the motion is steady,
+MuJoCo runs the first recording throughout and one period of the others, and the twin, which must agree with it over
+those, runs the rest: each further period repeats the one that was certified, and a motion that a foot would not stay on
+is thrown off by the noise of the base in the twin as well.
 """
 
 from collections.abc import Mapping, Sequence
@@ -118,7 +121,8 @@ def _certify(domain: Domain, name: str, descent: Descent) -> Certified:
     descent = _converged(final, descent)
     starts = [final.states(descent.z, number) for number in range(len(domain.recordings))]
     values = domain.space.values(descent.theta)
-    run = replay(domain.foot, domain.recordings, values, starts, domain.twin, domain.threads, domain.sensors)
+    foot, data = domain.foot, domain.recordings
+    run = replay(foot, data, values, starts, domain.twin, domain.threads, domain.sensors, domain.throughout)
     if final.chi_square and not _lasts(run, domain.recordings):
         raise SimulationError(f"{domain.foot.name}: a periodic motion that a foot would not stay on.")
     return Certified(name, final, descent, descent.cost + final.log_determinant, run)
@@ -222,47 +226,61 @@ def size_that_matters(item: Parameter) -> float:
 def replay(
     foot: Foot,
     recordings: Sequence[Recording],
-    values: Mapping[str, float] | Sequence[Mapping[str, float]],
+    values: Mapping[str, float],
     starts: Sequence[np.ndarray],
     twin: bool,
     threads: int = 0,
     sensors: Sequence[str] = MALLEOLUS,
+    throughout: int | None = None,
 ) -> Replay:
     """Run every recording from its initial states [m, m/s], driven by the spline through its base channel.
 
     Args:
-        foot: the model. recordings: checked. values: parameters by name, with the delay, of all recordings or of each.
+        foot: the model. recordings: checked. values: parameters by name, with the delay.
             starts: initial states of each (`Coordinates.unpack`). twin: compare with the compiled twin.
             threads: 0 for all cores. sensors: that are fitted, where a recording has them.
+            throughout: how many recordings MuJoCo runs from end to end, None for all; of the others, which are steady
+            and have a twin, it runs the first period.
     """
     coordinates = Coordinates(foot)
     traces: list[np.ndarray] = [np.empty(0)] * len(recordings)
     others: list[dict[str, np.ndarray]] = [{} for _ in recordings]
     base_error, difference = 0.0, 0.0
     whole = [Whole.of(recording, foot) for recording in recordings]
-    grids = [(each.step, each.steps, each.stride) for each in whole]
-    feet = [values] * len(recordings) if isinstance(values, Mapping) else values
-    full = [{**foot_values, **r.condition.masses} for foot_values, r in zip(feet, recordings, strict=True)]
-    engine = Twin(foot, whole) if twin else None
+    part = [twin and throughout is not None and i >= throughout for i in range(len(recordings))]
+    grids = [
+        (each.step, _period(each) if short else each.steps, each.stride)
+        for each, short in zip(whole, part, strict=True)
+    ]
+    full = [{**values, **r.condition.masses} for r in recordings]
+    engine = Twin(foot, whole, sensors if any(part) else MALLEOLUS) if twin else None
     for shape in dict.fromkeys(grids):
         group = [i for i, g in enumerate(grids) if g == shape]
         h, n, stride = shape
         batch = Batch(foot, len(group), threads)
         batch.set({name: np.array([full[i][name] for i in group]) for name in foot.parameters if name in full[0]})
-        times = [recordings[i].time_s - recordings[i].time_s[0] for i in group]
         controls = np.stack([whole[i].motion.controls(h, n) for i in group])
         out = batch.run(controls, h, *coordinates.unpack(np.stack([starts[i] for i in group])))
         base_error = max(base_error, out.base_error)
         for row, i in enumerate(group):
-            y = out.malleolus[row, ::stride]
+            read = {name: out.outputs[name][row, ::stride] for name in (*MALLEOLUS, *sensors) if name in out.outputs}
             if engine is not None:
-                other, _ = engine.run(i, full[i], (), starts[i])
-                difference = max(difference, float(np.abs(y - other).max() / np.abs(other).max()))
-            t = times[row]
-            traces[i] = CubicSpline(t, y)(t - full[i].get(DELAY.name, 0.0))
+                run, _ = engine.run(i, full[i], (), starts[i])
+                other = dict(zip(engine.sensors, np.split(run, len(engine.sensors)), strict=True))
+                y = read[MALLEOLUS[0]]
+                apart = np.abs(y - other[MALLEOLUS[0]][: y.size]).max() / np.abs(other[MALLEOLUS[0]]).max()
+                difference = max(difference, float(apart))
+                read = other if part[i] else read
+            t = recordings[i].time_s - recordings[i].time_s[0]
+            traces[i] = CubicSpline(t, read[MALLEOLUS[0]])(t - full[i].get(DELAY.name, 0.0))
             for name in sensors:
                 if name in recordings[i].sensors and name not in MALLEOLUS:
-                    late = full[i].get(delay_of(name).name, 0.0)
-                    others[i][name] = CubicSpline(t, out.outputs[name][row, ::stride])(t - late)
+                    others[i][name] = CubicSpline(t, read[name])(t - full[i].get(delay_of(name).name, 0.0))
     fits = [fit_percent(r.malleolus_m_s2, y) for r, y in zip(recordings, traces, strict=True)]
     return Replay(traces, fits, base_error, difference if twin else None, others)
+
+
+def _period(whole: Whole) -> int:
+    """Steps of the first period of a steady recording, of whole samples; of any other, all."""
+    f = whole.recording.condition.frequency_hz
+    return whole.steps if f is None else min(whole.steps, whole.stride * int(np.ceil(whole.recording.rate_hz / f)))

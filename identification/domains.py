@@ -104,6 +104,11 @@ class Domain(ABC):
             return Twin(self.foot, drives, self.sensors)
         return Rollouts(self.foot, drives, names, self.threads, self.sensors)
 
+    @property
+    def throughout(self) -> int | None:
+        """How many recordings MuJoCo replays from end to end, None for all (`certification.replay`)."""
+        return None
+
     def _with_step(self, step: float) -> Self:
         return replace(self, foot=self.foot.with_values({}, step=step))
 
@@ -114,9 +119,16 @@ class PeriodicDomain(Domain):
 
     Attributes:
         excess: of the misfit over the noise, as `PeriodicProblem` takes it; infinite for starts far from any foot.
+        replayed: recordings that MuJoCo replays from end to end, None for all.
     """
 
     excess: float = 1.0
+    replayed: int | None = 1
+
+    @property
+    def throughout(self) -> int | None:
+        """See `Domain`."""
+        return self.replayed
 
     @cached_property
     def lines(self) -> list[Line]:
