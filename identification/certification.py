@@ -20,7 +20,8 @@ from fasbody.foot.parameters import Parameter
 from fasbody.foot.simulate import Batch
 from fasbody.recording.recording import Recording
 from identification.blackbox.criteria import fit_percent
-from identification.domains import Domain
+from identification.domains import Domain, TimeDomain
+from identification.engines.certified import CertifiedRollouts
 from identification.engines.engine import Whole
 from identification.engines.mujoco import Coordinates
 from identification.engines.twin import Twin
@@ -28,13 +29,17 @@ from identification.periodic import PeriodicProblem
 from identification.result import Branch, Estimate, identifiability
 from identification.search import Descent, Problem, descend
 from identification.sensors import MALLEOLUS, SensorFit
+from identification.settle import Settled, follow
 from identification.settle import settle as settle_between
-from identification.space import DELAY, Space, delay_of
+from identification.space import DELAY, SearchSpace, Space, delay_of
+from identification.time_domain import Samples, TimeProblem
 
 #: Rounds of reweighing: the weights depend on the model, and settle at once.
 _REWEIGH = 2
 #: Decrease of chi-square in MuJoCo that is far below a standard error, where the misfit is noise; evaluations at most.
 _PROMISED, _MOST = 1e-6, 50
+#: The same in the time domain, where an evaluation is a whole recording: a tenth of a standard error.
+_PROMISED_IN_TIME = 0.01
 #: Misfit over the noise beyond which a hundredth of a standard error, widened by it, is near enough.
 _MISSES, _ROUGH = 10.0, 1e-2
 #: So many ends of a branch are tried in MuJoCo before it is given up.
@@ -117,12 +122,18 @@ def _certify(domain: Domain, name: str, descent: Descent) -> Certified:
     """
     problem, descent = settle(domain, descent)
     domain = domain.refined(descent.z)
-    final = problem.certified(domain.foot)
-    descent = _converged(final, descent)
+    if isinstance(domain, TimeDomain) and domain.by_twin:
+        final = problem
+    else:
+        final = problem.certified(domain.foot)
+        descent = _converged(final, descent)
     starts = [final.states(descent.z, number) for number in range(len(domain.recordings))]
     values = domain.space.values(descent.theta)
     foot, data = domain.foot, domain.recordings
-    run = replay(foot, data, values, starts, domain.twin, domain.threads, domain.sensors, domain.throughout)
+    if isinstance(final, TimeProblem) and isinstance(final.engine, CertifiedRollouts):
+        run = _ran(final, descent.z)
+    else:
+        run = replay(foot, data, values, starts, domain.twin, domain.threads, domain.sensors, domain.replayed)
     if final.chi_square and not _lasts(run, domain.recordings):
         raise SimulationError(f"{domain.foot.name}: a periodic motion that a foot would not stay on.")
     return Certified(name, final, descent, descent.cost + final.log_determinant, run)
@@ -130,16 +141,45 @@ def _certify(domain: Domain, name: str, descent: Descent) -> Certified:
 
 def _converged(final: Problem, descent: Descent) -> Descent:
     """The end of a descent on MuJoCo's motion, from where the twin's ended: where the two agree, that is the end."""
-    if not final.chi_square:
-        return descend(final, final.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
-    excess = max(1.0, descent.cost / max(1, final.size))
-    low, high = final.bounds
-    end = settle_between(final, descent.z, low, high, _MOST, _PROMISED if excess < _MISSES else _ROUGH * excess)
-    theta = final.space.to_theta(end.q[: descent.theta.size])
-    return replace(
-        descent, theta=theta, z=end.q, cost=end.objective, converged=end.converged,
-        evaluations=descent.evaluations + end.evaluations,
-    )  # fmt: skip
+    if final.chi_square:
+        excess = max(1.0, descent.cost / max(1, final.size))
+        promised = _PROMISED if excess < _MISSES else _ROUGH * excess
+        return _settled(descent, final.space, settle_between(final, descent.z, *final.bounds, _MOST, promised))
+    if isinstance(final, TimeProblem) and isinstance(final.engine, CertifiedRollouts):
+        return _settled_in_time(final, descent, descent.z)
+    return descend(final, final.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
+
+
+def _settled(descent: Descent, space: SearchSpace, end: Settled) -> Descent:
+    """A descent that went on to an end; its evaluations are counted together."""
+    theta = space.to_theta(end.q[: descent.theta.size])
+    count = descent.evaluations + end.evaluations
+    return replace(descent, theta=theta, z=end.q, cost=end.objective, converged=end.converged, evaluations=count)
+
+
+def _settled_in_time(problem: TimeProblem, descent: Descent, z: np.ndarray) -> Descent:
+    """A descent that goes on from z, as near as the errors are uncertain: a misfit makes them larger by its root."""
+    samples = Samples(problem)
+    r = samples.values(z)
+    promised = _PROMISED_IN_TIME * max(1.0, float(r @ r) / problem.size)
+    return _settled(descent, problem.space, follow(samples, z, *problem.bounds, _MOST, promised))
+
+
+def _ran(problem: TimeProblem, z: np.ndarray) -> Replay:
+    """The motions of the last evaluation, which MuJoCo has run from end to end."""
+    engine, traces, others, difference = problem.engine, [], [], 0.0
+    assert isinstance(engine, CertifiedRollouts)
+    values = problem.space.values(problem.space.to_theta(z[: problem.space.lower.size]))
+    for i, its in enumerate(problem.sensors):
+        read = dict(zip(its, np.split(problem.rows(z, i)[0], len(its)), strict=True))
+        run, _ = engine.run(i, values, problem.space.names, problem.states(z, i))
+        twin, _ = engine.twin.run(i, values, (), problem.states(z, i))
+        peak = np.abs(twin[: read[MALLEOLUS[0]].size]).max()
+        difference = max(difference, float(np.abs(run - twin).max() / peak))
+        traces.append(read.pop(MALLEOLUS[0]))
+        others.append(read)
+    fits = [fit_percent(r.malleolus_m_s2, y) for r, y in zip(problem.recordings, traces, strict=True)]
+    return Replay(traces, fits, engine.base_error, difference, others)
 
 
 def _lasts(run: Replay, recordings: Sequence[Recording]) -> bool:
@@ -151,21 +191,22 @@ def _lasts(run: Replay, recordings: Sequence[Recording]) -> bool:
 def settle(domain: Domain, descent: Descent) -> tuple[Problem, Descent]:
     """Bring weights and time step up to date at a descent's end and go on: the problem so weighted, and the end."""
     problem = domain.problem()
-    q = domain.space.to_q(descent.theta)
-    z = descent.z if descent.z.size == problem.bounds[0].size else problem.start(q)  # explored in the other domain
+    z = descent.z
+    if z.size != problem.bounds[0].size:  # explored on harmonics
+        q = domain.space.to_q(descent.theta)
+        z = domain.near(q) if isinstance(domain, TimeDomain) else problem.start(q)
     finer = domain.refined(z)
     while True:
         problem, domain = problem if finer is domain else finer.problem(), finer
-        for _ in range(_REWEIGH if problem.chi_square else 1):  # without chi-square the weights stay
-            problem.reweigh(descent.z)
-            descent = descend(
-                problem,
-                domain.space.to_q(descent.theta),
-                descent.label,
-                z0=z,
-                tight=descent.cost < _MISSES * problem.size,
-            )
-            z = descent.z
+        if isinstance(problem, TimeProblem) and domain.twin:
+            descent = _settled_in_time(problem, descent, z)
+        else:
+            for _ in range(_REWEIGH if problem.chi_square else 1):  # without chi-square the weights stay
+                problem.reweigh(descent.z)
+                q, tight = domain.space.to_q(descent.theta), descent.cost < _MISSES * problem.size
+                descent = descend(problem, q, descent.label, z0=z, tight=tight)
+                z = descent.z
+        z = descent.z
         finer = domain.refined(z)
         if finer is domain:
             return problem, descent

@@ -65,7 +65,8 @@ class Settings:
 
         wide: fit each branch once more with whatever else may be true; without, all words hold if the model is true.
         replay: recordings in a steady state that MuJoCo runs from end to end, None for all; of the others one period,
-            where the compiled twin has shown to be the same model, which runs the rest.
+            where the compiled twin has shown to be the same model, which runs the rest. In the time domain all, or none
+            for 0.
 
     In the time domain, steady recordings are explored on their harmonics, and fitted to every sample from there.
     """
@@ -211,9 +212,8 @@ class Question:
         if any("m_F" not in r.condition.masses for r in data) and set(MASSES) & set(foot.parameters):
             held = ", ".join(f"{n} {v:.3g} kg" for n, v in foot.values().items() if n in MASSES)
             warnings.append(f"The body mass is unknown, so the model's own masses are used ({held}); give --body-mass.")
-        shared = (foot, data, space, twin_applies(foot, fitted), settings.threads, fitted)
-        periodic = name == "periodic"
-        domain = PeriodicDomain(*shared, replayed=settings.replay) if periodic else TimeDomain(*shared)
+        kind = PeriodicDomain if name == "periodic" else TimeDomain
+        domain = kind(foot, data, space, twin_applies(foot, fitted), settings.threads, fitted, settings.replay)
         why_not = branches.has_mirror(space.names, foot.parameters)
         ratio = None if why_not else branches.ratio([r.condition.masses for r in data], foot.values())
         return cls(domain, name, space, ratio, why_not, known, tuple(warnings))
