@@ -1,6 +1,6 @@
 """A branch of a fit converged on the MuJoCo rollout, with its standard errors: the numbers that are reported.
 
-The estimate is then run over whole recordings (`replay`): the traces of the report and the fit percentage of the thesis.
+The estimate is then run over whole recordings (`replay`), for the traces of the report and the thesis' fit percentage.
 MuJoCo runs all of them where it alone is the model. Where the compiled twin is the model too and the motion is steady,
 MuJoCo runs the first recording throughout and one period of the others, and the twin, which must agree with it over
 those, runs the rest: each further period repeats the one that was certified, and a motion that a foot would not stay on

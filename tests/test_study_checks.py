@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from study_runs import fitted, small
 
-from fasbody.exceptions import SettingError
 from fasbody.foot.model import Foot
 from fasbody.recording.study import StudyFolder
 from identification.estimate import Settings
@@ -123,8 +122,6 @@ def test_a_check_that_cannot_be_is_said_and_stops_nothing(study: Path, tmp_path:
 
 
 def test_bounds_are_the_space(foot: Foot) -> None:
-    space = ensure("pooled", Settings(wide=False, bounds={"k_T": (2e4, 3e6)}), foot, ("k_T", "delay"), True)
+    space = ensure("pooled", Settings(wide=False, bounds={"k_T": (2e4, 3e6)}), foot, ("k_T", "delay"))
     i = [item.name for item in space.free].index("k_T")
     np.testing.assert_allclose([space.lower[i], space.upper[i]], [2e4, 3e6])
-    with pytest.raises(SettingError, match="a trend has --validate"):
-        ensure("trend", Settings(wide=False), foot, ("k_T",), False)

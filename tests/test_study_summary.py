@@ -56,20 +56,6 @@ def test_tidy_has_a_row_a_branch_and_parameter_and_marks_outliers_within_a_condi
     assert table["truth"].isna().all()
 
 
-def test_points_of_a_trend_are_rows_with_their_condition() -> None:
-    def point(f: float, load: float, value: float) -> dict[str, object]:
-        e = {"value": value, "std_error": 1.0, "lower": 0.0, "upper": 9.0, "identifiability": "identified"}
-        return {"frequency_hz": f, "added_mass_kg": load, "parameters": {"c_11_n_s_per_m": e}}
-
-    document = plain("trend", "3", None, None, {"stiff ankle": {}})
-    document["result"]["branches"] = [
-        {"name": "stiff ankle", "fit_percent": 99.0, "points": [point(10, 0, 5), point(20, 2.3, 7)]}
-    ]
-    table = summary.tidy([document])
-    assert table[["added_mass_kg", "frequency_hz", "value"]].to_numpy().tolist() == [[0, 10, 5], [2.3, 20, 7]]
-    assert set(table["unit"]) == {"N s/m"}
-
-
 def test_csv_comes_back() -> None:
     table = summary.tidy([plain("per-recording", "1", 0.0, 12.5, one(1 / 3))])
     back = pd.read_csv(StringIO(summary.csv(table)), dtype={"subject": str})
