@@ -396,7 +396,7 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
     handles, labels = left.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(loads), fontsize=8)
     text = (
-        f"medians and quartiles over subjects; both branches share the whole, but not the share: its medians are of the "
+        f"medians and quartiles over subjects; both branches share the whole, not the share: its medians are of the "
         f"{int(told.sum())} of {len(rows)} cycles whose branch is decided, the others as faint points"
     )
     return noted(figure, f"{origin} data, n = {count}; {text}")
