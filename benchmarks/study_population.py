@@ -78,11 +78,13 @@ def recorded(rng: np.random.Generator, gain: float) -> list[Recording]:
 
 def fitted(count: int, people: int) -> tuple[list[Mapping[str, Any]], ...]:
     """So many populations as documents of pooled fits, each with a gain of its own."""
-    foot, found = load("two_dof"), []
+    foot = load("two_dof")
+    found: list[list[Mapping[str, Any]]] = []
     with progress_bar() as bar:
         for seed in bar.track(range(count), description="populations"):
             rng = np.random.default_rng(seed)
-            gain, documents = 1 + OF_GAIN * rng.normal(), []
+            gain = 1 + OF_GAIN * rng.normal()
+            documents: list[Mapping[str, Any]] = []
             for person in range(people):
                 result = fit_foot(recorded(rng, gain), foot, starts=2, threads=1, replay=0).document()
                 about = {"mode": "pooled", "subject": str(person), "posture": "midstance", "added_mass_kg": 0.0}

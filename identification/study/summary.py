@@ -22,6 +22,8 @@ GROUP = ["mode", "posture", "added_mass_kg", "frequency_hz", "parameter"]
 #: What may choose the branch that is shown, see `shown`; and those of them that leave it open.
 DECIDED_BY = ("tracking", "likelihood", "undecided", "not compared", "no mirror")
 OPEN = ("undecided", "not compared")
+#: How well an estimate is known, best first.
+VERDICTS = ("identified", "weak", "not identifiable")
 #: Fewest values that make a box, and how many interquartile ranges its whiskers reach.
 FEWEST, _WHISKER = 4, 1.5
 #: Poor fits that are named, and the mode that is expected to have some.
@@ -110,22 +112,25 @@ def _rows(
                 **shared, **at, "branch": branch["name"], "chosen": number == 0, "parameter": symbol, "unit": unit,
                 "fit_percent": branch["fit_percent"],
                 **{name: e[name] for name in ("value", "std_error", "lower", "upper")},
-                "verdict": word(document["mode"], branch["fit_percent"], profile.get("verdict", e["identifiability"])),
+                "verdict": word(document["mode"], branch, e["identifiability"], profile.get("verdict")),
                 "truth": known.get(symbol),
                 "profile_lower": None if profile.get("open_below") else profile.get("lower"),
                 "profile_upper": None if profile.get("open_above") else profile.get("upper"),
             }  # fmt: skip
 
 
-def word(mode: str, fit_percent: float, verdict: str) -> str:
-    """What may be said of an estimate.
+def word(mode: str, branch: Mapping[str, Any], own: str, profile: str | None) -> str:
+    """What may be said of an estimate, by its own verdict and that of its profile: the worse of both.
 
-    One frequency identifies nothing (`truth.LIMITS`), however small its standard error, and neither does a fit of
-    several that does not follow them.
+    One frequency identifies nothing (`truth.LIMITS`), however small its standard error; neither does a fit that does
+    not allow for whatever else may be true, and one of several that does not follow them knows nothing.
     """
-    if mode == _POOLED and not follows(fit_percent):
-        return "not identifiable"
-    return "weak" if mode == "per-recording" and verdict == "identified" else verdict
+    told = [each.partition(",")[0] for each in (own, profile) if each]
+    worst = max(told, key=VERDICTS.index)
+    if mode == _POOLED and not follows(branch["fit_percent"]):
+        return VERDICTS[-1]
+    sure = mode == _POOLED and branch.get("world") is not None
+    return worst if sure or worst != VERDICTS[0] else VERDICTS[1]
 
 
 def quartiles(values: np.ndarray) -> tuple[float, float]:

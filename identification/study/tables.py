@@ -101,7 +101,7 @@ def verdicts(table: pd.DataFrame) -> pd.DataFrame:
     """Shares of verdicts on the branch shown, a row a parameter, a column a mode."""
 
     def shares(verdict: pd.Series) -> str:
-        each = [(verdict == word).mean() for word in ("identified", "weak", "not identifiable")]
+        each = [(verdict == word).mean() for word in summary.VERDICTS]
         return " / ".join(f"{100 * share:.0f}" for share in each) + " %"
 
     made = _crossed(table[table["shown"]], "parameter", "mode", "verdict", shares, table["mode"].unique())
