@@ -374,20 +374,21 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
     whole = 1e3 * (rows["fat_pad_j"] + rows["ankle_j"])
     share = 1e5 * rows["fat_pad_j"] / whole
     told = ~rows["decided_by"].isin(OPEN)
+    enough = told.groupby([rows["added_mass_kg"], rows["frequency_hz"]]).transform("sum") >= FEWEST
     figure, axes = panels(1, 2, 7.6, 3.3, sharex=True)
     left, right = axes[0]
     for i, (load, (colour, mark)) in enumerate(loads.items()):
         at, shift = rows["added_mass_kg"] == load, 0.5 * (i - (len(loads) - 1) / 2)
-        for axis, values, mine in ((left, whole, at), (right, share, at & told)):
+        for axis, values, mine in ((left, whole, at), (right, share, at & told & enough)):
             grouped = values[mine].groupby(rows.loc[mine, "frequency_hz"])
             low, middle, high = (grouped.quantile(q) for q in (0.25, 0.5, 0.75))
             axis.errorbar(
                 middle.index + shift, middle, yerr=[middle - low, high - middle], fmt=f"{mark}-", ms=3.8, lw=1.2,
                 elinewidth=0.8, capsize=1.5, color=colour, label=f"{load:g} kg added",
             )  # fmt: skip
-        open_ = at & ~told
-        right.plot(rows.loc[open_, "frequency_hz"] + shift, share[open_], mark, ms=2.8, mfc="none", mew=0.5, mec=colour,
-                   alpha=_FAINT)  # fmt: skip
+        for mine, face, dark in ((at & told, colour, _DECIDED), (at & ~told, "none", _FAINT)):
+            right.plot(rows.loc[mine, "frequency_hz"] + shift, share[mine], mark, ms=2.8, mfc=face, mew=0.5, mec=colour,
+                       alpha=dark)  # fmt: skip
     left.set_yscale("log")
     right.set_ylim(-2, 102)
     for axis, title in ((left, "energy a cycle [mJ]"), (right, "fat pad's share [%]")):
@@ -396,8 +397,8 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
     handles, labels = left.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(loads), fontsize=8)
     text = (
-        f"medians and quartiles over subjects; both branches share the whole, not the share: its medians are of the "
-        f"{int(told.sum())} of {len(rows)} cycles whose branch is decided, the others as faint points"
+        f"medians and quartiles over subjects; both branches share the whole, not the pad's share: filled points "
+        f"are the {int(told.sum())} of {len(rows)} cycles whose branch is decided, with medians of {FEWEST} or more"
     )
     return noted(figure, f"{origin} data, n = {count}; {text}")
 
