@@ -429,11 +429,13 @@ def persons(populations: Sequence["Population"], origin: str) -> Figure:
                 axis.plot(x, own, "_", ms=5, color=GREY)
                 ends = [[scale * (c.mean - c.lower)], [scale * (c.upper - c.mean)]]
                 axis.errorbar([place + 0.3], [scale * c.mean], yerr=ends, fmt=mark, ms=6, capsize=3, color=colour,
-                              mfc="none" if open_ else colour)  # fmt: skip
+                              elinewidth=1 if open_ else 2, mfc="none" if open_ else colour,
+                              alpha=0.5 if open_ else 1.0)  # fmt: skip
         axis.set_yscale("log")
         axis.set_title(f"{label_of(name)} [{unit}]")
         axis.set_xticks(range(len(ticks)), ticks, fontsize=7)
         axis.set_xlim(-0.6, len(ticks) - 0.4)
+        axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
         axis.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axis.yaxis.set_minor_formatter(NullFormatter())
     return noted(
