@@ -1,5 +1,6 @@
 """Populations of persons: closed forms where all errors are equal, shrinking, and which branch is told."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from fasbody.exceptions import RecordingError
+from identification.study import report
 from identification.study.population import constant, populations, spread_interval
 
 LOGS = np.array([0.0, 0.1, 0.3, 0.5, 0.9])
@@ -74,3 +76,12 @@ def test_who_does_not_follow_is_left_out() -> None:
     assert populations(study(20.0, follows=False, persons=4)) == []
     alone = [plain("pooled", str(i), 0.0, None, {"stiff ankle": {}}) for i in range(5)]
     assert populations(alone) == []  # without whatever else may be true
+
+
+def test_the_page_tells_persons_and_population(tmp_path: Path) -> None:
+    report.write(tmp_path, [{**d, "cycles": []} for d in study(6.0)], "five persons", "synthetic")
+    page = (tmp_path / "report.html").read_text()
+    assert '<h2 id="section1">Population</h2>' in page
+    assert "<td>midstance, 0 kg</td><td>stiff ankle (decided)</td><td>k_T [kN/m]</td><td>5</td>" in page
+    assert (tmp_path / "figures" / "persons_midstance.svg").stat().st_size > 1000
+    assert "One set of constants serves all frequencies in 5 of 5 pooled fits." in page
