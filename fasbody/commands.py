@@ -274,8 +274,8 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "540 recordings from the laboratory to the figures: time and memory.",
         ),
         Command(
-            "bench trend", "benchmarks.trend", "",
-            "Coverage of the curves' intervals, separation of the mirror branches, held-out errors; a few minutes.",
+            "bench study-population", "benchmarks.study_population", "",
+            "Coverage of a population's intervals, drawn and fitted; some ten minutes.",
         ),
         Command("bench viewer", "benchmarks.viewer", "", "Frames a second, slider to picture, memory."),
     ),

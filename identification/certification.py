@@ -1,7 +1,10 @@
 """A branch of a fit converged on the MuJoCo rollout, with its standard errors: the numbers that are reported.
 
-The estimate is then run over whole recordings in MuJoCo (`replay`): the traces of the report and the fit percentage of
-the thesis.
+The estimate is then run over whole recordings (`replay`), for the traces of the report and the thesis' fit percentage.
+MuJoCo runs all of them where it alone is the model. Where the compiled twin is the model too and the motion is steady,
+MuJoCo runs the first recording throughout and one period of the others, and the twin, which must agree with it over
+those, runs the rest: each further period repeats the one that was certified, and a motion that a foot would not stay on
+is thrown off by the noise of the base in the twin as well.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,7 +20,8 @@ from fasbody.foot.parameters import Parameter
 from fasbody.foot.simulate import Batch
 from fasbody.recording.recording import Recording
 from identification.blackbox.criteria import fit_percent
-from identification.domains import Domain
+from identification.domains import Domain, TimeDomain
+from identification.engines.certified import CertifiedRollouts
 from identification.engines.engine import Whole
 from identification.engines.mujoco import Coordinates
 from identification.engines.twin import Twin
@@ -25,13 +29,17 @@ from identification.periodic import PeriodicProblem
 from identification.result import Branch, Estimate, identifiability
 from identification.search import Descent, Problem, descend
 from identification.sensors import MALLEOLUS, SensorFit
+from identification.settle import Settled, follow
 from identification.settle import settle as settle_between
-from identification.space import DELAY, Space, delay_of
+from identification.space import DELAY, SearchSpace, Space, delay_of
+from identification.time_domain import Samples, TimeProblem
 
 #: Rounds of reweighing: the weights depend on the model, and settle at once.
 _REWEIGH = 2
 #: Decrease of chi-square in MuJoCo that is far below a standard error, where the misfit is noise; evaluations at most.
 _PROMISED, _MOST = 1e-6, 50
+#: The same in the time domain, where an evaluation is a whole recording: a tenth of a standard error.
+_PROMISED_IN_TIME = 0.01
 #: Misfit over the noise beyond which a hundredth of a standard error, widened by it, is near enough.
 _MISSES, _ROUGH = 10.0, 1e-2
 #: So many ends of a branch are tried in MuJoCo before it is given up.
@@ -114,11 +122,18 @@ def _certify(domain: Domain, name: str, descent: Descent) -> Certified:
     """
     problem, descent = settle(domain, descent)
     domain = domain.refined(descent.z)
-    final = problem.certified(domain.foot)
-    descent = _converged(final, descent)
+    if isinstance(domain, TimeDomain) and domain.by_twin:
+        final = problem
+    else:
+        final = problem.certified(domain.foot)
+        descent = _converged(final, descent)
     starts = [final.states(descent.z, number) for number in range(len(domain.recordings))]
     values = domain.space.values(descent.theta)
-    run = replay(domain.foot, domain.recordings, values, starts, domain.twin, domain.threads, domain.sensors)
+    foot, data = domain.foot, domain.recordings
+    if isinstance(final, TimeProblem) and isinstance(final.engine, CertifiedRollouts):
+        run = _ran(final, descent.z)
+    else:
+        run = replay(foot, data, values, starts, domain.twin, domain.threads, domain.sensors, domain.replayed)
     if final.chi_square and not _lasts(run, domain.recordings):
         raise SimulationError(f"{domain.foot.name}: a periodic motion that a foot would not stay on.")
     return Certified(name, final, descent, descent.cost + final.log_determinant, run)
@@ -126,16 +141,45 @@ def _certify(domain: Domain, name: str, descent: Descent) -> Certified:
 
 def _converged(final: Problem, descent: Descent) -> Descent:
     """The end of a descent on MuJoCo's motion, from where the twin's ended: where the two agree, that is the end."""
-    if not final.chi_square:
-        return descend(final, final.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
-    excess = max(1.0, descent.cost / max(1, final.size))
-    low, high = final.bounds
-    end = settle_between(final, descent.z, low, high, _MOST, _PROMISED if excess < _MISSES else _ROUGH * excess)
-    theta = final.space.to_theta(end.q[: descent.theta.size])
-    return replace(
-        descent, theta=theta, z=end.q, cost=end.objective, converged=end.converged,
-        evaluations=descent.evaluations + end.evaluations,
-    )  # fmt: skip
+    if final.chi_square:
+        excess = max(1.0, descent.cost / max(1, final.size))
+        promised = _PROMISED if excess < _MISSES else _ROUGH * excess
+        return _settled(descent, final.space, settle_between(final, descent.z, *final.bounds, _MOST, promised))
+    if isinstance(final, TimeProblem) and isinstance(final.engine, CertifiedRollouts):
+        return _settled_in_time(final, descent, descent.z)
+    return descend(final, final.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
+
+
+def _settled(descent: Descent, space: SearchSpace, end: Settled) -> Descent:
+    """A descent that went on to an end; its evaluations are counted together."""
+    theta = space.to_theta(end.q[: descent.theta.size])
+    count = descent.evaluations + end.evaluations
+    return replace(descent, theta=theta, z=end.q, cost=end.objective, converged=end.converged, evaluations=count)
+
+
+def _settled_in_time(problem: TimeProblem, descent: Descent, z: np.ndarray) -> Descent:
+    """A descent that goes on from z, as near as the errors are uncertain: a misfit makes them larger by its root."""
+    samples = Samples(problem)
+    r = samples.values(z)
+    promised = _PROMISED_IN_TIME * max(1.0, float(r @ r) / problem.size)
+    return _settled(descent, problem.space, follow(samples, z, *problem.bounds, _MOST, promised))
+
+
+def _ran(problem: TimeProblem, z: np.ndarray) -> Replay:
+    """The motions of the last evaluation, which MuJoCo has run from end to end."""
+    engine, traces, others, difference = problem.engine, [], [], 0.0
+    assert isinstance(engine, CertifiedRollouts)
+    values = problem.space.values(problem.space.to_theta(z[: problem.space.lower.size]))
+    for i, its in enumerate(problem.sensors):
+        read = dict(zip(its, np.split(problem.rows(z, i)[0], len(its)), strict=True))
+        run, _ = engine.run(i, values, problem.space.names, problem.states(z, i))
+        twin, _ = engine.twin.run(i, values, (), problem.states(z, i))
+        peak = np.abs(twin[: read[MALLEOLUS[0]].size]).max()
+        difference = max(difference, float(np.abs(run - twin).max() / peak))
+        traces.append(read.pop(MALLEOLUS[0]))
+        others.append(read)
+    fits = [fit_percent(r.malleolus_m_s2, y) for r, y in zip(problem.recordings, traces, strict=True)]
+    return Replay(traces, fits, engine.base_error, difference, others)
 
 
 def _lasts(run: Replay, recordings: Sequence[Recording]) -> bool:
@@ -147,21 +191,22 @@ def _lasts(run: Replay, recordings: Sequence[Recording]) -> bool:
 def settle(domain: Domain, descent: Descent) -> tuple[Problem, Descent]:
     """Bring weights and time step up to date at a descent's end and go on: the problem so weighted, and the end."""
     problem = domain.problem()
-    q = domain.space.to_q(descent.theta)
-    z = descent.z if descent.z.size == problem.bounds[0].size else problem.start(q)  # explored in the other domain
+    z = descent.z
+    if z.size != problem.bounds[0].size:  # explored on harmonics
+        q = domain.space.to_q(descent.theta)
+        z = domain.near(q) if isinstance(domain, TimeDomain) else problem.start(q)
     finer = domain.refined(z)
     while True:
         problem, domain = problem if finer is domain else finer.problem(), finer
-        for _ in range(_REWEIGH if problem.chi_square else 1):  # without chi-square the weights stay
-            problem.reweigh(descent.z)
-            descent = descend(
-                problem,
-                domain.space.to_q(descent.theta),
-                descent.label,
-                z0=z,
-                tight=descent.cost < _MISSES * problem.size,
-            )
-            z = descent.z
+        if isinstance(problem, TimeProblem) and domain.twin:
+            descent = _settled_in_time(problem, descent, z)
+        else:
+            for _ in range(_REWEIGH if problem.chi_square else 1):  # without chi-square the weights stay
+                problem.reweigh(descent.z)
+                q, tight = domain.space.to_q(descent.theta), descent.cost < _MISSES * problem.size
+                descent = descend(problem, q, descent.label, z0=z, tight=tight)
+                z = descent.z
+        z = descent.z
         finer = domain.refined(z)
         if finer is domain:
             return problem, descent
@@ -222,47 +267,61 @@ def size_that_matters(item: Parameter) -> float:
 def replay(
     foot: Foot,
     recordings: Sequence[Recording],
-    values: Mapping[str, float] | Sequence[Mapping[str, float]],
+    values: Mapping[str, float],
     starts: Sequence[np.ndarray],
     twin: bool,
     threads: int = 0,
     sensors: Sequence[str] = MALLEOLUS,
+    throughout: int | None = None,
 ) -> Replay:
     """Run every recording from its initial states [m, m/s], driven by the spline through its base channel.
 
     Args:
-        foot: the model. recordings: checked. values: parameters by name, with the delay, of all recordings or of each.
+        foot: the model. recordings: checked. values: parameters by name, with the delay.
             starts: initial states of each (`Coordinates.unpack`). twin: compare with the compiled twin.
             threads: 0 for all cores. sensors: that are fitted, where a recording has them.
+            throughout: how many recordings MuJoCo runs from end to end, None for all; of the others, which are steady
+            and have a twin, it runs the first period.
     """
     coordinates = Coordinates(foot)
     traces: list[np.ndarray] = [np.empty(0)] * len(recordings)
     others: list[dict[str, np.ndarray]] = [{} for _ in recordings]
     base_error, difference = 0.0, 0.0
     whole = [Whole.of(recording, foot) for recording in recordings]
-    grids = [(each.step, each.steps, each.stride) for each in whole]
-    feet = [values] * len(recordings) if isinstance(values, Mapping) else values
-    full = [{**foot_values, **r.condition.masses} for foot_values, r in zip(feet, recordings, strict=True)]
-    engine = Twin(foot, whole) if twin else None
+    part = [twin and throughout is not None and i >= throughout for i in range(len(recordings))]
+    grids = [
+        (each.step, _period(each) if short else each.steps, each.stride)
+        for each, short in zip(whole, part, strict=True)
+    ]
+    full = [{**values, **r.condition.masses} for r in recordings]
+    engine = Twin(foot, whole, sensors if any(part) else MALLEOLUS) if twin else None
     for shape in dict.fromkeys(grids):
         group = [i for i, g in enumerate(grids) if g == shape]
         h, n, stride = shape
         batch = Batch(foot, len(group), threads)
         batch.set({name: np.array([full[i][name] for i in group]) for name in foot.parameters if name in full[0]})
-        times = [recordings[i].time_s - recordings[i].time_s[0] for i in group]
         controls = np.stack([whole[i].motion.controls(h, n) for i in group])
         out = batch.run(controls, h, *coordinates.unpack(np.stack([starts[i] for i in group])))
         base_error = max(base_error, out.base_error)
         for row, i in enumerate(group):
-            y = out.malleolus[row, ::stride]
+            read = {name: out.outputs[name][row, ::stride] for name in (*MALLEOLUS, *sensors) if name in out.outputs}
             if engine is not None:
-                other, _ = engine.run(i, full[i], (), starts[i])
-                difference = max(difference, float(np.abs(y - other).max() / np.abs(other).max()))
-            t = times[row]
-            traces[i] = CubicSpline(t, y)(t - full[i].get(DELAY.name, 0.0))
+                run, _ = engine.run(i, full[i], (), starts[i])
+                other = dict(zip(engine.sensors, np.split(run, len(engine.sensors)), strict=True))
+                y = read[MALLEOLUS[0]]
+                apart = np.abs(y - other[MALLEOLUS[0]][: y.size]).max() / np.abs(other[MALLEOLUS[0]]).max()
+                difference = max(difference, float(apart))
+                read = other if part[i] else read
+            t = recordings[i].time_s - recordings[i].time_s[0]
+            traces[i] = CubicSpline(t, read[MALLEOLUS[0]])(t - full[i].get(DELAY.name, 0.0))
             for name in sensors:
                 if name in recordings[i].sensors and name not in MALLEOLUS:
-                    late = full[i].get(delay_of(name).name, 0.0)
-                    others[i][name] = CubicSpline(t, out.outputs[name][row, ::stride])(t - late)
+                    others[i][name] = CubicSpline(t, read[name])(t - full[i].get(delay_of(name).name, 0.0))
     fits = [fit_percent(r.malleolus_m_s2, y) for r, y in zip(recordings, traces, strict=True)]
     return Replay(traces, fits, base_error, difference if twin else None, others)
+
+
+def _period(whole: Whole) -> int:
+    """Steps of the first period of a steady recording, of whole samples; of any other, all."""
+    f = whole.recording.condition.frequency_hz
+    return whole.steps if f is None else min(whole.steps, whole.stride * int(np.ceil(whole.recording.rate_hz / f)))

@@ -20,7 +20,7 @@ from identification.engines.engine import MALLEOLUS, D, Engine, Excitation, Whol
 from identification.engines.mujoco import Rollouts
 from identification.engines.twin import Twin
 from identification.periodic import Line, PeriodicProblem, excitations, misfit
-from identification.search import Problem
+from identification.search import Problem, descend
 from identification.space import SearchSpace, Space
 from identification.time_domain import TimeProblem
 
@@ -77,6 +77,7 @@ class Domain(ABC):
     Attributes:
         foot: the model, with the time step to simulate with. recordings: checked. space: what is searched.
         twin: the compiled twin stands for this model. threads: 0 for all. sensors: what is fitted, the malleolus first.
+        replayed: steady recordings that MuJoCo runs from end to end where it has a twin, None for all.
     """
 
     foot: Foot
@@ -85,6 +86,7 @@ class Domain(ABC):
     twin: bool
     threads: int = 0
     sensors: tuple[str, ...] = MALLEOLUS
+    replayed: int | None = 1
 
     @abstractmethod
     def problem(self) -> Problem:
@@ -153,6 +155,29 @@ class TimeDomain(Domain):
     def problem(self) -> TimeProblem:
         """See `Domain`."""
         return TimeProblem(self.recordings, self._engine(self.space.names), self.space)
+
+    @property
+    def by_twin(self) -> bool:
+        """Whether MuJoCo sees one period of each recording only, and the twin the samples (`Settings.replay`)."""
+        return self.twin and self.replayed == 0 and all(r.condition.frequency_hz for r in self.recordings)
+
+    def near(self, q: np.ndarray) -> np.ndarray:
+        """Full search variable (n,) to start from, where steady recordings were explored on their harmonics to q (p,).
+
+        The harmonics weighed by every sample's noise have nearly the sum of squares of the samples, at a hundredth of
+        the cost, so the end of a long valley is sought there; the states are those of the orbit.
+        """
+        problem = self.problem()
+        if not self.twin:
+            return problem.start(q)
+        made = (self.foot, self.recordings, self.space, self.twin, self.threads, self.sensors)
+        alike = PeriodicDomain(*made).problem()
+        alike.weigh_samples(problem.sigma)
+        end = descend(alike, q, "harmonics", tight=True)
+        if end.unstable:
+            return problem.start(q)
+        states = [alike.states(end.z, i) / problem.engine.state_scale for i in range(len(self.recordings))]
+        return np.concatenate([end.z, *states])
 
     def _engine(self, names: Sequence[str]) -> Engine[Whole]:
         return self.engine([Whole.of(recording, self.foot) for recording in self.recordings], names)

@@ -64,6 +64,9 @@ class Settings:
         sensors: accelerometers to fit, None for all that model and recordings have by the same name.
 
         wide: fit each branch once more with whatever else may be true; without, all words hold if the model is true.
+        replay: recordings in a steady state that MuJoCo runs from end to end, None for all; of the others one period,
+            where the compiled twin has shown to be the same model, which runs the rest. In the time domain all, or none
+            for 0.
 
     In the time domain, steady recordings are explored on their harmonics, and fitted to every sample from there.
     """
@@ -81,6 +84,7 @@ class Settings:
     exclude: tuple[str, ...] = ()
     wide: bool = True
     sensors: tuple[str, ...] | None = None
+    replay: int | None = 1
 
 
 def fit_foot(
@@ -150,8 +154,11 @@ def _with(settings: Settings, chosen: Mapping[str, Any]) -> Settings:
         ("starts", "number of starts", 1),
         ("seed", "seed", 0),
         ("threads", "number of threads", 0),
+        ("replay", "number of recordings to replay", 0),
     ):
         value = getattr(settings, name)
+        if name == "replay" and value is None:
+            continue
         if not isinstance(value, int | np.integer) or value < least:
             raise SettingError(f"the {what} is {value!r}; give a whole number, {least} or more.")
     return settings
@@ -206,7 +213,7 @@ class Question:
             held = ", ".join(f"{n} {v:.3g} kg" for n, v in foot.values().items() if n in MASSES)
             warnings.append(f"The body mass is unknown, so the model's own masses are used ({held}); give --body-mass.")
         kind = PeriodicDomain if name == "periodic" else TimeDomain
-        domain = kind(foot, data, space, twin_applies(foot, fitted), settings.threads, fitted)
+        domain = kind(foot, data, space, twin_applies(foot, fitted), settings.threads, fitted, settings.replay)
         why_not = branches.has_mirror(space.names, foot.parameters)
         ratio = None if why_not else branches.ratio([r.condition.masses for r in data], foot.values())
         return cls(domain, name, space, ratio, why_not, known, tuple(warnings))

@@ -1,5 +1,6 @@
 """What a result was made from: kept beside it, so that figures and tables can be computed when they are asked for."""
 
+import functools
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -49,6 +50,7 @@ def provenance(settings: "Settings", space: "Space", recordings: Sequence["Recor
     }
 
 
+@functools.cache  # each asks for files, and a study for hundreds of fits
 def _version(package: str) -> str:
     try:
         return version(package)

@@ -1,6 +1,6 @@
 """The printed figures of a fit, and the rows that each of them draws: one colour a load in all of them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 from io import BytesIO
 from typing import Any
@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fasbody.foot.parameters import symbol_and_unit
+from fasbody.recording.condition import ADDED_MASSES_KG
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.transmissibility.estimate import unwrapped
 from fasbody.transmissibility.spectra import h1
@@ -64,10 +65,15 @@ def panels(rows: int, columns: int, width: float, height: float, **options: obje
         return figure, figure.subplots(rows, columns, squeeze=False, **options)  # type: ignore[call-overload]
 
 
+def of_loads(loads: Iterable[float]) -> dict[float, tuple[str, str]]:
+    """Added mass [kg] -> colour and mark: the thesis' loads have the same in every figure, whichever are drawn."""
+    there = sorted(set(loads))
+    order = ADDED_MASSES_KG if set(there) <= set(ADDED_MASSES_KG) else there
+    return {load: LOADS[order.index(load) % len(LOADS)] for load in there}
+
+
 def _loads(result: FitResult) -> dict[float, tuple[str, str]]:
-    """Added mass [kg] -> colour and mark."""
-    loads = sorted({recording.added_mass_kg for recording in result.recordings})
-    return {load: LOADS[i % len(LOADS)] for i, load in enumerate(loads)}
+    return of_loads(recording.added_mass_kg for recording in result.recordings)
 
 
 def _by_recording(result: FitResult, height: float, x: str, y: str, **options: object) -> tuple[Figure, np.ndarray]:

@@ -14,6 +14,7 @@ parameter with a normal prior, integrated out, has the same likelihood.
 """
 
 import functools
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -193,6 +194,7 @@ class PeriodicProblem:
         self._shared = self._shared_errors([line.measured for line in self.lines])
         self.evaluations = 0
         self._cache: tuple[bytes, np.ndarray, np.ndarray] | None = None
+        self._projected: tuple[list[np.ndarray], np.ndarray] = [], np.empty(0)
 
     @property
     def size(self) -> int:
@@ -236,7 +238,10 @@ class PeriodicProblem:
 
     @property
     def _projection(self) -> np.ndarray:
-        return projection(np.concatenate(self.shared_errors()))
+        made_of = [self._shared, *self._whiten]  # they stay from one evaluation to the next
+        if len(self._projected[0]) != len(made_of) or any(map(operator.is_not, self._projected[0], made_of)):
+            self._projected = made_of, projection(np.concatenate(self.shared_errors()))
+        return self._projected[1]
 
     def _shared_errors(self, amplitudes: Sequence[np.ndarray]) -> np.ndarray:
         frequencies = [line.base.frequency_hz for line in self.lines]
@@ -262,9 +267,7 @@ class PeriodicProblem:
         if not (isinstance(self.engine, Twin) and isinstance(self.space, Space) and alone):
             return None
         measured = [line.malleolus.amplitudes for line in self.lines]
-        return Compiled(
-            self.engine, self.space, measured, self._whiten, projection(np.concatenate(self.shared_errors()))
-        )
+        return Compiled(self.engine, self.space, measured, self._whiten, self._projection)
 
     def predict(self, q: np.ndarray) -> list[np.ndarray]:
         """Model harmonics (k H,) of each recording's sensors, delayed like the measurement."""
@@ -333,14 +336,17 @@ class PeriodicProblem:
         """Covariance (2 k H, 2 k H) of one recording's residual, as weighted now, without the errors that all share."""
         return np.linalg.inv(self._whiten[number].T @ self._whiten[number])
 
-    def widen(self, number: int, extra: np.ndarray) -> None:
-        """Add a covariance (2 k H, 2 k H) to that of one recording's residual: what is left beyond the noise."""
-        self._whiten[number] = np.linalg.inv(np.linalg.cholesky(self.noise(number) + extra))
-        self._cache = None
-
     def weigh_as(self, other: "PeriodicProblem") -> None:
         """Take over the weights of another problem with the same recordings."""
         self._whiten, self._shared = other._whiten, other._shared
+        self._cache = None
+
+    def weigh_samples(self, sigma: Sequence[np.ndarray]) -> None:
+        """Weigh as the sum of squares over all samples does, whose noise is sigma (k,) of each recording's sensors."""
+        for i, (line, own) in enumerate(zip(self.lines, sigma, strict=True)):
+            root = np.sqrt(line.recording.time_s.size / 2) / own  # of the mean square of a harmonic
+            self._whiten[i] = np.diag(np.tile(np.repeat(root, line.count), 2))
+        self._shared, self._cache = self._shared[:, :0], None
 
     def certified(self, foot: Foot) -> "PeriodicProblem":
         """The same problem with the same weights on MuJoCo's motion of a foot, whose step may be another."""

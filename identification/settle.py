@@ -84,6 +84,69 @@ def settle(
             damping, factor = damping * factor, 2 * factor
 
 
+class Valley(Protocol):
+    """A sum of squares whose value costs far less than its derivatives."""
+
+    def values(self, q: np.ndarray) -> np.ndarray:
+        """Residual (m,) at q (n,)."""
+
+    def derivatives(self, q: np.ndarray) -> None:
+        """Take the derivatives at q, for what follows."""
+
+    def gram(self) -> np.ndarray:
+        """J^T J (n, n)."""
+
+    def back(self, r: np.ndarray) -> np.ndarray:
+        """J^T r (n,)."""
+
+
+#: Share of a step by which its curvature is felt, and how long the correction may be beside the step.
+_FEELER, _BEND = 0.1, 0.75
+
+
+def follow(
+    valley: Valley, q: np.ndarray, low: np.ndarray, high: np.ndarray, most: int, promised: float = PROMISED
+) -> Settled:
+    """`settle` along a valley that bends: each step has the correction of second order (Transtrum and Sethna 2012).
+
+    The second derivative of the residual along the step costs one more residual and no Jacobian.
+    """
+    q = np.clip(q, low, high)
+    r = valley.values(q)
+    objective, count, factor, damping = float(r @ r), 1, 2.0, 1e-3
+    while True:
+        valley.derivatives(q)
+        A, g = valley.gram(), valley.back(r)
+        size = np.sqrt(np.maximum(np.diag(A), 1e-12 * max(1e-300, float(np.diag(A).max()))))
+        A, g = A / np.outer(size, size), g / size
+        ends = (low - q) * size, (high - q) * size
+        full = between(A + _ROUNDING * np.eye(q.size), g, *ends)
+        left = -float(2 * g @ full + full @ A @ full)
+        if left < promised:
+            return Settled(q, objective, count, True, left)
+        while True:
+            if count >= most or damping > _MOST_DAMPING:
+                return Settled(q, objective, count, False, left)
+            damped = A + np.diag(damping / size**2 + _ROUNDING)
+            step = between(damped, g, *ends)
+            foretold = -float(2 * g @ step + step @ A @ step)
+            felt = valley.values(np.clip(q + _FEELER * step / size, low, high))
+            along = valley.back((felt - r) / _FEELER) / size - A @ step  # J^T of half the second derivative, x h
+            bend = -np.linalg.solve(damped, along / _FEELER)
+            if np.linalg.norm(bend) <= _BEND * np.linalg.norm(step):
+                step = np.clip(step + bend, *ends)
+            trial = np.clip(q + step / size, low, high)
+            r_new = valley.values(trial)
+            count += 1
+            gain = objective - float(r_new @ r_new)
+            if gain > 0:
+                damping = max(_LEAST_DAMPING, damping * max(0.1, 1 - (2 * gain / foretold - 1) ** 3))
+                factor = 2.0
+                q, r, objective = trial, r_new, objective - gain
+                break
+            damping, factor = damping * factor, 2 * factor
+
+
 def between(A: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """The minimum (n,) of g p + p A p / 2 for low <= p <= high, A positive definite and zero inside; an active set.
 

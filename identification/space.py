@@ -26,7 +26,7 @@ _Z95 = 1.959963984540054
 
 
 class SearchSpace(Protocol):
-    """What a problem on harmonics needs of its space: one foot for all recordings, or one each (study/curves.py)."""
+    """What a problem on harmonics needs of its space: one foot for all recordings, or one each (world.py)."""
 
     @property
     def lower(self) -> np.ndarray:

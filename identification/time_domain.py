@@ -119,6 +119,25 @@ class TimeProblem:
         outs, residuals, jacobians = zip(*found, strict=True)
         return np.concatenate(outs), np.concatenate(residuals), np.concatenate(jacobians)
 
+    def misses(self, z: np.ndarray, number: int) -> np.ndarray:
+        """The residual (k n,) of one recording over its noise alone.
+
+        Raises:
+            SimulationError: the motion is unstable.
+        """
+        values, recording = self.space.values(self.space.to_theta(z[: self.space.lower.size])), self.recordings[number]
+        y, _ = self.engine.run(number, values, (), self.states(z, number))
+        if not np.isfinite(y).all():
+            raise SimulationError(f"{recording.file}: the model became unstable.")
+        n, t, found = recording.time_s.size, recording.time_s - recording.time_s[0], []
+        for name, sigma in zip(self.sensors[number], self.sigma[number], strict=True):
+            place = self.engine.sensors.index(name)
+            out = y[place * n : (place + 1) * n]
+            if self.space.has_delay:
+                out = CubicSpline(t, out)(t - values.get(delay_of(name).name, 0.0))
+            found.append((out - recording.sensors[name]) / sigma)
+        return np.concatenate(found)
+
     def _late(
         self, recording: Recording, values: Mapping[str, float], delay: str, y: np.ndarray, D: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -149,7 +168,7 @@ class TimeProblem:
         names = list(self.engine.sensors)
         middle, shared = np.zeros((total, total)), np.zeros((total, 2 * len(names)))
         for i, recording in enumerate(self.recordings):
-            columns, its = self._columns(i), self.sensors[i]
+            columns, its = self.columns(i), self.sensors[i]
             parts = [np.split(part, len(its)) for part in self.rows(z, i)]
             for k, (y, r, J) in enumerate(zip(*parts, strict=True)):
                 middle[np.ix_(columns, columns)] += J.T @ _correlated(r, J)
@@ -170,7 +189,8 @@ class TimeProblem:
         full[np.ix_(varied, varied)] = inner
         return full[:p, :p]
 
-    def _columns(self, number: int) -> np.ndarray:
+    def columns(self, number: int) -> np.ndarray:
+        """Places (p + states,) of one recording's variables in the search variable."""
         p, ns = self.space.lower.size, self._states
         return np.concatenate([np.arange(p), p + number * ns + np.arange(ns)])
 
@@ -185,11 +205,52 @@ class TimeProblem:
                     _, residual, D = self.rows(z, i)
                     R = np.asarray(np.linalg.qr(np.column_stack([D, residual]), mode="r"))
                     rows = slice(i * width, i * width + R.shape[0])
-                    r[rows], J[rows, self._columns(i)] = R[:, -1], R[:, :-1]
+                    r[rows], J[rows, self.columns(i)] = R[:, -1], R[:, :-1]
             except SimulationError:
                 r[:], J[:] = UNSTABLE, 0.0
             self._cache = (key, r, J)
         return self._cache[1], self._cache[2]
+
+
+class Samples:
+    """The residual of every sample, whose value costs a tenth of its derivatives: for `settle.follow`.
+
+    Args:
+        problem: what is minimised.
+    """
+
+    def __init__(self, problem: TimeProblem) -> None:
+        self.problem = problem
+        self._J: list[np.ndarray] = []
+
+    def values(self, q: np.ndarray) -> np.ndarray:
+        """See `Valley`; a motion without bound has residuals as large."""
+        self.problem.evaluations += 1
+        try:
+            return np.concatenate([self.problem.misses(q, i) for i in range(len(self.problem.recordings))])
+        except SimulationError:
+            return np.full(self.problem.size, UNSTABLE)
+
+    def derivatives(self, q: np.ndarray) -> None:
+        """See `Valley`."""
+        self._J = [self.problem.rows(q, i)[2] for i in range(len(self.problem.recordings))]
+        self._size = q.size
+
+    def gram(self) -> np.ndarray:
+        """See `Valley`."""
+        A = np.zeros((self._size, self._size))
+        for i, J in enumerate(self._J):
+            at = self.problem.columns(i)
+            A[np.ix_(at, at)] += J.T @ J
+        return A
+
+    def back(self, r: np.ndarray) -> np.ndarray:
+        """See `Valley`."""
+        g, row = np.zeros(self._size), 0
+        for i, J in enumerate(self._J):
+            g[self.problem.columns(i)] += J.T @ r[row : row + len(J)]
+            row += len(J)
+        return g
 
 
 def noise_floor(recording: Recording, sensor: str = "malleolus") -> float:

@@ -73,8 +73,8 @@ def plain(
         part: {"displacement_m": list(np.cos(t)), "force_n": list(size * np.sin(t)), "dissipated_j": np.pi * size}
         for part, size in (("ankle", 2.0), ("fat_pad", 6.0))
     }
-    trace = {"time_s": [0.0, 0.1], "measured_m_s2": [1.0, 2.0], "model_m_s2": [1.0, 2.1]}
-    cycle = {**at, **parts, "branch": made[0]["name"], "chosen": True, "dissipated_j": np.pi * 8, "trace": trace}
+    H = {"measured": [1.0, -1.0], "model": [1.0, -1.1]}
+    cycle = {**at, **parts, "branch": made[0]["name"], "chosen": True, "dissipated_j": np.pi * 8, "transmissibility": H}
     cycle |= {"shaker_work_j": np.pi * 8.01, "imbalance": 0.01 / 8.01}
     document = {
         "key": f"{mode}-{subject}-{load}-{frequency}", "mode": mode, "subject": subject, "posture": "midstance",

@@ -97,7 +97,7 @@ def bench_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[...,
     monkeypatch.setattr(bench, "PAGES", tmp_path)
     monkeypatch.setattr(platform, "node", lambda: "my laptop")
     monkeypatch.setattr(
-        bench, "measure", lambda name, *_: [at_most(f"{name} anew", 1.0, 2.0)] if name != "trend" else []
+        bench, "measure", lambda name, *_: [at_most(f"{name} anew", 1.0, 2.0)] if name != "viewer" else []
     )
 
     def run(where: str, *words: str) -> Result:
@@ -124,7 +124,7 @@ def test_the_committed_page_is_replaced_when_asked_and_loses_no_topic(
     lost = bench_here("a laptop", "cell", "--commit")
     assert isinstance(lost.exception, SettingError) and "would lose arch; measure" in str(lost.exception)
     assert page.read_text() == before and not (tmp_path / "my-laptop.md").exists()
-    bench_here("the author's machine", "cell", "trend", "--commit")
+    bench_here("the author's machine", "cell", "viewer", "--commit")
     kept = read(page.read_text(), "the author's machine")
     assert kept["arch"] == ARCH and kept["cell"].rows[0][0] == "cell anew" and list(kept) == ["arch", "cell"]
     bench_here("a laptop", "arch")

@@ -39,3 +39,24 @@ def test_replay_of_a_transient_from_rest_is_the_recording(foot: Foot) -> None:
     assert found.twin_difference < 1e-6
     assert replay(foot, recordings, values, [np.zeros(4)] * 2, twin=False).twin_difference is None
     assert checked(recordings[0]).condition.frequency_hz == pytest.approx(20, abs=0.01)
+
+
+def test_one_period_in_mujoco_and_the_twin_are_the_whole_replay(foot: Foot) -> None:
+    """Steady recordings: the same traces and fits as MuJoCo from end to end."""
+    t = np.arange(600) / 1000
+    rng = np.random.default_rng(0)
+    recordings = []
+    for f in (15.0, 40.0):
+        condition = Condition("16", body_mass_kg=72.57, frequency_hz=f)
+        base = 8.95 * np.sin(2 * np.pi * f * t) + 0.03 * rng.normal(size=t.size)
+        recordings.append(Recording(t, base, base + rng.normal(size=t.size), condition=condition))
+    values, starts = {**oracle.TRUTH, **oracle.MASSES, "delay": 2e-4}, [np.full(4, 1e-4)] * 2
+    whole = replay(foot, recordings, values, starts, twin=True)
+    for throughout in (0, 1):
+        short = replay(foot, recordings, values, starts, twin=True, throughout=throughout)
+        for y, other in zip(whole.traces, short.traces, strict=True):
+            assert np.abs(y - other).max() < 1e-6 * np.abs(y).max()
+        assert short.fits == pytest.approx(whole.fits, abs=1e-5)
+        assert short.twin_difference is not None and short.twin_difference < 1e-6
+    alone = replay(foot, recordings, values, starts, twin=False, throughout=0)  # MuJoCo runs all where it is alone
+    assert alone.twin_difference is None and np.array_equal(alone.traces[1], whole.traces[1])

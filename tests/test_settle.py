@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares, lsq_linear
 
-from identification.settle import between, settle
+from identification.settle import between, follow, settle
 
 
 class Rosenbrock:
@@ -45,3 +45,44 @@ def test_it_stops_where_nothing_more_is_promised_and_says_how_much_was_left() ->
     assert not short.converged and short.evaluations == 3 and short.left > 0.01
     near = settle(problem, np.array([1.01, 1.02]), low, high, 100, 0.01)
     assert near.converged and near.evaluations == 1 and near.left < 0.01
+
+
+class Bent:
+    """Residuals (10 s (y - x^2), 1 - x) of Rosenbrock's valley, least at (1, 1)."""
+
+    def __init__(self, steep: float) -> None:
+        self.steep = steep
+
+    def residual(self, q: np.ndarray) -> np.ndarray:
+        return np.array([self.steep * (q[1] - q[0] ** 2), 1 - q[0]])
+
+    values = residual
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        return np.array([[-2 * self.steep * q[0], self.steep], [-1.0, 0.0]])
+
+    def derivatives(self, q: np.ndarray) -> None:
+        self.J = self.jacobian(q)
+
+    def gram(self) -> np.ndarray:
+        return self.J.T @ self.J
+
+    def back(self, r: np.ndarray) -> np.ndarray:
+        return self.J.T @ r
+
+
+@pytest.mark.parametrize("steep", [10.0, 1000.0])
+def test_the_floor_is_reached_and_sooner(steep: float) -> None:
+    wide = np.full(2, 10.0)
+    start = np.array([-1.2, 1.0])
+    plain = settle(Bent(steep), start, -wide, wide, 5000, 1e-12)
+    bent = follow(Bent(steep), start, -wide, wide, 500, 1e-12)
+    assert bent.converged and bent.q == pytest.approx([1.0, 1.0], abs=1e-5)
+    assert plain.q == pytest.approx([1.0, 1.0], abs=1e-4) and bent.evaluations < plain.evaluations
+
+
+def test_it_stays_between_bounds() -> None:
+    low, high = np.array([-2.0, -2.0]), np.array([0.5, 2.0])
+    found = follow(Bent(10.0), np.array([-1.2, 1.0]), low, high, 500, 1e-12)
+    assert found.q == pytest.approx([0.5, 0.25], abs=1e-6)
+    assert found.objective == pytest.approx(0.25)

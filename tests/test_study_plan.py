@@ -32,14 +32,13 @@ def planned(folder: Path, foot: Foot, mode: str = "per-recording", **settings: o
 def test_modes_take_together_what_they_say(study: Path, foot: Foot) -> None:
     opened = StudyFolder.open(study)
     plan = Plan(opened, opened.trials, Settings(wide=False), Model.of(foot))
-    each, pooled, trend = (plan.jobs(mode) for mode in ("per-recording", "pooled", "trend"))
+    each, pooled = (plan.jobs(mode) for mode in ("per-recording", "pooled"))
     assert [len(job.trials) for job in each] == [1] * 8
     assert [(j.subject, j.added_mass_kg, len(j.trials)) for j in pooled] == [
         (s, m, 2) for s in ("1", "2") for m in (0.0, 2.3)
     ]
-    assert [(j.subject, j.added_mass_kg, len(j.trials)) for j in trend] == [("1", None, 4), ("2", None, 4)]
     assert each[0].frequency_hz == 20.0 and pooled[0].frequency_hz is None
-    assert len({job.key for jobs in (each, pooled, trend) for job in jobs}) == 8 + 4 + 2
+    assert len({job.key for jobs in (each, pooled) for job in jobs}) == 8 + 4
     with pytest.raises(SettingError, match="unknown mode 'polled', did you mean 'pooled'"):
         plan.jobs("polled")
 
@@ -122,5 +121,5 @@ def test_all_that_a_job_runs_is_part_of_its_key() -> None:
         "__init__.py",
     }  # they compute nothing
     names = {file.relative_to(root / "identification").as_posix() for file in keyed if "identification" in file.parts}
-    assert {"study/validation.py", "study/trend.py", "study/profile.py", "engines/compiled.py"} <= names
+    assert {"study/validation.py", "study/profile.py", "engines/compiled.py"} <= names
     assert not {"study/report.py", "study/figures.py", "study/summary.py", "fit.py", "report.py", "figures.py"} & names

@@ -21,10 +21,10 @@ KEYS = {
 }  # fmt: skip
 CHECK = {"subject": "1", "posture": "midstance", "added_mass_kg": 0.0, "frequency_hz": None, "parameter": ""}
 ROW = {"edge": False, "percent": 91.5, "chi_square": 20.0, "numbers": 10}
-HELD_OUT = CHECK | {"mode": "trend", "kind": "validation", "status": "done"}
+HELD_OUT = CHECK | {"mode": "pooled", "kind": "validation", "status": "done"}
 HELD_OUT |= {"result": {"held_out": {"rows": [ROW], "failed": []}, "damping": None}}
 BROKEN = CHECK | {"mode": "pooled", "kind": "profile", "status": "failed", "error": "k_T cannot be."}
-TRUTH = Truth({}, {key.partition("_n_")[0].removesuffix("_per_m"): value for key, value in KEYS.items()}, {})
+TRUTH = Truth({}, {key.partition("_n_")[0].removesuffix("_per_m"): value for key, value in KEYS.items()})
 
 
 def branches(scale: float) -> dict[str, Any]:
@@ -80,7 +80,7 @@ def test_page_says_what_the_fits_say(written: Path) -> None:
     page = (written / "report.html").read_text()
     assert "synthetic data: nobody was measured" in page
     assert "42 of 43 fits done, 1 failed." in page
-    assert "mean fit 90.0 %, 50 % of estimates identified, mirror decided in 0 of 42 alone" in page
+    assert "mean fit 90.0 %, 0 % of estimates identified, mirror decided in 0 of 42 alone" in page
     assert "s6.csv: malleolus is &lt;b&gt;dead&lt;/b&gt;" in page
     assert LIMITS[:60] in page
     assert "differ by 0.1 % at most" in page  # 0.01 of 8.01
@@ -89,7 +89,7 @@ def test_page_says_what_the_fits_say(written: Path) -> None:
     assert f"<td>{100 * found['chosen'] / 336:.0f} % of 336</td>" in page
     assert found["chosen"] == 320  # all but the two fits that are four times too high, eight parameters each
     assert "Failed (pooled, profile): k_T cannot be." in page
-    assert "<td>trend</td><td>1</td><td>1</td><td>91.5</td><td>2</td><td>–</td><td>0</td>" in page
+    assert "<td>pooled</td><td>1</td><td>1</td><td>91.5</td><td>2</td><td>–</td><td>0</td>" in page
 
 
 def test_outliers_of_the_page_are_those_of_the_table(written: Path) -> None:
@@ -105,9 +105,8 @@ def test_outliers_of_the_page_are_those_of_the_table(written: Path) -> None:
 def test_figures_are_whole_and_the_same_each_time(written: Path, tmp_path: Path) -> None:
     names = {file.stem for file in (written / "figures").iterdir()}
     assert names == {
-        "verdicts", "curves_per-recording_midstance", "boxes_per-recording_midstance_0kg",
-        "boxes_per-recording_midstance_2.3kg", "traces_per-recording", "loops_per-recording", "energies_per-recording",
-        "waterfall",
+        "verdicts", "curves_per-recording_midstance", "transmissibility_per-recording", "loops_per-recording",
+        "energies_per-recording", "waterfall",
     }  # fmt: skip
     for name in names:
         assert ET.parse(written / "figures" / f"{name}.svg").getroot().tag.endswith("svg")
@@ -131,7 +130,7 @@ def test_boxes_are_drawn_by_the_thesis_quartiles() -> None:
     assert 400.0 in np.round(dots, 6)
 
 
-def test_loops_traces_and_energies_are_drawn_in_their_units() -> None:
+def test_loops_motion_and_energies_are_drawn_in_their_units() -> None:
     cycles = [d["cycles"][0] for d in study()[:6]]
     axis = figures.loops(cycles, "synthetic").axes[0]
     assert len(axis.lines) == 3  # a loop a frequency
@@ -139,20 +138,22 @@ def test_loops_traces_and_energies_are_drawn_in_their_units() -> None:
     assert (x[0], x[-1]) == (1000.0, 1000.0)  # closed, in mm
     assert max(y) == pytest.approx(2.0)
     energy = summary.cycle_table(study())
-    ankle, pad, share, *_ = figures.energies(energy, "synthetic").axes
-    assert ankle.containers[0].lines[0].get_ydata() == pytest.approx([2e3 * np.pi] * 3)
-    assert pad.containers[1].lines[0].get_ydata() == pytest.approx([6e3 * np.pi] * 3)
-    assert share.containers[0].lines[0].get_ydata() == pytest.approx([75.0] * 3)
-    panel = figures.traces(cycles, {cycles[0]["file"]: 87.65}, "synthetic").axes[0]
-    assert panel.get_title() == "10 Hz, 0 kg: fit 87.7 %"
-    assert panel.lines[0].get_xdata() == pytest.approx([0.0, 1.0])  # 0.1 s of 10 Hz is one period
+    whole, share = figures.energies(energy, "synthetic").axes
+    assert whole.containers[0].lines[0].get_ydata() == pytest.approx([8e3 * np.pi] * 3)
+    assert not any(len(c.lines[0].get_ydata()) for c in share.containers)  # no branch is decided: points alone
+    assert share.lines[-1].get_ydata() == pytest.approx([75.0] * 21)
+    told = figures.energies(energy.assign(decided_by="tracking"), "synthetic").axes[1]
+    assert told.containers[0].lines[0].get_ydata() == pytest.approx([75.0] * 3)
+    size, phase = figures.transmissibility(cycles, "synthetic").axes
+    assert size.lines[0].get_ydata() == pytest.approx([np.sqrt(2)] * 3)
+    assert phase.lines[0].get_ydata() == pytest.approx([45.0] * 3)  # a lag
 
 
 def test_verdicts_add_up() -> None:
     axis = figures.verdicts(summary.tidy(study())).axes[0]
     widths = np.array([[bar.get_width() for bar in group] for group in axis.containers])
     assert widths.sum(axis=0) == pytest.approx([100.0] * 8)
-    assert widths[:, 0] == pytest.approx([100, 0, 0])
+    assert widths[:, 0] == pytest.approx([0, 100, 0])  # one frequency identifies nothing
     assert widths[:, 3] == pytest.approx([0, 0, 100])
 
 
@@ -192,12 +193,11 @@ def test_tracking_turns_what_is_shown(tmp_path: Path, bare: None) -> None:
     assert set(shown.loc[shown["parameter"] == "k_T", "value"]) == {2e4}
     energy = pd.read_csv(tmp_path / "energy.csv")
     assert set(energy.loc[energy["shown"], "ankle_j"]) == {5.0}
-    ankle = figures.energies(summary.cycle_table(fits, found.tracked), "synthetic").axes[0]
-    assert ankle.containers[0].lines[0].get_ydata() == pytest.approx([5e3] * 3)
-    _, cycles, percents = report.example(fits, "per-recording", "midstance", found.tracked)
+    whole = figures.energies(summary.cycle_table(fits, found.tracked), "synthetic").axes[0]
+    assert whole.containers[0].lines[0].get_ydata() == pytest.approx([1e4] * 3)
+    _, cycles = report.example(fits, "per-recording", "midstance", found.tracked)
     assert {c["branch"] for c in cycles} == {"stiff pad"}
     assert len(cycles) == 6
-    assert set(percents.values()) == {89.0}  # of the branch shown
     assert all(c["decided"] for c in cycles)
     undecided = report.example(fits, "per-recording", "midstance", {})[1]
     assert not any(c["decided"] for c in undecided)
@@ -235,29 +235,20 @@ def test_waterfall_draws_quantiles_over_fits() -> None:
     assert [bar.get_height() for bar in other.patches] == pytest.approx([0, 0, 100 / 3])
 
 
-def test_a_trend_says_why_its_branch_is_open(tmp_path: Path, bare: None) -> None:
-    point = {"frequency_hz": 10.0, "added_mass_kg": 0.0, "parameters": {}}
-    trend = plain("trend", "4", None, None, {"stiff ankle": {}}, cycles=[])
-    trend["result"]["branches"][0] |= {"points": [point]}
-    trend["result"] |= {"verdict": "undecided", "verdict_reason": "Recordings lie off a curve by 37 % & more."}
-    report.write(tmp_path, [trend, *study()[:2]], "two modes", "synthetic")
-    page = (tmp_path / "report.html").read_text()
-    cells = ("subject 4, midstance", "undecided", "Recordings lie off a curve by 37 % &amp; more.")
-    assert f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>" in page
-
-
 def test_two_subjects_make_no_curve() -> None:
     rows = summary.tidy([d for d in study()[:-1] if d["subject"] in ("1", "2")])
     figure = figures.curves(rows, "synthetic")
-    assert "0 kg" in [text.get_text() for text in figure.legends[0].get_texts()]
-    sizes = [len(line.get_xdata()) for line in figure.axes[0].lines if line.get_linewidth() == 2]
+    assert "0 kg added" in [text.get_text() for text in figure.legends[0].get_texts()]
+    sizes = [len(line.get_xdata()) for line in figure.axes[0].lines if line.get_label() == "mean"]
     assert sizes == [0, 0]
     three = summary.tidy([d for d in study()[:-1] if d["subject"] in ("1", "2", "3")])
-    assert len(figures.curves(three, "synthetic").axes[0].lines[0].get_xdata()) > 100
+    for by, points in (("undecided", 0), ("likelihood", 121)):  # nothing decided, no mean
+        drawn = figures.curves(three.assign(decided_by=by), "synthetic").axes[0].lines
+        assert {len(line.get_xdata()) for line in drawn if line.get_label() == "mean"} == {points}
 
 
 def test_fits_that_do_not_follow_are_said_and_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One fit at 37 %: named at the top, dotted in loops and traces, and in no mean, box or energy."""
+    """One fit at 37 %: named at the top, dotted in loops, and in no mean, box or energy."""
     fits = study()[:-1]
     bad = fits[2]
     assert (bad["subject"], bad["added_mass_kg"], bad["frequency_hz"]) == ("1", 0.0, 30.0)

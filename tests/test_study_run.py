@@ -203,8 +203,6 @@ def test_aperiodic_recordings_are_fitted_in_the_time_domain(tmp_path: Path) -> N
         (("--starts", "0"), "the number of starts is 0"),
         (("--profile", "k_X"), "unknown parameter to profile 'k_X'"),
         (("--free", "k_T", "--profile", "k_F"), "unknown parameter to profile 'k_F'"),
-        (("--mode", "trend", "--profile", "k_T"), "--profile checks per-recording and pooled fits"),
-        (("--mode", "trend", "--agreement"), "--agreement checks per-recording and pooled fits"),
         (("--bounds", "k_T=1e4"), "is not NAME=LOWER:UPPER"),
         (("--bounds", "k_X=1:2"), "k_X"),
         (("--prior", "k_T>k_F", "--prior", "k_T<k_F"), "orders k_T and k_F 2 times (k_T>k_F, k_T<k_F); give one order"),

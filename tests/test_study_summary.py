@@ -56,20 +56,6 @@ def test_tidy_has_a_row_a_branch_and_parameter_and_marks_outliers_within_a_condi
     assert table["truth"].isna().all()
 
 
-def test_points_of_a_trend_are_rows_with_their_condition() -> None:
-    def point(f: float, load: float, value: float) -> dict[str, object]:
-        e = {"value": value, "std_error": 1.0, "lower": 0.0, "upper": 9.0, "identifiability": "identified"}
-        return {"frequency_hz": f, "added_mass_kg": load, "parameters": {"c_11_n_s_per_m": e}}
-
-    document = plain("trend", "3", None, None, {"stiff ankle": {}})
-    document["result"]["branches"] = [
-        {"name": "stiff ankle", "fit_percent": 99.0, "points": [point(10, 0, 5), point(20, 2.3, 7)]}
-    ]
-    table = summary.tidy([document])
-    assert table[["added_mass_kg", "frequency_hz", "value"]].to_numpy().tolist() == [[0, 10, 5], [2.3, 20, 7]]
-    assert set(table["unit"]) == {"N s/m"}
-
-
 def test_csv_comes_back() -> None:
     table = summary.tidy([plain("per-recording", "1", 0.0, 12.5, one(1 / 3))])
     back = pd.read_csv(StringIO(summary.csv(table)), dtype={"subject": str})
@@ -213,3 +199,27 @@ def test_outliers_are_sought_among_what_is_shown_and_measured() -> None:
     table = summary.tidy(fits, tracked={d["key"]: "stiff pad" for d in fits})
     assert table.loc[table["outlier"], "value"].tolist() == [60.0]
     assert not summary.tidy(fits)["outlier"].any()
+
+
+def test_only_what_allows_for_everything_else_may_say_identified() -> None:
+    """By mode, fit, whether whatever else may be true was allowed for, own verdict and profile's."""
+    wide, alone, poor = ({"fit_percent": fit, "world": w} for fit, w in ((97.0, {}), (97.0, None), (60.0, {})))
+    for mode, branch, own, profile, said in (
+        ("pooled", wide, "identified", None, "identified"),
+        ("pooled", wide, "identified", "weak", "weak"),
+        ("pooled", wide, "weak", "identified", "weak"),
+        ("pooled", alone, "identified, if the model is true", None, "weak"),
+        ("pooled", poor, "identified", None, "not identifiable"),
+        ("per-recording", alone, "identified", "identified", "weak"),
+        ("per-recording", alone, "not identifiable", None, "not identifiable"),
+    ):
+        assert summary.word(mode, branch, own, profile) == said
+
+
+def test_one_set_of_constants_is_said_first() -> None:
+    fits = [plain("pooled", str(i), 0.0, None, one(1.0)) for i in range(3)]
+    for d, follows in zip(fits, (True, True, False), strict=True):
+        d["result"]["branches"][0]["world"] = {"follows": follows}
+    assert summary.one_set(fits[:2]) == "One set of constants serves all frequencies in 2 of 2 pooled fits."
+    assert summary.one_set(fits).startswith("One set of constants serves all frequencies in 2 of 3 pooled fits: in the")
+    assert summary.one_set([plain("per-recording", "1", 0.0, 10.0, one(1.0))]) == ""

@@ -38,7 +38,7 @@ def test_stored_constants_are_those_of_the_recordings(study: Path) -> None:
     assert truth is not None
     for recording in Study.read(study).recordings[::3]:
         c = recording.condition
-        known = truth.of("per-recording", c.subject, c.posture, c.added_mass_kg, c.frequency_hz, [recording.file])
+        known = truth.of([recording.file])
         U, Y = (
             fit_harmonics(recording.time_s, x, c.frequency_hz, 3).amplitudes
             for x in (recording.base_m_s2, recording.malleolus_m_s2)
@@ -53,20 +53,16 @@ def test_stored_constants_are_those_of_the_recordings(study: Path) -> None:
         assert 2 * np.mean(out * np.exp(-omega[0] * t)) == pytest.approx(Y[0], abs=2e-3 * abs(Y[0]))
 
 
-def test_a_trend_has_the_subjects_curve_and_a_pooled_fit_the_mean(study: Path) -> None:
+def test_a_pooled_fit_is_compared_with_the_mean_over_its_frequencies(study: Path) -> None:
     truth = Truth.read(study)
     assert truth is not None
     files = [f"recordings/s02_midstance_2.3kg_{f}hz.csv" for f in (10, 30)]
-    each = [truth.of("per-recording", "2", "midstance", 2.3, f, [x]) for f, x in zip((10, 30), files, strict=True)]
-    curve = [truth.of("trend", "2", "midstance", 2.3, f, files) for f in (10, 30)]
-    for own, smooth in zip(each, curve, strict=True):
-        assert own["k_T"] == pytest.approx(smooth["k_T"], rel=1e-9)  # does not scatter between recordings
-        assert own["k_F"] != pytest.approx(smooth["k_F"], rel=1e-6)  # scatters
-        assert own["k_F"] == pytest.approx(smooth["k_F"], rel=0.1)  # by 1.5 % under load
-    pooled = truth.of("pooled", "2", "midstance", 2.3, np.nan, [f"study/{x}" for x in files])
+    each = [truth.of([file]) for file in files]
+    assert each[0]["k_T"] != pytest.approx(each[1]["k_T"], rel=0.1)
+    pooled = truth.of([f"study/{x}" for x in files])
     assert pooled["k_T"] == pytest.approx(np.mean([own["k_T"] for own in each]))
     assert set(pooled) == {*NAMES, "delay"}
-    assert set(truth.of("per-recording", "2", "midstance", 2.3, 10.0, ["unheard of.csv"])) == {"delay"}
+    assert set(truth.of(["unheard of.csv"])) == {"delay"}
 
 
 def test_one_foot_has_one_truth_and_measured_data_none(tmp_path: Path) -> None:
@@ -75,7 +71,7 @@ def test_one_foot_has_one_truth_and_measured_data_none(tmp_path: Path) -> None:
     (tmp_path / "truth.json").write_text(json.dumps(known))
     truth = Truth.read(tmp_path)
     assert truth is not None
-    assert truth.of("trend", "16", "midstance", 0.0, 20.0, ["a.csv", "b.csv"]) == {"k_T": 1.3e5, "delay": 2e-4}
+    assert truth.of(["a.csv", "b.csv"]) == {"k_T": 1.3e5, "delay": 2e-4}
     (tmp_path / "truth.json").write_text("[]")
     with pytest.raises(InputFileError, match="not the truth"):
         Truth.read(tmp_path)
@@ -87,15 +83,17 @@ def at(k_T: float, k_F: float, word: str = "identified", error: float | None = 1
 
 def test_recovery_counts_the_own_the_tracked_and_the_nearer_branch() -> None:
     """Truth 100 and 50. Right; within 3 errors only; the mirror, but tracked; the mirror, undecided; at a bound."""
-    truth = Truth({}, {"k_T": 100.0, "k_F": 50.0}, {})
+    truth = Truth({}, {"k_T": 100.0, "k_F": 50.0})
     mirror = at(43.0, 116.0)
     fits = [
-        plain("per-recording", "1", 0.0, 10.0, {"stiff ankle": at(101, 50), "stiff pad": mirror}),
-        plain("per-recording", "2", 0.0, 10.0, {"stiff ankle": at(103, 46), "stiff pad": mirror}),
-        plain("per-recording", "3", 0.0, 10.0, {"stiff pad": mirror, "stiff ankle": at(98, 51)}),
-        plain("per-recording", "4", 0.0, 10.0, {"stiff pad": mirror, "stiff ankle": at(99, 52)}),
-        plain("per-recording", "5", 0.0, 10.0, {"stiff ankle": at(100, 50, "not identifiable", None)}),
+        plain("pooled", "1", 0.0, None, {"stiff ankle": at(101, 50), "stiff pad": mirror}),
+        plain("pooled", "2", 0.0, None, {"stiff ankle": at(102, 46), "stiff pad": mirror}),
+        plain("pooled", "3", 0.0, None, {"stiff pad": mirror, "stiff ankle": at(98, 51)}),
+        plain("pooled", "4", 0.0, None, {"stiff pad": mirror, "stiff ankle": at(99, 52)}),
+        plain("pooled", "5", 0.0, None, {"stiff ankle": at(100, 50, "not identifiable", None)}),
     ]
+    for branch in (b for d in fits for b in d["result"]["branches"]):
+        branch["world"] = {"follows": True}  # only such fits may say identified
     tracked = {fits[0]["key"]: "stiff ankle", fits[2]["key"]: "stiff ankle", fits[3]["key"]: "undecided"}
     rows = recovery(summary.tidy(fits, truth, tracked)).set_index("parameter")
     k_T, k_F, total = rows.loc["k_T"], rows.loc["k_F"], rows.loc["all"]
@@ -104,21 +102,21 @@ def test_recovery_counts_the_own_the_tracked_and_the_nearer_branch() -> None:
     assert [k_F[way] for way in ("chosen", "tracked", "either")] == [1, 2, 3]  # 46 is four standard errors off
     assert (k_T["identified"], k_T["identified_of"]) == (3, 4)
     assert [(total[way], total[f"{way}_of"]) for way in ("chosen", "tracked", "either")] == [(3, 8), (5, 8), (7, 8)]
-    assert k_T["chosen_error"] == pytest.approx(np.median([0.01, 0.03, 0.57, 0.57, 0.0]))
-    assert k_T["tracked_error"] == pytest.approx(np.median([0.01, 0.03, 0.02, 0.57, 0.0]))
+    assert k_T["chosen_error"] == pytest.approx(np.median([0.01, 0.02, 0.57, 0.57, 0.0]))
+    assert k_T["tracked_error"] == pytest.approx(np.median([0.01, 0.02, 0.02, 0.57, 0.0]))
     assert k_F["either_error"] == pytest.approx(np.median([0, 0.08, 0.02, 0.04, 0]))
-    assert k_T["std_error"] == pytest.approx(np.median([1 / 101, 1 / 103, 1 / 98, 1 / 43]))
+    assert k_T["std_error"] == pytest.approx(np.median([1 / 101, 1 / 102, 1 / 98, 1 / 43]))
 
 
-def test_recovery_of_honest_errors_is_997_in_a_thousand() -> None:
+def test_recovery_of_honest_errors_is_19_in_20() -> None:
     rng = np.random.default_rng(0)
-    truth = Truth({}, {"k_T": 100.0, "k_F": 50.0}, {})
+    truth = Truth({}, {"k_T": 100.0, "k_F": 50.0})
     fits = [
         plain("pooled", str(i), 0.0, None, {"best": at(100 + e, 50 + g)})
         for i, (e, g) in enumerate(rng.normal(size=(1500, 2)))
     ]
     rows = recovery(summary.tidy(fits, truth)).set_index("parameter")
-    assert rows.loc["all", "chosen"] / rows.loc["all", "chosen_of"] == pytest.approx(0.9973, abs=0.003)
+    assert rows.loc["all", "chosen"] / rows.loc["all", "chosen_of"] == pytest.approx(0.9545, abs=0.012)
 
 
 def test_without_a_truth_there_is_nothing_to_recover() -> None:

@@ -11,8 +11,6 @@ from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from identification.estimate import Settings
 from identification.periodic import Line
-from identification.study.curves import Order
-from identification.study.trend import fit_trend
 from identification.study.validation import (
     compare,
     compare_damping,
@@ -91,24 +89,12 @@ def test_pooled_constants_predict_constants_and_not_a_trend(foot: Foot) -> None:
     assert good.document()["mode"] == "pooled"
 
 
-def test_trend_predicts_a_trend(foot: Foot) -> None:
-    data = study(power_laws, F[:4], (0.0,))
-    whole = fit_trend(
-        data, foot, Settings(wide=False, starts=1, threads=1), order=Order(2, 0, 1), scatter=False, certify=False
-    )  # fmt: skip
-    found = leave_one_frequency_out(data, foot, "trend", Settings(wide=False, threads=1), branch=whole.best)
-    assert len(found.rows) == 4
-    assert not found.failed
-    assert found.chi_square_per_number < 10  # three frequencies for the curves: their error adds to the noise
-    assert found.percent < 0.2
-
-
 def test_criteria_know_linear_damping_from_nonlinear(foot: Foot) -> None:
     settings = Settings(wide=False, starts=1, threads=1)
-    bent = compare_damping(study(constant, F[:4], (0.0,)), foot, "pooled", settings)
+    bent = compare_damping(study(constant, F[:4], (0.0,)), foot, settings)
     assert bent.preferred("aic") == bent.preferred("bic") == bent.preferred("held_out_percent") == "nonlinear"
     assert bent.linear.held_out_chi_square > 10 * bent.nonlinear.held_out_chi_square  # type: ignore[operator]
-    straight = compare_damping(study(linear, F, (0.0,), noise=3.0), foot, "pooled", settings, held_out=False)
+    straight = compare_damping(study(linear, F, (0.0,), noise=3.0), foot, settings, held_out=False)
     assert straight.preferred("bic") == "linear"
     assert straight.nonlinear.count == straight.linear.count + 4
     assert straight.nonlinear.deviance < straight.linear.deviance + 0.5  # it contains the linear law

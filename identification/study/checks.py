@@ -20,14 +20,14 @@ from identification.study.profile import profiles
 from identification.study.validation import NONLINEAR, compare_damping, leave_one_frequency_out
 
 
-def ensure(mode: str, settings: Settings, foot: Foot, profile: Sequence[str], agreement: bool) -> Space:
+def ensure(mode: str, settings: Settings, foot: Foot, profile: Sequence[str]) -> Space:
     """The space of a study's fits, if its checks can be meant.
 
     Args:
-        mode: of the fits. settings: of the fits. foot: the model. profile: parameters. agreement: is wanted.
+        mode: of the fits. settings: of the fits. foot: the model. profile: parameters.
 
     Raises:
-        SettingError: a parameter that is not estimated or a bound that is none, or a check that a trend does not have.
+        SettingError: a parameter that is not estimated, or a bound that is none.
     """
     space = space_of(foot, settings.free, settings.bounds, settings.delay is not False)
     free = [item.name for item in space.free]
@@ -36,9 +36,6 @@ def ensure(mode: str, settings: Settings, foot: Foot, profile: Sequence[str], ag
             raise SettingError(f"{unknown('parameter to profile', name, free)}.")
     if mode == "per-recording" and DELAY.name in profile:
         raise SettingError("one frequency cannot tell the delay, which per-recording fits hold; profile it in pooled.")
-    if mode == "trend" and (profile or agreement):
-        wanted = "--profile" if profile else "--agreement"
-        raise SettingError(f"{wanted} checks per-recording and pooled fits; a trend has --validate.")
     return space
 
 
@@ -73,6 +70,6 @@ def _validation(mode: str, settings: Settings, recordings: Sequence[Recording], 
     free = space_of(foot, settings.free, settings.bounds, delay=False).names
     if mode == "per-recording" or not set(NONLINEAR) & set(free):
         return {"held_out": leave_one_frequency_out(recordings, foot, mode, settings).document(), "damping": None}
-    both = compare_damping(recordings, foot, mode, settings)
+    both = compare_damping(recordings, foot, settings)
     assert both.held_out is not None
     return {"held_out": both.held_out.document(), "damping": both.document()}

@@ -51,6 +51,9 @@ def main(
     agreement: Annotated[
         bool, typer.Option("--agreement", help="steady state against time domain (slow: fits every sample)")
     ] = False,
+    replay: Annotated[
+        int, typer.Option(min=0, help="recordings of each fit that MuJoCo replays throughout (0: of every twentieth)")
+    ] = 0,
     subject: Annotated[list[str] | None, typer.Option(help="only this subject; repeat for several")] = None,
     posture: Annotated[list[str] | None, typer.Option(help="only this posture; repeat")] = None,
     added_mass: Annotated[list[float] | None, typer.Option(help="only this added mass in kg; repeat")] = None,
@@ -84,12 +87,12 @@ def main(
     folder = StudyFolder.open(study)
     filters = Filters(tuple(subject or ()), tuple(posture or ()), tuple(added_mass or ()), tuple(frequency or ()))
     settings = Settings(
-        free=names(free), bounds=limits(bounds), starts=starts, seed=seed, domain=domain, threads=1, wide=False
+        free=names(free), bounds=limits(bounds), starts=starts, seed=seed, domain=domain, threads=1, replay=replay
     )
     believed = Prior.read(prior or ())
     foot = load(model)
     profiled = tuple(dict.fromkeys(names(profile) or ()))
-    space = ensure(mode, settings, foot, profiled, agreement)
+    space = ensure(mode, settings, foot, profiled)
     plan = Plan(folder, filters.choose(folder.trials), settings, Model.of(foot))
     out = out or Path("results") / f"{study.resolve().name}_study"
     if out.is_file():
@@ -193,7 +196,7 @@ def failures_said(failed: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def show(documents: "Sequence[Document]", findings: "Findings", run: Mapping[str, Any], as_json: bool) -> None:
     """What is in the folder now, for people or as JSON: counts by mode, findings, and what failed."""
-    from identification.study.summary import counts, poor_fits, poor_sentence
+    from identification.study.summary import counts, one_set, poor_fits, poor_sentence
 
     failed = [d for d in (*documents, *findings.checks) if d["status"] == "failed"]
     counted = counts(documents, findings.tracked).to_dict("records")
@@ -218,6 +221,8 @@ def show(documents: "Sequence[Document]", findings: "Findings", run: Mapping[str
                           markup=False, soft_wrap=True)  # fmt: skip
     if said := poor_sentence(documents, findings.tracked):
         console.print(said, style="yellow", markup=False, soft_wrap=True)
+    if said := one_set(documents):
+        console.print(said, markup=False, soft_wrap=True)
     if findings.elsewhere:
         console.print(findings.elsewhere, style="yellow", markup=False, soft_wrap=True)
     for sentence in failures_said(failed):

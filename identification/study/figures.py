@@ -1,14 +1,15 @@
 """Figures of a whole study; every function returns a matplotlib Figure.
 
-Of the feet: constants over frequency (4.18 to 4.25) and their distributions (D.1 to D.3). Of the fits: verdicts, and
-where the starts ended. Of the motion: traces (4.6 to 4.14), hysteresis loops (4.15 to 4.17) and energies.
+Of the feet: constants over frequency (4.18 to 4.25), their distributions (D.1 to D.3), and the persons behind them. Of
+the fits: verdicts, and where the starts ended. Of the motion: transmissibility (in place of the traces 4.6 to 4.14),
+hysteresis loops (4.15 to 4.17) and energies.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
 from io import BytesIO
 from textwrap import fill
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
@@ -20,17 +21,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
-from identification.branches import DECISIVE_ODDS
-from identification.figures import STYLE, label_of, panels
+from identification.branches import DECISIVE_ODDS, EXCHANGED
+from identification.figures import STYLE, label_of, of_loads, panels
 from identification.study.means import BAND, FEWEST, POSITIVE, mean_curve
 from identification.study.summary import FEWEST as FEWEST_OF_A_BOX
 from identification.study.summary import OPEN, POOR_FIT, follows, measured, nominal, quartiles
 
-#: Colour-blind safe, and different in grey: the loads.
-_LOADS = ("#1b1b1b", "#d1495b", "#2e86ab", "#66a182", "#edae49")
-MARKERS = ("o", "s", "^", "D", "v")
-MODEL, MEASURED, GREY = "#d1495b", "#2b2b2b", "#555555"
-#: The constants in the order of Figures 4.18 to 4.25.
+if TYPE_CHECKING:
+    from identification.study.population import Population
+
+MODEL, GREY = "#d1495b", "#555555"  #: The constants in the order of Figures 4.18 to 4.25.
 CONSTANTS = ("k_T", "c_11", "c_12", "c_13", "k_F", "c_21", "c_22", "c_23")
 #: Letters of a remark to an inch of the figure's width.
 _LETTERS = 17
@@ -40,8 +40,8 @@ _VERDICTS = {"identified": "#2e86ab", "weak": "#edae49", "not identifiable": "#c
 _BLUE = _VERDICTS["identified"]
 #: Difference in the sum of squares that is none, and that 1000 to 1 odds need.
 _SAME, _TOLD_APART = 1e-2, round(2 * float(np.log(DECISIVE_ODDS)), 1)
-#: Circles of a trace at most, of all samples that are stored.
-_CIRCLES = 36
+#: How dark an estimate is whose branch is decided, and one whose branch is not.
+_DECIDED, _FAINT = 0.8, 0.35
 #: Line of a model that does not follow its recording.
 _POOR = ":"
 _SCALE = {"N/m": (1e-3, "kN/m"), "s": (1e3, "ms")}
@@ -69,11 +69,6 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     return drawn
 
 
-def colour_of(load: float, loads: Sequence[float]) -> str:
-    """The colour of one of the loads [kg]."""
-    return _LOADS[list(loads).index(load) % len(_LOADS)]
-
-
 def noted(figure: Figure, text: str) -> Figure:
     """Write a remark below a figure, in as many lines as its width asks for."""
     figure.supxlabel(fill(text, int(_LETTERS * figure.get_figwidth())), fontsize=7.5, color=GREY)
@@ -87,49 +82,63 @@ def distinct(values: Iterable[float]) -> list[float]:
 
 @styled
 def curves(table: pd.DataFrame, origin: str) -> Figure:
-    """Figures 4.18 to 4.25: spline-fitted means over frequency by load with 95 % bands, estimates as dots.
+    """Figures 4.18 to 4.25: estimates over frequency by load; means and bands of those whose branch is decided alone.
 
     Args:
         table: tidy rows of one mode and posture. origin: of the data.
     """
     rows = table[table["shown"]]
-    loads, count = distinct(rows["added_mass_kg"]), rows["subject"].nunique()
+    loads = of_loads(rows["added_mass_kg"])
     figure, axes = panels(2, 4, 10.4, 5.4, sharex=True)
     for axis, name in zip(axes.flat, CONSTANTS, strict=True):
         own = rows[rows["parameter"] == name]
         scale = _title(axis, own, name)
-        ends = []
-        for i, load in enumerate(loads):
-            at, colour = own[own["added_mass_kg"] == load], colour_of(load, loads)
-            c = mean_curve(at)
-            axis.fill_between(c.frequency_hz, scale * c.lower, scale * c.upper, color=colour, alpha=0.18, lw=0)
-            axis.plot(c.frequency_hz, scale * c.mean, lw=2, color=colour)
+        ends: list[float] = []
+        for i, (load, (colour, mark)) in enumerate(loads.items()):
+            at = own[own["added_mass_kg"] == load]
             true = at[at["truth"] > 0] if name in POSITIVE else at.dropna(subset=["truth"])
             of = true.groupby("frequency_hz")["truth"]
             mean = of.agg(lambda v: np.exp(np.log(v).mean())) if name in POSITIVE else of.mean()
-            axis.plot(mean.index, scale * mean, lw=1.1, ls=(0, (4, 2)), color=colour)
+            axis.plot(mean.index, scale * mean, lw=1.3, ls=(0, (4, 2)), color=colour, label="truth")
             dots = at[~at["outlier"] & measured(at)]
-            f = dots["frequency_hz"] + 0.7 * (i - (len(loads) - 1) / 2)  # so that loads do not hide each other
             told = ~dots["decided_by"].isin(OPEN)
-            axis.plot(f[told], scale * dots.loc[told, "value"], "o", ms=2.2, mew=0, color=colour, alpha=0.55)
-            axis.plot(f[~told], scale * dots.loc[~told, "value"], "o", ms=2.4, mew=0.4, mfc="none", mec=colour,
-                      alpha=0.55)  # fmt: skip
-            ends += [*(scale * dots["value"]), *(scale * mean), *(scale * c.mean)]
+            c = mean_curve(dots[told])
+            axis.fill_between(c.frequency_hz, scale * c.lower, scale * c.upper, color=colour, alpha=0.18, lw=0)
+            axis.plot(c.frequency_hz, scale * c.mean, lw=2, color=colour, label="mean")
+            f = dots["frequency_hz"] + 0.7 * (i - (len(loads) - 1) / 2)  # so that loads do not hide each other
+            value = scale * dots["value"]
+            axis.plot(f[told], value[told], mark, ms=2.8, mew=0, color=colour, alpha=_DECIDED)
+            axis.plot(f[~told], value[~told], mark, ms=2.8, mew=0.5, mfc="none", mec=colour, alpha=_FAINT)
+            ends += [*value, *(scale * mean), *(scale * c.mean)]
         _limit(axis, np.array(ends, float), name)
     for axis in axes[-1]:
         axis.set_xlabel("frequency [Hz]")
-    mean_ = ", mean" if count >= FEWEST else ""
-    handles = [Line2D([], [], lw=2, color=colour_of(load, loads), label=f"{load:g} kg{mean_}") for load in loads]
-    handles.append(Line2D([], [], marker="o", ls="", ms=3.5, mew=0, color=GREY, label="estimate"))
-    handles.append(Line2D([], [], marker="o", ls="", ms=3.5, mfc="none", color=GREY, label="branch not decided"))
+    handles = [Line2D([], [], marker=mark, ls="", ms=4, mew=0, color=colour, label=f"{load:g} kg added")
+               for load, (colour, mark) in loads.items()]  # fmt: skip
+    fits = rows.drop_duplicates("key")
+    decided = int((~fits["decided_by"].isin(OPEN)).sum())
+    drawn = any(line.get_label() == "mean" and len(line.get_xdata()) for axis in axes.flat for line in axis.lines)
+    if decided:
+        handles.append(Line2D([], [], marker="o", ls="", ms=4, mew=0, color=GREY, label="branch decided"))
+    if decided < len(fits):
+        handles.append(Line2D([], [], marker="o", ls="", ms=4, mfc="none", color=GREY, label="branch not decided"))
+    if drawn:
+        handles.append(Line2D([], [], lw=2, color=GREY, label="mean of the decided"))
     if rows["truth"].notna().any():
-        handles.append(Line2D([], [], lw=1.1, ls=(0, (4, 2)), color=GREY, label="truth, mean"))
+        handles.append(Line2D([], [], lw=1.3, ls=(0, (4, 2)), color=GREY, label="truth"))
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=8.5)
+    rests = f"the branch is decided in {decided} of {len(fits)} fits"
+    text = (
+        f"means (geometric, of c_12 and c_22 arithmetic) where {FEWEST} subjects or more are decided, bands: 95 % of "
+        f"the mean, jackknife over {BAND} or more"
+        if drawn
+        else "no mean is drawn of fewer than three decided subjects"
+    )
     return noted(
         figure,
-        f"{origin} data, n = {count}; means (geometric, of c_12 and c_22 arithmetic) of the estimates with a standard "
-        f"error within 1.5 IQR, where {FEWEST} subjects or more have one; bands: 95 % of the mean, jackknife over "
-        f"{BAND} subjects or more; in the titles how many of the estimates are drawn",
+        f"{origin} data, n = {rows['subject'].nunique()}; {rests}: of an open one ankle and pad may have changed "
+        f"places, and its value is that of the likelier branch; {text}; in the titles how many estimates have a "
+        "standard error",
     )
 
 
@@ -285,39 +294,37 @@ def _poor(cycles: Sequence[Mapping[str, Any]]) -> str:
 
 
 @styled
-def traces(cycles: Sequence[Mapping[str, Any]], fits: Mapping[str, float], origin: str) -> Figure:
-    """Figures 4.6 to 4.14: measured and modelled malleolus acceleration of one subject, frequencies by loads.
+def transmissibility(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
+    """Malleolus over base of one subject, measured and by the model fitted: all that a steady sine says, in one figure.
 
     Args:
-        cycles: entries of the branch shown, with traces. fits: file -> fit percentage. origin: of the data.
+        cycles: entries of the branch shown. origin: of the data.
     """
-    f, loads = distinct(nominal(c["frequency_hz"]) for c in cycles), distinct(c["added_mass_kg"] for c in cycles)
-    figure, axes = panels(len(f), len(loads), 2.5 * len(loads) + 0.4, 1.25 * len(f) + 0.7, sharex=True, sharey="row")
-    for axis in axes.flat:
-        axis.set_visible(False)
-    plain = axes.flat[0].title.get_color()
-    for c in cycles:
-        axis = axes[f.index(nominal(c["frequency_hz"])), loads.index(c["added_mass_kg"])]
-        axis.set_visible(True)
-        t = np.array(c["trace"]["time_s"]) * c["frequency_hz"]
-        good = c.get("follows", True)
-        axis.plot(t, c["trace"]["model_m_s2"], lw=1.3, ls="-" if good else _POOR, color=MODEL, label="model", zorder=3)
-        axis.plot(
-            t, c["trace"]["measured_m_s2"], "o", ms=3, mfc="none", mew=0.6, color=MEASURED, label=origin,
-            markevery=max(1, round(t.size / _CIRCLES)),
-        )  # fmt: skip
-        fit = f": fit {fits[c['file']]:.1f} %" if c["file"] in fits else ""
-        axis.set_title(f"{nominal(c['frequency_hz']):g} Hz, {c['added_mass_kg']:g} kg{fit}", fontsize=8, pad=3,
-                       color=plain if good else MODEL)  # fmt: skip
-        axis.tick_params(labelsize=7)
-    for axis in axes[-1]:
-        axis.set_xlabel("time [periods]")
-    for axis in axes[:, 0]:
-        axis.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-    figure.supylabel("malleolus acceleration [m/s²]", fontsize=9)
-    handles, labels = next(axis for axis in axes.flat if axis.lines).get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper right", ncols=2, fontsize=8, markerscale=1.6)
-    return noted(figure, f"circles: some of the samples{_poor(cycles)}")
+    loads = of_loads(c["added_mass_kg"] for c in cycles)
+    figure, axes = panels(1, 2, 7.6, 3.3, sharex=True)
+    size, phase = axes[0]
+    for load, (colour, mark) in loads.items():
+        own = sorted((c for c in cycles if c["added_mass_kg"] == load), key=lambda c: c["frequency_hz"])
+        f = [nominal(c["frequency_hz"]) for c in own]
+        for kind, style in (("measured", {"ls": "", "marker": mark, "ms": 4.5, "mfc": "none"}),
+                            ("model", {"lw": 1.2, "marker": ".", "ms": 3})):  # fmt: skip
+            H = np.array([complex(*c["transmissibility"][kind]) for c in own])
+            label = f"{load:g} kg added" if kind == "measured" else None
+            size.plot(f, np.abs(H), color=colour, label=label, **style)
+            phase.plot(f, -np.degrees(np.unwrap(np.angle(H))), color=colour, **style)
+        poor = [x for x, c in zip(f, own, strict=True) if not c.get("follows", True)]
+        size.plot(poor, [abs(complex(*c["transmissibility"]["model"])) for c in own if not c.get("follows", True)], "x",
+                  ms=7, color=MODEL)  # fmt: skip
+    size.set_ylabel("malleolus over base")
+    phase.set_ylabel("phase lag [degrees]")
+    for axis in axes[0]:
+        axis.set_xlabel("frequency [Hz]")
+    handles, _ = size.get_legend_handles_labels()
+    handles.append(Line2D([], [], lw=1.2, marker=".", ms=3, color=GREY, label="model"))
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=8)
+    text = f"{origin} data, marks; lines: the model, fitted at each frequency for itself or to all"
+    some = not all(c.get("follows", True) for c in cycles)
+    return noted(figure, text + (f"; crosses: it follows the recording to less than {POOR_FIT:g} %" if some else ""))
 
 
 @styled
@@ -355,40 +362,84 @@ def loops(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
 
 @styled
 def energies(table: pd.DataFrame, origin: str) -> Figure:
-    """Energy dissipated in one cycle by ankle and fat pad, and the pad's share: medians and quartiles of the subjects.
+    """What the foot takes from the shaker in a cycle, which both branches share, and the fat pad's part of it.
+
+    The part is drawn as a median only of fits whose branch is decided: on the other branch it is another one.
 
     Args:
         table: `summary.cycle_table`, rows of one mode. origin: of the data.
     """
     rows = table[table["shown"] & follows(table["fit_percent"])]
-    loads, count = distinct(rows["added_mass_kg"]), rows["subject"].nunique()
-    share = 100 * rows["fat_pad_j"] / (rows["fat_pad_j"] + rows["ankle_j"])
-    shown = (
-        ("talocrural joint", 1e3 * rows["ankle_j"], "energy a cycle [mJ]"),
-        ("fat pad", 1e3 * rows["fat_pad_j"], ""),
-        ("fat pad's share", share, "share of the whole [%]"),
-    )
-    figure, axes = panels(1, 3, 8.4, 3.0, sharex=True)
-    axes[0, 1].sharey(axes[0, 0])
-    for axis, (title, values, label) in zip(axes[0], shown, strict=True):
-        for i, load in enumerate(loads):
-            at = rows["added_mass_kg"] == load
-            grouped = values[at].groupby(rows.loc[at, "frequency_hz"])
+    loads, count = of_loads(rows["added_mass_kg"]), rows["subject"].nunique()
+    whole = 1e3 * (rows["fat_pad_j"] + rows["ankle_j"])
+    share = 1e5 * rows["fat_pad_j"] / whole
+    told = ~rows["decided_by"].isin(OPEN)
+    enough = told.groupby([rows["added_mass_kg"], rows["frequency_hz"]]).transform("sum") >= FEWEST
+    figure, axes = panels(1, 2, 7.6, 3.3, sharex=True)
+    left, right = axes[0]
+    for i, (load, (colour, mark)) in enumerate(loads.items()):
+        at, shift = rows["added_mass_kg"] == load, 0.5 * (i - (len(loads) - 1) / 2)
+        for axis, values, mine in ((left, whole, at), (right, share, at & told & enough)):
+            grouped = values[mine].groupby(rows.loc[mine, "frequency_hz"])
             low, middle, high = (grouped.quantile(q) for q in (0.25, 0.5, 0.75))
-            shift = 0.5 * (i - (len(loads) - 1) / 2)  # so that the bars do not hide each other
-            colour, marker = colour_of(load, loads), MARKERS[i % 5]
             axis.errorbar(
-                middle.index + shift, middle, yerr=[middle - low, high - middle], fmt=f"{marker}-", ms=3.8, lw=1.2,
+                middle.index + shift, middle, yerr=[middle - low, high - middle], fmt=f"{mark}-", ms=3.8, lw=1.2,
                 elinewidth=0.8, capsize=1.5, color=colour, label=f"{load:g} kg added",
             )  # fmt: skip
-            open_ = rows[at]["decided_by"].isin(OPEN).groupby(rows.loc[at, "frequency_hz"]).mean() > 0.5
-            axis.plot(middle.index[open_] + shift, middle[open_], marker, ms=3.8, mfc="white", color=colour, zorder=4)
+        for mine, face, dark in ((at & told, colour, _DECIDED), (at & ~told, "none", _FAINT)):
+            right.plot(rows.loc[mine, "frequency_hz"] + shift, share[mine], mark, ms=2.8, mfc=face, mew=0.5, mec=colour,
+                       alpha=dark)  # fmt: skip
+    left.set_yscale("log")
+    right.set_ylim(-2, 102)
+    for axis, title in ((left, "energy a cycle [mJ]"), (right, "fat pad's share [%]")):
         axis.set_title(title)
         axis.set_xlabel("frequency [Hz]")
-        axis.set_ylabel(label)
-    axes[0, 0].set_yscale("log")
-    axes[0, 2].set_ylim(0, 102)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
+    handles, labels = left.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(loads), fontsize=8)
-    text = "medians and quartiles over subjects; open: most branches not decided; medians of parts need not add up"
+    text = (
+        f"medians and quartiles over subjects; both branches share the whole, not the pad's share: filled points "
+        f"are the {int(told.sum())} of {len(rows)} cycles whose branch is decided, with medians of {FEWEST} or more"
+    )
     return noted(figure, f"{origin} data, n = {count}; {text}")
+
+
+@styled
+def persons(populations: Sequence["Population"], origin: str) -> Figure:
+    """Each person's constants with 95 %, faint, and the population's mean with its own, a panel a constant.
+
+    Args:
+        populations: of one posture; each constant has a column a load and branch. origin: of the data.
+    """
+    loads = of_loads(p.added_mass_kg for p in populations)
+    figure, axes = panels(2, 2, 7.6, 5.0)
+    for axis, name in zip(axes.flat, EXCHANGED, strict=True):
+        scale, unit = (1e-3, "kN/m") if name.startswith("k_") else (1.0, "N s/m")
+        ticks = []
+        for place, p in enumerate(populations):
+            colour, mark = loads[p.added_mass_kg]
+            ticks.append(f"{p.added_mass_kg:g} kg\n{p.branch}\n{p.verdict}")
+            for c in (c for c in p.constants if c.name == name):
+                open_ = p.verdict != "decided"
+                x = place + np.linspace(-0.3, 0.15, len(c.persons))
+                value, low, high = (scale * np.array([getattr(q, n) for q in c.persons])
+                                    for n in ("shrunk", "lower", "upper"))  # fmt: skip
+                axis.errorbar(x, value, yerr=[value - low, high - value], fmt=mark, ms=3, elinewidth=0.8, color=colour,
+                              alpha=_FAINT)  # fmt: skip
+                own = [scale * q.value for q in c.persons]
+                axis.plot(x, own, "_", ms=5, color=GREY)
+                ends = [[scale * (c.mean - c.lower)], [scale * (c.upper - c.mean)]]
+                axis.errorbar([place + 0.3], [scale * c.mean], yerr=ends, fmt=mark, ms=6, capsize=3, color=colour,
+                              elinewidth=1 if open_ else 2, mfc="none" if open_ else colour,
+                              alpha=0.5 if open_ else 1.0)  # fmt: skip
+        axis.set_yscale("log")
+        axis.set_title(f"{label_of(name)} [{unit}]")
+        axis.set_xticks(range(len(ticks)), ticks, fontsize=7)
+        axis.set_xlim(-0.6, len(ticks) - 0.4)
+        axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
+        axis.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.yaxis.set_minor_formatter(NullFormatter())
+    return noted(
+        figure,
+        f"{origin} data; faint: each person, shrunk, with 95 %; dashes: as the fit alone has it; large: geometric mean "
+        "with 95 %, open where the branch is not decided",
+    )

@@ -7,7 +7,7 @@ from fasbody.exceptions import SettingError, unknown
 from fasbody.recording.trials import Trial
 
 #: Which recordings one fit takes together.
-MODES = ("per-recording", "pooled", "trend")
+MODES = ("per-recording", "pooled")
 #: What is done with such a group: the fit itself, or a check of it (checks.py).
 KINDS = ("fit", "profile", "validation", "agreement")
 

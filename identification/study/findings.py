@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from fasbody.exceptions import SettingError
+from identification.study.population import Population, populations
 from identification.study.tracking import Fit, Prior, Tracking, track
 
 _TRACKED_MODES = ("per-recording", "pooled")
@@ -28,13 +29,14 @@ class Findings:
 
     Attributes:
         subjects: tracked ones. checks: documents of the checks that are done. prior: that the tracking had, in words.
-        unshown: documents in the folder that are of other settings or recordings.
+        populations: of the pooled fits. unshown: documents in the folder that are of other settings or recordings.
     """
 
     subjects: Sequence[Subject] = ()
     checks: Sequence[Document] = ()
     prior: str = ""
     unshown: int = 0
+    populations: Sequence[Population] = ()
 
     @property
     def elsewhere(self) -> str:
@@ -68,6 +70,7 @@ class Findings:
             "tracking": [{**asdict(s), "tracking": s.tracking and s.tracking.document()} for s in self.subjects],
             "prior": self.prior, "profiles": listed("profile"), "validation": listed("validation"),
             "agreement": listed("agreement"), "unshown": self.unshown,
+            "populations": [p.document() for p in self.populations],
         }  # fmt: skip
 
 
@@ -83,7 +86,8 @@ def gather(
     for d in documents:
         if d["status"] == "done" and d["mode"] in _TRACKED_MODES:
             subjects.setdefault((d["mode"], d["subject"], d["posture"]), []).append(d)
-    return Findings([_tracked(*who, mine, prior) for who, mine in subjects.items()], checks, said)
+    tracked = [_tracked(*who, mine, prior) for who, mine in subjects.items()]
+    return Findings(tracked, checks, said, populations=populations(documents))
 
 
 def _tracked(mode: str, subject: str, posture: str, documents: Sequence[Document], prior: Prior | None) -> Subject:

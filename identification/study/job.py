@@ -3,20 +3,24 @@
 import time
 import traceback
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from fasbody.exceptions import FasError, RecordingError, SimulationError
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
-from identification.estimate import fit_foot
+from identification.advice import POOR_FIT
+from identification.estimate import Settings, fit_foot
+from identification.result import FitResult
 from identification.study.checks import check
 from identification.study.filters import KINDS
 from identification.study.loops import cycles
 from identification.study.plan import Job, Work
-from identification.study.trend import fit_trend
 
 Document = dict[str, Any]
+#: One fit in so many has a recording that MuJoCo replays from end to end; which ones follows from their keys.
+SAMPLE = 20
 
 
 def run(work: Work) -> Document:
@@ -55,18 +59,29 @@ def _done(work: Work, left_out: list[str]) -> Document:
     recordings, data = _usable(work.recordings, left_out)
     if work.job.kind != KINDS[0]:
         return {"result": check(work, recordings, foot)}
-    if work.job.mode == "trend":
-        result = fit_trend(recordings, foot, work.settings, source=str(work.job)).document()
-    else:
-        fitted = fit_foot(recordings, foot, work.settings, interruptible=False)
-        result = fitted.with_source(str(work.job)).document()
+    fitted = _fitted(recordings, foot, sampled(work))
+    result = fitted.with_source(str(work.job)).document()
     result["warnings"] += [f"Left out: {sentence}" for sentence in left_out]
     periodic = result.get("domain", "periodic") == "periodic"
     return {"result": result, "cycles": _cycles(result, foot, data) if periodic else []}
 
 
+def _fitted(recordings: Sequence[Recording], foot: Foot, settings: Settings) -> FitResult:
+    """A fit, with whatever else may be true where the model alone comes near: no allowance mends a gross misfit."""
+    alone = fit_foot(recordings, foot, settings, wide=False, interruptible=False)
+    if not settings.wide or alone.fit_percent < POOR_FIT:
+        return alone
+    return fit_foot(recordings, foot, settings, interruptible=False)
+
+
+def sampled(work: Work) -> Settings:
+    """The settings of a fit: without another wish, MuJoCo replays one recording of every twentieth fit throughout."""
+    wanted = work.settings.replay
+    return replace(work.settings, replay=int(int(work.job.key, 16) % SAMPLE == 0) if wanted == 0 else wanted)
+
+
 def _cycles(result: Document, foot: Foot, data: Sequence[Recording]) -> list[Document]:
-    """Cycles of all branches, or of the best one where another has none: curves may lead through an impossible foot."""
+    """Cycles of all branches, or of the best one where another has none."""
     try:
         return cycles(result, foot, data)
     except SimulationError as problem:

@@ -35,8 +35,6 @@ from identification.space import DELAY
 
 #: Points of a stored loop.
 POINTS = 48
-#: Periods and samples of a stored trace at most.
-_PERIODS, _SAMPLES = 2, 120
 #: Newton steps to a closed orbit.
 _PASSES = 30
 #: Relative gap at which an orbit counts as closed.
@@ -61,10 +59,8 @@ class Loop:
     force_n: np.ndarray
     dissipated_j: float
 
-    def document(self, points: bool) -> dict[str, Any]:
-        """As plain data, with `POINTS` points of the loop or without them."""
-        if not points:
-            return {"dissipated_j": self.dissipated_j}
+    def document(self) -> dict[str, Any]:
+        """As plain data, with `POINTS` points of the loop."""
         curves = {"displacement_m": self.displacement_m, "force_n": self.force_n}
         return {k: _short(resample(v, POINTS)) for k, v in curves.items()} | {"dissipated_j": self.dissipated_j}
 
@@ -268,23 +264,19 @@ def cycles(
 ) -> list[dict[str, Any]]:
     """The cycles of a fit as plain data: one entry a recording and branch.
 
-    Loops and traces are of both branches, as all fits of a subject together may decide for the other one later; of a
-    trend, which is not weighed together with others, of the best branch only.
+    Loops are of both branches, as all fits of a subject together may decide for the other one later.
 
     Args:
-        result: `FitResult.document()`, or that of a trend, with parameters a point in each branch ("points"), and the
-            foot of each recording on the best branch, which lies off the curves a little ("foot").
+        result: `FitResult.document()`.
         foot: the model. recordings: those of the fit, checked, or their harmonics. twin: whether the compiled twin is
             this model, where that is known already.
 
     Returns:
         Entries with file, frequency_hz, added_mass_kg, branch, chosen, ankle, fat_pad, dissipated_j, shaker_work_j,
-        imbalance and, where loops are kept, their points and trace (time_s, measured_m_s2, model_m_s2). Recordings
-        that are not periodic have no entry.
+        imbalance and transmissibility (measured, model). Recordings that are not periodic have no entry.
     """
     twin = twin_applies(foot) if twin is None else twin
     step = min(LONGEST_STEP, foot.step)
-    feet = {r["file"]: r.get("foot") for r in result.get("recordings", ())}
     entries = []
     for given in recordings:
         if isinstance(given, Recording) and given.condition.frequency_hz is None:
@@ -293,43 +285,29 @@ def cycles(
         condition = line.recording.condition
         e = Excitation(line.base.frequency_hz, line.base.amplitudes, condition.masses, step)
         for number, branch in enumerate(result["branches"]):
-            own = feet.get(line.recording.file) if number == 0 else None
-            values = own or values_of(branch, foot, line.base.frequency_hz, condition.added_mass_kg)
+            values = values_of(branch, foot)
             found = cycle(foot, e, {**foot.values(), **values}, twin)
-            points = number == 0 or "parameters" in branch
-            entry: dict[str, Any] = {
+            entries.append({
                 "file": line.recording.file, "frequency_hz": line.base.frequency_hz,
                 "added_mass_kg": condition.added_mass_kg, "branch": branch["name"], "chosen": number == 0,
-                "ankle": found.ankle.document(points), "fat_pad": found.fat_pad.document(points),
+                "ankle": found.ankle.document(), "fat_pad": found.fat_pad.document(),
                 "dissipated_j": found.dissipated_j, "shaker_work_j": found.shaker_work_j, "imbalance": found.imbalance,
-            }  # fmt: skip
-            if points:
-                entry["trace"] = _trace(line, found, values.get(DELAY.name, 0.0))
-            entries.append(entry)
+                "transmissibility": _transmissibility(line, found, values.get(DELAY.name, 0.0)),
+            })  # fmt: skip
     return entries
 
 
-def values_of(branch: Mapping[str, Any], foot: Foot, frequency_hz: float, added_mass_kg: float) -> dict[str, float]:
-    """The branch's parameter values by name at a recording's condition."""
-    estimates = branch.get("parameters")
-    if estimates is None:
-        distance = [
-            abs(p["frequency_hz"] - frequency_hz) + abs(p["added_mass_kg"] - added_mass_kg) for p in branch["points"]
-        ]
-        estimates = branch["points"][int(np.argmin(distance))]["parameters"]
+def values_of(branch: Mapping[str, Any], foot: Foot) -> dict[str, float]:
+    """The branch's parameter values by name, those that hold if the model is true: with them it moves as recorded."""
     name_of = {item.key: name for name, item in {**foot.parameters, DELAY.name: DELAY}.items()}
-    return {name_of[key]: each["value"] for key, each in estimates.items()}
+    told = {key: e.get("if_model_true") or e for key, e in branch["parameters"].items()}
+    return {name_of[key]: e["value"] for key, e in told.items()}
 
 
-def _trace(line: Line, found: Cycle, delay: float) -> dict[str, list[float]]:
-    """A few periods from the middle of a recording, measured and modelled."""
-    r, f = line.recording, line.base.frequency_hz
-    since = r.time_s - r.time_s[0]
-    first = r.time_s.size // 2
-    last = int(np.searchsorted(since, since[first] + _PERIODS / f))
-    at = np.arange(first, min(last + 1, since.size), max(1, -(-(last - first) // _SAMPLES)))
-    Y = 2 / found.malleolus_m_s2.size * np.fft.rfft(found.malleolus_m_s2)[1:]
-    omega = 2j * np.pi * f * np.arange(1, Y.size + 1)
-    model = (np.exp(np.multiply.outer(since[at] - delay, omega)) @ Y).real
-    channels = {"time_s": since[at] - since[first], "measured_m_s2": r.malleolus_m_s2[at], "model_m_s2": model}
-    return {name: _short(values) for name, values in channels.items()}
+def _transmissibility(line: Line, found: Cycle, delay: float) -> dict[str, list[float]]:
+    """Malleolus over base at the excitation, measured and modelled, as real and imaginary part."""
+    Y = 2 / found.malleolus_m_s2.size * np.fft.rfft(found.malleolus_m_s2)[1]
+    Y *= np.exp(-2j * np.pi * line.base.frequency_hz * delay)
+    base = line.base.amplitudes[0]
+    each = {"measured": line.malleolus.amplitudes[0] / base, "model": Y / base}
+    return {name: _short(np.array([H.real, H.imag])) for name, H in each.items()}

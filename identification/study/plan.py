@@ -3,7 +3,7 @@
 import functools
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -120,7 +120,7 @@ class Plan:
         """
         if mode not in MODES:
             raise SettingError(f"{unknown('mode', mode, MODES)}.")
-        words = [mode, kind, parameter, _written(self.settings), program()]
+        words = [mode, kind, parameter, _written(self._settings(mode, kind)), program()]
         how = hashlib.sha256("\n".join(words).encode() + self.model.binary)
         together = "pooled" if kind == "validation" and mode == "per-recording" else mode
         found: dict[str, Job] = {}
@@ -130,7 +130,7 @@ class Plan:
             condition = group[0].condition
             job = Job(
                 key=key, mode=mode, subject=condition.subject, posture=condition.posture,
-                added_mass_kg=condition.added_mass_kg if mode != "trend" else None,
+                added_mass_kg=condition.added_mass_kg,
                 frequency_hz=condition.frequency_hz if together == "per-recording" else None,
                 origin=self.study.origin, trials=tuple(group), kind=kind, parameter=parameter,
             )  # fmt: skip
@@ -145,17 +145,20 @@ class Plan:
                 recordings.append(self.study.read(trial))
             except FasError as problem:
                 unread.append(str(problem))
-        return Work(job, tuple(recordings), self.model, self.settings, tuple(unread), basis)
+        settings = self._settings(job.mode, job.kind)
+        return Work(job, tuple(recordings), self.model, settings, tuple(unread), basis)
+
+    def _settings(self, mode: str, kind: str) -> Settings:
+        """Several frequencies are fitted with whatever else may be true, and checks of them if the model is true."""
+        return replace(self.settings, wide=self.settings.wide and mode == "pooled" and kind == KINDS[0])
 
 
 def _groups(trials: Iterable[Trial], mode: str) -> Iterator[list[Trial]]:
     groups: dict[object, list[Trial]] = {}
     for number, trial in enumerate(trials):
         c: Condition = trial.condition
-        together: dict[str, object] = {
-            "per-recording": number, "pooled": (c.subject, c.posture, c.added_mass_kg), "trend": (c.subject, c.posture)
-        }  # fmt: skip
-        groups.setdefault(together[mode], []).append(trial)
+        together = number if mode == "per-recording" else (c.subject, c.posture, c.added_mass_kg)
+        groups.setdefault(together, []).append(trial)
     yield from groups.values()
 
 

@@ -14,20 +14,20 @@ from markupsafe import Markup
 from fasbody import console
 from identification.study import summary, tables
 from identification.study.findings import Findings, gather
+from identification.study.population import Population
 from identification.study.truth import LIMITS, Truth, recovery
 
-#: The subject whose traces and loops are shown where there is one of that name, as in the thesis.
+#: The subject whose motion and loops are shown where there is one of that name, as in the thesis.
 _EXAMPLE = "16"
 _LISTED = 20
 #: Names of the figures that `pictures` gives.
-_OURS = re.compile(r"(verdicts|waterfall|(curves|boxes|traces|loops|energies)_.+)\.(svg|png)")
+_OURS = re.compile(r"(verdicts|waterfall|(curves|boxes|traces|transmissibility|loops|energies|persons)_.+)\.(svg|png)")
 _MODES = {
     "per-recording": "each recording alone, as in the thesis",
     "pooled": "each load of a subject over all frequencies, with constants that do not depend on frequency",
-    "trend": "each subject over all loads and frequencies, with constants that are smooth functions of both",
 }
 #: Modes whose loops mean most first: one frequency may have ankle and pad changed.
-_TRUSTED = ("trend", "per-recording", "pooled")
+_TRUSTED = ("per-recording", "pooled")
 
 
 def write(
@@ -51,7 +51,7 @@ def write(
     table = summary.tidy(documents, truth, findings.tracked, findings.profiles)
     energy = summary.cycle_table(documents, findings.tracked)
     found = recovery(table) if truth else pd.DataFrame()
-    wanted = pictures(documents, table, energy, origin, findings.tracked)
+    wanted = pictures(documents, table, energy, origin, findings.tracked, findings.populations)
     from identification.study import figures  # late: matplotlib takes a second
 
     files, inline = {}, {}
@@ -81,7 +81,7 @@ def clear(out: Path, files: Collection[str]) -> None:
 
 def pictures(
     documents: Sequence[Mapping[str, Any]], table: pd.DataFrame, energy: pd.DataFrame, origin: str,
-    tracked: Mapping[str, str],
+    tracked: Mapping[str, str], populations: Sequence[Population] = (),
 ) -> dict[str, tuple[Callable[[], Any], str]]:  # fmt: skip
     """Name -> (what draws it, caption) of every figure that these fits can fill."""
     from identification.study import figures
@@ -90,32 +90,31 @@ def pictures(
     if table.empty:
         return out
     out["verdicts"] = (partial(figures.verdicts, table), "Verdict on each parameter, on the branch shown.")
+    for posture in dict.fromkeys(p.posture for p in populations):
+        own = [p for p in populations if p.posture == posture]
+        text = f"Each person's constants and the mean of all, pooled fits, {posture}."
+        out[f"persons_{posture}"] = (partial(figures.persons, own, origin), text)
     over = table[table["frequency_hz"].notna()]
     for (mode, posture), rows in over.groupby(["mode", "posture"], sort=False):
         name = f"curves_{mode}_{posture}"
-        text = f"Spline-fitted means over frequency, {mode}, {posture} (in the manner of Figures 4.18 to 4.25). "
+        text = f"Estimates over frequency, {mode}, {posture} (in the manner of Figures 4.18 to 4.25). "
         text += tables.drawn(rows)
         out[name] = (partial(figures.curves, rows, origin), text)
-    for (mode, posture, load), rows in over.groupby(["mode", "posture", "added_mass_kg"], sort=False):
-        if mode == "per-recording" and rows["subject"].nunique() >= summary.FEWEST:
-            text = f"Estimates of all subjects with {load:g} kg added, {mode}, {posture} (as Figures D.1 to D.3). "
-            text += tables.drawn(rows)
-            out[f"boxes_{mode}_{posture}_{load:g}kg"] = (partial(figures.boxes, rows, origin), text)
     for place, mode in enumerate(m for m in _TRUSTED if m in set(energy["mode"])):
         posture = energy.loc[energy["mode"] == mode, "posture"].iloc[0]
-        subject, cycles, fits = example(documents, mode, posture, tracked)
+        subject, cycles = example(documents, mode, posture, tracked)
         said = f"subject {subject}, {mode}, {posture}"
-        if place == 0 or mode == "per-recording":
-            out[f"traces_{mode}"] = (
-                partial(figures.traces, cycles, fits, origin),
-                f"Malleolus acceleration, data and model: {said} (in the manner of Figures 4.6 to 4.14).",
-            )
+        out[f"transmissibility_{mode}"] = (
+            partial(figures.transmissibility, cycles, origin),
+            f"Malleolus over base, data and model: {said} (what Figures 4.6 to 4.14 show as traces).",
+        )
+        if place == 0:
             out[f"loops_{mode}"] = (
                 partial(figures.loops, cycles, origin),
                 f"Force against relative displacement: {said} (in the manner of Figures 4.15 to 4.17).",
             )
             rows = energy[(energy["mode"] == mode) & (energy["posture"] == posture)]
-            text = f"Energy dissipated in one cycle, and where: {mode}, {posture}. {tables.drawn(rows)}"
+            text = f"Energy dissipated in one cycle, and the fat pad's share: {mode}, {posture}. {tables.drawn(rows)}"
             if summary.follows(rows.loc[rows["shown"], "fit_percent"]).any():
                 out[f"energies_{mode}"] = (partial(figures.energies, rows, origin), text)
     if any(d["status"] == "done" and d["result"].get("starts") for d in documents):
@@ -125,11 +124,10 @@ def pictures(
 
 def example(
     documents: Sequence[Mapping[str, Any]], mode: str, posture: str, tracked: Mapping[str, str]
-) -> tuple[str, list[Mapping[str, Any]], dict[str, float]]:
-    """One subject's cycles of the branch shown, and the fit percentage of its files: subject 16, else the fullest.
+) -> tuple[str, list[Mapping[str, Any]]]:
+    """One subject's cycles of the branch shown: subject 16, else the fullest.
 
-    Each entry says whether its branch is decided, and whether it follows its recordings. A fit of several recordings
-    has a percentage a file on its own branch only.
+    Each entry says whether its branch is decided, and whether it follows its recordings.
     """
     mine = [d for d in documents if (d["mode"], d["posture"], d["status"]) == (mode, posture, "done")]
     counts = {d["subject"]: 0 for d in mine}
@@ -137,17 +135,15 @@ def example(
         counts[d["subject"]] += len({c["file"] for c in d["cycles"]})
     subject = _EXAMPLE if counts.get(_EXAMPLE) else max(counts, key=lambda s: counts[s])
     cycles: list[Mapping[str, Any]] = []
-    fits: dict[str, float] = {}
     for d in mine:
         if d["subject"] == subject:
             name, by = summary.shown(d, tracked)
-            each = summary.shown_fit(d, tracked)
-            marks = {"decided": by not in summary.OPEN, "follows": bool(summary.follows(each))}
+            marks = {
+                "decided": by not in summary.OPEN,
+                "follows": bool(summary.follows(summary.shown_fit(d, tracked))),
+            }
             cycles += [{**c, **marks} for c in d["cycles"] if c["branch"] == name]
-            recordings, own = d["result"]["recordings"], d["result"]["branches"][0]["name"] == name
-            if own or len(recordings) == 1:
-                fits |= {r["file"]: r["fit_percent"] if own else each for r in recordings}
-    return str(subject), cycles, fits
+    return str(subject), cycles
 
 
 def _trusted(energy: pd.DataFrame) -> pd.DataFrame:
@@ -177,7 +173,6 @@ def _page(
         counts=tables.counts(documents, findings.tracked),
         failures=failed[:_LISTED], more_failures=max(0, len(failed) - _LISTED),
         verdicts=tables.verdicts(table), branches=tables.branches(table), outliers=tables.outliers(table),
-        reasons=tables.reasons(documents),
         recovery=tables.recovery(found) if len(found) else None, energies=tables.energies(_trusted(energy)),
         balance=tables.balance(energy),
         named=lambda start: [name for name in inline if name.startswith(start)], **more,

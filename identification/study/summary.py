@@ -22,6 +22,8 @@ GROUP = ["mode", "posture", "added_mass_kg", "frequency_hz", "parameter"]
 #: What may choose the branch that is shown, see `shown`; and those of them that leave it open.
 DECIDED_BY = ("tracking", "likelihood", "undecided", "not compared", "no mirror")
 OPEN = ("undecided", "not compared")
+#: How well an estimate is known, best first.
+VERDICTS = ("identified", "weak", "not identifiable")
 #: Fewest values that make a box, and how many interquartile ranges its whiskers reach.
 FEWEST, _WHISKER = 4, 1.5
 #: Poor fits that are named, and the mode that is expected to have some.
@@ -97,26 +99,38 @@ def _rows(
     document: Mapping[str, Any], truth: Truth | None, profiles: Mapping[tuple[str, str], Mapping[str, Any]]
 ) -> Iterable[dict[str, Any]]:
     shared = {name: document[name] for name in ("mode", "subject", "posture", "key")}
-    single = {name: document[name] for name in ("frequency_hz", "added_mass_kg")}
+    f = document["frequency_hz"]
+    at = {"added_mass_kg": document["added_mass_kg"], "frequency_hz": None if f is None else nominal(f)}
+    known = truth.of(document["files"]) if truth else {}
     for number, branch in enumerate(document["result"]["branches"]):
-        for point in branch.get("points") or [{**single, "parameters": branch["parameters"]}]:
-            f = point["frequency_hz"]
-            at = {"added_mass_kg": point["added_mass_kg"], "frequency_hz": None if f is None else nominal(f)}
-            mode, subject, posture = (str(document[name]) for name in ("mode", "subject", "posture"))
-            known = truth.of(mode, subject, posture, **at, files=document["files"]) if truth else {}
-            for key, e in point["parameters"].items():
-                symbol, unit = symbol_and_unit(key)
-                profile = profiles.get((document["key"], key), {})
-                if profile.get("branch") != branch["name"]:
-                    profile = {}
-                yield {
-                    **shared, **at, "branch": branch["name"], "chosen": number == 0, "parameter": symbol, "unit": unit,
-                    "fit_percent": branch["fit_percent"],
-                    **{name: e[name] for name in ("value", "std_error", "lower", "upper")},
-                    "verdict": profile.get("verdict", e["identifiability"]), "truth": known.get(symbol),
-                    "profile_lower": None if profile.get("open_below") else profile.get("lower"),
-                    "profile_upper": None if profile.get("open_above") else profile.get("upper"),
-                }  # fmt: skip
+        for key, e in branch["parameters"].items():
+            symbol, unit = symbol_and_unit(key)
+            profile = profiles.get((document["key"], key), {})
+            if profile.get("branch") != branch["name"]:
+                profile = {}
+            yield {
+                **shared, **at, "branch": branch["name"], "chosen": number == 0, "parameter": symbol, "unit": unit,
+                "fit_percent": branch["fit_percent"],
+                **{name: e[name] for name in ("value", "std_error", "lower", "upper")},
+                "verdict": word(document["mode"], branch, e["identifiability"], profile.get("verdict")),
+                "truth": known.get(symbol),
+                "profile_lower": None if profile.get("open_below") else profile.get("lower"),
+                "profile_upper": None if profile.get("open_above") else profile.get("upper"),
+            }  # fmt: skip
+
+
+def word(mode: str, branch: Mapping[str, Any], own: str, profile: str | None) -> str:
+    """What may be said of an estimate, by its own verdict and that of its profile: the worse of both.
+
+    One frequency identifies nothing (`truth.LIMITS`), however small its standard error; neither does a fit that does
+    not allow for whatever else may be true, and one of several that does not follow them knows nothing.
+    """
+    told = [each.partition(",")[0] for each in (own, profile) if each]
+    worst = max(told, key=VERDICTS.index)
+    if mode == _POOLED and not follows(branch["fit_percent"]):
+        return VERDICTS[-1]
+    sure = mode == _POOLED and branch.get("world") is not None
+    return worst if sure or worst != VERDICTS[0] else VERDICTS[1]
 
 
 def quartiles(values: np.ndarray) -> tuple[float, float]:
@@ -174,17 +188,30 @@ def poor_sentence(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, 
     poor, done = poor_fits(documents, tracked), sum(d["status"] == "done" for d in documents)
     if not poor:
         return ""
-    modes = {d["mode"] for d, _ in poor}
     listed = "; ".join(f"{d['mode']}, {place(d)}: {fit:.0f} %" for d, fit in poor[:_LISTED])
     more = f"; and {len(poor) - _LISTED} more" if len(poor) > _LISTED else ""
     return (
         f"{len(poor)} of {done} fits follow their recordings to less than {POOR_FIT:g} % ({listed}{more}). They are "
         "left out of means, bands, boxes and energies; more --starts or wider --bounds may find better ones."
-        + (" A pooled fit misfits a foot whose constants change with frequency." if _POOLED in modes else "")
     )
 
 
 _OF_RECORDING = ("file", "added_mass_kg", "frequency_hz", "fit_percent")
+
+
+def one_set(documents: Iterable[Mapping[str, Any]]) -> str:
+    """Whether one set of constants serves all frequencies, by the pooled fits; empty where there are none."""
+    fits = [d for d in documents if d["mode"] == _POOLED and d["status"] == "done" and d["frequency_hz"] is None]
+    if not fits:
+        return ""
+    serves = [d for d in fits if all((b.get("world") or {}).get("follows") for b in d["result"]["branches"][:1])]
+    said = f"One set of constants serves all frequencies in {len(serves)} of {len(fits)} pooled fits"
+    if len(serves) == len(fits):
+        return f"{said}."
+    return (
+        f"{said}: in the others the constants change with frequency, or the model is another one, and such a fit says "
+        "nothing of the foot but that."
+    )
 
 
 def cycle_table(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:

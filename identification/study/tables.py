@@ -28,6 +28,7 @@ def short(
     done, failed = int(totals["done"].sum()), int(totals["failed"].sum())
     sentences = [f"{done} of {done + failed} fits done{f', {failed} failed' if failed else ''}."]
     sentences += [said] if (said := summary.poor_sentence(documents, tracked)) else []
+    sentences += [said] if (said := summary.one_set(documents)) else []
     rows = table[table["shown"]]
     for row in totals.to_dict("records"):
         if row["done"]:
@@ -41,7 +42,7 @@ def short(
             truth = found[(found["parameter"] == "all") & (found["mode"] == row["mode"])] if len(found) else found
             for r in truth.to_dict("records"):
                 sentence += (
-                    f" Truth within three standard errors: {_of(r, 'chosen')} on each fit's own branch, "
+                    f" Truth within two standard errors: {_of(r, 'chosen')} on each fit's own branch, "
                     f"{_of(r, 'tracked')} on the branch shown, {_of(r, 'either')} on the nearer one."
                 )
             sentences.append(sentence)
@@ -100,7 +101,7 @@ def verdicts(table: pd.DataFrame) -> pd.DataFrame:
     """Shares of verdicts on the branch shown, a row a parameter, a column a mode."""
 
     def shares(verdict: pd.Series) -> str:
-        each = [(verdict == word).mean() for word in ("identified", "weak", "not identifiable")]
+        each = [(verdict == word).mean() for word in summary.VERDICTS]
         return " / ".join(f"{100 * share:.0f}" for share in each) + " %"
 
     made = _crossed(table[table["shown"]], "parameter", "mode", "verdict", shares, table["mode"].unique())
@@ -130,18 +131,14 @@ def branches(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=header)
 
 
-def reasons(documents: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """The verdict of each trend on its mirror and why it is so; trends are not weighed together with other fits."""
-    trends = [d for d in documents if d["mode"] == "trend" and d["status"] == "done"]
-    rows = [[summary.place(d), d["result"]["verdict"], d["result"].get("verdict_reason", "")] for d in trends]
-    return pd.DataFrame(rows, columns=["trend of", "verdict", "why"])
-
-
 def recovery(found: pd.DataFrame) -> pd.DataFrame:
     """`truth.recovery` for people."""
     ways = ("chosen", "tracked", "either")
-    header = ["", "estimates", "right: own", "shown", "nearer", "error: own", "shown", "nearer", "stated",
-              "identified, right"]  # fmt: skip
+    header = [
+        "", "distinct estimates", "right on the fit's own branch", "right on the branch shown",
+        "right on the branch nearer to the truth", "median error on its own branch", "median error on the branch shown",
+        "median error on the nearer branch", "median standard error stated", "right of those that say identified",
+    ]  # fmt: skip
 
     def share(row: Mapping[str, Any], name: str) -> str:
         of = row[f"{name}_of"]
@@ -174,11 +171,31 @@ def energies(energy: pd.DataFrame) -> pd.DataFrame:
 def sections(findings: Findings) -> dict[str, pd.DataFrame]:
     """Title -> table of what the checks found, where there is any."""
     made = {
+        "Population": population(findings),
         "Branches over a subject": tracking(findings), "Profile likelihood": profiles(findings),
         "Leave one frequency out": held_out(findings), "Linear or nonlinear damping": damping(findings),
         "Steady state and time domain": agreement(findings),
     }  # fmt: skip
     return {title: table for title, table in made.items() if len(table)}
+
+
+def population(findings: Findings) -> pd.DataFrame:
+    """Mean and spread of each constant over persons, a row each; both branches where neither is decided."""
+    rows = []
+    for p in findings.populations:
+        for c in p.constants:
+            scale, unit = (1e-3, "kN/m") if c.name.startswith("k_") else (1.0, "N s/m")
+            where = f"{p.posture}, {p.added_mass_kg:g} kg"
+            own, shrunk = (np.log([getattr(q, n) for q in c.persons]) for n in ("value", "shrunk"))
+            rows.append([
+                where, f"{p.branch} ({p.verdict})", f"{c.name} [{unit}]", len(c.persons),
+                f"{scale * c.mean:.3g}", f"{scale * c.lower:.3g} to {scale * c.upper:.3g}", _percent(c.spread),
+                f"{_percent(c.spread_lower)} to {_percent(c.spread_upper)}",
+                f"{_percent(float(np.std(own, ddof=1)))} to {_percent(float(np.std(shrunk, ddof=1)))}",
+            ])  # fmt: skip
+    header = ["condition", "branch", "constant", "persons", "mean", "95 % of the mean", "spread between persons",
+              "95 % of the spread", "scatter of the estimates, before and after shrinking"]  # fmt: skip
+    return pd.DataFrame(rows, columns=header)
 
 
 def tracking(findings: Findings) -> pd.DataFrame:
@@ -204,7 +221,8 @@ def profiles(findings: Findings) -> pd.DataFrame:
         rows.append([f"{summary.place(d)} ({d['mode']})", symbol_and_unit(r["key"])[0], verdict,
                      "departs" if r["departs"] else "", f"{r['value']:.4g}", f"{low} to {high}",
                      " to ".join(f"{x:.4g}" for x in r["wald"])])  # fmt: skip
-    header = ["fit", "parameter", "verdict", "from Wald's", "estimate", "95 % profile", "95 % by standard error"]
+    header = ["fit", "parameter", "verdict", "profile against standard error", "estimate", "95 % by profile",
+              "95 % by standard error"]  # fmt: skip
     return pd.DataFrame(rows, columns=header)
 
 
@@ -220,7 +238,8 @@ def held_out(findings: Findings) -> pd.DataFrame:
             _median(row["chi_square"] / row["numbers"] for row in inside), _median(row["percent"] for row in ends),
             sum(len(r["failed"]) for r in mine),
         ])  # fmt: skip
-    header = ["mode", "groups", "recordings", "held-out error [%]", "chi-square per number", "error at the ends [%]"]
+    header = ["mode", "groups of recordings", "recordings predicted between others", "their error [%]",
+              "their chi-square per number", "error of the lowest and highest frequency [%]"]  # fmt: skip
     return pd.DataFrame(rows, columns=[*header, "no stable prediction"])
 
 
@@ -232,8 +251,10 @@ def damping(findings: Findings) -> pd.DataFrame:
         errors = " / ".join(f"{c['held_out_percent']:.3g}" for c in (linear, bent))
         less = [f"{linear[name] - bent[name]:.4g}" for name in ("aic", "bic")]
         rows.append([d["mode"], summary.place(d), *less, errors, *r["preferred"].values()])
-    header = ["mode", "fit", "AIC less nonlinear's", "BIC less nonlinear's", "held-out error [%], linear / nonlinear"]
-    return pd.DataFrame(rows, columns=[*header, "AIC prefers", "BIC prefers", "held-out prefers"])
+    header = ["mode", "fit", "AIC, linear less nonlinear", "BIC, linear less nonlinear",
+              "error at frequencies left out [%], linear / nonlinear"]  # fmt: skip
+    return pd.DataFrame(rows, columns=[*header, "law that AIC prefers", "law that BIC prefers",
+                                       "law that frequencies left out prefer"])  # fmt: skip
 
 
 def agreement(findings: Findings) -> pd.DataFrame:

@@ -67,14 +67,19 @@ class Fit:
     def from_document(cls, document: Mapping[str, Any], masses: Mapping[str, float] | None = None) -> Self:
         """From a fit's JSON document with `result`, as a study stores it.
 
+        The deviance of a wide fit is what it came to with whatever else may be true, its misfit what that leaves.
         Where the model misfits, the deviances are scaled by the reduced chi-square as in branches.judge, and as there
         nothing speaks against a branch whose stiffness or damping rests on a bound: it would fit better beyond.
         """
         result = document["result"]
         goodness = result["goodness_of_fit"]
-        excess = max(1.0, goodness["chi_square"] / max(1, goodness["dof"]))
-        found, least = [], min(branch["deviance"] for branch in result["branches"])
-        for branch in result["branches"]:
+        worlds = [branch.get("world") for branch in result["branches"]]
+        wide = all(worlds)
+        left = worlds[0]["chi_square"] if wide else goodness["chi_square"]
+        excess = max(1.0, left / max(1, goodness["dof"]))
+        own = [w["objective"] if wide else b["deviance"] for w, b in zip(worlds, result["branches"], strict=True)]
+        found, least = [], min(own)
+        for branch, deviance in zip(result["branches"], own, strict=True):
             values, errors = {}, {}
             for key, e in branch["parameters"].items():
                 name = next((n for n in (*CURVES, "c_12", "c_13", "c_22", "c_23") if key.startswith(f"{n}_")), key)
@@ -82,8 +87,7 @@ class Fit:
                 if e["std_error"] is not None and np.isfinite(e["std_error"]) and e["value"]:
                     errors[name] = abs(e["std_error"] / e["value"])
             rests = pinned({key: bool(e["at_bound"]) for key, e in branch["parameters"].items()})
-            deviance = least if rests else branch["deviance"]
-            found.append(BranchFit(branch["name"], values, errors, deviance / excess))
+            found.append(BranchFit(branch["name"], values, errors, (least if rests else deviance) / excess))
         f = document["frequency_hz"]
         place = None if f is None else round(f, 1), document["added_mass_kg"]
         return cls(*place, tuple(found), masses, document.get("key", ""))

@@ -1,8 +1,8 @@
 """How much of a synthetic study's truth the fits found again.
 
 A virtual study stores the foot's constants of every recording (`constants.csv`); a study of one foot has them once
-(`truth.json`). What a fit can be right about depends on its mode: a recording has its own constants, a pooled fit
-averages over those of its frequencies, and a trend follows the subject's curve, about which single recordings scatter.
+(`truth.json`). What a fit can be right about depends on its mode: a recording has its own constants, and a pooled fit
+is compared with the mean over its frequencies.
 """
 
 import json
@@ -17,11 +17,10 @@ import pandas as pd
 from fasbody.exceptions import InputFileError
 from fasbody.foot.two_dof import NAMES
 from fasbody.laboratory.study import CONSTANTS
-from fasbody.laboratory.subject import VirtualSubject
 from fasbody.recording.csv import read_table
 
 #: Standard errors within which an estimate counts as right.
-WITHIN = 3.0
+WITHIN = 2.0
 #: What tells one fit's branches apart in the tidy table.
 UNIT = ["mode", "key", "added_mass_kg", "frequency_hz"]
 #: What recordings of one frequency cannot tell, whatever the fit; printed in every report.
@@ -41,12 +40,10 @@ class Truth:
 
     Attributes:
         constants: file of a recording -> name -> value. same: name -> value where all recordings share it.
-        subjects: name of a subject -> itself, where the constants are curves over frequency and load.
     """
 
     constants: Mapping[str, Mapping[str, float]]
     same: Mapping[str, float]
-    subjects: Mapping[str, VirtualSubject]
 
     @classmethod
     def read(cls, study: Path) -> Self | None:
@@ -62,10 +59,6 @@ class Truth:
             document = json.loads(file.read_text())
             same = {name: float(value) for name, value in document["parameters"].items()}
             same["delay"] = float(document["instrument"]["delay_s"])
-            subjects = {
-                name: VirtualSubject(int(name), float(each["mass_kg"]), each["factors"])
-                for name, each in document.get("subjects", {}).items()
-            }
         except (ValueError, KeyError, TypeError, AttributeError):
             raise InputFileError(file, "is not the truth of a synthetic study", "make it anew or delete it") from None
         constants = {}
@@ -74,15 +67,10 @@ class Truth:
             constants = {
                 str(row["file"]): {name: float(row[name]) for name in NAMES} for row in table.to_dict("records")
             }
-        return cls(constants, same, subjects)
+        return cls(constants, same)
 
-    def of(
-        self, mode: str, subject: str, posture: str, added_mass_kg: float, frequency_hz: float, files: Sequence[str]
-    ) -> dict[str, float]:
-        """Name -> true value of one fit, or of one point of a trend; empty where it is not known."""
-        if mode == "trend" and subject in self.subjects:
-            foot = self.subjects[subject].foot(frequency_hz, added_mass_kg, posture)
-            return {**self.same, **dict(zip(NAMES, map(float, foot.theta), strict=True))}
+    def of(self, files: Sequence[str]) -> dict[str, float]:
+        """Name -> true value of a fit of these recordings; empty where it is not known."""
         rows = [self._row(file) for file in files]
         if not rows or not all(rows):
             return dict(self.same)
@@ -94,7 +82,7 @@ class Truth:
 
 
 def recovery(table: pd.DataFrame) -> pd.DataFrame:
-    """How many estimates are within three standard errors of the truth, and how far off, by mode and parameter.
+    """How many estimates are within two standard errors of the truth, and how far off, by mode and parameter.
 
     Args:
         table: the tidy table of `summary.tidy`, with truth.
@@ -103,7 +91,7 @@ def recovery(table: pd.DataFrame) -> pd.DataFrame:
         One row a mode and parameter, and one of all parameters: `estimates` (with a truth, one a fit), and for each way
         of taking a branch, `chosen` (the fit's own), `tracked` (that of the subject's fits together where they decide,
         else the fit's own: what is shown) and `either` (the nearer to the truth, which nobody can choose without it):
-        WAY, how many are within three standard errors, of WAY_of that have one (the others are at a bound or not
+        WAY, how many are within two standard errors, of WAY_of that have one (the others are at a bound or not
         seen), and WAY_error, the median relative error of all. Of `tracked` also `identified` and `identified_of`
         (those that say so of themselves), and the median relative `std_error`.
     """

@@ -1,8 +1,8 @@
 """Leave one frequency out: what a model is worth where it was not fitted, and which law of the dampers predicts better.
 
 Per recording, a left-out recording is predicted from the estimates at the neighbouring frequencies under the same load;
-pooled, from constants fitted to the other frequencies under that load; trend, from the curves fitted to all recordings
-but those at that frequency. The lowest and the highest frequency are extrapolations, and marked so.
+pooled, from constants fitted to the other frequencies under that load. The lowest and the highest frequency are
+extrapolations, and marked so.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,9 +24,8 @@ from identification.estimate import Settings
 from identification.periodic import Line, split
 from identification.search import explore
 from identification.space import DELAY, Space, space_of
-from identification.study.trend import TrendBranch, fit_trend, refit
+from identification.study.filters import MODES
 
-MODES = ("per-recording", "pooled", "trend")
 #: Constants that bend the dampers' law; without them it is linear.
 NONLINEAR = ("c_12", "c_13", "c_22", "c_23")
 _TOLERANCE = 1e-6
@@ -165,14 +164,12 @@ def leave_one_frequency_out(
     settings: Settings | None = None,
     *,
     estimates: Sequence[Mapping[str, float]] | None = None,
-    branch: TrendBranch | None = None,
 ) -> Validation:
     """Predict each frequency from the others.
 
     Args:
         recordings: of one subject in one posture. foot: the model. mode: see MODES. settings: of the fits.
         estimates: per-recording only: named values of each recording, such as a study has them; None fits here.
-        branch: trend only: a fit of all recordings to start from; None fits here.
 
     Raises:
         SettingError: no such mode, or fewer than three frequencies under some load. SimulationError: no prediction was
@@ -198,8 +195,6 @@ def leave_one_frequency_out(
         else:
             rows.append(compare(lines[i], Y, edge=not used.min() < f[i] < used.max()))
 
-    if mode == "trend" and branch is None:
-        branch = fit_trend(data, foot, settings, certify=False).best
     if mode == "per-recording":
         space = space_of(foot, settings.free, settings.bounds, delay=True)
         named = estimates or [quick_fit([r], foot, settings, twin).values for r in data]
@@ -208,25 +203,14 @@ def leave_one_frequency_out(
             others = (loads == loads[i]) & (f != f[i])
             predict(i, space.values(space.to_theta(interpolated(f[i], list(f[others]), list(q[others])))), f[others])
         return _validation(mode, rows, failed)
-    folds = [(m, at) for m in sorted(set(loads)) for at in sorted(set(f[loads == m]))] if mode == "pooled" else [
-        (None, at) for at in sorted(set(f))]  # fmt: skip
-    for m, at in folds:
-        mine = np.ones(len(data), bool) if m is None else loads == m
-        used, out = np.flatnonzero(mine & (f != at)), np.flatnonzero(mine & (f == at))
+    for m, at in sorted(set(zip(loads, f, strict=True))):
+        used, out = np.flatnonzero((loads == m) & (f != at)), np.flatnonzero((loads == m) & (f == at))
         try:
-            if mode == "pooled":
-                found = quick_fit([data[i] for i in used], foot, settings, twin)
-                feet = [found.values for _ in out]
-            else:
-                assert branch is not None
-                curves = refit(branch, [data[i] for i in used], foot, settings.threads)
-                B = curves.space.design(f[out], loads[out])
-                beta = curves.z[: curves.space.size]
-                feet = [curves.space.values(curves.space.foot(weights, beta)[0]) for weights in B]
+            values = quick_fit([data[i] for i in used], foot, settings, twin).values
         except SimulationError:
             failed += [data[i].file for i in out]
             continue
-        for place, values in zip(out, feet, strict=True):
+        for place in out:
             predict(int(place), values, f[used])
     return _validation(mode, rows, failed)
 
@@ -257,10 +241,9 @@ class DampingComparison:
     """Linear against nonlinear damping.
 
     Attributes:
-        mode: of the fits. linear, nonlinear: their criteria. held_out: of the nonlinear law, None where not wanted.
+        linear, nonlinear: their criteria. held_out: of the nonlinear law, None where not wanted.
     """
 
-    mode: str
     linear: Criteria
     nonlinear: Criteria
     held_out: Validation | None = None
@@ -273,32 +256,29 @@ class DampingComparison:
     def document(self) -> dict[str, Any]:
         """As plain data."""
         criteria = [c for c in ("aic", "bic", "held_out_percent") if getattr(self.linear, c) is not None]
-        return {"mode": self.mode, "linear": asdict(self.linear), "nonlinear": asdict(self.nonlinear),
+        return {"linear": asdict(self.linear), "nonlinear": asdict(self.nonlinear),
                 "preferred": {c: self.preferred(c) for c in criteria}}  # fmt: skip
 
     def __str__(self) -> str:
         held = self.linear.held_out_percent, self.nonlinear.held_out_percent
         tail = "" if None in held else f"; held-out error {held[0]:.3g} % linear, {held[1]:.3g} % nonlinear"
         return (
-            f"{self.mode}: AIC prefers {self.preferred('aic')} damping (difference "
+            f"AIC prefers {self.preferred('aic')} damping (difference "
             f"{self.linear.aic - self.nonlinear.aic:.4g}), BIC {self.preferred('bic')} "
             f"({self.linear.bic - self.nonlinear.bic:.4g}){tail}."
         )
 
 
 def compare_damping(
-    recordings: Sequence[Recording], foot: Foot, mode: str = "pooled", settings: Settings | None = None,
-    *, held_out: bool = True,
+    recordings: Sequence[Recording], foot: Foot, settings: Settings | None = None, *, held_out: bool = True
 ) -> DampingComparison:  # fmt: skip
     """Fit with and without the constants that bend the dampers' law.
 
     Args:
-        recordings: of one subject in one posture. foot: a model with the dampers of Eq. 4.25. mode: "pooled" (all
-            recordings share constants) or "trend". settings: of the fits. held_out: leave one frequency out too.
+        recordings: of one subject in one posture, which share their constants. foot: a model with the dampers of
+            Eq. 4.25. settings: of the fits. held_out: leave one frequency out too.
     """
     settings = settings or Settings()
-    if mode not in ("pooled", "trend"):
-        raise SettingError(f"{unknown('mode', mode, ('pooled', 'trend'))}.")
     missing = [name for name in NONLINEAR if name not in foot.parameters]
     if missing:
         raise SettingError(f"model {foot.name} has no {', '.join(missing)}, so damping cannot be compared.")
@@ -308,25 +288,19 @@ def compare_damping(
         n: b for n, b in (settings.bounds or {}).items() if n not in NONLINEAR} or None)  # fmt: skip
     flat = foot.with_values(dict.fromkeys(NONLINEAR, 0.0))
     found = [
-        _criteria(law, data, model, mode, s, held_out)
+        _criteria(law, data, model, s, held_out)
         for law, model, s in (("linear", flat, straight), ("nonlinear", foot, settings))
     ]
     (linear, _), (nonlinear, errors) = found
-    return DampingComparison(mode, linear, nonlinear, errors)
+    return DampingComparison(linear, nonlinear, errors)
 
 
 def _criteria(
-    law: str, data: Sequence[Recording], foot: Foot, mode: str, settings: Settings, held_out: bool
+    law: str, data: Sequence[Recording], foot: Foot, settings: Settings, held_out: bool
 ) -> tuple[Criteria, Validation | None]:
-    if mode == "pooled":
-        fit = quick_fit(data, foot, settings, twin_applies(foot))
-        count, deviance, chi_square, numbers = fit.q.size, fit.deviance, fit.chi_square, fit.numbers
-        branch = None
-    else:
-        branch = fit_trend(data, foot, settings, certify=False).best
-        count = branch.space.size + len(branch.scatter)
-        deviance, chi_square, numbers = branch.deviance, branch.chi_square, branch.dof + branch.space.size
-    errors = leave_one_frequency_out(data, foot, mode, settings, branch=branch) if held_out else None
+    fit = quick_fit(data, foot, settings, twin_applies(foot))
+    count, deviance, chi_square, numbers = fit.q.size, fit.deviance, fit.chi_square, fit.numbers
+    errors = leave_one_frequency_out(data, foot, "pooled", settings) if held_out else None
     criteria = Criteria(
         law, count, deviance, deviance + 2 * count, deviance + float(np.log(numbers)) * count, chi_square,
         max(0, numbers - count), errors.percent if errors else None, errors.chi_square_per_number if errors else None,

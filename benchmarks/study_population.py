@@ -1,0 +1,134 @@
+"""Whether a population's intervals hold: quickly on estimates drawn at random, and on persons recorded and fitted.
+
+Drawn: persons differ by tau, each estimate is off by its own standard error. Fitted: virtual persons whose constants
+differ by 15 %, whose legs weigh another 10 % than stated, recorded at seven frequencies with a gain that is off by 1 %,
+and fitted with whatever else may be true. This command prints what docs/study_methods.md quotes.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from benchmarks.table import JsonOption, report
+from fasbody.console import command_line, console, progress_bar
+from fasbody.foot.model import load
+from fasbody.foot.two_dof import TwoDof
+from fasbody.laboratory.instrument import Instrument
+from fasbody.laboratory.study import steady
+from fasbody.laboratory.subject import Tuberosity
+from fasbody.recording.checks import checked
+from fasbody.recording.recording import Condition, Recording
+from identification.branches import EXCHANGED, STIFF_ANKLE
+from identification.estimate import fit_foot
+from identification.study.population import constant, populations
+from reproduction.check import Check, at_most, within
+
+FREQUENCIES_HZ = (10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0)
+#: The median person, and how persons, legs and gain differ (standard deviations of logarithms).
+MEDIAN = {"k_T": 1.3e5, "k_F": 9e4, "c_11": 300.0, "c_21": 700.0}
+BENT = {"c_12": 60.0, "c_13": 120.0, "c_22": -80.0, "c_23": 160.0}
+BETWEEN, OF_LEGS, OF_GAIN = 0.15, 0.10, 0.01
+_BODY_KG = 70.0
+#: Persons, spread between them, and the range of the standard errors, of what is drawn.
+CASES = (
+    (5, 0.15, 0.05, 0.05),
+    (5, 0.3, 0.03, 0.4),
+    (8, 0.15, 0.15, 0.15),
+    (20, 0.05, 0.15, 0.15),
+    (20, 0.3, 0.03, 0.4),
+)
+
+
+def drawn(seeds: int) -> list[Check]:
+    """Coverage of mean, spread and each person's own value, over estimates drawn at random."""
+    rows: list[Check] = []
+    for n, tau, least, most in CASES:
+        rng, mean, spread, own = np.random.default_rng(n), [], [], []
+        for _ in range(seeds):
+            errors = np.exp(rng.uniform(np.log(least), np.log(most), n))
+            u = tau * rng.normal(size=n)
+            c = constant("k_T", [f"{i:02}" for i in range(n)], u + errors * rng.normal(size=n), errors)
+            mean.append(c.lower <= 1 <= c.upper)
+            spread.append(c.spread_lower <= tau <= c.spread_upper)
+            by_name = {person.subject: person for person in c.persons}
+            own += [by_name[f"{i:02}"].lower <= np.exp(v) <= by_name[f"{i:02}"].upper for i, v in enumerate(u)]
+        about = f"{n} persons, spread {tau:g}, errors {least:g} to {most:g}, {seeds} draws"
+        for what, hits in (("mean", mean), ("spread", spread), ("each person", own)):
+            rows.append(within(f"95 % interval of {what} holds, {about}", 100 * float(np.mean(hits)), 92.0, 98.0, "%"))
+    return rows
+
+
+def recorded(rng: np.random.Generator, gain: float) -> list[Recording]:
+    """One person's recordings; nobody knows the true masses or the gain."""
+    foot = {name: value * float(np.exp(BETWEEN * rng.normal())) for name, value in MEDIAN.items()} | BENT
+    legs = np.exp(OF_LEGS * rng.normal(size=2))
+    made = []
+    for f in FREQUENCIES_HZ:
+        condition = Condition("1", "midstance", 0.0, _BODY_KG, f)
+        stated = condition.masses
+        two = TwoDof(**foot, m_S=stated["m_S"] * legs[0], m_F=stated["m_F"] * legs[1])
+        r, _ = steady(two, Tuberosity.under(0.0), f, 3.0, Instrument(bits=16, delay_s=0.0), rng)
+        read = replace(r, malleolus_m_s2=r.malleolus_m_s2 * gain, condition=condition, file=f"{f:g} Hz")
+        made.append(checked(read))
+    return made
+
+
+def fitted(count: int, people: int) -> tuple[list[Mapping[str, Any]], ...]:
+    """So many populations as documents of pooled fits, each with a gain of its own."""
+    foot = load("two_dof")
+    found: list[list[Mapping[str, Any]]] = []
+    with progress_bar() as bar:
+        for seed in bar.track(range(count), description="populations"):
+            rng = np.random.default_rng(seed)
+            gain = 1 + OF_GAIN * rng.normal()
+            documents: list[Mapping[str, Any]] = []
+            for person in range(people):
+                result = fit_foot(recorded(rng, gain), foot, starts=2, threads=1, replay=0).document()
+                about = {"mode": "pooled", "subject": str(person), "posture": "midstance", "added_mass_kg": 0.0}
+                documents.append(about | {"status": "done", "frequency_hz": None, "result": result})
+            found.append(documents)
+    return tuple(found)
+
+
+def held(count: int, people: int) -> list[Check]:
+    """Coverage of the means and spreads over fitted populations, on the true branch, and branches decided wrongly."""
+    mean, spread, wrong = [], [], 0
+    for documents in fitted(count, people):
+        told = populations(documents)
+        wrong += bool(told and told[0].verdict == "decided" and told[0].branch != STIFF_ANKLE)
+        for c in (c for p in told if p.branch == STIFF_ANKLE for c in p.constants):
+            mean.append(c.lower <= MEDIAN[c.name] <= c.upper)
+            spread.append(c.spread_lower <= BETWEEN <= c.spread_upper)
+    about = f"{count} populations of {people} persons fitted, {len(EXCHANGED)} constants"
+    return [
+        within(f"95 % interval of a mean holds, {about}", 100 * float(np.mean(mean)), 92.0, 100.0, "%"),
+        within(f"95 % interval of a spread holds, {about}", 100 * float(np.mean(spread)), 92.0, 100.0, "%"),
+        at_most(f"decided for the wrong branch, {count} populations", float(wrong), 0.0),
+    ]
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    seeds: Annotated[int, typer.Option(min=2, help="populations drawn of each kind")] = 400,
+    count: Annotated[int, typer.Option(min=1, help="populations recorded and fitted")] = 24,
+    people: Annotated[int, typer.Option(min=4, help="persons of each")] = 5,
+    json_: JsonOption = False,
+) -> None:
+    """Coverage of a population's intervals, drawn and fitted; some ten minutes.
+
+    Examples:
+      python -m benchmarks.study_population --seeds 20 --count 1
+    """
+    console.print("  drawn", markup=False)
+    rows = drawn(seeds)
+    report("study_population", [*rows, *held(count, people)], json_)
+
+
+if __name__ == "__main__":
+    command_line(app)

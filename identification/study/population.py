@@ -1,0 +1,184 @@
+"""The persons behind a study's pooled fits: the mean of each constant, how much persons differ, and each one shrunk.
+
+The logarithm of a constant of person i is mu + u_i, u_i ~ N(0, tau^2), and the fit knows it to its standard error s_i,
+with whatever else may be true. Both are found by restricted maximum likelihood, by the machinery of the heels
+(heel/population.py); the interval of the mean has Student's t with the persons less one, that of the spread inverts
+Cochran's Q, which is chi-square distributed at the true tau. A person's own value is shrunk to the mean by what its fit
+leaves open. What all persons have in common, such as a wrong gain of one laboratory's sensor, no number of persons
+takes away: it is not in these intervals.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import chdtri
+from scipy.stats import t as student
+
+from identification.branches import DECISIVE_ODDS, EXCHANGED, STIFF_ANKLE, STIFF_PAD
+from identification.heel.population import FEWEST, Observed, estimate
+
+_LEVEL = 0.95
+#: Largest spread of logarithms that is looked for.
+_MOST = 10.0
+
+
+@dataclass(frozen=True)
+class Person:
+    """One person's constant: as its fit has it, with the relative standard error, and shrunk to the population."""
+
+    subject: str
+    value: float
+    relative_error: float
+    shrunk: float
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True)
+class Constant:
+    """One constant of a population.
+
+    Attributes:
+        name: thesis symbol. mean, lower, upper: geometric mean over persons and its 95 % interval. spread,
+        spread_lower, spread_upper: standard deviation of the logarithm between persons, with interval. persons: each.
+    """
+
+    name: str
+    mean: float
+    lower: float
+    upper: float
+    spread: float
+    spread_lower: float
+    spread_upper: float
+    persons: tuple[Person, ...]
+
+
+@dataclass(frozen=True)
+class Population:
+    """The persons of a study in one posture under one load, all on one branch.
+
+    Attributes:
+        posture, added_mass_kg: what they share. branch: which. verdict: "decided" where all persons' fits together
+        speak for it by more than 1000 to 1, else "undecided". odds_log: natural logarithm of those odds.
+        constants: by name. left_out: persons whose fit does not follow the recordings, or lacks the branch.
+    """
+
+    posture: str
+    added_mass_kg: float
+    branch: str
+    verdict: str
+    odds_log: float
+    constants: tuple[Constant, ...]
+    left_out: tuple[str, ...]
+
+    def document(self) -> dict[str, Any]:
+        """As plain data."""
+        return asdict(self)
+
+
+def constant(name: str, subjects: Sequence[str], logs: np.ndarray, errors: np.ndarray) -> Constant:
+    """The population of one constant.
+
+    Args:
+        name: of it. subjects: (n,) names. logs: (n,) logarithms of its values. errors: (n,) their standard errors.
+
+    Raises:
+        RecordingError: fewer than four persons.
+    """
+    given = zip(subjects, logs, errors, strict=True)
+    found = estimate((name,), [Observed(who, "", np.array([y]), np.array([[s**2]])) for who, y, s in given])
+    mu, tau = float(found.mu[0, 0]), float(np.sqrt(found.between[0, 0]))
+    mean, low, high = found.interval("", name)
+    ends = spread_interval(logs, errors)
+    share = tau**2 / (tau**2 + errors**2)
+    shrunk = mu + share * (logs - mu)
+    # what the fit leaves open, the mean as far as the value rests on it, and how uncertain the share is (Morris 1983)
+    rests = (1 - share) ** 2
+    doubt = 2 / (logs.size - 3) * rests * np.mean(errors**2 + tau**2) / (errors**2 + tau**2) * (logs - mu) ** 2
+    std = np.sqrt(share * errors**2 + rests * found.covariance[0, 0] + doubt)
+    width = float(student.ppf(0.5 + 0.5 * _LEVEL, len(subjects) - 1)) * std
+    people = tuple(
+        Person(who, float(np.exp(y)), float(s), *(float(np.exp(x)) for x in (z, z - w, z + w)))
+        for who, y, s, z, w in zip(subjects, logs, errors, shrunk, width, strict=True)
+    )
+    return Constant(name, mean, low, high, tau, *ends, people)
+
+
+def spread_interval(logs: np.ndarray, errors: np.ndarray) -> tuple[float, float]:
+    """95 % interval of the standard deviation between persons, where Q is no unlikely chi-square (Viechtbauer 2007).
+
+    Args:
+        logs: (n,) logarithms. errors: (n,) their standard errors.
+    """
+
+    def Q(tau: float) -> float:
+        w = 1 / (tau**2 + errors**2)
+        return float(w @ (logs - w @ logs / w.sum()) ** 2)
+
+    ends = []
+    for chance in (0.5 - 0.5 * _LEVEL, 0.5 + 0.5 * _LEVEL):
+        wanted = float(chdtri(logs.size - 1, chance))
+        if Q(0.0) <= wanted:
+            ends.append(0.0)
+        else:
+            ends.append(_MOST if Q(_MOST) >= wanted else float(brentq(lambda tau, w=wanted: Q(tau) - w, 0.0, _MOST)))
+    return ends[0], ends[1]
+
+
+def populations(documents: Sequence[Mapping[str, Any]]) -> list[Population]:
+    """The populations of a study's pooled fits, a posture and load each; of both branches where neither is decided.
+
+    Args:
+        documents: fits; those that are not pooled, or without whatever else may be true, are passed over.
+    """
+    groups: dict[tuple[str, float], list[Mapping[str, Any]]] = {}
+    for d in documents:
+        if d["status"] == "done" and d["mode"] == "pooled" and all(b.get("world") for b in d["result"]["branches"]):
+            groups.setdefault((d["posture"], d["added_mass_kg"]), []).append(d)
+    found: list[Population] = []
+    for (posture, load), fits in sorted(groups.items()):
+        odds = _odds(fits)
+        branches = [STIFF_ANKLE, STIFF_PAD] if odds >= 0 else [STIFF_PAD, STIFF_ANKLE]
+        decided = abs(odds) > np.log(DECISIVE_ODDS)
+        for name in branches[:1] if decided else branches:
+            constants, left_out = _constants(fits, name)
+            if constants:
+                word = "decided" if decided else "undecided"
+                sign = 1 if name == STIFF_ANKLE else -1
+                found.append(Population(posture, load, name, word, sign * odds, constants, left_out))
+    return found
+
+
+def _odds(fits: Sequence[Mapping[str, Any]]) -> float:
+    """Log odds of the stiff ankle for all persons over the stiff pad for all, from those whose fits have both."""
+    total = 0.0
+    for d in fits:
+        worlds = {b["name"]: b["world"] for b in d["result"]["branches"]}
+        if {STIFF_ANKLE, STIFF_PAD} <= set(worlds) and worlds[d["result"]["branches"][0]["name"]]["follows"]:
+            total += 0.5 * (worlds[STIFF_PAD]["objective"] - worlds[STIFF_ANKLE]["objective"])
+    return total
+
+
+def _constants(fits: Sequence[Mapping[str, Any]], name: str) -> tuple[tuple[Constant, ...], tuple[str, ...]]:
+    """The constants on one branch, of which enough persons have an estimate, and who is left out altogether."""
+    told: dict[str, list[tuple[str, float, float]]] = {symbol: [] for symbol in EXCHANGED}
+    left_out = []
+    for d in fits:
+        branch = next((b for b in d["result"]["branches"] if b["name"] == name), None)
+        if branch is None or not branch["world"]["follows"]:
+            left_out.append(str(d["subject"]))
+            continue
+        for key, e in branch["parameters"].items():
+            symbol = key.split("_n_")[0]
+            known = e["std_error"] is not None and np.isfinite(e["std_error"]) and not e["at_bound"]
+            if symbol in told and known:
+                told[symbol].append((str(d["subject"]), float(np.log(e["value"])), float(e["std_error"] / e["value"])))
+    made = []
+    for symbol, rows in told.items():
+        if len({who for who, *_ in rows}) == len(rows) >= FEWEST:
+            who, logs, errors = zip(*rows, strict=True)
+            made.append(constant(symbol, who, np.array(logs), np.array(errors)))
+    return tuple(made), tuple(left_out)

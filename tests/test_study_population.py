@@ -1,0 +1,87 @@
+"""Populations of persons: closed forms where all errors are equal, shrinking, and which branch is told."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from made_fits import plain
+from scipy.stats import chi2
+from scipy.stats import t as student
+
+from fasbody.exceptions import RecordingError
+from identification.study import report
+from identification.study.population import constant, populations, spread_interval
+
+LOGS = np.array([0.0, 0.1, 0.3, 0.5, 0.9])
+NAMES = list("abcde")
+KEYS = {"k_T_n_per_m": 1e5, "k_F_n_per_m": 9e4, "c_11_n_s_per_m": 300.0, "c_21_n_s_per_m": 700.0}
+
+
+def test_equal_errors_have_closed_forms() -> None:
+    """Then the mean is the arithmetic one with Student's interval, and the spread is what the errors do not explain."""
+    error = 0.1
+    c = constant("k_T", NAMES, LOGS, np.full(5, error))
+    std = LOGS.std(ddof=1)
+    half = student.ppf(0.975, 4) * std / np.sqrt(5)
+    assert np.log([c.mean, c.lower, c.upper]) == pytest.approx([0.36, 0.36 - half, 0.36 + half], rel=1e-3)
+    assert c.spread == pytest.approx(np.sqrt(std**2 - error**2), rel=1e-3)
+    ends = [np.sqrt(4 * std**2 / chi2.ppf(p, 4) - error**2) for p in (0.975, 0.025)]
+    assert (c.spread_lower, c.spread_upper) == pytest.approx(ends, rel=1e-6)
+
+
+def test_what_is_known_badly_is_shrunk_most() -> None:
+    errors = np.array([0.01, 0.01, 0.01, 0.01, 0.6])
+    people = {p.subject: p for p in constant("k_T", NAMES, LOGS, errors).persons}
+    assert np.log(people["d"].shrunk) == pytest.approx(0.5, abs=0.01)
+    assert np.log(people["e"].shrunk) < 0.5 < np.log(people["e"].value) == pytest.approx(0.9)
+    for p in people.values():
+        assert p.lower < p.shrunk < p.upper
+
+
+def test_persons_alike_may_have_no_spread() -> None:
+    low, high = spread_interval(np.array([1.0, 1.01, 0.99, 1.0]), np.full(4, 0.1))
+    assert low == high == 0.0
+    with pytest.raises(RecordingError, match="3 persons make no population"):
+        constant("k_T", NAMES[:3], LOGS[:3], np.full(3, 0.1))
+
+
+def study(apart: float, follows: bool = True, persons: int = 5) -> list[dict[str, Any]]:
+    """Pooled fits whose stiff pad is worse by `apart`; the last person's follow their recordings or not."""
+    made = []
+    for i in range(persons):
+        near = {key: (v * np.exp(LOGS[i]), 0.1 * v, "weak") for key, v in KEYS.items()}
+        far = {key: (2 * v, 0.1 * v, "weak") for key, v in KEYS.items()}
+        d = plain("pooled", str(i), 0.0, None, {"stiff ankle": near, "stiff pad": far})
+        for branch, objective in zip(d["result"]["branches"], (10.0, 10.0 + apart), strict=True):
+            good = follows or i < persons - 1
+            branch["world"] = {"follows": good, "objective": objective, "chi_square": 10.0}
+        made.append(d)
+    return made
+
+
+def test_the_branch_is_decided_by_all_persons_together() -> None:
+    (one,) = populations(study(6.0))  # exp(3) each, exp(15) together
+    assert (one.branch, one.verdict) == ("stiff ankle", "decided") and one.odds_log == pytest.approx(15.0)
+    assert [c.name for c in one.constants] == ["k_T", "k_F", "c_11", "c_21"]
+    assert one.constants[0].mean == pytest.approx(1e5 * np.exp(0.36), rel=0.03)
+    both = populations(study(1.0))
+    assert [p.branch for p in both] == ["stiff ankle", "stiff pad"] and {p.verdict for p in both} == {"undecided"}
+    assert both[1].odds_log == pytest.approx(-2.5)
+
+
+def test_who_does_not_follow_is_left_out() -> None:
+    (one,) = populations(study(20.0, follows=False))
+    assert one.left_out == ("4",) and len(one.constants[0].persons) == 4
+    assert populations(study(20.0, follows=False, persons=4)) == []
+    alone = [plain("pooled", str(i), 0.0, None, {"stiff ankle": {}}) for i in range(5)]
+    assert populations(alone) == []  # without whatever else may be true
+
+
+def test_the_page_tells_persons_and_population(tmp_path: Path) -> None:
+    report.write(tmp_path, [{**d, "cycles": []} for d in study(6.0)], "five persons", "synthetic")
+    page = (tmp_path / "report.html").read_text()
+    assert '<h2 id="section1">Population</h2>' in page
+    assert "<td>midstance, 0 kg</td><td>stiff ankle (decided)</td><td>k_T [kN/m]</td><td>5</td>" in page
+    assert (tmp_path / "figures" / "persons_midstance.svg").stat().st_size > 1000
+    assert "One set of constants serves all frequencies in 5 of 5 pooled fits." in page
