@@ -9,6 +9,8 @@ from scipy.interpolate import CubicSpline
 
 from fasbody.exceptions import SettingError
 from fasbody.foot import shaker
+from fasbody.foot.model import Foot
+from fasbody.foot.simulate import simulate
 
 MOTIONS = {
     "sine": shaker.sine(30.0, 1.0),
@@ -33,7 +35,8 @@ def test_controls_follow_the_motion_to_fourth_order(name: str) -> None:
     def error(step: float) -> float:
         c = motion.controls(step, round(0.4 / step), start=0.1)
         s = 0.37 * step
-        have = c[:, 1] + s * (c[:, 2] + s * (c[:, 3] + s * c[:, 4]))
+        u = s / shaker.CLOCK
+        have = c[:, 1] + u * (c[:, 2] + u * (c[:, 3] + u * c[:, 4]))
         return float(np.abs(have - motion.acceleration(c[:, 0] + s)).max())
 
     coarse, fine = error(1e-3), error(5e-4)
@@ -49,12 +52,24 @@ def test_controls_reproduce_a_spline_exactly() -> None:
     c = motion.controls(5e-4, 200)
     for share in (0.0, 0.3, 0.9):
         s = share * 5e-4
-        have = c[:, 1] + s * (c[:, 2] + s * (c[:, 3] + s * c[:, 4]))
+        u = s / shaker.CLOCK
+        have = c[:, 1] + u * (c[:, 2] + u * (c[:, 3] + u * c[:, 4]))
         np.testing.assert_allclose(have, spline(c[:, 0] + s), atol=1e-12)
     half = motion.half_steps(5e-4, 200)
     np.testing.assert_allclose(half, spline(np.arange(401) * 2.5e-4), atol=1e-12)
     np.testing.assert_allclose(half[::4], values, atol=1e-12)
     assert motion.duration == pytest.approx(0.1)
+
+
+def test_noise_at_four_kilohertz_moves_the_base(foot: Foot) -> None:
+    """Its third derivative is 1e10 m/s^5 and more, beyond what MuJoCo takes for a control."""
+    t = np.arange(400) / 4000
+    values = np.random.default_rng(0).normal(0, 3, 400)
+    motion = shaker.samples(t, values)
+    controls = motion.controls(1 / 4000, 399)
+    assert np.abs(controls[:, 4]).max() / shaker.CLOCK**3 > 1e10
+    run = simulate(foot, motion, step=1 / 4000)
+    np.testing.assert_allclose(run.base[0, :399], values[:399], atol=1e-6)
 
 
 def test_sine_has_the_amplitude_of_the_thesis() -> None:

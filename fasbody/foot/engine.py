@@ -28,9 +28,10 @@ from numba.extending import intrinsic
 from fasbody.exceptions import EngineError
 from fasbody.foot import damper
 from fasbody.foot.damper import algebraic_force, viscoelastic_force, viscoelastic_rate
+from fasbody.foot.shaker import CLOCK
 
 #: `biasprm[0]` of the actuator that drives the base (shaker.py); its five controls are the step's start time and the
-#: Taylor coefficients a0..a3 of the base acceleration within the step.
+#: Taylor coefficients a0..a3 of the base acceleration within the step, time in units of its CLOCK.
 SHAKER = 1.0
 SHAKER_CONTROLS = 5
 VISCOELASTIC = 4.22
@@ -87,7 +88,7 @@ def _compile(offsets: dict[str, int], stamp: int) -> Callbacks:
     QPOS, QVEL, ACT, ACT_DOT = offsets["qpos"], offsets["qvel"], offsets["act"], offsets["act_dot"]
     CTRL, QFRC, TIME = offsets["ctrl"], offsets["qfrc_passive"], offsets["time"]
     TEN_J, TEN_LENGTH, TEN_VELOCITY = offsets["ten_J"], offsets["ten_length"], offsets["ten_velocity"]
-    USER, PRM, BRANCHES, RELAX = damper.USER_SIZE, _PRM, damper.BRANCHES, VISCOELASTIC
+    USER, PRM, BRANCHES, RELAX, UNIT = damper.USER_SIZE, _PRM, damper.BRANCHES, VISCOELASTIC, CLOCK
     MODEL, DATA, BIG = (MODEL_WORDS,), (DATA_WORDS,), (1 << 20,)
     f8, i4, i8 = np.float64, np.int32, np.int64
 
@@ -122,7 +123,7 @@ def _compile(offsets: dict[str, int], stamp: int) -> Callbacks:
         p = carray(_pointer(m[BIASPRM] + 8 * PRM * actuator), (PRM,), f8)
         if p[0] == 1.0 and stamp != 0:  # SHAKER
             c = carray(_pointer(d[CTRL] + 8 * carray(_pointer(m[CTRLADR]), BIG, i4)[actuator]), (5,), f8)
-            s = carray(data, DATA, f8)[TIME] - c[0]
+            s = (carray(data, DATA, f8)[TIME] - c[0]) / UNIT
             return c[1] + s * (c[2] + s * (c[3] + s * c[4]))
         if p[0] == RELAX:
             h = carray(_pointer(d[ACT] + 8 * carray(_pointer(m[ACTADR]), BIG, i4)[actuator]), (BRANCHES,), f8)
@@ -181,7 +182,7 @@ def _difference(compiled: Callbacks, model: mujoco.MjModel) -> float:
         with callbacks(pair):
             data.qpos[:], data.qvel[:] = rng.normal(0, 1e-3, model.nq), rng.normal(0, 0.1, model.nv)
             for _ in range(5):
-                data.ctrl[:SHAKER_CONTROLS] = [data.time, *rng.normal(0, (5, 500, 5e4, 5e6))]
+                data.ctrl[:SHAKER_CONTROLS] = [data.time, *rng.normal(0, 5, 4)]
                 mujoco.mj_step(model, data)
                 rows.append(np.concatenate([data.qacc, data.act_dot, data.qfrc_passive]))
         runs.append(np.array(rows))
@@ -208,7 +209,7 @@ def python_twin() -> Callbacks:
         p = model.actuator_biasprm[actuator]
         if p[0] == SHAKER:
             c = data.ctrl[model.actuator_ctrladr[actuator] :][:SHAKER_CONTROLS]
-            return float(np.polyval(c[:0:-1], data.time - c[0]))
+            return float(np.polyval(c[:0:-1], (data.time - c[0]) / CLOCK))
         if p[0] == VISCOELASTIC:
             h = data.act[model.actuator_actadr[actuator] :][: damper.BRANCHES]
             return viscoelastic_force(p, h, data.actuator_length[actuator] - model.actuator_length0[actuator])

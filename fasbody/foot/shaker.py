@@ -15,6 +15,9 @@ from fasbody.exceptions import SettingError
 
 #: Peak-to-peak base acceleration of the thesis [m/s^2], section 2.2.2.
 PEAK_TO_PEAK = 17.9
+#: Unit of time of the controls [s]. MuJoCo takes no control above 1e10, and third derivatives of a noisy base at 4 kHz
+#: are larger in SI. A power of two, so that no digit is lost.
+CLOCK = 2.0**-10
 
 
 @dataclass(frozen=True)
@@ -34,8 +37,9 @@ class BaseMotion:
     jerk: Callable[[np.ndarray], np.ndarray]
 
     def controls(self, step: float, count: int, start: float = 0.0) -> np.ndarray:
-        """Shaker controls of `count` steps: (count, 5) start time and Taylor coefficients a0..a3 of each step.
+        """Shaker controls of `count` steps: (count, 5) start time [s] and Taylor coefficients a0..a3 of each step.
 
+        Time counts in units of `CLOCK`, so that all coefficients are accelerations [m/s^2].
         The cubic agrees with acceleration and jerk at both ends of the step (Hermite), so a spline with knots at the
         steps is reproduced exactly and a smooth motion to fourth order.
         """
@@ -45,19 +49,20 @@ class BaseMotion:
         columns = (
             t[:-1],
             a[:-1],
-            j[:-1],
-            (3 * rise - 2 * j[:-1] - j[1:]) / step,
-            (j[:-1] + j[1:] - 2 * rise) / step**2,
+            CLOCK * j[:-1],
+            CLOCK**2 * ((3 * rise - 2 * j[:-1] - j[1:]) / step),
+            CLOCK**3 * ((j[:-1] + j[1:] - 2 * rise) / step**2),
         )
         return np.column_stack(columns)
 
     def half_steps(self, step: float, count: int, start: float = 0.0) -> np.ndarray:
         """The same cubics at the stage times of Runge-Kutta: (2 count + 1,) values half a step apart [m/s^2]."""
         _, a0, a1, a2, a3 = self.controls(step, count, start).T
-        half = 0.5 * step
+        whole = step / CLOCK
+        half = 0.5 * whole
         values = np.empty(2 * count + 1)
         values[:-1:2], values[1::2] = a0, a0 + half * (a1 + half * (a2 + half * a3))
-        values[-1] = a0[-1] + step * (a1[-1] + step * (a2[-1] + step * a3[-1]))
+        values[-1] = a0[-1] + whole * (a1[-1] + whole * (a2[-1] + whole * a3[-1]))
         return values
 
 
