@@ -21,7 +21,7 @@ from fasbody.console import console, print_json, progress_bar, write_whole
 from fasbody.exceptions import SettingError
 from viz.motion import PER_CYCLE
 from viz.scene import embedded
-from viz.shown import PAGE, SCRIPT, Shown, file_of, markup
+from viz.shown import SCRIPT, STYLE, Shown, file_of, markup
 
 #: Nothing of an exported page may reach for any address.
 POLICY = (
@@ -105,8 +105,7 @@ def html(show: Shown, documents: Mapping[str, Any] | None = None) -> str:
         return f"{before}<script>{safe(code)}</script>"
 
     page = SCRIPT.sub(script, markup(show.page))
-    style = f"<style>{(PAGE / 'style.css').read_text()}</style>"
-    page = page.replace('<link rel="stylesheet" href="style.css">', style)
+    page = STYLE.sub(lambda match: f"<style>{file_of(match[1]).read_text()}</style>", page)
     return page.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)
 
 

@@ -29,7 +29,7 @@ import tornado.websocket
 from fasbody.console import console, print_json
 from fasbody.exceptions import FasError, SettingError
 from viz.settings import Settings
-from viz.shown import Shown, file_of, markup, scripts
+from viz.shown import Shown, file_of, files, markup
 
 ADDRESS = "127.0.0.1"
 #: Largest message a page may send [bytes], and seconds after which a silent or slow browser is let go.
@@ -88,8 +88,7 @@ class Server:
         self.hosts = {f"{ADDRESS}:{self.port}", f"localhost:{self.port}"}
         self._ended = asyncio.Event()
         routes: list[Any] = [("/", Page, {"server": self, "name": show.page}), ("/stream", Stream, {"server": self})]
-        files = [*scripts(show.page), "style.css"]
-        routes += [(f"/{name}", Page, {"server": self, "name": name}) for name in files]
+        routes += [(f"/{name}", Page, {"server": self, "name": name}) for name in files(show.page)]
         self._application = tornado.web.Application(
             routes, websocket_ping_interval=PATIENCE / 2, websocket_ping_timeout=PATIENCE / 2,
             websocket_max_message_size=LARGEST, log_function=lambda handler: None,
@@ -279,6 +278,7 @@ def settings_from(message: dict[str, Any]) -> Settings:
     try:
         values = {str(name): float(value) for name, value in dict(message.get("values", {})).items()}
         numbers = {name: float(message[name]) for name in ("frequency", "peak_to_peak", "added_mass")}
+        numbers["delay_s"] = float(message.get("delay_s", 0.0))
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise SettingError(f"the page's settings cannot be read ({error}); reload it.") from None
     for name, value in (numbers | values).items():

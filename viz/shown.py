@@ -11,8 +11,9 @@ from viz.scene import Hub
 from viz.settings import Settings
 
 PAGE = Path(__file__).parent / "page"
-#: A page names its scripts; server and export take them from there.
+#: A page names its scripts and styles; server and export take them from there.
 SCRIPT = re.compile(r'<script src="([^"]+)"></script>')
+STYLE = re.compile(r'<link rel="stylesheet" href="([^"]+)">')
 
 
 class Shown(Protocol):
@@ -53,6 +54,7 @@ def file_of(name: str) -> Path:
     return scene.SCRIPT if name == "meshcat.js" else PAGE / name
 
 
-def scripts(page: str) -> list[str]:
-    """Names of a page's scripts, in order."""
-    return SCRIPT.findall(markup(page))
+def files(page: str) -> list[str]:
+    """Names of a page's scripts and styles, in order."""
+    text = markup(page)
+    return [*SCRIPT.findall(text), *STYLE.findall(text)]

@@ -20,11 +20,16 @@ function slider(parent, key, label, unit, low, high, value, changed, { log = fal
   const toInput = v => (log ? 1000 * Math.log(v / low) / Math.log(high / low) : v);
   const fromInput = v => (log ? low * (high / low) ** (v / 1000) : v);
   const snapped = v => (Math.abs(v - toInput(nominal)) <= 0.5 * +input.step ? nominal : fromInput(v));
-  const write = v => { shown.textContent = `${number(v)} ${unit}`; row.classList.toggle("moved", v !== nominal); };
+  row.nominal = v => { nominal = v; };
+  const write = v => {
+    shown.textContent = `${number(v)} ${unit}`;
+    input.setAttribute("aria-valuetext", `${number(v)} ${unit}`);
+    row.classList.toggle("moved", v !== nominal);
+  };
   row.set = v => { input.value = toInput(v); write(v); };
   row.home = () => { row.set(nominal); changed(nominal); };
   input.oninput = () => { const v = snapped(+input.value); write(v); changed(v); };
-  row.ondblclick = back.onclick = event => { event.preventDefault(); if (!input.disabled) row.home(); };
+  row.ondblclick = back.onclick = event => { event.preventDefault(); row.home(); };
   row.set(value);
   parent.append(row);
   return row;
