@@ -72,7 +72,9 @@ def _branch(branch: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> d
             told = {field: entry[field] for field in ("value", "std_error", "lower", "upper")}
             numbers = {field: math.nan if v is None else float(v) for field, v in told.items()}
             at_bound, known = bool(entry["at_bound"]), str(entry["identifiability"])
-            whole = Estimate(*numbers.values(), at_bound=at_bound, identifiability=known)
+            whole = Estimate(
+                numbers["value"], numbers["std_error"], numbers["lower"], numbers["upper"], at_bound, known
+            )
             finite = math.isfinite(whole.lower) and math.isfinite(whole.upper)
             row |= {"interval": whole.interval(), "known": whole.known}
             row |= {"lower": whole.lower, "upper": whole.upper} if finite else {}

@@ -77,10 +77,11 @@ def main(
 
         export_to(show, export, json=json)
         return
+    from viz.bench import Bench
     from viz.server import serve
 
-    watch = watch is not False and bool(show.files())
-    asyncio.run(serve(show, "the foot", port=port, browser=browser, watch=watch, json=json))
+    follow = watch is not False
+    asyncio.run(serve(show, "the foot", port=port, browser=browser, watch=follow, json=json, bench=Bench(show)))
 
 
 def _working_copy(folder: Path) -> Path:

@@ -54,9 +54,10 @@ class Viewer:
 
     async def _serve(self, port: int) -> None:
         try:
+            from viz.bench import Bench
             from viz.server import Server
 
-            self._server = Server(self.show, port)
+            self._server = Server(self.show, port, Bench(self.show))
         except ImportError:
             self._problem = MissingPackageError("tornado", "view")
             return

@@ -41,12 +41,12 @@ class Shown(Protocol):
         """Read the file again after it has changed; a broken one leaves the last good one in place."""
 
 
-def markup(page: str) -> str:
-    """A page's HTML, from its template."""
+def markup(page: str, key: str = "") -> str:
+    """A page's HTML, from its template; `key` is the session's, without which nothing on the server is changed."""
     templates = jinja2.Environment(
         loader=jinja2.FileSystemLoader(PAGE), autoescape=True, undefined=jinja2.StrictUndefined
     )
-    return templates.get_template(page).render()
+    return templates.get_template(page).render(key=key)
 
 
 def file_of(name: str) -> Path:
@@ -56,5 +56,5 @@ def file_of(name: str) -> Path:
 
 def files(page: str) -> list[str]:
     """Names of a page's scripts and styles, in order."""
-    text = markup(page)
+    text = markup(page, "any")
     return [*SCRIPT.findall(text), *STYLE.findall(text)]

@@ -2,7 +2,7 @@
 "use strict";
 // LARGEST: how far anything may be drawn from rest; SEEN_BEST: how far the largest deformation is drawn unless asked.
 // LEVER: what a turn of a bone moves, about [m].
-const SCALE = 10, TABLE = -0.2, LARGEST = 0.9, SEEN_BEST = 0.3, LEVER = 0.06;
+const SCALE = 10, TABLE = -0.2, LARGEST = 0.5, SEEN_BEST = 0.18, LEVER = 0.06;
 const VIEWS = {
   medial: [[0.02, 1.05, 5.5], [0.27, 0.62, 0]], lateral: [[0.45, 1.05, -5.5], [0.27, 0.62, 0]],
   front: [[5.9, 1.75, 1.4], [0.2, 0.48, 0]], above: [[0.3, 5.6, 0.02], [0.3, 0.2, 0]],

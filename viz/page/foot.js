@@ -10,7 +10,7 @@ let model = null, motion = null, drawn = null, asked = 0, request = 0, arrived =
 // ---- controls -------------------------------------------------------------------------------------------------------
 const rows = {};
 function buildControls() {
-  for (const id of ["excitation", "showing", "parameters"]) for (const old of byId(id).querySelectorAll("label, .row, p")) old.remove();
+  for (const id of ["excitation", "showing", "parameters"]) for (const old of byId(id).querySelectorAll("label, .row:not(#choosing), p")) old.remove();
   const shaker = byId("excitation"), s = state;
   if (!model.recorded && model.periodic) {
     rows.frequency = slider(shaker, "frequency", "Frequency", "Hz", 1, 60, s.frequency, v => { s.frequency = v; ask(); }, { step: 0.5, nominal: model.settings.frequency });
@@ -40,12 +40,44 @@ function buildControls() {
     const value = p.name in s.values ? s.values[p.name] : p.value;
     if (value !== p.nominal) s.values[p.name] = value;
     rows[p.name] = slider(list, `parameter_${p.name}`, p.words ? `${p.words} ${p.name}` : p.name, p.unit, p.lower, p.upper, value, v => {
+      remember(p.name);
       if (v === p.nominal) delete s.values[p.name]; else s.values[p.name] = v;
       ask();
-    }, { log: p.logarithmic, nominal: p.nominal, ends: true, hint: `${p.name} [${p.unit}], ${p.lower} to ${p.upper}; ${p.source}` });
+    }, { log: p.logarithmic, nominal: p.nominal, ends: true, hint: `${p.name} [${p.unit}], ${p.lower} to ${p.upper}; ${p.source}`, fitted: fitting(p) });
   }
 }
-byId("reset").onclick = () => { state.values = {}; for (const p of model.parameters) rows[p.name].set(p.nominal); ask(); };
+// What a fit may do with a parameter: whether it is free, and between which bounds.
+function fitting(p) {
+  if (window.EXPORTED || MASSES.has(p.name)) return null;
+  return {
+    free: bench.free[p.name] !== false, bounds: bench.bounds[p.name] || [p.lower, p.upper],
+    release: on => { bench.free[p.name] = on; },
+    bound: (low, high) => { if (low === p.lower && high === p.upper) delete bench.bounds[p.name]; else bench.bounds[p.name] = [low, high]; },
+  };
+}
+
+// The values before, for undo: one step for each parameter that is moved.
+const past = [];
+let lastMoved = "";
+function remember(name = "") {
+  if (name && name === lastMoved) return;
+  lastMoved = name;
+  past.push({ values: { ...state.values }, delay_s: state.delay_s });
+  if (past.length > 100) past.shift();
+}
+function undo() {
+  const before = past.pop();
+  lastMoved = "";
+  if (!before) return;
+  Object.assign(state, before);
+  for (const p of model.parameters) rows[p.name].set(p.name in state.values ? state.values[p.name] : p.nominal);
+  ask();
+}
+byId("undo").onclick = undo;
+addEventListener("keydown", event => {
+  if ((event.ctrlKey || event.metaKey) && event.key === "z" && !event.target.closest("#editor, input:not([type=range]), textarea")) { event.preventDefault(); undo(); }
+});
+byId("reset").onclick = () => { remember(); state.values = {}; state.delay_s = 0; for (const p of model.parameters) rows[p.name].set(p.nominal); ask(); };
 cameras(stage);
 
 function showSkin(shown) { stage.showSkin(shown); rows.skin.setAttribute("aria-pressed", shown); }
@@ -71,18 +103,21 @@ function ask() {
 }
 
 function receive(document_) {
+  if (benchReceives(document_)) return;
   if (document_.type === "model") {
     const first = model === null;
     model = document_;
     motion = null;  // of another model
     stage.setModel(model);
     if (first) Object.assign(state, model.settings, model.look);
+    else if (model.adopt) { for (const name of ["frequency", "added_mass"]) state[name] = model.settings[name]; bench.chose = true; }
     const known = new Set(model.parameters.map(p => p.name));
     for (const name of Object.keys(state.values)) if (!known.has(name)) delete state.values[name];
     buildControls();
+    showFit(model.fit);
+    if (bench.plots) drawTrace();
     broken = model.error;
-    say(broken);
-    if (window.EXPORTED) for (const input of document.querySelectorAll("#excitation input, #parameters input")) input.disabled = true;
+    say([broken, complaints].filter(Boolean).join("\n"));
     busy = false;
     ask();
   } else if (document_.type === "broken") {  // the model's file: told until it is mended
@@ -95,7 +130,7 @@ function receive(document_) {
       fresh = arrived = true;
       stats.motions += 1;
       stats.seconds.push(document_.seconds);
-      say([broken, stopped(motion.held)].filter(Boolean).join("\n"));
+      say([broken, complaints, stopped(motion.held)].filter(Boolean).join("\n"));
       stage.pose(motion, frame(), stage.gain(motion, state.amplify));
       stats.posed.push(performance.now() - asked);
       besides(motion.other);
@@ -238,5 +273,3 @@ keys(() => motion, key => {
   return true;
 });
 Object.assign(window, { stage, stats, state, showAt, play });
-requestAnimationFrame(tick);
-start(stage, forget, receive, ["model", "motion"]);

@@ -21,7 +21,7 @@ async function start(stage, opened, received, order) {
   if (!own) { connect(stage, opened, received); return; }
   document.body.classList.add("exported");
   await unpack(stage, own.scene);
-  for (const name of order) received(own[name]);
+  for (const name of order) if (own[name]) received(own[name]);
 }
 
 // The scene of an exported page: messages behind their lengths, as base64 of gzip.
