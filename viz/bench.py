@@ -236,8 +236,8 @@ class Bench:
     def stop(self) -> list[Document]:
         """End the running fit."""
         if self._worker is not None and self._state["running"]:
-            self._worker.stop()
             self._state = {"running": False, "what": "stopped", "done": 0, "total": 0}
+            self._worker.stop()
             self._worker = Worker(self._heard)
         return [self.progress()]
 
@@ -266,6 +266,7 @@ class Bench:
             self._fit = {key: document[key] for key in ("data", "curves", "chi_square", "traces", "seconds")}
             self._fit |= {"type": "fitted", "fit": self.show.fit, "script": script(*self._asked)}
             self.told(self._fit)
+            self.told(self.progress())
         elif kind == "reported":
             self.told({"type": "reported"})
         elif kind == "problem":

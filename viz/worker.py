@@ -3,6 +3,7 @@
 It calls what a script would call. Stopping a fit is ending this process; the server starts another.
 """
 
+import contextlib
 import json
 import os
 import subprocess
@@ -26,11 +27,13 @@ class Worker:
 
     def __init__(self, told: Told) -> None:
         self._told = told
+        paths = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
         self._process = subprocess.Popen(
             [sys.executable, "-m", "viz.worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-            env=os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])},
+            env=os.environ | {"PYTHONPATH": paths},
         )  # fmt: skip
-        threading.Thread(target=self._listen, name="worker", daemon=True).start()
+        self._listener = threading.Thread(target=self._listen, name="worker", daemon=True)
+        self._listener.start()
 
     def _listen(self) -> None:
         assert self._process.stdout is not None
@@ -54,6 +57,11 @@ class Worker:
         """End the process, whatever it does."""
         self._process.kill()
         self._process.wait()
+        self._listener.join()
+        for pipe in (self._process.stdin, self._process.stdout):
+            with contextlib.suppress(OSError):  # what was still to be written to it
+                if pipe is not None:
+                    pipe.close()
 
 
 def job(sources: list[Source], model: str, values: Mapping[str, float], settings: Mapping[str, Any]) -> dict[str, Any]:

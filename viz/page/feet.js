@@ -4,9 +4,9 @@
 // LEVER: what a turn of a bone moves, about [m].
 const SCALE = 10, TABLE = -0.2, LARGEST = 0.5, SEEN_BEST = 0.18, LEVER = 0.06;
 const VIEWS = {
-  medial: [[0.02, 1.05, 5.5], [0.27, 0.62, 0]], lateral: [[0.45, 1.05, -5.5], [0.27, 0.62, 0]],
-  front: [[5.9, 1.75, 1.4], [0.2, 0.48, 0]], above: [[0.3, 5.6, 0.02], [0.3, 0.2, 0]],
-  behind: [[-5.2, 1.5, 1.8], [0.1, 0.52, 0]], corner: [[3.8, 2.0, 4.5], [0.24, 0.60, 0]],
+  medial: [[0.02, 1.05, 5.8], [0.27, 0.62, 0]], lateral: [[0.45, 1.05, -5.8], [0.27, 0.62, 0]],
+  front: [[6.5, 1.87, 1.52], [0.2, 0.48, 0]], above: [[0.3, 5.6, 0.02], [0.3, 0.2, 0]],
+  behind: [[-6.0, 1.64, 2.05], [0.1, 0.52, 0]], corner: [[4.05, 2.1, 4.8], [0.24, 0.60, 0]],
 };
 // How far apart feet stand side by side, and the width of one foot's table.
 const APART = 1.75, WIDTH = 1.5;

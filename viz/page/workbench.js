@@ -75,9 +75,10 @@ function item(row, number) {
   pick.onchange = () => { if (pick.checked) bench.chosen.add(number); else bench.chosen.delete(number); };
   const at = row.frequency_hz ? `${number_(row.frequency_hz)} Hz` : wrong ? "" : "broadband";
   const name = element("button", row.file.split("/").pop(), { title: row.file });
+  name.title = [row.file, row.subject ? `subject ${row.subject}` : "", row.body_mass_kg ? `body mass ${number_(row.body_mass_kg)} kg` : "body mass unknown", row.samples ? `${row.samples} samples at ${number_(row.rate_hz)} Hz` : ""].filter(Boolean).join("; ");
   name.setAttribute("aria-pressed", shown);
   name.onclick = () => tellServer("use", { number });
-  const about = [at, row.body_mass_kg ? `${number_(row.body_mass_kg)} kg` : "", row.added_mass_kg ? `+ ${number_(row.added_mass_kg)} kg` : ""];
+  const about = [at, row.added_mass_kg ? `+ ${number_(row.added_mass_kg)} kg` : "", wrong || row.body_mass_kg ? "" : "mass unknown"];
   const more = element("button", "…", { title: `channels, units and masses of ${row.file}`, className: "more" });
   more.setAttribute("aria-label", more.title);
   more.onclick = () => { const open = li.querySelector("form"); if (open) open.remove(); else tellServer("columns", { number }); };
@@ -222,7 +223,7 @@ function drawFit() {
     const colour = LOADS[k % LOADS.length], mine = found.data.filter(r => r.added_mass_kg === load).sort(by("frequency_hz"));
     const label = loads.length > 1 ? `${load} kg` : "data", x = mine.map(r => r.frequency_hz);
     size.push({ label, colour, x, y: mine.map(r => r.transmissibility), low: mine.map(r => r.lower), high: mine.map(r => r.upper), points: true });
-    lag.push({ label, colour, x, y: unwrapped(mine.map(r => r.phase_lag_deg)), points: true });
+    lag.push({ label: "", colour, x, y: unwrapped(mine.map(r => r.phase_lag_deg)), points: true });
     bench.fit.branches.forEach((branch, b) => {
       const curve = found.curves.filter(r => r.added_mass_kg === load && r.branch === branch.name).sort(by("frequency_hz")), u = curve.map(r => r.frequency_hz);
       size.push({ label: k ? "" : branch.name, colour, x: u, y: curve.map(r => r.transmissibility), dashed: b > 0 });
