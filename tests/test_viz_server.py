@@ -14,7 +14,8 @@ from page_client import WAIT, ask, documents, leave, serve, status, upgrade
 from fasbody.exceptions import SettingError
 from fasbody.recording.study import BUNDLED
 from viz.feet import Show
-from viz.server import Server, settings_from
+from viz.server import Server
+from viz.settings import settings_from
 
 RECORDED = str(BUNDLED / "recordings" / "20hz_0kg.csv")
 

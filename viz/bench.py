@@ -26,6 +26,7 @@ from viz.excitation import Excitation
 from viz.feet import MODEL, Show
 from viz.fitted import fitted
 from viz.load import load_foot
+from viz.settings import settings_from
 from viz.source import Source, script, study_files
 from viz.worker import Told, Worker, job
 
@@ -93,7 +94,7 @@ class Bench:
             "use": lambda: self.use(number), "sine": self.sine, "columns": lambda: self.columns(number),
             "correct": lambda: self.correct(number, said), "fit": lambda: self.fit(chosen, said), "stop": self.stop,
             "report": self.report, "choose": lambda: self.choose(name), "check": lambda: self.check(text),
-            "save": lambda: self.save(text, name),
+            "save": lambda: self.save(text, name), "take": lambda: self.take(said),
         }  # fmt: skip
         if kind not in actions:
             raise SettingError(f"the page asks for {str(kind)[:40]!r}, which is nothing to do; reload it.")
@@ -247,6 +248,18 @@ class Bench:
             raise SettingError("there is no fit to report; start one.")
         self._worker.ask({"do": "report", "folder": str(self.folder / "results")})
         return []
+
+    def take(self, said: Mapping[str, Any]) -> list[Document]:
+        """Write one page that needs no server, with the sliders where they are."""
+        from viz.exported import html
+
+        before = self.show.settings
+        self.show.settings = settings_from(said)
+        try:
+            write_whole(self.folder / "foot.html", html(self.show))
+        finally:
+            self.show.settings = before
+        return [{"type": "taken"}]
 
     def progress(self) -> Document:
         """How far the fit is."""

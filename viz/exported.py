@@ -93,7 +93,7 @@ def export_to(show: Shown, file: Path, *, json: bool = False) -> None:
 
 def html(show: Shown, documents: Mapping[str, Any] | None = None) -> str:
     """One page with scene, motion and code inside; works from file://, offline. `documents` are the exported ones."""
-    data = {**(documents or show.exported()), "scene": embedded(show.hub)}
+    data = {**(documents or show.exported(live=True)), "scene": embedded(show.hub)}
 
     def safe(text: str) -> str:
         return text.replace("</script", "<\\/script").replace("<!--", "<\\!--")
@@ -111,7 +111,7 @@ def html(show: Shown, documents: Mapping[str, Any] | None = None) -> str:
 
 def png(show: Shown) -> bytes:
     """The canvas a third into the motion."""
-    with _browser(show, show.exported()) as page:
+    with _browser(show, show.exported(live=False)) as page:
         return _shot(page, 1 / 3)
 
 
@@ -119,7 +119,7 @@ def gif(show: Shown) -> bytes:
     """One period as an animated GIF."""
     from PIL import Image
 
-    documents = show.exported()
+    documents = show.exported(live=False)
     film = paced(documents, GIF)
     images = [Image.open(io.BytesIO(frame)).convert("RGB") for frame in _frames(show, documents, film)]
     width, height = images[0].size
@@ -135,7 +135,7 @@ def gif(show: Shown) -> bytes:
 
 def mp4(show: Shown) -> bytes:
     """Some periods as H.264, by ffmpeg."""
-    tool, documents = ffmpeg(), show.exported()
+    tool, documents = ffmpeg(), show.exported(live=False)
     film = paced(documents, MP4)
     with tempfile.TemporaryDirectory() as folder:
         for i, frame in enumerate(_frames(show, documents, film)):

@@ -10,6 +10,7 @@ import numpy as np
 from fasbody.exceptions import FasError
 from fasbody.foot.model import Foot
 from identification.blackbox.criteria import fit_percent
+from viz import live as sliders
 from viz import scene
 from viz.anatomy import assets
 from viz.anatomy.bones import SEGMENTS
@@ -152,9 +153,10 @@ class Show:
             and (fascia or part.name != "aponeurosis")
         ]
 
-    def exported(self) -> dict[str, Any]:
-        """The documents of an exported page."""
-        return {"model": self.description(), "motion": self.answer(self.settings)}
+    def exported(self, live: bool = False) -> dict[str, Any]:
+        """The documents of an exported page; `live` with what its sliders need (`viz.live`)."""
+        documents = {"model": self.description(), "motion": self.answer(self.settings)}
+        return documents | ({"live": sliders.of(self)} if live else {})
 
     def files(self) -> list[Path]:
         """The files of the models, with what they include."""

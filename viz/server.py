@@ -9,7 +9,6 @@ browser that does not come back from being started `OPENING`, the last connectio
 import asyncio
 import contextlib
 import json
-import math
 import secrets
 import signal
 import sys
@@ -31,10 +30,12 @@ from fasbody.console import console, print_json
 from fasbody.exceptions import FasError, SettingError
 from viz.bench import LARGEST as LARGEST_FILE
 from viz.bench import Bench
-from viz.settings import Settings
+from viz.settings import settings_from
 from viz.shown import Shown, file_of, files, markup
 
 ADDRESS = "127.0.0.1"
+#: The page to take away.
+TAKEN = "foot.html"
 #: Largest message a page may send, the text of a model among them [bytes], and seconds after which a silent or slow
 #: browser is let go.
 LARGEST, PATIENCE = 1_000_000, 30.0
@@ -99,7 +100,9 @@ class Server:
         routes: list[Any] = [("/", Page, {"server": self, "name": show.page}), ("/stream", Stream, {"server": self})]
         routes += [(f"/{name}", Page, {"server": self, "name": name}) for name in files(show.page)]
         if bench is not None:
-            routes += [("/upload", Upload, {"server": self}), ("/report", Report, {"server": self})]
+            routes += [("/upload", Upload, {"server": self})]
+            made = {"/report": "results/report.html", "/take": TAKEN}
+            routes += [(path, Made, {"server": self, "name": name}) for path, name in made.items()]
         self._application = tornado.web.Application(
             routes, websocket_ping_interval=PATIENCE / 2, websocket_ping_timeout=PATIENCE / 2,
             websocket_max_message_size=LARGEST, log_function=lambda handler: None,
@@ -285,22 +288,24 @@ class Upload(Guarded):
             self.write({"text": ""})
 
 
-class Report(Guarded):
-    """The report of the last fit, which runs no script and reaches for no address."""
+class Made(Guarded):
+    """What the workbench wrote: the report, which runs no script, or the page to take away, which is only saved."""
 
-    def initialize(self, server: "Server") -> None:
+    def initialize(self, server: "Server", name: str) -> None:
         """Called by tornado."""
-        self.server = server
+        self.server, self.name = server, name
 
     def get(self) -> None:
         """The file, once it is written."""
         assert self.server.bench is not None
-        file = self.server.bench.folder / "results" / "report.html"
+        file = self.server.bench.folder / self.name
         if not file.is_file():
             raise tornado.web.HTTPError(404)
         self.set_header("Content-Type", "text/html; charset=utf-8")
         self.set_header("Content-Security-Policy", "default-src 'none'; style-src 'unsafe-inline'; img-src data:")
         self.set_header("X-Content-Type-Options", "nosniff")
+        if self.name == TAKEN:
+            self.set_header("Content-Disposition", f'attachment; filename="{TAKEN}"')
         self.write(file.read_bytes())
 
 
@@ -360,24 +365,6 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
             self.on_close()
             return
         written.add_done_callback(lambda done: done.cancelled() or done.exception())  # a page that left is no error
-
-
-def settings_from(message: dict[str, Any]) -> Settings:
-    """The page's settings, checked.
-
-    Raises:
-        SettingError: something is missing, or no finite number.
-    """
-    try:
-        values = {str(name): float(value) for name, value in dict(message.get("values", {})).items()}
-        numbers = {name: float(message[name]) for name in ("frequency", "peak_to_peak", "added_mass")}
-        numbers["delay_s"] = float(message.get("delay_s", 0.0))
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise SettingError(f"the page's settings cannot be read ({error}); reload it.") from None
-    for name, value in (numbers | values).items():
-        if not math.isfinite(value):
-            raise SettingError(f"{name} from the page is {value}, but that is no number; reload it.")
-    return Settings(**numbers, values=values)
 
 
 class _Only:

@@ -1,7 +1,9 @@
 """What is asked of the shown foot: what the sliders say, and what of it a foot can have."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -91,3 +93,21 @@ def within(parameter: Parameter, value: float, where: object) -> None:
             f"{where}: {parameter.name} is {value:g} {parameter.unit}, but must be between {parameter.lower:g} and "
             f"{parameter.upper:g}, the bounds that the model declares."
         )
+
+
+def settings_from(message: Mapping[str, Any]) -> Settings:
+    """The page's settings, checked.
+
+    Raises:
+        SettingError: something is missing, or no finite number.
+    """
+    try:
+        values = {str(name): float(value) for name, value in dict(message.get("values", {})).items()}
+        numbers = {name: float(message[name]) for name in ("frequency", "peak_to_peak", "added_mass")}
+        numbers["delay_s"] = float(message.get("delay_s", 0.0))
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise SettingError(f"the page's settings cannot be read ({error}); reload it.") from None
+    for name, value in (numbers | values).items():
+        if not math.isfinite(value):
+            raise SettingError(f"{name} from the page is {value}, but that is no number; reload it.")
+    return Settings(**numbers, values=values)

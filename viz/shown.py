@@ -31,8 +31,8 @@ class Shown(Protocol):
     def answer(self, settings: Settings) -> dict[str, Any]:
         """The answer to a page's settings."""
 
-    def exported(self) -> dict[str, Any]:
-        """The documents that an exported page carries, by name."""
+    def exported(self, live: bool) -> dict[str, Any]:
+        """The documents that an exported page carries, by name; `live` with what moves its sliders."""
 
     def files(self) -> list[Path]:
         """The files to watch, absolute."""

@@ -13,8 +13,9 @@ function buildControls() {
   for (const id of ["excitation", "showing", "parameters"]) for (const old of byId(id).querySelectorAll("label, .row:not(#choosing), p")) old.remove();
   const shaker = byId("excitation"), s = state;
   if (!model.recorded && model.periodic) {
-    rows.frequency = slider(shaker, "frequency", "Frequency", "Hz", 1, 60, s.frequency, v => { s.frequency = v; ask(); }, { step: 0.5, nominal: model.settings.frequency });
-    rows.peak = slider(shaker, "peak_to_peak", "Acceleration, peak to peak", "m/s²", 0, 40, s.peak_to_peak, v => { s.peak_to_peak = v; ask(); }, { step: 0.1, nominal: model.settings.peak_to_peak });
+    const held = window.EXPORTED && EXPORTED.live && EXPORTED.live.frequencies, ends = held ? [held[0], held.at(-1)] : [1, 60];
+    rows.frequency = slider(shaker, "frequency", "Frequency", "Hz", ...ends, s.frequency, v => { s.frequency = v; ask(); }, { step: 0.5, nominal: model.settings.frequency });
+    if (!held) rows.peak = slider(shaker, "peak_to_peak", "Acceleration, peak to peak", "m/s²", 0, 40, s.peak_to_peak, v => { s.peak_to_peak = v; ask(); }, { step: 0.1, nominal: model.settings.peak_to_peak });
   } else {
     const note = document.createElement("p");
     note.textContent = model.excitation;
@@ -35,6 +36,11 @@ function buildControls() {
   if (model.feet.b) rows.apart = button(looks, "Side by side", () => apart(!stage.apart));
   if (rows.apart) apart(stage.apart, false);
   button(looks, "Save PNG", () => stage.save("foot.png"));
+  if (!window.EXPORTED && KEY) button(looks, "Take away", takeAway, "one file for a colleague: opens without a network, and its sliders still move the foot");
+  if (window.EXPORTED && !(EXPORTED.live && EXPORTED.live.twin)) {
+    byId("parameters").hidden = true;  // this file holds the motions of one foot
+    return;
+  }
   const list = byId("parameters");
   for (const p of model.parameters) {
     const value = p.name in s.values ? s.values[p.name] : p.value;
@@ -93,6 +99,11 @@ const lead = () => Object.values(motion.feet)[0], length = () => (motion ? lead(
 // ---- the server -----------------------------------------------------------------------------------------------------
 let busy = false, wanted = false;
 function ask() {
+  if (window.EXPORTED) {
+    const answer = motion && liveAnswer();
+    if (answer) receive(answer);
+    return;
+  }
   if (!socket || socket.readyState !== 1) return;
   if (busy) { wanted = true; return; }
   busy = true;
@@ -148,7 +159,7 @@ function stopped(held) {
 
 // What the compared foot has where it differs.
 function besides(other) {
-  for (const p of model.parameters) rows[p.name].beside(p.name in other ? `other foot ${number(other[p.name])}` : "");
+  for (const p of model.parameters) if (rows[p.name]) rows[p.name].beside(p.name in other ? `other foot ${number(other[p.name])}` : "");
 }
 
 // Nothing is posed before the scene is whole.
@@ -265,7 +276,7 @@ keys(() => motion, key => {
   const change = { ArrowRight: 0.5, ArrowLeft: -0.5, ArrowUp: 5, ArrowDown: -5 }[key], views = Object.keys(VIEWS);
   if (key === "k") showSkin(!stage.skinShown);
   else if (+key >= 1 && +key <= views.length) stage.view(views[+key - 1]);
-  else if (change && !model.recorded && model.periodic && rows.frequency && !window.EXPORTED) {
+  else if (change && !model.recorded && model.periodic && rows.frequency) {
     state.frequency = Math.min(60, Math.max(1, state.frequency + change));
     rows.frequency.set(state.frequency);
     ask();

@@ -161,7 +161,7 @@ function showFit(fit) {
   bench.fit = fit && fit.branches ? fit : null;
   byId("found").hidden = !bench.fit;
   byId("save_report").hidden = !bench.found;
-  for (const p of model ? model.parameters : []) rows[p.name].band(null);
+  for (const p of model ? model.parameters : []) if (rows[p.name]) rows[p.name].band(null);
   if (!bench.fit) return;
   byId("fit").hidden = false;
   byId("sentence").textContent = fit.sentence || (fit.verdict ? `Fit ${(+fit.fit_percent).toFixed(1)} %; ${fit.verdict}.` : "");
@@ -193,6 +193,7 @@ function bands() {
 // The foot gets a branch's constants; flipping between the two shows what the data cannot tell apart.
 function showBranch(k) {
   const branch = bench.fit.branches[k];
+  if (window.EXPORTED && !(EXPORTED.live && EXPORTED.live.twin)) return;
   bench.branch = k;
   remember();
   state.values = { ...branch.values };
@@ -262,9 +263,20 @@ byId("stop_fit").onclick = () => tellServer("stop");
 byId("sine").onclick = () => tellServer("sine");
 byId("save_report").onclick = () => { byId("fit_state").textContent = "writing the report"; tellServer("report"); };
 
+function takeAway() {
+  busyWith("writing the file");
+  const { frequency, peak_to_peak, added_mass, values, delay_s } = state;
+  tellServer("take", { said: { frequency, peak_to_peak, added_mass, values, delay_s } });
+}
+function taken() {
+  busyWith("");
+  const link = element("a", "", { href: "/take", download: "foot.html" });
+  link.click();
+}
+
 // What the server says beside models and motions; false if it is none of that.
 function benchReceives(document_) {
-  const kinds = { data: listData, columns: form, progress, fitted, complaint: d => complain(d.text), models: d => listModels(d), checked: d => checked(d), reported: () => { byId("fit_state").textContent = ""; open("/report", "_blank"); } };
+  const kinds = { data: listData, columns: form, progress, fitted, taken, complaint: d => complain(d.text), models: d => listModels(d), checked: d => checked(d), reported: () => { byId("fit_state").textContent = ""; open("/report", "_blank"); } };
   if (!(document_.type in kinds)) return false;
   kinds[document_.type](document_);
   return true;
