@@ -189,7 +189,7 @@ def test_edited_model_reloads_and_a_broken_one_is_told(opened: Any, tmp_path: Pa
         expected = periodic_motion(load(file), Settings(25.0)).ratio
         assert page("motion.feet.a.ratio") == pytest.approx(expected, rel=1e-9)
         assert page("motion.feet.b.ratio") == pytest.approx(before, rel=1e-9)
-        assert page("stage.camera.position.toArray()") == camera
+        assert page("stage.camera.position.toArray()") == pytest.approx(camera, abs=1e-9)
         assert page("state.frequency") == 25
         page.page.get_by_text("Side by side").click()
         page("showAt(0)")

@@ -16,6 +16,7 @@ import mjcf
 from fasbody.exceptions import FasError
 from fasbody.recording.study import BUNDLED
 from viz import fitted
+from viz import foot as command
 from viz.excitation import Excitation
 from viz.feet import MEASURED, MODEL, OTHER, Show
 from viz.load import files_of
@@ -33,6 +34,45 @@ def test_result_of_a_fit_moves_the_sliders(tmp_path: Path) -> None:
     file.write_text("{}")
     with pytest.raises(FasError, match="is not a result"):
         fitted.read(file, model.parameters)
+
+
+def estimate(value: float, half: float, narrow: float | None = None) -> dict[str, Any]:
+    """One entry of a result.json."""
+    inside = None if narrow is None else estimate(narrow, 0.1 * half)
+    return {
+        "value": value, "std_error": half / 1.96, "lower": value - half, "upper": value + half, "at_bound": False,
+        "identifiability": "weak", "if_model_true": inside,
+    }  # fmt: skip
+
+
+def test_result_brings_mirror_intervals_verdict_and_delay(tmp_path: Path) -> None:
+    """What a page shows of result.json; the foot gets the values that hold with the masses as stated."""
+    sides = {
+        "stiff ankle": {"k_T_n_per_m": estimate(2e5, 2e4, narrow=1.9e5), "delay_s": estimate(2e-4, 1e-5)},
+        "stiff pad": {"k_T_n_per_m": estimate(8e4, 1e4), "delay_s": estimate(1e-4, 1e-5)},
+    }
+    file = tmp_path / "result.json"
+    branches = [{"name": name, "parameters": found, "fit_percent": 99.0} for name, found in sides.items()]
+    reason = "The data do not decide between stiff ankle and stiff pad (odds 4.48 to 1 for stiff ankle)."
+    document = {
+        "parameters": sides["stiff ankle"], "branches": branches, "verdict": "undecided", "verdict_reason": reason,
+        "log_likelihood_ratio": 1.5, "fit_percent": 99.0, "warnings": ["A note."],
+    }  # fmt: skip
+    file.write_text(json.dumps(document))
+    show = command._show("two_dof", "", None, None, 0.0, False, RECORDED, None, file, {})
+    assert (show.settings.values, show.settings.delay_s) == ({"k_T": 1.9e5}, 2e-4)
+    fit = show.description()["fit"]
+    assert [branch["name"] for branch in fit["branches"]] == ["stiff ankle", "stiff pad"]
+    assert fit["branches"][1]["values"] == {"k_T": 8e4}
+    row = fit["branches"][0]["rows"][0]
+    assert (row["name"], row["interval"], row["lower"]) == ("k_T", "200000 ± 20000", 1.8e5)
+    assert (fit["verdict"], fit["reason"], fit["warnings"], fit["odds"]) == (
+        "undecided",
+        reason,
+        ["A note."],
+        "4.48 to 1",
+    )
+    json.dumps(show.description(), allow_nan=False)
 
 
 def test_recording_drives_the_table_and_is_shown_beside(tmp_path: Path) -> None:

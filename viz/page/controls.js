@@ -23,6 +23,7 @@ function slider(parent, key, label, unit, low, high, value, changed, { log = fal
   row.nominal = v => { nominal = v; };
   const write = v => {
     shown.textContent = `${number(v)} ${unit}`;
+    shown.setAttribute("aria-label", `${shown.textContent}: type ${label}`);
     input.setAttribute("aria-valuetext", `${number(v)} ${unit}`);
     row.classList.toggle("moved", v !== nominal);
   };
@@ -31,7 +32,6 @@ function slider(parent, key, label, unit, low, high, value, changed, { log = fal
   input.oninput = () => { const v = snapped(+input.value); row.value = v; write(v); changed(v); };
   row.ondblclick = back.onclick = event => { event.preventDefault(); row.home(); };
   shown.title = "click to type a value";
-  shown.setAttribute("aria-label", `type ${label}`);
   editable(shown, () => row.value, v => { const held = Math.min(high, Math.max(low, v)); row.set(held); changed(held); });
   // The interval of a fit, as a band along the slider.
   row.band = (limits, text = "") => {
@@ -51,6 +51,7 @@ function slider(parent, key, label, unit, low, high, value, changed, { log = fal
     both.forEach((end, k) => {
       end.title = "bound of the fit; click to type another";
       end.tabIndex = 0;
+      end.setAttribute("role", "button");
       end.textContent = number(limits[k]);
       editable(end, () => limits[k], v => { limits[k] = Math.min(high, Math.max(low, v)); end.textContent = number(limits[k]); fitted.bound(...limits); });
     });
@@ -122,6 +123,7 @@ const passedShare = () => ((time / length()) % 1 + 1) % 1;
 function play(on) { playing = on; byId("play").textContent = on ? "Pause" : "Play"; }
 function stepOn(n) { play(false); time += n * length() / stepping(); fresh = true; }
 byId("play").onclick = () => play(!playing);
+if (matchMedia("(prefers-reduced-motion: reduce)").matches) play(false);
 byId("step").onclick = () => stepOn(1);
 byId("seek").oninput = e => { play(false); time = +e.target.value * length(); fresh = true; };
 function cameras(stage) { for (const name of Object.keys(stage.views)) button(byId("cameras"), name, () => stage.view(name), `camera: ${name}`); }

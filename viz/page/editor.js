@@ -37,6 +37,7 @@ function openEditor() {
       ],
     }),
   });
+  editor.view.scrollDOM.tabIndex = 0;
 }
 
 // A pause in the typing: the server compiles it; a sound model moves at once, and nothing is saved.

@@ -11,8 +11,8 @@ class Plot {
     this.box.innerHTML = "<figcaption><b></b><span></span><button type=button title='the numbers as CSV' aria-label='save the numbers as CSV'>⤓</button></figcaption><div></div>";
     [this.head, this.pane] = this.box.children;
     this.head.firstChild.textContent = title;
-    this.box.setAttribute("role", "img");
-    this.box.setAttribute("aria-label", `${title} over ${x}`);
+    this.pane.setAttribute("role", "img");
+    this.pane.setAttribute("aria-label", `${title} over ${x}`);
     this.head.lastChild.onclick = () => download(`${title.replace(/\W+/g, "_")}.csv`, this.csv());
     parent.append(this.box);
     new ResizeObserver(() => this.fit()).observe(this.pane);

@@ -174,7 +174,7 @@ function showFit(fit) {
   }));
   byId("odds").textContent = fit.odds ? `odds ${fit.odds} for ${fit.branches[0].name}` : "";
   const head = element("tr");
-  for (const text of ["", ...fit.branches.map(b => b.name), ""]) head.append(element("th", text));
+  for (const text of ["parameter", ...fit.branches.map(b => b.name), "how well known"]) head.append(element("th", text));
   const body = fit.branches[0].rows.map((row, k) => {
     const tr = element("tr");
     tr.append(element("th", row.name, { title: row.key }), ...fit.branches.map(b => element("td", (b.rows[k] || {}).interval || number(row.value))), element("td", row.known));
@@ -231,7 +231,7 @@ function drawFit() {
       lag.push({ label: "", colour, x: u, y: unwrapped(curve.map(r => r.phase_lag_deg)), dashed: b > 0 });
     });
   });
-  bench.plots.size.set(size);
+  bench.plots.size.set(size, [0, 1.1 * Math.max(1, ...size.map(s => largestOf(s.y)))]);
   bench.plots.lag.set(lag);
   const chi = found.chi_square.filter(r => r.chi_square_if_model_true !== null);
   const order = chi.slice().sort((a, b) => a.frequency_hz * a.harmonic - b.frequency_hz * b.harmonic);
