@@ -142,12 +142,19 @@ class Bench:
             raise SettingError("none of these files is a recording; drop a .csv, or any format of the readers.")
         known = {(s.folder, s.file) for s in fresh}
         old = [(s, r) for s, r in zip(self.sources, self._rows, strict=True) if (s.folder, s.file) not in known]
-        first = len(old)
-        self.sources = [s for s, _ in old] + fresh
-        self._rows = [r for _, r in old] + [self._row(source) for source in fresh]
+        self.sources, self._rows, self.shown = [s for s, _ in old], [r for _, r in old], -1
+        shown: list[Document] = []
+        for source in fresh:
+            row = self._row(source)
+            self.sources.append(source)
+            self._rows.append(row)
+            if not shown and not row["unread"]:
+                shown = self.use(len(self.sources) - 1)
+                if len(fresh) > 1:  # the foot moves while the others are read
+                    for document in shown:
+                        self.told(document)
         self._ready()
-        good = next((i for i in range(first, len(self.sources)) if not self._rows[i]["unread"]), -1)
-        return self.use(good) if good >= 0 else [self.document()]
+        return shown if len(fresh) == 1 and shown else [self.document()]
 
     def _row(self, source: Source) -> Document:
         """What was understood of a file: the checks' sentences, and what the form needs."""

@@ -15,7 +15,7 @@ from fasbody.recording.files import TEXTS, beside
 from fasbody.recording.formats import ending
 from fasbody.recording.formats.reader import read_series
 from fasbody.recording.recording import Recording, with_masses
-from fasbody.recording.study import read_file
+from fasbody.recording.study import BUNDLED, read_file
 
 #: What the form may say of a channel.
 _SAID = {"column": str, "unit": str, "sign": float, "sensitivity": float, "delay_s": float}
@@ -60,7 +60,8 @@ class Source:
     def line(self) -> str:
         """The Python expression that reads it."""
         if not (self.channels or self.rate_hz is not None):
-            text = f"read_file(Path({self.file!r}))"
+            inside = f"BUNDLED / {self.file!r}" if Path(self.folder) == BUNDLED else f"Path({self.file!r})"
+            text = f"read_file({inside})"
         else:
             tables = {name: dict(table) for name, table in self.channels.items()}
             layout = f"Layout.from_toml(Path({self.file!r}), {tables!r}, {self.rate_hz!r})"
@@ -122,7 +123,7 @@ def script(sources: Sequence[Source], model: str, values: Mapping[str, float], s
     if "with_masses(" in text:
         lines.append("from fasbody.recording.recording import with_masses")
     if "read_file(" in text:
-        lines.append("from fasbody.recording.study import read_file")
+        lines.append(f"from fasbody.recording.study import {'BUNDLED, ' if 'BUNDLED' in text else ''}read_file")
     if "Path(" not in text:
         lines = lines[2:]
     foot = f"load_foot({model!r})" if "@" in model else f"fb.load({model!r})"
