@@ -1,4 +1,6 @@
-"""The viewer: frames a second streamed, slider to picture, dropped file to foot, fit to bands, and memory: `python -m benchmarks.viewer`.
+"""The viewer: frames a second, slider to picture, dropped file to foot, fit to bands, and memory over a long run.
+
+`python -m benchmarks.viewer`.
 
 The server runs in its own process. A headless Chromium draws by the processor alone, which takes both cores of a small
 machine, so the delay is measured with the drawing left out too: "posed" is when the new motion is in the scene. That
@@ -138,7 +140,7 @@ def _workbench(url: str) -> dict[str, float]:
 
 
 def _drawn() -> tuple[float, float]:
-    """Relative difference of model and measurement, as drawn and as accelerations, with the bundled foot's constants."""
+    """Relative difference of model and measurement, as drawn and as accelerations, with the known constants."""
     truth = json.loads((BUNDLED / "truth.json").read_text())
     settings = Settings(values=truth["parameters"], delay_s=truth["instrument"]["delay_s"])
     show = Show(["two_dof"], Excitation.recorded(BUNDLED / "recordings" / "20hz_0kg.csv"), settings)
