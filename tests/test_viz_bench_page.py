@@ -116,6 +116,16 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         page.until("byId('editor_state').textContent === 'saved'")
         page.until("motion && !busy")
         assert 'stiffness="0.6e5"' in own.read_text()
+
+        # a study is a matrix of loads against frequencies, coloured by fit
+        row = "{ file: `${f}hz_${m}.csv`, unread: '', problem: '', warnings: [], frequency_hz: f, added_mass_kg: m }"
+        page("bench.fit = { recordings: [{ file: '20hz_0.csv', fit_percent: 98.7 }] }")
+        page(f"listData({{ shown: 1, rows: [0, 2.3].flatMap(m => [10, 20, 30].map(f => ({row}))) }})")
+        cells = page("[...byId('matrix').querySelectorAll('td button')].map(b => b.textContent)")
+        assert cells == ["·", "99", "·", "·", "·", "·"]
+        assert page("[...byId('matrix').querySelectorAll('th')].map(b => b.textContent)") == [
+            "Hz", "10", "20", "30", "no load", "+ 2.3 kg",
+        ]  # fmt: skip
         for width in (1600, 1100, 420):
             page.page.set_viewport_size({"width": width, "height": 800})
             page.page.wait_for_timeout(100)

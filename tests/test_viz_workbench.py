@@ -123,6 +123,8 @@ def test_names_that_cannot_be_are_refused(bench: Bench, name: str, sentence: str
     with pytest.raises(FasError, match=sentence):
         bench.keep(name, b"x")
     assert not list(bench.folder.rglob("*.*"))
+    with pytest.raises(FasError, match="none of these files is a recording"):
+        bench.open([str(ONE), f"../{ONE}", name])
 
 
 def test_hostile_files_of_every_format_are_a_sentence_each(bench: Bench) -> None:
@@ -232,6 +234,11 @@ def test_typed_model_moves_and_is_saved_when_it_is_said(
     assert told["text"] == "" and model["type"] == "model"
     assert bench.show.answer(bench.show.settings)["feet"]["a"]["ratio"] != pytest.approx(before, rel=1e-3)
     assert not list(tmp_path.iterdir())  # typed is not saved
+    bench.keep("20hz.csv", ONE.read_bytes())
+    bench.open(["20hz.csv"])
+    with pytest.raises(FasError, match="is not saved yet"):
+        bench.fit([0], {})
+    bench.sine()
 
     bench.save(softer)
     assert (tmp_path / "my_foot.xml").read_text() == softer

@@ -33,6 +33,8 @@ from viz.worker import Told, Worker, job
 Document = dict[str, Any]
 #: Largest dropped file [bytes], and how much and how many files a session may hold.
 LARGEST, MOST, FILES = 64_000_000, 512_000_000, 500
+#: Parts of a dropped file's name: folders, and the file.
+DEEP = 4
 #: Files that belong to a study beside its recordings.
 _BESIDE = {"study.toml", "subjects.csv", "recordings.csv", "truth.json"}
 _PART = re.compile(r"[\w(][\w .()+,=@-]{0,150}")
@@ -58,6 +60,7 @@ class Bench:
         self._worker: Worker | None = None
         self._state: Document = {"running": False, "what": "", "done": 0, "total": 0}
         self._fit: Document = {}
+        self._draft = False  # what is shown was typed and not saved
         self._asked: tuple[list[Source], str, dict[str, float], dict[str, Any]] | None = None
         recording = show.excitation.recording
         self._given = recording if isinstance(recording, Recording) else None
@@ -108,7 +111,7 @@ class Bench:
             SettingError: no name of a file, of no format that is read, or too large.
         """
         parts = PurePosixPath(name).parts
-        if not 0 < len(parts) <= 4 or not all(_PART.fullmatch(part) for part in parts):
+        if not _is_name(name):
             raise SettingError(f"{name[:80]!r} is no name for a file; use letters, digits, spaces and . _ ( ) + - @")
         end = ending(Path(name))
         if end not in (*TEXTS, *READ) and parts[-1] not in _BESIDE and end not in (".json", ".toml"):
@@ -122,7 +125,7 @@ class Bench:
 
     def open(self, names: list[str]) -> list[Document]:
         """Read dropped files, or the study among them, and show the first that can be shown."""
-        kept = [name for name in names if (self.folder / name).is_file()]
+        kept = [name for name in names if _is_name(name) and (self.folder / name).is_file()]
         tables = [name for name in kept if PurePosixPath(name).name == "recordings.csv"]
         fresh: list[Source] = []
         for table in tables:
@@ -227,6 +230,8 @@ class Bench:
         foot, model = self.show.feet[MODEL], self.show.models[0]
         if isinstance(model, Foot):
             raise SettingError("a model that was handed over in Python is fitted there: identification.fit_foot.")
+        if self._draft:
+            raise SettingError("the model in the editor is not saved yet; save it first, for a fit reads its file.")
         settings = _settings(asked, foot)
         values = {
             str(name): float(value) for name, value in dict(asked.get("values", {})).items() if name in foot.parameters
@@ -325,7 +330,7 @@ class Bench:
         except FasError:
             self.show.models[0] = before
             raise
-        self.show.fit = {}
+        self.show.fit, self._draft = {}, False
         return [self.models(), self.show.description() | {"adopt": True}]
 
     def check(self, text: str) -> list[Document]:
@@ -338,6 +343,7 @@ class Bench:
             foot = load_foot(str(draft))
             called = Path(name).name if Path(name).suffix else name
             self.show.show({**self.show.feet, MODEL: replace(foot, name=called)})
+            self._draft = text != self.models()["text"]
         except FasError as error:
             said = str(error).replace(str(draft), Path(name).name).replace(draft.name, Path(name).name)
             line = re.search(r"line (\d+)", said)
@@ -361,6 +367,12 @@ class Bench:
             file = file.parent / name
         write_whole(file, text)
         return self.choose(str(file))
+
+
+def _is_name(name: str) -> bool:
+    """Whether a dropped file may be called so: inside the session's folder, and nothing hidden."""
+    parts = PurePosixPath(name).parts
+    return 0 < len(parts) <= DEEP and all(_PART.fullmatch(part) for part in parts)
 
 
 @cache

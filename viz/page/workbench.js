@@ -63,6 +63,7 @@ function listData(document_) {
   complain("");
   const list = byId("recordings");
   list.replaceChildren(...bench.rows.map(item));
+  matrix();
   byId("fit").hidden = !bench.rows.length;
   byId("sine").hidden = bench.shown < 0;
 }
@@ -85,6 +86,34 @@ function item(row, number) {
   li.append(pick, name, element("small", about.filter(Boolean).join(" · ")), more);
   for (const text of [row.unread, row.problem, ...(shown ? row.warnings : [])].filter(Boolean)) li.append(element("p", text));
   return li;
+}
+
+// Subjects and loads against frequencies, coloured by how well each recording was fitted; a click shows it.
+function matrix() {
+  const box = byId("matrix"), good = bench.rows.map((row, number) => ({ ...row, number })).filter(row => row.frequency_hz);
+  const who = row => `${row.subject || ""} ${row.added_mass_kg ? `+ ${number_(row.added_mass_kg)} kg` : "no load"}`.trim();
+  const lines = [...new Set(good.map(who))], hertz = [...new Set(good.map(row => +row.frequency_hz.toFixed(1)))].sort((a, b) => a - b);
+  box.hidden = good.length < 4;
+  if (box.hidden) { box.replaceChildren(); return; }
+  const fits = new Map(((bench.fit && bench.fit.recordings) || []).map(r => [r.file.split("/").pop(), r.fit_percent]));
+  const head = element("tr");
+  head.append(...["Hz", ...hertz].map(text => element("th", text, { scope: "col" })));
+  box.replaceChildren(element("caption", "fit of each recording [%]"), head, ...lines.map(line => {
+    const tr = element("tr");
+    tr.append(element("th", line, { scope: "row" }), ...hertz.map(f => {
+      const td = element("td"), row = good.find(r => who(r) === line && Math.abs(r.frequency_hz - f) < 0.06);
+      if (!row) return td;
+      const fit = fits.get(row.file.split("/").pop()), known = typeof fit === "number", cell = element("button", known ? fit.toFixed(0) : "·");
+      cell.title = known ? `${row.file}: fit ${fit.toFixed(1)} %` : row.file;
+      cell.setAttribute("aria-label", cell.title);
+      cell.setAttribute("aria-pressed", row.number === bench.shown);
+      if (known) cell.style.background = `hsl(${Math.max(0, Math.min(1, (fit - 80) / 20)) * 130} 45% 26%)`;
+      cell.onclick = () => tellServer("use", { number: row.number });
+      td.append(cell);
+      return td;
+    }));
+    return tr;
+  }));
 }
 
 const number_ = v => number(+v);
@@ -182,6 +211,7 @@ function showFit(fit) {
   });
   byId("estimates").replaceChildren(head, ...body);
   bands();
+  matrix();
 }
 
 function bands() {
