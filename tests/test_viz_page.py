@@ -261,9 +261,22 @@ def test_exported_arch_holds_its_motions(opened: Any, tmp_path: Path, monkeypatc
 
 def test_exported_recording_keeps_its_ring(opened: Any, tmp_path: Path) -> None:
     file = tmp_path / "recorded.html"
-    show = Show(["two_dof"], Excitation.recorded(BUNDLED / "recordings" / "20hz_0kg.csv"))
+    sides = [
+        {"name": name, "values": {"k_T": k_T}, "delay_s": 0.0, "fit_percent": 99.0, "rows": [
+            {"name": "k_T", "key": "k_T_n_per_m", "value": k_T, "known": "weak", "interval": f"{k_T:g} ± 1000",
+             "lower": k_T - 1e3, "upper": k_T + 1e3}
+        ]}
+        for name, k_T in (("stiff ankle", 1.3e5), ("stiff pad", 7e4))
+    ]  # fmt: skip
+    fit = {"sentence": "It is so.", "reason": "Both.", "warnings": [], "odds": "2 to 1", "branches": sides}
+    show = Show(["two_dof"], Excitation.recorded(BUNDLED / "recordings" / "20hz_0kg.csv"), fit=fit)
     file.write_text(html(show))
     page = Watched(opened, file.as_uri())
+    page.page.get_by_role("button", name="stiff pad").click()  # the mirror foot, without a server
+    mirrored = show.answer(replace(show.settings, values={"k_T": 7e4}))["feet"]["a"]["ratio"]
+    assert page("motion.feet.a.ratio") == pytest.approx(mirrored, rel=1e-3)
+    assert page("byId('parameter_k_T').parentElement.querySelector('.band').hidden") is False
+    assert not page.page.locator("#data").is_visible()
     page("state.values = { k_T: 2e5 }; ask()")
     expected = show.answer(replace(show.settings, values={"k_T": 2e5}))["feet"]
     assert page("motion.feet.a.ratio") == pytest.approx(expected["a"]["ratio"], rel=1e-3)
