@@ -95,6 +95,8 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
 
         # the model in the editor: a slip is a sentence on its line, what is sound moves, and Ctrl-S saves it
         page("reset.click()")
+        page.until("motion && !busy && !wanted && !Object.keys(state.values).length")
+        before = page("motion.feet.a.ratio")
         page.page.locator("#edit_model").click()
         page.page.locator(".cm-content").click()
         page.page.keyboard.press("Control+Home")
@@ -104,7 +106,6 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         assert page("document.querySelectorAll('.cm-lint-marker-error').length") == 1
         page.page.keyboard.press("Backspace")
         page.until("!byId('editor_state').classList.contains('wrong') && motion && !busy")
-        before = page("motion.feet.a.ratio")
         page(
             "(at => editor.view.dispatch({ changes: { from: at, to: at + 5, insert: '0.6e5' } }))"
             "(editor.text.indexOf('1.0e5'))"
