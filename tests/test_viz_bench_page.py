@@ -34,7 +34,7 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
     own = tmp_path / "mine.xml"
     own.write_text(mjcf.path("two_dof").read_text())
     with viewer("--model", str(own), folder=tmp_path) as (url, _):
-        page = Watched(opened, url, (1100, 800))
+        page = Watched(opened, url, (720, 480))
         page(DROP, ["20 hz.csv", ONE.read_text()])
         page.until("model.recorded && motion && motion.feet.measured && !busy")
         assert page("bench.rows[0].frequency_hz") == pytest.approx(20, abs=1e-3)
