@@ -1,4 +1,6 @@
-"""The viewer: frames a second streamed, slider to picture, and memory over a long run: `python -m benchmarks.viewer`.
+"""The viewer: frames a second, slider to picture, dropped file to foot, fit to bands, and memory over a long run.
+
+`python -m benchmarks.viewer`.
 
 The server runs in its own process. A headless Chromium draws by the processor alone, which takes both cores of a small
 machine, so the delay is measured with the drawing left out too: "posed" is when the new motion is in the scene. That
@@ -22,7 +24,9 @@ from tornado.httpclient import HTTPRequest
 
 from benchmarks.table import report
 from fasbody.console import command_line, console
+from fasbody.recording.study import BUNDLED
 from reproduction.check import Check, at_least, at_most, told
+from viz.excitation import Excitation
 from viz.exported import CHROMIUM, chromium
 from viz.feet import Show
 from viz.settings import Settings
@@ -30,6 +34,8 @@ from viz.settings import Settings
 MODELS = ("two_dof", "foot_arch")
 #: Motions before memory is first read, so that everything that is made once is made.
 WARM = 100
+#: Seconds in which the fitting process is made ready.
+READY = 15
 
 
 @contextmanager
@@ -99,6 +105,55 @@ def _page(url: str, quality: str, moves: int = 20) -> tuple[dict[str, float], fl
     return medians, rate
 
 
+def _workbench(url: str) -> dict[str, float]:
+    """Times on the wall [s]: from a dropped file to the moving foot, and from Fit to bands, nine recordings."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium(), args=list(CHROMIUM))
+        try:
+            page = browser.new_page(viewport={"width": 1366, "height": 768})
+            page.goto(f"{url}?quality=none")
+
+            def until(condition: str) -> float:
+                began = time.perf_counter()
+                while not page.evaluate(condition):
+                    time.sleep(0.01)
+                return time.perf_counter() - began
+
+            until("window.stats && stats.motions > 0")
+            page.locator("#files").set_input_files(BUNDLED / "recordings" / "20hz_0kg.csv")
+            dropped = until("model.recorded && motion && motion.feet.measured")
+            page.locator("#bundled").click()
+            until("bench.rows.length === 13")
+            page.evaluate(
+                "for (const [i, r] of bench.rows.entries()) if (r.added_mass_kg || !i) bench.chosen.delete(i)"
+            )
+            page.wait_for_timeout(1000 * READY)  # the fitting process has compiled
+            page.locator("#start_fit").click()
+            until("bench.found && !busy")
+            found = {"dropped": dropped, "bands": page.evaluate("stats.fitted") / 1e3}
+            found["fit"] = page.evaluate("bench.found.seconds")
+        finally:
+            browser.close()
+    return found
+
+
+def _drawn() -> tuple[float, float]:
+    """Relative difference of model and measurement, as drawn and as accelerations, with the known constants."""
+    truth = json.loads((BUNDLED / "truth.json").read_text())
+    settings = Settings(values=truth["parameters"], delay_s=truth["instrument"]["delay_s"])
+    show = Show(["two_dof"], Excitation.recorded(BUNDLED / "recordings" / "20hz_0kg.csv"), settings)
+    feet = show.answer(show.settings)["feet"]
+    model, seen = feet["a"], feet["measured"]
+    shank = np.reshape(model["bodies"], (64, -1, 6))[:, -1, 1]
+    ring = np.reshape(seen["bodies"], (64, 2, 6))[:, 1, 1]
+    by_motion = np.std(shank - ring) / np.std(ring)
+    return float(by_motion), float(
+        np.std(np.subtract(model["malleolus"], seen["malleolus"])) / np.std(seen["malleolus"])
+    )
+
+
 def _computing(model: str) -> float:
     """Median CPU time [ms] of one answer to a slider."""
     show, spent = Show([model]), []
@@ -112,6 +167,15 @@ def _computing(model: str) -> float:
 def measure(minutes: float = 0.5) -> list[Check]:
     """All rows; the memory run takes `minutes`."""
     rows = []
+    moved, accelerated = _drawn()
+    rows.append(at_most("recording: drawn displacement, model against measurement", 100 * moved, 2.5, "%"))
+    rows.append(told("recording: the same of their accelerations", f"{100 * accelerated:.2g} %"))
+    if chromium():
+        with viewer("two_dof") as (url, _):
+            found = _workbench(url)
+        rows.append(at_most("workbench: dropped file to moving foot", found["dropped"], 1.5, "s"))
+        rows.append(at_most("workbench: Fit of nine recordings, click to bands", found["bands"], 4.0, "s"))
+        rows.append(told("workbench: of that in fit_foot", f"{found['fit']:.2f} s"))
     for model in MODELS:
         with viewer(model) as (url, process):
             seconds = 60 * minutes if model == MODELS[-1] else 5.0

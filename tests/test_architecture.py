@@ -13,7 +13,7 @@ ALLOWED = {
     "mjcf": set(),
     "fasbody": {"mjcf"},
     "identification": {"fasbody", "mjcf"},
-    "viz": {"fasbody", "mjcf"},
+    "viz": {"fasbody", "identification", "mjcf"},
 }
 # package -> the only files that may import it
 DOORS = {

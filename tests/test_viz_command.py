@@ -3,6 +3,7 @@
 import asyncio
 import signal
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -35,6 +36,25 @@ def test_process_listens_on_the_loopback_only_and_ends_on_ctrl_c() -> None:
         assert str(listening[0].port) in url
         process.send_signal(signal.SIGINT)
         assert process.wait(WAIT) == 0
+
+
+def test_without_a_model_a_copy_to_edit_is_opened(tmp_path: Path) -> None:
+    """And followed, without an option for it; what was edited there before is kept."""
+    own = tmp_path / "my_foot.xml"
+
+    async def client(url: str) -> None:
+        socket = await ask(url, 1)
+        assert (await documents(socket, "motion"))["feet"]["a"]["ratio"] > 0
+        own.write_text(own.read_text().replace('data="N/m | 1e4 | 3e6', 'data="N/m | 2e4 | 3e6'))
+        assert (await documents(socket, "model"))["parameters"][0]["lower"] == 2e4
+        await leave(socket)
+
+    with viewer(folder=tmp_path) as (url, _):
+        asyncio.run(client(url))
+    edited = own.read_text()
+    with viewer(folder=tmp_path) as (url, _):
+        pass
+    assert own.read_text() == edited
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -98,7 +118,7 @@ def test_browser_that_never_comes_back_holds_nothing_up() -> None:
         (["--model", "foot_arch@high"], "no number in mm"),
         (["--model", "foot_arch@300"], "bones reach"),
         (["--model", "two_dof@25"], "five-body arch needs it"),
-        (["--watch"], "file of your own"),
+        (["--model", "two_dof", "--watch"], "file of your own"),
         (["--frequency", "0"], "must be between"),
         (["--slow", "0"], "--slow"),
         (["--port", "99999"], "between 0 (a free one) and 65535"),
@@ -121,7 +141,10 @@ def test_browser_that_never_comes_back_holds_nothing_up() -> None:
         (["--sweep", "--slow", "2", "--seconds", "0.2", "--export", "foot.gif"], "ask for --slow"),
     ],
 )
-def test_bad_options_are_one_sentence(options: list[str], sentence: str) -> None:
+def test_bad_options_are_one_sentence(
+    options: list[str], sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     run = CliRunner().invoke(command.app, options)
     assert isinstance(run.exception, FasError)
     assert sentence in str(run.exception)

@@ -1,7 +1,11 @@
 """The shown motion is the model's: against the compiled twin, the linear equations, an energy balance."""
 
+import json
+
 import numpy as np
 import pytest
+
+pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
 from fasbody.arch.bones import Arch
 from fasbody.arch.linear import transmissibility
@@ -9,7 +13,11 @@ from fasbody.exceptions import SettingError, SimulationError
 from fasbody.foot.model import load
 from fasbody.foot.shaker import PEAK_TO_PEAK, harmonics, sweep
 from fasbody.foot.two_dof import TwoDof, periodic
-from viz.motion import CURVE, Motion, discretise, displacement, periodic_motion, transient_motion
+from fasbody.recording.recording import Recording
+from fasbody.recording.study import BUNDLED
+from viz.excitation import Excitation
+from viz.feet import Show
+from viz.motion import CURVE, Motion, discretise, periodic_motion, transient_motion, without_drift
 from viz.settings import Settings
 
 
@@ -110,9 +118,82 @@ def test_table_at_rest_has_no_ratio() -> None:
 
 def test_displacement_of_a_sine() -> None:
     t = np.arange(2000) / 1000
-    seen = displacement(3 * np.sin(2 * np.pi * 20 * t), 2.0)[500:1500]
+    seen = without_drift(3 * np.sin(2 * np.pi * 20 * t), 1e-3, twice=True)[500:1500]
     expected = -3 * np.sin(2 * np.pi * 20 * t[500:1500]) / (2 * np.pi * 20) ** 2
     assert np.abs(seen - expected).max() < 0.02 * np.abs(expected).max()
+
+
+def test_harmonics_together_are_more_than_a_sine() -> None:
+    """Under two harmonics the twin's shooting finds the same orbit."""
+    values, count = load("two_dof").values(), 64 * 16
+    U = np.array([-8.0j, 2.0 + 1.0j])
+    motion = periodic_motion(load("two_dof"), Settings(12.0), U)
+    foot, step = TwoDof.from_values(values), 1 / (12.0 * count)
+    base = harmonics(12.0, U, 1 / 12.0).half_steps(step, count)
+    orbit, _, _, _, gap = periodic(np.zeros(4), foot.theta, foot.m_S, foot.m_F, base, step, 1e-10, 60)
+    assert gap < 1e-9
+    assert np.abs(motion.malleolus - orbit[::16]).max() < 0.01 * np.abs(orbit).max()
+
+
+def recorded(seconds: float = 4.0, rate: float = 1000.0) -> Recording:
+    """A malleolus that moves 1.03 mm at 19.7 Hz, of which no whole number of periods was recorded."""
+    t = np.arange(round(seconds * rate)) / rate
+    w = 2 * np.pi * 19.7
+    base, malleolus = 0.6e-3 * np.sin(w * t + 0.4), 1.03e-3 * np.sin(w * t - 0.6)
+    return Recording.from_arrays(t, -(w**2) * base, -(w**2) * malleolus, body_mass_kg=72.57)
+
+
+def test_steady_recording_is_displaced_as_it_moved() -> None:
+    """From the first moment to the last, without an invented start or end."""
+    recording = recorded()
+    show = Show(["two_dof"], Excitation.recorded(recording))
+    motion = show.answer(show.settings)["feet"]["measured"]
+    drawn = np.reshape(motion["bodies"], (64, 2, 6))[..., 1]
+    t = np.arange(64) * motion["duration"] / 64
+    w = 2 * np.pi / motion["duration"]
+    for seen, size, phase in ((drawn[:, 0], 0.6e-3, 0.4), (drawn[:, 1], 1.03e-3, -0.6)):
+        assert np.abs(seen - size * np.sin(w * t + phase)).max() < 0.01 * size
+
+
+def test_model_and_measurement_differ_as_their_accelerations_do() -> None:
+    """With the known constants of the bundled foot the drawn difference is that of the accelerations, ride or stay."""
+    truth = json.loads((BUNDLED / "truth.json").read_text())
+    excitation = Excitation.recorded(BUNDLED / "recordings" / "20hz_0kg.csv")
+    delay = truth["instrument"]["delay_s"]
+    show = Show(["two_dof"], excitation, Settings(values=truth["parameters"], delay_s=delay))
+    feet = show.answer(show.settings)["feet"]
+    model, seen = feet["a"], feet["measured"]
+    own = np.reshape(model["bodies"], (64, -1, 6))[..., 1]
+    drawn, table = np.reshape(seen["bodies"], (64, 2, 6))[:, 1, 1], own[:, 0]
+    shank = own[:, -1]
+    by_acceleration = np.std(np.subtract(model["malleolus"], seen["malleolus"])) / np.std(seen["malleolus"])
+    assert np.std(shank - drawn) / np.std(drawn) == pytest.approx(by_acceleration, abs=2e-3)
+    assert by_acceleration < 0.025
+    riding = np.std((shank - table) - (drawn - table)) / np.std(drawn)
+    assert riding == pytest.approx(np.std(shank - drawn) / np.std(drawn), rel=1e-9)
+    assert seen["fit_percent"] > 99
+    assert model["ratio"] == pytest.approx(seen["ratio"], rel=5e-3)
+
+
+def test_other_recordings_keep_a_margin_on_both_sides() -> None:
+    """Where the shown piece begins and ends, model and measurement move as they did, not as a filter starts."""
+    rng, rate = np.random.default_rng(3), 1000.0
+    f = np.arange(12, 40, 0.37)
+    t, phase = np.arange(6000) / rate, rng.uniform(0, 2 * np.pi, f.size)
+    lines = np.cos(2 * np.pi * np.outer(t, f) + phase)
+    base = lines.sum(1)
+    displaced = -(lines / (2 * np.pi * f) ** 2).sum(1)
+    excitation = Excitation.recorded(Recording.from_arrays(t, base, base, body_mass_kg=72.57), 2.0)
+    assert excitation.steady is None
+    show = Show(["two_dof"], excitation)
+    feet = show.answer(show.settings)["feet"]
+    frames = feet["measured"]["frames"]
+    drawn = np.reshape(feet["measured"]["bodies"], (frames, 2, 6))[..., 1]
+    at = show.motions(show.settings)["a"].time
+    assert at[0] == pytest.approx(excitation.shown[0], abs=2e-3)
+    expected = np.interp(at, t, displaced)
+    for column in (0, 1):
+        assert np.abs(drawn[:, column] - expected).max() < 0.06 * np.abs(expected).max()
 
 
 def test_parameters_stay_within_their_bounds() -> None:

@@ -14,7 +14,8 @@ from page_client import WAIT, ask, documents, leave, serve, status, upgrade
 from fasbody.exceptions import SettingError
 from fasbody.recording.study import BUNDLED
 from viz.feet import Show
-from viz.server import Server, settings_from
+from viz.server import Server
+from viz.settings import settings_from
 
 RECORDED = str(BUNDLED / "recordings" / "20hz_0kg.csv")
 
@@ -32,7 +33,7 @@ def test_strangers_are_refused(show: Show) -> None:
         assert "default-src 'none'" in policy
         assert "unsafe-eval" not in policy
         assert "script-src 'self';" in policy
-        for name in ("meshcat.js", "stage.js", "plots.js", "foot.js", "style.css"):
+        for name in ("meshcat.js", "stage.js", "plots.js", "foot.js", "style.css", "vendor/uplot.js"):
             assert (await status(server.url + name)).code == 200
         for name in ("../foot.py", "foot.py", "%2e%2e/foot.py", "foot.html", "cell.html"):
             assert (await status(server.url + name)).code == 404

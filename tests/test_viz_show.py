@@ -4,6 +4,7 @@ import json
 import threading
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,11 +15,12 @@ import umsgpack
 import mjcf
 from fasbody.exceptions import FasError
 from fasbody.recording.study import BUNDLED
+from viz import fitted
 from viz import foot as command
+from viz.excitation import Excitation
 from viz.feet import MEASURED, MODEL, OTHER, Show
 from viz.load import files_of
 from viz.scene import Hub
-from viz.settings import Excitation
 
 RECORDED = BUNDLED / "recordings" / "20hz_0kg.csv"
 
@@ -28,10 +30,49 @@ def test_result_of_a_fit_moves_the_sliders(tmp_path: Path) -> None:
     file = tmp_path / "result.json"
     file.write_text(json.dumps({"parameters": entries}))
     model = Show(["two_dof"]).feet["a"]
-    assert command.parameters_of(file, model.parameters) == {"k_T": 2e5, "c_12": 5.0}
+    assert fitted.read(file, model.parameters)["branches"][0]["values"] == {"k_T": 2e5, "c_12": 5.0}
     file.write_text("{}")
     with pytest.raises(FasError, match="is not a result"):
-        command.parameters_of(file, model.parameters)
+        fitted.read(file, model.parameters)
+
+
+def estimate(value: float, half: float, narrow: float | None = None) -> dict[str, Any]:
+    """One entry of a result.json."""
+    inside = None if narrow is None else estimate(narrow, 0.1 * half)
+    return {
+        "value": value, "std_error": half / 1.96, "lower": value - half, "upper": value + half, "at_bound": False,
+        "identifiability": "weak", "if_model_true": inside,
+    }  # fmt: skip
+
+
+def test_result_brings_mirror_intervals_verdict_and_delay(tmp_path: Path) -> None:
+    """What a page shows of result.json; the foot gets the values that hold with the masses as stated."""
+    sides = {
+        "stiff ankle": {"k_T_n_per_m": estimate(2e5, 2e4, narrow=1.9e5), "delay_s": estimate(2e-4, 1e-5)},
+        "stiff pad": {"k_T_n_per_m": estimate(8e4, 1e4), "delay_s": estimate(1e-4, 1e-5)},
+    }
+    file = tmp_path / "result.json"
+    branches = [{"name": name, "parameters": found, "fit_percent": 99.0} for name, found in sides.items()]
+    reason = "The data do not decide between stiff ankle and stiff pad (odds 4.48 to 1 for stiff ankle)."
+    document = {
+        "parameters": sides["stiff ankle"], "branches": branches, "verdict": "undecided", "verdict_reason": reason,
+        "log_likelihood_ratio": 1.5, "fit_percent": 99.0, "warnings": ["A note."],
+    }  # fmt: skip
+    file.write_text(json.dumps(document))
+    show = command._show("two_dof", "", None, None, 0.0, False, RECORDED, None, file, {})
+    assert (show.settings.values, show.settings.delay_s) == ({"k_T": 1.9e5}, 2e-4)
+    fit = show.description()["fit"]
+    assert [branch["name"] for branch in fit["branches"]] == ["stiff ankle", "stiff pad"]
+    assert fit["branches"][1]["values"] == {"k_T": 8e4}
+    row = fit["branches"][0]["rows"][0]
+    assert (row["name"], row["interval"], row["lower"]) == ("k_T", "200000 ± 20000", 1.8e5)
+    assert (fit["verdict"], fit["reason"], fit["warnings"], fit["odds"]) == (
+        "undecided",
+        reason,
+        ["A note."],
+        "4.48 to 1",
+    )
+    json.dumps(show.description(), allow_nan=False)
 
 
 def test_recording_drives_the_table_and_is_shown_beside(tmp_path: Path) -> None:
@@ -42,6 +83,9 @@ def test_recording_drives_the_table_and_is_shown_beside(tmp_path: Path) -> None:
     # the truth of the bundled foot differs from the nominal model, but both are feet at 20 Hz
     assert 0.5 < max(measured["malleolus"]) / max(model["malleolus"]) < 2
     assert max(measured["bodies"]) < 0.01
+    drawn = show.description()["feet"][MEASURED]
+    assert [s["name"] for s in drawn["segments"]] == ["ring"]
+    assert drawn["bodies"] == ["base", "shank"]
 
 
 def test_foot_with_names_of_its_own_is_drawn_by_its_geoms(tmp_path: Path) -> None:
@@ -56,6 +100,43 @@ def test_foot_with_names_of_its_own_is_drawn_by_its_geoms(tmp_path: Path) -> Non
     for path in (b"/meshcat/foot/a/base/geom0", b"/meshcat/foot/a/pes/geom1", b"/meshcat/foot/a/shank/geom2"):
         assert path in scene
     assert b"/meshcat/foot/a/tibia" not in scene
+
+
+def test_what_was_edited_is_drawn(tmp_path: Path) -> None:
+    """A colour, a geom more, and a shoe that is welded on; and the bones remain."""
+    text = mjcf.path("two_dof").read_text()
+    file = tmp_path / "shod.xml"
+    file.write_text(text)
+    show = Show([str(file)])
+
+    def drawn() -> dict[str, Any]:
+        found = [umsgpack.unpackb(message) for message in show.hub.messages()]
+        return {m["path"]: m["object"] for m in found if m["type"] == "set_object" and "/foot/a/" in m["path"]}
+
+    plain = drawn()
+    shoe = '<body name="shoe"><geom type="box" size="0.1 0.01 0.04" rgba="0.2 0.2 0.9 0.5" mass="0.5"/></body>'
+    red = text.replace('<geom name="shank" type', '<geom name="shank" rgba="1 0 0 1" type')
+    red = red.replace('<body name="shank">', f'{shoe}<geom name="wart" type="sphere" size="0.01"/><body name="shank">')
+    file.write_text(
+        red.replace("<worldbody>", '<worldbody><geom name="wall" type="box" size="1 1 0.01" pos="0 0 -1"/>')
+    )
+    show.reload()
+    now = drawn()
+    more = {path.rpartition("/")[0].rpartition("/")[2] for path in now.keys() - plain.keys()}
+    assert more == {"own shoe", "own foot", "world"}
+    assert now["/meshcat/foot/a/tibia"]["materials"][0]["color"] == 0xFF0000
+    assert now["/meshcat/foot/a/navicular"]["materials"] != now["/meshcat/foot/a/tibia"]["materials"]
+    worn = {part["name"]: part["body"] for part in show.description()["feet"]["a"]["worn"]}
+    assert worn == {"own shoe": 2, "own foot": 1}
+    assert show.answer(show.settings)["feet"]["a"]["ratio"] > 1
+    file.write_text(text)
+    show.reload()
+    assert drawn().keys() == plain.keys()
+
+
+def test_only_a_model_with_an_aponeurosis_has_one() -> None:
+    for model, there in (("two_dof", False), ("foot_arch", True)):
+        assert ("aponeurosis" in Show([model]).description()["feet"]["a"]["soft"]) is there
 
 
 def test_another_kind_of_model_is_drawn_anew(tmp_path: Path) -> None:
@@ -98,7 +179,7 @@ def test_result_outside_the_bounds_is_refused(tmp_path: Path, value: str, senten
     file = tmp_path / "result.json"
     file.write_text(f'{{"parameters": {{"k_T_n_per_m": {{"value": {value}}}}}}}')
     with pytest.raises(FasError, match=sentence):
-        command.parameters_of(file, Show(["two_dof"]).feet[MODEL].parameters)
+        fitted.read(file, Show(["two_dof"]).feet[MODEL].parameters)
 
 
 def test_page_is_told_what_a_bound_has_stopped() -> None:

@@ -24,19 +24,21 @@ PATIENCE = 300.0
 
 
 @contextmanager
-def viewer(*options: str, module: str = "viz.foot", opener: str = "") -> Iterator[tuple[str, subprocess.Popen[str]]]:
+def viewer(
+    *options: str, module: str = "viz.foot", opener: str = "", folder: Path = ROOT
+) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """`python -m MODULE` with more options; yields its address and process, ends it by Ctrl-C.
 
     Args:
         options: of the command. module: the command. opener: shell-like command that it takes for a browser, with %s
-            for the address; without one it opens none.
+            for the address; without one it opens none. folder: to work in.
     """
     command = [sys.executable, "-m", module, *([] if opener else ["--no-browser"]), "--json", *options]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     if opener:
         environment["BROWSER"] = opener
     process = subprocess.Popen(
-        command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     try:
         assert process.stdout is not None

@@ -12,13 +12,14 @@ A name is imported when it is first asked for, so that `import viz` costs nothin
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from viz.excitation import Excitation
     from viz.feet import Show
     from viz.modes import ModeShow
     from viz.notebook import Viewer, export, show
-    from viz.settings import Excitation, Settings
+    from viz.settings import Settings
 else:
     _HOMES = {
-        "Excitation": "viz.settings",
+        "Excitation": "viz.excitation",
         "ModeShow": "viz.modes",
         "Settings": "viz.settings",
         "Show": "viz.feet",

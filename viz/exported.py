@@ -21,7 +21,7 @@ from fasbody.console import console, print_json, progress_bar, write_whole
 from fasbody.exceptions import SettingError
 from viz.motion import PER_CYCLE
 from viz.scene import embedded
-from viz.shown import PAGE, SCRIPT, Shown, file_of, markup
+from viz.shown import SCRIPT, STYLE, Shown, file_of, markup
 
 #: Nothing of an exported page may reach for any address.
 POLICY = (
@@ -93,7 +93,7 @@ def export_to(show: Shown, file: Path, *, json: bool = False) -> None:
 
 def html(show: Shown, documents: Mapping[str, Any] | None = None) -> str:
     """One page with scene, motion and code inside; works from file://, offline. `documents` are the exported ones."""
-    data = {**(documents or show.exported()), "scene": embedded(show.hub)}
+    data = {**(documents or show.exported(live=True)), "scene": embedded(show.hub)}
 
     def safe(text: str) -> str:
         return text.replace("</script", "<\\/script").replace("<!--", "<\\!--")
@@ -105,14 +105,13 @@ def html(show: Shown, documents: Mapping[str, Any] | None = None) -> str:
         return f"{before}<script>{safe(code)}</script>"
 
     page = SCRIPT.sub(script, markup(show.page))
-    style = f"<style>{(PAGE / 'style.css').read_text()}</style>"
-    page = page.replace('<link rel="stylesheet" href="style.css">', style)
+    page = STYLE.sub(lambda match: f"<style>{file_of(match[1]).read_text()}</style>", page)
     return page.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)
 
 
 def png(show: Shown) -> bytes:
     """The canvas a third into the motion."""
-    with _browser(show, show.exported()) as page:
+    with _browser(show, show.exported(live=False)) as page:
         return _shot(page, 1 / 3)
 
 
@@ -120,7 +119,7 @@ def gif(show: Shown) -> bytes:
     """One period as an animated GIF."""
     from PIL import Image
 
-    documents = show.exported()
+    documents = show.exported(live=False)
     film = paced(documents, GIF)
     images = [Image.open(io.BytesIO(frame)).convert("RGB") for frame in _frames(show, documents, film)]
     width, height = images[0].size
@@ -136,7 +135,7 @@ def gif(show: Shown) -> bytes:
 
 def mp4(show: Shown) -> bytes:
     """Some periods as H.264, by ffmpeg."""
-    tool, documents = ffmpeg(), show.exported()
+    tool, documents = ffmpeg(), show.exported(live=False)
     film = paced(documents, MP4)
     with tempfile.TemporaryDirectory() as folder:
         for i, frame in enumerate(_frames(show, documents, film)):

@@ -9,17 +9,25 @@ import numpy as np
 
 from fasbody.exceptions import FasError
 from fasbody.foot.model import Foot
+from identification.blackbox.criteria import fit_percent
+from viz import live as sliders
 from viz import scene
 from viz.anatomy import assets
 from viz.anatomy.bones import SEGMENTS
-from viz.anatomy.rest import Carried, Frame, carried, frames, segment_bodies
+from viz.anatomy.rest import Carried, Frame, Own, carried, frames, name_of, own
+from viz.excitation import Excitation
 from viz.load import files_of, load_foot
-from viz.motion import CURVE, Motion, displacement, periodic_motion, transient_motion
+from viz.motion import CURVE, FRAMES, Motion, periodic_motion, transient_motion, watched, without_drift
 from viz.scene import Hub
-from viz.settings import CARRIERS, WORDS, Excitation, Settings
+from viz.settings import CARRIERS, WORDS, Settings
 
 #: Names of the feet in the scene: the model, the one it is compared with, and what was measured.
 MODEL, OTHER, MEASURED = "a", "b", "measured"
+#: Colours of the rings at the malleolus: the model's, and the measured one.
+RINGS = {MODEL: "#ffb454", OTHER: "#6cb6ff", MEASURED: "#7ee0a1"}
+#: Half the height of the slice of the shank that a ring goes around, its gap to that, and its thickness [m].
+SLICE, GAP, THICK = 0.004, 0.006, 0.0022
+_STILL = Frame(np.zeros(3), np.array([1.0, 0, 0, 0]))
 
 
 class Show:
@@ -27,28 +35,27 @@ class Show:
 
     Args:
         models: one model, or two to compare, by name or file, or loaded.
-        excitation: of the base. settings: at the start. look: `slow` and `amplify`, times.
+        excitation: of the base. settings: at the start. look: `slow` and `amplify`, times; `amplify` None for as much
+            as shows the deformation and keeps the foot in the picture. fit: what a fit found (`viz.fitted`).
     """
 
     page = "foot.html"
 
     def __init__(
         self, models: Sequence[str | Foot], excitation: Excitation | None = None, settings: Settings | None = None,
-        look: Mapping[str, float] | None = None,
+        look: Mapping[str, float | None] | None = None, fit: Mapping[str, Any] | None = None,
     ) -> None:  # fmt: skip
-        self.models = models
-        self.excitation = excitation or Excitation()
-        self.settings = settings or Settings()
-        self.look = dict(look or {"slow": 20.0, "amplify": 10.0})
+        self.models = list(models)
+        self.look = {"slow": 20.0, "amplify": None} | dict(look or {})
+        self.fit = dict(fit or {})
         self.error = ""
         self.hub = Hub()
         self._visualizer = scene.stage(self.hub)
         self._parts = assets.read()
-        self.feet = self._load()
-        for name in self.feet:
-            self._place(name)
-        if self.excitation.recording is not None:
-            self._place(MEASURED)
+        self._placed: dict[str, Any] = {}
+        self._given = self._load()
+        self.settings = settings or Settings()
+        self.drive(excitation or Excitation(), self.settings)
         for name, foot in self.feet.items():
             self._own(name, self.settings).apply(foot)  # refuses what they cannot have
 
@@ -56,20 +63,100 @@ class Show:
         loaded = (model if isinstance(model, Foot) else load_foot(model) for model in self.models)
         return dict(zip((MODEL, OTHER), loaded, strict=False))
 
-    def _place(self, name: str) -> None:
-        model = self.feet.get(name, self.feet[MODEL]).model
-        self.hub.put({"type": "delete", "path": f"/meshcat/foot/{name}"})
-        segments = carried(model)
-        if segments is None:
-            scene.add_plain(self._visualizer, name, model)
-        else:
-            bind = {segment: on.bind for segment, on in segments.items()}
-            parts = [part for part in self._parts if name != MEASURED or part.segment == "tibia"]
-            scene.add_foot(self.hub, self._visualizer, name, parts, bind, ghost=name != MODEL)
+    def drive(self, excitation: Excitation, settings: Settings | None = None) -> None:
+        """Shake the feet by something else; a recording brings the masses that it was made with."""
+        self.excitation = excitation
+        recording = excitation.recording
+        if settings is None:
+            load = recording.condition.added_mass_kg if recording and recording.condition.body_mass_kg else 0.0
+            settings = replace(self.settings, added_mass=load)
+        if excitation.steady is not None:
+            settings = replace(settings, frequency=excitation.steady.frequency_hz)
+        self.settings = settings
+        self.feet = {name: self._weighed(foot) for name, foot in self._given.items()}
+        for name in [*self._placed]:
+            if name not in self.drawn:
+                self.hub.put({"type": "delete", "path": f"/meshcat/foot/{name}"})
+                del self._placed[name]
+        for name in self.drawn:
+            self._place(name)
 
-    def exported(self) -> dict[str, Any]:
-        """The documents of an exported page."""
-        return {"model": self.description(), "motion": self.answer(self.settings)}
+    def _weighed(self, foot: Foot) -> Foot:
+        """The foot of the person who was recorded, without the load; as it is where nothing is known of them."""
+        recording = self.excitation.recording
+        if recording is None:
+            return foot
+        masses = replace(recording.condition, added_mass_kg=0.0).masses
+        return foot.with_values({name: masses[name] for name in masses if name in foot.parameters})
+
+    def _place(self, name: str) -> None:
+        """Put a foot into the scene, unless it is there as it should be."""
+        model = self.feet.get(name, self.feet[MODEL]).model
+        segments, mine = carried(model), own(model)
+        recorded = self.excitation.recording is not None
+        looks = (
+            None if segments is None else {s: on.bind.position.round(9).tolist() for s, on in segments.items()},
+            [(name_of(model, model.geom_bodyid[i]), model.geom_type[i], *np.concatenate(
+                [model.geom_size[i], model.geom_pos[i], model.geom_quat[i], model.geom_rgba[i]]).round(9))
+             for i in mine.geoms],
+            {body: rgb.round(6).tolist() for body, rgb in mine.tints.items()}, recorded, "fascia" in watched(model),
+        )  # fmt: skip
+        if self._placed.get(name) == looks:
+            return
+        self._placed[name] = looks
+        self.hub.put({"type": "delete", "path": f"/meshcat/foot/{name}"})
+        if name != MEASURED:
+            self._dress(name, model, segments, mine)
+        if recorded:
+            self._ring(name, segments)
+
+    def _dress(self, name: str, model: Any, segments: Mapping[str, Carried] | None, mine: Own) -> None:
+        if segments is not None:
+            bind = {segment: on.bind for segment, on in segments.items()}
+            tints = {segment: mine.tints[on.body] for segment, on in segments.items() if on.body in mine.tints}
+            parts = [part for part in self._parts if part.name in self._soft(name) or part.segment is not None]
+            scene.add_foot(self.hub, self._visualizer, name, parts, bind, name != MODEL, tints)
+        body = {i: name_of(model, model.geom_bodyid[i]) for i in mine.geoms}
+        dressed = segments is not None
+        nodes = {i: (f"own {at}" if dressed and at != "world" else at).replace("/", " ") for i, at in body.items()}
+        scene.add_geoms(self._visualizer, name, model, nodes)
+
+    def _ring(self, name: str, segments: Mapping[str, Carried] | None) -> None:
+        """A ring about the shank at the height of the accelerometer."""
+        foot = self.feet.get(name, self.feet[MODEL])
+        site = foot.model.site("malleolus")
+        centre, radius = np.array(site.pos), 0.04
+        shank = None if segments is None else segments["tibia"]
+        if shank is not None and shank.body == self._shank(foot):
+            vertices = np.vstack([part.vertices for part in self._parts if part.segment == "tibia"])
+            vertices = vertices - shank.bind.position
+            level = np.abs(vertices[:, 1] - (centre[1] + 0.03)) < SLICE
+            if level.any():
+                low, high = vertices[level].min(0), vertices[level].max(0)
+                centre, radius = 0.5 * (low + high), 0.5 * float(np.max((high - low)[[0, 2]])) + GAP
+        thick = THICK if name == MEASURED else 0.5 * THICK
+        scene.add_ring(self._visualizer, name, centre, radius, RINGS[name], thick)
+
+    @staticmethod
+    def _shank(foot: Foot) -> str:
+        """The body that carries the accelerometer."""
+        return name_of(foot.model, int(foot.model.site("malleolus").bodyid[0]))
+
+    def _soft(self, name: str) -> list[str]:
+        """Soft parts that are drawn: the skin of the model alone, and the aponeurosis of a model that has one."""
+        fascia = "fascia" in watched(self.feet[name].model)
+        return [
+            part.name
+            for part in self._parts
+            if part.segment is None
+            and not (part.name == "skin" and name != MODEL)
+            and (fascia or part.name != "aponeurosis")
+        ]
+
+    def exported(self, live: bool = False) -> dict[str, Any]:
+        """The documents of an exported page; `live` with what its sliders need (`viz.live`)."""
+        documents = {"model": self.description(), "motion": self.answer(self.settings)}
+        return documents | ({"live": sliders.of(self)} if live else {})
 
     def files(self) -> list[Path]:
         """The files of the models, with what they include."""
@@ -80,21 +167,21 @@ class Show:
         """Load the models again after a file has changed; a broken one leaves the last good ones in place."""
         try:
             fresh = self._load()
+            self.show(fresh)
         except FasError as error:
             self.error = str(error)
             raise
         self.error = ""
-        before, self.feet = self.feet, fresh
-        for name in self.drawn:
-            shown = name if name in fresh else MODEL
-            now = _frames_of_meshes(fresh[shown])
-            if now is None or now != _frames_of_meshes(before[shown]):
-                self._place(name)
+
+    def show(self, feet: Mapping[str, Foot]) -> None:
+        """Show other feet under the same excitation."""
+        self._given = dict(feet)
+        self.drive(self.excitation, self.settings)
 
     def description(self) -> dict[str, Any]:
         """What a page needs before any motion: the feet, their bodies at rest, the parameters and their bounds."""
         foot = self.feet[MODEL]
-        values, given = foot.values(), self.settings
+        values, given, recording = foot.values(), self.settings, self.excitation.recording
         return {
             "type": "model",
             "feet": {name: self._rest(name) for name in self.drawn},
@@ -109,14 +196,29 @@ class Show:
             ],
             "settings": {
                 "frequency": given.frequency, "peak_to_peak": given.peak_to_peak, "added_mass": given.added_mass,
+                "delay_s": given.delay_s,
             },
             "can_add_mass": all(any(name in f.parameters for name in CARRIERS) for f in self.feet.values()),
-            "periodic": self.excitation.base is None,
-            "excitation": self.excitation.base.name if self.excitation.base else "sine",
+            "periodic": self.excitation.periodic,
+            "recorded": recording is not None,
+            "excitation": self.excitation.title,
+            "about": self._about(),
             "curve_hz": CURVE.round(3).tolist(),
             "look": self.look,
+            "fit": self.fit,
             "error": self.error,
         }  # fmt: skip
+
+    def _about(self) -> str:
+        """How a recording is shown."""
+        excitation = self.excitation
+        if excitation.recording is None:
+            return ""
+        if excitation.steady is not None:
+            s = excitation.steady
+            return f"mean of {s.periods:.0f} periods at {s.frequency_hz:.4g} Hz; {100 * s.noise:.2g} % is no part of it"
+        first, last = excitation.shown
+        return f"{first:.3g} to {last:.3g} s of it, slower than 3 Hz taken out"
 
     @property
     def models_called(self) -> list[str]:
@@ -130,26 +232,32 @@ class Show:
 
     def _rest(self, name: str) -> dict[str, Any]:
         foot = self.feet.get(name, self.feet[MODEL])
-        rest, found = frames(foot.model), carried(foot.model)
-        bodies = list(rest)[1:]
-        title = foot.name if name != MEASURED else f"measured: {self.excitation.recording}"
-        answer: dict[str, Any] = {"title": title, "ghost": name != MODEL, "bodies": bodies}
-        if found is None:
-            own = Frame(np.zeros(3), np.array([1.0, 0, 0, 0]))
-            segments = {body: Carried(body, own, rest[body]) for body in bodies}
+        rest, found, mine = frames(foot.model), carried(foot.model), own(foot.model)
+        bodies, base = list(rest)[1:], name_of(foot.model, int(foot.model.joint("base").bodyid[0]))
+        shank = self._shank(foot)
+        still = {"ring": Carried(shank, _STILL, rest[shank])} if self.excitation.recording is not None else {}
+        if name == MEASURED:  # two bodies of its own: the table and the accelerometer
+            segments, found, bodies = still, None, [base, shank]
+        elif found is None:
+            segments = {body.replace("/", " "): Carried(body, _STILL, rest[body]) for body in bodies} | still
         else:
-            segments = {s: found[s] for s in SEGMENTS if name != MEASURED or s == "tibia"}
-        answer["dressed"] = found is not None
-        answer["segments"] = [
-            {
-                "name": segment, "body": bodies.index(on.body),
-                "bind": [*on.bind.position.tolist(), *on.bind.quaternion.tolist()],
-                "rest": [*on.rest.position.tolist(), *on.rest.quaternion.tolist()],
-            }
-            for segment, on in segments.items()
-        ]  # fmt: skip
-        soft = [part.name for part in self._parts if part.segment is None] if found and name != MEASURED else []
-        answer["soft"] = [part for part in soft if not (name != MODEL and part == "skin")]
+            segments = {segment: found[segment] for segment in SEGMENTS}
+            worn = {name_of(foot.model, foot.model.geom_bodyid[i]) for i in mine.geoms} - {"world"}
+            still |= {f"own {body}".replace("/", " "): Carried(body, _STILL, rest[body]) for body in worn}
+        answer: dict[str, Any] = {
+            "title": foot.name if name != MEASURED else f"measured: {self.excitation.title}",
+            "ghost": name != MODEL, "bodies": bodies, "table": bodies.index(base), "dressed": found is not None,
+            "soft": self._soft(name) if found else [],
+        }  # fmt: skip
+        for kind, group in (("segments", segments), ("worn", still if found else {})):
+            answer[kind] = [
+                {
+                    "name": segment, "body": bodies.index(on.body),
+                    "bind": [*on.bind.position.tolist(), *on.bind.quaternion.tolist()],
+                    "rest": [*on.rest.position.tolist(), *on.rest.quaternion.tolist()],
+                }
+                for segment, on in group.items()
+            ]  # fmt: skip
         return answer
 
     def motions(self, settings: Settings) -> dict[str, Motion]:
@@ -158,10 +266,16 @@ class Show:
         Raises:
             SettingError: outside their bounds. SimulationError: unstable.
         """
-        shown, base = {}, self.excitation.base
+        shown, excitation = {}, self.excitation
         for name, foot in self.feet.items():
-            own = self._own(name, settings)
-            shown[name] = periodic_motion(foot, own) if base is None else transient_motion(foot, own, base)
+            mine = self._own(name, settings)
+            if excitation.base is not None:
+                shown[name] = transient_motion(foot, mine, excitation.base, excitation.shown)
+            elif excitation.steady is not None:
+                at = replace(mine, frequency=excitation.steady.frequency_hz)
+                shown[name] = periodic_motion(foot, at, excitation.steady.base)
+            else:
+                shown[name] = periodic_motion(foot, mine)
         return shown
 
     def _own(self, name: str, settings: Settings) -> Settings:
@@ -184,7 +298,7 @@ class Show:
         motions = self.motions(settings)
         document = {name: _document(motion) for name, motion in motions.items()}
         if self.excitation.recording is not None:
-            document[MEASURED] = self._measured(motions[MODEL], document[MODEL])
+            document[MEASURED] = self._measured(motions[MODEL], settings.delay_s)
         held = {p: v for p, v in settings.values.items() if abs(v - wanted.values[p]) > 1e-9 * abs(v)}
         return {"type": "motion", "feet": document, "held": held, "other": self._other_values(settings)}
 
@@ -196,26 +310,41 @@ class Show:
         own = self.feet[OTHER].values() | dict(self._own(OTHER, settings).values)
         return {p: own[p] for p in own if p in mine and abs(own[p] - mine[p]) > 1e-6 * abs(mine[p])}
 
-    def _measured(self, model: Motion, document: dict[str, Any]) -> dict[str, Any]:
-        """The model's foot with its lower leg where the accelerometer says."""
-        recording = self.excitation.recording
+    def _measured(self, model: Motion, delay_s: float) -> dict[str, Any]:
+        """Table and malleolus as measured, displaced by the same rule as the model's."""
+        recording, steady = self.excitation.recording, self.excitation.steady
         assert recording is not None
-        time = recording.time_s - recording.time_s[0]
-        measured = np.interp(model.time, time, recording.malleolus_m_s2)
-        lift = displacement(measured, model.duration)
-        bodies = model.bodies.copy()
-        found = segment_bodies(self.feet[MODEL].model)
-        if found is not None:
-            bodies[:, list(model.names).index(found[1]["tibia"]), 1] = lift
-        return document | {"bodies": _flat(bodies, 7), "malleolus": _flat(measured, 4), "loops": {}}
+        bodies = np.zeros((len(model.time), 2, 6))
+        bodies[:, 0] = model.bodies[:, list(model.names).index(self._table())]
+        answer: dict[str, Any] = {
+            "frames": len(model.time), "duration": model.duration, "periodic": model.periodic,
+            "base": _flat(model.base, 4), "loops": {}, "ratio": None, "phase": None,
+        }  # fmt: skip
+        if steady is not None:
+            bodies[:, 1, 1] = steady.period(steady.malleolus, FRAMES, -2, delay_s)
+            answer["malleolus"] = _flat(steady.period(steady.malleolus, FRAMES, 0, delay_s), 4)
+            ratio = steady.ratio(delay_s)
+            answer |= {"ratio": abs(ratio), "phase": float(np.degrees(np.angle(ratio)))}
+            time, values = self.excitation.folded()
+            late = (time - delay_s) % model.duration
+            order = np.argsort(late)
+            answer["points"] = {"time": _flat(late[order], 7), "malleolus": _flat(values[order], 4)}
+            spectrum = np.fft.rfft(model.malleolus) / FRAMES
+            turns = np.exp(2j * np.pi * np.outer(late[order] / model.duration, np.arange(1, FRAMES // 2)))
+            followed = 2 * (turns @ spectrum[1 : FRAMES // 2]).real
+            answer["fit_percent"] = fit_percent(values[order], followed)
+        else:
+            time = recording.time_s - recording.time_s[0]
+            even = np.arange(time[0], time[-1], model.time[1] - model.time[0])
+            lift = without_drift(np.interp(even, time, recording.malleolus_m_s2), even[1] - even[0], twice=True)
+            bodies[:, 1, 1] = np.interp(model.time + delay_s, even, lift)
+            measured = np.interp(model.time + delay_s, time, recording.malleolus_m_s2)
+            answer |= {"malleolus": _flat(measured, 4), "fit_percent": fit_percent(measured, model.malleolus)}
+        return answer | {"bodies": _flat(bodies, 8)}
 
-
-def _frames_of_meshes(foot: Foot) -> dict[str, list[float]] | None:
-    """Where a foot's meshes are made, by segment; None for a foot that is drawn by its geoms."""
-    segments = carried(foot.model)
-    if segments is None:
-        return None
-    return {segment: on.bind.position.round(9).tolist() for segment, on in segments.items()}
+    def _table(self) -> str:
+        model = self.feet[MODEL].model
+        return name_of(model, int(model.joint("base").bodyid[0]))
 
 
 def _flat(values: np.ndarray, digits: int) -> list[float]:

@@ -1,26 +1,27 @@
 """The vibrating foot in a browser: `python -m viz.foot`."""
 
 import asyncio
-import json as json_module
 from collections.abc import Mapping
-from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from fasbody.console import command_line, console
-from fasbody.exceptions import InputFileError, SettingError
-
-if TYPE_CHECKING:
-    from fasbody.foot.parameters import Parameter
+from fasbody.exceptions import SettingError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command()
 def main(
-    model: Annotated[str, typer.Option(help="model or MJCF file; foot_arch@25 is an arch 25 mm high")] = "foot_arch",
+    model: Annotated[
+        str | None,
+        typer.Option(
+            help="model or MJCF file; foot_arch@25 is an arch 25 mm high; a copy of the arch "
+            "in this folder, my_foot.xml, unless given"
+        ),
+    ] = None,
     compare: Annotated[str, typer.Option(help="a second model, shown as a ghost")] = "",
     frequency: Annotated[float | None, typer.Option(help="of the shaker [Hz]; 20 unless given")] = None,
     peak_to_peak: Annotated[
@@ -30,12 +31,16 @@ def main(
     sweep: Annotated[bool, typer.Option(help="a swept sine, 5 to 50 Hz in 4 s, in place of the sine")] = False,
     recording: Annotated[Path | None, typer.Option(help="drive the table by it; its ankle is a ghost")] = None,
     seconds: Annotated[
-        float | None, typer.Option(help=r"how much of the recording, 1 unless given, or length of the sweep, 4 \[s]")
+        float | None, typer.Option(help=r"how much of the recording, or length of the sweep, 4 unless given \[s]")
     ] = None,
     result: Annotated[Path | None, typer.Option(help="parameters of a fit, result.json")] = None,
     slow: Annotated[float, typer.Option(help="slow motion, times")] = 20.0,
-    amplify: Annotated[float, typer.Option(help="motion shown larger, times")] = 10.0,
-    watch: Annotated[bool, typer.Option(help="load the model again whenever its file is saved")] = False,
+    amplify: Annotated[
+        float | None, typer.Option(help="motion shown larger, times; unless given, so that the deformation is seen")
+    ] = None,
+    watch: Annotated[
+        bool | None, typer.Option(help="load the model again whenever its file is saved; a file of one's own is")
+    ] = None,
     export: Annotated[Path | None, typer.Option(help="write .html, .png, .gif or .mp4 and end")] = None,
     port: Annotated[int, typer.Option(help="0 takes a free one")] = 0,
     browser: Annotated[bool, typer.Option(help="open the browser")] = True,
@@ -46,7 +51,9 @@ def main(
     Examples:
       python -m viz.foot
 
-      python -m viz.foot --model my_foot.xml --watch
+      python -m viz.foot --model my_foot.xml
+
+      python -m viz.foot --model two_dof --recording 20hz.csv --result results/result.json
 
       python -m viz.foot --compare foot_arch@25
 
@@ -57,30 +64,51 @@ def main(
             raise SettingError(f"{name} is {value:g}, but must be between 0 and 10000.")
     if not 0 <= port <= 65535:
         raise SettingError(f"--port is {port}, but must be between 0 (a free one) and 65535.")
+    if watch and model is not None and not Path(model.partition("@")[0]).is_file():
+        raise SettingError(f"--watch needs a model in a file of your own, not {model!r}; copy a shipped one first.")
     if watch and export is not None:
         raise SettingError("--watch and --export exclude each other: an exported file follows nothing.")
     look = {"slow": slow, "amplify": amplify}
+    if model is None:
+        model = "foot_arch" if export is not None or watch is False else str(_working_copy(Path.cwd()))
     show = _show(model, compare, frequency, peak_to_peak, added_mass, sweep, recording, seconds, result, look)
     if export is not None:
         from viz.exported import export_to
 
         export_to(show, export, json=json)
         return
-    file = Path(model.partition("@")[0])
-    if watch and not file.is_file():
-        raise SettingError(f"--watch needs a model in a file of your own, not {model!r}; copy a shipped one first.")
+    from viz.bench import Bench
     from viz.server import serve
 
-    asyncio.run(serve(show, "the foot", port=port, browser=browser, watch=watch, json=json))
+    follow = watch is not False
+    asyncio.run(serve(show, "the foot", port=port, browser=browser, watch=follow, json=json, bench=Bench(show)))
+
+
+def _working_copy(folder: Path) -> Path:
+    """The model of one's own in a folder: what was made there before, or a copy of the arch.
+
+    Raises:
+        InputFileError: the folder cannot be written.
+    """
+    import mjcf
+    from fasbody.console import write_whole
+
+    file = folder / "my_foot.xml"
+    if not file.exists():
+        write_whole(file, mjcf.path("foot_arch").read_text())
+        console.print(f"{file.name} is a copy of the arch to edit; the page follows it")
+    return file
 
 
 def _show(
     model: str, compare: str, frequency: float | None, peak_to_peak: float | None, added_mass: float, sweep: bool,
-    recording: Path | None, seconds: float | None, result: Path | None, look: Mapping[str, float],
+    recording: Path | None, seconds: float | None, result: Path | None, look: Mapping[str, float | None],
 ) -> Any:  # fmt: skip
+    from viz import fitted
+    from viz.excitation import SWEEP_S, Excitation
     from viz.feet import Show
     from viz.load import load_foot
-    from viz.settings import RECORDED_S, SWEEP_S, Excitation, Settings
+    from viz.settings import Settings
 
     if sweep and recording:
         raise SettingError("--sweep and --recording exclude each other.")
@@ -91,40 +119,19 @@ def _show(
         raise SettingError("--seconds is of a --recording or a --sweep; a sine is shown for one period.")
     excitation = Excitation.swept(seconds or SWEEP_S) if sweep else Excitation()
     if recording is not None:
-        excitation = Excitation.recorded(recording, seconds or RECORDED_S)
-    values = parameters_of(result, load_foot(model).parameters) if result else {}
+        excitation = Excitation.recorded(recording, seconds)
+    fit = fitted.read(result, load_foot(model).parameters) if result else {}
+    best: dict[str, Any] = fit["branches"][0] if fit else {"values": {}, "delay_s": 0.0}
+    if recording is not None and not added_mass and excitation.recording is not None:
+        made = excitation.recording.condition
+        added_mass = made.added_mass_kg if made.body_mass_kg else 0.0
     settings = Settings(
         Settings.frequency if frequency is None else frequency,
-        Settings.peak_to_peak if peak_to_peak is None else peak_to_peak, added_mass, values,
+        Settings.peak_to_peak if peak_to_peak is None else peak_to_peak,
+        added_mass, best["values"], best["delay_s"],
     )  # fmt: skip
     with console.status("loading the model and its meshes"):
-        return Show([model, *([compare] if compare else [])], excitation, settings, look)
-
-
-def parameters_of(result: Path, parameters: "Mapping[str, Parameter]") -> dict[str, float]:
-    """Values of a fit's result.json for a model's parameters, by thesis symbol.
-
-    Raises:
-        InputFileError: no such file, it is no result, or it holds none of the model's parameters.
-        SettingError: a value is no number or outside the bounds that the model declares.
-    """
-    valid = "give the result.json of python -m identification.fit"
-    from viz.settings import within
-
-    try:
-        entries = json_module.loads(result.read_text())["parameters"]
-        values = {name: float(entries[p.key]["value"]) for name, p in parameters.items() if p.key in entries}
-    except OSError as error:
-        raise InputFileError(result, f"cannot be read ({error.strerror})", valid) from None
-    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
-        raise InputFileError(result, "is not a result", valid) from None
-    if not values:
-        raise InputFileError(result, "holds no parameter of this model", "give the --model that was fitted")
-    for name, value in values.items():
-        if not isfinite(value):
-            raise SettingError(f"{result}: {name} is {value}, but must be a finite number.")
-        within(parameters[name], value, result)
-    return values
+        return Show([model, *([compare] if compare else [])], excitation, settings, look, fit)
 
 
 if __name__ == "__main__":

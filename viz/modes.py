@@ -158,7 +158,7 @@ class ModeShow:
         """
         raise SettingError("the modes of this cell are computed already; run python -m fasbody.cell for another one.")
 
-    def exported(self) -> dict[str, Any]:
+    def exported(self, live: bool = False) -> dict[str, Any]:
         """The document of an exported page."""
         return {"model": self.description()}
 

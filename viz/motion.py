@@ -138,17 +138,24 @@ def discretise(foot: Foot) -> Discrete:
     return Discrete(foot.step, slope[:states].T, slope[states:].T, row)
 
 
-def periodic_motion(foot: Foot, settings: Settings) -> Motion:
-    """The motion under a sine, as it repeats itself once everything has settled.
+def periodic_motion(foot: Foot, settings: Settings, amplitudes: Array | None = None) -> Motion:
+    """The motion under a sine, or under several harmonics, as it repeats itself once everything has settled.
 
     A foot too stiff for its model's time step is tried with smaller ones.
+
+    Args:
+        foot: the model. settings: of the sliders. amplitudes: (H,) complex of the base acceleration at the multiples
+            of the settings' frequency [m/s^2]; None for the settings' sine.
 
     Raises:
         SettingError: settings outside their bounds. SimulationError: unstable, or it does not settle.
     """
     changed = settings.apply(foot)
-    count = FRAMES * int(np.ceil(1 / (settings.frequency * changed.step * FRAMES)))
-    return _stable(foot, changed, count, lambda steps: _settled(changed, settings, steps))
+    if amplitudes is None:  # the base moves as sin(w t)
+        amplitudes = np.array([-0.5j * settings.peak_to_peak])
+    f, U = settings.frequency, amplitudes
+    count = FRAMES * int(np.ceil(1 / (f * changed.step * FRAMES)))
+    return _stable(foot, changed, count, lambda steps: _settled(changed, f, U, steps))
 
 
 class _Unsettled(SimulationError):
@@ -184,15 +191,14 @@ def _advice(foot: Foot, changed: Foot) -> str:
     return f"lower {name}, {values[name]:.4g} {foot.parameters[name].unit}, {raised[name]:.3g} times the model's own"
 
 
-def _settled(foot: Foot, settings: Settings, count: int) -> Motion:
-    """The periodic motion with `count` steps a period, a multiple of `FRAMES`."""
-    f, amplitude = settings.frequency, 0.5 * settings.peak_to_peak
+def _settled(foot: Foot, f: float, amplitudes: Array, count: int) -> Motion:
+    """The periodic motion at `f` [Hz] under (H,) harmonics with `count` steps a period, a multiple of `FRAMES`."""
     changed = foot.with_values({}, step=1 / (f * count))
     linear = discretise(changed)
-    start = (-1j * amplitude * linear.states(np.array([f]))[0]).real  # the base moves as sin(w t)
+    start = (amplitudes @ linear.states(f * np.arange(1, amplitudes.size + 1))).real
     n = changed.model.nv
     batch = Batch(changed, 1, threads=1)
-    controls = harmonics(f, [-1j * amplitude], 1 / f).controls(changed.step, count)[None]
+    controls = harmonics(f, amplitudes, 1 / f).controls(changed.step, count)[None]
     q, v, a = np.split(start, [n, 2 * n])
     q = q + changed.model.qpos0
     began = time.process_time()
@@ -211,45 +217,62 @@ def _settled(foot: Foot, settings: Settings, count: int) -> Motion:
     w = np.exp(-2j * np.pi * np.arange(count) / count)
     pick = np.arange(0, count, count // FRAMES)
     shown = _shown(changed, out, pick, 1 / f, linear.transmissibility(CURVE))
-    if not amplitude:
+    if not np.any(amplitudes):
         return replace(shown, gap=gap, periodic=True)
     ratio = complex(out.malleolus[0] @ w / (out.base[0] @ w))
     return replace(shown, gap=gap, periodic=True, ratio=abs(ratio), phase=float(np.degrees(np.angle(ratio))))
 
 
-def transient_motion(foot: Foot, settings: Settings, base: BaseMotion) -> Motion:
-    """The motion from rest under any base motion: a sweep, a recording."""
+def transient_motion(
+    foot: Foot, settings: Settings, base: BaseMotion, shown: tuple[float, float] = (0.0, np.inf)
+) -> Motion:
+    """The motion from rest under any base motion: a sweep, a recording.
+
+    Args:
+        foot: the model. settings: of the sliders. base: what drives it. shown: first and last second that are shown.
+    """
     changed = settings.apply(foot)
     count = round(base.duration / changed.step)
-    return _stable(foot, changed, count, lambda steps: _from_rest(changed, base, steps))
+    return _stable(foot, changed, count, lambda steps: _from_rest(changed, base, shown, steps))
 
 
-def _from_rest(foot: Foot, base: BaseMotion, count: int) -> Motion:
-    """The transient with `count` steps."""
+def _from_rest(foot: Foot, base: BaseMotion, shown: tuple[float, float], count: int) -> Motion:
+    """The transient with `count` steps. Slow motion is taken out of the table and of what moves on it alike."""
     changed = foot.with_values({}, step=base.duration / count)
     controls = base.controls(changed.step, count)[None]
     out = Batch(changed, 1, threads=1).run(controls, changed.step)
     stride = max(1, int(1 / (RATE * changed.step)))
     pick = np.arange(0, count, stride)
-    shown = _shown(changed, out, pick, base.duration, discretise(changed).transmissibility(CURVE))
-    lift = _without_drift(shown.base, shown.duration / len(pick)) - out.qpos[0, pick, foot.base]
-    shown.bodies[..., :3] += lift[:, None, None] * np.array(foot.up)
-    return shown
+    whole = _shown(changed, out, pick, base.duration, discretise(changed).transmissibility(CURVE))
+    step = base.duration / len(pick)
+    up = np.array(foot.up)
+    relative = whole.bodies.copy()
+    relative[..., :3] -= out.qpos[0, pick, foot.base][:, None, None] * up
+    bodies = without_drift(relative, step)
+    bodies[..., :3] += without_drift(whole.base, step, twice=True)[:, None, None] * up
+    keep = slice(int(shown[0] / step), int(np.ceil(min(shown[1] / step, len(pick)))))
+    seen = replace(
+        whole, bodies=bodies[keep], time=whole.time[keep], base=whole.base[keep], malleolus=whole.malleolus[keep],
+        loops={label: values[:, keep] for label, values in whole.loops.items()},
+    )  # fmt: skip
+    return replace(seen, duration=step * len(seen.time))
 
 
-def _without_drift(acceleration: Array, step: float, lowest_hz: float = 3.0) -> Array:
-    """Displacement [m] of an acceleration (n,) without what is slower than `lowest_hz`, so that the picture stays."""
-    padded = 2 * len(acceleration)
-    spectrum, f = np.fft.rfft(acceleration, padded), np.fft.rfftfreq(padded, step)
+def without_drift(values: Array, step: float, twice: bool = False, lowest_hz: float = 3.0) -> Array:
+    """Values (n, ...) without what is slower than `lowest_hz`, so that the picture stays.
+
+    Args:
+        values: one row a time step [any unit]. step: [s]. twice: integrate twice, an acceleration to a displacement.
+        lowest_hz: half of the amplitude at this frequency is left.
+    """
+    padded = 2 * len(values)
+    spectrum, f = np.fft.rfft(values, padded, axis=0), np.fft.rfftfreq(padded, step)
     keep = f**4 / (f**4 + lowest_hz**4)
-    spectrum[1:] *= -keep[1:] / (2 * np.pi * f[1:]) ** 2
-    spectrum[0] = 0
-    return np.fft.irfft(spectrum, padded)[: len(acceleration)]
-
-
-def displacement(acceleration: Array, duration: float) -> Array:
-    """What a measured acceleration (n,) over `duration` [s] looks like as a displacement [m], drift removed."""
-    return _without_drift(acceleration - acceleration.mean(), duration / len(acceleration))
+    if twice:
+        keep[1:] *= -1 / (2 * np.pi * f[1:]) ** 2
+    return np.asarray(
+        np.fft.irfft(spectrum * keep.reshape(-1, *[1] * (values.ndim - 1)), padded, axis=0)[: len(values)]
+    )
 
 
 def watched(model: mujoco.MjModel) -> dict[str, list[tuple[str, int]]]:
@@ -286,7 +309,7 @@ def _shown(foot: Foot, out: Simulation, pick: Array, duration: float, curve: Arr
     model, data = foot.model, mujoco.MjData(foot.model)
     rest = rest_frames(model)
     bodies = list(rest)[1:]  # without the world
-    index = [model.body(name).id for name in bodies]
+    index = np.arange(1, model.nbody)
     position, quaternion = np.empty((len(pick), len(bodies), 3)), np.empty((len(pick), len(bodies), 4))
     found = watched(model)
     loops = {label: np.empty((2, len(pick))) for label in found}

@@ -7,10 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from fasbody.exceptions import MissingPackageError, SettingError
+from fasbody.recording.recording import Recording
+from identification.result import FitResult
+from viz.excitation import Excitation
 from viz.exported import export_to
 from viz.feet import Show
+from viz.fitted import fitted
 from viz.load import load_foot
-from viz.settings import Excitation, Settings
+from viz.settings import Settings
 
 if TYPE_CHECKING:
     from fasbody.foot.model import Foot
@@ -50,9 +54,10 @@ class Viewer:
 
     async def _serve(self, port: int) -> None:
         try:
+            from viz.bench import Bench
             from viz.server import Server
 
-            self._server = Server(self.show, port)
+            self._server = Server(self.show, port, Bench(self.show))
         except ImportError:
             self._problem = MissingPackageError("tornado", "view")
             return
@@ -91,7 +96,7 @@ class Viewer:
 
 
 def show(
-    foot: "Foot | str",
+    foot: "Foot | Recording | str",
     result: Fitted | None = None,
     *,
     compare: "Foot | str | None" = None,
@@ -105,7 +110,8 @@ def show(
     """Watch a foot in the browser.
 
     Args:
-        foot: a model, by name or file, or loaded. result: a fit whose parameters it gets.
+        foot: a model, by name or file, or loaded; or a recording, which shakes the two masses. result: a fit whose
+            parameters it gets.
         compare: a second model, shown as a ghost. excitation: of the base, a sine unless given.
         frequency: of the sine [Hz]. added_mass: on the knee [kg].
         browser: open it. port: of this machine, 0 takes a free one.
@@ -126,7 +132,7 @@ def show(
 
 
 def export(
-    foot: "Foot | str",
+    foot: "Foot | Recording | str",
     file: Path | str,
     result: Fitted | None = None,
     *,
@@ -149,17 +155,25 @@ def export(
 
 
 def _shown(
-    foot: "Foot | str",
+    foot: "Foot | Recording | str",
     result: Fitted | None,
     compare: "Foot | str | None",
     excitation: Excitation | None,
     frequency: float,
     added_mass: float,
 ) -> Show:
+    if isinstance(foot, Recording):
+        excitation, foot = Excitation.recorded(foot), "two_dof"
     loaded = load_foot(foot) if isinstance(foot, str) else foot
+    recording = excitation.recording if excitation else None
+    if recording is not None and recording.condition.body_mass_kg and not added_mass:
+        added_mass = recording.condition.added_mass_kg
     found = {} if result is None else result.values()
     values = {loaded.parameters[key].name: value for key, value in found.items() if key in loaded.parameters}
     if found and not values:
         raise SettingError(f"the result holds no parameter of {loaded.name}; give the model that was fitted.")
+    fit = fitted(result.document(), loaded.parameters, result.sentence()) if isinstance(result, FitResult) else {}
+    delay = fit["branches"][0]["delay_s"] if fit else 0.0
     models = [loaded, *([] if compare is None else [compare])]
-    return Show(models, excitation, Settings(frequency=frequency, added_mass=added_mass, values=values))
+    settings = Settings(frequency=frequency, added_mass=added_mass, values=values, delay_s=delay)
+    return Show(models, excitation, settings, fit=fit)

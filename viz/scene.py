@@ -8,7 +8,7 @@ import base64
 import gzip
 import threading
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +139,12 @@ def linear(rgb: Array) -> Array:
 
 
 def _hex(code: str) -> int:
-    r, g, b = (255 * linear(colour(code))).round().astype(int)
+    return _packed(colour(code))
+
+
+def _packed(rgb: Any) -> int:
+    """An sRGB colour (3,) in 0 to 1 as three.js takes it."""
+    r, g, b = (255 * linear(np.asarray(rgb, float))).round().astype(int)
     return int(r) << 16 | int(g) << 8 | int(b)
 
 
@@ -175,14 +180,15 @@ def _sun(hub: Hub, name: str, code: str, intensity: float, at: tuple[float, floa
 
 
 def add_foot(
-    hub: Hub, visualizer: meshcat.Visualizer, name: str, parts: list[Part], frames: dict[str, Frame], ghost: bool
-) -> None:
+    hub: Hub, visualizer: meshcat.Visualizer, name: str, parts: list[Part], frames: dict[str, Frame], ghost: bool,
+    tints: Mapping[str, Array],
+) -> None:  # fmt: skip
     """Put one dressed foot into the scene under `name`: one mesh a segment, and the soft parts with their weights.
 
     Args:
         hub: takes the messages. visualizer: on the hub. name: of this foot, such as ``a``.
         parts: the meshes. frames: bind pose of each segment; a segment's mesh is sent in its own frame.
-        ghost: bluish and translucent, to be compared with another foot.
+        ghost: bluish and translucent, to be compared with another foot. tints: segment -> RGB (3,) in place of bone.
     """
     root = visualizer["foot"][name]
     for segment in SEGMENTS[:-1]:
@@ -195,6 +201,8 @@ def add_foot(
         normals = np.vstack([part.normals for part in group])
         paint = linear(np.vstack([part.colours for part in group]))
         look: dict[str, Any] = {"vertexColors": True, "color": 0xFFFFFF}
+        if segment in tints:
+            look = {"color": _packed(tints[segment])}
         if ghost:
             look = {"color": _hex("#5fb4ff"), "transparent": True, "opacity": 0.38, "depthWrite": False,
                     "polygonOffset": True, "polygonOffsetFactor": 2, "polygonOffsetUnits": 2}  # fmt: skip
@@ -208,7 +216,7 @@ def add_foot(
         if part.segment is None and not (ghost and part.name == "skin"):
             _add_soft(hub, root, name, part, ghost)
     if not ghost:
-        _add_table(hub, root)
+        _add_table(hub, root, tints.get("base"))
 
 
 _SOFT_LOOKS: dict[str, dict[str, Any]] = {
@@ -236,15 +244,16 @@ def _add_soft(hub: Hub, root: meshcat.Visualizer, foot: str, part: Part, ghost: 
         hub.property(path, "castShadow", False)
 
 
-def _add_table(hub: Hub, root: meshcat.Visualizer) -> None:
-    """The shaker's table, a rim around it, and the ground it stands over."""
+def _add_table(hub: Hub, root: meshcat.Visualizer, tint: Array | None) -> None:
+    """The shaker's table, in the colour `tint` (3,) if the model gives it one, and the shaker under it."""
     top = 1e-3 * TABLE * SCALE
     path = "/".join(("", "meshcat", "foot", root.path.entries[-1]))
     for name, size, at, code in (
         ("base", (3.3, 0.12, 1.5), (0.30, top - 0.06, -0.02), "#434d59"),
         ("shaker", (1.5, 0.34, 0.9), (0.30, top - 0.30, -0.02), "#20262d"),
     ):
-        material = _material("MeshPhongMaterial", color=_hex(code), shininess=70, specular=_hex("#39424c"), side=0)
+        paint = _hex(code) if tint is None or name != "base" else _packed(tint)
+        material = _material("MeshPhongMaterial", color=paint, shininess=70, specular=_hex("#39424c"), side=0)
         root[name].set_object(geometry.Box(size), material)
         move = np.eye(4)
         move[:3, 3] = at
@@ -252,33 +261,84 @@ def _add_table(hub: Hub, root: meshcat.Visualizer) -> None:
         hub.property(f"{path}/{name}/<object>", "castShadow", False)
 
 
-def add_plain(visualizer: meshcat.Visualizer, name: str, model: mujoco.MjModel) -> None:
-    """Put a foot with body names of its own into the scene as the geoms of its MJCF."""
+def add_geoms(visualizer: meshcat.Visualizer, name: str, model: mujoco.MjModel, geoms: Mapping[int, str]) -> None:
+    """Put geoms of an MJCF into the scene as they are, each into the node of its body.
+
+    Args:
+        visualizer: on the hub. name: of the foot. model: compiled. geoms: number of a geom -> node.
+    """
     kinds = mujoco.mjtGeom
-    for i in range(model.ngeom):
-        body, size = model.body(model.geom_bodyid[i]).name, SCALE * model.geom_size[i]
-        position, rotation = model.geom_pos[i], np.zeros(9)
+    for i, node in geoms.items():
+        size, kind = SCALE * model.geom_size[i], int(model.geom_type[i])
+        rotation = np.zeros(9)
         mujoco.mju_quat2Mat(rotation, model.geom_quat[i])
-        shapes = {
-            kinds.mjGEOM_BOX: geometry.Box(2 * size),
-            kinds.mjGEOM_SPHERE: geometry.Sphere(size[0]),
-            kinds.mjGEOM_ELLIPSOID: geometry.Ellipsoid(size),
-            kinds.mjGEOM_CAPSULE: geometry.Cylinder(2 * size[1], size[0]),
-            kinds.mjGEOM_CYLINDER: geometry.Cylinder(2 * size[1], size[0]),
-        }
-        shape = shapes.get(int(model.geom_type[i]))
-        if shape is None or not body:
-            continue
-        frame = np.eye(4)
+        lying = kind in (kinds.mjGEOM_CAPSULE, kinds.mjGEOM_CYLINDER)
         along = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])  # meshcat's cylinder stands along y, MuJoCo's along z
-        lying = int(model.geom_type[i]) in (kinds.mjGEOM_CAPSULE, kinds.mjGEOM_CYLINDER)
+        frame = np.eye(4)
         frame[:3, :3] = rotation.reshape(3, 3) @ (along if lying else np.eye(3))
-        frame[:3, 3] = SCALE * position
-        r, g, b = (255 * linear(model.geom_rgba[i, :3])).astype(int)
-        node = visualizer["foot"][name][body][f"geom{i}"]
-        paint = int(r) << 16 | int(g) << 8 | int(b)
-        node.set_object(shape, _material("MeshPhongMaterial", color=paint, shininess=30))
-        node.set_transform(frame)
+        frame[:3, 3] = SCALE * model.geom_pos[i]
+        shape: geometry.Geometry
+        if kind == kinds.mjGEOM_BOX:
+            shape = geometry.Box(2 * size)
+        elif kind == kinds.mjGEOM_SPHERE:
+            shape = geometry.Sphere(size[0])
+        elif kind == kinds.mjGEOM_ELLIPSOID:
+            shape = geometry.Ellipsoid(size)
+        elif kind == kinds.mjGEOM_MESH:
+            shape = _mesh_of(model, int(model.geom_dataid[i]))
+        elif kind == kinds.mjGEOM_PLANE:
+            shape = geometry.Box([*(2 * np.where(size[:2] > 0, size[:2], SCALE)), 0.01])
+        elif lying:
+            shape = geometry.Cylinder(2 * size[1], size[0])
+        else:  # a height field has no counterpart
+            continue
+        *rgb, alpha = model.geom_rgba[i]
+        look = {"transparent": True, "opacity": float(alpha)} if alpha < 1 else {}
+        root = visualizer["foot"][name][node]
+        root[f"geom{i}"].set_object(shape, _material("MeshPhongMaterial", color=_packed(rgb), shininess=30, **look))
+        root[f"geom{i}"].set_transform(frame)
+        if kind == kinds.mjGEOM_CAPSULE:
+            for end in (-1, 1):
+                cap = frame.copy()
+                cap[:3, 3] += end * size[1] * frame[:3, 1]
+                ball = root[f"geom{i} end{end}"]
+                ball.set_object(geometry.Sphere(size[0]), _material("MeshPhongMaterial", color=_packed(rgb), **look))
+                ball.set_transform(cap)
+
+
+def _mesh_of(model: mujoco.MjModel, number: int) -> "Surface":
+    """A mesh of the model, in the frame of its geom."""
+    first, count = model.mesh_vertadr[number], model.mesh_vertnum[number]
+    start, faces = model.mesh_faceadr[number], model.mesh_facenum[number]
+    return _with_normals(SCALE * model.mesh_vert[first : first + count], model.mesh_face[start : start + faces])
+
+
+def _with_normals(vertices: Array, faces: Array) -> "Surface":
+    """A surface whose normals are the mean of those of the triangles (m, 3) at each vertex (n, 3)."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    normals = np.zeros_like(vertices)
+    for k in range(3):
+        np.add.at(normals, faces[:, k], np.cross(b - a, c - a))
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return Surface(vertices, faces, normals / np.where(length > 0, length, 1))
+
+
+def add_ring(visualizer: meshcat.Visualizer, name: str, centre: Array, radius: float, code: str, thick: float) -> None:
+    """A ring about the vertical through `centre` (3,) [m], in the frame of its node ``ring``: where a malleolus is.
+
+    Args:
+        visualizer: on the hub. name: of the foot. centre, radius: of the ring [m]. code: its colour. thick: [m].
+    """
+    around, over = 48, 12
+    u, v = np.meshgrid(np.arange(around) * 2 * np.pi / around, np.arange(over) * 2 * np.pi / over, indexing="ij")
+    wide = radius + thick * np.cos(v)
+    vertices = np.stack([wide * np.cos(u), thick * np.sin(v), wide * np.sin(u)], -1).reshape(-1, 3) + centre
+    index = np.arange(around * over).reshape(around, over)
+    right, up = np.roll(index, -1, 0), np.roll(index, -1, 1)
+    both = np.roll(right, -1, 1)
+    faces = np.vstack([np.stack([index, up, right], -1).reshape(-1, 3), np.stack([right, up, both], -1).reshape(-1, 3)])
+    material = _material("MeshPhongMaterial", color=_hex(code), emissive=_hex(code), emissiveIntensity=0.5, side=2)
+    visualizer["foot"][name]["ring"].set_object(_with_normals(SCALE * vertices, faces), material)
 
 
 #: Matt, so that the dish is even behind the translucent cell.

@@ -9,7 +9,7 @@ browser that does not come back from being started `OPENING`, the last connectio
 import asyncio
 import contextlib
 import json
-import math
+import secrets
 import signal
 import sys
 import threading
@@ -28,12 +28,17 @@ import tornado.websocket
 
 from fasbody.console import console, print_json
 from fasbody.exceptions import FasError, SettingError
-from viz.settings import Settings
-from viz.shown import Shown, file_of, markup, scripts
+from viz.bench import LARGEST as LARGEST_FILE
+from viz.bench import Bench
+from viz.settings import settings_from
+from viz.shown import Shown, file_of, files, markup
 
 ADDRESS = "127.0.0.1"
-#: Largest message a page may send [bytes], and seconds after which a silent or slow browser is let go.
-LARGEST, PATIENCE = 65536, 30.0
+#: The page to take away.
+TAKEN = "foot.html"
+#: Largest message a page may send, the text of a model among them [bytes], and seconds after which a silent or slow
+#: browser is let go.
+LARGEST, PATIENCE = 1_000_000, 30.0
 #: Seconds between the last page leaving and the end of the command, so that a reload is not the end.
 GRACE = 8.0
 #: Seconds for a browser to be started, and for connections to be closed at the end.
@@ -45,12 +50,14 @@ POLICY = (
 )
 
 
-async def serve(show: Shown, what: str, *, port: int, browser: bool, watch: bool, json: bool) -> None:
+async def serve(
+    show: Shown, what: str, *, port: int, browser: bool, watch: bool, json: bool, bench: Bench | None = None
+) -> None:
     """A command's server: say where it is, open the browser, and run until Ctrl-C.
 
     Where a browser was opened the last page that is closed ends it too; started by hand it stays for the next page.
     """
-    server = Server(show, port)
+    server = Server(show, port, bench)
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, server.stop)
@@ -70,11 +77,14 @@ class Server:
     """Serves one page until it is told to stop.
 
     Args:
-        show: what is shown. port: 0 takes a free one.
+        show: what is shown. port: 0 takes a free one. bench: what a page may do beyond moving sliders.
     """
 
-    def __init__(self, show: Shown, port: int = 0) -> None:
+    def __init__(self, show: Shown, port: int = 0, bench: Bench | None = None) -> None:
         self.show = show
+        self.bench = bench
+        self.key = secrets.token_urlsafe(24)
+        self._followed = asyncio.Event()  # other files are to be watched
         self.pages: set[Stream] = set()
         self.visited = asyncio.Event()  # a page was here, even if it left before its browser's starter came back
         self._pool = ThreadPoolExecutor(1, "simulation")
@@ -88,8 +98,11 @@ class Server:
         self.hosts = {f"{ADDRESS}:{self.port}", f"localhost:{self.port}"}
         self._ended = asyncio.Event()
         routes: list[Any] = [("/", Page, {"server": self, "name": show.page}), ("/stream", Stream, {"server": self})]
-        files = [*scripts(show.page), "style.css"]
-        routes += [(f"/{name}", Page, {"server": self, "name": name}) for name in files]
+        routes += [(f"/{name}", Page, {"server": self, "name": name}) for name in files(show.page)]
+        if bench is not None:
+            routes += [("/upload", Upload, {"server": self})]
+            made = {"/report": "results/report.html", "/take": TAKEN}
+            routes += [(path, Made, {"server": self, "name": name}) for path, name in made.items()]
         self._application = tornado.web.Application(
             routes, websocket_ping_interval=PATIENCE / 2, websocket_ping_timeout=PATIENCE / 2,
             websocket_max_message_size=LARGEST, log_function=lambda handler: None,
@@ -97,8 +110,21 @@ class Server:
 
     async def run(self, watch: bool = False, beside: Coroutine[Any, Any, None] | None = None) -> None:
         """Serve until `stop`; with `watch` follow the files of what is shown; `beside` runs along."""
-        http = tornado.httpserver.HTTPServer(self._application, idle_connection_timeout=PATIENCE)
+        http = tornado.httpserver.HTTPServer(
+            self._application,
+            idle_connection_timeout=PATIENCE,
+            max_body_size=LARGEST_FILE,
+            max_buffer_size=LARGEST_FILE,
+        )
         http.add_sockets(self._sockets)
+        if self.bench is not None:
+            loop = asyncio.get_running_loop()
+
+            def later(document: dict[str, Any]) -> None:  # from the thread that listens to the fitting process
+                with contextlib.suppress(RuntimeError):  # the server has ended meanwhile
+                    loop.call_soon_threadsafe(self.broadcast, document)
+
+            self.bench.told = later
         tasks = [asyncio.create_task(work) for work in (self._watch() if watch else None, beside) if work]
         try:
             await self._ended.wait()
@@ -111,6 +137,8 @@ class Server:
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(http.close_all_connections(), PARTING)
             self._pool.shutdown(wait=False, cancel_futures=True)
+            if self.bench is not None:
+                self.bench.close()
 
     def stop(self) -> None:
         """End `run`."""
@@ -133,6 +161,24 @@ class Server:
         answer |= {"request": number if isinstance(number, int) else None, "seconds": time.perf_counter() - started}
         return json.dumps(answer)
 
+    async def act(self, page: "Stream", message: dict[str, Any]) -> None:
+        """Do what a page asks for, and tell all pages what came of it; a complaint goes to the one that asked."""
+        assert self.bench is not None
+        if not secrets.compare_digest(str(message.get("key", "")).encode(), self.key.encode()):
+            page.send(json.dumps({"type": "complaint", "text": "this page is of another session; reload it."}))
+            return
+        before = self.show.files()
+        try:
+            documents = await asyncio.get_running_loop().run_in_executor(self._pool, self.bench.act, message)
+        except Exception as error:
+            text = str(error) if isinstance(error, FasError) else _bug(error)
+            page.send(json.dumps({"type": "complaint", "text": text}))
+            return
+        for document in documents:
+            self.broadcast(document)
+        if self.show.files() != before:
+            self._followed.set()
+
     def broadcast(self, document: dict[str, Any]) -> None:
         """Send one document to every page."""
         text = json.dumps(document)
@@ -145,8 +191,12 @@ class Server:
 
         while True:
             files = self.show.files()
+            self._followed.clear()
             folders = {file.parent for file in files if file.parent.is_dir()}
-            saves = awatch(*folders, step=20, debounce=60, watch_filter=_Only(files))
+            if not folders:
+                await self._followed.wait()
+                continue
+            saves = awatch(*folders, step=20, debounce=60, watch_filter=_Only(files), stop_event=self._followed)
             async with contextlib.aclosing(saves):
                 async for _ in saves:
                     await self._reload()
@@ -213,7 +263,50 @@ class Page(Guarded):
         """The file."""
         kinds = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
         self.set_header("Content-Type", f"{kinds[Path(self.name).suffix]}; charset=utf-8")
-        self.write(markup(self.name) if self.name.endswith(".html") else file_of(self.name).read_bytes())
+        page = self.name.endswith(".html")
+        self.write(markup(self.name, self.server.key) if page else file_of(self.name).read_bytes())
+
+
+class Upload(Guarded):
+    """Takes a dropped file of a page that has this session's key."""
+
+    def initialize(self, server: "Server") -> None:
+        """Called by tornado."""
+        self.server = server
+
+    def post(self) -> None:
+        """Keep the file; what is wrong with it is said in a sentence."""
+        if not secrets.compare_digest(self.request.headers.get("X-Key", "").encode(), self.server.key.encode()):
+            raise tornado.web.HTTPError(403)
+        assert self.server.bench is not None
+        try:
+            self.server.bench.keep(self.get_query_argument("name", ""), self.request.body)
+        except FasError as error:
+            self.set_status(400)
+            self.write({"text": str(error)})
+        else:
+            self.write({"text": ""})
+
+
+class Made(Guarded):
+    """What the workbench wrote: the report, which runs no script, or the page to take away, which is only saved."""
+
+    def initialize(self, server: "Server", name: str) -> None:
+        """Called by tornado."""
+        self.server, self.name = server, name
+
+    def get(self) -> None:
+        """The file, once it is written."""
+        assert self.server.bench is not None
+        file = self.server.bench.folder / self.name
+        if not file.is_file():
+            raise tornado.web.HTTPError(404)
+        self.set_header("Content-Type", "text/html; charset=utf-8")
+        self.set_header("Content-Security-Policy", "default-src 'none'; style-src 'unsafe-inline'; img-src data:")
+        self.set_header("X-Content-Type-Options", "nosniff")
+        if self.name == TAKEN:
+            self.set_header("Content-Disposition", f'attachment; filename="{TAKEN}"')
+        self.write(file.read_bytes())
 
 
 class Stream(Guarded, tornado.websocket.WebSocketHandler):
@@ -243,6 +336,8 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
         for message in hub.join(later):
             self.send(message)
         self.send(json.dumps(self.server.show.description()))
+        for document in self.server.bench.documents() if self.server.bench else ():
+            self.send(json.dumps(document))
 
     def on_close(self) -> None:
         """Forget the page."""
@@ -259,6 +354,8 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
             return
         if kind == "simulate":
             self.send(await self.server.answer(request))
+        elif self.server.bench is not None:
+            await self.server.act(self, request)
 
     def send(self, message: str | bytes) -> None:
         """Write, and forget a page that has gone."""
@@ -268,23 +365,6 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
             self.on_close()
             return
         written.add_done_callback(lambda done: done.cancelled() or done.exception())  # a page that left is no error
-
-
-def settings_from(message: dict[str, Any]) -> Settings:
-    """The page's settings, checked.
-
-    Raises:
-        SettingError: something is missing, or no finite number.
-    """
-    try:
-        values = {str(name): float(value) for name, value in dict(message.get("values", {})).items()}
-        numbers = {name: float(message[name]) for name in ("frequency", "peak_to_peak", "added_mass")}
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise SettingError(f"the page's settings cannot be read ({error}); reload it.") from None
-    for name, value in (numbers | values).items():
-        if not math.isfinite(value):
-            raise SettingError(f"{name} from the page is {value}, but that is no number; reload it.")
-    return Settings(**numbers, values=values)
 
 
 class _Only:

@@ -1,16 +1,16 @@
-"""What is asked of the shown foot: what the sliders say, what of it a foot can have, and what drives the base."""
+"""What is asked of the shown foot: what the sliders say, and what of it a foot can have."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from fasbody.exceptions import InputFileError, SettingError
+from fasbody.exceptions import SettingError
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import Parameter
-from fasbody.foot.shaker import PEAK_TO_PEAK, BaseMotion, samples, sweep
-from fasbody.recording.recording import Recording
+from fasbody.foot.shaker import PEAK_TO_PEAK
 
 #: Parameters that an added mass on the knee raises.
 CARRIERS = ("m_S", "m_T", "added_mass")
@@ -24,26 +24,27 @@ WORDS = {
     "c_2": "apex damping", "c_3": "navicular damping", "c_4": "midfoot damping",
     "m_S": "shank mass", "m_T": "shank mass", "m_F": "foot mass",
 }  # fmt: skip
-#: Length of the swept sine and of what is shown of a recording [s], unless asked for; ends of the sweep [Hz].
-SWEEP_S, RECORDED_S, SWEEP_HZ = 4.0, 1.0, (5.0, 50.0)
-#: Fewest samples of a recording that make a motion: the cubic spline through them.
-LEAST_SAMPLES = 4
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What the sliders say: frequency [Hz], peak to peak of the base [m/s^2], mass on the knee [kg], parameters."""
+    """What the sliders say: frequency [Hz], peak to peak of the base [m/s^2], mass on the knee [kg], parameters.
+
+    `delay_s` is how late a measured malleolus is, as a fit found it; model and measurement are compared without it.
+    """
 
     frequency: float = 20.0
     peak_to_peak: float = PEAK_TO_PEAK
     added_mass: float = 0.0
     values: Mapping[str, float] = field(default_factory=dict)
+    delay_s: float = 0.0
 
     def __post_init__(self) -> None:
         for name, value, low, high in (
             ("frequency", self.frequency, 0.5, 100.0),
             ("peak to peak", self.peak_to_peak, 0.0, 200.0),
-            ("added mass", self.added_mass, 0.0, 50.0),
+            ("added mass", self.added_mass, 0.0, 100.0),
+            ("delay", self.delay_s, -0.1, 0.1),
         ):
             if not low <= value <= high:
                 raise SettingError(f"{name} is {value:g}, but must be between {low:g} and {high:g}.")
@@ -94,36 +95,19 @@ def within(parameter: Parameter, value: float, where: object) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Excitation:
-    """What drives the base: a sine (base None), or a motion of its own, with what was measured beside it."""
+def settings_from(message: Mapping[str, Any]) -> Settings:
+    """The page's settings, checked.
 
-    base: BaseMotion | None = None
-    recording: Recording | None = None
-
-    @classmethod
-    def swept(cls, seconds: float = SWEEP_S) -> "Excitation":
-        """A swept sine of `seconds`."""
-        return cls(sweep(*SWEEP_HZ, seconds))
-
-    @classmethod
-    def recorded(cls, file: Path, seconds: float) -> "Excitation":
-        """The first `seconds` of a recording; its mean is taken out.
-
-        Raises:
-            InputFileError: no such file, or too few samples within `seconds`.
-        """
-        if not file.is_file():
-            valid = "give a recording, such as a CSV file with the columns time_s, base_m_s2 and malleolus_m_s2"
-            raise InputFileError(file, "there is no such file", valid)
-        whole = Recording.read(file)
-        keep = whole.time_s - whole.time_s[0] <= seconds
-        if keep.sum() < LEAST_SAMPLES:
-            problem = f"has {keep.sum()} of its {len(keep)} samples within --seconds {seconds:g}"
-            raise InputFileError(file, problem, f"at least {LEAST_SAMPLES} are needed")
-        cut = replace(whole, **{
-            name: getattr(whole, name)[keep] - (0 if name == "time_s" else getattr(whole, name).mean())
-            for name in ("time_s", "base_m_s2", "malleolus_m_s2")
-        })  # fmt: skip
-        time = cut.time_s - cut.time_s[0]
-        return cls(samples(time, cut.base_m_s2, cut.file), cut)
+    Raises:
+        SettingError: something is missing, or no finite number.
+    """
+    try:
+        values = {str(name): float(value) for name, value in dict(message.get("values", {})).items()}
+        numbers = {name: float(message[name]) for name in ("frequency", "peak_to_peak", "added_mass")}
+        numbers["delay_s"] = float(message.get("delay_s", 0.0))
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise SettingError(f"the page's settings cannot be read ({error}); reload it.") from None
+    for name, value in (numbers | values).items():
+        if not math.isfinite(value):
+            raise SettingError(f"{name} from the page is {value}, but that is no number; reload it.")
+    return Settings(**numbers, values=values)

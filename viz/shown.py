@@ -11,8 +11,9 @@ from viz.scene import Hub
 from viz.settings import Settings
 
 PAGE = Path(__file__).parent / "page"
-#: A page names its scripts; server and export take them from there.
+#: A page names its scripts and styles; server and export take them from there.
 SCRIPT = re.compile(r'<script src="([^"]+)"></script>')
+STYLE = re.compile(r'<link rel="stylesheet" href="([^"]+)">')
 
 
 class Shown(Protocol):
@@ -30,8 +31,8 @@ class Shown(Protocol):
     def answer(self, settings: Settings) -> dict[str, Any]:
         """The answer to a page's settings."""
 
-    def exported(self) -> dict[str, Any]:
-        """The documents that an exported page carries, by name."""
+    def exported(self, live: bool) -> dict[str, Any]:
+        """The documents that an exported page carries, by name; `live` with what moves its sliders."""
 
     def files(self) -> list[Path]:
         """The files to watch, absolute."""
@@ -40,12 +41,12 @@ class Shown(Protocol):
         """Read the file again after it has changed; a broken one leaves the last good one in place."""
 
 
-def markup(page: str) -> str:
-    """A page's HTML, from its template."""
+def markup(page: str, key: str = "") -> str:
+    """A page's HTML, from its template; `key` is the session's, without which nothing on the server is changed."""
     templates = jinja2.Environment(
         loader=jinja2.FileSystemLoader(PAGE), autoescape=True, undefined=jinja2.StrictUndefined
     )
-    return templates.get_template(page).render()
+    return templates.get_template(page).render(key=key)
 
 
 def file_of(name: str) -> Path:
@@ -53,6 +54,7 @@ def file_of(name: str) -> Path:
     return scene.SCRIPT if name == "meshcat.js" else PAGE / name
 
 
-def scripts(page: str) -> list[str]:
-    """Names of a page's scripts, in order."""
-    return SCRIPT.findall(markup(page))
+def files(page: str) -> list[str]:
+    """Names of a page's scripts and styles, in order."""
+    text = markup(page, "any")
+    return [*SCRIPT.findall(text), *STYLE.findall(text)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,26 +38,71 @@ class Frame:
 
 
 def frames(model: mujoco.MjModel) -> dict[str, Frame]:
-    """Rest frame of every body of a compiled model, by name."""
+    """Rest frame of every body of a compiled model in their order, by name; one without a name has its number."""
     import mujoco
 
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    names = [model.body(i).name for i in range(model.nbody)]
-    return {name: Frame(data.xpos[i].copy(), data.xquat[i].copy()) for i, name in enumerate(names) if name}
+    return {name_of(model, i): Frame(data.xpos[i].copy(), data.xquat[i].copy()) for i in range(model.nbody)}
+
+
+def name_of(model: mujoco.MjModel, body: int) -> str:
+    """A body's name, or its number."""
+    return str(model.body(body).name) or f"body {body}"
 
 
 def segment_frames(shipped: str) -> dict[str, Frame]:
     """Rest frames of a shipped model: the pose in which the meshes are made."""
-    import mujoco
-
-    return frames(mujoco.MjModel.from_xml_path(str(mjcf.path(shipped))))
+    return frames(_shipped(shipped))
 
 
 def segment_bodies(model: mujoco.MjModel) -> tuple[str, Mapping[str, str]] | None:
     """The shipped model whose body names a model has, with segment -> body; None if it has neither's."""
     there = {model.body(i).name for i in range(model.nbody)}
     return next(((name, b) for name, b in SEGMENT_BODIES.items() if set(b.values()) <= there), None)
+
+
+@dataclass(frozen=True)
+class Own:
+    """What an edited model has of its own, beside the meshes that dress it.
+
+    Attributes:
+        geoms: numbers of the geoms that are no bone of a shipped model. tints: body -> RGB (3,) of a bone whose colour
+            was changed.
+    """
+
+    geoms: tuple[int, ...]
+    tints: Mapping[str, np.ndarray]
+
+
+def own(model: mujoco.MjModel) -> Own:
+    """The geoms that the meshes do not stand for: all of a model with body names of its own."""
+    found = segment_bodies(model)
+    there = [
+        (i, model.geom(i).name, model.body(model.geom_bodyid[i]).name)
+        for i in range(model.ngeom)
+        if model.geom_rgba[i, 3] > 0
+    ]
+    if found is None:
+        return Own(tuple(i for i, _, _ in there), {})
+    shipped = _shipped(found[0])
+    known = {
+        (shipped.geom(i).name, shipped.body(shipped.geom_bodyid[i]).name): shipped.geom_rgba[i]
+        for i in range(shipped.ngeom)
+    }
+    tints = {
+        body: model.geom_rgba[i, :3].copy()
+        for i, name, body in there
+        if (name, body) in known and np.abs(known[name, body] - model.geom_rgba[i]).max() > 1e-6
+    }
+    return Own(tuple(i for i, name, body in there if (name, body) not in known), tints)
+
+
+@cache
+def _shipped(name: str) -> mujoco.MjModel:
+    import mujoco
+
+    return mujoco.MjModel.from_xml_path(str(mjcf.path(name)))
 
 
 @dataclass(frozen=True)

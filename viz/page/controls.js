@@ -4,10 +4,10 @@ const byId = id => document.getElementById(id);
 
 // A slider's row. Where its thumb is within half a step of `nominal` the value is exactly that; a double click or the
 // row's ↺ takes it there. `changed` gets each value that the user chooses.
-function slider(parent, key, label, unit, low, high, value, changed, { log = false, step = 0, hint = "", nominal = value, ends = false } = {}) {
+function slider(parent, key, label, unit, low, high, value, changed, { log = false, step = 0, hint = "", nominal = value, ends = false, fitted = null } = {}) {
   const row = document.createElement("label");
-  row.innerHTML = "<span></span><button type=button class=back>↺</button><output></output><input type=range><small class=ends hidden><span></span><em></em><span></span></small>";
-  const [name, back, shown, input, bounds] = row.children;
+  row.innerHTML = "<span></span><button type=button class=back>↺</button><output tabindex=0 role=button></output><input type=range><i class=band hidden></i><small class=ends hidden><span></span><em></em><span></span></small>";
+  const [name, back, shown, input, band, bounds] = row.children;
   bounds.hidden = !ends;
   [bounds.firstChild.textContent, bounds.lastChild.textContent] = [number(low), number(high)];
   row.beside = text => { bounds.children[1].textContent = text; };
@@ -20,14 +20,70 @@ function slider(parent, key, label, unit, low, high, value, changed, { log = fal
   const toInput = v => (log ? 1000 * Math.log(v / low) / Math.log(high / low) : v);
   const fromInput = v => (log ? low * (high / low) ** (v / 1000) : v);
   const snapped = v => (Math.abs(v - toInput(nominal)) <= 0.5 * +input.step ? nominal : fromInput(v));
-  const write = v => { shown.textContent = `${number(v)} ${unit}`; row.classList.toggle("moved", v !== nominal); };
-  row.set = v => { input.value = toInput(v); write(v); };
+  row.nominal = v => { nominal = v; };
+  const write = v => {
+    shown.textContent = `${number(v)} ${unit}`;
+    shown.setAttribute("aria-label", `${shown.textContent}: type ${label}`);
+    input.setAttribute("aria-valuetext", `${number(v)} ${unit}`);
+    row.classList.toggle("moved", v !== nominal);
+  };
+  row.set = v => { row.value = v; input.value = toInput(v); write(v); };
   row.home = () => { row.set(nominal); changed(nominal); };
-  input.oninput = () => { const v = snapped(+input.value); write(v); changed(v); };
-  row.ondblclick = back.onclick = event => { event.preventDefault(); if (!input.disabled) row.home(); };
+  input.oninput = () => { const v = snapped(+input.value); row.value = v; write(v); changed(v); };
+  row.ondblclick = back.onclick = event => { event.preventDefault(); row.home(); };
+  shown.title = "click to type a value";
+  editable(shown, () => row.value, v => { const held = Math.min(high, Math.max(low, v)); row.set(held); changed(held); });
+  // The interval of a fit, as a band along the slider.
+  row.band = (limits, text = "") => {
+    band.hidden = !limits;
+    if (!limits) return;
+    const [a, b] = limits.map(v => Math.min(1, Math.max(0, (toInput(Math.min(high, Math.max(low, v))) - +input.min) / (+input.max - +input.min))));
+    Object.assign(band.style, { marginLeft: `${100 * a}%`, width: `${Math.max(1, 100 * (b - a))}%` });
+    band.title = `95 %: ${text}`;
+  };
+  if (fitted) {
+    const free = Object.assign(document.createElement("input"), { type: "checkbox", checked: fitted.free, title: "free in the fit" });
+    free.setAttribute("aria-label", `${label}: free in the fit`);
+    free.className = "free";
+    free.onchange = () => fitted.release(free.checked);
+    name.prepend(free);
+    const limits = [...fitted.bounds], both = [bounds.firstChild, bounds.lastChild];
+    both.forEach((end, k) => {
+      end.title = "bound of the fit; click to type another";
+      end.tabIndex = 0;
+      end.setAttribute("role", "button");
+      end.textContent = number(limits[k]);
+      editable(end, () => limits[k], v => { limits[k] = Math.min(high, Math.max(low, v)); end.textContent = number(limits[k]); fitted.bound(...limits); });
+    });
+  }
   row.set(value);
   parent.append(row);
   return row;
+}
+
+// A number that becomes a field when it is clicked, or reached and entered; Enter takes it, Escape leaves it.
+function editable(shown, value, taken) {
+  const open = event => {
+    if (shown.querySelector("input")) return;
+    event.preventDefault();
+    event.stopPropagation();
+    const field = document.createElement("input"), text = shown.textContent;
+    Object.assign(field, { type: "text", inputMode: "decimal", value: String(+(+value()).toPrecision(7)) });
+    field.setAttribute("aria-label", "value");
+    const close = keep => {
+      const v = Number(field.value.replace(",", "."));
+      field.onblur = null;
+      shown.textContent = text;
+      if (keep && field.value.trim() && Number.isFinite(v)) taken(v);
+      shown.focus();
+    };
+    field.onkeydown = e => { e.stopPropagation(); if (e.key === "Enter") { e.preventDefault(); close(true); } else if (e.key === "Escape") close(false); };
+    field.onblur = () => close(true);
+    shown.replaceChildren(field);
+    field.select();
+  };
+  shown.onclick = open;
+  shown.onkeydown = event => { if (event.key === "Enter" && event.target === shown) open(event); };
 }
 
 // Four digits, thousands apart.
@@ -67,6 +123,7 @@ const passedShare = () => ((time / length()) % 1 + 1) % 1;
 function play(on) { playing = on; byId("play").textContent = on ? "Pause" : "Play"; }
 function stepOn(n) { play(false); time += n * length() / stepping(); fresh = true; }
 byId("play").onclick = () => play(!playing);
+if (matchMedia("(prefers-reduced-motion: reduce)").matches) play(false);
 byId("step").onclick = () => stepOn(1);
 byId("seek").oninput = e => { play(false); time = +e.target.value * length(); fresh = true; };
 function cameras(stage) { for (const name of Object.keys(stage.views)) button(byId("cameras"), name, () => stage.view(name), `camera: ${name}`); }

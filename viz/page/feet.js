@@ -1,10 +1,12 @@
 // The feet on the stage, posed from a motion. Lengths in decimetres.
 "use strict";
-const SCALE = 10, TABLE = -0.2, LARGEST = 1.1;
+// LARGEST: how far anything may be drawn from rest; SEEN_BEST: how far the largest deformation is drawn unless asked.
+// LEVER: what a turn of a bone moves, about [m].
+const SCALE = 10, TABLE = -0.2, LARGEST = 0.5, SEEN_BEST = 0.18, LEVER = 0.06;
 const VIEWS = {
-  medial: [[0.02, 1.05, 5.5], [0.27, 0.62, 0]], lateral: [[0.45, 1.05, -5.5], [0.27, 0.62, 0]],
-  front: [[5.9, 1.75, 1.4], [0.2, 0.48, 0]], above: [[0.3, 5.6, 0.02], [0.3, 0.2, 0]],
-  behind: [[-5.2, 1.5, 1.8], [0.1, 0.52, 0]], corner: [[3.8, 2.0, 4.5], [0.24, 0.60, 0]],
+  medial: [[0.02, 1.05, 5.8], [0.27, 0.62, 0]], lateral: [[0.45, 1.05, -5.8], [0.27, 0.62, 0]],
+  front: [[6.5, 1.87, 1.52], [0.2, 0.48, 0]], above: [[0.3, 5.6, 0.02], [0.3, 0.2, 0]],
+  behind: [[-6.0, 1.64, 2.05], [0.1, 0.52, 0]], corner: [[4.05, 2.1, 4.8], [0.24, 0.60, 0]],
 };
 // How far apart feet stand side by side, and the width of one foot's table.
 const APART = 1.75, WIDTH = 1.5;
@@ -18,16 +20,15 @@ class Feet extends Stage {
     super(pane, VIEWS);
     this.feet = {};
     this.model = null;
-    this.posture = 0;
     this.apart = false;
     this.skinShown = true;
-    this.riding = false;
+    this.riding = true;
   }
 
   // Two feet side by side need room: the camera looks between them from further away.
   view(name) {
     super.view(name);
-    const wide = this.apart ? Object.keys(this.feet).length - 1 : 0;
+    const wide = this.apart ? Object.keys(this.feet).filter(f => f !== "measured").length - 1 : 0;
     if (!wide) return;
     const target = this.viewer.controls.target, eye = this.camera.position.sub(target).multiplyScalar(1 + 0.3 * wide);
     target.z -= 0.5 * APART * wide;
@@ -44,12 +45,12 @@ class Feet extends Stage {
     this.model = model;
     this.feet = {};
     for (const [name, foot] of Object.entries(model.feet)) {
-      const segments = foot.segments.map(s => ({
+      const part = s => ({
         name: s.name, body: s.body, bind: vector(s.bind), rest: vector(s.rest),
         turned: quaternion(s.rest).multiply(quaternion(s.bind).invert()), node: this.node(name, s.name),
-      }));
+      });
       const soft = foot.soft.map(part => ({ name: part, node: this.node(name, part), mesh: null }));
-      this.feet[name] = { ...foot, segments, soft };
+      this.feet[name] = { ...foot, segments: foot.segments.map(part), worn: foot.worn.map(part), soft };
     }
     this.dress();
   }
@@ -77,42 +78,50 @@ class Feet extends Stage {
   }
 
   // The body whose motion is taken from a foot's, -1 for none.
-  table(name) {
-    const base = this.riding && this.feet[name] && this.feet[name].segments.find(s => s.name === "base");
-    return base ? base.body : -1;
-  }
+  table(name) { return this.riding && this.feet[name] ? this.feet[name].table : -1; }
 
-  // How much larger the motion may be drawn so that the table stays on the picture.
-  gain(motion, wanted) {
-    let largest = 1e-9;
+  // Largest motion of any foot [dm]: of all that is drawn, and of what the table does not carry, turns included.
+  travel(motion) {
+    if (!motion.travel) motion.travel = {};
+    const known = motion.travel[this.riding];
+    if (known) return known;
+    let drawn = 1e-9, relative = 1e-9;
     for (const [name, foot] of Object.entries(motion.feet)) {
-      const width = foot.bodies.length / foot.frames, base = 6 * this.table(name);
-      for (let i = 0; i < foot.bodies.length; i += 6) for (const j of [0, 1]) {
-        const carried = base < 0 ? 0 : foot.bodies[i - i % width + base + j];
-        largest = Math.max(largest, Math.abs(foot.bodies[i + j] - carried));
+      const width = foot.bodies.length / foot.frames, base = 6 * (this.feet[name] || { table: 0 }).table, b = foot.bodies;
+      for (let i = 0; i < b.length; i += 6) {
+        const at = i - i % width + base, turn = LEVER * Math.hypot(b[i + 3], b[i + 4], b[i + 5]);
+        const own = Math.hypot(b[i] - b[at], b[i + 1] - b[at + 1]) + turn;
+        relative = Math.max(relative, own);
+        drawn = Math.max(drawn, this.riding ? own : Math.hypot(b[i], b[i + 1]) + turn);
       }
     }
-    return Math.min(wanted, LARGEST / (SCALE * largest));
+    return (motion.travel[this.riding] = [SCALE * drawn, SCALE * relative]);
+  }
+
+  // How many times larger the motion is drawn: as wanted, or (null) so that the largest deformation is well seen; and
+  // never so much that the foot leaves the picture.
+  gain(motion, wanted) {
+    const [drawn, relative] = this.travel(motion);
+    return Math.min(wanted === null ? SEEN_BEST / relative : wanted, LARGEST / drawn);
   }
 
   // Pose every foot at frame `at` (may be a fraction) of its motion, enlarged `gain` times.
   pose(motion, at, gain) {
     this.dress();
     const names = Object.keys(this.feet);
-    const wide = this.apart ? APART * (names.length - 1) : 0;
+    const beside = names.filter(name => name !== "measured"), wide = this.apart ? APART * (beside.length - 1) : 0;
     names.forEach((name, order) => {
       const foot = this.feet[name], shown = motion.feet[name];
       if (!shown) return;
-      const aside = this.apart ? -APART * order : 0;
+      const aside = this.apart && name !== "measured" ? -APART * order : 0;
       const table = this.table(name), carried = table < 0 ? [0, 0, 0] : blend(shown, at, table);
-      for (const s of foot.segments) {
+      for (const s of [...foot.segments, ...foot.worn]) {
         const d = blend(shown, at, s.body);
         for (const j of [0, 1, 2]) d[j] -= carried[j];
         s.shift = new THREE.Vector3(d[0], d[1], d[2]).multiplyScalar(gain * SCALE);
         const angle = gain * Math.hypot(d[3], d[4], d[5]) || 0, axis = new THREE.Vector3(d[3], d[4], d[5]).normalize();
         s.q = new THREE.Quaternion().setFromAxisAngle(axis, angle).multiply(s.turned);
         s.p = s.rest.clone().multiplyScalar(SCALE).add(s.shift);
-        this.tilt(foot, s);
         s.p.z += aside;
         if (foot.dressed && s.name === "base") {
           for (const [part, height] of [["base", TABLE - 0.06], ["shaker", TABLE - 0.30]]) {
@@ -121,7 +130,7 @@ class Feet extends Stage {
             if (!foot.ghost) table.scale.z = 1 + wide / WIDTH;
           }
         } else {
-          if (foot.ghost) solid(s.node.children[0], this.apart, 0.38);
+          if (foot.dressed && foot.ghost && s.name !== "ring") solid(s.node.children[0], this.apart, 0.38);
           s.node.position.copy(s.p);
           s.node.quaternion.copy(s.q);
         }
@@ -130,26 +139,6 @@ class Feet extends Stage {
       this.paint(foot, shown, at, motion);
     });
     this.viewer.set_dirty();
-  }
-
-  // The line about which a posture turns the foot: under the heads of the metatarsals, or under the heel.
-  hinge() { return new THREE.Vector3(this.posture < 0 ? 0.98 : -0.70, TABLE, 0); }
-
-  tilted(vector_) { return vector_.sub(this.hinge()).applyQuaternion(this.turn()).add(this.hinge()); }
-
-  turn() { return new THREE.Quaternion().setFromAxisAngle(new THREE.Vector3(0, 0, 1), THREE.MathUtils.degToRad(this.posture)); }
-
-  // Plantarflexion or dorsiflexion turns the foot about its toes or heel under an upright leg: the picture only.
-  tilt(foot, s) {
-    s.flat = s.q.clone();
-    if (!this.posture || !foot.dressed) return;
-    if (s.name === "tibia") {
-      const ankle = new THREE.Vector3(-0.34, 0.45, 0);
-      s.p.add(this.tilted(ankle.clone()).sub(ankle));
-    } else if (s.name !== "base" && !(s.name === "toes" && this.posture < 0)) {
-      this.tilted(s.p);
-      s.q.premultiply(this.turn());
-    }
   }
 
   // Rows of the matrix that moves what is bound to a segment.
@@ -168,17 +157,14 @@ class Feet extends Stage {
 
   // Blend the segments' motions by each vertex's weights; a squeezed pad bulges.
   bend(foot, part) {
-    const last = foot.segments.length - 1, moves = foot.segments.map(s => this.move(s, s.p, s.q)), hinge = this.hinge().x;
+    const moves = foot.segments.map(s => this.move(s, s.p, s.q));
     if (part.name === "aponeurosis") foot.segments.forEach((s, i) => { if (s.name in INSERTIONS) moves[i] = this.carry(moves[i], INSERTIONS[s.name]); });
-    const table = foot.segments[last], standing = moves[last];  // what stands on the table, and what a posture lifts
-    const lifted = this.posture ? this.move(table, this.tilted(table.p.clone()), this.turn().multiply(table.q)) : standing;
     const from = part.still, weights = part.weights, to = part.mesh.geometry.attributes.position, n = moves.length;
     const pad = part.name.endsWith("pad"), squeeze = pad ? this.squeeze(foot, part.name) : 1, wide = 1 / Math.sqrt(squeeze) - 1;
     const [cx, cz] = PADS[part.name] || [0, 0];
     const out = to.array, M = new Float64Array(12);
     for (let v = 0, i = 0, w = 0; i < from.length; v++, i += 3, w += n) {
       M.fill(0);
-      moves[last] = (from[i] - hinge) * this.posture > 0 ? lifted : standing;
       for (let s = 0; s < n; s++) {
         const share = weights[w + s];
         if (share) { const move = moves[s]; for (let k = 0; k < 12; k++) M[k] += share * move[k]; }
@@ -196,7 +182,7 @@ class Feet extends Stage {
   squeeze(foot, name) {
     const bone = foot.segments[name === "heel_pad" ? 0 : 3], table = foot.segments[foot.segments.length - 1];
     const at = new THREE.Vector3(PADS[name][0], 0, 0);
-    const local = at.sub(bone.bind.clone().multiplyScalar(SCALE)).applyQuaternion(bone.flat);
+    const local = at.sub(bone.bind.clone().multiplyScalar(SCALE)).applyQuaternion(bone.q);
     const height = local.y + bone.rest.y * SCALE + bone.shift.y - TABLE - table.shift.y;
     return Math.min(2.2, Math.max(0.3, height / -TABLE));
   }

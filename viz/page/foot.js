@@ -3,18 +3,19 @@
 const BASE = "#8fa3b8", ANKLE = "#ffb454", OTHER = "#6cb6ff", SEEN = "#7ee0a1";
 const stage = new Feet(byId("pane"));
 stage.addGround(TABLE - 0.5);
-const state = { frequency: 20, peak_to_peak: 17.9, added_mass: 0, values: {}, slow: 20, amplify: 10 };
+const state = { frequency: 20, peak_to_peak: 17.9, added_mass: 0, values: {}, delay_s: 0, slow: 20, amplify: null };
 const stats = { frames: 0, motions: 0, posed: [], drawn: [], seconds: [] };
-let model = null, motion = null, asked = 0, request = 0, arrived = false, broken = "";
+let model = null, motion = null, drawn = null, asked = 0, request = 0, arrived = false, broken = "";
 
 // ---- controls -------------------------------------------------------------------------------------------------------
 const rows = {};
 function buildControls() {
-  for (const id of ["excitation", "showing", "parameters"]) for (const old of byId(id).querySelectorAll("label, .row, p")) old.remove();
+  for (const id of ["excitation", "showing", "parameters"]) for (const old of byId(id).querySelectorAll("label, .row:not(#choosing), p")) old.remove();
   const shaker = byId("excitation"), s = state;
-  if (model.periodic) {
-    rows.frequency = slider(shaker, "frequency", "Frequency", "Hz", 1, 60, s.frequency, v => { s.frequency = v; ask(); }, { step: 0.5, nominal: model.settings.frequency });
-    rows.peak = slider(shaker, "peak_to_peak", "Acceleration, peak to peak", "m/s²", 0, 40, s.peak_to_peak, v => { s.peak_to_peak = v; ask(); }, { step: 0.1, nominal: model.settings.peak_to_peak });
+  if (!model.recorded && model.periodic) {
+    const held = window.EXPORTED && EXPORTED.live && EXPORTED.live.frequencies, ends = held ? [held[0], held.at(-1)] : [1, 60];
+    rows.frequency = slider(shaker, "frequency", "Frequency", "Hz", ...ends, s.frequency, v => { s.frequency = v; ask(); }, { step: 0.5, nominal: model.settings.frequency });
+    if (!held) rows.peak = slider(shaker, "peak_to_peak", "Acceleration, peak to peak", "m/s²", 0, 40, s.peak_to_peak, v => { s.peak_to_peak = v; ask(); }, { step: 0.1, nominal: model.settings.peak_to_peak });
   } else {
     const note = document.createElement("p");
     note.textContent = model.excitation;
@@ -23,41 +24,67 @@ function buildControls() {
   if (model.can_add_mass) rows.mass = slider(shaker, "added_mass", "Mass on the knee", "kg", 0, 10, s.added_mass, v => { s.added_mass = v; ask(); }, { step: 0.1, nominal: model.settings.added_mass });
   const picture = byId("showing");
   rows.slow = slider(picture, "slow", "Slow motion", "× slower", 1, 200, s.slow, v => { s.slow = v; fresh = true; }, { log: true, nominal: model.look.slow });
-  rows.amplify = slider(picture, "amplify", "Motion shown larger", "×", 1, 100, s.amplify, v => { s.amplify = v; fresh = true; }, { log: true, nominal: model.look.amplify });
-  picture.append(postures());
+  rows.amplify = slider(picture, "amplify", "Motion drawn larger", "×", 1, 1000, s.amplify || 10, v => { s.amplify = v; fresh = true; },
+    { log: true, hint: "as chosen for the picture until it is moved" });
+  rows.amplify.home = () => { s.amplify = model.look.amplify; fresh = true; };
+  rows.amplify.show = best => { rows.amplify.nominal(model.look.amplify || best); rows.amplify.set(s.amplify === null ? best : s.amplify); };
   const looks = rowIn(picture);
   rows.skin = button(looks, "Skin", () => showSkin(!stage.skinShown), "K");
   showSkin(stage.skinShown);
   rows.ride = button(looks, "Ride with the table", () => ride(!stage.riding), "The table is drawn at rest: its motion is taken from everything");
   ride(stage.riding);
-  if (Object.keys(model.feet).length > 1) rows.apart = button(looks, "Side by side", () => apart(!stage.apart));
+  if (model.feet.b) rows.apart = button(looks, "Side by side", () => apart(!stage.apart));
   if (rows.apart) apart(stage.apart, false);
   button(looks, "Save PNG", () => stage.save("foot.png"));
+  if (!window.EXPORTED && KEY) button(looks, "Take away", takeAway, "one file for a colleague: opens without a network, and its sliders still move the foot");
+  if (window.EXPORTED && !(EXPORTED.live && EXPORTED.live.twin)) {
+    byId("parameters").hidden = true;  // this file holds the motions of one foot
+    return;
+  }
   const list = byId("parameters");
   for (const p of model.parameters) {
     const value = p.name in s.values ? s.values[p.name] : p.value;
     if (value !== p.nominal) s.values[p.name] = value;
     rows[p.name] = slider(list, `parameter_${p.name}`, p.words ? `${p.words} ${p.name}` : p.name, p.unit, p.lower, p.upper, value, v => {
+      remember(p.name);
       if (v === p.nominal) delete s.values[p.name]; else s.values[p.name] = v;
       ask();
-    }, { log: p.logarithmic, nominal: p.nominal, ends: true, hint: `${p.name} [${p.unit}], ${p.lower} to ${p.upper}; ${p.source}` });
+    }, { log: p.logarithmic, nominal: p.nominal, ends: true, hint: `${p.name} [${p.unit}], ${p.lower} to ${p.upper}; ${p.source}`, fitted: fitting(p) });
   }
 }
-byId("reset").onclick = () => { state.values = {}; for (const p of model.parameters) rows[p.name].set(p.nominal); ask(); };
-cameras(stage);
-
-function postures() {
-  const label = document.createElement("label");
-  label.className = "choose";
-  label.innerHTML = "<span>Posture of the picture</span><select id=posture><option value=0>midstance</option>" +
-    "<option value=-10>plantarflexion 10°</option><option value=10>dorsiflexion 10°</option></select>" +
-    "<small hidden>Turns the picture only. The models know no posture: motion, curves and numbers stay those of midstance.</small>";
-  const [, select, note] = label.children, tellIt = () => { note.hidden = !stage.posture; };
-  select.value = String(stage.posture);
-  select.onchange = () => { stage.posture = +select.value; fresh = true; tellIt(); };
-  tellIt();
-  return label;
+// What a fit may do with a parameter: whether it is free, and between which bounds.
+function fitting(p) {
+  if (window.EXPORTED || MASSES.has(p.name)) return null;
+  return {
+    free: bench.free[p.name] !== false, bounds: bench.bounds[p.name] || [p.lower, p.upper],
+    release: on => { bench.free[p.name] = on; },
+    bound: (low, high) => { if (low === p.lower && high === p.upper) delete bench.bounds[p.name]; else bench.bounds[p.name] = [low, high]; },
+  };
 }
+
+// The values before, for undo: one step for each parameter that is moved.
+const past = [];
+let lastMoved = "";
+function remember(name = "") {
+  if (name && name === lastMoved) return;
+  lastMoved = name;
+  past.push({ values: { ...state.values }, delay_s: state.delay_s });
+  if (past.length > 100) past.shift();
+}
+function undo() {
+  const before = past.pop();
+  lastMoved = "";
+  if (!before) return;
+  Object.assign(state, before);
+  for (const p of model.parameters) rows[p.name].set(p.name in state.values ? state.values[p.name] : p.nominal);
+  ask();
+}
+byId("undo").onclick = undo;
+addEventListener("keydown", event => {
+  if ((event.ctrlKey || event.metaKey) && event.key === "z" && !event.target.closest("#editor, input:not([type=range]), textarea")) { event.preventDefault(); undo(); }
+});
+byId("reset").onclick = () => { remember(); state.values = {}; state.delay_s = 0; for (const p of model.parameters) rows[p.name].set(p.nominal); ask(); };
+cameras(stage);
 
 function showSkin(shown) { stage.showSkin(shown); rows.skin.setAttribute("aria-pressed", shown); }
 function ride(on) { stage.riding = on; fresh = true; rows.ride.setAttribute("aria-pressed", on); }
@@ -72,28 +99,36 @@ const lead = () => Object.values(motion.feet)[0], length = () => (motion ? lead(
 // ---- the server -----------------------------------------------------------------------------------------------------
 let busy = false, wanted = false;
 function ask() {
+  if (window.EXPORTED) {
+    const answer = motion && liveAnswer();
+    if (answer) receive(answer);
+    return;
+  }
   if (!socket || socket.readyState !== 1) return;
   if (busy) { wanted = true; return; }
   busy = true;
   asked = performance.now();
   request += 1;
-  const { frequency, peak_to_peak, added_mass, values } = state;
-  socket.send(JSON.stringify({ type: "simulate", request, frequency, peak_to_peak, added_mass, values }));
+  const { frequency, peak_to_peak, added_mass, values, delay_s } = state;
+  socket.send(JSON.stringify({ type: "simulate", request, frequency, peak_to_peak, added_mass, values, delay_s }));
 }
 
 function receive(document_) {
+  if (benchReceives(document_)) return;
   if (document_.type === "model") {
     const first = model === null;
     model = document_;
     motion = null;  // of another model
     stage.setModel(model);
     if (first) Object.assign(state, model.settings, model.look);
+    else if (model.adopt) { for (const name of ["frequency", "added_mass"]) state[name] = model.settings[name]; bench.chose = true; }
     const known = new Set(model.parameters.map(p => p.name));
     for (const name of Object.keys(state.values)) if (!known.has(name)) delete state.values[name];
     buildControls();
+    showFit(model.fit);
+    if (bench.plots) drawTrace();
     broken = model.error;
-    say(broken);
-    if (window.EXPORTED) for (const input of document.querySelectorAll("#excitation input, #parameters input")) input.disabled = true;
+    say([broken, complaints].filter(Boolean).join("\n"));
     busy = false;
     ask();
   } else if (document_.type === "broken") {  // the model's file: told until it is mended
@@ -106,7 +141,7 @@ function receive(document_) {
       fresh = arrived = true;
       stats.motions += 1;
       stats.seconds.push(document_.seconds);
-      say([broken, stopped(motion.held)].filter(Boolean).join("\n"));
+      say([broken, complaints, stopped(motion.held)].filter(Boolean).join("\n"));
       stage.pose(motion, frame(), stage.gain(motion, state.amplify));
       stats.posed.push(performance.now() - asked);
       besides(motion.other);
@@ -124,28 +159,52 @@ function stopped(held) {
 
 // What the compared foot has where it differs.
 function besides(other) {
-  for (const p of model.parameters) rows[p.name].beside(p.name in other ? `other foot ${number(other[p.name])}` : "");
+  for (const p of model.parameters) if (rows[p.name]) rows[p.name].beside(p.name in other ? `other foot ${number(other[p.name])}` : "");
 }
 
 // Nothing is posed before the scene is whole.
 function forget() { busy = true; motion = null; stage.feet = {}; }
 
 // ---- drawing --------------------------------------------------------------------------------------------------------
-const plots = { traces: canvas("traces", true), curve: canvas("curve", true), pad: canvas("pad_loop"), ankle: canvas("ankle_loop") };
+const FEW = { b: OTHER, measured: SEEN };
+const colourOf = name => FEW[name] || ANKLE, called = name => ({ a: "malleolus", b: "other", measured: "measured" })[name];
+const plots = {
+  traces: new Plot(byId("motion_plots"), "acceleration [m/s²]", "time [ms]", "", { wide: true }),
+  curve: new Plot(byId("motion_plots"), "transmissibility", "frequency [Hz]", "", { wide: true }),
+  pad: new Plot(byId("motion_plots"), "fat pad, force [N]", "compression [mm]", "", { loop: true }),
+  ankle: new Plot(byId("motion_plots"), "ankle, force [N]", "compression [mm]", "", { loop: true }),
+};
 const frame = () => { const foot = lead(); return passedShare() * (foot.periodic ? foot.frames : foot.frames - 1); };
 
+// A motion's curves; a period ends as it began.
 function draw() {
-  const feet = Object.entries(motion.feet), first = lead(), at = frame() / first.frames;
-  const colour = name => ({ b: OTHER, measured: SEEN })[name] || ANKLE;
-  const label = name => ({ b: "other", measured: "measured" })[name] || "malleolus";
-  plotTraces(plots.traces, "acceleration [m/s²]", first.duration,
-    [["base", BASE, first.base], ...feet.map(([n, f]) => [label(n), colour(n), f.malleolus, n !== "a"])], at, first.periodic);
+  const feet = Object.entries(motion.feet), first = lead();
+  const times = first.base.map((_, k) => 1e3 * first.duration * k / first.frames);
+  const whole = v => (first.periodic ? [...v, v[0]] : v), x = first.periodic ? [...times, 1e3 * first.duration] : times;
+  const seen = motion.feet.measured && motion.feet.measured.points;
+  plots.traces.set([
+    { label: "base", colour: BASE, x, y: whole(first.base) },
+    ...feet.filter(([n]) => n !== "measured" || !seen).map(([n, f]) => ({ label: called(n), colour: colourOf(n), x, y: whole(f.malleolus), dashed: n !== "a" })),
+    ...(seen ? [{ label: "measured", colour: SEEN, x: seen.time.map(t => 1e3 * t), y: seen.malleolus, points: 3 }] : []),
+  ]);
   const curves = feet.filter(([n]) => n !== "measured");
-  plotCurve(plots.curve, "transmissibility", model.curve_hz, curves.map(([n, f]) => [model.feet[n].title, colour(n), f.transmissibility]),
-    curves.filter(([, f]) => f.ratio !== null).map(([n, f]) => [state.frequency, f.ratio, colour(n)]));
-  const loops = key => curves.filter(([, f]) => f.loops[key]).map(([n, f]) => [n, colour(n), f.loops[key].x, f.loops[key].force]);
-  plotLoop(plots.pad, "fat pad, force [N]", loops("fat pad"), at);
-  plotLoop(plots.ankle, "ankle, force [N]", loops("ankle"), at);
+  const dots = feet.filter(([, f]) => f.ratio !== null).map(([n, f]) => ({ label: "", colour: colourOf(n), x: [at_hz()], y: [f.ratio], points: 9 }));
+  const top = 1.1 * Math.max(1.2, ...curves.map(([, f]) => Math.max(...f.transmissibility)), ...dots.map(d => d.y[0]));
+  plots.curve.set([...curves.map(([n, f]) => ({ label: curves.length > 1 ? model.feet[n].title : "", colour: colourOf(n), x: model.curve_hz, y: f.transmissibility })), ...dots], [0, top]);
+  for (const [plot, key] of [[plots.pad, "fat pad"], [plots.ankle, "ankle"]]) {
+    plot.box.hidden = !first.loops[key];
+    plot.set(curves.filter(([, f]) => f.loops[key]).map(([n, f]) => ({ label: "", colour: colourOf(n), x: f.loops[key].x.map(v => -1e3 * v), y: f.loops[key].force.map(v => -v) })));
+  }
+}
+const at_hz = () => 1 / lead().duration;
+
+// Where the moment that is shown lies on the curves.
+function follow() {
+  if (drawn !== motion) { draw(); drawn = motion; }
+  const feet = Object.entries(motion.feet), t = 1e3 * passedShare() * length(), at = frame();
+  plots.traces.marks([[t, sample(lead().base, lead(), at), BASE], ...feet.map(([n, f]) => [t, sample(f.malleolus, f, at), colourOf(n)])]);
+  for (const [plot, key] of [[plots.pad, "fat pad"], [plots.ankle, "ankle"]])
+    plot.marks(feet.filter(([, f]) => f.loops[key]).map(([n, f]) => [-1e3 * sample(f.loops[key].x, f, at), -sample(f.loops[key].force, f, at), colourOf(n)]));
 }
 
 function legend() {
@@ -163,12 +222,18 @@ function legend() {
   }
 }
 
+const behind = degrees => `${Math.abs(degrees).toFixed(0)}° ${degrees > 0 ? "ahead of" : "behind"} the base`;
 function report() {
-  const foot = lead(), gain = stage.gain(motion, state.amplify);
-  const shown = `shown ${gain.toPrecision(3)}× larger${gain < 0.999 * state.amplify ? " (as much as fits)" : ""}, ${state.slow.toPrecision(3)}× slower`;
-  const ratio = foot.ratio === null ? (foot.periodic ? "the table is at rest" : "") : `transmissibility ${foot.ratio.toFixed(2)}, phase ${foot.phase.toFixed(0).replace("-", "−")}°`;
-  const base = foot.periodic ? `${state.frequency} Hz` : model.excitation;
-  tell([`${model.feet.a.title}, ${base}`, ratio, shown, stage.posture ? "posture drawn, not simulated" : ""]);
+  const foot = lead(), seen = motion.feet.measured, gain = stage.gain(motion, state.amplify);
+  const capped = state.amplify !== null && gain < 0.999 * state.amplify ? ", as much as fits" : "";
+  const shown = `drawn ${gain.toPrecision(3)}× larger${capped}${stage.riding ? ", relative to the table" : ""}, ${state.slow.toPrecision(3)}× slower`;
+  const also = value => (seen && seen.ratio !== null ? ` (measured ${value(seen)})` : "");
+  const numbers = foot.ratio === null ? [foot.periodic ? "the table is at rest" : ""] : [
+    `transmissibility ${foot.ratio.toFixed(3)}${also(f => f.ratio.toFixed(3))}`,
+    `malleolus ${behind(foot.phase)}${also(f => `${Math.abs(f.phase).toFixed(0)}°`)}`];
+  const fit = seen ? `fit of this recording ${seen.fit_percent.toFixed(1)} %` : "";
+  const base = foot.periodic && !model.recorded ? `${state.frequency} Hz` : model.excitation;
+  tell([`${model.feet.a.title}, ${base}`, ...numbers, fit, model.about, shown]);
 }
 
 // Show one share (0 to 1) of the motion and draw it now: for pictures and films.
@@ -176,7 +241,7 @@ function showAt(share) {
   play(false);
   time = share * length();
   stage.pose(motion, frame(), stage.gain(motion, state.amplify));
-  draw();
+  follow();
   stage.render();
 }
 
@@ -187,11 +252,10 @@ function tick(now) {
   if (motion && model) {
     if (playing) time += passed / state.slow;
     const started = performance.now();
-    if (playing || fresh || stage.viewer.needs_render || byId("seek").value !== String(time)) {
+    if (playing || fresh || stage.viewer.needs_render) {
       stage.pose(motion, frame(), stage.gain(motion, state.amplify));
-      draw();
-      if (fresh) legend();
-      report();
+      if (fresh) { legend(); report(); rows.amplify.show(stage.gain(motion, null)); }
+      follow();
       byId("seek").value = frame() / lead().frames;
       byId("clock").textContent = `${(1e3 * (((time % length()) + length()) % length())).toFixed(1)} of ${(1e3 * length()).toFixed(1)} ms`;
     }
@@ -212,7 +276,7 @@ keys(() => motion, key => {
   const change = { ArrowRight: 0.5, ArrowLeft: -0.5, ArrowUp: 5, ArrowDown: -5 }[key], views = Object.keys(VIEWS);
   if (key === "k") showSkin(!stage.skinShown);
   else if (+key >= 1 && +key <= views.length) stage.view(views[+key - 1]);
-  else if (change && model.periodic && rows.frequency && !window.EXPORTED) {
+  else if (change && !model.recorded && model.periodic && rows.frequency) {
     state.frequency = Math.min(60, Math.max(1, state.frequency + change));
     rows.frequency.set(state.frequency);
     ask();
@@ -220,5 +284,3 @@ keys(() => motion, key => {
   return true;
 });
 Object.assign(window, { stage, stats, state, showAt, play });
-requestAnimationFrame(tick);
-start(stage, forget, receive, ["model", "motion"]);

@@ -1,138 +1,132 @@
-// Small plots on canvases of their own: traces over time, a curve, a loop.
+// Plots on uPlot: lines, points with limits, and loops; drag zooms, a double click shows all, ⤓ saves the numbers.
 "use strict";
 const INK = "#93a3b3", GRID = "#27323e";
 
-function canvas(id, wide) {
-  const element = document.createElement("canvas");
-  element.id = id;
-  if (wide) element.className = "wide";
-  document.getElementById("plots").append(element);
-  return element;
-}
-
-// Clears the canvas; entries [label, colour] go beside the title, or under it where there is no room.
-function begin(element, title, entries = []) {
-  const ratio = devicePixelRatio || 1, w = element.clientWidth, h = element.clientHeight;
-  if (element.width !== Math.round(w * ratio) || element.height !== Math.round(h * ratio)) {
-    element.width = Math.round(w * ratio);
-    element.height = Math.round(h * ratio);
+class Plot {
+  // Args: the element to go into; title; names of the axes; whether it is drawn as a curve through unordered points.
+  constructor(parent, title, x, y, { loop = false, wide = false } = {}) {
+    Object.assign(this, { title, x, y, loop, series: [], dots: [], range: null });
+    this.box = document.createElement("figure");
+    this.box.className = wide ? "wide" : "";
+    this.box.innerHTML = "<figcaption><b></b><span></span><button type=button title='the numbers as CSV' aria-label='save the numbers as CSV'>⤓</button></figcaption><div></div>";
+    [this.head, this.pane] = this.box.children;
+    this.head.firstChild.textContent = title;
+    this.pane.setAttribute("role", "img");
+    this.pane.setAttribute("aria-label", `${title} over ${x}`);
+    this.head.lastChild.onclick = () => download(`${title.replace(/\W+/g, "_")}.csv`, this.csv());
+    parent.append(this.box);
+    new ResizeObserver(() => this.fit()).observe(this.pane);
   }
-  const ink = element.getContext("2d");
-  ink.setTransform(ratio, 0, 0, ratio, 0, 0);
-  ink.clearRect(0, 0, w, h);
-  ink.font = "11px system-ui, sans-serif";
-  ink.fillStyle = INK;
-  ink.textAlign = "left";
-  ink.fillText(title, 8, 13);
-  const crowded = ink.measureText(title).width + 20 > names(ink, w, entries, 0);
-  names(ink, w, entries, crowded ? 27 : 13);
-  return [ink, w, h, crowded ? 38 : 24];
-}
 
-// About `count` round numbers, and never fewer than three: a single 0 would be no scale.
-function ticks(low, high, count) {
-  const raw = (high - low) / count || 1, power = 10 ** Math.floor(Math.log10(raw)), out = [];
-  const least = s => Math.floor(high / s + 1e-9) - Math.ceil(low / s - 1e-9) >= 2;
-  const steps = [10, 5, 2, 1, 0.5, 0.2].map(f => f * power), wanted = steps.filter(s => s >= raw * 0.999).pop();
-  const step = steps.find(s => s <= wanted && least(s));
-  for (let v = Math.ceil(low / step) * step; v <= high + 1e-9 * step; v += step) out.push(Math.abs(v) < 1e-9 * step ? 0 : v);
-  return out;
-}
-
-// Axes with numbers; returns the maps from values to pixels.
-function axes(ink, w, h, top, x, y, xName) {
-  const left = 40, right = w - 10, bottom = h - 26;
-  const X = v => left + (right - left) * (v - x[0]) / (x[1] - x[0]), Y = v => bottom - (bottom - top) * (v - y[0]) / (y[1] - y[0]);
-  ink.strokeStyle = GRID;
-  ink.lineWidth = 1;
-  ink.fillStyle = INK;
-  for (const v of ticks(y[0], y[1], 4)) {
-    line(ink, [[left, Y(v)], [right, Y(v)]]);
-    ink.textAlign = "right";
-    ink.fillText(mark(v), left - 5, Y(v) + 4);
+  // Series: { label, colour, x, y, points, dashed, low, high }; `range` of the ordinate, or null for what the data need.
+  set(series, range = null) {
+    const key = JSON.stringify(series.map(s => [s.label, s.colour, s.points, s.dashed]));
+    Object.assign(this, { series, range });
+    if (key !== this.key || !this.plot) this.make();
+    this.key = key;
+    this.plot.setData(this.data());
+    this.place();
   }
-  ink.textAlign = "center";
-  for (const v of ticks(x[0], x[1], w > 240 ? 5 : 3)) {
-    line(ink, [[X(v), top], [X(v), bottom]]);
-    ink.fillText(mark(v), X(v), bottom + 12);
+
+  data() {
+    if (this.loop) {
+      const wide = 1.1 * Math.max(1e-12, ...this.series.map(s => largestOf(s.x)));
+      return [[-wide, 0, wide], ...this.series.map(() => [null, null, null])];
+    }
+    const all = this.series.filter(s => s.x.length).map(s => [s.x, s.y]);
+    const joined = all.length ? uPlot.join(all) : [[0, 1]];
+    let at = 1;
+    return [joined[0], ...this.series.map(s => (s.x.length ? joined[at++] : joined[0].map(() => null)))];
   }
-  ink.textAlign = "right";
-  ink.fillText(xName, right, h - 3);
-  return [X, Y];
-}
 
-function mark(v) { return Math.abs(v) >= 1e4 ? v.toExponential(0) : String(+v.toPrecision(3)); }
-
-function line(ink, points) {
-  ink.beginPath();
-  points.forEach(([x, y], k) => (k ? ink.lineTo(x, y) : ink.moveTo(x, y)));
-  ink.stroke();
-}
-
-function dot(ink, x, y, colour, radius = 4) {
-  ink.fillStyle = colour;
-  ink.beginPath();
-  ink.arc(x, y, radius, 0, 7);
-  ink.fill();
-}
-
-// Write labels from the right at height `y` (0 only measures); returns where they begin.
-function names(ink, w, entries, y) {
-  ink.textAlign = "right";
-  let x = w - 10;
-  for (const [label, colour] of entries.slice().reverse()) {
-    ink.fillStyle = colour;
-    if (y) ink.fillText(label, x, y);
-    x -= ink.measureText(label).width + 12;
+  make() {
+    if (this.plot) this.plot.destroy();
+    const axis = (label, size) => ({ stroke: INK, grid: { stroke: GRID, width: 1 }, ticks: { show: false }, font: "11px system-ui", labelFont: "11px system-ui",
+      label: label || undefined, labelSize: label ? 15 : 0, labelGap: 0, gap: 3, size, space: 34, values: (u, marks) => marks.map(mark) });
+    const extent = () => {
+      if (this.range) return this.range;
+      if (this.loop) { const tall = 1.1 * Math.max(1e-12, ...this.series.map(s => largestOf(s.y))); return [-tall, tall]; }
+      return null;
+    };
+    const shown = (u, low, high) => extent() || (low === null ? [0, 1] : uPlot.rangeNum(low, high, 0.08, true));
+    this.plot = new uPlot({
+      ...this.size(), legend: { show: false }, padding: [6, 14, 0, 0], cursor: { y: false, points: { size: 6 }, drag: { x: !this.loop, y: this.loop } },
+      scales: { x: { time: false }, y: { range: shown } },
+      axes: [axis(this.x, 20), axis(this.y, 38)],
+      series: [{}, ...this.series.map(s => ({
+        stroke: s.colour, width: 1.6, dash: s.dashed ? [4, 3] : undefined, spanGaps: true,
+        ...(s.points ? { paths: () => null, points: { show: true, size: s.points === true ? 6 : s.points, fill: s.colour, width: 0 } } : { points: { show: false } }),
+      }))],
+      hooks: { draw: [u => this.extra(u)], setCursor: [u => this.tell(u)], setSize: [() => this.place()], setScale: [() => this.place()] },
+    }, this.data(), this.pane);
+    this.dots = [];
+    this.tell({ cursor: {} });
   }
-  return x;
-}
 
-// series: [label, colour, values, dashed]; `at` is the share of the duration that has passed. A period ends as it began.
-function plotTraces(element, title, duration, series, at, periodic) {
-  const [ink, w, h, above] = begin(element, title, series.map(s => [s[0], s[1]]));
-  const top = 1.08 * Math.max(1e-9, ...series.map(s => s[2].reduce((m, v) => Math.max(m, Math.abs(v)), 0)));
-  const [X, Y] = axes(ink, w, h, above, [0, 1e3 * duration], [-top, top], "time [ms]");
-  for (const [, colour, values, dashed] of series) {
-    ink.strokeStyle = colour;
-    ink.lineWidth = 1.6;
-    ink.setLineDash(dashed ? [4, 3] : []);
-    const whole = periodic ? [...values, values[0]] : values;
-    line(ink, whole.map((v, k) => [X(1e3 * duration * k / values.length), Y(v)]));
-    ink.setLineDash([]);
-    const k = Math.min(values.length - 1, Math.floor(at * values.length));
-    dot(ink, X(1e3 * duration * at), Y(values[k]), colour, 3);
+  // Loops, and the limits of points.
+  extra(u) {
+    const ink = u.ctx;
+    ink.save();
+    ink.beginPath();
+    ink.rect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
+    ink.clip();
+    for (const s of this.series) {
+      ink.strokeStyle = s.colour;
+      ink.lineWidth = 1.6 * devicePixelRatio;
+      ink.beginPath();
+      const X = v => u.valToPos(v, "x", true), Y = v => u.valToPos(v, "y", true);
+      if (this.loop) { s.x.forEach((v, k) => ink.lineTo(X(v), Y(s.y[k]))); ink.closePath(); }
+      if (s.low) s.x.forEach((v, k) => { if (Number.isFinite(s.low[k]) && Number.isFinite(s.high[k])) { ink.moveTo(X(v), Y(s.low[k])); ink.lineTo(X(v), Y(s.high[k])); } });
+      ink.stroke();
+    }
+    ink.restore();
+  }
+
+  // Names of the series beside the title, with their values under the mouse.
+  tell(u) {
+    const at = u.cursor.idx, told = this.head.children[1];
+    told.replaceChildren(...this.series.filter(s => s.label).map((s, i) => {
+      const item = document.createElement("span"), value = at === null || at === undefined || this.loop ? null : this.plot.data[this.series.indexOf(s) + 1][at];
+      item.style.color = s.colour;
+      item.textContent = value === null || value === undefined ? s.label : `${s.label} ${mark(value)} at ${mark(this.plot.data[0][at])}`;
+      return item;
+    }));
+  }
+
+  // Dots [x, y, colour] that move with time; the canvas is not drawn again for them.
+  marks(dots) {
+    while (this.dots.length < dots.length) { const dot = document.createElement("i"); this.plot.over.append(dot); this.dots.push(dot); }
+    this.at = dots;
+    this.place();
+  }
+
+  place() {
+    this.dots.forEach((dot, k) => {
+      const [x, y, colour] = (this.at && this.at[k]) || [null];
+      dot.hidden = x === null || !this.plot;
+      if (dot.hidden) return;
+      const left = this.plot.valToPos(x, "x"), top = this.plot.valToPos(y, "y");
+      dot.hidden = !(left >= 0 && left <= this.plot.over.clientWidth);
+      dot.style.cssText = `background: ${colour}; transform: translate(${left - 4}px, ${top - 4}px)`;
+    });
+  }
+
+  size() { return { width: Math.max(40, this.pane.clientWidth), height: Math.max(40, this.pane.clientHeight) }; }
+  fit() { if (this.plot) this.plot.setSize(this.size()); }
+
+  csv() {
+    const rows = ["series,x,y,lower,upper", `# x: ${this.x}; y: ${this.y || this.title}`];
+    for (const s of this.series) s.x.forEach((x, k) => rows.push([s.label || this.title, x, s.y[k], s.low ? s.low[k] : "", s.high ? s.high[k] : ""].join(",")));
+    return `${rows.join("\n")}\n`;
   }
 }
 
-// curves: [label, colour, values]; points: [x, y, colour].
-function plotCurve(element, title, x, curves, points) {
-  const [ink, w, h, above] = begin(element, title, curves.length > 1 ? curves.map(c => [c[0], c[1]]) : []);
-  const top = 1.1 * Math.max(1.2, ...curves.map(c => Math.max(...c[2])), ...points.map(p => p[1]));
-  const [X, Y] = axes(ink, w, h, above, [0, x[x.length - 1]], [0, top], "frequency [Hz]");
-  ink.strokeStyle = "#4a5a6a";
-  ink.setLineDash([2, 3]);
-  line(ink, [[X(0), Y(1)], [X(x[x.length - 1]), Y(1)]]);
-  ink.setLineDash([]);
-  for (const [, colour, values] of curves) {
-    ink.strokeStyle = colour;
-    ink.lineWidth = 1.8;
-    line(ink, values.map((v, k) => [X(x[k]), Y(v)]));
-  }
-  for (const [px, py, colour] of points) if (py !== null) dot(ink, X(px), Y(py), colour, 4.5);
-}
+function largestOf(values) { return values.reduce((m, v) => Math.max(m, Math.abs(v)), 0); }
+function mark(v) { return v === null ? "" : Math.abs(v) >= 1e4 ? v.toExponential(0) : String(+v.toPrecision(3)).replace("-", "−"); }
 
-// loops: [label, colour, x [m], force [N]]; drawn compression to the right.
-function plotLoop(element, title, loops, at) {
-  const [ink, w, h, above] = begin(element, title);
-  const spread = k => 1.15 * Math.max(1e-9, ...loops.map(l => l[k].reduce((m, v) => Math.max(m, Math.abs(v)), 0)));
-  const wide = 1e3 * spread(2), tall = spread(3);
-  const [X, Y] = axes(ink, w, h, above, [-wide, wide], [-tall, tall], "compression [mm]");
-  for (const [, colour, x, force] of loops) {
-    ink.strokeStyle = colour;
-    ink.lineWidth = 1.7;
-    const points = x.map((v, k) => [X(-1e3 * v), Y(-force[k])]);
-    line(ink, [...points, points[0]]);
-    dot(ink, ...points[Math.min(points.length - 1, Math.floor(at * points.length))], colour);
-  }
+function download(name, content, kind = "text/plain") {
+  const link = document.createElement("a");
+  link.href = content.startsWith("data:") || content.startsWith("blob:") ? content : URL.createObjectURL(new Blob([content], { type: kind }));
+  link.download = name;
+  link.click();
 }

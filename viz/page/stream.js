@@ -21,17 +21,22 @@ async function start(stage, opened, received, order) {
   if (!own) { connect(stage, opened, received); return; }
   document.body.classList.add("exported");
   await unpack(stage, own.scene);
-  for (const name of order) received(own[name]);
+  if (own.live) await unpackGrid();
+  for (const name of order) if (own[name]) received(own[name]);
 }
 
 // The scene of an exported page: messages behind their lengths, as base64 of gzip.
 async function unpack(stage, text) {
-  const packed = Uint8Array.from(atob(text), c => c.charCodeAt(0));
-  const whole = await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
-  const view = new DataView(whole);
+  const whole = await inflated(text), view = new DataView(whole);
   for (let at = 0; at < whole.byteLength;) {
     const size = view.getUint32(at, true);
     stage.viewer.handle_command_bytearray(new Uint8Array(whole.slice(at + 4, at + 4 + size)));
     at += 4 + size;
   }
+}
+
+// What base64 of gzip holds.
+async function inflated(text) {
+  const packed = Uint8Array.from(atob(text), c => c.charCodeAt(0));
+  return new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
 }

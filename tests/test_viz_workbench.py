@@ -1,0 +1,312 @@
+"""The workbench behind the page: files in, what the checks say, a fit that a script repeats, the model's text."""
+
+import asyncio
+import json
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
+
+import tornado.httpclient
+from page_client import WAIT, documents, leave, upgrade
+
+import mjcf
+from fasbody.exceptions import FasError
+from fasbody.recording.formats import READ
+from fasbody.recording.study import BUNDLED, read_file
+from viz.bench import Bench
+from viz.feet import Show
+from viz.server import Server
+
+ONE = BUNDLED / "recordings" / "20hz_0kg.csv"
+
+
+class Told:
+    """What a bench says later, and a wait for it."""
+
+    def __init__(self) -> None:
+        self.heard: list[dict[str, Any]] = []
+        self._more = threading.Condition()
+
+    def __call__(self, document: dict[str, Any]) -> None:
+        with self._more:
+            self.heard.append(document)
+            self._more.notify_all()
+
+    def wait(self, *kinds: str) -> dict[str, Any]:
+        """The first document of one of these kinds."""
+        with self._more:
+            assert self._more.wait_for(lambda: any(d["type"] in kinds for d in self.heard), WAIT)
+            return next(d for d in self.heard if d["type"] in kinds)
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    made = Bench(Show(["two_dof"]))
+    made._ready = lambda: None  # type: ignore[method-assign]  # no process to fit, which takes seconds to start
+    yield made
+    made.close()
+
+
+def test_dropped_file_shakes_the_foot(bench: Bench) -> None:
+    bench.keep("mine/20hz.csv", ONE.read_bytes())
+    listed, shown = bench.open(["mine/20hz.csv"])
+    assert [row["file"] for row in listed["rows"]] == ["mine/20hz.csv"]
+    assert listed["rows"][0]["frequency_hz"] == pytest.approx(20, abs=1e-3)
+    assert listed["rows"][0]["body_mass_kg"] is None
+    assert shown["recorded"] and shown["adopt"]
+    own = bench.show.feet["a"].values()["m_S"]
+
+    # masses from the form reach the model, the load its slider
+    _, shown = bench.correct(0, {"body_mass_kg": "60", "added_mass_kg": "2.3"})
+    masses = {p["name"]: p["nominal"] for p in shown["parameters"]}
+    assert masses["m_S"] == pytest.approx(0.0465 * 60)
+    assert masses["m_S"] != pytest.approx(own)
+    assert shown["settings"]["added_mass"] == 2.3
+    assert not bench.sine()[1]["recorded"]
+
+
+def test_study_is_read_as_a_whole(bench: Bench) -> None:
+    names = []
+    for file in (*BUNDLED.glob("*.*"), *sorted(BUNDLED.glob("recordings/*.csv"))[:4]):
+        names.append(f"study/{file.relative_to(BUNDLED)}")
+        bench.keep(names[-1], file.read_bytes())
+    told: list[dict[str, Any]] = []
+    bench.told = told.append
+    (listed,) = bench.open(names)
+    assert [document["type"] for document in told] == ["data", "model"]  # the foot moves while the rest is read
+    rows = listed["rows"]
+    assert len(rows) == 12
+    good = [row for row in rows if not row["unread"]]
+    assert len(good) == 4
+    assert {row["body_mass_kg"] for row in good} == {72.57}
+    assert all("no such file" in row["unread"] for row in rows if row not in good)
+
+
+def test_columns_and_units_are_corrected_in_the_form(bench: Bench) -> None:
+    """A table that says nothing of itself: a sentence, the columns, and the same recording once they are named."""
+    lines = ONE.read_text().splitlines()[1:]
+    rows = [line.split(",") for line in lines]
+    text = "\n".join(["t,left,right", *(f"{float(t) * 1e3:.3f},{-float(a) / 9.80665:.9f},{b}" for t, a, b, *_ in rows)])
+    bench.keep("odd.csv", text.encode())
+    (listed,) = bench.open(["odd.csv"])
+    assert "odd.csv" in listed["rows"][0]["unread"]
+    (form,) = bench.columns(0)
+    assert [column["name"] for column in form["columns"]] == ["t", "left", "right"]
+    said = {"channels": {
+        "time": {"column": "t", "unit": "ms"}, "base": {"column": "left", "unit": "g", "sign": "-1"},
+        "malleolus": {"column": "right", "unit": "m/s^2"},
+    }}  # fmt: skip
+    listed, shown = bench.correct(0, said)
+    assert not listed["rows"][0]["unread"] and shown["recorded"]
+    found = bench.sources[0].read()
+    assert found.base_m_s2 == pytest.approx(read_file(ONE).base_m_s2, abs=1e-6)
+    with pytest.raises(FasError, match="sign is 'x'; give a number"):
+        bench.correct(0, {"channels": {"base": {"sign": "x"}}})
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("../evil.csv", "is no name for a file"), ("/etc/passwd.csv", "is no name for a file"), ("", "is no name"),
+        ("a/b/c/d/e.csv", "is no name"), (".hidden.csv", "is no name"), ("x.exe", "no format has the ending '.exe'"),
+        ("a\0b.csv", "is no name"), ("x.html", "no format has the ending"),
+    ],
+)  # fmt: skip
+def test_names_that_cannot_be_are_refused(bench: Bench, name: str, sentence: str) -> None:
+    with pytest.raises(FasError, match=sentence):
+        bench.keep(name, b"x")
+    assert not list(bench.folder.rglob("*.*"))
+    with pytest.raises(FasError, match="none of these files is a recording"):
+        bench.open([str(ONE), f"../{ONE}", name])
+
+
+def test_hostile_files_of_every_format_are_a_sentence_each(bench: Bench) -> None:
+    names = [f"broken{end}" for end in (".csv", *READ)]
+    for number, name in enumerate(names):
+        bench.keep(name, bytes((7 * k * k + number) % 256 for k in range(3000)))
+    (listed,) = bench.open(names)
+    assert len(listed["rows"]) == len(names)
+    assert all(row["unread"].startswith(("broken", str(bench.folder))) for row in listed["rows"])
+    assert bench.shown == -1
+
+
+def test_session_holds_only_so_much(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("viz.bench.LARGEST", 10)
+    with pytest.raises(FasError, match="split it into recordings"):
+        bench.keep("a.csv", b"x" * 11)
+    monkeypatch.setattr("viz.bench.MOST", 15)
+    bench.keep("a.csv", b"x" * 9)
+    with pytest.raises(FasError, match="as many files as it may"):
+        bench.keep("b.csv", b"x" * 9)
+
+
+def test_fit_is_what_a_script_finds() -> None:
+    """The worker's numbers are those of the lines of Python beside them, run in a process of their own."""
+    told = Told()
+    bench = Bench(Show(["two_dof"]), told)
+    try:
+        bench.keep("20hz.csv", ONE.read_bytes())
+        bench.open(["20hz.csv"])
+        bench.correct(0, {"body_mass_kg": 72.57})
+        said = {
+            "starts": 2,
+            "free": ["k_T", "k_F", "c_11", "c_21"],
+            "bounds": {"k_F": [5e3, 5e5]},
+            "values": {"c_12": 40},
+        }
+        bench.fit([0], said)
+        with pytest.raises(FasError, match="a fit runs already"):
+            bench.fit([0], {})
+        answer = told.wait("fitted", "complaint")
+        assert answer["type"] == "fitted", answer
+        fit = answer["fit"]
+        assert [branch["name"] for branch in fit["branches"]] == ["stiff pad", "stiff ankle"] or len(
+            fit["branches"]
+        ) == 2
+        assert fit["reason"] and fit["sentence"] and fit["odds"]
+        assert any(d["type"] == "progress" and d["running"] for d in told.heard)
+        code = answer["script"].replace('result.write("results")', "print(result.best['k_T'].interval())")
+        code += "import json; print(json.dumps(result.values()))\n"
+        run = subprocess.run(
+            [sys.executable, "-c", code], cwd=bench.folder, capture_output=True, text=True, timeout=WAIT, check=True
+        )
+        values = json.loads(run.stdout.splitlines()[-1])
+        best = fit["branches"][0]
+        for row in best["rows"]:
+            if row["key"] in values:
+                assert row["value"] == pytest.approx(values[row["key"]], rel=1e-9)
+        assert best["rows"][0]["interval"] in run.stdout
+        assert fit["sentence"] in run.stdout
+
+        # stopped: the process is gone, another one waits, and the page may begin anew
+        told.heard.clear()
+        bench.fit([0], {"starts": 64})
+        first = bench._worker
+        (stopped,) = bench.stop()
+        assert (stopped["running"], stopped["what"]) == (False, "stopped")
+        assert first is not None and not first.alive
+        assert bench._worker is not first
+        assert not [d for d in told.heard if d["type"] == "complaint"]
+    finally:
+        bench.close()
+
+
+@pytest.mark.parametrize(
+    ("said", "sentence"),
+    [
+        ({"starts": 0}, "give 1 to 64"), ({"starts": "many"}, "give 1 to 64"),
+        ({"free": []}, "every parameter is held"),
+        ({"bounds": {"k_F": [2, 1]}}, "must be the smaller one"), ({"bounds": {"k_F": 3}}, "give two numbers"),
+        ({"values": {"k_F": float("nan")}}, "give a number"),
+    ],
+)  # fmt: skip
+def test_fits_that_cannot_be_meant(bench: Bench, said: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(FasError, match="choose at least one"):
+        bench.fit([], {})
+    bench.keep("20hz.csv", ONE.read_bytes())
+    bench.open(["20hz.csv"])
+    with pytest.raises(FasError, match=sentence):
+        bench.fit([0], said)
+
+
+def test_typed_model_moves_and_is_saved_when_it_is_said(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = bench.models()["text"]
+    assert text == mjcf.path("two_dof").read_text()
+    before = bench.show.answer(bench.show.settings)["feet"]["a"]["ratio"]
+
+    (wrong,) = bench.check(text.replace("<joint name", "<jont name", 1))
+    line = 1 + text[: text.index("<joint name")].count("\n")
+    assert wrong["line"] == line and f"two_dof, line {line}: MuJoCo cannot compile it" in wrong["text"]
+    assert bench.show.answer(bench.show.settings)["feet"]["a"]["ratio"] == before
+
+    softer = text.replace('stiffness="1.0e5"', 'stiffness="0.5e5"')
+    told, model = bench.check(softer)
+    assert told["text"] == "" and model["type"] == "model"
+    assert bench.show.answer(bench.show.settings)["feet"]["a"]["ratio"] != pytest.approx(before, rel=1e-3)
+    assert not list(tmp_path.iterdir())  # typed is not saved
+    bench.keep("20hz.csv", ONE.read_bytes())
+    bench.open(["20hz.csv"])
+    with pytest.raises(FasError, match="is not saved yet"):
+        bench.fit([0], {})
+    bench.sine()
+
+    bench.save(softer)
+    assert (tmp_path / "my_foot.xml").read_text() == softer
+    assert bench.show.files() == [(tmp_path / "my_foot.xml").resolve()]
+    bench.save(text)
+    assert (tmp_path / "my_foot.xml").read_text() == text
+    for name in ("../x.xml", "x.py", "/tmp/x.xml"):
+        with pytest.raises(FasError, match="is no name for a model"):
+            bench.save(text, name)
+    for name in bench.models()["names"]:
+        assert bench.choose(name)[1]["type"] == "model"
+        assert bench.show.answer(bench.show.settings)["type"] == "motion"
+    with pytest.raises(FasError, match="no such model"):
+        bench.choose("nowhere.xml")
+    assert bench.show.models[0] == bench.models()["names"][-1]
+
+
+def test_page_to_take_away_has_the_sliders_where_they_are(bench: Bench) -> None:
+    said = {"frequency": 31.0, "peak_to_peak": 9.0, "added_mass": 2.3, "values": {"k_T": 2e5}}
+    assert bench.take(said) == [{"type": "taken"}]
+    text = (bench.folder / "foot.html").read_text()
+    data = json.loads(text[text.index("window.EXPORTED = ") + 18 :].partition(";</script>")[0].replace("<\\", "<"))
+    assert (data["model"]["settings"]["frequency"], data["model"]["settings"]["added_mass"]) == (31.0, 2.3)
+    assert data["motion"]["feet"]["a"]["duration"] == pytest.approx(1 / 31)
+    assert data["live"]["twin"]["values"]["k_F"] == bench.show.feet["a"].values()["k_F"]
+    assert bench.show.settings.frequency == 20.0
+
+
+def test_changes_need_the_session_key() -> None:
+    """Upload and every message beyond a slider; strangers' Host and Origin are refused as anywhere."""
+    show = Show(["two_dof"])
+    bench = Bench(show)
+
+    async def post(server: Server, body: bytes, name: str = "20hz.csv", **headers: str) -> Any:
+        client = tornado.httpclient.AsyncHTTPClient(force_instance=True)
+        try:
+            url = f"{server.url}upload?name={name}"
+            return await client.fetch(url, method="POST", body=body, headers=headers, raise_error=False)
+        finally:
+            client.close()
+
+    async def both() -> None:
+        server = Server(show, 0, bench)
+        running = asyncio.create_task(server.run())
+        try:
+            good, key = ONE.read_bytes(), {"X-Key": server.key}
+            assert (await post(server, good)).code == 403
+            assert (await post(server, good, **{"X-Key": "wrong"})).code == 403
+            assert (await post(server, good, Host="evil.example", **key)).code == 403
+            assert (await post(server, good, Origin="http://evil.example", **key)).code == 403
+            assert not list(bench.folder.rglob("*.csv"))
+            refused = await post(server, good, name="..%2Fevil.csv", **key)
+            assert refused.code == 400 and "is no name" in json.loads(refused.body)["text"]
+            assert (await post(server, good, **key)).code == 200
+            socket = await upgrade(server, Origin=server.url.rstrip("/"))
+            assert (await documents(socket, "models"))["now"] == "two_dof"
+            for asked in ({"type": "open", "names": ["20hz.csv"]}, {"type": "save", "text": "x", "key": "wrong"}):
+                await socket.write_message(json.dumps(asked))
+                assert "another session" in (await documents(socket, "complaint"))["text"]
+            await socket.write_message(json.dumps({"type": "explode", "key": server.key}))
+            assert "nothing to do" in (await documents(socket, "complaint"))["text"]
+            await socket.write_message(json.dumps({"type": "open", "names": ["20hz.csv"], "key": server.key}))
+            assert (await documents(socket, "data"))["shown"] == 0
+            assert (await documents(socket, "model"))["recorded"]
+            await leave(socket)
+        finally:
+            server.stop()
+            await asyncio.wait_for(running, WAIT)
+
+    asyncio.run(both())
+    assert not bench.folder.exists()

@@ -1,0 +1,106 @@
+"""What a fit found, as the page shows it: both branches with values and intervals, verdict, fit and notes.
+
+The words are those of the report: they come from the result, or from the result.json that was written of it.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from fasbody.exceptions import InputFileError, SettingError
+from fasbody.foot.parameters import Parameter, symbol_and_unit
+from identification.result import Estimate
+from viz.settings import within
+
+_VALID = "give the result.json of python -m identification.fit"
+#: Log of the odds above which the page writes no number.
+_SURE = math.log(1e6)
+
+
+def fitted(document: Mapping[str, Any], parameters: Mapping[str, Parameter], sentence: str = "") -> dict[str, Any]:
+    """A result's document as the page shows it.
+
+    Args:
+        document: `FitResult.document()`, or what was read from its file. parameters: of the model.
+        sentence: the result in one sentence, where it is at hand.
+
+    Raises:
+        KeyError, TypeError, ValueError: it is no such document.
+    """
+    branches = document.get("branches") or [{"name": "best", "parameters": document["parameters"]}]
+    return {
+        "source": str(document.get("source", "")),
+        "model": str(document.get("model", "")),
+        "sentence": sentence,
+        "fit_percent": document.get("fit_percent"),
+        "verdict": str(document.get("verdict", "")),
+        "reason": str(document.get("verdict_reason", "")),
+        "warnings": [str(text) for text in document.get("warnings", [])],
+        "odds": _odds(document),
+        "branches": [_branch(branch, parameters) for branch in branches],
+        "recordings": [
+            {name: r.get(name) for name in ("file", "frequency_hz", "added_mass_kg", "fit_percent")}
+            for r in document.get("recordings", [])
+        ],
+    }
+
+
+def _odds(document: Mapping[str, Any]) -> str:
+    """The odds between the branches, as the verdict rounds them."""
+    if len(document.get("branches") or []) < 2:
+        return ""
+    ratio = float(document.get("log_likelihood_ratio") or 0.0)
+    return "more than a million to 1" if ratio > _SURE else f"{math.exp(ratio):.3g} to 1"
+
+
+def _branch(branch: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> dict[str, Any]:
+    """One branch. Its values hold with the masses as stated; its intervals allow for what the result allows for."""
+    rows, values, delay = [], {}, 0.0
+    symbols = {p.key: name for name, p in parameters.items()}
+    for key, entry in branch["parameters"].items():
+        narrow = entry.get("if_model_true") or entry
+        value = float(narrow["value"])
+        name = symbols.get(key, symbol_and_unit(key)[0])
+        if key in symbols:
+            values[name] = value
+        elif name == "delay":
+            delay = value
+        row = {"name": name, "key": key, "value": value, "known": str(entry.get("identifiability", ""))}
+        if "lower" in entry:
+            told = {field: entry[field] for field in ("value", "std_error", "lower", "upper")}
+            numbers = {field: math.nan if v is None else float(v) for field, v in told.items()}
+            at_bound, known = bool(entry["at_bound"]), str(entry["identifiability"])
+            whole = Estimate(
+                numbers["value"], numbers["std_error"], numbers["lower"], numbers["upper"], at_bound, known
+            )
+            finite = math.isfinite(whole.lower) and math.isfinite(whole.upper)
+            row |= {"interval": whole.interval(), "known": whole.known}
+            row |= {"lower": whole.lower, "upper": whole.upper} if finite else {}
+        rows.append(row)
+    about = {"name": str(branch.get("name", "best")), "fit_percent": branch.get("fit_percent")}
+    return about | {"values": values, "delay_s": delay, "rows": rows}
+
+
+def read(file: Path, parameters: Mapping[str, Parameter]) -> dict[str, Any]:
+    """The result.json of a fit of a model with these parameters, as the page shows it.
+
+    Raises:
+        InputFileError: no such file, it is no result, or it holds none of the model's parameters.
+        SettingError: a value is no number or outside the bounds that the model declares.
+    """
+    try:
+        found = fitted(json.loads(file.read_text()), parameters)
+    except OSError as error:
+        raise InputFileError(file, f"cannot be read ({error.strerror})", _VALID) from None
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
+        raise InputFileError(file, "is not a result", _VALID) from None
+    for branch in found["branches"]:
+        if not branch["values"]:
+            raise InputFileError(file, "holds no parameter of this model", "give the --model that was fitted")
+        for name, value in branch["values"].items():
+            if not math.isfinite(value):
+                raise SettingError(f"{file}: {name} is {value}, but must be a finite number.")
+            within(parameters[name], value, file)
+    return found

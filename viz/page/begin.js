@@ -1,0 +1,4 @@
+// Everything is there: the page begins.
+"use strict";
+requestAnimationFrame(tick);
+start(stage, forget, receive, ["model", "fitted", "motion"]);

@@ -1,0 +1,313 @@
+// The workbench: recordings in, a fit of them, what it found. All of it is done by the server, as a script would do it.
+"use strict";
+const KEY = (document.querySelector("meta[name=key]") || {}).content || "";
+const bench = { rows: [], shown: -1, chosen: new Set(), fit: null, branch: 0, free: {}, bounds: {}, plots: null };
+
+function tellServer(type, more = {}) { if (socket && socket.readyState === 1) socket.send(JSON.stringify({ type, key: KEY, ...more })); }
+
+function element(tag, text = "", more = {}) { return Object.assign(document.createElement(tag), { textContent: text }, more); }
+
+// ---- files in -------------------------------------------------------------------------------------------------------
+async function upload(files) {
+  const names = [];
+  for (const { file, name } of files) {
+    busyWith(`reading ${name}`);
+    const answer = await fetch(`/upload?name=${encodeURIComponent(name)}`, { method: "POST", headers: { "X-Key": KEY }, body: file }).catch(() => null);
+    const said = answer && (answer.status === 200 || answer.status === 400) ? await answer.json() : { text: `${name} could not be sent; it may be larger than 64 MB.` };
+    if (said.text) complain(said.text); else names.push(name);
+  }
+  if (names.length) tellServer("open", { names }); else busyWith("");
+}
+
+// What was dropped: files, and whole folders of them.
+async function dropped(items) {
+  const found = [];
+  async function walk(entry, path) {
+    if (entry.isFile) found.push({ name: path + entry.name, file: await new Promise((done, failed) => entry.file(done, failed)) });
+    else {
+      const reader = entry.createReader();
+      for (;;) {
+        const some = await new Promise((done, failed) => reader.readEntries(done, failed));
+        if (!some.length) break;
+        for (const one of some) await walk(one, `${path}${entry.name}/`);
+      }
+    }
+  }
+  const entries = [...items].map(item => (item.webkitGetAsEntry ? item.webkitGetAsEntry() : null));
+  const plain = [...items].map(item => (item.getAsFile ? item.getAsFile() : null));
+  for (const [k, entry] of entries.entries()) { if (entry) await walk(entry, ""); else if (plain[k]) found.push({ name: plain[k].name, file: plain[k] }); }
+  await upload(found);
+}
+
+if (!window.EXPORTED) {
+  addEventListener("dragover", event => { event.preventDefault(); document.body.classList.add("dropping"); });
+  addEventListener("dragleave", event => { if (!event.relatedTarget) document.body.classList.remove("dropping"); });
+  addEventListener("drop", event => { event.preventDefault(); document.body.classList.remove("dropping"); dropped(event.dataTransfer.items); });
+  for (const [id, picker] of [["choose_files", "files"], ["choose_folder", "folder"]]) {
+    byId(id).onclick = () => byId(picker).click();
+    byId(picker).onchange = event => upload([...event.target.files].map(file => ({ file, name: file.webkitRelativePath || file.name })));
+  }
+  byId("bundled").onclick = () => { busyWith("reading the bundled study"); tellServer("bundled"); };
+}
+
+function busyWith(text) { byId("data_state").textContent = text; }
+let complaints = "";
+function complain(text) { complaints = text; busyWith(""); say([broken, complaints].filter(Boolean).join("\n")); }
+
+// ---- the list of recordings -----------------------------------------------------------------------------------------
+function listData(document_) {
+  const before = bench.rows.length;
+  Object.assign(bench, { rows: document_.rows, shown: document_.shown });
+  for (let i = before; i < bench.rows.length; i++) if (!bench.rows[i].unread && !bench.rows[i].problem) bench.chosen.add(i);
+  busyWith("");
+  complain("");
+  const list = byId("recordings");
+  list.replaceChildren(...bench.rows.map(item));
+  matrix();
+  byId("fit").hidden = !bench.rows.length;
+  byId("sine").hidden = bench.shown < 0;
+}
+
+function item(row, number) {
+  const li = element("li"), shown = number === bench.shown, wrong = row.unread || row.problem;
+  li.className = wrong ? "wrong" : row.warnings.length ? "warned" : "";
+  const pick = element("input", "", { type: "checkbox", checked: bench.chosen.has(number), disabled: Boolean(wrong), title: "fit this one" });
+  pick.setAttribute("aria-label", `fit ${row.file}`);
+  pick.onchange = () => { if (pick.checked) bench.chosen.add(number); else bench.chosen.delete(number); };
+  const at = row.frequency_hz ? `${number_(row.frequency_hz)} Hz` : wrong ? "" : "broadband";
+  const name = element("button", row.file.split("/").pop(), { title: row.file });
+  name.title = [row.file, row.subject ? `subject ${row.subject}` : "", row.body_mass_kg ? `body mass ${number_(row.body_mass_kg)} kg` : "body mass unknown", row.samples ? `${row.samples} samples at ${number_(row.rate_hz)} Hz` : ""].filter(Boolean).join("; ");
+  name.setAttribute("aria-pressed", shown);
+  name.onclick = () => tellServer("use", { number });
+  const about = [at, row.added_mass_kg ? `+ ${number_(row.added_mass_kg)} kg` : "", wrong || row.body_mass_kg ? "" : "mass unknown"];
+  const more = element("button", "…", { title: `channels, units and masses of ${row.file}`, className: "more" });
+  more.setAttribute("aria-label", more.title);
+  more.onclick = () => { const open = li.querySelector("form"); if (open) open.remove(); else tellServer("columns", { number }); };
+  li.append(pick, name, element("small", about.filter(Boolean).join(" · ")), more);
+  for (const text of [row.unread, row.problem, ...(shown ? row.warnings : [])].filter(Boolean)) li.append(element("p", text));
+  return li;
+}
+
+// Subjects and loads against frequencies, coloured by how well each recording was fitted; a click shows it.
+function matrix() {
+  const box = byId("matrix"), good = bench.rows.map((row, number) => ({ ...row, number })).filter(row => row.frequency_hz);
+  const who = row => `${row.subject || ""} ${row.added_mass_kg ? `+ ${number_(row.added_mass_kg)} kg` : "no load"}`.trim();
+  const lines = [...new Set(good.map(who))], hertz = [...new Set(good.map(row => +row.frequency_hz.toFixed(1)))].sort((a, b) => a - b);
+  box.hidden = good.length < 4;
+  if (box.hidden) { box.replaceChildren(); return; }
+  const fits = new Map(((bench.fit && bench.fit.recordings) || []).map(r => [r.file.split("/").pop(), r.fit_percent]));
+  const head = element("tr");
+  head.append(...["Hz", ...hertz].map(text => element("th", text, { scope: "col" })));
+  box.replaceChildren(element("caption", "fit of each recording [%]"), head, ...lines.map(line => {
+    const tr = element("tr");
+    tr.append(element("th", line, { scope: "row" }), ...hertz.map(f => {
+      const td = element("td"), row = good.find(r => who(r) === line && Math.abs(r.frequency_hz - f) < 0.06);
+      if (!row) return td;
+      const fit = fits.get(row.file.split("/").pop()), known = typeof fit === "number", cell = element("button", known ? fit.toFixed(0) : "·");
+      cell.title = known ? `${row.file}: fit ${fit.toFixed(1)} %` : row.file;
+      cell.setAttribute("aria-label", cell.title);
+      cell.setAttribute("aria-pressed", row.number === bench.shown);
+      if (known) cell.style.background = `hsl(${Math.max(0, Math.min(1, (fit - 80) / 20)) * 130} 45% 26%)`;
+      cell.onclick = () => tellServer("use", { number: row.number });
+      td.append(cell);
+      return td;
+    }));
+    return tr;
+  }));
+}
+
+const number_ = v => number(+v);
+
+// The form by which channels, units, masses and loads are corrected.
+function form({ number, columns, said }) {
+  const row = bench.rows[number], li = byId("recordings").children[number], box = element("form");
+  const old = li.querySelector("form");
+  if (old) old.remove();
+  const field = (label, name, value, list) => {
+    const wrap = element("label", label), input = element(list ? "select" : "input", "", { name });
+    if (list) for (const [v, text] of list) input.append(element("option", text, { value: v }));
+    input.value = value === undefined || value === null ? "" : value;
+    wrap.append(input);
+    return wrap;
+  };
+  const names = [["", "as the file says"], ...columns.map(c => [c.name, c.unit ? `${c.name} [${c.unit}]` : c.name])];
+  for (const channel of ["time", "base", "malleolus"]) {
+    const told = (said.channels || {})[channel] || {}, set = element("fieldset");
+    set.append(element("legend", channel), field("column", `${channel}.column`, told.column, names), field("unit", `${channel}.unit`, told.unit));
+    if (channel !== "time") set.append(field("sign", `${channel}.sign`, told.sign, [["", "+"], ["-1", "−"]]), field("per m/s²", `${channel}.sensitivity`, told.sensitivity));
+    box.append(set);
+  }
+  const last = element("fieldset");
+  last.append(element("legend", "recording"), field("rate [Hz], without time", "rate_hz", said.rate_hz), field("body mass [kg]", "body_mass_kg", row.body_mass_kg), field("on the knee [kg]", "added_mass_kg", row.added_mass_kg));
+  const apply = element("button", "Read it so", { type: "submit" });
+  box.append(last, apply);
+  box.onsubmit = event => {
+    event.preventDefault();
+    const told = { channels: {} };
+    for (const [name, value] of new FormData(box)) {
+      const [channel, key] = name.split(".");
+      if (key) { if (value.trim()) (told.channels[channel] = told.channels[channel] || {})[key] = value.trim(); } else told[name] = value.trim();
+    }
+    busyWith("reading it again");
+    tellServer("correct", { number, said: told });
+  };
+  li.append(box);
+}
+
+// ---- the fit --------------------------------------------------------------------------------------------------------
+function askFit() {
+  const free = model.parameters.filter(p => !MASSES.has(p.name)), held = free.filter(p => bench.free[p.name] === false);
+  const said = { starts: +byId("starts").value };
+  if (held.length) said.free = free.filter(p => bench.free[p.name] !== false).map(p => p.name);
+  said.values = Object.fromEntries(held.filter(p => p.name in state.values).map(p => [p.name, state.values[p.name]]));
+  said.bounds = Object.fromEntries(Object.entries(bench.bounds).filter(([name]) => model.parameters.some(p => p.name === name)));
+  bench.asked = performance.now();
+  complain("");
+  tellServer("fit", { numbers: [...bench.chosen].sort((a, b) => a - b), said });
+}
+const MASSES = new Set(["m_S", "m_F", "m_T", "added_mass"]);
+
+function progress({ running, what, done, total }) {
+  byId("start_fit").disabled = running;
+  byId("stop_fit").hidden = !running;
+  const bar = byId("fit_progress");
+  bar.hidden = !running;
+  if (total) Object.assign(bar, { max: total, value: done }); else bar.removeAttribute("value");
+  byId("fit_state").textContent = what ? `${what}${total ? ` ${done} of ${total}` : ""}` : "";
+}
+
+function fitted(document_) {
+  bench.found = document_;
+  showFit(document_.fit);
+  if (document_.script) { byId("script").textContent = document_.script; byId("script_box").hidden = false; }
+  drawFit();
+  if (!window.EXPORTED) showBranch(0);
+  stats.fitted = performance.now() - bench.asked;
+}
+
+// Sentence, verdict, both branches beside each other, notes: the words of the report.
+function showFit(fit) {
+  bench.fit = fit && fit.branches ? fit : null;
+  byId("found").hidden = !bench.fit;
+  byId("save_report").hidden = !bench.found;
+  for (const p of model ? model.parameters : []) if (rows[p.name]) rows[p.name].band(null);
+  if (!bench.fit) return;
+  byId("fit").hidden = false;
+  byId("sentence").textContent = fit.sentence || (fit.verdict ? `Fit ${(+fit.fit_percent).toFixed(1)} %; ${fit.verdict}.` : "");
+  byId("reason").textContent = fit.reason;
+  byId("notes").replaceChildren(...fit.warnings.map(text => element("li", text)));
+  byId("branches").replaceChildren(...fit.branches.map((branch, k) => {
+    const b = element("button", branch.name, { title: "the foot with this branch's constants" });
+    b.onclick = () => showBranch(k);
+    return b;
+  }));
+  byId("odds").textContent = fit.odds ? `odds ${fit.odds} for ${fit.branches[0].name}` : "";
+  const head = element("tr");
+  for (const text of ["parameter", ...fit.branches.map(b => b.name), "how well known"]) head.append(element("th", text));
+  const body = fit.branches[0].rows.map((row, k) => {
+    const tr = element("tr");
+    tr.append(element("th", row.name, { title: row.key }), ...fit.branches.map(b => element("td", (b.rows[k] || {}).interval || number(row.value))), element("td", row.known));
+    return tr;
+  });
+  byId("estimates").replaceChildren(head, ...body);
+  bands();
+  matrix();
+}
+
+function bands() {
+  const branch = bench.fit && bench.fit.branches[bench.branch];
+  for (const row of branch ? branch.rows : []) if (row.name in rows && "lower" in row) rows[row.name].band([row.lower, row.upper], row.interval);
+  byId("branches").querySelectorAll("button").forEach((b, k) => b.setAttribute("aria-pressed", k === bench.branch));
+}
+
+// The foot gets a branch's constants; flipping between the two shows what the data cannot tell apart.
+function showBranch(k) {
+  const branch = bench.fit.branches[k];
+  if (window.EXPORTED && !(EXPORTED.live && EXPORTED.live.twin)) return;
+  bench.branch = k;
+  remember();
+  state.values = { ...branch.values };
+  state.delay_s = branch.delay_s;
+  for (const p of model.parameters) {
+    const v = p.name in state.values ? state.values[p.name] : p.nominal;
+    if (v === p.nominal) delete state.values[p.name];
+    rows[p.name].set(v);
+  }
+  bands();
+  ask();
+}
+
+const LOADS = ["#6cb6ff", "#ffb454", "#7ee0a1", "#e58fc4", "#f3e37c"];
+function drawFit() {
+  const found = bench.found;
+  if (!found || !found.data) return;
+  byId("tabs").hidden = false;
+  if (!bench.plots) {
+    tab("fit");
+    const into = byId("fit_plots");
+    bench.plots = { size: new Plot(into, "transmissibility, fitted", "frequency [Hz]", "", { wide: true }), lag: new Plot(into, "phase lag behind the base [°]", "frequency [Hz]", ""),
+      trace: new Plot(into, "malleolus [m/s²]", "time [ms]", ""), left: new Plot(into, "residual [m/s²]", "time [ms]", ""), chi: new Plot(into, "chi-square of each harmonic", "frequency [Hz]", "") };
+  }
+  const loads = [...new Set(found.data.map(r => r.added_mass_kg))].sort((a, b) => a - b), size = [], lag = [];
+  const by = key => (a, b) => a[key] - b[key];
+  loads.forEach((load, k) => {
+    const colour = LOADS[k % LOADS.length], mine = found.data.filter(r => r.added_mass_kg === load).sort(by("frequency_hz"));
+    const label = loads.length > 1 ? `${load} kg` : "data", x = mine.map(r => r.frequency_hz);
+    size.push({ label, colour, x, y: mine.map(r => r.transmissibility), low: mine.map(r => r.lower), high: mine.map(r => r.upper), points: true });
+    lag.push({ label: "", colour, x, y: unwrapped(mine.map(r => r.phase_lag_deg)), points: true });
+    bench.fit.branches.forEach((branch, b) => {
+      const curve = found.curves.filter(r => r.added_mass_kg === load && r.branch === branch.name).sort(by("frequency_hz")), u = curve.map(r => r.frequency_hz);
+      size.push({ label: k ? "" : branch.name, colour, x: u, y: curve.map(r => r.transmissibility), dashed: b > 0 });
+      lag.push({ label: "", colour, x: u, y: unwrapped(curve.map(r => r.phase_lag_deg)), dashed: b > 0 });
+    });
+  });
+  bench.plots.size.set(size, [0, 1.1 * Math.max(1, ...size.map(s => largestOf(s.y)))]);
+  bench.plots.lag.set(lag);
+  const chi = found.chi_square.filter(r => r.chi_square_if_model_true !== null);
+  const order = chi.slice().sort((a, b) => a.frequency_hz * a.harmonic - b.frequency_hz * b.harmonic);
+  bench.plots.chi.box.hidden = !chi.length;
+  bench.plots.chi.set([{ label: "", colour: "#ffb454", x: order.map(r => r.frequency_hz * r.harmonic), y: order.map(r => r.chi_square_if_model_true), points: 5 }]);
+  drawTrace();
+}
+
+// Measured and modelled malleolus of the recording that is shown, and what the model leaves.
+function drawTrace() {
+  if (!bench.plots) return;
+  const file = (bench.rows[bench.shown] || { file: "" }).file, all = bench.found.traces;
+  const trace = all.find(t => t.file === file || t.file.endsWith(`/${file.split("/").pop()}`)) || all[0], x = trace.time_s.map(t => 1e3 * t);
+  bench.plots.trace.set([{ label: "measured", colour: SEEN, x, y: trace.measured, points: 3 }, { label: `model, ${trace.fit_percent.toFixed(1)} %`, colour: ANKLE, x, y: trace.model }]);
+  bench.plots.left.set([{ label: "", colour: ANKLE, x, y: trace.measured.map((v, k) => v - trace.model[k]) }]);
+}
+
+function unwrapped(degrees) {
+  let turns = 0;
+  return degrees.map((v, k) => { if (k) turns -= 360 * Math.round((v - degrees[k - 1]) / 360); return v + turns; });
+}
+
+function tab(name) {
+  for (const id of ["motion", "fit"]) { byId(`${id}_plots`).hidden = id !== name; byId(`tab_${id}`).setAttribute("aria-pressed", id === name); }
+}
+for (const id of ["motion", "fit"]) byId(`tab_${id}`).onclick = () => tab(id);
+byId("start_fit").onclick = askFit;
+byId("stop_fit").onclick = () => tellServer("stop");
+byId("sine").onclick = () => tellServer("sine");
+byId("save_report").onclick = () => { byId("fit_state").textContent = "writing the report"; tellServer("report"); };
+
+function takeAway() {
+  busyWith("writing the file");
+  const { frequency, peak_to_peak, added_mass, values, delay_s } = state;
+  tellServer("take", { said: { frequency, peak_to_peak, added_mass, values, delay_s } });
+}
+function taken() {
+  busyWith("");
+  const link = element("a", "", { href: "/take", download: "foot.html" });
+  link.click();
+}
+
+// What the server says beside models and motions; false if it is none of that.
+function benchReceives(document_) {
+  const kinds = { data: listData, columns: form, progress, fitted, taken, complaint: d => complain(d.text), models: d => listModels(d), checked: d => checked(d), reported: () => { byId("fit_state").textContent = ""; open("/report", "_blank"); } };
+  if (!(document_.type in kinds)) return false;
+  kinds[document_.type](document_);
+  return true;
+}

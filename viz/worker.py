@@ -1,0 +1,151 @@
+"""A process beside the server that fits: one job a line of JSON on stdin, progress and results a line on stdout.
+
+It calls what a script would call. Stopping a fit is ending this process; the server starts another.
+"""
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, TextIO
+
+from viz.source import Source
+
+#: Called with each document of the worker, in a thread of its own.
+Told = Callable[[dict[str, Any]], None]
+#: Points of a trace that the page gets, and the periods of it.
+POINTS, PERIODS = 400, 3
+
+
+class Worker:
+    """The fitting process, from the server's side; it is made ready before the first job."""
+
+    def __init__(self, told: Told) -> None:
+        self._told = told
+        paths = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "viz.worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+            env=os.environ | {"PYTHONPATH": paths},
+        )  # fmt: skip
+        self._listener = threading.Thread(target=self._listen, name="worker", daemon=True)
+        self._listener.start()
+
+    def _listen(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self._told(json.loads(line))
+        self._process.wait()
+        self._told({"type": "ended"})
+
+    @property
+    def alive(self) -> bool:
+        """Whether it can take a job."""
+        return self._process.poll() is None
+
+    def ask(self, job: Mapping[str, Any]) -> None:
+        """Begin a job; `told` gets what comes of it."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(json.dumps(job) + "\n")
+        self._process.stdin.flush()
+
+    def stop(self) -> None:
+        """End the process, whatever it does."""
+        self._process.kill()
+        self._process.wait()
+        self._listener.join()
+        for pipe in (self._process.stdin, self._process.stdout):
+            with contextlib.suppress(OSError):  # what was still to be written to it
+                if pipe is not None:
+                    pipe.close()
+
+
+def job(sources: list[Source], model: str, values: Mapping[str, float], settings: Mapping[str, Any]) -> dict[str, Any]:
+    """A fit as the worker takes it; `values` are those that the model has in place of its own."""
+    about = {"do": "fit", "sources": [asdict(source) for source in sources], "model": model}
+    return about | {"values": dict(values), "settings": dict(settings)}
+
+
+def serve(jobs: TextIO, answers: TextIO) -> None:
+    """The process: make ready, then do what each line says."""
+    from fasbody.console import to_json
+    from fasbody.exceptions import FasError
+
+    def tell(document: Mapping[str, Any]) -> None:
+        answers.write(json.dumps(json.loads(to_json(document))) + "\n")
+        answers.flush()
+
+    _warm()
+    tell({"type": "ready"})
+    found: Any = None
+    for line in jobs:
+        asked = json.loads(line)
+        try:
+            if asked["do"] == "report" and found is not None:
+                found.write(asked["folder"])
+                tell({"type": "reported"})
+            else:
+                found = _fit(asked, tell)
+        except FasError as error:
+            tell({"type": "problem", "text": str(error)})
+        except Exception as error:
+            tell({"type": "problem", "text": f"the fit failed ({type(error).__name__}: {error})."})
+
+
+def _warm() -> None:
+    """Everything that a first fit would wait for: imports, and the compiled code."""
+    from fasbody.foot.model import load
+    from fasbody.recording.study import BUNDLED, read_file
+    from identification.estimate import fit_foot
+
+    fit_foot(read_file(BUNDLED / "recordings" / "20hz_0kg.csv"), load("two_dof"), starts=1)
+
+
+def _fit(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) -> Any:
+    from identification.derived import derived
+    from identification.estimate import fit_foot
+    from viz.load import load_foot
+
+    recordings = [Source(**source).read() for source in asked["sources"]]
+
+    def advance(what: str, done: int, total: int) -> None:
+        tell({"type": "progress", "what": what, "done": done, "total": total})
+
+    settings = dict(asked["settings"])
+    foot = load_foot(asked["model"]).with_values(asked["values"])
+    result = fit_foot(recordings, foot, advance=advance, **settings)
+    names = ", ".join(r.file for r in recordings[:3]) + (
+        f" and {len(recordings) - 3} more" if len(recordings) > 3 else ""
+    )
+    result = result.with_source(names)
+    more = derived(result)
+    tell({
+        "type": "fitted", "document": result.document(), "sentence": result.sentence(), "seconds": result.seconds,
+        "data": more.data, "curves": more.curves, "chi_square": more.chi_square,
+        "traces": [_trace(recording) for recording in result.recordings],
+    })  # fmt: skip
+    return result
+
+
+def _trace(recording: Any) -> dict[str, Any]:
+    """A few periods of a recording and its model, and what is left over; seconds from the start and m/s^2."""
+    time = recording.time_s - recording.time_s[0]
+    last = 1.0 if recording.frequency_hz is None else PERIODS / recording.frequency_hz
+    shown = time <= last
+    every = max(1, int(shown.sum() // POINTS))
+    pick = shown.nonzero()[0][::every]
+    measured, model = recording.measured[pick] - recording.measured.mean(), recording.model[pick]
+    return {
+        "file": recording.file, "time_s": time[pick].tolist(), "measured": measured.round(4).tolist(),
+        "model": model.round(4).tolist(), "fit_percent": recording.fit_percent,
+    }  # fmt: skip
+
+
+if __name__ == "__main__":
+    with os.fdopen(os.dup(1), "w") as private:  # nothing that a library prints gets into the answers
+        os.dup2(2, 1)
+        serve(sys.stdin, private)
