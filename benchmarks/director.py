@@ -187,7 +187,7 @@ class Rig:
 
     rate_hz, block = 1000.0, 16
     identity, latency_s = "rig", 0.0
-    base = 0
+    base = unplugs = 0
 
     def __init__(self, foot: Virtual, rng: np.random.Generator) -> None:
         self._foot, self._rng = foot, rng

@@ -223,7 +223,11 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Measure everything that the documentation states, into one table. Takes about half an hour.",
         ),
         Command("bench accuracy", "benchmarks.accuracy", "", "Errors of MuJoCo and twin against DOP853."),
-        Command("bench acquire", "benchmarks.acquire", "", "Measure acquisition; about five minutes."),
+        Command(
+            "bench acquire", "benchmarks.acquire", "",
+            "Measure acquisition; as long as the long recording, which runs beside the others, but at least "
+            "ten minutes.",
+        ),
         Command("bench arch", "benchmarks.arch", "", "Error, cost and stability of the stepped arch."),
         Command(
             "bench black-box", "benchmarks.black_box", "",

@@ -303,7 +303,7 @@ class Rig:
         lag: float = 1e-3,
     ) -> None:  # fmt: skip
         self.gain, self.clip, self.offset, self.ringing, self.fades = gain, clip, offset, ringing, fades
-        self.decoder, self.base = SimpleNamespace(hello=hello()), 0
+        self.decoder, self.base, self.unplugs = SimpleNamespace(hello=hello()), 0, 0
         self.watch: Watch | None = None
         self.is_on, self.was_on, self.volts, self.frequency_hz = False, False, 0.0, 20.0
         self.highest = self.now = self._amplitude = 0.0

@@ -135,7 +135,7 @@ def modes_of_a_body(
     as_json: JsonOption = False,
     out: OutOption = None,
 ) -> None:
-    """Modes of any elastic body: a bone, an insole block, a shoe sole; free, on its base, or held at a part of it.
+    """Modes of any elastic body: a bone, an insole block, a shoe sole; free, on its base, or held somewhere.
 
     The rigid motions of a free body are skipped. With --out, writes body.json, body.vtu (ParaView), body.npz (for
     python -m viz.cell) and modes.png.

@@ -1,4 +1,4 @@
-"""The modes of any body in a file: a bone, an insole block, a shoe sole; free, on its base, or held at a part of it.
+"""The modes of any body in a file: a bone, an insole block, a shoe sole; free, on its base, or held somewhere.
 
 Elements, matrices and solver are those of the cell. `python -m fasbody.cell modes`; docs/cell.md.
 """
