@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 #: Larger files are refused before they are read [bytes].
-_LARGEST = 150_000_000
+_LARGEST = 500_000_000
 #: What separates columns, in the order in which they are tried; a blank stands for any run of them.
 SEPARATORS = ("\t", ";", "|", ",", " ")
 #: A column of a file without a header, by its number.
