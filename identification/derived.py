@@ -313,10 +313,15 @@ def linearised(foot: Foot, step: float = 1e-6) -> np.ndarray:
     return A
 
 
+#: Limits that are further apart than this factor from the value say nothing: then there are none.
+_UNKNOWN = 1e6
+
+
 def _limits(values: np.ndarray, half: np.ndarray) -> list[tuple[float, float]]:
     """95 % limits: symmetric in the logarithm, as of the constants, where the value is positive."""
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         grown = np.exp(half / np.abs(values))
+        grown = np.where(grown > _UNKNOWN, np.inf, grown)
         low = np.where(values > 0, values / grown, values - half)
         high = np.where(values > 0, values * grown, values + half)
     return list(zip(low.tolist(), high.tolist(), strict=True))
