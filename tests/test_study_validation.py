@@ -1,7 +1,5 @@
 """Held-out errors by hand, leave one frequency out in all modes, linear against nonlinear damping."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from study_cases import NONLINEAR, power_laws, record, study
@@ -116,5 +114,3 @@ def test_what_cannot_be_validated(foot: Foot) -> None:
         leave_one_frequency_out(study(constant, F, (0.0,)), foot, "all")
     with pytest.raises(SettingError, match="three or more frequencies"):
         leave_one_frequency_out(study(constant, F[:2], (0.0,)), foot, "pooled")
-    with pytest.raises(SettingError, match="unknown mode"):
-        compare_damping([replace(record(constant, 20.0))], foot, "per-recording")

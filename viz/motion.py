@@ -18,7 +18,7 @@ from fasbody.foot.damper import algebraic_force
 from fasbody.foot.engine import SHAKER_CONTROLS, callbacks
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import names
-from fasbody.foot.shaker import BaseMotion, harmonics
+from fasbody.foot.shaker import CLOCK, BaseMotion, harmonics
 from fasbody.foot.simulate import Batch, Simulation
 from viz.anatomy.rest import frames as rest_frames
 from viz.settings import Settings
@@ -97,7 +97,8 @@ class Discrete:
         w = 2j * np.pi * np.asarray(frequency_hz, float)
         a, b = np.ones_like(w), np.exp(w * self.step)
         rise, j, k = (b - a) / self.step, w * a, w * b
-        return np.stack([a, j, (3 * rise - 2 * j - k) / self.step, (j + k - 2 * rise) / self.step**2], -1)
+        found = np.stack([a, j, (3 * rise - 2 * j - k) / self.step, (j + k - 2 * rise) / self.step**2], -1)
+        return found * CLOCK ** np.arange(4)
 
     def states(self, frequency_hz: Array) -> Array:
         """(n, states) complex steady states at t = 0 under a base acceleration exp(i w t)."""
@@ -121,7 +122,7 @@ def discretise(foot: Foot) -> Discrete:
         raise SettingError(f"{foot.name}: the viewer needs joints that are slides or hinges, not balls or free ones.")
     n, n_act = model.nv, model.na
     # Large enough for MuJoCo's constraint solver, which stops at an absolute gain and would see nothing in small ones.
-    size = np.concatenate([np.full(n, 1e-4), np.full(n, 1e-2), np.full(n_act, 1.0), [1.0, 1e2, 1e4, 1e6]])
+    size = np.concatenate([np.full(n, 1e-4), np.full(n, 1e-2), np.full(n_act, 1.0), [1.0, 0.1, 0.01, 1e-3]])
     states, count = 2 * n + n_act, len(size)
     push = np.concatenate([np.diag(size), -np.diag(size)])
     controls = np.zeros((2 * count, 1, SHAKER_CONTROLS))

@@ -30,8 +30,8 @@ CAPTURES, RECORDINGS, TRUTH = "captures", "recordings", "truth.json"
 _SLOWEST_HZ = 3.0
 #: A base that moves by less [m/s^2 rms] is at rest: simple sensors have 0.03 to 0.1 of noise, the thesis shakes at 6.3.
 _AT_REST = 0.2
-#: A sine is judged in pieces so long; one that differs from the next by a larger share (0.15 are 15 % or 9 degrees)
-#: is broken. Noise and a body that sways make a hundredth.
+#: A sine is judged in pieces at least so long; one that differs from the next by a larger share (0.15 are 15 % or
+#: 9 degrees) is broken. Noise and a body that sways make a hundredth.
 _PIECE_S, _PIECE_PERIODS, _BREAK = 0.25, 5.0, 0.15
 
 
@@ -227,8 +227,8 @@ def torn(index: np.ndarray, base: np.ndarray, rate_hz: float, frequency_hz: floa
     out = np.zeros(index.size, bool)
     if not frequency_hz:
         return out
-    size = round(max(_PIECE_S, _PIECE_PERIODS / frequency_hz) * rate_hz)
-    wave = base * np.exp(-2j * np.pi * frequency_hz / rate_hz * index)
+    size = round(np.ceil(max(_PIECE_S * frequency_hz, _PIECE_PERIODS)) / frequency_hz * rate_hz)  # whole periods
+    wave = (base - base.mean()) * np.exp(-2j * np.pi * frequency_hz / rate_hz * index)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(index) != 1) + 1, [index.size]])
     pieces = [
         (start, wave[start : start + size].mean())
