@@ -263,7 +263,7 @@ def test_the_judging_simulator_moves_the_foot(linear: Foot) -> None:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_sensor_on_the_foot_decides_the_mirror_of_a_nearly_linear_leg(foot: Foot, seed: int) -> None:
     made = replace(second.member(second.CLEAN, seed), loads_kg=(0.0,))
-    data = worlds.recordings(made, (10.0, 20.0, 30.0, 40.0), foot=True)
+    data = worlds.recordings(made, (10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0), foot=True)
     result = fit_foot(data, foot, starts=2, threads=1)
     name = branches.STIFF_ANKLE if made.leg.stiff_ankle else branches.STIFF_PAD
     assert (result.verdict, result.best.name) == ("decided", name)
