@@ -10,7 +10,7 @@ import re
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from io import BytesIO, StringIO
-from itertools import islice
+from itertools import islice, zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,6 +36,8 @@ _MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _OWN = ("time", "time_s", *(f"{name}_m_s2" for name in NAMES))
 #: A time of the day, with or without its date before it.
 _STAMP = re.compile(r"(?:[\d./-]{8,10}[T ]+)?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d)?")
+#: Longer texts are parsed by pandas, three times as fast as numpy's parser; importing it costs what this long takes.
+_LONG = 5_000_000
 _QUOTE = "opens a quotation mark that nothing closes"
 
 
@@ -254,31 +256,46 @@ def _numbers(
     file: Path, text: str, separator: str, names: Sequence[str], wanted: Mapping[str, int], first: int
 ) -> Channels:
     """The wanted columns as floats: fast for a sound file, and line by line to find what is wrong with another."""
-    import pandas as pd
-
     sample = _row(text, first, separator)
     decimal = "," if any("," in sample[i] for i in wanted.values() if i < len(sample)) else "."
     _no_wider(file, text, separator, len(names), first)
     body = text[offset(text, first) :]
     if COMMENT.match(body) or re.search(rf"\n{COMMENT.pattern}", body):
         body = "\n".join(line for line in body.split("\n") if not COMMENT.match(line))
+    order = list(wanted.values())
     try:
-        frame = pd.read_csv(
-            BytesIO(body.encode()), sep=r"\s+" if separator == " " else separator, decimal=decimal, header=None,
-            names=list(range(max(len(names), len(sample)))), usecols=sorted(wanted.values()), index_col=False,
-            skipinitialspace=True,
-        )  # fmt: skip
-        numeric = all(frame[index].dtype.kind in "iuf" for index in wanted.values())
-        values = {name: frame[index].to_numpy(float) for name, index in wanted.items()} if numeric else {}
-        if values and all(np.isfinite(v).all() for v in values.values()):
-            return values
-    except (ValueError, TypeError, pd.errors.ParserError):
+        table = _parsed(body, separator, decimal, order, max(len(names), len(sample)))
+        if order and np.isfinite(table).all():
+            return dict(zip(wanted, table.T.copy(), strict=True))
+    except (ValueError, TypeError):  # pandas' errors are ValueErrors, too
         pass
     kept: list[list[float]] = []
     for line, cells in rows(file, text, separator, first):
         kept.append([_cell(file, name, cells, index, line) for name, index in wanted.items()])
     table = np.array(kept, float).reshape(-1, len(wanted))
     return dict(zip(wanted, table.T, strict=True))
+
+
+def _parsed(body: str, separator: str, decimal: str, order: Sequence[int], width: int) -> np.ndarray:
+    """Columns of a sound table (n, columns), in this order.
+
+    Raises:
+        ValueError, TypeError: something in them is no number.
+    """
+    if not body.strip():
+        return np.empty((0, len(order)))
+    if len(body) < _LONG:
+        body = body.replace(",", ".") if decimal == "," else body
+        delimiter = None if separator == " " else separator
+        return np.loadtxt(StringIO(body), delimiter=delimiter, usecols=order, ndmin=2, comments=None, quotechar='"')
+    import pandas as pd
+
+    frame = pd.read_csv(
+        BytesIO(body.encode()), sep=r"\s+" if separator == " " else separator, decimal=decimal, header=None,
+        names=list(range(width)), usecols=sorted(order), index_col=False, skipinitialspace=True,
+        float_precision="round_trip",
+    )  # fmt: skip
+    return np.column_stack([frame[index].to_numpy(float) for index in order])
 
 
 def _seconds(file: Path, text: str, separator: str, index: int, first: int) -> np.ndarray:
@@ -317,14 +334,16 @@ def _cell(file: Path, name: str, cells: Sequence[str], index: int, line: int) ->
     return value
 
 
-def read_table(file: Path, needed: Sequence[str]) -> "pd.DataFrame":
-    """Read a small table as text, indexed by line number; an empty cell is NaN.
+#: A small table: line number -> column -> cell, None where it is empty.
+Rows = dict[int, dict[str, str | None]]
+
+
+def read_table(file: Path, needed: Sequence[str]) -> Rows:
+    """Read a small table as text.
 
     Raises:
         InputFileError: it is no table, or lacks a needed column.
     """
-    import pandas as pd
-
     text = read_text(file)
     line, separator, names = header(text, lambda cells: len(set(cells) & set(needed)))
     if not any(names):
@@ -335,23 +354,21 @@ def read_table(file: Path, needed: Sequence[str]) -> "pd.DataFrame":
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputFileError(file, f"has two columns {shown(twice)!r}", "keep one of them", line=line)
-    found = {}
+    found: Rows = {}
     for place, cells in rows(file, text, separator, line):
         if any(cells[len(names) :]):
             raise InputFileError(file, f"has {len(cells)} cells, and the header {len(names)}", line=place)
-        found[place] = [cell or None for cell in (cells + [""] * len(names))[: len(names)]]
-    return pd.DataFrame.from_dict(found, orient="index", columns=names, dtype=object)
+        found[place] = {name: cell or None for name, cell in zip_longest(names, cells[: len(names)])}
+    return found
 
 
-def column(file: Path, table: "pd.DataFrame", name: str, optional: bool = False) -> np.ndarray:
-    """One column of a table as numbers (n,); an empty cell is NaN if `optional`."""
-    values = []
-    for line, cell in table[name].items():
-        if optional and not cell:
-            values.append(float("nan"))
-        else:
-            values.append(_cell(file, name, [cell or ""], 0, int(str(line))))
-    return np.array(values)
+def column(file: Path, table: Rows, name: str, optional: bool = False) -> np.ndarray:
+    """One column of a table as numbers (n,); an empty cell, or a column that is not there, is NaN if `optional`."""
+    cells = {line: row.get(name) for line, row in table.items()}
+    return np.array(
+        [np.nan if optional and not cell else _cell(file, name, [cell or ""], 0, line) for line, cell in cells.items()],
+        float,
+    )
 
 
 def read_columns(file: Path) -> "pd.DataFrame":

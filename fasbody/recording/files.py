@@ -122,7 +122,7 @@ def beside(file: Path, layout: Layout) -> Layout:
         )  # fmt: skip
     if not columns and table.is_file() and table != file:
         listed = read_table(table, ("name", "units"))
-        columns, units = ([str(cell or "") for cell in listed[key]] for key in ("name", "units"))
+        columns, units = ([row[key] or "" for row in listed.values()] for key in ("name", "units"))
     units = ["" if unit.lower() == "n/a" else unit for unit in units]
     if columns and layout.columns:
         return replace(layout, rate_hz=rate or layout.rate_hz)

@@ -122,10 +122,9 @@ def listed(folder: Path, only: Path | None = None) -> tuple[Trial, ...]:
     file = folder / "recordings.csv"
     table = read_table(file, ("file", "subject", "added_mass_kg"))
     added = column(file, table, "added_mass_kg")
-    known = "frequency_hz" in table
-    frequency = column(file, table, "frequency_hz", optional=True) if known else np.full(len(table), np.nan)
+    frequency = column(file, table, "frequency_hz", optional=True)
     trials, lines = [], dict[Path, int]()
-    for i, (line, row) in enumerate(zip(table.index, table.to_dict("records"), strict=True)):
+    for i, (line, row) in enumerate(table.items()):
         subject, name = str(row["subject"] or ""), str(row["file"] or "")
         if not name:
             raise InputFileError(file, "names no file", line=line)
@@ -171,13 +170,13 @@ def _masses(file: Path) -> dict[str, float]:
     """Body mass [kg] of each subject."""
     table = read_table(file, ("subject", "mass_kg"))
     lines: dict[str, int] = {}
-    for line, cell in table["subject"].items():
-        subject = str(cell or "")
+    for line, row in table.items():
+        subject = row["subject"] or ""
         if subject in lines:
             raise InputFileError(
-                file, f"subject {subject!r} is listed in line {lines[subject]} already", "keep one row", int(str(line))
+                file, f"subject {subject!r} is listed in line {lines[subject]} already", "keep one row", line
             )
-        lines[subject] = int(str(line))
+        lines[subject] = line
     return dict(zip(lines, map(float, column(file, table, "mass_kg")), strict=True))
 
 
@@ -189,13 +188,13 @@ def people(folder: Path) -> "pd.DataFrame":
     """
     import pandas as pd
 
-    table = read_table(folder / "subjects.csv", ("subject", "mass_kg"))
+    table = pd.DataFrame(list(read_table(folder / "subjects.csv", ("subject", "mass_kg")).values()), dtype=object)
     for name in table.columns:
         if name != "subject":
             numbers = pd.to_numeric(table[name].str.replace(",", ".", regex=False), errors="coerce")
             if numbers.notna().sum() == table[name].notna().sum():
                 table[name] = numbers
-    return table.reset_index(drop=True)
+    return table
 
 
 def is_listed(file: Path, folder: Path) -> bool:
@@ -203,4 +202,5 @@ def is_listed(file: Path, folder: Path) -> bool:
     table = folder / "recordings.csv"
     if not (folder / "study.toml").is_file() or not table.is_file():
         return False
-    return file.resolve() in {(folder / str(name)).resolve() for name in read_table(table, ("file",))["file"]}
+    names = [row["file"] for row in read_table(table, ("file",)).values()]
+    return file.resolve() in {(folder / name).resolve() for name in names if name}

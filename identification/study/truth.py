@@ -65,7 +65,7 @@ class Truth:
         if (study / CONSTANTS).is_file():
             table = read_table(study / CONSTANTS, ("file", *NAMES))
             constants = {
-                str(row["file"]): {name: float(row[name]) for name in NAMES} for row in table.to_dict("records")
+                str(row["file"]): {name: float(row[name] or "nan") for name in NAMES} for row in table.values()
             }
         return cls(constants, same)
 
