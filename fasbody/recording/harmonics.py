@@ -69,7 +69,7 @@ def fit_harmonics(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, c
     sigma = float(np.sqrt(residual @ residual / dof))
     amplitudes = coefficients[1::2] - 1j * coefficients[2::2]
     std = np.full(count, sigma) * np.sqrt(2 / signal.size) * _colour(residual, rate, frequency_hz, count)
-    std, scatter, onset = _with_scatter(time_s, signal, frequency_hz, count, std, amplitudes[0])
+    std, scatter, onset = _with_scatter(basis, time_s, signal, frequency_hz, count, std, amplitudes[0])
     return Harmonics(frequency_hz, amplitudes[:count], std, float(coefficients[0]), sigma, scatter, onset)
 
 
@@ -136,8 +136,8 @@ _MOST_NOISE = 0.2
 class _Basis:
     """Columns P (n, p) of a least-squares fit, and what all signals on them share."""
 
-    def __init__(self, P: np.ndarray) -> None:
-        self.P, self._N = P, P.T @ P
+    def __init__(self, P: np.ndarray, N: np.ndarray | None = None) -> None:
+        self.P, self._N = P, P.T @ P if N is None else N
         self._normal = np.linalg.cond(self._N) < 1e4
 
     def solve(self, signal: np.ndarray) -> np.ndarray:
@@ -146,24 +146,48 @@ class _Basis:
             return np.linalg.solve(self._N, self.P.T @ signal)
         return np.linalg.lstsq(self.P, signal, rcond=None)[0]
 
+    @functools.cache  # noqa: B019 - a basis lives as long as the few that `_kept_basis` keeps
+    def parts(self, count: int, parts: int) -> "list[tuple[slice, _Basis]]":
+        """The first `count` harmonics on each of so many parts of the time."""
+        edges = np.linspace(0, len(self.P), parts + 1).astype(int)
+        return [(slice(a, b), _Basis(self.P[a:b, : 2 * count + 1])) for a, b in pairwise(edges)]
+
 
 def _basis(time_s: np.ndarray, frequency_hz: float, count: int) -> _Basis:
     return _kept_basis(time_s.tobytes(), frequency_hz, count)
 
 
-@functools.lru_cache(maxsize=16)  # the channels of a recording have one basis, and one for each of ten parts
+@functools.lru_cache(maxsize=4)  # the channels of a recording have one basis
 def _kept_basis(times: bytes, frequency_hz: float, count: int) -> _Basis:
     time_s = np.frombuffer(times)
     if time_s.size <= 2 * count + 1:
         raise RecordingError(f"{time_s.size} samples are too few for {count} harmonics; record at least one period.")
-    P = np.empty((time_s.size, 2 * count + 1))
-    P[:, 0] = 1.0
+    P = np.ones((2 * count + 1, time_s.size))
     first = np.exp(2j * np.pi * frequency_hz * time_s)
-    turning = first.copy()
-    for h in range(count):  # exp(i h w t) by multiplication: sines and cosines of each would cost most of the fit
-        P[:, 2 * h + 1], P[:, 2 * h + 2] = turning.real, turning.imag
+    turning, sums = first.copy(), [complex(time_s.size)]
+    for m in range(1, 2 * count + 1):  # exp(i m w t) by multiplication: sines of each would cost most of the fit
+        if m <= count:
+            P[2 * m - 1], P[2 * m] = turning.real, turning.imag
+        sums.append(turning.sum())
         turning *= first
-    return _Basis(P)
+    return _Basis(P.T, _products(np.array(sums)))
+
+
+def _products(sums: np.ndarray) -> np.ndarray:
+    """P^T P of 1, cos wt, sin wt, cos 2wt, ... from the sums of exp(i m w t), m = 0 to 2 H, over all samples.
+
+    2 cos h cos k = cos(h - k) + cos(h + k) and so on: 2 H sums in place of (2 H + 1)^2 products of long columns.
+    """
+    h = np.arange(len(sums) // 2 + 1)
+    less, more = h - h[:, None], h + h[:, None]
+    C, S = sums.real, sums.imag
+    near, far = C[abs(less)], C[more]
+    mixed = (S[more] + np.sign(less) * S[abs(less)]) / 2  # cos of the row, sin of the column
+    N = np.empty((2 * h.size, 2 * h.size))  # with sin 0, which goes
+    N[::2, ::2], N[1::2, 1::2] = (near + far) / 2, (near - far) / 2
+    N[::2, 1::2], N[1::2, ::2] = mixed, mixed.T
+    kept = np.arange(2 * h.size) != 1
+    return N[np.ix_(kept, kept)]
 
 
 def _colour(residual: np.ndarray, rate: float, frequency_hz: float, count: int) -> np.ndarray:
@@ -184,17 +208,22 @@ def _colour(residual: np.ndarray, rate: float, frequency_hz: float, count: int) 
 
 
 def _with_scatter(
-    time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, count: int, std: np.ndarray, fundamental: complex
+    basis: _Basis,
+    time_s: np.ndarray,
+    signal: np.ndarray,
+    frequency_hz: float,
+    count: int,
+    std: np.ndarray,
+    fundamental: complex,
 ) -> tuple[np.ndarray, float, float]:
     """Widen `std` to the scatter between parts of the recording where that is larger beyond chance."""
     periods = int((time_s[-1] - time_s[0]) * frequency_hz)
     parts = min(10, periods // 3)
     if parts < 4:
         return std, 0.0, 0.0
-    edges = np.linspace(0, time_s.size, parts + 1).astype(int)
     rows = []
-    for a, b in pairwise(edges):
-        c = _basis(time_s[a:b], frequency_hz, count).solve(signal[a:b])
+    for part, own in basis.parts(count, parts):
+        c = own.solve(signal[part])
         rows.append(c[1::2] - 1j * c[2::2])
     between = np.std(np.array(rows), axis=0, ddof=1) / np.sqrt(2 * parts)  # of a real part of the mean
     scatter = float(between[0] * np.sqrt(2 * parts) / max(1e-300, abs(fundamental)))
