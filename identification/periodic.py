@@ -271,7 +271,12 @@ class PeriodicProblem:
 
     def predict(self, q: np.ndarray) -> list[np.ndarray]:
         """Model harmonics (k H,) of each recording's sensors, delayed like the measurement."""
-        return [self.response(i, q)[0] for i in range(len(self.lines))]
+        return [Y for Y, _ in self.responses(q)]
+
+    def responses(self, z: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Model harmonics (k H,) of each recording, and their derivatives (k H, n) to z (n,)."""
+        found = (self.response(i, z) for i in range(len(self.lines)))
+        return [(Y, DY @ slope.astype(complex)) for Y, DY, slope in found]
 
     def _evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         key = q.tobytes()
@@ -281,10 +286,9 @@ class PeriodicProblem:
             r, J = np.empty(rows_in_all), np.empty((rows_in_all, q.size))
             row = 0
             try:
-                for i, (line, W) in enumerate(zip(self.lines, self._whiten, strict=True)):
-                    Y, DY, slope = self.response(i, q)
+                for line, W, (Y, DY) in zip(self.lines, self._whiten, self.responses(q), strict=True):
                     rows = slice(row, row + 2 * line.size)
-                    r[rows], J[rows] = W @ split(Y - line.measured), W @ split(DY) @ slope
+                    r[rows], J[rows] = W @ split(Y - line.measured), W @ split(DY)
                     row = rows.stop
                 P = self._projection
                 r, J = r - P.T @ (P @ r), J - P.T @ (P @ J)

@@ -2,13 +2,15 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from scipy.optimize import OptimizeResult, least_squares
 
 from fasbody.foot.model import Foot
 from identification.space import SearchSpace
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 
 class Problem(Protocol):
@@ -121,9 +123,11 @@ def descend(
         unstable = not np.isfinite(cost)
         cost = problem.size * UNSTABLE**2 if unstable else cost
     else:
+        from scipy.optimize import least_squares  # a quarter of a second that models with a twin need not wait
+
         before = problem.evaluations
 
-        def ended(intermediate_result: OptimizeResult) -> None:  # a valley of zeros is as flat as it is long
+        def ended(intermediate_result: "OptimizeResult") -> None:  # a valley of zeros is as flat as it is long
             if 2 * intermediate_result.cost <= ZERO * problem.size:
                 raise StopIteration
 

@@ -669,20 +669,41 @@ class WorldProblem(PeriodicProblem):
 
     def response(self, number: int, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Model harmonics (k H,) of one recording and their derivatives (k H, n); the third is the identity."""
-        Y, J = self._motion(number, z)
-        parts, count = [], self.lines[number].count
-        for place, name in enumerate(self.lines[number].sensors):
-            rows = slice(place * count, (place + 1) * count)
-            parts.append(self._sensed(number, z, name, Y[rows].copy(), J[rows].copy()))
-        return np.concatenate([y for y, _ in parts]), np.concatenate([j for _, j in parts]), np.eye(z.size)
+        return *self.responses(z)[number], np.eye(z.size)
 
-    def _sensed(
-        self, number: int, z: np.ndarray, sensor: str, Y: np.ndarray, J: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """What one sensor reads (H,) where the model's foot moves by Y (H,), and the derivatives (H, n)."""
-        line, world = self.lines[number], self.world
-        h = np.arange(1, line.count + 1)
-        f, U = line.base.frequency_hz * h, line.base.amplitudes
+    def responses(self, z: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """See `PeriodicProblem`; what a sensor adds to its motion is computed for all recordings at once."""
+        parts: list[dict[str, tuple[np.ndarray, np.ndarray]]] = [{} for _ in self.lines]
+        for name, (Y, J) in self._motions(z).items():
+            Y, J = self._sensed(name, z, Y, J)
+            end = 0
+            for i in self._having[name]:
+                begin, end = end, end + self.lines[i].count
+                parts[i][name] = Y[begin:end], J[begin:end]
+        both = ([part[name] for name in line.sensors] for line, part in zip(self.lines, parts, strict=True))
+        return [(np.concatenate([Y for Y, _ in each]), np.concatenate([J for _, J in each])) for each in both]
+
+    @cached_property
+    def _having(self) -> dict[str, list[int]]:
+        """The recordings that have a sensor, for each sensor."""
+        names = dict.fromkeys(name for line in self.lines for name in line.sensors)
+        return {name: [i for i, line in enumerate(self.lines) if name in line.sensors] for name in names}
+
+    @cached_property
+    def _drives(self) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Frequencies [Hz] and base harmonics (N,) that a sensor's recordings have, and their place in the session."""
+        found = {}
+        for name, numbers in self._having.items():
+            lines = [self.lines[i] for i in numbers]
+            f = [line.base.frequency_hz * np.arange(1, line.count + 1) for line in lines]
+            place = np.array(numbers) / max(1, len(self.lines) - 1) - 0.5
+            U = np.concatenate([line.base.amplitudes for line in lines])
+            found[name] = np.concatenate(f), U, np.repeat(place, [line.count for line in lines])
+        return found
+
+    def _sensed(self, sensor: str, z: np.ndarray, Y: np.ndarray, J: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What one sensor reads (N,) where the model's foot moves by Y (N,), and the derivatives (N, n)."""
+        world, (f, U, place) = self.world, self._drives[sensor]
         gain, delay, drift, mount, mount_damping, rocking = (of_sensor(kind, sensor) for kind in _EACH)
         if rocking in world.index:
             size, zeta = world.of(z, rocking), world.of(z, "rocking damping")
@@ -704,7 +725,6 @@ class WorldProblem(PeriodicProblem):
             by_zeta = 2j * f * np.sqrt(u) * (below - above_) / below**2
             J[:, world.index[mount_damping]] += Y * by_zeta * world.slope(mount_damping)
             Y = Y * M
-        place = number / max(1, len(self.lines) - 1) - 0.5
         late = 2j * np.pi * f
         turn = np.exp(-late * world.of(z, delay))
         factor = (1 + world.of(z, gain) + world.of(z, drift) * place) * turn
@@ -727,33 +747,32 @@ class WorldProblem(PeriodicProblem):
             return None
         return Orbits(self.engine, [line.count for line in self.lines], self.tolerance)
 
-    def _motion(self, number: int, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Harmonics (k H,) of one recording without what the instrument adds, and their derivatives (k H, n) to z."""
+    def _motions(self, z: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Harmonics (N,) of each sensor's recordings without what the instrument adds, and derivatives (N, n) to z."""
+        counts, having = [line.count for line in self.lines], self._having
         if self._orbits is None:
-            Y, DY, slope = super().response(number, z)
-            return Y, DY @ slope.astype(complex)
-        key = z.tobytes()
-        if key not in self._moved:
-            theta, slope = self.world.all_of(z)
-            found = self._orbits(theta)
-            if found is None:
-                raise SimulationError(f"no periodic motion for {z}.")
-            counts = [line.count for line in self.lines]
-            Y, J = found[0], np.einsum("sij,ijk->sik", found[1], np.repeat(slope, counts, axis=0))
-            if "relaxation time" in self.world.index:
-                Y, J = self._relaxed(z, Y, J)
-            ends = np.cumsum(counts)[:-1]
-            self._moved.clear()
-            self._moved[key] = list(zip(np.split(Y, ends, axis=1), np.split(J, ends, axis=1), strict=True))
-        Y, J = self._moved[key][number]
-        engine = self.engine
+            each: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {name: [] for name in having}
+            for i, line in enumerate(self.lines):
+                Y, DY, slope = super().response(i, z)
+                J = DY @ slope.astype(complex)
+                for k, name in enumerate(line.sensors):
+                    rows = slice(k * line.count, (k + 1) * line.count)
+                    each[name].append((Y[rows], J[rows]))
+            return {n: (np.concatenate([Y for Y, _ in a]), np.concatenate([J for _, J in a])) for n, a in each.items()}
+        theta, slope = self.world.all_of(z)
+        found = self._orbits(theta)
+        if found is None:
+            raise SimulationError(f"no periodic motion for {z}.")
+        Y, J = found[0], np.einsum("sij,ijk->sik", found[1], np.repeat(slope, counts, axis=0))
+        if "relaxation time" in self.world.index:
+            Y, J = self._relaxed(z, Y, J)
+        engine, whose = self.engine, np.repeat(np.arange(len(counts)), counts)
         assert isinstance(engine, Twin)
-        on = [int(engine.on_foot[engine.sensors.index(name)]) for name in self.lines[number].sensors]
-        return np.concatenate(Y[on]), np.concatenate(J[on])
-
-    @cached_property
-    def _moved(self) -> dict[bytes, list[tuple[np.ndarray, np.ndarray]]]:
-        return {}
+        moved = {}
+        for name, numbers in having.items():
+            on, kept = int(engine.on_foot[engine.sensors.index(name)]), np.isin(whose, numbers)
+            moved[name] = Y[on][kept], J[on][kept]
+        return moved
 
     def _relaxed(self, z: np.ndarray, Y: np.ndarray, J: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Harmonics of shank and foot on springs that relax, from those on springs right at the fundamental.
