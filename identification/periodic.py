@@ -369,31 +369,23 @@ class PeriodicProblem:
 
     def reweigh(self, q: np.ndarray) -> None:
         """Exact whitening at q (p,): the input's noise through the derivative of the orbit to each input harmonic."""
-        feet = [self.space.values(self.space.at(i, q)[0]) for i in range(len(self.lines))]
-        nudged, sizes, whose = [], [], []
+        kinds = self.engine.sensors
         for i, line in enumerate(self.lines):
-            U = line.base.amplitudes
-            for direction in np.concatenate([np.eye(line.count), 1j * np.eye(line.count)]):
-                nudge = 1e-4 * abs(U[0])
-                for sign in (1, -1):
-                    nudged.append(replace(self.engine.drives[i], amplitudes=U + sign * nudge * direction))
-                sizes.append(2 * nudge)
-                whose += [i, i]
-        engine = self.engine.on(nudged)
-        outputs = iter([engine.orbit(n, feet[i], self.space.names, 1e-6)[0] for n, i in enumerate(whose)])
-        size = iter(sizes)
-        for i, line in enumerate(self.lines):
+            foot, U = self.space.values(self.space.at(i, q)[0]), line.base.amplitudes
+            nudge = 1e-4 * abs(U[0])
+            units = np.concatenate([np.eye(line.count), 1j * np.eye(line.count)])
+            moved = [U + sign * nudge * unit for unit in units for sign in (1, -1)]
+            drives = [replace(self.engine.drives[i], amplitudes=amplitudes) for amplitudes in moved]
+            outputs = iter(self.engine.nearby(i, foot, self.space.names, drives))
             h = np.arange(1, line.count + 1)
             late = -2j * np.pi * line.base.frequency_hz * h
-            kinds = self.engine.sensors
-            turns = {name: np.exp(late * feet[i].get(delay_of(name).name, 0.0)) for name in line.sensors}
+            turns = {name: np.exp(late * foot.get(delay_of(name).name, 0.0)) for name in line.sensors}
             columns = []
-            for _ in range(2 * line.count):
-                up, down = next(outputs), next(outputs)
+            for up, down in zip(outputs, outputs, strict=True):
                 n = up.size // len(kinds)
                 spectra = np.fft.rfft((up - down).reshape(len(kinds), n))[:, h]
                 parts = [2 / n * spectra[kinds.index(name)] * turn for name, turn in turns.items()]
-                columns.append(split(np.concatenate(parts)) / next(size))
+                columns.append(split(np.concatenate(parts)) / (2 * nudge))
             G = np.column_stack(columns)
             own = np.concatenate([self._std(channel) for channel in line.sensors.values()])
             S = np.diag(np.tile(own**2, 2)) + (G * np.tile(self._std(line.base) ** 2, 2)) @ G.T

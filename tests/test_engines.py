@@ -4,6 +4,7 @@ And where the twin may stand for a model.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,19 @@ def test_a_loose_tolerance_is_corrected_to_first_order(foot: Foot) -> None:
     loose.orbit(1, {**VALUES, "k_T": 1.3e5}, NAMES, 1e-3)
     y, _ = loose.orbit(1, VALUES, NAMES, 1e-3)
     assert np.abs(y - tight).max() < 1e-5 * np.abs(tight).max()
+
+
+@pytest.mark.parametrize("kind", [Twin, Rollouts, CertifiedRollouts])
+def test_nearby_drives_move_the_orbit_as_shooting_afresh_does(foot: Foot, kind: type) -> None:
+    """What `reweigh` differences: the change of the output, not the output, has to be right."""
+    made = (foot, EXCITATIONS, ()) if kind is Rollouts else (foot, EXCITATIONS)
+    engine = kind(*made)
+    y, _ = Twin(foot, EXCITATIONS).orbit(1, VALUES, (), 1e-12)
+    drives = [replace(EXCITATIONS[1], amplitudes=np.array([-8.95j + 1e-3, 0.1 - 2e-3j]))]
+    (moved,) = engine.nearby(1, VALUES, (), drives)
+    want, _ = Twin(foot, drives).orbit(0, VALUES, (), 1e-12)
+    (still,) = engine.nearby(1, VALUES, (), [EXCITATIONS[1]])
+    assert np.abs(moved - still - (want - y)).max() < 1e-3 * np.abs(want - y).max()
 
 
 def test_no_orbit_is_an_error(foot: Foot) -> None:

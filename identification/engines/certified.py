@@ -72,6 +72,12 @@ class CertifiedRollouts(Orbits[D]):
         by_parameter = D[:, STATES:] + by_state @ dx
         return y + by_state @ step, by_parameter[:, [NAMES.index(name) for name in names]]
 
+    def nearby(
+        self, number: int, values: Mapping[str, float], names: Sequence[str], drives: Sequence[D]
+    ) -> list[np.ndarray]:
+        """See `Engine`; the twin's, as derivatives are."""
+        return self.twin.nearby(number, values, names, drives)
+
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:

@@ -164,6 +164,11 @@ class Engine(Protocol[D]):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Output (k n,) [m/s^2] at the samples, from states x0 (s,), and derivatives (k n, s + p) to both."""
 
+    def nearby(
+        self, number: int, values: Mapping[str, float], names: Sequence[str], drives: Sequence[D]
+    ) -> list[np.ndarray]:
+        """Outputs (k n,) over one period under drives that differ a little from one, to first order in that."""
+
     def start(self, number: int) -> np.ndarray:
         """States (s,) of the last orbit at time zero."""
 

@@ -76,6 +76,22 @@ class Twin(Orbits[D]):
         Y, DY, _, _, Z, DZ = both(*motion, self.feet)
         return self.stacked(Y, Z), self.stacked(DY, DZ)[:, [*self.order, *(4 + NAMES.index(name) for name in names)]]
 
+    def nearby(
+        self, number: int, values: Mapping[str, float], names: Sequence[str], drives: Sequence[D]
+    ) -> list[np.ndarray]:
+        """See `Engine`: one simulation a drive, closed by the monodromy matrix of the drive that they are near to."""
+        self.orbit(number, values, names, 1e-6)
+        x, full = super().start(number), {**values, **self.drives[number].masses}
+        given = (x, np.array([full[name] for name in NAMES]), full["m_S"], full["m_F"])
+        _, DY, _, S, _, DZ = both(*given, self.inputs[number], self.drives[number].step, 1, STATES, self.feet)
+        by_state, monodromy = self.stacked(DY, DZ)[:, :STATES], np.eye(STATES) - S[:, :STATES]
+        found = []
+        for drive in drives:
+            u = drive.motion.half_steps(drive.step, drive.steps)
+            Y, _, end, _, Z, _ = both(*given, u, drive.step, 1, 0, self.feet)
+            found.append(self.stacked(Y, Z) + by_state @ np.linalg.solve(monodromy, end - x))
+        return found
+
     def start(self, number: int) -> np.ndarray:
         """See `Engine`: states (4,)."""
         return super().start(number)[self.order]
