@@ -127,7 +127,7 @@ def planned(foot: Virtual) -> tuple[tuple[Step, ...], dict[str, float]]:
     from identification.plan.prior import Person
     from identification.plan.shaker import Shaker
 
-    person = Person(load("two_dof"), foot.body_kg, Known().told(exclude=("all",)), "made")
+    person = Person(load("two_dof"), foot.body_kg, Known().told(MASS_STD, exclude=("all",)), "made")
     director = Director(person, Shaker(), seed=foot.seed)
     steps = director.session(len(thesis()) // 3, sum(step.seconds for step in thesis()))
     return steps, dict(director.outlook(steps).half_width)
@@ -150,7 +150,7 @@ def trial(protocol: str, seed: int) -> Fitted:
     data = recorded(foot, steps, PROTOCOLS.index(protocol))
     began = time.process_time()
     try:
-        result = fit_foot(data, model, starts=STARTS, threads=1, exclude=("all",))
+        result = fit_foot(data, model, starts=STARTS, threads=1, exclude=("all",), mass_std=MASS_STD)
     except FasError as error:
         spent = time.process_time() - began
         return Fitted(
@@ -322,7 +322,7 @@ def session(seed: int) -> Ran:
 
     foot = virtual(10_000 + seed)
     rig = Rig(foot, np.random.default_rng([seed, 77]))
-    person = Person(load("two_dof"), foot.body_kg, Known().told(exclude=("all",)), "made")
+    person = Person(load("two_dof"), foot.body_kg, Known().told(MASS_STD, exclude=("all",)), "made")
     waits, since = [0.0], [time.process_time()]
 
     def record(step: Step) -> Recording:

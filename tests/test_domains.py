@@ -16,6 +16,7 @@ from fasbody.foot.model import Foot, load
 from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.checks import checked
 from fasbody.recording.condition import Condition
+from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.recording import Recording
 from identification.certification import certify_first
 from identification.domains import RESOLVED, PeriodicDomain, TimeDomain, choose_domain, halvings, resolved
@@ -170,6 +171,18 @@ def test_steady_recordings_are_periodic_and_broadband_ones_are_not(trial: Trial)
     assert choose_domain([steady], "time") == ("time", [])
     with pytest.raises(SettingError, match=r"20hz\.csv is not periodic.*use --domain time"):
         choose_domain([wide], "periodic")
+
+
+def test_a_weak_sine_in_noise_is_steady() -> None:
+    """Parts of a sine of 0.5 m/s^2 in noise of 1 m/s^2 scatter by 20 %, and by no more than the noise explains."""
+    t, rng = np.arange(4000) / 1000, np.random.default_rng(0)
+    found = [
+        fit_harmonics(t, 0.5 * np.sin(2 * np.pi * 45 * t) + rng.standard_normal(t.size), 45.0, 2) for _ in range(40)
+    ]
+    assert [each.scatter for each in found] == pytest.approx([0.0] * 40)
+    assert [each.onset for each in found] == pytest.approx([0.0] * 40)
+    beating = (1 + 0.3 * np.sin(2 * np.pi * 0.7 * t)) * 8 * np.sin(2 * np.pi * 45 * t) + rng.standard_normal(t.size)
+    assert fit_harmonics(t, beating, 45.0, 2).scatter == pytest.approx(0.3 / np.sqrt(2), rel=0.15)
 
 
 def test_a_beating_recording_goes_to_the_time_domain_and_says_why(trial: Trial) -> None:

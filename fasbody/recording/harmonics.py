@@ -18,6 +18,8 @@ _FITTED = 20
 #: The thesis filters at 100 Hz (section 2.2.3): harmonics above that are not compared.
 HIGHEST_HZ = 100.0
 HARMONICS = 6
+#: Scatter over that of the noise beyond chance: chi-square with 6 degrees of freedom or more exceeds it once in 1000.
+_BEYOND = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +30,10 @@ class Harmonics:
         frequency_hz: fundamental. amplitudes: (H,) complex [m/s^2].
         std: (H,) standard deviation of the real, and of the imaginary, part of each.
         offset: mean [m/s^2]. sigma: standard deviation of the noise in a sample [m/s^2].
-        scatter: relative standard deviation of the fundamental over the recording's parts: how periodic it is.
-        onset: relative difference of the first part's fundamental from the others': a start-up transient.
+        scatter: relative standard deviation of the fundamental over the recording's parts, less what white noise makes
+            of it: how periodic it is.
+        onset: relative difference of the first part's fundamental from the others', where it is more than noise: a
+            start-up transient.
     """
 
     frequency_hz: float
@@ -69,7 +73,9 @@ def fit_harmonics(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, c
     sigma = float(np.sqrt(residual @ residual / dof))
     amplitudes = coefficients[1::2] - 1j * coefficients[2::2]
     std = np.full(count, sigma) * np.sqrt(2 / signal.size) * _colour(residual, rate, frequency_hz, count)
-    std, scatter, onset = _with_scatter(basis, time_s, signal, frequency_hz, count, std, amplitudes[0])
+    white = np.sqrt(np.median(np.abs(np.fft.rfft(residual)) ** 2) / np.log(2) / signal.size)  # sidebands left out
+    floor = float(white * np.sqrt(2 / signal.size))
+    std, scatter, onset = _with_scatter(basis, time_s, signal, frequency_hz, count, std, amplitudes[0], floor)
     return Harmonics(frequency_hz, amplitudes[:count], std, float(coefficients[0]), sigma, scatter, onset)
 
 
@@ -139,6 +145,7 @@ class _Basis:
     def __init__(self, P: np.ndarray, N: np.ndarray | None = None) -> None:
         self.P, self._N = P, P.T @ P if N is None else N
         self._normal = np.linalg.cond(self._N) < 1e4
+        self._parts: dict[tuple[int, int], list[tuple[slice, _Basis]]] = {}
 
     def solve(self, signal: np.ndarray) -> np.ndarray:
         """Coefficients (p,); harmonics over whole periods are nearly orthogonal: normal equations lose no digits."""
@@ -146,11 +153,13 @@ class _Basis:
             return np.linalg.solve(self._N, self.P.T @ signal)
         return np.linalg.lstsq(self.P, signal, rcond=None)[0]
 
-    @functools.cache  # noqa: B019 - a basis lives as long as the few that `_kept_basis` keeps
     def parts(self, count: int, parts: int) -> "list[tuple[slice, _Basis]]":
         """The first `count` harmonics on each of so many parts of the time."""
-        edges = np.linspace(0, len(self.P), parts + 1).astype(int)
-        return [(slice(a, b), _Basis(self.P[a:b, : 2 * count + 1])) for a, b in pairwise(edges)]
+        if (count, parts) not in self._parts:
+            edges = np.linspace(0, len(self.P), parts + 1).astype(int)
+            made = [(slice(a, b), _Basis(self.P[a:b, : 2 * count + 1])) for a, b in pairwise(edges)]
+            self._parts[count, parts] = made
+        return self._parts[count, parts]
 
 
 def _basis(time_s: np.ndarray, frequency_hz: float, count: int) -> _Basis:
@@ -215,8 +224,13 @@ def _with_scatter(
     count: int,
     std: np.ndarray,
     fundamental: complex,
+    floor: float,
 ) -> tuple[np.ndarray, float, float]:
-    """Widen `std` to the scatter between parts of the recording where that is larger beyond chance."""
+    """Widen `std` to the scatter between parts of the recording where that is larger beyond chance.
+
+    Noise alone is neither a drift nor a transient: a weak sine is as steady as a strong one. `floor` is the standard
+    deviation of a real part of the mean that white noise explains.
+    """
     periods = int((time_s[-1] - time_s[0]) * frequency_hz)
     parts = min(10, periods // 3)
     if parts < 4:
@@ -226,8 +240,11 @@ def _with_scatter(
         c = own.solve(signal[part])
         rows.append(c[1::2] - 1j * c[2::2])
     between = np.std(np.array(rows), axis=0, ddof=1) / np.sqrt(2 * parts)  # of a real part of the mean
-    scatter = float(between[0] * np.sqrt(2 * parts) / max(1e-300, abs(fundamental)))
-    wide = between > 2.0 * std  # chi-square with 2 (parts - 1) >= 6 degrees: chance below 1e-3
+    size = max(1e-300, abs(fundamental))
+    more = between[0] ** 2 - floor**2 if between[0] > _BEYOND * floor else 0.0
+    scatter = float(np.sqrt(2 * parts * more) / size)
+    wide = between > _BEYOND * std
     first = [row[0] for row in rows]
-    onset = float(abs(first[0] - np.mean(first[1:])) / max(1e-300, abs(fundamental)))
+    late = abs(first[0] - np.mean(first[1:]))
+    onset = float(late / size) if late > 2 * _BEYOND * floor * np.sqrt(parts) else 0.0
     return np.where(wide, between, std), scatter, onset
