@@ -98,8 +98,8 @@ def constant(name: str, subjects: Sequence[str], logs: np.ndarray, errors: np.nd
     # what the fit leaves open, the mean as far as the value rests on it, and how uncertain the share is (Morris 1983)
     rests = (1 - share) ** 2
     doubt = 2 / (logs.size - 3) * rests * np.mean(errors**2 + tau**2) / (errors**2 + tau**2) * (logs - mu) ** 2
-    std = np.sqrt(share * errors**2 + rests * found.covariance[0, 0] + doubt)
-    width = float(student.ppf(0.5 + 0.5 * _LEVEL, len(subjects) - 1)) * std
+    normal, few = (float(student.ppf(0.5 + 0.5 * _LEVEL, dof)) for dof in (np.inf, len(subjects) - 1))
+    width = np.sqrt(normal**2 * share * errors**2 + few**2 * (rests * found.covariance[0, 0] + doubt))
     people = tuple(
         Person(who, float(np.exp(y)), float(s), *(float(np.exp(x)) for x in (z, z - w, z + w)))
         for who, y, s, z, w in zip(subjects, logs, errors, shrunk, width, strict=True)
