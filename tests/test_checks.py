@@ -8,6 +8,7 @@ import oracle
 import pytest
 
 from fasbody.exceptions import RecordingError
+from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.checks import apart, checked, gathered, understood
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.recording import Condition, Recording
@@ -323,3 +324,19 @@ def test_quality_of_broadband() -> None:
     alone = understood(Recording(np.arange(20000) / RATE, base, rng.normal(0, 5, 20000), file="x.csv"))
     assert alone["quality"]["coherence"] < 0.2 and "coherence of malleolus and base" in alone["warnings"][0]
     assert alone["quality"]["base"]["distortion"] is None
+
+
+def test_two_lightly_damped_masses_lag_by_more_than_half_a_turn() -> None:
+    """Closed form: 45 Hz lies above both resonances. With a wrong sign below the first it would be refused."""
+    foot = TwoDof(m_S=6.0, m_F=3.0, k_T=9e4, k_F=1.2e5, c_11=60, c_12=0, c_13=0, c_21=80, c_22=0, c_23=0)
+    t = np.arange(4000) / 1000
+    for hz, refused in ((45.0, False), (10.0, True)):
+        ratio = complex(foot.transmissibility(np.array([hz]))[0]) * (-1 if refused else 1)
+        assert np.degrees(np.angle(ratio)) > 90
+        base, malleolus = (np.real(a * np.exp(2j * np.pi * hz * t)) for a in (8.95, 8.95 * ratio))
+        recording = Recording(t, base, malleolus, condition=Condition(body_mass_kg=72.57, frequency_hz=hz))
+        if refused:
+            with pytest.raises(RecordingError, match="leads the base"):
+                checked(recording)
+        else:
+            assert any("more than half a turn" in text for text in checked(recording).warnings)

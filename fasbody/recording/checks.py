@@ -35,6 +35,8 @@ _UNLIKELY = 500.0
 _IN_G = "is it in g? Then name the column base_g"
 #: A passive foot lags behind its base; it may seem to lead by so much where loggers take channels one by one [deg].
 _LEAD_DEG = 1.0
+#: Where the malleolus moves by less than this share of the base, a foot is above its resonance.
+_ABOVE = 0.6
 #: The third harmonic, over the fundamental, of tops that a saturated sensor flattens, and over the base's.
 _FLAT_TOPS, _MORE_THAN_BASE = 0.025, 3.0
 _SUSPECT_TOPS = 0.01
@@ -331,7 +333,9 @@ def _quality(recording: Recording, found: Quality, frequency: float | None, warn
     base, malleolus = found.channels["base"], found.channels["malleolus"]
     _, delay_std = gain_and_delay(recording, "malleolus", "base")
     sure = 3 * np.hypot(found.lead_std_deg, 360 * (frequency or 20.0) * delay_std)
-    if found.lead_deg > _LEAD_DEG + sure and found.coherence > _COHERENT[False]:
+    size = malleolus.level_m_s2.mean() / base.level_m_s2.mean() if base.level_m_s2.size else 1.0
+    leads = found.lead_deg > _LEAD_DEG + sure and not (frequency and _late(size, found.lead_deg))
+    if leads and found.coherence > _COHERENT[False]:
         raise _fail(
             recording,
             f"the malleolus leads the base by {found.lead_deg:.1f} degrees {at}, which no passive foot does; the "
@@ -428,6 +432,11 @@ def _cost(recording: Recording, found: Quality, frequency: float, warnings: list
         )
 
 
+def _late(size: float, lead_deg: float) -> bool:
+    """Whether a lead is a lag of 180 to 270 degrees, as two masses have above both resonances: they move little."""
+    return lead_deg > 90 and size < _ABOVE
+
+
 def _level(recording: Recording, frequency: float, warnings: list[str]) -> None:
     """Amplitudes and phase that a foot on a shaker can have."""
     t = recording.time_s
@@ -453,7 +462,12 @@ def _level(recording: Recording, frequency: float, warnings: list[str]) -> None:
             f"{hint}."
         )
     lead = np.degrees(np.angle(ratio))
-    if lead > 10:
+    if _late(abs(ratio), lead):
+        warnings.append(
+            f"{recording.file}: the malleolus lags the base by {360 - lead:.0f} degrees at {frequency:.4g} Hz, more "
+            "than half a turn: a foot well above its resonance does, and so does a wrong sign (study.toml: sign)."
+        )
+    elif lead > 10:
         early = lead / 360 / frequency
         raise _fail(
             recording,
