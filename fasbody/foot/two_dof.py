@@ -126,8 +126,9 @@ def _rates(x, p, m_S, m_F, u, f, A, B):  # type: ignore[no-untyped-def]
     return f_T
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def trajectory(x0, p, m_S, m_F, u, h, stride, columns):  # type: ignore[no-untyped-def]
+def trajectory(
+    x0: np.ndarray, p: np.ndarray, m_S: float, m_F: float, u: np.ndarray, h: float, stride: int, columns: int
+) -> tuple[np.ndarray, ...]:
     """Integrate states and sensitivities by fourth-order Runge-Kutta.
 
     Args:
@@ -148,6 +149,8 @@ def trajectory(x0, p, m_S, m_F, u, h, stride, columns):  # type: ignore[no-untyp
 @njit(cache=True, nogil=True, error_model="numpy")
 def both(x0, p, m_S, m_F, u, h, stride, columns, feet):  # type: ignore[no-untyped-def]
     """`trajectory` with the acceleration of the foot's mass beside that of the malleolus.
+
+    Compiled callers give no constant for `stride`, `columns` and `feet`: numba compiles anew for each that it sees.
 
     Args: as `trajectory`.
         feet: compute what follows it in the result, else that is empty.
@@ -200,14 +203,17 @@ def path(x0, p, m_S, m_F, u, h):  # type: ignore[no-untyped-def]
     """States (n, 4) at the start of each of n steps; arguments as `trajectory`."""
     n = (u.size - 1) // 2
     out, x = np.empty((n, STATES)), x0.copy()
+    stride, columns, feet = x.size // STATES, x.size - STATES, x.size > STATES  # 1, 0, False: see `both`
     for k in range(n):
         out[k] = x
-        _, _, x, _ = trajectory(x, p, m_S, m_F, u[2 * k : 2 * k + 3], h, 1, 0)
+        _, _, x, _, _, _ = both(x, p, m_S, m_F, u[2 * k : 2 * k + 3], h, stride, columns, feet)
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def periodic(x0, p, m_S, m_F, u, h, tolerance, passes, columns=_COLUMNS):  # type: ignore[no-untyped-def]
+def periodic(
+    x0: np.ndarray, p: np.ndarray, m_S: float, m_F: float, u: np.ndarray, h: float, tolerance: float, passes: int,
+    columns: int = _COLUMNS,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:  # fmt: skip
     """Periodic orbit by shooting: Newton on the initial states over one period, then exact derivatives along the orbit.
 
     Args: as `trajectory`; `u` spans one period.
@@ -226,24 +232,94 @@ def periodic(x0, p, m_S, m_F, u, h, tolerance, passes, columns=_COLUMNS):  # typ
 def both_periodic(x0, p, m_S, m_F, u, h, tolerance, passes, columns, feet):  # type: ignore[no-untyped-def]
     """`periodic` with the acceleration of the foot's mass (n,) and its derivatives (n, 8 or 10) behind its results.
 
+    Loops instead of NumPy's words: those took numba five times as long to compile, for every user's first fit.
+
     Args: as `periodic`.
         feet: compute them, else they are empty.
     """
-    eye = np.eye(STATES)
-    x = x0.copy()
+    x, gap = x0.copy(), np.inf
+    width = columns - STATES
+    A, X = np.empty((STATES, STATES)), np.empty((STATES, 1 + width))
     for _ in range(passes):
-        Y, DY, xT, S, Z, DZ = both(x, p, m_S, m_F, u, h, 1, columns, feet)
-        if not (np.isfinite(xT).all() and np.isfinite(S).all()):
-            return Y, DY[:, STATES:].copy(), x, S[:, STATES:].copy(), np.inf, Z, DZ[:, STATES:].copy()
-        by_state, by_p = np.ascontiguousarray(S[:, :STATES]), np.ascontiguousarray(S[:, STATES:])
-        if np.linalg.det(eye - by_state) == 0.0:  # nothing left of the states after a period, or far too much
-            return Y, DY[:, STATES:].copy(), x, by_p, np.inf, Z, DZ[:, STATES:].copy()
-        step = np.linalg.solve(eye - by_state, xT - x)
-        x += step
-        gap = np.abs(step).max() / max(1e-12, np.abs(x).max())
+        Y, DY, xT, S, Z, DZ = both(x, p, m_S, m_F, u, h, x.size // STATES, columns, feet)  # every step
+        finite = True
+        for i in range(STATES):
+            X[i, 0] = xT[i] - x[i]
+            for j in range(STATES):
+                A[i, j] = (1.0 if i == j else 0.0) - S[i, j]
+                finite = finite and np.isfinite(A[i, j])
+            for j in range(width):
+                X[i, 1 + j] = S[i, STATES + j]
+            for j in range(1 + width):
+                finite = finite and np.isfinite(X[i, j])
+        # without a solution nothing is left of the states after a period, or far too much
+        if not (finite and solved(A, X)):
+            X[:] = 0.0
+            gap = np.inf
+            break
+        moved, size = 0.0, 1e-12
+        for i in range(STATES):
+            x[i] += X[i, 0]
+            moved, size = max(moved, abs(X[i, 0])), max(size, abs(x[i]))
+        gap = moved / size
         if gap < tolerance or not np.isfinite(gap):
             break
-    dx = np.linalg.solve(eye - by_state, by_p)
-    dY_dx = np.ascontiguousarray(DY[:, :STATES])
-    dZ_dx = np.ascontiguousarray(DZ[:, :STATES])
-    return Y + dY_dx @ step, DY[:, STATES:] + dY_dx @ dx, x, dx, gap, Z + dZ_dx @ step, DZ[:, STATES:] + dZ_dx @ dx
+    dx = np.empty((STATES, width))
+    for i in range(STATES):
+        for j in range(width):
+            dx[i, j] = X[i, 1 + j]
+    Y, dY = _followed(Y, DY, X)
+    Z, dZ = _followed(Z, DZ, X)
+    return Y, dY, x, dx, gap, Z, dZ
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def solved(A, X):  # type: ignore[no-untyped-def]
+    """Solve A X' = X by elimination with pivots, as LAPACK does it; NumPy's word for it takes numba ten times as long.
+
+    Args:
+        A: (n, n), overwritten. X: (n, k), overwritten by the solution.
+
+    Returns:
+        Whether there is one.
+    """
+    n, width = X.shape
+    for i in range(n):
+        top = i
+        for r in range(i + 1, n):
+            if abs(A[r, i]) > abs(A[top, i]):
+                top = r
+        if not abs(A[top, i]) > 0.0:
+            return False
+        if top != i:
+            for j in range(n):
+                A[i, j], A[top, j] = A[top, j], A[i, j]
+            for j in range(width):
+                X[i, j], X[top, j] = X[top, j], X[i, j]
+        for r in range(i + 1, n):
+            share = A[r, i] / A[i, i]
+            for j in range(i + 1, n):
+                A[r, j] -= share * A[i, j]
+            for j in range(width):
+                X[r, j] -= share * X[i, j]
+    for i in range(n - 1, -1, -1):
+        for r in range(i + 1, n):
+            for j in range(width):
+                X[i, j] -= A[i, r] * X[r, j]
+        for j in range(width):
+            X[i, j] /= A[i, i]
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _followed(Y, DY, X):  # type: ignore[no-untyped-def]
+    """Y (n,) and derivatives (n, k - 4) from DY (n, k) where the initial states move by X (4, 1 + k - 4)."""
+    out, slopes = Y.copy(), np.empty((DY.shape[0], X.shape[1] - 1))
+    for t in range(Y.size):
+        for i in range(STATES):
+            out[t] += DY[t, i] * X[i, 0]
+        for j in range(slopes.shape[1]):
+            slopes[t, j] = DY[t, STATES + j]
+            for i in range(STATES):
+                slopes[t, j] += DY[t, i] * X[i, 1 + j]
+    return out, slopes

@@ -8,6 +8,9 @@ The steps are those of the trust-region-reflective method as scipy's `least_squa
 subproblem is solved by More's method on one singular value decomposition, and of the step up to the bound, its
 reflection and the scaled gradient the best is taken. The search is the same as scipy's, step by step
 (tests/test_compiled.py); only the hundred small Python calls of each step are gone.
+
+Loops stand here instead of NumPy's words, and no constant is an argument of a compiled function: for each expression
+and each constant numba compiles code of its own, and with every caller once more. The first fit waited a minute for it.
 """
 
 import functools
@@ -21,7 +24,7 @@ import numpy as np
 from numba import njit
 
 from fasbody.foot import two_dof
-from fasbody.foot.two_dof import NAMES, STATES, WITH_MASSES, both_periodic, periodic
+from fasbody.foot.two_dof import NAMES, STATES, both_periodic
 from identification.engines.engine import LOST, PASSES, Excitation
 from identification.engines.twin import Twin
 from identification.search import UNSTABLE, ZERO
@@ -66,14 +69,14 @@ class Compiled:
             np.array([[m["m_S"], m["m_F"], e.frequency_hz, e.step] for m, e in zip(masses, drives, strict=True)]),
             np.array([e.steps for e in drives]), np.concatenate(self.twin.inputs), counts,
             np.concatenate(self.measured), np.concatenate([W.ravel() for W in self.whiten]), self.shared,
-            tolerance, gap, most,
+            tolerance, gap, most, PASSES, STATES + _P, False,
         )  # fmt: skip
 
 
 @njit(nogil=True, error_model="numpy")
 def _residual(  # type: ignore[no-untyped-def]
     q, logarithmic, scale, column, fixed, delay, about, steps, inputs, counts, measured, whiten, shared, gap,
-    last_x, last_dx, last_p, r, J,
+    passes, columns, feet, last_x, last_dx, last_p, r, J,
 ):  # fmt: skip
     """Whitened residual r (n,) and Jacobian J (n, p) at q; returns whether every recording has an orbit."""
     p = fixed.copy()
@@ -86,23 +89,35 @@ def _residual(  # type: ignore[no-untyped-def]
         else:
             delay = value
     at_input, at_line, at_whiten, row = 0, 0, 0, 0
+    guess, DA = np.empty(STATES), np.empty(_P, np.complex128)
     for i in range(counts.size):
-        m_S, m_F, frequency, h = about[i]
+        m_S, m_F, frequency, h = about[i, 0], about[i, 1], about[i, 2], about[i, 3]
         n, H = steps[i], counts[i]
         u = inputs[at_input : at_input + 2 * n + 1]
-        guess = last_x[i] + last_dx[i] @ (p - last_p)
-        Y, DY, x, dx, miss = periodic(guess, p, m_S, m_F, u, h, gap, PASSES)
-        if not miss < gap:
-            Y, DY, x, dx, miss = periodic(np.zeros(STATES), p, m_S, m_F, u, h, gap, PASSES)
+        for k in range(STATES):
+            guess[k] = last_x[i, k]
+            for j in range(_P):
+                guess[k] += last_dx[i, k, j] * (p[j] - last_p[j])
+        miss = np.inf
+        for _ in range(2):
+            Y, DY, x, dx, miss, _, _ = both_periodic(guess, p, m_S, m_F, u, h, gap, passes, columns, feet)
+            if miss < gap:
+                break
+            guess[:] = 0.0
         if not miss < LOST:
             return False
-        last_x[i], last_dx[i] = x, dx
-        W = whiten[at_whiten : at_whiten + 4 * H * H].reshape(2 * H, 2 * H)
-        plain, D = np.empty(2 * H), np.zeros((2 * H, q.size))
+        for k in range(STATES):
+            last_x[i, k] = x[k]
+            for j in range(_P):
+                last_dx[i, k, j] = dx[k, j]
+        plain, D = np.empty(2 * H), np.empty((2 * H, q.size))
         for k in range(H):
-            turn = np.exp(-2j * np.pi * frequency * (k + 1) * delay) * 2.0 / n
-            step, at = np.exp(-2j * np.pi * (k + 1) / n), turn
-            A, DA = 0j, np.zeros(_P, np.complex128)
+            turn = -2.0 * np.pi * frequency * (k + 1) * delay
+            at = (np.cos(turn) + 1j * np.sin(turn)) * (2.0 / n)
+            turn = -2.0 * np.pi * (k + 1) / n
+            step = np.cos(turn) + 1j * np.sin(turn)
+            A = 0j
+            DA[:] = 0j
             for s in range(n):
                 A += at * Y[s]
                 for j in range(_P):
@@ -113,91 +128,64 @@ def _residual(  # type: ignore[no-untyped-def]
             for j in range(q.size):
                 d = DA[column[j]] if column[j] >= 0 else -2j * np.pi * frequency * (k + 1) * A
                 D[k, j], D[H + k, j] = d.real * slope[j], d.imag * slope[j]
-        r[row : row + 2 * H] = W @ plain
-        J[row : row + 2 * H] = W @ D
+        for k in range(2 * H):
+            r[row + k] = 0.0
+            for j in range(q.size):
+                J[row + k, j] = 0.0
+            for s in range(2 * H):
+                w = whiten[at_whiten + 2 * H * k + s]
+                r[row + k] += w * plain[s]
+                for j in range(q.size):
+                    J[row + k, j] += w * D[s, j]
         at_input, at_line, at_whiten, row = at_input + 2 * n + 1, at_line + H, at_whiten + 4 * H * H, row + 2 * H
+    by = np.empty(q.size)
+    finite = True
     for k in range(shared.shape[0]):
-        along = shared[k]
-        r -= along * (along @ r)
-        J -= np.outer(along, along @ J)
-    last_p[:] = p
-    return bool(np.isfinite(r).all() and np.isfinite(J).all())
+        all_r = 0.0
+        by[:] = 0.0
+        for i in range(r.size):
+            all_r += shared[k, i] * r[i]
+            for j in range(q.size):
+                by[j] += shared[k, i] * J[i, j]
+        for i in range(r.size):
+            r[i] -= shared[k, i] * all_r
+            for j in range(q.size):
+                J[i, j] -= shared[k, i] * by[j]
+    for i in range(r.size):
+        finite = finite and np.isfinite(r[i])
+        for j in range(q.size):
+            finite = finite and np.isfinite(J[i, j])
+    for j in range(_P):
+        last_p[j] = p[j]
+    return finite
 
 
 @njit(nogil=True, error_model="numpy")
-def _descend(  # type: ignore[no-untyped-def]
-    q0, low, high, logarithmic, scale, column, fixed, delay, about, steps, inputs, counts, measured, whiten, shared,
-    tolerance, gap, most,
-):  # fmt: skip
-    """The method of scipy's `trf_bounds` with its exact solver and x_scale="jac"; names as there."""
-    rows, p = 2 * counts.sum(), q0.size
-    last_x, last_dx = np.zeros((counts.size, STATES)), np.zeros((counts.size, STATES, _P))
-    last_p = fixed.copy()
-    f, J, x = np.empty(rows), np.empty((rows, p)), q0.copy()
-    f_new, J_new = np.empty(rows), np.empty((rows, p))
-    data = (logarithmic, scale, column, fixed, delay, about, steps, inputs, counts, measured, whiten, shared, gap)
-    if not _residual(x, *data, last_x, last_dx, last_p, f, J):
-        return x, np.inf, 1, False
-    cost, evaluations, alpha = 0.5 * (f @ f), 1, 0.0
-    unit = np.zeros(p)  # largest column norms met
-    radius = -1.0
-    while evaluations < most:
-        g = J.T @ f
-        for j in range(p):
-            unit[j] = max(unit[j], np.sqrt(np.sum(J[:, j] ** 2)))
-        inverse = np.where(unit > 0.0, unit, 1.0)
-        v, dv = scaling(x, g, low, high)
-        steep = np.abs(g * v).max()
-        v = np.where(dv != 0.0, v * inverse, v)
-        if radius < 0.0:
-            start = x * inverse / np.sqrt(v)
-            radius = max(np.sqrt(start @ start), 1e-300)
-        if steep < tolerance or 2.0 * cost <= ZERO * rows:
-            return x, 2.0 * cost, evaluations, True
-        d, diagonal = np.sqrt(v) / inverse, g * dv / inverse
-        g_h = d * g
-        augmented = np.zeros((rows + p, p))
-        augmented[:rows] = J * d
-        J_h = augmented[:rows]
-        for j in range(p):
-            augmented[rows + j, j] = np.sqrt(diagonal[j])
-        U, s, Vt = np.linalg.svd(augmented, False)
-        U_f = np.ascontiguousarray(U[:rows].T) @ f
-        V = np.ascontiguousarray(Vt.T)
-        theta = max(0.995, 1.0 - steep)
-        improved = False
-        while not improved and evaluations < most:
-            step_h, alpha = restrained(U_f, s, V, radius, alpha, rows >= p)
-            step, step_h, expected = reflected(x, J_h, g_h, diagonal, step_h, d, radius, low, high, theta)
-            new = x + step
-            for j in range(p):
-                if new[j] <= low[j]:
-                    new[j] = np.nextafter(low[j], high[j])
-                elif new[j] >= high[j]:
-                    new[j] = np.nextafter(high[j], low[j])
-            evaluations += 1
-            there = _residual(new, *data, last_x, last_dx, last_p, f_new, J_new)
-            size = np.sqrt(step_h @ step_h)
-            cost_new = 0.5 * (f_new @ f_new) if there else 0.5 * rows * UNSTABLE**2
-            gain = cost - cost_new
-            ratio = gain / expected if expected > 0.0 else 0.0
-            before = radius
-            if ratio < 0.25:
-                radius = 0.25 * size
-            elif ratio > 0.75 and size > 0.95 * radius:
-                radius *= 2.0
-            improved = gain > 0.0
-            still = np.sqrt(step @ step) < tolerance * (tolerance + np.sqrt(x @ x))
-            ended = still or (gain < tolerance * cost and ratio > 0.25)
-            if ended:
-                if improved:
-                    x, cost = new, cost_new
-                return x, 2.0 * cost, evaluations, True
-            alpha *= before / radius
-        if improved:
-            x, cost = new, cost_new
-            f[:], J[:] = f_new, J_new
-    return x, 2.0 * cost, evaluations, False
+def _dot(a, b):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for j in range(a.size):
+        total += a[j] * b[j]
+    return total
+
+
+@njit(nogil=True, error_model="numpy")
+def _times(A, x):  # type: ignore[no-untyped-def]
+    """A x."""
+    out = np.zeros(A.shape[0])
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            out[i] += A[i, j] * x[j]
+    return out
+
+
+@njit(nogil=True, error_model="numpy")
+def _against(A, x):  # type: ignore[no-untyped-def]
+    """A^T x for as many rows as x has."""
+    out = np.zeros(A.shape[1])
+    for i in range(x.size):
+        for j in range(A.shape[1]):
+            out[j] += A[i, j] * x[i]
+    return out
 
 
 class Orbits:
@@ -228,59 +216,62 @@ class Orbits:
         """
         Y, DY = np.empty((2, self._counts.sum()), complex), np.empty((2, self._counts.sum(), _P + 2), complex)
         found = _stamped_orbits(_sources())(
-            theta, self._about, self._steps, self._inputs, self._counts, self._gap, self._x, self._dx, self._theta,
-            Y, DY,
+            theta, self._about, self._steps, self._inputs, self._counts, self._gap, PASSES, True, self._x, self._dx,
+            self._theta, Y, DY,
         )  # fmt: skip
         return (Y, DY) if found else None
 
 
-@njit(nogil=True, error_model="numpy")
-def _orbits(  # type: ignore[no-untyped-def]
-    theta, about, steps, inputs, counts, gap, last_x, last_dx, last_theta, out, slopes
-):  # fmt: skip
-    """Fill harmonics and derivatives; returns whether every recording has an orbit."""
-    at_input, row = 0, 0
-    width = theta.shape[1]
-    for i in range(counts.size):
-        n, H = steps[i], counts[i]
-        u, p = inputs[at_input : at_input + 2 * n + 1], theta[i, :_P].copy()
-        guess, m_S, m_F, h = (
-            last_x[i] + last_dx[i] @ (theta[i] - last_theta[i]),
-            theta[i, _P],
-            theta[i, _P + 1],
-            about[i, 1],
-        )
-        miss = np.inf
-        for _ in range(2):
-            Y, DY, x, dx, miss, Z, DZ = both_periodic(guess, p, m_S, m_F, u, h, gap, PASSES, WITH_MASSES, True)
-            if miss < gap:
-                break
-            guess = np.zeros(STATES)
-        if not miss < LOST:
-            return False
-        last_x[i], last_dx[i], last_theta[i] = x, dx, theta[i]
-        for k in range(H):
-            step, at = np.exp(-2j * np.pi * (k + 1) / n), 2.0 / n + 0j
-            out[:, row + k], slopes[:, row + k] = 0j, 0j
-            for s in range(n):
-                out[0, row + k] += at * Y[s]
-                out[1, row + k] += at * Z[s]
-                for j in range(width):
-                    slopes[0, row + k, j] += at * DY[s, j]
-                    slopes[1, row + k, j] += at * DZ[s, j]
-                at *= step
-        at_input, row = at_input + 2 * n + 1, row + H
-    return True
-
-
 @functools.cache
 def _stamped_orbits(stamp: int) -> Any:
-    """`_orbits`, kept as `_stamped` is."""
+    """What `Orbits` calls, kept as `_stamped` is."""
 
     @njit(cache=True, nogil=True, error_model="numpy")
-    def orbits(*arguments):  # type: ignore[no-untyped-def]
+    def orbits(  # type: ignore[no-untyped-def]
+        theta, about, steps, inputs, counts, gap, passes, feet, last_x, last_dx, last_theta, out, slopes
+    ):  # fmt: skip
+        """Fill harmonics and derivatives; returns whether every recording has an orbit."""
         assert stamp != 0
-        return _orbits(*arguments)
+        at_input, row = 0, 0
+        width = theta.shape[1]
+        guess, p = np.empty(STATES), np.empty(_P)
+        for i in range(counts.size):
+            n, H = steps[i], counts[i]
+            u = inputs[at_input : at_input + 2 * n + 1]
+            for j in range(_P):
+                p[j] = theta[i, j]
+            for k in range(STATES):
+                guess[k] = last_x[i, k]
+                for j in range(width):
+                    guess[k] += last_dx[i, k, j] * (theta[i, j] - last_theta[i, j])
+            m_S, m_F, h = theta[i, _P], theta[i, _P + 1], about[i, 1]
+            miss = np.inf
+            for _ in range(2):
+                Y, DY, x, dx, miss, Z, DZ = both_periodic(guess, p, m_S, m_F, u, h, gap, passes, STATES + width, feet)
+                if miss < gap:
+                    break
+                guess[:] = 0.0
+            if not miss < LOST:
+                return False
+            for j in range(width):
+                last_theta[i, j] = theta[i, j]
+                for k in range(STATES):
+                    last_dx[i, k, j] = dx[k, j]
+            for k in range(STATES):
+                last_x[i, k] = x[k]
+            for k in range(H):
+                turn = -2.0 * np.pi * (k + 1) / n
+                step, at = np.cos(turn) + 1j * np.sin(turn), 2.0 / n + 0j
+                out[:, row + k], slopes[:, row + k] = 0j, 0j
+                for s in range(n):
+                    out[0, row + k] += at * Y[s]
+                    out[1, row + k] += at * Z[s]
+                    for j in range(width):
+                        slopes[0, row + k, j] += at * DY[s, j]
+                        slopes[1, row + k, j] += at * DZ[s, j]
+                    at *= step
+            at_input, row = at_input + 2 * n + 1, row + H
+        return True
 
     return orbits
 
@@ -296,15 +287,92 @@ def _sources() -> int:
 
 @functools.cache
 def _stamped(stamp: int) -> Any:
-    """`_descend`, kept on disk by numba until a file changes that it calls: of those numba's cache knows nothing.
+    """The descent, kept on disk by numba until a file changes that it calls: of those numba's cache knows nothing.
 
     A number in a closure belongs to the cache's key.
     """
 
     @njit(cache=True, nogil=True, error_model="numpy")
-    def descend(*arguments):  # type: ignore[no-untyped-def]
+    def descend(  # type: ignore[no-untyped-def]
+        q0, low, high, logarithmic, scale, column, fixed, delay, about, steps, inputs, counts, measured, whiten, shared,
+        tolerance, gap, most, passes, columns, feet,
+    ):  # fmt: skip
+        """The method of scipy's `trf_bounds` with its exact solver and x_scale="jac"; names as there."""
         assert stamp != 0
-        return _descend(*arguments)
+        rows, p = 0, q0.size
+        for i in range(counts.size):
+            rows += 2 * counts[i]
+        last_x, last_dx = np.zeros((counts.size, STATES)), np.zeros((counts.size, STATES, _P))
+        last_p = fixed.copy()
+        f, J, x, new = np.empty(rows), np.empty((rows, p)), q0.copy(), q0.copy()
+        f_new, J_new = np.empty(rows), np.empty((rows, p))
+        data = (logarithmic, scale, column, fixed, delay, about, steps, inputs, counts, measured, whiten, shared, gap)
+        if not _residual(x, *data, passes, columns, feet, last_x, last_dx, last_p, f, J):
+            return x, np.inf, 1, False
+        cost, evaluations, alpha = 0.5 * _dot(f, f), 1, 0.0
+        unit, inverse = np.zeros(p), np.empty(p)  # largest column norms met
+        d, diagonal, g_h, augmented = np.empty(p), np.empty(p), np.empty(p), np.empty((rows + p, p))
+        radius = -1.0
+        while evaluations < most:
+            g = _against(J, f)
+            v, dv = scaling(x, g, low, high)
+            steep, far = 0.0, 0.0
+            for j in range(p):
+                norm = 0.0
+                for i in range(rows):
+                    norm += J[i, j] ** 2
+                unit[j] = max(unit[j], np.sqrt(norm))
+                inverse[j] = unit[j] if unit[j] > 0.0 else 1.0
+                steep = max(steep, abs(g[j] * v[j]))
+                if dv[j] != 0.0:
+                    v[j] *= inverse[j]
+                far += (x[j] * inverse[j]) ** 2 / v[j]
+            if radius < 0.0:
+                radius = max(np.sqrt(far), 1e-300)
+            if steep < tolerance or 2.0 * cost <= ZERO * rows:
+                return x, 2.0 * cost, evaluations, True
+            augmented[:] = 0.0
+            for j in range(p):
+                d[j], diagonal[j] = np.sqrt(v[j]) / inverse[j], g[j] * dv[j] / inverse[j]
+                g_h[j] = d[j] * g[j]
+                for i in range(rows):
+                    augmented[i, j] = J[i, j] * d[j]
+                augmented[rows + j, j] = np.sqrt(diagonal[j])
+            J_h = augmented[:rows]
+            U, s, Vt = np.linalg.svd(augmented, False)
+            U_f = _against(U, f)
+            theta = max(0.995, 1.0 - steep)
+            improved = False
+            while not improved and evaluations < most:
+                step_h, alpha = restrained(U_f, s, Vt, radius, alpha, rows >= p)
+                step, step_h, expected = reflected(x, J_h, g_h, diagonal, step_h, d, radius, low, high, theta)
+                for j in range(p):
+                    new[j] = x[j] + step[j]
+                    if new[j] <= low[j]:
+                        new[j] = np.nextafter(low[j], high[j])
+                    elif new[j] >= high[j]:
+                        new[j] = np.nextafter(high[j], low[j])
+                evaluations += 1
+                there = _residual(new, *data, passes, columns, feet, last_x, last_dx, last_p, f_new, J_new)
+                size = np.sqrt(_dot(step_h, step_h))
+                cost_new = 0.5 * _dot(f_new, f_new) if there else 0.5 * rows * UNSTABLE**2
+                gain = cost - cost_new
+                ratio = gain / expected if expected > 0.0 else 0.0
+                before = radius
+                if ratio < 0.25:
+                    radius = 0.25 * size
+                elif ratio > 0.75 and size > 0.95 * radius:
+                    radius *= 2.0
+                improved = gain > 0.0
+                still = np.sqrt(_dot(step, step)) < tolerance * (tolerance + np.sqrt(_dot(x, x)))
+                ended = still or (gain < tolerance * cost and ratio > 0.25)
+                if improved:
+                    x, new, cost = new, x, cost_new
+                    f, f_new, J, J_new = f_new, f, J_new, J
+                if ended:
+                    return x, 2.0 * cost, evaluations, True
+                alpha *= before / radius
+        return x, 2.0 * cost, evaluations, False
 
     return descend
 
@@ -324,65 +392,89 @@ def scaling(x, g, low, high):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def restrained(U_f, s, V, radius, alpha, tall):  # type: ignore[no-untyped-def]
+def restrained(U_f, s, Vt, radius, alpha, tall):  # type: ignore[no-untyped-def]
     """Step (p,) of least squares within a radius, and its damping.
 
     Args:
-        U_f, s, V: U^T f, singular values and right vectors of the Jacobian. radius: of the trust region. alpha: damping
-            of the last step. tall: the problem has as many residuals as variables.
+        U_f, s, Vt: U^T f, singular values and right vectors (rows) of the Jacobian. radius: of the trust region.
+        alpha: damping of the last step. tall: the problem has as many residuals as variables.
     """
-    full = tall and s[-1] > 2.220446049250313e-16 * U_f.size * s[0]
+    n = s.size
+    full = tall and s[n - 1] > 2.220446049250313e-16 * U_f.size * s[0]
+    p = np.empty(n)
     if full:
-        p = -(V @ (U_f / s))
-        if np.sqrt(p @ p) <= radius:
-            return p, 0.0
-    s_f = s * U_f
-    upper, lower = np.sqrt(s_f @ s_f) / radius, 0.0
+        for j in range(n):
+            p[j] = -U_f[j] / s[j]
+        if np.sqrt(_dot(p, p)) <= radius:
+            return _against(Vt, p), 0.0
+    upper, lower = 0.0, 0.0
+    for j in range(n):
+        upper += (s[j] * U_f[j]) ** 2
+    upper = np.sqrt(upper) / radius
     if full:
-        length = np.sqrt(np.sum((s_f / s**2) ** 2))
-        lower = (length - radius) / (np.sum(s_f**2 / s**6) / length)
+        length, slope = _secular(U_f, s, 0.0)
+        lower = (length - radius) / -slope
     if not full and alpha == 0:
         alpha = max(0.001 * upper, np.sqrt(lower * upper))
     for _ in range(10):
         if alpha < lower or alpha > upper:
             alpha = max(0.001 * upper, np.sqrt(lower * upper))
-        denominator = s**2 + alpha
-        length = np.sqrt(np.sum((s_f / denominator) ** 2))
-        phi, slope = length - radius, -np.sum(s_f**2 / denominator**3) / length
+        length, slope = _secular(U_f, s, alpha)
+        phi = length - radius
         if phi < 0:
             upper = alpha
         lower = max(lower, alpha - phi / slope)
         alpha -= length * phi / slope / radius
         if abs(phi) < 0.01 * radius:
             break
-    p = -(V @ (s_f / (s**2 + alpha)))
-    return p * (radius / np.sqrt(p @ p)), alpha
+    for j in range(n):
+        p[j] = -s[j] * U_f[j] / (s[j] ** 2 + alpha)
+    scale = radius / np.sqrt(_dot(p, p))
+    for j in range(n):
+        p[j] *= scale
+    return _against(Vt, p), alpha
+
+
+@njit(nogil=True, error_model="numpy")
+def _secular(U_f, s, alpha):  # type: ignore[no-untyped-def]
+    """Length of the step with damping alpha, and its derivative."""
+    square, cube = 0.0, 0.0
+    for j in range(s.size):
+        below = s[j] ** 2 + alpha
+        square += (s[j] * U_f[j] / below) ** 2
+        cube += (s[j] * U_f[j]) ** 2 / below**3
+    length = np.sqrt(square)
+    return length, -cube / length
 
 
 @njit(cache=True, error_model="numpy")
 def _to_bound(x, s, low, high):  # type: ignore[no-untyped-def]
-    """How often s fits between x and the nearest bound, and which coordinates hit it."""
-    steps = np.full(x.size, np.inf)
+    """How often s fits between x and the nearest bound."""
+    least = np.inf
     for j in range(x.size):
         if s[j] != 0.0:
-            steps[j] = max((low[j] - x[j]) / s[j], (high[j] - x[j]) / s[j])
-    least = steps.min()
-    return least, steps == least
+            least = min(least, max((low[j] - x[j]) / s[j], (high[j] - x[j]) / s[j]))
+    return least
 
 
 @njit(cache=True, error_model="numpy")
 def _value(J, g, diagonal, s):  # type: ignore[no-untyped-def]
-    Js = J @ s
-    return 0.5 * (Js @ Js + s @ (diagonal * s)) + g @ s
+    """The quadratic at s (p,)."""
+    Js = _times(J, s)
+    total = 0.5 * _dot(Js, Js)
+    for j in range(s.size):
+        total += 0.5 * diagonal[j] * s[j] ** 2 + g[j] * s[j]
+    return total
 
 
 @njit(cache=True, error_model="numpy")
 def _best_along(J, g, diagonal, start, s, least, most):  # type: ignore[no-untyped-def]
     """The t in [least, most] with the lowest quadratic at start + t s, and that value."""
-    Js, J0 = J @ s, J @ start
-    a = 0.5 * (Js @ Js + s @ (diagonal * s))
-    b = g @ s + J0 @ Js + start @ (diagonal * s)
-    c = _value(J, g, diagonal, start)
+    Js, J0 = _times(J, s), _times(J, start)
+    a, b, c = 0.5 * _dot(Js, Js), _dot(g, s) + _dot(J0, Js), _value(J, g, diagonal, start)
+    for j in range(s.size):
+        a += 0.5 * diagonal[j] * s[j] ** 2
+        b += start[j] * diagonal[j] * s[j]
     best, value = least, least * (a * least + b) + c
     other = most * (a * most + b) + c
     if other < value:
@@ -405,38 +497,56 @@ def reflected(x, J, g, diagonal, step_h, d, radius, low, high, theta):  # type: 
     Returns:
         The step (p,), the same scaled, and the reduction of half the sum of squares that it promises.
     """
-    step = d * step_h
-    if ((x + step >= low) & (x + step <= high)).all():
+    n = x.size
+    step, inside = np.empty(n), True
+    for j in range(n):
+        step[j] = d[j] * step_h[j]
+        inside = inside and low[j] <= x[j] + step[j] <= high[j]
+    if inside:
         return step, step_h, -_value(J, g, diagonal, step_h)
-    stride, hits = _to_bound(x, step, low, high)
-    mirror_h = np.where(hits, -step_h, step_h)
-    step, step_h = step * stride, step_h * stride
+    stride = _to_bound(x, step, low, high)
+    there, mirror, mirror_h, down, down_h = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    cut_h, start, step_r = np.empty(n), np.zeros(n), np.empty(n)
+    for j in range(n):
+        hits = step[j] != 0.0 and max((low[j] - x[j]) / step[j], (high[j] - x[j]) / step[j]) == stride
+        mirror_h[j] = -step_h[j] if hits else step_h[j]
+        mirror[j] = d[j] * mirror_h[j]
+        cut_h[j] = step_h[j] * stride
+        step_r[j] = cut_h[j]
+        there[j] = x[j] + step[j] * stride
+        down_h[j], down[j] = -g[j], -d[j] * g[j]
 
     # to the trust region along the reflection
-    a, b, c = mirror_h @ mirror_h, step_h @ mirror_h, step_h @ step_h - radius**2
+    a, b, c = _dot(mirror_h, mirror_h), _dot(cut_h, mirror_h), _dot(cut_h, cut_h) - radius**2
     to_region = 0.0
     if c <= 0.0 and a > 0.0:
         q = -(b + np.copysign(np.sqrt(b * b - a * c), b))
         to_region = max(q / a, c / q)
-    to_bound, _ = _to_bound(x + step, d * mirror_h, low, high)
+    to_bound = _to_bound(there, mirror, low, high)
     far = min(to_bound, to_region)
-    value_r, step_r = np.inf, step_h
+    value_r = np.inf
     if far > 0.0:
         near, most = (1.0 - theta) * stride / far, theta * to_bound if far == to_bound else to_region
         if near <= most:
-            t, value_r = _best_along(J, g, diagonal, step_h, mirror_h, near, most)
-            step_r = step_h + t * mirror_h
+            t, value_r = _best_along(J, g, diagonal, cut_h, mirror_h, near, most)
+            for j in range(n):
+                step_r[j] = cut_h[j] + t * mirror_h[j]
 
-    step_h = step_h * theta
-    value_p = _value(J, g, diagonal, step_h)
+    for j in range(n):
+        cut_h[j] *= theta
+    value_p = _value(J, g, diagonal, cut_h)
 
-    down_h = -g
-    to_region = radius / np.sqrt(g @ g)
-    to_bound, _ = _to_bound(x, d * down_h, low, high)
+    to_region = radius / np.sqrt(_dot(g, g))
+    to_bound = _to_bound(x, down, low, high)
     most = theta * to_bound if to_bound < to_region else to_region
-    t, value_d = _best_along(J, g, diagonal, np.zeros(x.size), down_h, 0.0, most)
+    t, value_d = _best_along(J, g, diagonal, start, down_h, 0.0, most)
+    for j in range(n):
+        down_h[j] *= t
+    best, value = down_h, value_d
     if value_p < value_r and value_p < value_d:
-        return d * step_h, step_h, -value_p
-    if value_r < value_p and value_r < value_d:
-        return d * step_r, step_r, -value_r
-    return d * (t * down_h), t * down_h, -value_d
+        best, value = cut_h, value_p
+    elif value_r < value_p and value_r < value_d:
+        best, value = step_r, value_r
+    for j in range(n):
+        step[j] = d[j] * best[j]
+    return step, best, -value

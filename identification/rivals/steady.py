@@ -14,10 +14,14 @@ projected back; all that is linear is a number a harmonic, at s = i h omega:
 What the sensor gives is Y = [s^2 (Z1 + Z2) + U] T(s; 1 / sqrt(u), zeta_u) (1 + gain + drift x) exp(-s delay), with x
 from -1/2 to 1/2 over a session. Springs and dampers may follow the load: k_T, c_11 times exp(e_T load / 2.3 kg), and
 so for the pad.
+
+Loops stand here instead of NumPy's words, which take numba many times as long to compile.
 """
 
 import numpy as np
 from numba import njit
+
+from fasbody.foot.two_dof import solved
 
 #: Constants in the order of the compiled code; the first twenty-two move the foot, the others only its sensor.
 CONSTANTS = (
@@ -40,7 +44,33 @@ _E = np.ones((INSTANTS, _SIZE))
 _E[:, 1::2], _E[:, 2::2] = np.cos(np.outer(_theta, _h)), -np.sin(np.outer(_theta, _h))
 _V = np.zeros((INSTANTS, _SIZE))
 _V[:, 1::2], _V[:, 2::2] = -_h * np.sin(np.outer(_theta, _h)), -_h * np.cos(np.outer(_theta, _h))
+_OF = np.ascontiguousarray(np.hstack([_E, _V]).T)
 _BACK = np.ascontiguousarray((_E * np.where(np.arange(_SIZE) == 0, 1.0, 2.0)).T / INSTANTS)
+
+
+@njit(cache=True, error_model="numpy")
+def _moved(q, first, w, z, v):  # type: ignore[no-untyped-def]
+    """Position z (N,) and velocity v (N,) of the coefficients q from the first on."""
+    z[:], v[:] = 0.0, 0.0
+    for k in range(_SIZE):
+        a = q[first + k]
+        for t in range(INSTANTS):
+            z[t] += _OF[k, t] * a
+            v[t] += _OF[_SIZE + k, t] * (w * a)
+
+
+@njit(cache=True, error_model="numpy")
+def _projected(force, stiff, damp, w, N, G):  # type: ignore[no-untyped-def]
+    """Coefficients N (n,) of a force, and G (n, n) their derivatives to those of the motion."""
+    N[:], G[:] = 0.0, 0.0
+    row = np.empty(_SIZE)
+    for t in range(INSTANTS):
+        for k in range(_SIZE):
+            row[k] = stiff[t] * _E[t, k] + w * damp[t] * _V[t, k]
+        for i in range(_SIZE):
+            N[i] += _BACK[i, t] * force[t]
+            for k in range(_SIZE):
+                G[i, k] += _BACK[i, t] * row[k]
 
 
 @njit(cache=True, error_model="numpy")
@@ -103,7 +133,10 @@ def motion(c, load, hz, U, q):  # type: ignore[no-untyped-def]
     N = _E.shape[0]
     f1, s1, d1, by1 = np.empty(N), np.empty(N), np.empty(N), np.empty((N, 7))
     f2, s2, d2, by2 = np.empty(N), np.empty(N), np.empty(N), np.empty((N, 7))
-    A, R = np.empty((2 * n, 2 * n)), np.empty(2 * n)
+    A, R = np.empty((2 * n, 2 * n)), np.empty((2 * n, 1))
+    z1, v1, z2, v2 = np.empty(N), np.empty(N), np.empty(N), np.empty(N)
+    N1, G1, N2, G2 = np.empty(n), np.empty((n, n)), np.empty(n), np.empty((n, n))
+    kept = A
     M, T = np.empty(HARMONICS, np.complex128), np.empty(HARMONICS, np.complex128)
     for h in range(HARMONICS):
         s = 1j * w * (h + 1)
@@ -112,18 +145,21 @@ def motion(c, load, hz, U, q):  # type: ignore[no-untyped-def]
         M[h] = load + m_S * (1 - share + share * T[h])
     settled = False
     for _ in range(_PASSES):
-        z1, z2 = _E @ q[:n], _E @ q[n:]
-        v1, v2 = w * (_V @ q[:n]), w * (_V @ q[n:])
+        _moved(q, 0, w, z1, v1)
+        _moved(q, n, w, z2, v2)
         _joint(z1, v1, k_T, c_T, c[3], c[4], c[8], c[9], c[10], f1, s1, d1, by1)
         _joint(z2, v2, k_F, c_F, c[6], c[7], c[11], c[12], c[13], f2, s2, d2, by2)
-        if not (np.isfinite(f1).all() and np.isfinite(f2).all()):
+        finite = True
+        for t in range(N):
+            finite = finite and np.isfinite(f1[t]) and np.isfinite(f2[t])
+        if not finite:
             return False, np.empty((0, 0))
-        G1 = _BACK @ (s1.reshape(-1, 1) * _E + (w * d1).reshape(-1, 1) * _V)
-        G2 = _BACK @ (s2.reshape(-1, 1) * _E + (w * d2).reshape(-1, 1) * _V)
-        N1, N2 = _BACK @ f1, _BACK @ f2
-        A[:n, :n], A[:n, n:] = G1, 0.0
-        A[n:, :n], A[n:, n:] = -G1, G2
-        R[:n], R[n:] = N1, N2 - N1
+        _projected(f1, s1, d1, w, N1, G1)
+        _projected(f2, s2, d2, w, N2, G2)
+        for i in range(n):
+            R[i, 0], R[n + i, 0] = N1[i], N2[i] - N1[i]
+            for k in range(n):
+                A[i, k], A[i, n + k], A[n + i, k], A[n + i, n + k] = G1[i, k], 0.0, -G1[i, k], G2[i, k]
         for h in range(1, HARMONICS + 1):
             s = 1j * w * h
             relax = s * tau / (1 + s * tau)
@@ -136,28 +172,41 @@ def motion(c, load, hz, U, q):  # type: ignore[no-untyped-def]
             u = U[h - 1] if h <= count else 0j
             one = M[h - 1] * (s * s * (Z1 + Z2) + u) + a * Z1
             two = m_F * (s * s * Z2 + u) - a * Z1 + b * Z2
-            R[2 * h - 1] += one.real
-            R[2 * h] += one.imag
-            R[n + 2 * h - 1] += two.real
-            R[n + 2 * h] += two.imag
-        step = np.linalg.solve(A, R)
-        size = np.abs(step).max()
-        if not np.isfinite(size):
+            R[2 * h - 1, 0] += one.real
+            R[2 * h, 0] += one.imag
+            R[n + 2 * h - 1, 0] += two.real
+            R[n + 2 * h, 0] += two.imag
+        kept = A.copy()
+        if not solved(A, R):
             return False, np.empty((0, 0))
-        q -= step * min(1.0, _LARGEST / size)
-        if size < _SMALL * np.abs(q).max() + 1e-16:  # what is left is the square of it
+        size, largest = 0.0, 0.0
+        for i in range(2 * n):
+            finite = finite and np.isfinite(R[i, 0])
+            size = max(size, abs(R[i, 0]))
+        if not finite:
+            return False, np.empty((0, 0))
+        for i in range(2 * n):
+            q[i] -= R[i, 0] * min(1.0, _LARGEST / size)
+            largest = max(largest, abs(q[i]))
+        if size < _SMALL * largest + 1e-16:  # what is left is the square of it
             settled = True
             break
     if not settled:
         return False, np.empty((0, 0))
     B = np.zeros((2 * n, _MOVING + 2 * count + 2))
-    P1, P2 = _BACK @ by1, _BACK @ by2
     to_T, to_F = (0, 2, 3, 4, 8, 9, 10), (1, 5, 6, 7, 11, 12, 13)
     up_T, up_F = np.exp(c[22] * load / LOAD_KG), np.exp(c[23] * load / LOAD_KG)
-    for i in range(7):
-        scale = up_T if i < 2 else 1.0
-        B[:n, to_T[i]], B[n:, to_T[i]] = scale * P1[:, i], -scale * P1[:, i]
-        B[n:, to_F[i]] = (up_F if i < 2 else 1.0) * P2[:, i]
+    P1, P2 = np.zeros((n, 7)), np.zeros((n, 7))
+    for t in range(N):
+        for i in range(n):
+            for j in range(7):
+                P1[i, j] += _BACK[i, t] * by1[t, j]
+                P2[i, j] += _BACK[i, t] * by2[t, j]
+    for j in range(7):
+        for i in range(n):
+            one, two = P1[i, j] * (up_T if j < 2 else 1.0), P2[i, j] * (up_F if j < 2 else 1.0)
+            B[i, to_T[j]], B[n + i, to_T[j]] = one, -one
+            B[n + i, to_F[j]] = two
     for h in range(1, HARMONICS + 1):
         s = 1j * w * h
         x = s * tau
@@ -188,7 +237,9 @@ def motion(c, load, hz, U, q):  # type: ignore[no-untyped-def]
     for i in range(2 * n):  # k and c of a joint follow the load together
         B[i, last] = (c[0] * B[i, 0] + c[2] * B[i, 2]) * load / LOAD_KG
         B[i, last + 1] = (c[1] * B[i, 1] + c[5] * B[i, 5]) * load / LOAD_KG
-    return True, -np.linalg.solve(A, B)
+        for j in range(last + 2):
+            B[i, j] = -B[i, j]
+    return solved(kept, B), B
 
 
 @njit(cache=True, error_model="numpy")
@@ -216,7 +267,8 @@ def felt(c, load, hz, U, place, q, noisy):  # type: ignore[no-untyped-def]
         upper = 1 + 2j * c[25] * f * root
         lower = upper - f * f * c[24]
         mount = upper / lower
-        late = np.exp(-s * c[28])
+        turn = -2 * np.pi * hz * h * c[28]
+        late = np.cos(turn) + 1j * np.sin(turn)
         chain = (1 + c[26] + c[27] * place) * late
         Y[h - 1] = moved * mount * chain
         if noisy:
@@ -251,12 +303,13 @@ def whitened(c, loads, hz, U, counts, places, measured, W, starts, q, r, J):  # 
     Returns:
         Whether every recording has a motion.
     """
+    noisy = J.shape[1] != _ALL  # False, and no constant, for which numba would compile `felt` once more
     for i in range(loads.size):
         k = counts[i]
-        found, Y, D = felt(c, loads[i], hz[i], U[i, :k], places[i], q[i], False)
+        found, Y, D = felt(c, loads[i], hz[i], U[i, :k], places[i], q[i], noisy)
         if not found:
             q[i] = 0.0
-            found, Y, D = felt(c, loads[i], hz[i], U[i, :k], places[i], q[i], False)
+            found, Y, D = felt(c, loads[i], hz[i], U[i, :k], places[i], q[i], noisy)
             if not found:
                 q[i] = 0.0
                 return False
@@ -265,7 +318,13 @@ def whitened(c, loads, hz, U, counts, places, measured, W, starts, q, r, J):  # 
             gap[h], gap[k + h] = (Y[h] - measured[i, h]).real, (Y[h] - measured[i, h]).imag
             for j in range(_ALL):
                 by[h, j], by[k + h, j] = D[h, j].real, D[h, j].imag
-        white = np.ascontiguousarray(W[i, : 2 * k, : 2 * k])
-        r[starts[i] : starts[i] + 2 * k] = white @ gap
-        J[starts[i] : starts[i] + 2 * k] = white @ by
+        for h in range(2 * k):
+            row = starts[i] + h
+            r[row] = 0.0
+            for j in range(_ALL):
+                J[row, j] = 0.0
+            for m in range(2 * k):
+                r[row] += W[i, h, m] * gap[m]
+                for j in range(_ALL):
+                    J[row, j] += W[i, h, m] * by[m, j]
     return True
