@@ -4,7 +4,6 @@ import csv
 import io
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import linear_foot as foot
@@ -37,20 +36,15 @@ def write(path: Path, one: Series) -> Path:
     return path
 
 
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "identification.blackbox", *arguments]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-
-
 def invoke(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """`run` without the start of a new interpreter."""
+    """`python -m identification.blackbox` without the start of a new interpreter."""
     result = CliRunner().invoke(app, list(arguments))
     return subprocess.CompletedProcess(arguments, result.exit_code, result.stdout, result.stderr)
 
 
 def test_command_prints_one_json_document_and_writes_figures(tmp_path: Path) -> None:
     file = write(tmp_path / "prbs.csv", series(foot.prbs(1600)))
-    done = run(str(file), "--orders", ORDERS, "--json", "--out", str(tmp_path / "out"))
+    done = invoke(str(file), "--orders", ORDERS, "--json", "--out", str(tmp_path / "out"))
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
     assert document["excitation_rank"] == 200

@@ -1,11 +1,11 @@
 """The command from outside: one JSON document, one sentence and exit code 2, whole result files."""
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
 
+import in_process
 import numpy as np
 import pytest
 from cell_cases import CACHE
@@ -15,11 +15,13 @@ from fasbody.cell.__main__ import app
 from fasbody.exceptions import InputFileError, SettingError
 
 
+@pytest.fixture(autouse=True)
+def cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(CACHE))
+
+
 def command(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "fasbody.cell", *arguments], capture_output=True, text=True, check=False,
-        env=os.environ | {"XDG_CACHE_HOME": str(CACHE)},
-    )  # fmt: skip
+    return in_process.command("fasbody.cell", *arguments)
 
 
 def test_json_and_files(tmp_path: Path) -> None:
@@ -82,7 +84,8 @@ def test_bad_input_is_one_sentence(arguments: list[str], says: str) -> None:
 
 
 def test_bad_input_leaves_with_exit_code_two() -> None:
-    done = command("--modulus", "0", "sweep")
+    words = [sys.executable, "-m", "fasbody.cell", "--modulus", "0", "sweep"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("error: --modulus stands before")
     assert "Traceback" not in done.stderr

@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import in_process
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -297,8 +298,8 @@ def test_other_laboratories_bring_force_and_compression(tmp_path: Path) -> None:
         read_csv(folder / "1.csv")
 
 
-def test_check_understands_the_study(command: Callable) -> None:
-    done = command("fasbody.recording", "check", str(BUNDLED), "--json")
+def test_check_understands_the_study() -> None:
+    done = in_process.command("fasbody.recording", "check", str(BUNDLED), "--json")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found["origin"] == "measured" and found["strikes"] == 216 and len(found["persons"]) == 22

@@ -1,9 +1,9 @@
 """Estimates, held-out errors and populations of the heel's laws: known truth, brute force, closed forms."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
+import in_process
 import numpy as np
 import pytest
 
@@ -161,7 +161,7 @@ def test_slopes_are_the_tangents_of_the_pad(people: dict) -> None:
     assert populations[0].interval("normal", "43 N")[0] < populations[2].interval("normal", "88 N")[0]
 
 
-def test_command_says_everything_and_goes_on_where_it_stopped(people: dict, tmp_path: Path, command: Callable) -> None:
+def test_command_says_everything_and_goes_on_where_it_stopped(people: dict, tmp_path: Path) -> None:
     folder, out = tmp_path / "study", tmp_path / "out"
     folder.mkdir()
     lines = ["file,subject,speed"]
@@ -181,7 +181,7 @@ def test_command_says_everything_and_goes_on_where_it_stopped(people: dict, tmp_
     (folder / "study.toml").write_text('[study]\nname = "six"\nkind = "heel strikes"\norigin = "synthetic"\n')
     (folder / "strikes.csv").write_text("\n".join(lines))
     arguments = ["identification.heel", str(folder), "--law", "power", "--out", str(out), "--workers", "1", "--json"]
-    done = command(*arguments)
+    done = in_process.command(*arguments)
     assert done.returncode == 0, done.stderr
     first = json.loads(done.stdout)
     assert first["origin"] == "synthetic" and first["computed"] == 2 and len(first["persons"]) == 12
@@ -201,9 +201,9 @@ def test_command_says_everything_and_goes_on_where_it_stopped(people: dict, tmp_
         f"heel-{n}.png" for n in ("persons", "errors", "population", "stiffness")
     }
     next((out / "laws").glob("*.json")).write_text("{torn")
-    second = json.loads(command(*arguments).stdout)
+    second = json.loads(in_process.command(*arguments).stdout)
     assert second["computed"] == 1 and second["laws"] == first["laws"]
-    assert command("identification.heel", str(folder), "--law", "powr").returncode == 2
+    assert in_process.command("identification.heel", str(folder), "--law", "powr").returncode == 2
 
 
 def test_too_few_people_make_no_population(people: dict) -> None:

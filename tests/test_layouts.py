@@ -1,11 +1,9 @@
 """Several layouts of columns in one study, one study.toml for several files, and what a study's tables tell."""
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
+import in_process
 import numpy as np
 import pytest
 
@@ -120,17 +118,17 @@ def test_a_fit_takes_several_files_and_one_study(study: Path, tmp_path: Path) ->
 
 
 def test_transmissibility_takes_several_files_and_one_study(study: Path) -> None:
-    words = [sys.executable, "-m", "fasbody.transmissibility", "--json", "--study", str(study / "study.toml")]
+    words = ["fasbody.transmissibility", "--json", "--study", str(study / "study.toml")]
     files = [str(study / "raw" / "a.csv"), str(study / "raw" / "b_phone.csv")]
-    done = subprocess.run([*words, *files], capture_output=True, text=True, check=True)
+    done = in_process.command(*words, *files)
     assert [row["transmissibility"] for row in json.loads(done.stdout)] == pytest.approx([1.1, 1.2], rel=1e-6)
-    again = subprocess.run([*words, str(study)], capture_output=True, text=True, check=False)
+    again = in_process.command(*words, str(study))
     assert again.returncode == 2 and "has a study.toml of its own, or recordings" in again.stderr.replace("\n", " ")
 
 
 def test_check_tells_the_quality_by_subject(study: Path) -> None:
-    words = [sys.executable, "-m", "fasbody.recording", "check", str(study), "--jobs", "2"]
-    done = subprocess.run(words, capture_output=True, text=True, check=True, env=os.environ | {"COLUMNS": "200"})
+    done = in_process.command("fasbody.recording", "check", str(study), "--jobs", "1")
+    assert done.returncode == 0, done.stderr
     lines = [[cell.strip() for cell in line.split("│")[1:-1]] for line in done.stdout.splitlines() if "│" in line]
     by_subject = {row[0]: row[1:4] for row in lines if row[0] in ("1", "2")}
     assert by_subject == {"1": ["1", "1", "0"], "2": ["2", "2", "0"]}

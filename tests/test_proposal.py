@@ -1,10 +1,9 @@
 """A study proposed from a folder: completed by what it says is missing, it reads; nothing is overwritten."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
+import in_process
 import numpy as np
 import pytest
 from nptdms import ChannelObject, TdmsWriter
@@ -83,8 +82,8 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
 
 def test_the_command(tmp_path: Path) -> None:
     logger(tmp_path / "S1_20Hz_0kg.tdms")
-    words = [sys.executable, "-m", "fasbody", "study", "init", str(tmp_path), "--json"]
-    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    words = ["fasbody.recording", "init", str(tmp_path), "--json"]
+    done = in_process.command(*words)
     assert json.loads(done.stdout)["pattern"] == "S{subject}_{frequency}Hz_{load}kg"
-    again = subprocess.run(words, capture_output=True, text=True, check=False)
+    again = in_process.command(*words)
     assert again.returncode == 2 and "exists, and nothing is overwritten" in again.stderr.replace("\n", " ")

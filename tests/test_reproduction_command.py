@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import in_process
 import pytest
 from typer.testing import CliRunner
 
@@ -71,7 +72,7 @@ def test_a_page_that_cannot_be_is_told_before_the_run(options: list[str], monkey
     assert len(str(found.exception).splitlines()) == 1
 
 
-def test_the_command_prints_json_and_counts(command, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_the_command_prints_json_and_counts(tmp_path: Path) -> None:
     done = CliRunner().invoke(
         app, ["--only", "Eq. 2.5", "--only", "Table A.2", "--jobs", "1", "--json", "--kept", str(tmp_path)]
     )
@@ -79,8 +80,8 @@ def test_the_command_prints_json_and_counts(command, tmp_path: Path) -> None:  #
     document = json.loads(done.stdout)
     assert document["counts"] == {str(Verdict.CORRECTED): 1, str(Verdict.UNMEASURED): 1}
     assert {row["id"] for row in document["rows"]} == {"Eq. 2.5", "Table A.2"}
-    # in a process of its own the kept row is found again, and a wrong name is one sentence
-    done = command("reproduction", "--only", "Eq. 2.5", "--kept", str(tmp_path))
+    # the kept row is found again, and a wrong name is one sentence
+    done = in_process.command("reproduction", "--only", "Eq. 2.5", "--kept", str(tmp_path))
     assert "1 row; it took" in done.stdout
-    done = command("reproduction", "--only", "nothing")
+    done = in_process.command("reproduction", "--only", "nothing")
     assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1

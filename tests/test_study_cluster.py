@@ -129,19 +129,18 @@ def test_local_processes_give_the_same(study: Path, serial: dict, tmp_path: Path
     assert documents(tmp_path) == serial
 
 
-def test_no_scheduler(study: Path, tmp_path: Path) -> None:
-    said = elsewhere(study, tmp_path, "--scheduler", "tcp://127.0.0.1:9", expect=2)["said"]
+def test_no_scheduler(study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster, "_PATIENCE_S", 1)
+    monkeypatch.setitem(cluster._QUIET, "distributed.comm.timeouts.connect", "1s")
+    said = fitted(study, tmp_path, "--scheduler", "tcp://127.0.0.1:9", expect=2)["said"]
     assert "no Dask scheduler answers at tcp://127.0.0.1:9" in said and "Traceback" not in said
     assert not list(tmp_path.iterdir())
 
 
-def test_missing_package(study: Path, tmp_path: Path) -> None:
+def test_missing_package(study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An empty package in the way of the real one, as where the extra is not installed."""
-    blocker = tmp_path / "blocker"
-    blocker.mkdir()
-    (blocker / "distributed.py").write_text("raise ImportError('hidden')\n")
-    command = arguments(study, tmp_path / "out", "--workers", "2")
-    environment = {**ENVIRONMENT, "PYTHONPATH": f"{blocker}{os.pathsep}{ENVIRONMENT['PYTHONPATH']}"}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert "pip install 'fasbody[study]'" in done.stderr and "Traceback" not in done.stderr
+    (tmp_path / "distributed.py").write_text("raise ImportError('hidden')\n")
+    monkeypatch.delitem(sys.modules, "distributed", raising=False)
+    monkeypatch.syspath_prepend(tmp_path)
+    said = fitted(study, tmp_path / "out", "--workers", "2", expect=2)["said"]
+    assert "pip install 'fasbody[study]'" in said and "Traceback" not in said

@@ -2,9 +2,9 @@
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
+import in_process
 import pytest
 from transmissibility_cases import KEYS, five_subjects, recording
 
@@ -20,9 +20,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def command(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "fasbody.transmissibility", *arguments], capture_output=True, text=True, timeout=600
-    )
+    return in_process.command("fasbody.transmissibility", *arguments)
 
 
 def test_command_writes_tables_and_figures_and_prints_one_json_list(study: Path, tmp_path: Path) -> None:
@@ -84,7 +82,7 @@ def test_a_study_without_any_usable_recording(tmp_path: Path) -> None:
 
 def test_check_and_convert(tmp_path: Path) -> None:
     def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run([sys.executable, "-m", "fasbody.recording", *arguments], capture_output=True, text=True)
+        return in_process.command("fasbody.recording", *arguments)
 
     recording().write(tmp_path / "a.csv")
     assert run("convert", str(tmp_path / "a.csv"), str(tmp_path / "b.tdms")).returncode == 0

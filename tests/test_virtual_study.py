@@ -2,9 +2,9 @@
 
 import csv
 import subprocess
-import sys
 from pathlib import Path
 
+import in_process
 import numpy as np
 import pandas as pd
 import pytest
@@ -146,8 +146,7 @@ def test_plans_that_make_no_study(wrong: dict, says: str) -> None:
 
 def test_command_and_its_refusals(tmp_path: Path) -> None:
     def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "fasbody.laboratory", str(tmp_path / "s"), *arguments]
-        return subprocess.run(command, capture_output=True, text=True)
+        return in_process.command("fasbody.laboratory", str(tmp_path / "s"), *arguments)
 
     slow = ("--frequency", "5", "--peak-to-peak", "8")  # what the thesis left for later
     done = run("--subjects", "1", *slow, "--posture", "midstance", "--format", "mat")

@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
-from viewer import Watched, browser, viewer
+from viewer import Watched, browser, served
 
 import mjcf
 from fasbody.recording.study import BUNDLED
@@ -33,7 +33,7 @@ def opened() -> Iterator[Any]:
 def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> None:
     own = tmp_path / "mine.xml"
     own.write_text(mjcf.path("two_dof").read_text())
-    with viewer("--model", str(own), folder=tmp_path) as (url, _):
+    with served("--model", str(own), folder=tmp_path) as url:
         page = Watched(opened, url, (720, 480))
         page(DROP, ["20 hz.csv", ONE.read_text()])
         page.until("model.recorded && motion && motion.feet.measured && !busy")

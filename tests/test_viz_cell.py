@@ -12,7 +12,7 @@ pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[vie
 
 from made_cell import write
 from typer.testing import CliRunner
-from viewer import Watched, browser, changed_share, viewer
+from viewer import Watched, browser, changed_share, served
 
 from viz import cell as command
 from viz.modes import SIZE, ModeShapes
@@ -42,7 +42,7 @@ def visible(page: Watched, part: str, shown: bool) -> np.ndarray:
 
 def test_cell_in_the_browser(opened: Any, result: Path) -> None:
     parts = ModeShapes.read(result).parts()
-    with viewer(str(result), "--mode", "2", module="viz.cell") as (url, _):
+    with served(str(result), "--mode", "2", module="viz.cell") as url:
         page = Watched(opened, url)
         assert page("state.mode") == 2
 

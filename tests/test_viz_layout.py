@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
-from viewer import Watched, browser, viewer
+from viewer import Watched, browser, served
 
 import mjcf
 
@@ -40,31 +40,36 @@ def opened() -> Iterator[Any]:
         yield found
 
 
+@pytest.fixture(scope="module")
+def arch() -> Iterator[str]:
+    with served("--model", "foot_arch") as url:
+        yield url
+
+
 @pytest.mark.parametrize("size", [(1600, 900), (1100, 800), (720, 800), (420, 800)])
-def test_nothing_lies_over_the_foot(opened: Any, size: tuple[int, int]) -> None:
-    with viewer("--model", "foot_arch") as (url, _):
-        page = Watched(opened, url, size)
-        for message in ("", "my_foot.xml, line 3: MuJoCo cannot compile it."):
-            page(f"say('{message}')")
-            page.until("stage.renderer.domElement.clientHeight === byId('pane').clientHeight")
-            for view in ("medial", "lateral", "front", "above", "behind", "corner"):
-                page(f"stage.view('{view}'); showAt(0)")
-                left, top, right, bottom = page(BONES)
-                pane = page(RECTANGLE.format("#pane"))
-                assert pane[0] <= left < right <= pane[2], view
-                assert pane[1] <= top < bottom <= pane[3], view
-                assert bottom - top > 0.2 * (pane[3] - pane[1])  # and it is no speck
-            for name in ("header", "#state", "#cameras", "#legend", "#timeline", *(["#error"] if message else [])):
-                over = page(RECTANGLE.format(name))
-                assert over[3] <= pane[1] + 0.5 or over[1] >= pane[3] - 0.5, name
-            if message:
-                assert page(RECTANGLE.format("#error"))[1] >= page(RECTANGLE.format("#state"))[3]
-            assert page("document.documentElement.scrollWidth") <= size[0]  # nothing is cut, nothing scrolls sideways
-        assert page.complaints == []
+def test_nothing_lies_over_the_foot(opened: Any, arch: str, size: tuple[int, int]) -> None:
+    page = Watched(opened, arch, size)
+    for message in ("", "my_foot.xml, line 3: MuJoCo cannot compile it."):
+        page(f"say('{message}')")
+        page.until("stage.renderer.domElement.clientHeight === byId('pane').clientHeight")
+        for view in ("medial", "lateral", "front", "above", "behind", "corner"):
+            page(f"stage.view('{view}'); showAt(0)")
+            left, top, right, bottom = page(BONES)
+            pane = page(RECTANGLE.format("#pane"))
+            assert pane[0] <= left < right <= pane[2], view
+            assert pane[1] <= top < bottom <= pane[3], view
+            assert bottom - top > 0.2 * (pane[3] - pane[1])  # and it is no speck
+        for name in ("header", "#state", "#cameras", "#legend", "#timeline", *(["#error"] if message else [])):
+            over = page(RECTANGLE.format(name))
+            assert over[3] <= pane[1] + 0.5 or over[1] >= pane[3] - 0.5, name
+        if message:
+            assert page(RECTANGLE.format("#error"))[1] >= page(RECTANGLE.format("#state"))[3]
+        assert page("document.documentElement.scrollWidth") <= size[0]  # nothing is cut, nothing scrolls sideways
+    assert page.complaints == []
 
 
 def test_keys_work_after_the_mouse(opened: Any) -> None:
-    with viewer("--model", "two_dof") as (url, _):
+    with served("--model", "two_dof") as url:
         page = Watched(opened, url, (900, 700))
         page.page.locator("#frequency").click()
         assert page("document.activeElement.id") == "frequency"
@@ -91,7 +96,7 @@ def test_keys_work_after_the_mouse(opened: Any) -> None:
 
 
 def test_scales_words_and_bounds(opened: Any) -> None:
-    with viewer("--model", "foot_arch", "--compare", "foot_arch@25") as (url, _):
+    with served("--model", "foot_arch", "--compare", "foot_arch@25") as url:
         page = Watched(opened, url)
         foot = page("byId('parameter_k_T').parentElement.innerText")
         assert re.search("ankle stiffness k_T", foot)
@@ -143,7 +148,7 @@ def test_included_file_is_watched(opened: Any, tmp_path: Path) -> None:
     part.write_text(f"<mujoco>{whole[start:end]}</mujoco>")
     main.write_text(f'{whole[:start]}<include file="parts/parameters.xml"/>{whole[end:]}')
     shutil.copy(main, tmp_path / "kept.xml")
-    with viewer("--model", str(main), "--watch", "--compare", str(main)) as (url, _):
+    with served("--model", str(main), "--watch", "--compare", str(main)) as url:
         page = Watched(opened, url)
         part.write_text(part.read_text().replace("N/m | 3e3 | 1e6", "N/m | 4e3 | 1e6"))
         page.until("model.parameters.find(p => p.name === 'k_F').lower === 4000 && motion")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from viewer import HIDE, Watched, bone_share, browser, changed_share, viewer
+from viewer import HIDE, Watched, bone_share, browser, changed_share, served
 
 import mjcf
 from fasbody.foot.model import load
@@ -49,7 +49,7 @@ def assert_drawn_and_moving(page: Watched) -> None:
 
 
 def test_foot_in_the_browser(opened: Any) -> None:
-    with viewer("--model", "foot_arch", "--frequency", "20", "--amplify", "10") as (url, _):
+    with served("--model", "foot_arch", "--frequency", "20", "--amplify", "10") as url:
         page = Watched(opened, url)
         assert_drawn_and_moving(page)
 
@@ -160,7 +160,7 @@ def test_edited_model_reloads_and_a_broken_one_is_told(opened: Any, tmp_path: Pa
     file = tmp_path / "my_foot.xml"
     shutil.copy(mjcf.path("two_dof"), file)
     good = file.read_text()
-    with viewer("--model", str(file), "--watch", "--compare", "two_dof") as (url, _):
+    with served("--model", str(file), "--watch", "--compare", "two_dof") as url:
         page = Watched(opened, url)
         before = page("motion.feet.a.ratio")
         assert before == pytest.approx(page("motion.feet.b.ratio"))

@@ -1,12 +1,15 @@
-"""A viewer in a process of its own, and a headless Chromium, for the tests of the page."""
+"""A viewer, in a process of its own or in this one, and a headless Chromium, for the tests of the page."""
 
+import asyncio
 import contextlib
 import io
 import json
 import os
+import queue
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer_apps import click_command
 
 from viz.exported import CHROMIUM, chromium
 
@@ -61,6 +65,40 @@ def viewer(
 
 
 @contextmanager
+def served(*options: str, module: str = "viz.foot", folder: Path = ROOT) -> Iterator[str]:
+    """The same command in a thread of this process, without the seconds of its imports; yields its address."""
+    from viz import server as servers
+
+    started: queue.Queue[Any] = queue.Queue()
+
+    async def serve(show: Any, *_: Any, port: int, watch: bool, bench: Any = None, **__: Any) -> None:
+        server = servers.Server(show, port, bench)
+        started.put((server, asyncio.get_running_loop()))
+        await server.run(watch)
+
+    def work() -> None:
+        try:
+            click_command(module).main(["--no-browser", *options], prog_name=module, standalone_mode=False)
+        except BaseException as error:
+            started.put(error)
+
+    thread = threading.Thread(target=work, name="viewer")
+    with contextlib.chdir(folder):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(servers, "serve", serve)
+            thread.start()
+            found = started.get(timeout=PATIENCE)
+        if isinstance(found, BaseException):
+            raise found
+        server, loop = found
+        try:
+            yield server.url
+        finally:
+            loop.call_soon_threadsafe(server.stop)
+            thread.join(PATIENCE)
+
+
+@contextmanager
 def browser() -> Iterator[Any]:
     """Headless Chromium; skips where there is none."""
     path = chromium()
@@ -79,6 +117,8 @@ class Watched:
     """A page whose console errors and requests are kept, under its own content-security policy."""
 
     def __init__(self, opened: Any, url: str, size: tuple[int, int] = (720, 420)) -> None:
+        for other in opened.contexts:
+            other.close()  # a page that is left behind goes on drawing
         self.page = opened.new_page(viewport={"width": size[0], "height": size[1]})
         self.page.set_default_timeout(1000 * PATIENCE)
         self.complaints: list[str] = []
