@@ -205,7 +205,8 @@ def path(x0, p, m_S, m_F, u, h):  # type: ignore[no-untyped-def]
     out, x = np.empty((n, STATES)), x0.copy()
     stride, columns, feet = x.size // STATES, x.size - STATES, x.size > STATES  # 1, 0, False: see `both`
     for k in range(n):
-        out[k] = x
+        for i in range(STATES):
+            out[k, i] = x[i]
         _, _, x, _, _, _ = both(x, p, m_S, m_F, u[2 * k : 2 * k + 3], h, stride, columns, feet)
     return out
 
