@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from fasbody.exceptions import SettingError, unknown
-from fasbody.foot.parameters import symbol_and_unit
+from fasbody.foot.parameters import of_channel, symbol_and_unit
 from fasbody.presentation import Presented, Sheet
 from fasbody.recording.recording import Recording
 from identification.contact import Contact
@@ -232,11 +232,7 @@ class Branch(Presented):
 
         They hold if the model is true: with the masses as stated, the foot then moves as recorded.
         """
-        kept = {
-            key: e.if_model_true or e
-            for key, e in self.parameters.items()
-            if not symbol_and_unit(key)[0].startswith("delay")
-        }
+        kept = {key: e.if_model_true or e for key, e in self.parameters.items() if not of_channel(key)}
         return {key: e.value for key, e in kept.items()}
 
     def records(self) -> list[dict[str, Any]]:

@@ -248,3 +248,45 @@ def test_with_values_changes_a_copy(foot: Foot) -> None:
     assert heavier == pytest.approx(4.0 - before["m_S"])
     with pytest.raises(SettingError, match="unknown parameter 'k_S'"):
         foot.with_values({"k_S": 1.0})
+    with pytest.raises(SettingError, match=r"model two_dof has no k_M, m_A \(valid: k_T, k_F"):
+        foot.with_values({"k_T": 1.0, "k_M": 1.0, "m_A": 1.0})
+    with pytest.raises(SettingError, match="k_T is '2e5'; give a number"):
+        foot.with_values({"k_T": "2e5"})
+
+
+@pytest.mark.parametrize("name", ["two_dof", "foot_arch", "leg"])
+def test_every_name_of_a_parameter_changes_it(name: str) -> None:
+    """The symbol, the key of files, and what tables print; a delay is of no foot."""
+    foot = load(name)
+    wanted = {p.name: 1.01 * v for p, v in zip(foot.parameters.values(), foot.values().values(), strict=True)}
+    for form in ("name", "key", "label"):
+        given = {getattr(foot.parameters[symbol], form): value for symbol, value in wanted.items()}
+        assert foot.with_values({**given, "delay_s": 1e-4, "delay_foot_s": 0.0}).values() == pytest.approx(wanted)
+    alike = [load(name).with_values(values) for values in (wanted, dict(zip(given, wanted.values(), strict=True)))]
+    out = [simulate(one, shaker.sine(20.0, 0.01)).malleolus for one in alike]
+    np.testing.assert_array_equal(*out)
+    batched = simulate(foot, shaker.sine(20.0, 0.01), values=given).malleolus
+    np.testing.assert_allclose(batched, out[0], atol=1e-9)
+
+
+def test_a_model_is_loaded_from_a_file_its_text_or_a_spec(tmp_path: Path) -> None:
+    text = mjcf.path("two_dof").read_text()
+    softer = text.replace('stiffness="1.5e5"', 'stiffness="1.2e5"')
+    (tmp_path / "softer.xml").write_text(softer)
+    spec = mujoco.MjSpec.from_string(text)
+    spec.joint("talocrural").stiffness = [1.2e5, 0, 0]
+    feet = [load(tmp_path / "softer.xml"), load(softer), load(spec)]
+    assert [foot.name for foot in feet] == ["softer.xml", "two_dof", "two_dof"]
+    first, *others = (simulate(foot, shaker.sine(20.0, 0.05)).malleolus for foot in feet)
+    for other in others:
+        np.testing.assert_array_equal(other, first)
+    assert feet[2].values()["k_T"] == 1.2e5 and load("two_dof").values()["k_T"] == 1.5e5
+    spec.joint("talocrural").stiffness = [2e5, 0, 0]
+    assert feet[2].values()["k_T"] == 1.2e5  # as it was when it was loaded
+    with pytest.raises(InputFileError, match=r"^MJCF text, line \d+: MuJoCo cannot compile it \(.*bases"):
+        load(text.replace('joint="base"', 'joint="bases"'))
+    spec.actuator("shaker").target = "nothing"
+    with pytest.raises(InputFileError, match=r"^MjSpec, line \d+: MuJoCo cannot compile it .*nothing"):
+        load(spec)
+    with pytest.raises(ModelError, match=r"^MuJoCo Model: there is no joint"):
+        load("<mujoco/>")

@@ -4,9 +4,10 @@ import asyncio
 import sys
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from fasbody.exceptions import MissingPackageError, SettingError
+from fasbody.foot.parameters import Fitted
 from fasbody.recording.recording import Recording
 from identification.result import FitResult
 from viz.excitation import Excitation
@@ -19,13 +20,6 @@ from viz.settings import Settings
 if TYPE_CHECKING:
     from fasbody.foot.model import Foot
     from viz.server import Server
-
-
-class Fitted(Protocol):
-    """A result that holds parameters of a foot, such as what `identification.fit_foot` returns."""
-
-    def values(self) -> dict[str, float]:
-        """Key with unit -> value."""
 
 
 class Viewer:

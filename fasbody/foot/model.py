@@ -2,7 +2,7 @@
 
 import copy
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +13,7 @@ import mjcf
 from fasbody.exceptions import InputFileError, ModelError, SettingError, unknown
 from fasbody.foot import damper
 from fasbody.foot.engine import SHAKER, SHAKER_CONTROLS
-from fasbody.foot.parameters import Parameters, declared, names
+from fasbody.foot.parameters import Fitted, Parameters, declared, names
 from fasbody.presentation import Sheet
 
 #: Elements that every command needs, by kind.
@@ -79,18 +79,23 @@ class Foot:
         """Current value of every declared parameter, in its unit."""
         return {name: item.read(self.model) for name, item in self.parameters.items()}
 
-    def with_values(self, values: Mapping[str, float], step: float | None = None) -> "Foot":
+    def with_values(self, values: Mapping[str, float] | Fitted, step: float | None = None) -> "Foot":
         """A copy with some parameters (and the time step) changed.
 
+            foot.with_values({"k_T": 2e5})
+            foot.with_values(fit_foot(recordings, foot))
+
         Args:
-            values: by thesis symbol, ``k_T``, or by the key that a fit returns, ``k_T_n_per_m``.
+            values: what a fit returns, or numbers by thesis symbol, ``k_T``, or as a fit names them, ``k_T_n_per_m`` or
+                ``k_T [N/m]``. A delay is one of the recording's channels, not of the foot, and is left out.
             step: time step [s].
 
         Raises:
-            SettingError: unknown parameter (the message lists those that exist), or a value that it cannot have.
+            SettingError: parameters that the model does not have (the message lists those that exist), or a value that
+                one cannot have.
         """
         changed = copy.copy(self.model)
-        for name, value in values.items():
+        for name, value in self.parameters.named(values).items():
             item = self.parameters[name]
             if not np.isfinite(value) or (value < 0 and item.lower >= 0):
                 wanted = "a number of zero or more" if item.lower >= 0 else "a finite number"
@@ -122,27 +127,52 @@ class Foot:
         return Sheet(self.name, ("parameter", "value", "unit", "bounds", "source"), rows)
 
 
-def load(model: str | Path) -> Foot:
+def load(model: str | Path | mujoco.MjSpec) -> Foot:
     """Load a foot model.
 
+        load("two_dof")
+        load("my_foot.xml")
+        load(Path("my_foot.xml").read_text())
+
     Args:
-        model: name of a shipped model (``two_dof``) or an MJCF file.
+        model: name of a shipped model (``two_dof``), an MJCF file, the text of one, or a `mujoco.MjSpec`, which is
+            compiled as it is then. Text and MjSpec are called as their ``<mujoco model="...">`` says.
 
     Raises:
         InputFileError: no such model or file, or MuJoCo cannot compile it.
         ModelError: a required element is missing, or a parameter or law is not valid.
     """
     shipped = mjcf.names()
+    if isinstance(model, mujoco.MjSpec):
+        compiled = _compiled(model.compile, "MjSpec")
+        return check(compiled, _called(compiled))
+    if isinstance(model, str) and model.lstrip().startswith("<"):
+        compiled = _compiled(lambda: mujoco.MjSpec.from_string(model).compile(), "MJCF text")
+        return check(compiled, _called(compiled))
     file = mjcf.path(str(model)) if str(model) in shipped else Path(model)
     if not file.is_file():
         valid = f"give an MJCF file or one of {', '.join(shipped)}"
         raise InputFileError(model, "no such model", valid)
+    compiled = _compiled(lambda: mujoco.MjModel.from_xml_path(str(file)), file)
+    return check(compiled, str(model) if str(model) in shipped else file.name)
+
+
+def _compiled(build: Callable[[], mujoco.MjModel], place: str | Path) -> mujoco.MjModel:
+    """What MuJoCo makes of a model.
+
+    Raises:
+        InputFileError: it cannot compile it.
+    """
     try:
-        compiled = mujoco.MjModel.from_xml_path(str(file))
+        return build()
     except ValueError as error:
         clause, line = compiler_complaint(str(error))
-        raise InputFileError(file, f"MuJoCo cannot compile it ({clause})", line=line) from None
-    return check(compiled, str(model) if str(model) in shipped else file.name)
+        raise InputFileError(place, f"MuJoCo cannot compile it ({clause})", line=line) from None
+
+
+def _called(model: mujoco.MjModel) -> str:
+    """The name that a model gives itself, which MuJoCo keeps before those of its elements."""
+    return str(model.names.partition(b"\0")[0].decode())
 
 
 def check(model: mujoco.MjModel, name: str) -> Foot:

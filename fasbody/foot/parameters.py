@@ -14,7 +14,7 @@ a product of two columns of one field, is written
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -114,6 +114,11 @@ class Parameter:
         return f"{self.name}_{UNITS[self.unit]}" if self.unit else self.name
 
     @property
+    def label(self) -> str:
+        """Name with unit, as tables have it: ``k_T [N/m]``."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+    @property
     def fields(self) -> tuple[str, ...]:
         """Every mjModel field that is read or written for it."""
         return tuple(dict.fromkeys(field for place in self.places for field in place.fields))
@@ -141,12 +146,28 @@ def symbol_and_unit(key: str) -> tuple[str, str]:
     return key, ""
 
 
+class Fitted(Protocol):
+    """What a fit returns: `identification.fit_foot`'s result, or one of its branches."""
+
+    def values(self) -> Mapping[str, float]:
+        """Key with unit -> value."""
+
+
+def of_channel(name: str) -> bool:
+    """Whether a fit's constant is one of a recording's channel and not of the foot: ``delay_s``, ``delay_foot_s``."""
+    return name.startswith("delay")
+
+
 class Parameters(Mapping[str, Parameter]):
-    """All declared parameters of a model, in the order of the MJCF: by thesis symbol, or by the key with its unit."""
+    """All declared parameters of a model, in the order of the MJCF.
+
+    Each is found by thesis symbol, ``k_T``, and as a fit names it: ``k_T_n_per_m`` in files, ``k_T [N/m]`` in tables.
+    """
 
     def __init__(self, items: Iterable[Parameter], model_name: str) -> None:
         self._items = {item.name: item for item in items}
-        self._keys = {item.key: item for item in self._items.values()} | self._items
+        named = {name: item for item in self._items.values() for name in (item.key, item.label)}
+        self._keys = named | self._items
         self.model_name = model_name
 
     def __getitem__(self, name: str) -> Parameter:
@@ -162,6 +183,23 @@ class Parameters(Mapping[str, Parameter]):
 
     def __len__(self) -> int:
         return len(self._items)
+
+    def named(self, values: "Mapping[str, Any] | Fitted") -> dict[str, Any]:
+        """Values by thesis symbol, of what a fit returns or of a mapping; the delay of a channel is left out.
+
+        Raises:
+            SettingError: names that the model does not have, all of them in one sentence, or a value that is no number.
+        """
+        given = values if isinstance(values, Mapping) else values.values()
+        constants = {name: value for name, value in given.items() if not of_channel(name)}
+        lost = [name for name in constants if name not in self]
+        if len(lost) > 1:
+            raise SettingError(f"model {self.model_name} has no {', '.join(lost)} (valid: {', '.join(self)}).")
+        found = {self[name].name: value for name, value in constants.items()}  # a single lost name: what is near
+        for name, value in found.items():
+            if not np.issubdtype(np.asarray(value).dtype, np.number):
+                raise SettingError(f"{name} is {value!r}; give a number, or of a fit the whole result.")
+        return found
 
     @property
     def fields(self) -> tuple[str, ...]:

@@ -8,11 +8,12 @@ from typing import Any, ClassVar
 import mujoco
 import mujoco.batch
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.foot.engine import SHAKER_CONTROLS, callbacks
 from fasbody.foot.model import Foot, Sensor
-from fasbody.foot.parameters import names
+from fasbody.foot.parameters import Fitted, names
 from fasbody.foot.shaker import BaseMotion
 from fasbody.presentation import Presented, Sheet
 
@@ -193,7 +194,7 @@ def simulate(
     motions: BaseMotion | Sequence[BaseMotion],
     *,
     step: float | None = None,
-    values: Mapping[str, np.ndarray | float] | None = None,
+    values: Mapping[str, ArrayLike] | Fitted | None = None,
     qpos: np.ndarray | None = None,
     qvel: np.ndarray | None = None,
     threads: int = 0,
@@ -204,22 +205,23 @@ def simulate(
         foot: the model.
         motions: one motion, or one a simulation; all of the first one's duration.
         step: time step [s], default the model's.
-        values: parameters, name -> one value or (nsim,).
+        values: what a fit returns, or parameters by name (`Foot.with_values`), one value or (nsim,) of each.
         qpos: initial positions (nq,) or (nsim, nq); qvel: initial velocities.
         threads: 0 for all cores.
 
     Raises:
-        SettingError: sizes that do not fit. SimulationError: unstable.
+        SettingError: an unknown parameter, or sizes that do not fit. SimulationError: unstable.
     """
     step = step or foot.step
     listed = [motions] if isinstance(motions, BaseMotion) else list(motions)
-    sizes = {len(listed), *(np.size(value) for value in (values or {}).values())} - {1}
+    given = {name: np.asarray(value) for name, value in foot.parameters.named(values or {}).items()}
+    sizes = {len(listed), *(value.size for value in given.values())} - {1}
     if len(sizes) > 1:
         raise SettingError(f"base motions and parameter values must be as many as each other, not {sorted(sizes)}.")
     count = round(listed[0].duration / step)
     if count < 1:
         raise SettingError(f"a motion of {listed[0].duration:g} s is shorter than one step of {step:g} s.")
     batch = Batch(foot, sizes.pop() if sizes else 1, threads)
-    batch.set(values or {})
+    batch.set(given)
     controls = np.stack([motion.controls(step, count) for motion in listed])
     return batch.run(controls, step, qpos, qvel)
