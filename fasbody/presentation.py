@@ -1,17 +1,17 @@
 """How a result shows itself: at a prompt, in a notebook, as a table of numbers, as a figure, as files."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from html import escape
 from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from fasbody.console import to_json, write_whole
-from fasbody.exceptions import SettingError, unknown
+from fasbody.exceptions import SettingError, shown, unknown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -79,7 +79,38 @@ class Sheet:
         return f"<p><b>{escape(self.title)}</b></p>{table}{notes}"
 
 
-class Presented(ABC):
+class Tabled:
+    """A data class that a notebook shows as a table: its fields, unless its own `sheet` says more."""
+
+    def sheet(self) -> Sheet:
+        """What a screen shows."""
+        named = [(field.name, getattr(self, field.name)) for field in fields(cast(Any, self))]
+        rows = [(name, cell(value), unit_of(name)) for name, value in named if not callable(value)]
+        return Sheet(type(self).__name__, ("field", "value", "unit"), rows)
+
+    def _repr_html_(self) -> str:
+        return self.sheet().html()
+
+
+def cell(value: Any) -> str:
+    """A value of any kind in a cell: a number with six digits, of an array its shape and range, of a table its name."""
+    if value is None or isinstance(value, str):
+        return "–" if value is None else shown(value)
+    if isinstance(value, int | float | complex) and not isinstance(value, bool):
+        return f"{value:.6g}"
+    if isinstance(value, Tabled):
+        return value.sheet().title
+    if hasattr(value, "dtype") and value.ndim:
+        shape = "x".join(map(str, value.shape))
+        real = value.size and value.dtype.kind in "iuf"
+        return f"{shape}, {value.min():.4g} to {value.max():.4g}" if real else shape
+    if isinstance(value, Mapping | Sequence):
+        entries = [f"{key}: {cell(entry)}" for key, entry in value.items()] if isinstance(value, Mapping) else value
+        return shown(", ".join(map(cell, entries))) or "–"
+    return shown(str(value))
+
+
+class Presented(Tabled, ABC):
     """What every result can. It says its `sheet` and its `records`, and where its figures are drawn.
 
     A data class that has these must be made with `repr=False`.
@@ -100,9 +131,6 @@ class Presented(ABC):
 
     def __repr__(self) -> str:
         return str(self.sheet())
-
-    def _repr_html_(self) -> str:
-        return self.sheet().html()
 
     def to_dataframe(self) -> "pd.DataFrame":
         """The numbers as a pandas table; `attrs["units"]` says the unit of each column whose name carries one."""

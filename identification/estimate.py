@@ -9,6 +9,7 @@ import numpy as np
 
 from fasbody.exceptions import RecordingError, SettingError, SimulationError, unknown
 from fasbody.foot.model import Foot
+from fasbody.presentation import Tabled
 from fasbody.recording.checks import apart, checked, gathered
 from fasbody.recording.known import Known
 from fasbody.recording.recording import UNSTATED, Channel, Recording
@@ -51,7 +52,7 @@ Advance = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
-class Settings:
+class Settings(Tabled):
     """How to fit.
 
     Attributes:

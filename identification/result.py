@@ -10,7 +10,7 @@ import numpy as np
 
 from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.parameters import of_channel, symbol_and_unit
-from fasbody.presentation import Presented, Sheet
+from fasbody.presentation import Presented, Sheet, Tabled
 from fasbody.recording.recording import Recording
 from identification.contact import Contact
 from identification.contact import summary as lifted
@@ -58,7 +58,7 @@ def identifiability(value: float, std_error: float, size: float, at_bound: bool)
 
 
 @dataclass(frozen=True, repr=False)
-class Estimate:
+class Estimate(Tabled):
     """One parameter: value, standard error, 95 % limits, whether it ended at its bound, and how well it is known.
 
     They allow for whatever else may be true (`World`), and `if_model_true` has those that trust the model, the masses
@@ -76,6 +76,12 @@ class Estimate:
 
     def __repr__(self) -> str:
         return f"{self.interval()}, {self.known}"
+
+    def sheet(self) -> Sheet:
+        """The interval, and beside it that which holds if the model is true."""
+        both = [(WHATEVER, self), (IF_TRUE, self.if_model_true)] if self.if_model_true else [(IF_TRUE, self)]
+        rows = [(told, e.interval(), e.known) for told, e in both if e]
+        return Sheet(str(self), ("interval", "value", ""), rows)
 
     def interval(self) -> str:
         """Value and half width of the 95 % interval, rounded to what is known."""
@@ -114,7 +120,7 @@ def _flat(e: Estimate) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Mass:
+class Mass(Tabled):
     """A segment's mass without the load [kg]: as stated, and as the recordings weigh it.
 
     Attributes:
@@ -141,7 +147,7 @@ class Mass:
 
 
 @dataclass(frozen=True)
-class Allowance:
+class Allowance(Tabled):
     """Something else that may be true, and what the recordings say of it.
 
     Attributes:
@@ -167,7 +173,7 @@ class Allowance:
 
 
 @dataclass(frozen=True)
-class World:
+class World(Tabled):
     """A branch fitted with everything else that may be true.
 
     Attributes:
@@ -253,7 +259,7 @@ class Branch(Presented):
 
 
 @dataclass(frozen=True, eq=False)
-class RecordingFit:
+class RecordingFit(Tabled):
     """One recording: measured and model traces, and how well they agree; `base` is what shook both.
 
     `sensors` has every accelerometer that was fitted, the malleolus first.

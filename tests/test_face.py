@@ -4,6 +4,7 @@ import ast
 import importlib
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -17,7 +18,7 @@ import identification
 import viz
 from fasbody.exceptions import RecordingError, SettingError
 from fasbody.foot.model import Foot
-from fasbody.presentation import NOTES, ROWS, WIDTH, Presented, Sheet
+from fasbody.presentation import NOTES, ROWS, WIDTH, Presented, Sheet, Tabled
 from fasbody.transmissibility.sdof import transmissibility
 
 ROOT = Path(__file__).parent.parent
@@ -96,6 +97,45 @@ def test_a_result_of_any_length_is_a_screen() -> None:
     assert repr(Lines(2)).splitlines()[:3] == ["many", "number  text", "0       <b>"]
     html = Lines(2)._repr_html_()
     assert "&lt;b&gt;" in html and "<td><b>" not in html
+
+
+@dataclass(frozen=True)
+class Piece(Tabled):
+    name: str
+    time_s: np.ndarray
+    mass_kg: float = 72.5
+    inside: "Piece | None" = None
+    made: Callable[[], None] = lambda: None
+
+
+def test_a_data_class_is_a_table_of_its_fields() -> None:
+    html = Piece("<i>", np.array([0.0, 0.5]), inside=Piece("b", np.zeros((2, 3))))._repr_html_()
+    assert "&lt;i&gt;" in html and "<i>" not in html
+    assert "<td>time_s</td><td>2, 0 to 0.5</td><td>s</td>" in html
+    assert "<td>mass_kg</td><td>72.5</td><td>kg</td>" in html
+    assert "<td>inside</td><td>Piece</td>" in html and "made" not in html
+
+
+def test_whatever_is_public_shows_itself_in_a_notebook(fitted: identification.FitResult, foot: Foot) -> None:
+    """Every class of the three packages, and each as it is met; what a command or a server needs is none of them."""
+    pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
+    for package in FACES:
+        for name in package.__all__:
+            thing = getattr(package, name)
+            if isinstance(thing, type) and thing not in (fb.FasError, viz.Show, viz.ModeShow):
+                assert callable(getattr(thing, "_repr_html_", None)), name
+    study = fb.bundled()
+    recording = study.recordings[0]
+    series = [identification.series_of(study.recordings[i]) for i in (2, 4)]
+    report = identification.identify(series, ["oe"], {"oe": (2, 2, 1)})
+    for thing, told in (
+        (foot, "k_T"), (study, "10hz_0kg.csv"), (recording, "malleolus_m_s2"), (recording.condition, "midstance"),
+        (fb.sine(20, 1), "sine 20 Hz"), (fb.Arch.nominal(), "theta_20"), (fitted, "k_T [N/m]"), (fitted["k_T"], "95 %"),
+        (fitted.recordings[0], "fit_percent"), (identification.Settings(), "starts"), (report, "held-out"),
+        (report.models["oe"], "selection"), (report.models["oe"].best.model, "theta"), (viz.Settings(), "frequency"),
+    ):  # fmt: skip
+        html = thing._repr_html_()
+        assert told in html and html.count("<table>") == html.count("</table>") == 1, type(thing).__name__
 
 
 def test_numbers_of_a_result_come_back_from_its_files(tmp_path: Path) -> None:

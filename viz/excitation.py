@@ -13,6 +13,7 @@ import numpy as np
 
 from fasbody.exceptions import InputFileError, RecordingError
 from fasbody.foot.shaker import BaseMotion, samples, sweep
+from fasbody.presentation import Tabled
 from fasbody.recording.checks import checked
 from fasbody.recording.harmonics import fit_harmonics, harmonic_count
 from fasbody.recording.recording import Recording
@@ -79,7 +80,7 @@ class Steady:
 
 
 @dataclass(frozen=True, eq=False)
-class Excitation:
+class Excitation(Tabled):
     """What drives the base: a sine (neither base nor steady), a motion of its own, or a recording.
 
     Attributes:

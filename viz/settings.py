@@ -11,6 +11,7 @@ from fasbody.exceptions import SettingError
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import Parameter
 from fasbody.foot.shaker import PEAK_TO_PEAK
+from fasbody.presentation import Tabled
 
 #: Parameters that an added mass on the knee raises.
 CARRIERS = ("m_S", "m_T", "added_mass")
@@ -27,7 +28,7 @@ WORDS = {
 
 
 @dataclass(frozen=True)
-class Settings:
+class Settings(Tabled):
     """What the sliders say: frequency [Hz], peak to peak of the base [m/s^2], mass on the knee [kg], parameters.
 
     `delay_s` is how late a measured malleolus is, as a fit found it; model and measurement are compared without it.

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal, Self
 import numpy as np
 
 from fasbody.exceptions import ModelError
+from fasbody.presentation import Tabled
 
 if TYPE_CHECKING:
     import mujoco
@@ -38,7 +39,7 @@ Inertias = Literal["thesis", "centroidal"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arch:
+class Arch(Tabled):
     """All constants of the five-body arch; SI units, angles in rad.
 
     Attributes:

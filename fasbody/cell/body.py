@@ -18,7 +18,7 @@ from fasbody.cell.mesh import FACES, MeshSize, TetMesh, surface_mesh
 from fasbody.cell.meshfile import read_surface, read_tagged
 from fasbody.cell.modal import CellModel, Modes, solve
 from fasbody.exceptions import InputFileError, MeshError, SettingError, unknown
-from fasbody.presentation import Presented, Sheet
+from fasbody.presentation import Presented, Sheet, Tabled
 
 #: Length units of files [um].
 UNITS = {"nm": 1e-3, "um": 1.0, "mm": 1e3, "cm": 1e4, "m": 1e6}
@@ -31,7 +31,7 @@ NAMED = 0.05
 
 
 @dataclass(frozen=True)
-class Body:
+class Body(Tabled):
     """Tetrahedra with the names that their file gives to parts of them.
 
     Args:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fasbody.exceptions import SettingError, unknown
+from fasbody.presentation import Tabled
 
 #: The four base shapes of Figure 5.3, long axis x short axis [um].
 SHAPES = ((135.0, 30.0), (100.0, 40.0), (80.0, 50.0), (67.0, 60.0))
@@ -19,7 +20,7 @@ PROFILES = ("ellipsoid", "cap")
 
 
 @dataclass(frozen=True)
-class Nucleus:
+class Nucleus(Tabled):
     """Ellipsoid with full axes [um] along x, z, y (section 5.2) and its centre above the base [um]."""
 
     length: float = 8.0
@@ -39,7 +40,7 @@ class Nucleus:
 
 
 @dataclass(frozen=True)
-class Dome:
+class Dome(Tabled):
     """An adherent cell: base axes [um], height [um], profile and nucleus.
 
     Args:

@@ -4,13 +4,14 @@ import math
 from dataclasses import dataclass, replace
 
 from fasbody.exceptions import SettingError, unknown
+from fasbody.presentation import Tabled
 
 #: Elastic moduli of the cytoplasm in the sweeps of Figures 5.10 and 5.11 [Pa].
 MODULI_PA = (30.0, 100.0, 500.0, 1000.0, 5000.0, 10000.0, 15000.0)
 
 
 @dataclass(frozen=True)
-class Material:
+class Material(Tabled):
     """Isotropic linear elasticity: Young's modulus [Pa], Poisson's ratio, density [kg/m^3].
 
     Raises:
@@ -34,7 +35,7 @@ class Material:
 
 
 @dataclass(frozen=True)
-class Preset:
+class Preset(Tabled):
     """One reading of section 5.2.
 
     Args:

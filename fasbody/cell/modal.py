@@ -22,6 +22,7 @@ from fasbody.cell.cytoskeleton import Tensegrity, cytoskeleton_stiffness
 from fasbody.cell.materials import Material
 from fasbody.cell.membrane import Membrane, membrane_stiffness
 from fasbody.exceptions import SettingError, SimulationError, unknown
+from fasbody.presentation import Tabled
 
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 Block = NDArray[np.float64]
@@ -38,7 +39,7 @@ SMOOTHING, BAND, GUARD, TOLERANCE, ITERATIONS = 2, 4.0, 4, 1e-7, 200
 
 
 @dataclass(frozen=True)
-class CellModel:
+class CellModel(Tabled):
     """A discretised cell, or any other body, made of materials.
 
     Args:
@@ -117,7 +118,7 @@ class CellModel:
 
 
 @dataclass(frozen=True)
-class Modes:
+class Modes(Tabled):
     """Modes in rising order.
 
     Args:

@@ -15,6 +15,7 @@ from fasbody.cell.materials import MODULI_PA, Preset
 from fasbody.cell.mesh import MeshSize
 from fasbody.cell.modeshape import Match, track_along
 from fasbody.exceptions import SettingError
+from fasbody.presentation import Tabled
 
 #: Modulus of the yeast cells that section 5.5 extrapolates to [Pa].
 YEAST_PA = 0.75e6
@@ -23,7 +24,7 @@ Advance = Callable[[], object]
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(Tabled):
     """Analyses in the order of the sweep, each mode traced back to the first of them, step by step.
 
     Args:
@@ -52,7 +53,7 @@ class Sweep:
 
 
 @dataclass(frozen=True)
-class PowerLaw:
+class PowerLaw(Tabled):
     """f = a E^b, fitted to first frequencies over the modulus.
 
     Args:

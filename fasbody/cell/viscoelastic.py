@@ -26,10 +26,11 @@ from numpy.typing import NDArray
 from fasbody.cell.mesh import CYTOPLASM, NUCLEUS
 from fasbody.cell.modal import CellModel, direct, inverse, solve
 from fasbody.exceptions import SettingError
+from fasbody.presentation import Tabled
 
 
 @dataclass(frozen=True)
-class StandardLinearSolid:
+class StandardLinearSolid(Tabled):
     """Relaxation of one region.
 
     Args:
@@ -102,7 +103,7 @@ class ReducedCell:
 
 
 @dataclass(frozen=True)
-class DampedModes:
+class DampedModes(Tabled):
     """Oscillating modes of a viscoelastic cell, by rising frequency.
 
     Args:
@@ -197,7 +198,7 @@ def _orthonormal(vectors: NDArray[np.float64], M: sp.csr_array) -> NDArray[np.fl
 
 
 @dataclass(frozen=True)
-class BaseResponse:
+class BaseResponse(Tabled):
     """Frequency response to motion of the base along x, y and z in turn.
 
     Args:

@@ -14,7 +14,7 @@ from fasbody.exceptions import InputFileError, ModelError, SettingError, unknown
 from fasbody.foot import damper
 from fasbody.foot.engine import SHAKER, SHAKER_CONTROLS
 from fasbody.foot.parameters import Fitted, Parameters, declared, names
-from fasbody.presentation import Sheet
+from fasbody.presentation import Sheet, Tabled
 
 #: Elements that every command needs, by kind.
 REQUIRED = {"joint": ("base",), "actuator": ("shaker",), "sensor": ("base", "malleolus"), "site": ("malleolus",)}
@@ -25,7 +25,7 @@ HEAVY, CLOSED = 1e6, 1e-6
 
 
 @dataclass(frozen=True)
-class Sensor:
+class Sensor(Tabled):
     """Where a sensor stands in sensordata, and which way is up in its axes.
 
     Attributes:
@@ -49,7 +49,7 @@ class Sensor:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Foot:
+class Foot(Tabled):
     """A compiled model with the places that the commands use.
 
     Attributes:
@@ -113,9 +113,6 @@ class Foot:
 
     def __repr__(self) -> str:
         return str(self.sheet())
-
-    def _repr_html_(self) -> str:
-        return self.sheet().html()
 
     def sheet(self) -> Sheet:
         """Parameters with their bounds and where they come from."""

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from fasbody.exceptions import ModelError, SettingError, unknown
+from fasbody.presentation import Tabled
 
 if TYPE_CHECKING:
     import mujoco
@@ -46,7 +47,7 @@ _FIELDS = {
 
 
 @dataclass(frozen=True)
-class Place:
+class Place(Tabled):
     """Where a parameter stands in mjModel.
 
     Attributes:
@@ -89,7 +90,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Parameter:
+class Parameter(Tabled):
     """One declared parameter.
 
     Attributes:

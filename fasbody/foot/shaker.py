@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.exceptions import SettingError
+from fasbody.presentation import Tabled
 
 #: Peak-to-peak base acceleration of the thesis [m/s^2], section 2.2.2.
 PEAK_TO_PEAK = 17.9
@@ -21,7 +22,7 @@ CLOCK = 2.0**-10
 
 
 @dataclass(frozen=True)
-class BaseMotion:
+class BaseMotion(Tabled):
     """Prescribed base acceleration.
 
     Attributes:

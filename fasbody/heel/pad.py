@@ -9,13 +9,14 @@ import numpy as np
 import mjcf
 from fasbody.exceptions import SettingError
 from fasbody.heel.laws import REFERENCE_M, THICKNESS_M, HeelLaw
+from fasbody.presentation import Tabled
 
 #: Laws that a joint can carry; the law 4.22 has a memory and needs an actuator, the others are no sum of powers.
 CARRIED = ("nonlinear", "strain_damper", "power", "hunt_crossley")
 
 
 @dataclass(frozen=True)
-class Pad:
+class Pad(Tabled):
     """A law as a joint carries it: `user` (8,) numbers, and the strain e0 at which it rests under its load."""
 
     user: tuple[float, ...]

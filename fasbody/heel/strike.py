@@ -12,6 +12,7 @@ import numpy as np
 from fasbody.exceptions import RecordingError
 from fasbody.heel import shank
 from fasbody.heel.plate import Plate
+from fasbody.presentation import Tabled
 
 #: The corrections, in their order, with what each does.
 STEPS = {
@@ -82,7 +83,7 @@ class Published:
 
 
 @dataclass(frozen=True, eq=False)
-class Strike:
+class Strike(Tabled):
     """Force over compression of one strike, from contact on.
 
     Attributes:

@@ -20,6 +20,7 @@ import numpy as np
 from fasbody.exceptions import FasError, InputFileError, RecordingError, unknown
 from fasbody.heel.plate import Plate
 from fasbody.heel.strike import THRESHOLD_N, Published, Steps, Strike, Trial, contact_and_peak, corrected, heel_strike
+from fasbody.presentation import Tabled
 
 #: What study.toml calls such a study.
 KIND = "heel strikes"
@@ -41,7 +42,7 @@ _DEEPEST_M = 0.1
 
 
 @dataclass(frozen=True)
-class HeelStudy:
+class HeelStudy(Tabled):
     """Strikes of people, all read.
 
     Attributes:
@@ -194,7 +195,7 @@ def _number(file: Path, name: str, value: object) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Person:
+class Person(Tabled):
     """The raw file of one person.
 
     Attributes:

@@ -6,6 +6,7 @@ import numpy as np
 
 from fasbody.foot import shaker
 from fasbody.foot.shaker import BaseMotion
+from fasbody.presentation import Tabled
 from fasbody.recording.recording import Recording
 
 #: Motions of the table that a study can have.
@@ -15,7 +16,7 @@ STRAPPED = ("offset_m_s2", "strap_hz", "strap_zeta", "gain_scatter")
 
 
 @dataclass(frozen=True)
-class Instrument:
+class Instrument(Tabled):
     """What the shaker and the data acquisition add to the motion.
 
     Attributes:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.foot.two_dof import TwoDof
+from fasbody.presentation import Tabled
 from fasbody.recording.condition import POSTURES as POSTURES
 from fasbody.recording.condition import SUBJECTS, foot_mass, shank_mass
 
@@ -48,7 +49,7 @@ def constants(frequency_hz: float, added_mass_kg: float, posture: str = "midstan
 
 
 @dataclass(frozen=True)
-class Tuberosity:
+class Tuberosity(Tabled):
     """Tibial tuberosity as a light mass on the shank: undamped frequency [Hz] and damping ratio."""
 
     frequency_hz: float
@@ -71,7 +72,7 @@ class Tuberosity:
 
 
 @dataclass(frozen=True)
-class VirtualSubject:
+class VirtualSubject(Tabled):
     """One subject: body mass, and how its constants differ from the mean (factors that average to one)."""
 
     number: int

@@ -20,6 +20,7 @@ from fasbody.exceptions import ModelError, unknown
 from fasbody.foot import damper
 from fasbody.foot.model import check_constants
 from fasbody.foot.parameters import declared, names
+from fasbody.presentation import Tabled
 
 Array = np.ndarray
 #: Sites that a leg has: where the accelerometers of section 2.2 sit, and the knee.
@@ -27,7 +28,7 @@ SITES = ("malleolus", "tuberosity", "knee")
 
 
 @dataclass(frozen=True, eq=False)
-class Leg:
+class Leg(Tabled):
     """A chain on the table.
 
     Attributes:

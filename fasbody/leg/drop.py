@@ -12,6 +12,7 @@ from fasbody.exceptions import SettingError, SimulationError
 from fasbody.foot import damper
 from fasbody.foot.engine import callbacks
 from fasbody.leg.lift_off import REFERENCE_N, G
+from fasbody.presentation import Tabled
 
 #: Kinoshita 1993: mass [kg], speed at touch [m/s]; what was measured, lowest, mean and highest.
 MASS_KG, SPEED_M_S = 5.0, 0.93
@@ -39,7 +40,7 @@ _MODEL = """
 
 
 @dataclass(frozen=True)
-class Drop:
+class Drop(Tabled):
     """What the mass did.
 
     Attributes:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import InputFileError, shown, unknown
+from fasbody.presentation import Tabled
 from fasbody.recording.known import Known
 
 _G = 9.80665
@@ -88,7 +89,7 @@ _KEYS = ("unit", "sign", "sensitivity", "delay_s", "column", "gain_std", "delay_
 
 
 @dataclass(frozen=True)
-class Channel:
+class Channel(Tabled):
     """What study.toml says of one channel.
 
     Attributes:
@@ -108,7 +109,7 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Layout:
+class Layout(Tabled):
     """The channels of a study's files.
 
     Attributes:

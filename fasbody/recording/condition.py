@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.exceptions import RecordingError
+from fasbody.presentation import Tabled
 
 #: Share of the body mass, section 4.5 (anthropometric data).
 SHANK_MASS_FRACTION = 0.0465
@@ -17,7 +18,7 @@ ADDED_MASSES_KG = (0.0, 2.3, 4.5)
 
 
 @dataclass(frozen=True)
-class Subject:
+class Subject(Tabled):
     """One row of Table 2.1."""
 
     number: int
@@ -56,7 +57,7 @@ _MASS_LIMITS_KG = {"body": (20, 300), "added": (0, 100)}
 
 
 @dataclass(frozen=True)
-class Condition:
+class Condition(Tabled):
     """Under what a recording was made. `frequency_hz` is None for broadband excitation, masses None if unknown."""
 
     subject: str = ""

@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from fasbody.exceptions import RecordingError
+from fasbody.presentation import Tabled
 
 #: Harmonics fitted so that the residual is noise; those above HIGHEST_HZ only serve that.
 _FITTED = 20
@@ -23,7 +24,7 @@ _BEYOND = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Harmonics:
+class Harmonics(Tabled):
     """Complex amplitudes of one channel: signal = offset + sum over h of Re(amplitude_h exp(i 2 pi h f t)).
 
     Attributes:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from fasbody.exceptions import InputFileError, SettingError, unknown
+from fasbody.presentation import Tabled
 
 #: Departures of the world from the model that a laboratory can exclude.
 DEPARTURES = ("mount", "relaxation", "load", "rocking", "drift")
@@ -18,7 +19,7 @@ _FORCE = "static_force_n"
 
 
 @dataclass(frozen=True)
-class Known:
+class Known(Tabled):
     """What is known; None where nothing is said.
 
     Attributes:

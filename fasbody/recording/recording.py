@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fasbody.exceptions import RecordingError
+from fasbody.presentation import Sheet, Tabled
 from fasbody.recording import files
 from fasbody.recording.channels import Channel, Channels, Layout
 from fasbody.recording.condition import Condition, plausible
@@ -24,7 +25,7 @@ UNSTATED = "of unstated origin"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Recording:
+class Recording(Tabled):
     """Accelerations of one trial, uniformly sampled.
 
     Attributes:
@@ -65,6 +66,15 @@ class Recording:
 
     def __repr__(self) -> str:
         return str(self)
+
+    def sheet(self) -> Sheet:
+        """Range and scatter of each channel, and under what it was recorded."""
+        c = self.condition
+        rows = [(name, *(f"{x:.5g}" for x in (v.min(), v.max(), v.std()))) for name, v in self.channels.items()]
+        known = [f"body mass {c.body_mass_kg:g} kg"] if c.body_mass_kg else []
+        known += [f"{c.added_mass_kg:g} kg on the knee"] if c.added_mass_kg else []
+        notes = [", ".join([*([f"subject {c.subject}"] if c.subject else []), c.posture, *known]) + "."]
+        return Sheet(str(self), ("channel", "least", "most", "standard deviation"), rows, [*notes, *self.warnings])
 
     @classmethod
     def from_arrays(

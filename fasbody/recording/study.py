@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fasbody.exceptions import FasError, InputFileError
+from fasbody.presentation import Sheet, Tabled
 from fasbody.recording.channels import Layout
 from fasbody.recording.checks import Checked, understood
 from fasbody.recording.recording import Recording
@@ -19,7 +20,7 @@ BUNDLED = Path(str(files("fasbody"))) / "studies" / "synthetic_subject_16"
 
 
 @dataclass(frozen=True)
-class StudyFolder:
+class StudyFolder(Tabled):
     """A study on disk: its tables are read, its recordings one at a time when they are asked for.
 
     Attributes:
@@ -55,7 +56,7 @@ class StudyFolder:
 
 
 @dataclass(frozen=True, repr=False)
-class Study:
+class Study(Tabled):
     """A folder of recordings, all in memory.
 
         study = Study.read("my_study")
@@ -78,6 +79,16 @@ class Study:
 
     def __repr__(self) -> str:
         return str(self)
+
+    def sheet(self) -> Sheet:
+        """One row per recording."""
+        rows = []
+        for r in self.recordings:
+            c, at = r.condition, r.condition.frequency_hz
+            about = (r.file, c.subject, c.posture, f"{c.added_mass_kg:g}", "broadband" if at is None else f"{at:g}")
+            rows.append((*about, str(r.time_s.size), f"{r.rate_hz:.6g}"))
+        columns = ("file", "subject", "posture", "added mass [kg]", "frequency [Hz]", "samples", "rate [Hz]")
+        return Sheet(str(self), columns, rows)
 
     def under(self, added_mass_kg: float) -> "Study":
         """The recordings with this mass on the knee alone."""

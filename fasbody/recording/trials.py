@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fasbody.exceptions import InputFileError, unknown
+from fasbody.presentation import Tabled
 from fasbody.recording.channels import Layout
 from fasbody.recording.condition import POSTURES, Condition, plausible
 from fasbody.recording.csv import column, read_table
@@ -99,7 +100,7 @@ def _table(file: Path, document: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Trial:
+class Trial(Tabled):
     """One row of recordings.csv: where the recording is, what the row and messages call it, and how it was made."""
 
     path: Path

@@ -13,6 +13,7 @@ from itertools import combinations
 import numpy as np
 from scipy import stats
 
+from fasbody.presentation import Tabled
 from fasbody.transmissibility.statistics import ALPHA, holm, paired
 
 #: The equivalence test takes frequencies for equal that differ by less than this share of their mean. A choice: nothing
@@ -22,7 +23,7 @@ _FEWEST = 3
 
 
 @dataclass(frozen=True)
-class Resonance:
+class Resonance(Tabled):
     """What a rule finds.
 
     Attributes:

@@ -5,9 +5,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import stats
 
+from fasbody.presentation import Tabled
+
 
 @dataclass(frozen=True, eq=False)
-class Response:
+class Response(Tabled):
     """Channels over the base at some frequencies.
 
     Attributes:

@@ -11,6 +11,7 @@ from scipy.signal import butter, csd, sosfilt, sosfiltfilt, welch
 from scipy.signal import detrend as remove_mean
 
 from fasbody.exceptions import RecordingError, SettingError
+from fasbody.presentation import Tabled
 
 ORDER = 5
 CUTOFF_HZ = 100.0
@@ -93,7 +94,7 @@ def cross_spectrum(x: np.ndarray, y: np.ndarray, rate_hz: float, frequency_hz: f
 
 
 @dataclass(frozen=True, eq=False)
-class FrequencyResponse:
+class FrequencyResponse(Tabled):
     """Estimate by averaged spectra for broadband excitation.
 
     Attributes:

@@ -14,12 +14,13 @@ import numpy as np
 from scipy import stats
 
 from fasbody.exceptions import RecordingError, SettingError
+from fasbody.presentation import Tabled
 
 ALPHA = 0.05
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Tabled):
     """One t test: mean difference with 95 % interval, p (two-sided), and Cohen's d of the differences."""
 
     difference: float
@@ -63,7 +64,7 @@ def one_sample(values: np.ndarray, mean: float = 1.0) -> Comparison:
 
 
 @dataclass(frozen=True)
-class Variance:
+class Variance(Tabled):
     """One analysis of variance.
 
     Attributes:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from fasbody.exceptions import FasError, RecordingError
-from fasbody.presentation import Presented, Sheet
+from fasbody.presentation import Presented, Sheet, Tabled
 from fasbody.recording.channels import Channel, Layout
 from fasbody.recording.condition import POSTURES
 from fasbody.recording.recording import Recording
@@ -29,7 +29,7 @@ NOISE_ONLY = "noise only; gain and delay of the sensors are not in them (study.t
 
 
 @dataclass(frozen=True, eq=False)
-class Curves:
+class Curves(Tabled):
     """One pair under one condition.
 
     Attributes:

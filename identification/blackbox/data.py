@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from fasbody.exceptions import InputFileError, RecordingError, SettingError, unknown
+from fasbody.presentation import Tabled
 from fasbody.recording.channels import TIME_UNITS
 from fasbody.recording.csv import UNNAMED, numeric, read_columns
 from fasbody.recording.recording import Recording
@@ -28,7 +29,7 @@ OUTPUT_NAMES = (INPUT_OUTPUT[1], "y", "output")
 
 
 @dataclass(frozen=True, eq=False)
-class Series:
+class Series(Tabled):
     """One recording of a single-input single-output system.
 
     Attributes:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from scipy import optimize, signal, stats
 
 from fasbody.exceptions import SettingError
+from fasbody.presentation import Tabled
 from identification.blackbox import excitation
 from identification.blackbox.data import Series
 from identification.blackbox.validation import ALARM
@@ -47,7 +48,7 @@ class Response:
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class Points(Tabled):
     """Measured frequency response.
 
     Attributes:
@@ -179,7 +180,7 @@ def _lines(series: Series) -> tuple[list[float], list[float]]:
 
 
 @dataclass(frozen=True, eq=False)
-class Rational:
+class Rational(Tabled):
     """G(s) = N(s) / D(s), D(0) = 1, in s = j f / f_0.
 
     Attributes:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import FasError, SettingError, unknown
+from fasbody.presentation import Sheet, Tabled
 from identification.blackbox import (
     condition,
     criteria,
@@ -41,7 +42,7 @@ Wanted = Mapping[str, tuple[int, ...]]
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class Found(Tabled):
     """The chosen model of one structure.
 
     Attributes:
@@ -63,7 +64,7 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class Report:
+class Report(Tabled):
     """All structures on one recording, or on several pooled.
 
     Attributes:
@@ -91,6 +92,15 @@ class Report:
     rational: Rational | None
     nonparametric: frequency.Points | None
     failures: tuple[str, ...]
+
+    def sheet(self) -> Sheet:
+        """One row per structure, with its fit to data that were held out."""
+        rows = [
+            (name, str(found.best.model.label), f"{found.best.fit_percent:.2f}") for name, found in self.models.items()
+        ]
+        notes = [str(self.excitation), *self.notes]
+        notes += [f"{name}: {text}" for name, found in self.models.items() for text in found.warnings]
+        return Sheet(self.name, ("structure", "model", "fit to held-out data [%]"), rows, [*notes, *self.failures])
 
     def __str__(self) -> str:
         rows = [f"{self.name}: {self.excitation}", *(f"  {text}" for text in self.notes)]

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from scipy import signal
 
 from fasbody.exceptions import SettingError, unknown
+from fasbody.presentation import Tabled
 from identification.blackbox.data import Series
 from identification.blackbox.filters import free_run, largest_root, lfilter, pulse_response, shifted
 from identification.blackbox.frequency import Response
@@ -26,7 +27,7 @@ RADIUS = 0.99995  # of the roots of C, D, F: beyond it a free motion outlasts an
 
 
 @dataclass(frozen=True)
-class Orders:
+class Orders(Tabled):
     """Numbers of coefficients of A, B, C, D, F and the delay n_k in samples, Eq. (3.4).
 
     B holds n_b coefficients, the first at lag n_k: sum of b_k u(t - n_k - k + 1), k = 1..n_b (one convention for the
@@ -157,7 +158,7 @@ class Residuals:
 
 
 @dataclass(frozen=True, eq=False)
-class PolynomialModel:
+class PolynomialModel(Tabled):
     """An estimated polynomial model with its uncertainty.
 
     Attributes:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import signal
 
+from fasbody.presentation import Tabled
 from identification.blackbox.data import Series
 from identification.blackbox.frequency import Response
 from identification.blackbox.least_squares import project_states
@@ -14,7 +15,7 @@ from identification.blackbox.polynomial import PolynomialModel, checked_part, co
 
 
 @dataclass(frozen=True, eq=False)
-class StateSpaceModel:
+class StateSpaceModel(Tabled):
     """Innovations form x(t+1) = A x + B u + K e, Eq. (3.9); y = C x + D u + e, Eq. (3.10).
 
     Attributes:

@@ -14,6 +14,7 @@ from fasbody.console import make_folder
 from fasbody.exceptions import RecordingError, Stopped
 from fasbody.heel.laws import LAWS
 from fasbody.heel.study import HeelStudy
+from fasbody.presentation import Tabled
 from identification.heel import population, stiffness, store
 from identification.heel.estimate import WINDOWS
 from identification.heel.population import Population
@@ -28,7 +29,7 @@ POPULATION_LAW, POPULATION_WINDOW = "power", "loading"
 
 
 @dataclass(frozen=True, eq=False)
-class Analysis:
+class Analysis(Tabled):
     """Everything that was found.
 
     Attributes:

@@ -15,6 +15,7 @@ import numpy as np
 from fasbody.exceptions import RecordingError
 from fasbody.heel.laws import HeelLaw
 from fasbody.heel.strike import Strike
+from fasbody.presentation import Tabled
 
 Array = np.ndarray
 #: What a law is held against: contact to first force peak, or to standstill.
@@ -99,7 +100,7 @@ class Paths:
 
 
 @dataclass(frozen=True, eq=False)
-class LawFit:
+class LawFit(Tabled):
     """A law of some strikes.
 
     Attributes:

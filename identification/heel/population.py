@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import RecordingError
+from fasbody.presentation import Tabled
 
 Array = np.ndarray
 #: Fewest persons that make a population.
@@ -33,7 +34,7 @@ class Observed:
 
 
 @dataclass(frozen=True, eq=False)
-class Population:
+class Population(Tabled):
     """A population of laws.
 
     Attributes:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fasbody.exceptions import SettingError, unknown
-from fasbody.presentation import Presented, Sheet
+from fasbody.presentation import Presented, Sheet, Tabled
 from identification.branches import DECISIVE_ODDS
 from identification.result import Estimate
 from identification.wide import FOLLOWS
@@ -35,7 +35,7 @@ class Own:
 
 
 @dataclass(frozen=True, eq=False)
-class Rival:
+class Rival(Tabled):
     """One rung, at its best.
 
     Attributes:

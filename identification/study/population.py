@@ -17,6 +17,7 @@ from scipy.optimize import brentq
 from scipy.special import chdtri
 from scipy.stats import t as student
 
+from fasbody.presentation import Tabled
 from identification.branches import DECISIVE_ODDS, EXCHANGED, STIFF_ANKLE, STIFF_PAD
 from identification.heel.population import FEWEST, Observed, estimate
 
@@ -38,7 +39,7 @@ class Person:
 
 
 @dataclass(frozen=True)
-class Constant:
+class Constant(Tabled):
     """One constant of a population.
 
     Attributes:
@@ -57,7 +58,7 @@ class Constant:
 
 
 @dataclass(frozen=True)
-class Population:
+class Population(Tabled):
     """The persons of a study in one posture under one load, all on one branch.
 
     Attributes:
