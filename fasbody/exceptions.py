@@ -47,17 +47,24 @@ class MeshError(FasError):
 
 
 class MissingPackageError(FasError):
-    """A command needs a package of an optional extra.
+    """What was asked for needs a package of an optional extra.
 
     Args:
         package: the package that is missing or does not load.
         extra: the extra of fasbody that brings it.
         reason: why it does not load, if it is there but broken.
+        remedy: what to install then. otherwise: what can be done without it.
     """
 
-    def __init__(self, package: str, extra: str, reason: str = "") -> None:
+    def __init__(self, package: str, extra: str, reason: str = "", remedy: str = "", otherwise: str = "") -> None:
         state = f"does not load ({reason})" if reason else "is not installed"
-        super().__init__(f"{package} {state}: pip install 'fasbody[{extra}]'.")
+        alternative = f", or {otherwise}" if otherwise else ""
+        super().__init__(f"{package} {state}: {remedy or pip_install(extra)}{alternative}.")
+
+
+def pip_install(extra: str) -> str:
+    """The command that brings an extra to an installed fasbody, and the one to type in a clone."""
+    return f"pip install 'fasbody[{extra}]' (in a clone: pip install -e '.[{extra}]')"
 
 
 class RecordingError(FasError):

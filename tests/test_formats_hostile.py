@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from fasbody.exceptions import InputFileError, SettingError
+from fasbody.exceptions import InputFileError, MissingPackageError
 from fasbody.recording import files
 from fasbody.recording.formats import reader
 from fasbody.recording.recording import Recording
@@ -142,7 +142,7 @@ def test_missing_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.Mon
 
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     (tmp_path / "r.tdms").write_bytes(b"TDSm")
-    with pytest.raises(SettingError, match=r"pip install 'fasbody\[formats\]'"):
+    with pytest.raises(MissingPackageError, match=r"pip install 'fasbody\[formats\]'"):
         files.read(tmp_path / "r.tdms")
 
 

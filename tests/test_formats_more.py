@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from fasbody.exceptions import InputFileError, SettingError
+from fasbody.exceptions import InputFileError, MissingPackageError, SettingError
 from fasbody.recording import files
 from fasbody.recording.channels import Layout
 from fasbody.recording.recording import HEADER, Recording
@@ -196,9 +196,9 @@ def test_broken_files_and_missing_libraries_end_in_a_sentence(
         assert str(caught.value).count("\n") == 0
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     if ending == "xlsx":
-        with pytest.raises(SettingError, match=r"needs openpyxl: pip install .*; or save the sheet as CSV\.$"):
+        with pytest.raises(MissingPackageError, match=r"^openpyxl is not installed: .*, or save the sheet as CSV\.$"):
             files.read(file)
         with pytest.raises(InputFileError, match=r"no format has the ending '\.xls'; save the sheet as \.xlsx or as"):
             files.read(tmp_path / "r.xls")
-    with pytest.raises(SettingError, match=r"pip install 'fasbody\[formats\]' \(in a clone of the project: pip"):
+    with pytest.raises(MissingPackageError, match=r"pip install 'fasbody\[formats\]' \(in a clone: pip"):
         files.read(file)

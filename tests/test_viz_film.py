@@ -13,7 +13,7 @@ pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[vie
 pytest.importorskip("playwright", reason="pip install 'fasbody[dev]'")
 Image = pytest.importorskip("PIL.Image", reason="pip install 'fasbody[dev]'")
 
-from fasbody.exceptions import SettingError  # noqa: E402
+from fasbody.exceptions import MissingPackageError, SettingError  # noqa: E402
 from viz import exported  # noqa: E402
 from viz.feet import Show  # noqa: E402
 
@@ -79,7 +79,7 @@ def test_ending_in_capitals(tmp_path: Path) -> None:
 def test_without_ffmpeg_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("shutil.which", lambda name: None)
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
-    with pytest.raises(SettingError, match=r"pip install 'fasbody\[film\]', or export a \.gif\.$"):
+    with pytest.raises(MissingPackageError, match=r"pip install 'fasbody\[film\]' .*, or export a \.gif\.$"):
         exported.ffmpeg()
 
 

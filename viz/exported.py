@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.console import console, print_json, progress_bar, write_whole
-from fasbody.exceptions import SettingError
+from fasbody.exceptions import MissingPackageError, SettingError
 from viz.motion import PER_CYCLE
 from viz.scene import embedded
 from viz.shown import SCRIPT, STYLE, Shown, file_of, markup
@@ -166,7 +166,7 @@ def ffmpeg() -> str:
 
             found = str(get_ffmpeg_exe())
     if found is None:
-        raise SettingError("--export to .mp4 needs ffmpeg: pip install 'fasbody[film]', or export a .gif.")
+        raise MissingPackageError("ffmpeg", "film", otherwise="export a .gif")
     return found
 
 
@@ -228,7 +228,7 @@ def _browser(show: Shown, documents: Mapping[str, Any], size: float = 1.0) -> It
     try:
         from playwright.sync_api import sync_playwright
     except ImportError:
-        raise SettingError("pictures and films need playwright: pip install playwright, or export a .html.") from None
+        raise MissingPackageError("playwright", "film", otherwise="export a .html") from None
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         file = Path(folder) / "page.html"
         file.write_text(html(show, documents))

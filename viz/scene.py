@@ -15,7 +15,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from fasbody.exceptions import SettingError
+from fasbody.exceptions import MissingPackageError
 
 try:
     with warnings.catch_warnings():
@@ -24,7 +24,7 @@ try:
         import meshcat.geometry as geometry
         import umsgpack
 except ImportError:
-    raise SettingError("the viewer needs meshcat: pip install 'fasbody[view]'.") from None
+    raise MissingPackageError("meshcat", "view") from None
 
 from viz.anatomy.assets import Part, colour
 from viz.anatomy.bones import SEGMENTS, TABLE

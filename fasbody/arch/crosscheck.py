@@ -21,7 +21,7 @@ from fasbody.arch.mjcf import JOINTS, nonlinear_laws
 from fasbody.arch.motion import move
 from fasbody.arch.ode import solve
 from fasbody.arch.tree import project, tree_jacobian, tree_position
-from fasbody.exceptions import FasError, ModelError
+from fasbody.exceptions import MissingPackageError, ModelError
 from fasbody.foot.model import Foot, load
 from fasbody.foot.shaker import harmonics
 
@@ -294,10 +294,10 @@ def import_pinocchio() -> Any:
     """Pinocchio.
 
     Raises:
-        FasError: it is not installed.
+        MissingPackageError: it is not installed.
     """
     try:
         import pinocchio
     except ImportError as error:
-        raise FasError("the cross-check needs Pinocchio: pip install 'fasbody[crosscheck]'.") from error
+        raise MissingPackageError("Pinocchio", "crosscheck") from error
     return pinocchio

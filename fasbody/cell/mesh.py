@@ -41,6 +41,8 @@ FLAT, SAME_PLACE = 1e-5, 1e-7
 #: gmsh numbers the last two mid-edge nodes the other way round than VTK.
 TO_VTK = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
 TET10 = 11  # gmsh's element type
+#: What the wheel of gmsh needs of the system, by Debian's names.
+SYSTEM = "libglu1-mesa libxcursor1 libxft2 libxinerama1 libgomp1"
 #: Elements whose smallest det J is below this share of their mean are straightened, halfway at most so many times.
 SQUASHED, UNBENDING = 0.2, 8
 #: Unknowns above which a mesh is refused before it is made: its solution would not fit into some 4 GB.
@@ -427,8 +429,8 @@ def _gmsh() -> Iterator[Any]:
             import gmsh
     except ImportError as error:
         raise MissingPackageError("gmsh", "cell") from error
-    except OSError as error:  # the wheel needs libGLU and a few X libraries of the system
-        raise MissingPackageError("gmsh", "cell", str(error)) from error
+    except OSError as error:  # the wheel needs libraries of the system
+        raise MissingPackageError("gmsh", "cell", str(error), f"apt-get install {SYSTEM}") from error
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     try:
         for name, value in (("General.Terminal", 0), ("General.NumThreads", 1), ("Mesh.ElementOrder", 2),

@@ -21,7 +21,7 @@ from fasbody.cell.assembly import Assembly
 from fasbody.cell.cytoskeleton import Tensegrity, cytoskeleton_stiffness
 from fasbody.cell.materials import Material
 from fasbody.cell.membrane import Membrane, membrane_stiffness
-from fasbody.exceptions import SettingError, SimulationError, unknown
+from fasbody.exceptions import MissingPackageError, SettingError, SimulationError, unknown
 from fasbody.presentation import Tabled
 
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -275,14 +275,14 @@ def inverse(K: sp.csr_array, way: str) -> Solve:
     """A function that applies the inverse of `K`.
 
     Raises:
-        SettingError: there is no such way, or its package is not installed.
+        SettingError: there is no such way. MissingPackageError: its package is not installed.
     """
     if way not in WAYS:
         raise SettingError(unknown("solver", way, (*WAYS, "multigrid")) + ".")
     try:
         return WAYS[way](K)
     except ImportError as error:
-        raise SettingError(f"the solver {way} needs the package pypardiso: pip install pypardiso.") from error
+        raise MissingPackageError("pypardiso", "pardiso") from error
 
 
 def lowest_by_multigrid(

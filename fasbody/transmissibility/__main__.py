@@ -7,7 +7,7 @@ import typer
 from rich.markup import escape
 
 from fasbody.console import command_line, console, make_folder, print_json, results, write_whole
-from fasbody.exceptions import RecordingError, SettingError
+from fasbody.exceptions import RecordingError, SettingError, pip_install
 from fasbody.recording.study import StudyFolder, read_file
 from fasbody.recording.trials import people, posture_remarks
 
@@ -170,7 +170,7 @@ def write(table: "Table", folder: Path, figure_format: str) -> None:
     if importlib.util.find_spec("xarray") and importlib.util.find_spec("h5netcdf"):
         write_whole(folder / "transmissibility.nc", table.netcdf())
     else:
-        console.print(r"no NetCDF and no statistics without pip install 'fasbody\[statistics]'")
+        console.print(f"no NetCDF and no statistics without {pip_install('statistics')}", markup=False)
     sets = comparable(table)
     if importlib.util.find_spec("statsmodels") and table.frame["subject"].nunique() >= 3:
         unity = comparisons.against_unity(table)

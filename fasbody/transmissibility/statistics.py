@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from fasbody.exceptions import RecordingError, SettingError
+from fasbody.exceptions import MissingPackageError, RecordingError
 from fasbody.presentation import Tabled
 
 ALPHA = 0.05
@@ -185,4 +185,4 @@ def need(library: str) -> None:
     import importlib.util
 
     if importlib.util.find_spec(library) is None:
-        raise SettingError(f"this statistic needs {library}: pip install 'fasbody[statistics]'.")
+        raise MissingPackageError(library, "statistics")

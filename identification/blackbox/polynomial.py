@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import signal
 
-from fasbody.exceptions import SettingError, unknown
+from fasbody.exceptions import MissingPackageError, SettingError, unknown
 from fasbody.presentation import Tabled
 from identification.blackbox.data import Series
 from identification.blackbox.filters import free_run, largest_root, lfilter, pulse_response, shifted
@@ -339,10 +339,10 @@ def control_package() -> Any:
     """The package python-control.
 
     Raises:
-        SettingError: it is not installed.
+        MissingPackageError: it is not installed.
     """
     try:
         import control
     except ImportError as error:
-        raise SettingError("python-control is missing; pip install 'fasbody[control]'.") from error
+        raise MissingPackageError("python-control", "control") from error
     return control

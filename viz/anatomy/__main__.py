@@ -11,7 +11,7 @@ import typer
 
 import mjcf
 from fasbody.console import command_line, console, print_json, progress_bar
-from fasbody.exceptions import FasError, SettingError
+from fasbody.exceptions import FasError, MissingPackageError
 from viz.anatomy import bones, tissue
 from viz.anatomy.assets import Part, colour, write
 from viz.anatomy.field import Array, Mesh, Shape, mesh
@@ -149,7 +149,7 @@ def main(
     try:
         import trimesh
     except ImportError:
-        raise SettingError("checking meshes needs trimesh: pip install 'fasbody[view]'.") from None
+        raise MissingPackageError("trimesh", "view") from None
     parts = build()
     table = Table(title="Meshes of the foot")
     for heading in ("part", "segment", "triangles", "volume [cm3]"):

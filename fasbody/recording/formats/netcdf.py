@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fasbody.exceptions import pip_install
 from fasbody.recording.formats import hdf5
 from fasbody.recording.formats.series import FormatError, Series, check_size, columns_of, passed_over, with_rate
 
@@ -18,7 +19,7 @@ def decode(file: Path) -> list[Series]:
         head = start.read(8)
     if head == hdf5.MAGIC:
         if find_spec(hdf5.LIBRARY) is None:
-            raise FormatError("is NetCDF 4, which needs h5py: pip install 'fasbody[formats]'")
+            raise FormatError(f"is NetCDF 4, which needs h5py: {pip_install('formats')}")
         return hdf5.decode(file)
     if head[:3] != b"CDF":
         raise FormatError("is not a NetCDF file: it begins neither with CDF nor as HDF5 does")

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fasbody.exceptions import SettingError
+from fasbody.exceptions import MissingPackageError
 
 #: Most samples of all channels of a file together: 160 MB of floats, an hour of five channels at 1 kHz.
 MOST_SAMPLES = 20_000_000
@@ -138,8 +138,5 @@ _PACKAGES = {"nptdms": "npTDMS"}
 def need(library: str) -> None:
     """Say which extra to install if a format's library is missing."""
     if importlib.util.find_spec(library) is None:
-        raise SettingError(
-            f"this format needs {library}: pip install {_PACKAGES.get(library, library)}, or all formats by "
-            "pip install 'fasbody[formats]' (in a clone of the project: pip install -e '.[formats]')"
-            + ("; or save the sheet as CSV." if library == "openpyxl" else ".")
-        )
+        instead = "save the sheet as CSV" if library == "openpyxl" else ""
+        raise MissingPackageError(_PACKAGES.get(library, library), "formats", otherwise=instead)
