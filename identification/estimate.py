@@ -117,9 +117,14 @@ def fit_foot(
     settings = _with(settings or Settings(), chosen)
     if not isinstance(foot, Foot):
         raise SettingError(f"the foot is {foot!r}; give a loaded model, load('two_dof') for example.")
-    if isinstance(study, Recording):
-        study = [study]
-    question = Question.of(list(study), foot, settings)
+    recordings = [study] if isinstance(study, Recording) else list(study)
+    for each in recordings:
+        if not isinstance(each, Recording):
+            raise SettingError(
+                f"one of the recordings is a {type(each).__name__}; give a Study or recordings: Recording.from_table "
+                "makes one of a table, Recording.from_arrays of arrays."
+            )
+    question = Question.of(recordings, foot, settings)
     explored = explore(question, settings, advance, interruptible)
     answer = certify(question, explored, advance)
     ends = widen(question, answer, advance) if settings.wide else []
