@@ -34,7 +34,7 @@ def predicted(values: Mapping[str, float], hertz: float) -> tuple[np.ndarray, np
     recording = next(r for r in bundled().under(0.0) if r.condition.frequency_hz == hertz)
     foot = TwoDof.from_values({**values, **recording.condition.masses})
     time = recording.time_s - recording.time_s[0] - values["delay"]
-    motion = samples(recording.time_s - recording.time_s[0], recording.base_m_s2)
+    motion = samples(recording.time_s, recording.base_m_s2)
     step = 2.5e-4
     y, *_ = trajectory(np.zeros(4), foot.theta, foot.m_S, foot.m_F, motion.half_steps(step, 15_000), step, 1, 0)
     late = (time > 1.0) & (time < 3.5)

@@ -16,7 +16,7 @@ import pytest
 import fasbody as fb
 import identification
 import viz
-from fasbody.exceptions import RecordingError, SettingError
+from fasbody.exceptions import InputFileError, RecordingError, SettingError
 from fasbody.foot.model import Foot
 from fasbody.presentation import NOTES, ROWS, WIDTH, Presented, Sheet, Tabled
 from fasbody.transmissibility.sdof import transmissibility
@@ -181,6 +181,65 @@ def test_recordings_of_numpy_pandas_and_xarray_are_the_same() -> None:
         assert other.condition == plain.condition
     base[:] = 0
     assert np.ptp(plain.base_m_s2) > 17  # what the caller does to his arrays changes nothing
+
+
+def test_the_index_of_a_series_is_not_looked_at() -> None:
+    """Rows that were filtered, sorted or counted from elsewhere: sample by sample, as numpy would."""
+    t, base, malleolus = arrays()
+    plain = fb.Recording.from_arrays(t, base, malleolus, others={"foot": base})
+    odd = pd.Index(np.arange(t.size)[::-1] + 7)
+    time, b, m = (pd.Series(values, index=odd) for values in (t, base, malleolus))
+    made = [
+        fb.Recording.from_arrays(time, b, m, others={"foot": b}),
+        fb.Recording.from_arrays(pd.Series(base, index=t).index, b, m, others={"foot": b}),
+        fb.Recording(time, b, m, others={"foot": b}),
+        fb.Recording.from_table(pd.DataFrame({"time_s": time, "base_m_s2": b, "malleolus_m_s2": m, "foot_m_s2": b})),
+    ]
+    for other in made:
+        for name, values in plain.channels.items():
+            assert type(other.channels[name]) is np.ndarray
+            np.testing.assert_array_equal(other.channels[name], values)
+
+
+@pytest.mark.parametrize("zone", [None, "Europe/Berlin"])
+def test_an_index_of_datetimes_is_the_time(zone: str | None) -> None:
+    t, base, malleolus = arrays()
+    stamps = pd.date_range("2026-01-01", periods=t.size, freq="ms", tz=zone)
+    frame = pd.DataFrame({"base_m_s2": base, "malleolus_m_s2": malleolus}, index=stamps)
+    for index in (stamps, stamps.rename("clock"), stamps - stamps[0]):
+        np.testing.assert_allclose(fb.Recording.from_table(frame.set_index(index)).time_s, t, atol=1e-9)
+    np.testing.assert_allclose(fb.Recording.from_arrays(stamps, base, malleolus).time_s, t, atol=1e-9)
+    assert fb.samples(stamps, frame["base_m_s2"]).duration == pytest.approx(t[-1])
+    with pytest.raises(InputFileError, match="neither a time nor a sampling rate"):
+        fb.Recording.from_table(frame.set_index(pd.Index(t)))  # numbers without a name may be anything
+
+
+def test_a_simulation_takes_series(foot: Foot) -> None:
+    t, base, _ = arrays()
+    shown = slice(100, 200)
+    motions = [fb.samples(t[shown], base[shown]), fb.samples(pd.Series(t)[shown], pd.Series(base)[shown])]
+    values = [{"k_F": np.array([1e5, 2e5])}, pd.Series({"k_F_n_per_m": pd.Series([1e5, 2e5], index=["a", "b"])})]
+    one, other = (fb.simulate(foot, m, values=v).malleolus for m, v in zip(motions, values, strict=True))
+    np.testing.assert_array_equal(one, other)
+    row = pd.DataFrame({"k_T_n_per_m": [1e5], "c_11_n_s_per_m": [300.0]}).iloc[0]
+    assert foot.with_values(row).values() == foot.with_values({"k_T": 1e5, "c_11": 300.0}).values()
+
+
+def test_a_fit_of_series_is_that_of_arrays(foot: Foot) -> None:
+    recordings = [r for r in fb.bundled().under(0.0) if r.condition.frequency_hz in (20, 30)]
+    settings = identification.Settings(free=("k_T", "k_F", "c_11", "c_21"), starts=1, wide=False)
+    series = []
+    for r in recordings:
+        frame = pd.DataFrame({"base": r.base_m_s2, "malleolus": r.malleolus_m_s2}, index=pd.Index(r.time_s, name="t"))
+        about = {"body_mass_kg": r.condition.body_mass_kg, "name": r.file}
+        series.append(fb.Recording.from_arrays(frame.index, frame["base"], frame["malleolus"], **about))
+    one, other = (identification.fit_foot(data, foot, settings) for data in (recordings, series))
+    assert one.values() == pytest.approx(other.values(), rel=1e-9)
+    names = other.to_dataframe().query("branch == @other.best.name").set_index("parameter")["value"]
+    assert foot.with_values(names).values()["k_F"] == other["k_F"].value  # with the delay among them
+    assert foot.with_values(other).values()["k_F"] == other.values()["k_F_n_per_m"]
+    with pytest.raises(SettingError, match=r"one of the recordings is a str; .* Recording\.from_table"):
+        identification.fit_foot(frame, foot)
 
 
 def test_transmissibility_of_arrays_is_the_closed_form() -> None:

@@ -186,13 +186,13 @@ class Parameters(Mapping[str, Parameter]):
         return len(self._items)
 
     def named(self, values: "Mapping[str, Any] | Fitted") -> dict[str, Any]:
-        """Values by thesis symbol, of what a fit returns or of a mapping; the delay of a channel is left out.
+        """Values by thesis symbol, of what a fit returns, a mapping or a pandas Series; no delay of a channel.
 
         Raises:
             SettingError: names that the model does not have, all of them in one sentence, or a value that is no number.
         """
-        given = values if isinstance(values, Mapping) else values.values()
-        constants = {name: value for name, value in given.items() if not of_channel(name)}
+        given: Any = values if hasattr(values, "items") else values.values()
+        constants = {str(name): value for name, value in given.items() if not of_channel(str(name))}
         lost = [name for name in constants if name not in self]
         if len(lost) > 1:
             raise SettingError(f"model {self.model_name} has no {', '.join(lost)} (valid: {', '.join(self)}).")

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fasbody.exceptions import SettingError
 from fasbody.presentation import Tabled
@@ -143,16 +144,33 @@ def random(low: float, high: float, duration: float, rms: float = 6.3, seed: int
     return BaseMotion(f"random {low:g} to {high:g} Hz", duration, motion.acceleration, motion.jerk)
 
 
-def samples(time_s: np.ndarray, acceleration: np.ndarray, name: str = "recording") -> BaseMotion:
+def samples(time_s: ArrayLike, acceleration: ArrayLike, name: str = "recording") -> BaseMotion:
     """A recorded base acceleration, as the cubic spline through its samples.
 
     Args:
-        time_s: (n,) sample times [s]. acceleration: (n,) [m/s^2], offset removed. name: for messages.
+        time_s: (n,) sample times [s], datetimes or time differences; the motion begins with the first of them.
+        acceleration: (n,) [m/s^2], offset removed. Of a pandas Series the index is not looked at. name: for messages.
     """
     from scipy.interpolate import CubicSpline
 
-    spline = CubicSpline(time_s, acceleration)
-    return BaseMotion(name, float(time_s[-1] - time_s[0]), spline, spline.derivative())
+    t = seconds(time_s)
+    t = t - t[0]
+    spline = CubicSpline(t, np.asarray(acceleration, float))
+    return BaseMotion(name, float(t[-1] - t[0]), spline, spline.derivative())
+
+
+def seconds(time: ArrayLike) -> np.ndarray:
+    """Times as numbers [s], as they are; time differences as seconds, and datetimes as seconds from the first."""
+    stamps = plain(time)
+    if stamps.dtype.kind == "M" and stamps.size:
+        stamps = stamps - stamps.flat[0]
+    return stamps / np.timedelta64(1, "s") if stamps.dtype.kind == "m" else stamps
+
+
+def plain(values: ArrayLike) -> np.ndarray:
+    """A numpy array of a row of any kind; datetimes with a time zone lose it."""
+    dated = getattr(getattr(values, "dtype", None), "kind", "") == "M"
+    return np.asarray(values, "datetime64[ns]") if dated else np.asarray(values)
 
 
 def _positive(**values: float) -> None:

@@ -214,7 +214,7 @@ def simulate(
     """
     step = step or foot.step
     listed = [motions] if isinstance(motions, BaseMotion) else list(motions)
-    given = {name: np.asarray(value) for name, value in foot.parameters.named(values or {}).items()}
+    given = {name: np.asarray(value) for name, value in foot.parameters.named({} if values is None else values).items()}
     sizes = {len(listed), *(value.size for value in given.values())} - {1}
     if len(sizes) > 1:
         raise SettingError(f"base motions and parameter values must be as many as each other, not {sorted(sizes)}.")

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fasbody.exceptions import RecordingError
+from fasbody.foot.shaker import plain, seconds
 from fasbody.presentation import Sheet, Tabled
 from fasbody.recording import files
 from fasbody.recording.channels import Channel, Channels, Layout
@@ -55,6 +56,15 @@ class Recording(Tabled):
     digest: str = ""
     others: Mapping[str, np.ndarray] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Arrays of any kind are kept as numpy's, and the index of a pandas Series is not looked at."""
+        for name in HEADER:
+            values = getattr(self, name)
+            if values is not None and not isinstance(values, np.ndarray):
+                object.__setattr__(self, name, np.asarray(values))
+        if not all(isinstance(values, np.ndarray) for values in self.others.values()):
+            object.__setattr__(self, "others", {name: np.asarray(values) for name, values in self.others.items()})
+
     @property
     def rate_hz(self) -> float:
         """Sampling rate [Hz]."""
@@ -95,6 +105,9 @@ class Recording(Tabled):
     ) -> "Recording":
         """A recording of arrays, numpy's, pandas' or xarray's; time may also be datetimes or time differences.
 
+        Of a pandas Series the values count, sample by sample. Its index is not looked at, so give it as the time if it
+        is that: ``Recording.from_arrays(base.index, base, malleolus)``.
+
         Args:
             time_s: (n,) sample times [s]. base, malleolus, tuberosity: (n,) accelerations [m/s^2].
             others: (n,) accelerations of further sensors by name [m/s^2]. body_mass_kg: of the subject.
@@ -128,7 +141,8 @@ class Recording(Tabled):
         """A recording of a whole table: pandas' DataFrame, xarray's Dataset, or a mapping of names to arrays.
 
         Columns are found as in a file: ``time_s``, ``base_m_s2``, ``malleolus [g]``. A unit may also stand in
-        ``attrs["units"]``, of a DataFrame by column. An index that has a name, or a coordinate, is a column, too.
+        ``attrs["units"]``, of a DataFrame by column. An index that has a name, or a coordinate, is a column, too, and
+        an index of datetimes or time differences is the time. Any other index is not looked at.
 
         Args:
             table: the table. layout: what its columns are, if their names do not say so. about: as `from_arrays`.
@@ -138,7 +152,11 @@ class Recording(Tabled):
         """
         name = str(about.setdefault("name", "table"))
         index = getattr(table, "index", None)
-        table = table.reset_index() if getattr(index, "name", None) is not None else table
+        dated = getattr(getattr(index, "dtype", None), "kind", "") in ("m", "M")
+        if dated and not any(str(column).lower().startswith("time") for column in table):
+            table = table.rename_axis("time_s").reset_index()
+        elif getattr(index, "name", None) is not None:
+            table = table.reset_index()
         columns = {str(column): table[column] for column in (*getattr(table, "coords", ()), *table)}
         said = getattr(table, "attrs", {}).get("units", {})
         own = [getattr(values, "attrs", {}).get("units") for values in columns.values()]
@@ -146,14 +164,14 @@ class Recording(Tabled):
             one if isinstance(one, str) else said.get(column, "") if isinstance(said, dict) else ""
             for column, one in zip(columns, own, strict=True)
         ]
-        arrays = [np.asarray(values) for values in columns.values()]
-        dated = [values.dtype.kind in "mM" for values in arrays]
-        units = ["s" if date else str(unit) for date, unit in zip(dated, units, strict=True)]
+        arrays = [plain(values) for values in columns.values()]
+        stamped = [values.dtype.kind in "mM" for values in arrays]
+        units = ["s" if stamps else str(unit) for stamps, unit in zip(stamped, units, strict=True)]
         layout, file = layout or Layout(), Path(name)
         sizes = [values.size for values in arrays]
         wanted = layout.find(file, list(columns), units, None, (), sizes, clocked=layout.rate_hz is not None)
         rows = {
-            key: _seconds(arrays[i], name) if dated[i] else factor * arrays[i] for key, (i, factor) in wanted.items()
+            key: _seconds(arrays[i], name) if stamped[i] else factor * arrays[i] for key, (i, factor) in wanted.items()
         }
         rows = layout.aligned(file, layout.timed(file, rows))
         others = {key.removesuffix("_m_s2"): values for key, values in rows.items() if key not in HEADER}
@@ -252,10 +270,7 @@ def _row(values: ArrayLike, channel: str, name: str) -> np.ndarray:
 
 def _seconds(values: ArrayLike, name: str) -> np.ndarray:
     """Sample times (n,) [s]; datetimes count from the first."""
-    stamps = np.asarray(values)
-    if stamps.dtype.kind == "M" and stamps.size:
-        stamps = stamps - stamps.flat[0]
-    return _row(stamps / np.timedelta64(1, "s") if stamps.dtype.kind == "m" else stamps, "time_s", name)
+    return _row(seconds(values), "time_s", name)
 
 
 def _remarks(file: Path) -> tuple[str, ...]:

@@ -120,7 +120,7 @@ class Whole:
     @property
     def motion(self) -> BaseMotion:
         """The base motion over the recording."""
-        return samples(self.recording.time_s - self.recording.time_s[0], self.recording.base_m_s2)
+        return samples(self.recording.time_s, self.recording.base_m_s2)
 
     def __str__(self) -> str:
         return self.recording.file
