@@ -43,7 +43,7 @@ def test_write_and_read_give_the_same_numbers(tmp_path: Path) -> None:
 
 def test_rate_and_print() -> None:
     assert make().rate_hz == pytest.approx(1000)
-    assert str(make()) == "recording: of unstated origin, broadband, 300 samples at 1000 Hz"
+    assert str(make()) == "recording: of unstated origin, frequency not stated, 300 samples at 1000 Hz"
     assert "20 Hz" in str(make(condition=Condition(frequency_hz=20)))
 
 

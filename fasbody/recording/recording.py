@@ -71,7 +71,7 @@ class Recording(Tabled):
         return float((self.time_s.size - 1) / (self.time_s[-1] - self.time_s[0]))
 
     def __str__(self) -> str:
-        at = "broadband" if self.condition.frequency_hz is None else f"{self.condition.frequency_hz:g} Hz"
+        at = "frequency not stated" if self.condition.frequency_hz is None else f"{self.condition.frequency_hz:g} Hz"
         return f"{self.file}: {self.origin}, {at}, {self.time_s.size} samples at {self.rate_hz:g} Hz"
 
     def __repr__(self) -> str:
