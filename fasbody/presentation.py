@@ -161,7 +161,7 @@ class Presented(Tabled, ABC):
 
         def png() -> bytes:
             out = BytesIO()
-            figure.savefig(out, format="png", dpi=150)
+            figure.savefig(out, format="png", dpi=110)
             return out.getvalue()
 
         figure._repr_png_ = png  # a notebook otherwise shows only what pyplot made
