@@ -10,6 +10,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+import cells  # beside this file
 import typer
 from markdown.extensions.toc import slugify
 from mkdocs.config.defaults import MkDocsConfig
@@ -27,7 +28,7 @@ ELSEWHERE = {
     "benchmarks.md": "benchmarks/RESULTS.md",
     "contributing.md": "CONTRIBUTING.md",
     "changelog.md": "CHANGELOG.md",
-}
+} | {f"{file.stem}.md": f"docs/notebooks/{file.name}" for file in cells.notebooks()}
 PAGES = {file: page for page, file in ELSEWHERE.items()}
 #: Pages of the Python reference: title, and the folder whose modules it lists.
 PACKAGES: dict[str, str] = {
@@ -82,8 +83,9 @@ def _existing(entries: list[Any], python: list[Any]) -> list[Any]:
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that are not in docs/."""
     for page, file in ELSEWHERE.items():
-        if (ROOT / file).is_file():
-            files.append(File.generated(config, page, content=(ROOT / file).read_text(encoding="utf-8")))
+        if (source := ROOT / file).is_file():
+            text = cells.page(source) if source.suffix == ".ipynb" else source.read_text(encoding="utf-8")
+            files.append(File.generated(config, page, content=text))
     files.append(File.generated(config, "commands.md", content=command_reference()))
     for title in PACKAGES:
         if modules := _modules(title):
