@@ -3,8 +3,8 @@
     python docs/cells.py              # run all of them anew
     python docs/cells.py plots        # or those that are named
 
-A notebook is plain: top-level Python, no magics. A cell shows what it prints, its last expression (as a table or a picture
-where it has one), and the figures that pyplot made, as Jupyter does.
+A notebook is plain: top-level Python, no magics. A cell shows what it prints, its last expression (as a table or a
+picture where it has one), and the figures that pyplot made, as Jupyter does.
 """
 
 import ast
@@ -12,6 +12,7 @@ import contextlib
 import io
 import json
 import os
+import re
 import sys
 import tempfile
 from base64 import b64encode
@@ -98,7 +99,8 @@ def _shown(output: dict[str, Any], line: str) -> str:
     if picture := data.get("image/png"):
         return f'<p><img alt="{escape(line)}" src="data:image/png;base64,{"".join(picture.split())}"></p>'
     if html := "".join(data.get("text/html", [])):
-        return f'<div class="shown">{html}</div>'.replace("\n\n", "\n")
+        plain = re.sub(r"<style.*?</style>|\n\s*(?=\n)| (?:class|border|style)=\"[^\"]*\"", "", html, flags=re.DOTALL)
+        return f'<div style="overflow-x: auto">{plain}</div>'  # tables look as all others of the site
     text = "".join(output.get("text") or data["text/plain"]).rstrip("\n")
     return f"```text\n{text}\n```"
 

@@ -80,10 +80,11 @@ class Recording(Tabled):
     def sheet(self) -> Sheet:
         """Range and scatter of each channel, and under what it was recorded."""
         c = self.condition
-        rows = [(name, *(f"{x:.5g}" for x in (v.min(), v.max(), v.std()))) for name, v in self.channels.items()]
+        shown = {name: values for name, values in self.channels.items() if name != "time_s"}
+        rows = [(name, *(f"{x:.5g}" for x in (v.min(), v.max(), v.std()))) for name, v in shown.items()]
         known = [f"body mass {c.body_mass_kg:g} kg"] if c.body_mass_kg else []
         known += [f"{c.added_mass_kg:g} kg on the knee"] if c.added_mass_kg else []
-        notes = [", ".join([*([f"subject {c.subject}"] if c.subject else []), c.posture, *known]) + "."]
+        notes = [", ".join([*([f"subject {c.subject}"] if c.subject else []), f"posture {c.posture}", *known])]
         return Sheet(str(self), ("channel", "least", "most", "standard deviation"), rows, [*notes, *self.warnings])
 
     @classmethod
