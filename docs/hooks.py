@@ -12,7 +12,11 @@ from typing import Any
 
 import cells  # beside this file
 import typer
+from markdown import Markdown
+from markdown.extensions import Extension
 from markdown.extensions.toc import slugify
+from markdown.inlinepatterns import InlineProcessor
+from math_core import LatexToMathML
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -63,7 +67,32 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Leave out pages that do not exist yet, and fill in those of the Python reference."""
     listed = [{title: _page_of(title)} for title in PACKAGES if _modules(title)]
     config.nav = _existing(config.nav or [], listed)
+    fence = {"name": "math", "class": "math", "format": lambda source, *_, **__: _formula(source, display=True)}
+    config.mdx_configs["pymdownx.superfences"] = {"custom_fences": [fence]}
+    config.markdown_extensions.append(Formulas())  # type: ignore[arg-type]
     return config
+
+
+def _formula(latex: str, *, display: bool) -> str:
+    """A formula in LaTeX as MathML, which browsers typeset without a script."""
+    mathml = LatexToMathML().convert_with_local_state(latex, displaystyle=display)
+    return f'<div class="formula">{mathml}</div>' if display else mathml
+
+
+class Formulas(Extension):
+    """Formulas between dollar signs; blocks of the language `math` are those of a line of their own."""
+
+    def extendMarkdown(self, md: Markdown) -> None:  # noqa: N802
+        """Look for them after code in backticks (priority 190) and before escaped characters (180)."""
+        md.inlinePatterns.register(Dollars(r"(?<![\\\w$])\$(?![\s$])([^$\n]+?)(?<![\s\\])\$(?!\w)", md), "formula", 185)
+
+
+class Dollars(InlineProcessor):
+    """One formula within a line."""
+
+    def handleMatch(self, m: re.Match[str], data: str) -> tuple[str, int, int]:  # type: ignore[override] # noqa: N802
+        """Keep the MathML as it is."""
+        return self.md.htmlStash.store(_formula(m[1], display=False)), m.start(0), m.end(0)
 
 
 def _existing(entries: list[Any], python: list[Any]) -> list[Any]:

@@ -137,23 +137,46 @@ def test_results_of_the_arch_know_neither_command_nor_figure() -> None:
             assert not needs & {"fasbody.arch.figures", "fasbody.arch.__main__"}, module
 
 
+def equation_index() -> dict[str, tuple[set[str], set[str], list[str]]]:
+    """Equation -> files, functions and tests that docs/equations.md names under it."""
+    index = {}
+    for section in (ROOT / "docs" / "equations.md").read_text().split("\n### ")[1:]:
+        number = re.match(r"Eq\. (\d\.\d+): .+\n\n```math\n.+\n```", section, re.DOTALL)
+        assert number, f"no formula: {section[:40]}"
+        code, tests = (re.findall(rf"^- {what}: (.+)$", section, re.MULTILINE) for what in ("Code", "Tests"))
+        names = re.sub(r"\]\([^)]+\)", "", code[0])
+        spans = re.findall(r"`([^`]+)`", names)
+        functions = {span for span in spans if not span.endswith(".py")}
+        index[number[1]] = set(spans) - functions, functions, re.findall(r"`([^`]+)`", tests[0])
+    return index
+
+
 def test_equation_index_and_code_name_the_same_equations() -> None:
-    """Every `Eq. (n.m)` in the code has a row in docs/equations.md pointing to that file, and the reverse."""
+    """Every `Eq. (n.m)` in the code has a formula in docs/equations.md pointing to that file, and the reverse."""
     in_code: dict[str, set[str]] = {}
     for file in sources():
         for number in re.findall(r"Eqs?\. \((\d\.\d+)\)", file.read_text()):
             in_code.setdefault(number, set()).add(str(file.relative_to(ROOT)))
-    index: dict[str, set[str]] = {}
-    for line in (ROOT / "docs" / "equations.md").read_text().splitlines():
-        row = re.match(r"\| (\d\.\d+) \|", line)
-        if row:
-            cells = [cell.strip() for cell in line.strip("|").split("|")]
-            index[row[1]] = set(re.findall(r"`([^`]+)`", cells[2]))
-            tests = re.findall(r"`([^`]+)`", cells[3])
-            assert tests, f"Eq. ({row[1]}) names no test"
-            for test in tests:
-                assert (ROOT / "tests" / test).exists(), f"Eq. ({row[1]}) names the missing test {test}"
-    assert in_code == index
+    index = equation_index()
+    assert in_code == {number: files for number, (files, _, _) in index.items()}
+    for number, (_, _, tests) in index.items():
+        assert tests, f"Eq. ({number}) names no test"
+        for test in tests:
+            assert (ROOT / "tests" / test).exists(), f"Eq. ({number}) names the missing test {test}"
+
+
+def test_functions_of_the_equation_index_exist() -> None:
+    """Each function that docs/equations.md names is defined in one of the files beside it."""
+    for number, (files, functions, _) in equation_index().items():
+        defined = set()
+        for file in files:
+            waiting = [("", node) for node in ast.parse((ROOT / file).read_text()).body]
+            while waiting:
+                above, node = waiting.pop()
+                if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                    defined.add(above + node.name)
+                    waiting += [(f"{above}{node.name}.", child) for child in node.body]
+        assert functions <= defined, f"Eq. ({number}): {functions - defined}"
 
 
 def test_no_path_of_a_developer_machine() -> None:

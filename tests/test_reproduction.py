@@ -46,7 +46,7 @@ def test_ids_and_files_are_unique() -> None:
 
 def test_every_equation_table_and_figure_has_a_row() -> None:
     there = {item for row in ROWS for item in row.numbers}
-    index = re.findall(r"^\| (\d\.\d+) \|", (ROOT / "docs" / "equations.md").read_text(), re.MULTILINE)
+    index = re.findall(r"^### Eq\. (\d\.\d+):", (ROOT / "docs" / "equations.md").read_text(), re.MULTILINE)
     wanted = {f"Eq. {number}" for number in index}
     wanted |= {f"Table {chapter}.{n}" for chapter, last in TABLES.items() for n in range(1, last + 1)}
     wanted |= {f"Fig. {chapter}.{n}" for chapter, last in FIGURES.items() for n in range(1, last + 1)}
