@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import cells  # beside this file
+import reference  # beside this file
 import typer
 from markdown import Markdown
 from markdown.extensions import Extension
@@ -34,39 +35,18 @@ ELSEWHERE = {
     "changelog.md": "CHANGELOG.md",
 } | {f"{file.stem}.md": f"docs/notebooks/{file.name}" for file in cells.notebooks()}
 PAGES = {file: page for page, file in ELSEWHERE.items()}
-#: Pages of the Python reference: title, and the folder whose modules it lists.
-PACKAGES: dict[str, str] = {
-    "Models as data": "mjcf",
-    "Models and their motion": "fasbody/foot",
-    "The five-body arch": "fasbody/arch",
-    "Recordings and studies": "fasbody/recording",
-    "Recordings' formats": "fasbody/recording/formats",
-    "Heel strikes": "fasbody/heel",
-    "Virtual laboratory": "fasbody/laboratory",
-    "Transmissibility": "fasbody/transmissibility",
-    "Acquisition": "fasbody/acquire",
-    "Virtual bench": "fasbody/acquire/bench",
-    "Identification": "identification",
-    "Engines": "identification/engines",
-    "Rival models": "identification/rivals",
-    "The experiment director": "identification/plan",
-    "Black-box models": "identification/blackbox",
-    "Many recordings": "identification/study",
-    "Laws of the heel": "identification/heel",
-    "Cell": "fasbody/cell",
-    "Viewer": "viz",
-    "Anatomy": "viz/anatomy",
-    "What all commands share": "fasbody",
-}
 #: Pages of wide tables: no columns beside them.
 WIDE = ("reproduction.md", "benchmarks.md")
+#: Modules that have a place in the reference.
+REFERENCE = {module for modules in reference.listed().values() for module in modules}
+#: A link to a module, and functions of it.
+FUNCTIONS = re.compile(r"(\[`[\w/]+\.py`\]\[([\w.]+)\])((?: `[\w.]+`)+)")
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s#]*)(#[^)\s]*)?\)")
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Leave out pages that do not exist yet, and fill in those of the Python reference."""
-    listed = [{title: _page_of(title)} for title in PACKAGES if _modules(title)]
-    config.nav = _existing(config.nav or [], listed)
+    config.nav = _existing(config.nav or [], reference.navigation())
     fence = {"name": "math", "class": "math", "format": lambda source, *_, **__: _formula(source, display=True)}
     config.mdx_configs["pymdownx.superfences"] = {"custom_fences": [fence]}
     config.markdown_extensions.append(Formulas())  # type: ignore[arg-type]
@@ -116,10 +96,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
             text = cells.page(source) if source.suffix == ".ipynb" else source.read_text(encoding="utf-8")
             files.append(File.generated(config, page, content=text))
     files.append(File.generated(config, "commands.md", content=command_reference()))
-    for title in PACKAGES:
-        if modules := _modules(title):
-            text = f"# {title}\n\n" + "\n".join(f"::: {module}\n" for module in modules)
-            files.append(File.generated(config, _page_of(title), content=text))
+    for page, text in reference.pages().items():
+        files.append(File.generated(config, page, content=text))
     return files
 
 
@@ -136,28 +114,23 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
         if not target or "://" in target:
             return match[0]
         file = (here / target).resolve().relative_to(ROOT).as_posix()
+        if (module := file.removesuffix(".py").replace("/", ".")) in REFERENCE:
+            return f"[{text}][{module}]"
         page_of = PAGES.get(file) or (file.removeprefix("docs/") if file.startswith("docs/") else "")
         return f"{image}[{text}]({page_of}{anchor})" if page_of else text
 
-    return LINK.sub(turned, markdown)
+    return FUNCTIONS.sub(_linked, LINK.sub(turned, markdown))
+
+
+def _linked(match: re.Match[str]) -> str:
+    """Functions beside the link to their module, as links to the reference."""
+    names = re.sub(r"`((?!_)[\w.]+)`", rf"[`\1`][{match[2]}.\1]", match[3])
+    return match[1] + names
 
 
 def on_page_content(html: str, page: Page, **_: Any) -> str:
     """Mark the page of rows for docs/styles/wide.css."""
     return f'<div class="rows">{html}</div>' if page.file.src_uri == "reproduction.md" else html
-
-
-def _modules(title: str) -> list[str]:
-    """Modules of a page of the Python reference; a package without any is its own."""
-    folder = PACKAGES[title]
-    files = [file for file in (ROOT / folder).glob("*.py") if file.stem not in ("__init__", "__main__")]
-    return [".".join(file.relative_to(ROOT).with_suffix("").parts) for file in sorted(files)] or (
-        [folder.replace("/", ".")] if (ROOT / folder / "__init__.py").is_file() else []
-    )
-
-
-def _page_of(title: str) -> str:
-    return f"python_{re.sub(r'[^a-z]+', '_', title.lower())}.md"
 
 
 def command_reference() -> str:

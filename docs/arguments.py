@@ -1,0 +1,50 @@
+"""Docstrings for the reference: one argument a line, and a dataclass' fields as arguments of its constructor."""
+
+import re
+from typing import Any
+
+import griffe
+
+_HEAD = re.compile(r"^(Args|Attributes):\n((?:    .*\n?|\n(?=    ))+)", re.MULTILINE)
+
+
+class OneArgumentALine(griffe.Extension):
+    """Splits what the source puts on one line, so that each argument has its row with type and default."""
+
+    def on_class(self, *, cls: griffe.Class, **_: Any) -> None:
+        """Classes: fields of a dataclass are shown as what its constructor takes."""
+        if cls.docstring:
+            own = {name for name, attribute in cls.attributes.items() if attribute.annotation is not None}
+            made = any(str(decorator.value).startswith("dataclass") for decorator in cls.decorators)
+            start = cls.members.get("__init__")
+            taken = [p.name for p in start.parameters] if isinstance(start, griffe.Function) else []
+            cls.docstring.value = split(cls.docstring.value, [*cls.attributes, *taken], own if made else set())
+
+    def on_function(self, *, func: griffe.Function, **_: Any) -> None:
+        """Functions and methods."""
+        if func.docstring:
+            func.docstring.value = split(func.docstring.value, [p.name.lstrip("*") for p in func.parameters], set())
+
+
+def split(text: str, names: list[str], fields: set[str]) -> str:
+    """A docstring with one of `names` a line; `Attributes` becomes `Args` where all of them are `fields`."""
+    if not names:
+        return text
+    either = "|".join(sorted(map(re.escape, set(names)), key=len, reverse=True))
+    item = re.compile(rf"(?:^|(?<=[.;,)\]] ))((?:\*{{0,2}}(?:{either})(?:, )?)+): ", re.MULTILINE)
+
+    def listed(match: re.Match[str]) -> str:
+        body = re.sub(r"^    ", "", match[2], flags=re.MULTILINE)
+        flat = re.sub(r"\n(?! *\n)\s+(?=\S)", " ", body)
+        pieces = item.split(flat)
+        if pieces[0].strip():
+            return match[0]  # it begins with something else: left as it is
+        lines, seen = [], []
+        for what, said in zip(pieces[1::2], pieces[2::2], strict=True):
+            for name in what.split(", "):
+                seen.append(name.strip())
+                lines.append(f"    {name.strip()}: " + re.sub(r"\s*\n\s*", " ", said).strip().rstrip(";,"))
+        head = "Args" if fields and set(seen) <= fields else match[1]
+        return f"{head}:\n" + "\n".join(lines) + "\n" + ("\n" if match[2].endswith("\n\n") else "")
+
+    return _HEAD.sub(listed, text)
