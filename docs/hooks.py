@@ -35,7 +35,7 @@ ELSEWHERE = {
     "changelog.md": "CHANGELOG.md",
 } | {f"{file.stem}.md": f"docs/notebooks/{file.name}" for file in cells.notebooks()}
 PAGES = {file: page for page, file in ELSEWHERE.items()}
-#: Pages of wide tables: no columns beside them.
+#: Pages of wide tables: no contents beside them.
 WIDE = ("reproduction.md", "benchmarks.md")
 #: Modules that have a place in the reference.
 REFERENCE = {module for modules in reference.listed().values() for module in modules}
@@ -62,7 +62,7 @@ def _formula(latex: str, *, display: bool) -> str:
 class Formulas(Extension):
     """Formulas between dollar signs; blocks of the language `math` are those of a line of their own."""
 
-    def extendMarkdown(self, md: Markdown) -> None:  # noqa: N802
+    def extendMarkdown(self, md: Markdown) -> None:
         """Look for them after code in backticks (priority 190) and before escaped characters (180)."""
         md.inlinePatterns.register(Dollars(r"(?<![\\\w$])\$(?![\s$])([^$\n]+?)(?<![\s\\])\$(?!\w)", md), "formula", 185)
 
@@ -70,7 +70,7 @@ class Formulas(Extension):
 class Dollars(InlineProcessor):
     """One formula within a line."""
 
-    def handleMatch(self, m: re.Match[str], data: str) -> tuple[str, int, int]:  # type: ignore[override] # noqa: N802
+    def handleMatch(self, m: re.Match[str], data: str) -> tuple[str, int, int]:  # type: ignore[override]
         """Keep the MathML as it is."""
         return self.md.htmlStash.store(_formula(m[1], display=False)), m.start(0), m.end(0)
 
@@ -104,7 +104,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     """Turn links between files of the repository into links between pages; give wide tables the whole page."""
     if page.file.src_uri in WIDE:
-        page.meta["hide"] = ["navigation", "toc"]
+        page.meta["hide"] = ["toc"]
         for title in re.findall(r"^## (.+)$", markdown, re.MULTILINE):  # the table at the top leads to its chapters
             markdown = markdown.replace(f"\n| {title} |", f"\n| [{title}](#{slugify(title, '-')}) |", 1)
     here = (ROOT / ELSEWHERE.get(page.file.src_uri, f"docs/{page.file.src_uri}")).parent
@@ -124,7 +124,7 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
 
 def _linked(match: re.Match[str]) -> str:
     """Functions beside the link to their module, as links to the reference."""
-    names = re.sub(r"`((?!_)[\w.]+)`", rf"[`\1`][{match[2]}.\1]", match[3])
+    names = re.sub(r"`((?!_)\w+(?:\.(?!_)\w+)*)`", rf"[`\1`][{match[2]}.\1]", match[3])
     return match[1] + names
 
 

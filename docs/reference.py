@@ -20,7 +20,8 @@ TASKS: dict[str, dict[str, tuple[str, ...]]] = {
         "Models": ("mjcf", "fasbody/foot model parameters"),
         "Motion": ("fasbody/foot shaker simulate two_dof damper figures",),
         "The five-body arch": (
-            "fasbody/arch bones kinematics lagrange linear ode sensitivity reduction load motion mounted tissue validate",
+            "fasbody/arch bones kinematics lagrange linear ode sensitivity reduction load motion",
+            "fasbody/arch mounted tissue validate",
         ),
         "The leg": ("fasbody/leg chain peaks mechanisms amplitude lift_off drop decide virtual figures",),
     },
@@ -134,9 +135,9 @@ def _overview() -> str:
                 rows.setdefault(place[thing.__module__], []).append(f"| [`{short}.{name}`][{path}] | {says} |")
     text = [
         "# Python",
-        "What a script needs, by task. `import fasbody as fb` and `import identification as idn` have these names; everything"
-        " else is imported from its module. The pages of this section show every public class with its constructor, and"
-        " the internals stand last.",
+        "What a script needs, by task. `import fasbody as fb` and `import identification as idn` have these names;"
+        " everything else is imported from its module. The pages of this section show every public class with its"
+        " constructor. The internals stand last.",
     ]
     for title in listed():
         if title in rows:

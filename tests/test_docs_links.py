@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from viewer import browser
 
 from docs import DOCUMENTS, ROOT, anchors, links, mentioned_files
 
@@ -49,6 +50,9 @@ def test_site_needs_no_outside_address(site: Path) -> None:
     for page in pages:
         text = page.read_text(encoding="utf-8")
         assert not [match[0] for load in LOADS for match in re.finditer(load, text)], page.name
+        assert not re.search(r"\]\[(mjcf|fasbody|identification|viz)\.", text), (
+            f"{page.name}: a link into the reference"
+        )
     assert (site / "search" / "search_index.js").stat().st_size > 100_000
 
 
@@ -71,3 +75,51 @@ def test_a_load_from_outside_would_be_found() -> None:
     for text in ('<script src="https://a.b/c.js">', "<link rel=stylesheet href=https://a.b>", "x{y:url(//a.b/c)}"):
         assert any(re.search(load, text) for load in LOADS), text
     assert not any(re.search(load, '<a href="https://a.b">') for load in LOADS)
+
+
+#: Pages of every kind: the first one, formulas, wide tables, rows with a filter, the reference, pictures.
+LOOKED_AT = ("index", "equations", "benchmarks", "reproduction", "python_fit_a_foot", "examples", "credibility")
+
+
+def test_pages_have_navigation_and_fit_at_every_width(site: Path) -> None:
+    """In a browser: a way to other pages is seen, nothing is wider than the window or comes from elsewhere."""
+    asked, complaints = [], []
+    with browser() as opened:
+        page = opened.new_page()
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        for name in LOOKED_AT:
+            for width in (420, 800, 1400):
+                page.set_viewport_size({"width": width, "height": 900})
+                page.goto((site / f"{name}.html").as_uri())
+                wide = page.evaluate("document.documentElement.scrollWidth")
+                assert wide <= width, f"{name} is {wide} px wide in a window of {width}"
+                assert page.evaluate(WAYS), f"{name} shows no navigation at {width} px"
+            height = page.evaluate("document.documentElement.scrollHeight")
+            assert name != "reproduction" or height < 15_000, f"reproduction is {height} px tall"
+        page.set_viewport_size({"width": 420, "height": 900})
+        page.locator("label.md-header__button[for=__drawer]").click()  # what the narrow pages show opens the navigation
+        page.get_by_role("link", name="Tutorial", exact=True).wait_for()
+
+        page.goto((site / "equations.html").as_uri())
+        assert page.evaluate("document.fonts.ready.then(() => document.fonts.check('16px \"Fasbody Formulas\"'))")
+        sizes = page.evaluate(
+            "[...document.querySelectorAll('.formula > math')].map(m => m.getBoundingClientRect().height)"
+        )
+        assert len(sizes) > 60 and min(sizes) > 10
+
+        page.goto((site / "reproduction.html").as_uri())
+        shown = "[...document.querySelectorAll('.rows tbody tr')].filter(r => r.offsetParent).length"
+        every = page.evaluate(shown)
+        page.get_by_placeholder("Search the rows").fill("Eq. 2.5")
+        assert 0 < page.evaluate(shown) < every / 10
+    assert not complaints
+    assert [url for url in asked if not url.startswith("file:")] == []
+
+
+#: Whether a link of the navigation, or the button that opens it, is within the window.
+WAYS = """
+[...document.querySelectorAll('.md-sidebar--primary a.md-nav__link, label.md-header__button[for=__drawer]')].some(e => {
+  const box = e.getBoundingClientRect();
+  return box.width > 0 && box.left >= 0 && box.right <= innerWidth && box.top < innerHeight;
+})"""
