@@ -19,13 +19,19 @@ _SHARE, _NOISE = 1e-3, 5.0
 
 
 def advice(
-    best: Branch, space: Space, rank: int, data: Sequence[Recording], run: Replay, verdict: Verdict
+    best: Branch,
+    space: Space,
+    rank: int,
+    data: Sequence[Recording],
+    run: Replay,
+    verdict: Verdict,
+    others: Sequence[World] = (),
 ) -> list[str]:
     """Sentences on a fit's best branch.
 
     Args:
         best: the branch. space: what was free. rank: of the excitation. data: the recordings. run: the branch's motion.
-        verdict: on the branches.
+        verdict: on the branches. others: the other branches that the data leave open, with whatever else may be true.
     """
     texts = []
     if best.p_value is not None and best.p_value < UNLIKELY:
@@ -71,39 +77,57 @@ def advice(
     loads = {recording.condition.added_mass_kg for recording in data}
     if len(loads) == 1 and str(verdict) == "undecided" and follows:
         texts.append(
-            "All recordings carry one load; a second load separates the mirror solutions. That rests on constants that "
-            "do not change with the load."
+            "All recordings carry one load; a second load may separate the mirror solutions, if the constants do not "
+            "change with it."
         )
-    return [*texts, *(departures(best.world) if best.world else [])]
+    return [*texts, *(departures(best.world, others) if best.world else [])]
 
 
 #: Standard deviations of a prior, or standard errors, beyond which something else is named.
 _FAR = 3.0
 
 
-def departures(world: World) -> list[str]:
-    """What the recordings say of the masses, and of each thing that may be true beside the model and seems to be."""
+def departures(world: World, others: Sequence[World] = ()) -> list[str]:
+    """What the recordings say of the masses, and of each thing that may be true beside the model and seems to be.
+
+    A fit that does not follow them says nothing of that, and neither does one of two open branches alone.
+
+    Args:
+        world: of the likelier branch. others: those of the other branches that the data leave open.
+    """
+    if not world.follows:
+        return []
     texts = []
     for mass in world.masses:
         if mass.weighed:
             texts.append(
                 f"The recordings weigh the leg: {mass.name} without load is {mass.value:.3g} kg ({mass.lower:.3g} to "
-                f"{mass.upper:.3g} kg), {100 * (mass.value / mass.stated - 1):+.1f} % off the {mass.stated:.4g} stated."
+                f"{mass.upper:.3g} kg), {100 * (mass.value / mass.stated - 1):+.1f} % off the "
+                f"{mass.stated:.4g} {mass.basis}."
             )
-    if world.follows and world.masses and not any(mass.weighed for mass in world.masses):
+    if world.masses and not any(mass.weighed for mass in world.masses):
         texts.append(
             "The recordings do not weigh the leg, and all stiffness and damping scale with its mass: they are known "
-            "about as well as the masses were stated (standard deviation "
-            f"{100 * max(m.prior_std for m in world.masses):.3g} % each, --mass-std). Two loads weigh it."
+            f"about as well as the masses that were {world.masses[0].basis} (standard deviation "
+            f"{100 * max(m.prior_std for m in world.masses):.3g} % each, "
+            f"{'--body-mass' if world.masses[0].assumed else '--mass-std'}). A second load may weigh it."
         )
-    for each in world.nuisances:
-        if each.group in ("masses", "gain", "delay", "drift"):
-            signs = abs(each.off) > _FAR
-        else:
-            signs = (each.name in _SIGNS or each.group == "load") and abs(each.seen) > _FAR
-        if signs:
-            texts.append(_sign(each))
+    told = {each.name for other in others for each in other.nuisances if not _shows(each)}
+    texts += [_sign(each) for each in world.nuisances if _shows(each) and each.name not in told]
     return [*texts, *_loads(world)]
+
+
+def _shows(each: Allowance) -> bool:
+    """Whether the recordings show it: beyond its prior where that is narrow, beyond its standard error elsewhere."""
+    if each.group in ("masses", "gain", "delay", "drift"):
+        return abs(each.off) > _FAR
+    return (_parts(each)[0] in _SIGNS or each.group == "load") and abs(each.seen) > _FAR
+
+
+def _parts(each: Allowance) -> tuple[str, str]:
+    """What it is, and of which sensor or person; the malleolus has none to its name."""
+    kind, _, whose = each.name.partition(" of ")
+    return kind, whose or "malleolus"
 
 
 def _loads(world: World) -> list[str]:
@@ -112,9 +136,9 @@ def _loads(world: World) -> list[str]:
     if world.constant is None or not follow or not world.follows:
         return []
     falls = max(0.0, world.constant - world.objective) / max(1.0, world.per_dof)
-    chance_ = float(chdtrc(len(follow), falls))
-    gain = f"chi-square falls by {falls:.3g} for {len(follow)} more constants, {chance(chance_)}"
-    if chance_ < UNLIKELY:
+    p = float(chdtrc(len(follow), falls))
+    gain = f"the sum of squares falls by {falls:.3g} for {len(follow)} more constants, {chance(p)}"
+    if p < UNLIKELY:
         return [
             f"The recordings want stiffness and damping that follow the load ({gain}); these are values without it."
         ]
@@ -127,42 +151,50 @@ def _loads(world: World) -> list[str]:
 _SIGNS = ("mount", "relaxing k_T", "relaxing k_F", "rocking")
 
 
+def _owner(whose: str) -> str:
+    return f"the {whose}'" if whose.endswith("s") else f"the {whose}'s"
+
+
+def _share(x: float) -> str:
+    return f"{100 * x:.3g} %"
+
+
 def _sign(each: Allowance) -> str:
-    share = lambda x: f"{100 * x:.3g} %"  # noqa: E731
-    if each.name == "mount":
+    kind, whose = _parts(each)
+    if kind == "mount":
         low = f"{each.upper**-0.5:.0f}"
         high = f"{each.lower**-0.5:.0f} Hz" if each.lower > 0 else "beyond any"
         return (
-            f"A sign of a sensor on soft tissue: its mount would ring at {each.value**-0.5:.0f} Hz ({low} to {high}). "
-            "Tap the sensor to know it (mount in [known] of study.toml)."
+            f"A sign of a sensor on soft tissue: the mount of {_owner(whose)} sensor would ring at "
+            f"{each.value**-0.5:.0f} Hz ({low} to {high}). Tap the sensor to know it (mount in [known] of study.toml)."
         )
     if each.group == "relaxation":
         return (
-            f"A sign that the spring {each.name.split()[1]} relaxes: {share(each.value)} of it beside it "
-            f"({share(each.lower)} to {share(each.upper)})."
+            f"A sign that the spring {each.name.split()[1]} relaxes: {_share(each.value)} of it beside it "
+            f"({_share(each.lower)} to {_share(each.upper)})."
         )
     if each.group == "load":
         return (
-            f"A sign that constants follow the load: {each.name} is {share(each.value - 1)} off its value without "
-            f"({share(each.lower - 1)} to {share(each.upper - 1)})."
+            f"A sign that constants follow the load: {each.name} is {_share(each.value - 1)} off its value without "
+            f"({_share(each.lower - 1)} to {_share(each.upper - 1)})."
         )
     if each.group == "rocking":
         return (
-            f"A sign that the leg rocks: rotation adds {share(each.value)} of the base ({share(each.lower)} to "
-            f"{share(each.upper)})."
+            f"A sign that the leg rocks: rotation adds {_share(each.value)} of the base ({_share(each.lower)} to "
+            f"{_share(each.upper)})."
         )
     if each.group == "delay":
         return (
-            f"A sign of a wrong model: the delay of {1e3 * each.value:.3g} ms is {abs(each.off):.1f} standard "
-            "deviations of what the instrument can have, so it stands for something else."
+            f"A sign of a wrong model: the delay of {_owner(whose)} channel, {1e3 * each.value:.3g} ms, is "
+            f"{abs(each.off):.1f} standard deviations of what the instrument can have, so it stands for something else."
         )
     if each.group == "masses":
         return (
-            f"A sign of a wrong model or a wrong body mass: the {each.name} is {share(each.value - 1)} off what was "
-            "stated."
+            f"A sign of a wrong model or a wrong body mass: the {each.name} is {_share(each.value - 1)} off what was "
+            "expected."
         )
     return (
-        f"A sign of a wrong calibration or model: the {each.name} of the malleolus' channel is {share(each.value)}, "
+        f"A sign of a wrong calibration or model: the {kind} of {_owner(whose)} channel is {_share(each.value)}, "
         f"{abs(each.off):.1f} standard deviations of what was expected."
     )
 

@@ -18,7 +18,7 @@ DECISIVE_ODDS = 1000.0
 #: Log of the odds up to which branches are tied: rounding alone then orders them, and the name does it instead.
 TIE = 0.01
 #: What would tell them apart.
-_SECOND_LOAD = "A second load decides if the constants do not change with the load."
+_SECOND_LOAD = "A second load may decide, if the constants do not change with it."
 _SECOND_SENSOR = (
     "The loads do not tell them apart if the constants may change with the load; a second sensor, or to exclude what "
     "else may be true (--exclude, [known] in study.toml), can."

@@ -40,6 +40,10 @@ _UNSETTLED = (
     "No branch is decided, as the fit that allows for whatever else may be true has not come to rest; more starts or "
     "what the laboratory knows ([known] in study.toml) may help."
 )
+_ELSEWHERE = (
+    "The model alone has no end on the {name} branch: on the {other} branch it comes to chi-square {per:.4g} per "
+    "degree of freedom. The table rests on whatever else may be true."
+)
 _TRUSTS = (
     "These intervals and odds trust the model, the stated masses and the instrument: whatever else may be true is "
     "allowed for only where all recordings are settled sines, at several frequencies."
@@ -427,7 +431,11 @@ def judge(question: Question, explored: Explored, answer: Answer, ends: Sequence
         verdict = Verdict("not compared", 0.0, why)
     rank = excitation_rank(data)
     warnings = (*question.warnings, *explored.warnings, *answer.warnings)
-    warnings += tuple(advice(built[0], question.space, rank, data, best, verdict))
+    undecided = str(verdict) == "undecided"
+    others = [b.world for b in built[1:] if b.world] if undecided else []
+    warnings += tuple(advice(built[0], question.space, rank, data, best, verdict, others))
+    if ends and built[0].name not in narrow:
+        warnings += (_ELSEWHERE.format(name=built[0].name, other=first.name, per=first.chi_square / max(1, first.dof)),)
     return FitResult(
         source=data[0].file,
         origin=next((o for o in ("synthetic", UNSTATED) if any(r.origin == o for r in data)), "measured"),

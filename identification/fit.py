@@ -120,11 +120,11 @@ def show(result: "FitResult") -> None:
         table.add_row(*map(escape, row))
     results.print(table)
     results.print(f"[bold]{escape(result.sentence())}[/]", soft_wrap=True)
-    results.print(result.reason, soft_wrap=True)
+    results.print(result.reason, soft_wrap=True, markup=False)
     for text in (*result.by_sensor, *result.impossible):
         results.print(text, soft_wrap=True, markup=False)
     for text in result.warnings:
-        results.print(f"[yellow]note:[/] {text}", soft_wrap=True, markup=True)
+        results.print(f"[yellow]note:[/] {escape(text)}", soft_wrap=True)
 
 
 if __name__ == "__main__":

@@ -37,6 +37,8 @@ UNLIKELY = 1e-3
 IDENTIFIED, WEAK = 0.1, 0.5
 #: Share of a mass's standard deviation that the recordings must take away to have weighed it.
 WEIGHED = 0.3
+#: Chi-square per degree of freedom beyond which what the model alone says of forces is no more than a hint.
+_MISSES = 2.0
 
 
 def chance(p_value: float) -> str:
@@ -126,6 +128,7 @@ class Mass(Tabled):
     Attributes:
         name: thesis symbol. stated: [kg]. prior_std: its relative standard deviation. value, lower, upper: estimate and
             95 % interval [kg]. learned: by which share the recordings made the standard deviation smaller.
+        assumed: no body mass was stated, so `stated` is the model's own.
         weighed: the recordings say more of it than what was stated: they learned it, by several loads, in a fit that
             follows them and has come to rest. Under one load all constants scale with the mass, whatever was learned
             of the ratio of two masses.
@@ -139,6 +142,12 @@ class Mass(Tabled):
     upper: float
     learned: float
     weighed: bool = False
+    assumed: bool = False
+
+    @property
+    def basis(self) -> str:
+        """How its value before the recordings was known."""
+        return "assumed" if self.assumed else "stated"
 
     def interval(self) -> str:
         """Value and half width of the 95 % interval [kg]."""
@@ -355,14 +364,16 @@ class FitResult(Presented):
             truth = self.truth_of(key)
             known = ["" if truth is None else f"{truth:.6g}"] if self.truth else []
             others = [branch.parameters[key].interval() for branch in self.branches[1:]]
-            narrow = [e.if_model_true.interval() if e.if_model_true else "–"] if self.wide else []
+            shown = e.if_model_true and self.wide and self.wide.follows
+            narrow = [e.if_model_true.interval() if e.if_model_true and shown else "–"] if self.wide else []
             rows.append([label(key), e.interval(), *narrow, *others, *known, e.known])
         for number, mass in enumerate(self.wide.masses if self.wide else ()):
             truth = self.truth_of(f"{mass.name}_kg")
             known = ["" if truth is None else f"{truth:.4g}"] if self.truth else []
             others = [b.world.masses[number].interval() if b.world else "" for b in self.branches[1:]]
-            word = "weighed" if mass.weighed else "as stated"
-            rows.append([f"{mass.name} [kg]", mass.interval(), f"{mass.stated:.4g} stated", *others, *known, word])
+            word = "weighed" if mass.weighed else "assumed" if mass.assumed else "as stated"
+            told = f"{mass.stated:.4g} {mass.basis}"
+            rows.append([f"{mass.name} [kg]", mass.interval(), told, *others, *known, word])
         columns = ["parameter", *self.intervals, *mirrors, *(["truth"] if self.truth else []), ""]
         notes = [
             self.sentence(),
@@ -381,6 +392,9 @@ class FitResult(Presented):
     def impossible(self) -> list[str]:
         """That the foot would leave the table, in a sentence; nothing where the table only presses."""
         text = lifted(self.contact)
+        best = self.best
+        if text and self.domain == "periodic" and best.dof and best.chi_square > _MISSES * best.dof:
+            text += " This rests on the model alone, with the stated masses, and it does not follow the recordings."
         return [text] if text else []
 
     @property

@@ -23,7 +23,7 @@ from identification.result import WEIGHED, Allowance, Branch, Estimate, Mass, Wo
 from identification.search import inverse_of_gram
 from identification.settle import settle
 from identification.space import MASSES, Space
-from identification.world import WorldProblem, WorldSpace, nuisances, under
+from identification.world import WorldProblem, WorldSpace, assumed, nuisances, under
 
 #: Chi-square per degree of freedom beyond which not even the wide fit follows the recordings: between these two where
 #: noise exceeds it once in a thousand.
@@ -41,7 +41,6 @@ _APART, _TRIED, _KEPT = 0.7, 15, 2
 #: Sign of rho on each branch.
 _SIGNS = {STIFF_ANKLE: 1, STIFF_PAD: -1}
 #: No leg's mass is further off than this (of the logarithm), however little the recordings say.
-_HALF = (-0.5, 0.5)
 _Z95 = 1.959963984540054
 _IF_TRUE = ", if the model is true"
 
@@ -122,18 +121,19 @@ def widest(
         if not end.converged:
             ends.enter(name, end.q)
     best, *others = sorted(ends.found.values(), key=_objective)
-    return [_constant(best, most), *others]
+    constants = [constant for end in (best, *others) if (constant := _constant(end, most)) is not None]
+    return [replace(best, constant=min(constants, default=None)), *others]
 
 
-def _constant(end: End, most: int) -> End:
-    """The end with what the same branch comes to where constants do not follow the load."""
+def _constant(end: End, most: int) -> float | None:
+    """What the same branch comes to where constants do not follow the load; None where there is one load."""
     world = end.problem.world
     follow = [world.index[each.name] for each in world.nuisances if each.group == "load"]
     if not follow:
-        return end
+        return None
     low, high = (limit.copy() for limit in world.side(_SIGNS[end.name]))
     low[follow] = high[follow] = 0.0
-    return replace(end, constant=_descend(end.problem, end.name, end.q, low, high, most).objective)
+    return _descend(end.problem, end.name, end.q, low, high, most).objective
 
 
 class _Ends:
@@ -283,12 +283,14 @@ def _masses(world: WorldSpace, q: np.ndarray, C: np.ndarray, sure: bool) -> tupl
             if kind in world.index:
                 stated, i, prior = world.stated(kinds.index(kind))[name], world.index[kind], world.slope(kind)
                 x, std = world.of(q, kind), float(np.sqrt(C[i, i]))
-                ends = np.clip([x - _Z95 * std * prior, x + _Z95 * std * prior], *_HALF)
+                ends = np.clip([x - _Z95 * std * prior, x + _Z95 * std * prior], *world.limits(kind))
                 low, high = (stated * float(np.exp(end)) for end in ends)
                 whose = name + kind.partition(" mass")[2]
                 learned = max(0.0, 1 - std)
                 weighed = sure and not scales and learned > WEIGHED
-                found.append(Mass(whose, stated, prior, stated * float(np.exp(x)), low, high, learned, weighed))
+                guessed = assumed(world.recordings, world.recordings[kinds.index(kind)].condition.subject)
+                value = stated * float(np.exp(x))
+                found.append(Mass(whose, stated, prior, value, low, high, learned, weighed, guessed))
     return tuple(found)
 
 

@@ -58,12 +58,16 @@ class Nuisance:
 
 
 _SEGMENTS = "body-segment tables differ by 5 to 11 % between samples"
+_NOBODY = "no body mass was given; adults differ by 20 %, segments by another 10 %"
 _MOUNT = "a skin-mounted sensor overestimates bone by 12 % at 15 to 30 Hz, J Biomech Eng 115:47 (1993)"
 _ROCK = "transverse sensitivity of accelerometers up to 5 %, and a lever arm"
 _PAD = "the heel pad loses 30 % of its energy a cycle, Ker (1996)"
 #: Default uncertainty of segment masses and gain (shares), and of the delay in samples.
 MASS_STD, GAIN_STD, DELAY_STD_SAMPLES = 0.10, 0.01, 0.1
-#: Change of a constant under 2.3 kg that is as likely as not (share).
+#: The same of the masses where no body mass was given: adults differ by a fifth, and the tables on top. Bounds with it.
+UNKNOWN_STD, UNKNOWN_END = 0.30, 1.2
+#: Standard deviation of a constant's change under 2.3 kg (share). A pad that stiffens as walkers' heels do (power 2.6)
+#: would change by 0.29 from the leg's weight alone, which is 2.6 of these.
 LOAD_STD, LOAD_KG = 0.10, 2.3
 
 NUISANCES = (
@@ -86,7 +90,7 @@ NUISANCES = (
     Nuisance("rocking", "rocking", "", 0.0, 0.03, -0.5, 0.5, _ROCK, "share of the base that rotation adds"),
     Nuisance(
         "rocking frequency", "rocking", "Hz", float(np.log(60)), 0.2, float(np.log(30)), float(np.log(150)),
-        "above the band of the recordings", "of the leg's rotation", True,
+        "legs rock at tens of hertz; no measurement is known to us", "of the leg's rotation", True,
     ),
     Nuisance("rocking damping", "rocking", "", 0.1, 0.05, 0.01, 0.5, "as soft tissue", "ratio of the leg's rotation"),
 )  # fmt: skip
@@ -121,6 +125,11 @@ def of_sensor(kind: str, sensor: str) -> str:
 #: What each sensor has for itself. The leg rocks as one body, so that frequency and damping of its rotation are common
 #: to all sensors; how much of it one feels is its lever arm, which is unknown in size and sign and is its own.
 _EACH = ("gain", "delay", "drift", "mount", "mount damping", "rocking")
+
+
+def assumed(recordings: Sequence[Recording], person: str) -> bool:
+    """Whether nobody said what a person weighs, so that the model's own masses stand in."""
+    return any(r.condition.body_mass_kg is None for r in recordings if r.condition.subject == person)
 
 
 def nuisances(
@@ -158,13 +167,16 @@ def nuisances(
     if not twin:  # without the twin's equations only the instrument and the masses can be told
         found = [each for each in found if each.group != "relaxation"]
     shank, foot = bool({"m_S", "m_T"} & set(declared)), "m_F" in declared
-    found = [each for each in found if each.group != "masses" or (shank if "shank" in each.name else foot)]
+    segments = [each for each in found if each.group == "masses" and (shank if "shank" in each.name else foot)]
     people = list(dict.fromkeys(r.condition.subject for r in recordings))
-    if len(people) > 1:  # a scale and a table are wrong for one person at a time
-        of_each = [
-            replace(each, name=_of(each.name, person)) for each in found if each.group == "masses" for person in people
-        ]
-        found = of_each + [each for each in found if each.group != "masses"]
+    of_each = []
+    for each in segments:
+        for person in people:  # a scale and a table are wrong for one person at a time
+            own = each if len(people) == 1 else replace(each, name=_of(each.name, person))
+            if known.mass_std is None and assumed(recordings, person):
+                own = replace(own, std=UNKNOWN_STD, lower=-UNKNOWN_END, upper=UNKNOWN_END, source=_NOBODY)
+            of_each.append(own)
+    found = of_each + [each for each in found if each.group != "masses"]
     first, *others = sorted({r.condition.added_mass_kg for r in recordings})
     if twin:
         for load in others:
@@ -296,6 +308,10 @@ class WorldSpace:
         """A nuisance at q (n,): its value, or its logarithm; where it is left out, what the model says of it."""
         i = self.index.get(name)
         return 0.0 if i is None else float(q[i] * self._scale[i])
+
+    def limits(self, name: str) -> tuple[float, float]:
+        """Bounds of a nuisance, of its logarithm where it has one."""
+        return next((each.lower, each.upper) for each in self.nuisances if each.name == name)
 
     def slope(self, name: str) -> float:
         """Its derivative to the search variable."""

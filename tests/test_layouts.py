@@ -1,6 +1,7 @@
 """Several layouts of columns in one study, one study.toml for several files, and what a study's tables tell."""
 
 import json
+import shutil
 from pathlib import Path
 
 import in_process
@@ -181,3 +182,18 @@ def test_a_recording_of_a_whole_table() -> None:
     assert list(made.others) == ["foot"]
     with pytest.raises(InputFileError, match=r"mine: has no column 'malleolus_m_s2' \(found: time_s, base_g\)"):
         Recording.from_table({"time_s": TIME, "base_g": base}, name="mine")
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ('[channels.instep]\ncolumn = "x"\n', r"describes the channel 'instep', and no recording has a column 'x'"),
+        ("[known]\ngain_std = 0.02\n", r"gain_std in \[known\] and in \[channels\.malleolus\]; keep one"),
+    ],
+)
+def test_what_would_be_ignored_is_refused(study: Path, tmp_path: Path, more: str, words: str) -> None:
+    copy = shutil.copytree(study, tmp_path / "copy")
+    toml = copy / "study.toml"
+    toml.write_text(toml.read_text() + more)
+    with pytest.raises(InputFileError, match=words):
+        Study.read(copy)

@@ -286,3 +286,31 @@ def test_every_way_that_dampers_bend_is_tried(foot: Foot, two_loads: list[Record
     q = space.start({**foot.values(), "c_12": 50.0, "c_22": -50.0})
     tried = [tuple(np.sign(other[[space.index["c_12"], space.index["c_22"]]])) for other in space.bent(q)]
     assert sorted(tried) == [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)]
+
+
+def test_masses_that_nobody_stated_are_known_as_people_are(foot: Foot, two_loads: list[Recording]) -> None:
+    """The model's own stand in, for a person of half or twice that weight: all constants of one load scale with it."""
+    bare = [
+        replace(r, condition=replace(r.condition, body_mass_kg=None))
+        for r in two_loads
+        if not r.condition.added_mass_kg
+    ]
+    result = fit_foot(bare, foot, starts=1)
+    assert result.wide is not None
+    assert all(mass.assumed and mass.prior_std == 0.3 for mass in result.wide.masses)
+    assert "identified" not in {result.parameters[f"{n}_n_per_m"].identifiability for n in ("k_T", "k_F")}
+    assert "3.375 assumed" in str(result.sheet())
+    assert any("--body-mass" in text for text in result.warnings)
+    told = fit_foot(bare, foot, starts=1, mass_std=0.1)
+    assert told.wide is not None and all(mass.prior_std == 0.1 for mass in told.wide.masses)
+
+
+def test_a_fit_that_does_not_follow_says_nothing_of_departures(foot: Foot, two_loads: list[Recording]) -> None:
+    bent = [
+        replace(r, malleolus_m_s2=r.malleolus_m_s2 + 2.0 * np.sign(r.base_m_s2) * (r.condition.frequency_hz == 20.0))
+        for r in two_loads
+    ]
+    result = fit_foot(bent, foot, starts=1)
+    assert result.wide is not None and not result.wide.follows
+    assert not [text for text in result.warnings if "A sign of" in text or "weigh" in text]
+    assert {row[2] for row in result.sheet().rows if row[0].startswith(("k", "c"))} == {"–"}  # not even if it is true

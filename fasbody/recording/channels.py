@@ -168,6 +168,10 @@ class Layout(Tabled):
             raise InputFileError(file, f"sampling_rate_hz = {rate_hz!r}", "valid: a positive number")
         if not (isinstance(columns, list | tuple) and all(isinstance(name, str) for name in columns)):
             raise InputFileError(file, f"columns = {columns!r}", 'valid: a list of names, ["time_s", "base_g"]')
+        for key in ("gain_std", "delay_std_s"):
+            twice = [f"[channels.{name}]" for name, table in tables.items() if key in table]
+            if key in (known or {}) and twice:
+                raise InputFileError(file, f"states {key} in [known] and in {', '.join(twice)}", "keep one of them")
         rate = None if rate_hz is None else float(rate_hz)  # type: ignore[arg-type]
         return cls(channels, rate, tuple(columns), beyond=Known.from_toml(file, known or {}))
 

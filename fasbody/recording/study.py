@@ -103,7 +103,19 @@ class Study(Tabled):
     def read(cls, folder: Path | str, only: Path | None = None) -> "Study":
         """Open a study folder as `StudyFolder.open` does, and read every recording it lists."""
         study = StudyFolder.open(folder, only)
-        return cls(study.name, study.origin, study.description, tuple(study.read(trial) for trial in study.trials))
+        recordings = tuple(study.read(trial) for trial in study.trials)
+        found = {name for recording in recordings for name in recording.sensors}
+        for name in study.layout.channels if only is None else ():
+            if name != "base" and name != "time" and name not in found:
+                told = study.layout.channels[name].column
+                column = f"a column {told!r}" if told else "a column of that name"
+                listed = f"sensors found: {', '.join(sorted(found)) or 'none'}"
+                raise InputFileError(
+                    Path(folder) / "study.toml",
+                    f"describes the channel {name!r}, and no recording has {column}",
+                    listed,
+                )
+        return cls(study.name, study.origin, study.description, recordings)
 
 
 def understood_trial(task: tuple[StudyFolder, Trial]) -> dict[str, Any]:
