@@ -91,6 +91,15 @@ def command() -> Callable[..., subprocess.CompletedProcess[str]]:
 
 
 @pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures are small and empty, where files matter and not what is on them: drawing takes longer than a fit."""
+    from matplotlib.figure import Figure
+
+    empty, save = Figure(figsize=(1, 1)), Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", lambda _, *words, **options: save(empty, *words, **options))
+
+
+@pytest.fixture
 def feeder(tmp_path: Path) -> Iterator[Any]:
     """A `feeder.Feeder`, the board made of a thread."""
     from feeder import Feeder

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 from test_report import Balanced
 
+from fasbody.foot.parameters import symbol_and_unit
 from identification.branches import ratio
 
 TRUTH = {name: float(value) for name, value in oracle.TRUTH.items()}
@@ -136,3 +137,16 @@ def test_bundled_report_shows_the_fit(bundled: tuple) -> None:
         assert digest in text
     assert "identification.fit --json --out" in document["provenance"]["command"] in unescape(text)
     assert document["source"] in text
+
+
+def test_table_of_the_readme_is_what_the_fit_finds(bundled: tuple) -> None:
+    """The README shows the end of `make fit`, which is this fit."""
+    document, *_ = bundled
+    readme = (Path(__file__).parent.parent / "README.md").read_text()
+    shown = dict(re.findall(r"^(\w+) \[[^]]*\] +([-\d.]+) ±", readme, re.MULTILINE))
+    assert set(shown) >= {"k_T", "k_F", "c_11", "c_21"}
+    for key, found in document["parameters"].items():
+        symbol, _ = symbol_and_unit(key)
+        if symbol in shown:
+            assert abs(found["value"] - float(shown[symbol])) < 0.2 * found["std_error"], key
+    assert f"{document['verdict']}, whatever else may be true." in readme

@@ -161,6 +161,7 @@ def test_slopes_are_the_tangents_of_the_pad(people: dict) -> None:
     assert populations[0].interval("normal", "43 N")[0] < populations[2].interval("normal", "88 N")[0]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_command_says_everything_and_goes_on_where_it_stopped(people: dict, tmp_path: Path) -> None:
     folder, out = tmp_path / "study", tmp_path / "out"
     folder.mkdir()

@@ -122,7 +122,7 @@ def test_killed_and_resumed(study: Path, tmp_path: Path) -> None:
     assert fitted(study, out, "--workers", "1")["computed"] == 0
 
 
-@pytest.mark.parametrize(("workers", "presses"), [("1", 1), ("1", 2), ("2", 2)])
+@pytest.mark.parametrize(("workers", "presses"), [("1", 1), ("2", 2)])
 def test_interrupted(study: Path, tmp_path: Path, workers: str, presses: int) -> None:
     """As a terminal does it, to the whole group; `timeout` signals twice."""
     process = subprocess.Popen(
@@ -223,6 +223,7 @@ def test_no_study(tmp_path: Path) -> None:
     assert "study.toml" in fitted(tmp_path / "nowhere", tmp_path, expect=2)["said"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_other_settings_left_is_said_and_its_figures_go(study: Path, tmp_path: Path) -> None:
     narrow = ("--workers", "1", "--frequency", "20")
     first = fitted(study, tmp_path, *narrow, "--report")
