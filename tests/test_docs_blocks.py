@@ -8,16 +8,15 @@ its block); its module, sub-command and options are held against Typer all the s
 import contextlib
 import importlib.util
 import io
-import os
 import re
 import runpy
 import shutil
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
 from typing import Any
 
+import in_process
 import numpy as np
 import pytest
 from typer_apps import HOMES, click_command, sub_commands
@@ -193,9 +192,18 @@ def test_text_block_is_what_the_command_prints(
     _, *arguments = words(command)
     if arguments[0].endswith(".py"):
         arguments[0] = str(ROOT / arguments[0])
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "300", "OMP_NUM_THREADS": "1"}
-    done = subprocess.run([sys.executable, *arguments], env=environment, capture_output=True, text=True, check=True)
-    printed = (done.stdout + done.stderr).splitlines()
+    if arguments[0] == "-m":
+        done = in_process.command(*arguments[1:], cwd=tmp_path)
+        printed = (done.stdout + done.stderr).splitlines()
+    else:
+        out = io.StringIO()
+        with contextlib.redirect_stdout(out):
+            if arguments[0] == "-c":
+                exec(compile(arguments[1], command, "exec"), {})
+            else:
+                monkeypatch.setattr("sys.argv", arguments)
+                runpy.run_path(arguments[0], run_name="__main__")
+        printed = out.getvalue().splitlines()
     for line in filter(str.strip, block.text.splitlines()):
         found = [" ".join(other.split()[: len(line.split())]) for other in printed]
         assert any(same(other, line) for other in found), f"{page}:{block.line} has {line!r}; printed now:\n{found}"
