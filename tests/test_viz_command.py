@@ -86,7 +86,7 @@ def test_closed_browser_ends_the_command_that_opened_it(starting: int) -> None:
         await leave(second)
 
     opener = f"{sys.executable} -c 'import time; time.sleep({starting})' %s"
-    with viewer("--model", "two_dof", opener=opener) as (url, process):
+    with viewer("--model", "two_dof", opener=opener, grace_s=3.0) as (url, process):
         asyncio.run(client(url))
         assert process.wait(WAIT) == 0
 

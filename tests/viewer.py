@@ -29,15 +29,22 @@ PATIENCE = 300.0
 
 @contextmanager
 def viewer(
-    *options: str, module: str = "viz.foot", opener: str = "", folder: Path = ROOT
+    *options: str, module: str = "viz.foot", opener: str = "", folder: Path = ROOT, grace_s: float = 0.0
 ) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """`python -m MODULE` with more options; yields its address and process, ends it by Ctrl-C.
 
     Args:
         options: of the command. module: the command. opener: shell-like command that it takes for a browser, with %s
-            for the address; without one it opens none. folder: to work in.
+            for the address; without one it opens none. folder: to work in. grace_s: for a reload, where it is not the
+            command's own.
     """
-    command = [sys.executable, "-m", module, *([] if opener else ["--no-browser"]), "--json", *options]
+    run = ["-m", module]
+    if grace_s:
+        code = (
+            f"import runpy, viz.server as s; s.GRACE = {grace_s}; runpy.run_module('{module}', None, '__main__', True)"
+        )
+        run = ["-c", code]
+    command = [sys.executable, *run, *([] if opener else ["--no-browser"]), "--json", *options]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     if opener:
         environment["BROWSER"] = opener
