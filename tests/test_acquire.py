@@ -7,6 +7,7 @@ import sys
 import time
 from pathlib import Path
 
+import in_process
 import pytest
 from feeder import ENVIRONMENT, Feeder, Instrument, number_of, refusal
 
@@ -85,19 +86,20 @@ def test_killed_mid_run_then_recovered(tmp_path: Path, feeder: Feeder, capsys: p
     assert kept.time_s.size == document["samples"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_from_the_shaker_to_the_parameters(tmp_path: Path) -> None:
     """A sweep on the virtual bench, then the fit: every parameter within four standard errors of the bench's own.
 
     That is the interval which holds all eight at once in 99.9 % of all runs; eight 95 % intervals do in two of three.
     """
     study, out = tmp_path / "study", tmp_path / "out"
-    words = ["--simulate", "--sweep", "15:45:15", "--seconds", "1.5", "--out", str(study), "--json"]
-    done = subprocess.run(command(*words), env=ENVIRONMENT, capture_output=True, text=True)
+    words = ["record", "--simulate", "--sweep", "15:45:15", "--seconds", "1.5", "--out", str(study), "--json"]
+    done = in_process.command("fasbody.acquire", *words)
     assert done.returncode == 0, done.stderr
     assert [one["usable"] for one in json.loads(done.stdout)["recordings"]] == [True] * 3
     assert json.loads((study / "truth.json").read_text())["parameters"] == TRUTH
-    fit = [sys.executable, "-m", "identification.fit", str(study), "--starts", "2", "--out", str(out), "--json"]
-    result = json.loads(subprocess.run(fit, env=ENVIRONMENT, capture_output=True, text=True, check=True).stdout)
+    fit = in_process.command("identification.fit", str(study), "--starts", "2", "--out", str(out), "--json")
+    result = json.loads(fit.stdout)
     assert result["origin"] == "synthetic"
     branch = next(b for b in result["branches"] if b["name"] == "stiff ankle")
     estimates = {key: e["if_model_true"] or e for key, e in branch["parameters"].items()}

@@ -46,6 +46,7 @@ def test_a_fit_is_a_screen_and_a_sentence(fitted: idn.FitResult) -> None:
         fitted["k_t"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_fit_is_a_table_and_files(fitted: idn.FitResult, tmp_path: Path) -> None:
     frame = fitted.to_dataframe().set_index(["branch", "parameter"])
     assert frame.loc[(fitted.mirror.name, "k_F_n_per_m"), "value"] == fitted.mirror["k_F"].value
