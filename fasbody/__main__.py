@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 import fasbody
-from fasbody.commands import commands, found
+from fasbody.commands import Command, commands, found
 from fasbody.console import command_line, print_json, results
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -39,16 +39,17 @@ def main(
 
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(no_wrap=True)
-    table.add_column(no_wrap=True)
     table.add_column()
     for number, (title, group) in enumerate(groupby(commands(), lambda command: command.group)):
         if number:
             table.add_row()
         table.add_row(f"[bold]{title}[/]")
         for command in group:
-            table.add_row(f"fasbody {command.words}".rstrip(), command.call, command.does)
+            table.add_row(f"fasbody {command.words}".rstrip() if _installed() else command.call, command.does)
     results.print(table)
     results.print("\nEach has --help with examples, and most --json.")
+    if not _installed():
+        results.print("Where fasbody is installed, a short form does the same: fasbody fit.", highlight=False)
     if makefile := _makefile():
         targets = re.findall(r"^(\w+):.*  ##", makefile, re.MULTILINE)
         results.print(f"Each of make {', '.join(targets)} sets up its environment first.", highlight=False)
@@ -60,11 +61,42 @@ def _makefile() -> str:
     return file.read_text(encoding="utf-8") if file.is_file() else ""
 
 
+def _installed() -> bool:
+    """Whether it was started as `fasbody`, not as `python -m fasbody`."""
+    return Path(sys.argv[0]).stem == "fasbody"
+
+
+def page() -> None:
+    """One page on what there is: each command by its first word, with the words that may follow."""
+    from rich.table import Table
+
+    families: dict[str, list[Command]] = {}
+    for command in commands():
+        if command.words:
+            families.setdefault(command.words.split()[0], []).append(command)
+    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for first, family in families.items():
+        does = [command.does for command in family if command.words == first]
+        others = [command.words.removeprefix(f"{first} ") for command in family if command.words != first]
+        also = f"{'With' if does else 'One of'}: {first} {', '.join(others)}." if others else ""
+        table.add_row(first, " ".join([*does, *([also] if also else [])]))
+    results.print("Usage: fasbody COMMAND [OPTIONS], or python -m fasbody COMMAND [OPTIONS]\n", markup=False)
+    results.print(table)
+    results.print("\nEach has --help with examples. fasbody alone shows all in groups; --version, --json.")
+    results.print("\nExamples:\n  fasbody fit my_study --out results\n  fasbody view", highlight=False)
+
+
 def run() -> None:
     """What `fasbody` does: the command that its first words name, as `python -m` runs it, or else the map."""
     words = sys.argv[1:]
-    group = [command for command in commands() if words and command.words.startswith(f"{words[0]} ")]
-    if group and all(word.startswith("-") for word in words[1:]):
+    known = commands()
+    group = [command for command in known if words and command.words.startswith(f"{words[0]} ")]
+    alone = bool(group) and not any(command.words == words[0] for command in known)
+    if words in (["--help"], ["-h"], ["help"]):
+        page()
+    elif alone and all(word.startswith("-") for word in words[1:]):
         for command in group:
             results.print(f"fasbody {command.words}: {command.does}", soft_wrap=True)
         results.print("\nEach has --help with examples.")

@@ -11,7 +11,7 @@ import pytest
 from rich.text import Text
 from typer_apps import HOMES, click_command, sub_commands
 
-from fasbody.__main__ import main
+from fasbody.__main__ import main, run
 from fasbody.commands import GROUPS, Command, commands, found
 from fasbody.exceptions import SettingError
 
@@ -63,15 +63,40 @@ def test_help_ends_with_examples_that_name_the_command(command: Command) -> None
         assert shown or getattr(parameter, "hidden", False), f"{parameter.name}: no help"
 
 
-def test_command_prints_the_map(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("started", ["/usr/bin/fasbody", "/somewhere/fasbody/__main__.py"])
+def test_command_prints_the_map(
+    started: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.argv", [started])
     main(json_=False, version=False)
     printed = capsys.readouterr().out
     places = [printed.index(f"\n{title}") if number else 0 for number, title in enumerate(GROUPS)]
     assert places == sorted(places)
     for command in commands():
-        assert command.call in printed and f"fasbody {command.words}".rstrip() in printed
+        assert (f"fasbody {command.words}".rstrip() if started.endswith("fasbody") else command.call) in printed
     for target in re.findall(r"^(\w+):.*##", (ROOT / "Makefile").read_text(), re.MULTILINE):
         assert re.search(rf"make [\w, ]*\b{target}\b", printed)
+
+
+def test_help_is_one_page_with_every_word(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what a wheel holds; `fasbody view` is the viewer and no list, though there is a `view cell`, too."""
+    wheel = [c for c in commands() if c.module.split(".")[0] not in ("benchmarks", "reproduction")]
+    monkeypatch.setattr("fasbody.__main__.commands", lambda: wheel)
+    monkeypatch.setattr("sys.argv", ["fasbody", "--help"])
+    run()
+    printed = capsys.readouterr().out
+    assert len(printed.splitlines()) < 60
+    for command in wheel:
+        assert set(command.words.split()) <= set(re.findall(r"\w+", printed)), command.words
+    started = []
+    monkeypatch.setattr("runpy.run_module", lambda module, **_: started.append(module))
+    for words in (["view"], ["study"], ["cell", "--help"], ["plan"]):
+        monkeypatch.setattr("sys.argv", ["fasbody", *words])
+        run()
+    assert started == ["viz.foot", "identification.study", "fasbody.cell", "identification.plan"]
+    monkeypatch.setattr("sys.argv", ["fasbody", "arch"])
+    run()
+    assert "fasbody arch load: " in capsys.readouterr().out
 
 
 def test_words_name_one_command_each() -> None:
