@@ -20,8 +20,9 @@ OURS = {"fasbody", "identification", "mjcf", "viz"}
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Built from the source distribution, which is built from here."""
     folder = tmp_path_factory.mktemp("wheel")
-    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT)]
+    build = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(folder), str(ROOT)]
     subprocess.run(build, check=True, capture_output=True)
     (file,) = folder.glob("*.whl")
     return file
@@ -44,10 +45,11 @@ def run(installed: Path, folder: Path, *arguments: str) -> subprocess.CompletedP
 
 def test_every_file_of_the_packages_is_in_the_wheel(wheel: Path) -> None:
     inside = set(zipfile.ZipFile(wheel).namelist())
-    files = [f for package in ("fasbody", "identification", "mjcf", "viz") for f in (ROOT / package).rglob("*.*")]
+    files = [f for package in ("fasbody", "identification", "mjcf", "viz") for f in (ROOT / package).rglob("*")]
     here = {str(f.relative_to(ROOT)) for f in files if f.is_file() and "__pycache__" not in f.parts}
     assert len(here) > 50
     assert here - inside == set()
+    assert {name for name in inside if ".dist-info/" not in name} - here == set()
     assert not any(name.startswith(("tests/", "benchmarks/", "docs/", "reproduction/")) for name in inside)
 
 
