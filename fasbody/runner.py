@@ -52,7 +52,7 @@ def run(
     Raises:
         FasError: what `function` raises; or the machine ended a process.
     """
-    count = processes or len(os.sched_getaffinity(0))
+    count = processes or cores()
     alone = count == 1 or (len(tasks) < _FEW and not processes)
     done = here(function, tasks) if alone else _spread(function, tasks, count)
     with progress_bar() as progress:
@@ -60,6 +60,11 @@ def run(
         for index, result in done:
             yield index, result
             progress.advance(bar)
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def here(function: Callable[[Task], Result], tasks: Iterable[Task]) -> Iterator[tuple[int, Result]]:

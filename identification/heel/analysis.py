@@ -1,6 +1,5 @@
 """The whole analysis of heel strikes, resumable: persons, laws, population, and what follows for the shaker."""
 
-import os
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -135,7 +134,7 @@ def analyse(
     missing = [task for task in tasks if task.key not in kept]
     computed = 0
     try:
-        count = processes or min(len(os.sched_getaffinity(0)), max(1, len(missing)))
+        count = processes or min(runner.cores(), max(1, len(missing)))
         for index, document in runner.run(judge, missing, "laws", count):
             kept[missing[index].key] = document
             computed += 1

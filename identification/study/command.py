@@ -1,7 +1,6 @@
 """The command `python -m identification.study`: fit a whole study, resumably, here or on a Dask cluster."""
 
 import contextlib
-import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from fasbody import runner
 from fasbody.console import console, print_json, progress_bar, results
 from fasbody.exceptions import InputFileError, Stopped
 from fasbody.recording.study import StudyFolder
@@ -169,7 +169,7 @@ def crew(count: int, scheduler: str | None, workers: int) -> "Iterator[Crew]":
     """Who does so many jobs: a cluster where one is named, else local processes, or this one where that is enough."""
     from identification.study import cluster
 
-    cores = workers or min(len(os.sched_getaffinity(0)), count)
+    cores = workers or min(runner.cores(), count)
     if scheduler is not None:
         with cluster.remote(scheduler) as do:
             yield do
