@@ -14,7 +14,7 @@ from typing import Annotated
 
 import typer
 
-from benchmarks.table import Topic, cells, markdown, read, table
+from benchmarks.table import Topic, cells, markdown, read, refreshed, table
 from fasbody.console import command_line, console, print_json, write_whole
 from fasbody.exceptions import SettingError
 from fasbody.runner import ROOT, machine
@@ -22,6 +22,8 @@ from reproduction.check import Check
 
 #: The page that the documentation rests on, and the folder of the pages of readers' machines.
 RESULTS, PAGES = Path(__file__).with_name("RESULTS.md"), ROOT / "results" / "benchmarks"
+#: What the documentation shows of it.
+SPEED = ROOT / "docs" / "speed.md"
 LIBRARIES = ("mujoco", "numba", "numpy", "scipy")
 #: Topics in the order of the table; each is a module with a command, run in a process of its own on one thread.
 TOPICS = (
@@ -74,7 +76,9 @@ def main(
     scipy_limit: Annotated[int, typer.Option(help="trial points allowed to scipy (at most what our fit took)")] = 200,
     with_peers: Annotated[bool, typer.Option("--peers/--no-peers", help="install and run SIPPY and pysib, too")] = True,
     out: Annotated[Path | None, typer.Option(help="page to write", show_default="results/benchmarks/HOST.md")] = None,
-    commit: Annotated[bool, typer.Option("--commit", help="put the rows into benchmarks/RESULTS.md, too")] = False,
+    commit: Annotated[
+        bool, typer.Option("--commit", help="put the rows into benchmarks/RESULTS.md and docs/speed.md, too")
+    ] = False,
     json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout instead of a table")] = False,
 ) -> None:
     """Measure everything that the documentation states, into one table. Takes about half an hour.
@@ -113,6 +117,7 @@ def main(
         checks += found
     if commit:
         write_whole(RESULTS, markdown(_ordered(committed(page, now, where)), where))
+        write_whole(SPEED, refreshed(SPEED.read_text(), RESULTS.read_text()))
     if json_:
         print_json({"machine": where, "date": when, "rows": [check.document() for check in checks]})
     else:

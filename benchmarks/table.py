@@ -129,3 +129,22 @@ def markdown(topics: Mapping[str, Topic], where: str) -> str:
         *("| " + " | ".join([topic.name, *row]) + " |" for topic in topics.values() for row in topic.rows), "",
     ]  # fmt: skip
     return _TEXT + "\n".join(lines)
+
+
+def refreshed(page: str, results: str) -> str:
+    """docs/speed.md with the numbers of RESULTS.md: each of its rows begins as one there does, and keeps its length."""
+    rows = [
+        [cell.strip() for cell in line.strip("| ").split(" | ")] for line in results.splitlines() if line[:2] == "| "
+    ]
+    lines = page.splitlines()
+    for number, line in enumerate(lines):
+        what, *shown = [cell.strip() for cell in line.strip("| ").split(" | ")] if line[:2] == "| " else [""]
+        found = [row for row in rows if len(row) > 2 and row[1].startswith(what)] if shown else []
+        if len(shown) == 2:  # compared with something: how many times better
+            found = [row for row in found if shown[0] in row[3]]
+            shown = [shown[0], found[0][4]] if found else shown
+        elif found:  # measured, required, met
+            shown = [found[0][2], found[0][3], found[0][-1]]
+        if found and what != "what":
+            lines[number] = f"| {' | '.join([what, *shown])} |"
+    return "\n".join(lines) + "\n"

@@ -39,6 +39,8 @@ PAGES = {file: page for page, file in ELSEWHERE.items()}
 WIDE = ("reproduction.md", "benchmarks.md")
 #: Modules that have a place in the reference.
 REFERENCE = {module for modules in reference.listed().values() for module in modules}
+#: A picture of the gallery, and the example that draws it.
+EXAMPLE = re.compile(r"^!\[[^\]]*\]\(figures/example_(\w+)\.\w+\)$", re.MULTILINE)
 #: A link to a module, and functions of it.
 FUNCTIONS = re.compile(r"(\[`[\w/]+\.py`\]\[([\w.]+)\])((?: `[\w.]+`)+)")
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s#]*)(#[^)\s]*)?\)")
@@ -119,7 +121,14 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
         page_of = PAGES.get(file) or (file.removeprefix("docs/") if file.startswith("docs/") else "")
         return f"{image}[{text}]({page_of}{anchor})" if page_of else text
 
-    return FUNCTIONS.sub(_linked, LINK.sub(turned, markdown))
+    markdown = FUNCTIONS.sub(_linked, LINK.sub(turned, markdown))
+    return EXAMPLE.sub(_beside_code, markdown) if page.file.src_uri == "examples.md" else markdown
+
+
+def _beside_code(match: re.Match[str]) -> str:
+    """A picture of the gallery beside the example that draws it."""
+    code = (ROOT / "examples" / f"{match[1]}.py").read_text(encoding="utf-8")
+    return f'<div class="gallery" markdown="1">\n\n{match[0]}\n\n```python\n{code}```\n\n</div>'
 
 
 def _linked(match: re.Match[str]) -> str:

@@ -17,7 +17,7 @@ def main(picture: Path = Path("heel_strike.png")) -> Strike:
     person = Person.bundled("05")
     speed, number = person.names()[1]
     strike = heel_strike(person.trial(speed, number), person.plate, person.gain, person.distance_m, person.rate_hz)
-    picture.write_bytes(save(corrections(person.steps(speed, number), strike)))
+    picture.write_bytes(save(corrections(person.steps(speed, number), strike), picture.suffix[1:]))
     return strike
 
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from fasbody.console import command_line, console, make_folder, print_json, progress_bar, write_whole
+from fasbody.console import command_line, console, make_folder, print_json, progress_bar
+from fasbody.presentation import write_figure
 
 if TYPE_CHECKING:
     from fasbody.leg.mechanisms import Searched
@@ -21,7 +22,7 @@ def print_load_effect(
         int, typer.Option(help="of those with a pad that cannot pull, at a tenth of a second", min=20)
     ] = 400,
     seed: Annotated[int, typer.Option(help="of the random numbers", min=0)] = 0,
-    figures: Annotated[Path | None, typer.Option(help="folder for leg-mechanisms.png")] = None,
+    figures: Annotated[Path | None, typer.Option(help="folder for leg-mechanisms, as SVG and PNG")] = None,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Which mechanisms can raise the resonance with the load, in how much of what the literature allows them.
@@ -70,7 +71,10 @@ def print_load_effect(
     if figures is not None:
         from fasbody.leg import figures as drawn
 
-        console.print(f"written: {write_whole(figures / 'leg-mechanisms.png', drawn.png(drawn.mechanisms(found)))}")
+        for written in write_figure(
+            drawn.mechanisms(found), *(figures / f"leg-mechanisms.{e}" for e in ("svg", "png"))
+        ):
+            console.print(f"written: {written}")
     if json:
         print_json({
             "seed": seed,

@@ -15,6 +15,7 @@ from fasbody.exceptions import SettingError, shown, unknown
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 #: What a screen has: characters a line, rows of a table, and notes below it.
 WIDTH, ROWS, NOTES = 100, 20, 6
@@ -31,6 +32,22 @@ def unit_of(name: str) -> str:
     """The unit that a column's name ends with, empty where it has none."""
     ends = sorted((end for end in _UNITS if name.lower().removesuffix("_std").endswith(end)), key=len)
     return _UNITS[ends[-1]] if ends else ""
+
+
+def write_figure(figure: "Figure", *files: Path) -> list[Path]:
+    """Write a figure as the ending of each file says (.svg, .png, .pdf), whole or not at all, without a date."""
+    import matplotlib
+
+    written = []
+    for file in files:
+        kind, out = file.suffix.lstrip(".").lower() or "png", BytesIO()
+        dateless = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
+        if kind not in figure.canvas.get_supported_filetypes():
+            raise SettingError(f"{file} ends in .{kind}, but a figure is written as .svg, .png or .pdf.")
+        with matplotlib.rc_context({"svg.hashsalt": "fasbody"}):
+            figure.savefig(out, format=kind, dpi=200, metadata=dateless)
+        written.append(write_whole(file, out.getvalue()))
+    return written
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from benchmarks import (
     study_end_to_end,
 )  # fmt: skip
 from benchmarks.__main__ import TOPICS
-from benchmarks.table import Topic, cells, faster, interleaved, judged_if_idle, markdown, read
+from benchmarks.table import Topic, cells, faster, interleaved, judged_if_idle, markdown, read, refreshed
 from fasbody.console import to_json
 from fasbody.exceptions import SettingError
 from fasbody.foot.model import can_be_constrained, load
@@ -93,7 +93,11 @@ def test_results_are_read_back_on_the_same_machine_only() -> None:
 def bench_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
     """The command on a machine called `where`, with the committed page and the reader's own in a folder of the test."""
     (tmp_path / "RESULTS.md").write_text(markdown({"arch": ARCH, "cell": CELL}, "the author's machine"))
+    (tmp_path / "speed.md").write_text(
+        "| what | measured | required | met |\n|---|---|---|---|\n| cell anew | 9 | at most 2 | NO |\n"
+    )
     monkeypatch.setattr(bench, "RESULTS", tmp_path / "RESULTS.md")
+    monkeypatch.setattr(bench, "SPEED", tmp_path / "speed.md")
     monkeypatch.setattr(bench, "PAGES", tmp_path)
     monkeypatch.setattr(platform, "node", lambda: "my laptop")
     monkeypatch.setattr(
@@ -127,9 +131,15 @@ def test_the_committed_page_is_replaced_when_asked_and_loses_no_topic(
     bench_here("the author's machine", "cell", "viewer", "--commit")
     kept = read(page.read_text(), "the author's machine")
     assert kept["arch"] == ARCH and kept["cell"].rows[0][0] == "cell anew" and list(kept) == ["arch", "cell"]
+    assert (tmp_path / "speed.md").read_text().endswith("\n| cell anew | 1 | at most 2 | yes |\n")
     bench_here("a laptop", "arch")
     assert bench_here("a laptop", "cell", "--commit").exit_code == 0  # arch is on the laptop's page already
     assert list(read(page.read_text(), "a laptop")) == ["arch", "cell"]
+
+
+def test_page_of_speed_has_the_numbers_of_the_results() -> None:
+    page, results = ((bench.ROOT / name).read_text() for name in ("docs/speed.md", "benchmarks/RESULTS.md"))
+    assert refreshed(page, results) == page
 
 
 def test_observed_order_of_a_fourth_order_error() -> None:

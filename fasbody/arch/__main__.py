@@ -21,8 +21,9 @@ from fasbody.arch.load import (
     sag_study,
 )
 from fasbody.arch.reduction import Reduction, reduce
-from fasbody.console import command_line, console, make_folder, print_json, progress_bar, write_whole
+from fasbody.console import command_line, console, make_folder, print_json, progress_bar
 from fasbody.exceptions import InputFileError, SettingError
+from fasbody.presentation import write_figure
 
 if TYPE_CHECKING:
     from fasbody.arch.crosscheck import Crosscheck, Dynamics
@@ -84,13 +85,14 @@ def print_sensitivity(
     for result in (*about_own, *studies):
         console.print(_sensitivity_table(result))
     if figures is not None:
-        from fasbody.arch.figures import png, sensitivity_bars, sensitivity_cases
+        from fasbody.arch.figures import sensitivity_bars, sensitivity_cases
 
         pictures = {"sensitivity": sensitivity_bars([*about_own, *studies])}
         if studies:
             pictures["sensitivity-cases"] = sensitivity_cases(studies)
         for file, picture in pictures.items():
-            console.print(f"written: {write_whole(figures / f'{file}.png', png(picture))}")
+            for written in write_figure(picture, figures / f"{file}.svg", figures / f"{file}.png"):
+                console.print(f"written: {written}")
     if json:
         print_json({
             "model": model, "seed": seed, "claimed": sorted(CLAIMED),
@@ -124,25 +126,25 @@ def print_reduction(
         int, typer.Option(help="random arches from Table 4.2 for each reading, on the model's bones", min=1)
     ] = 30,
     seed: SeedOption = 0,
-    figure: Annotated[Path | None, typer.Option(help="PNG to write")] = None,
+    figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: JsonOption = False,
 ) -> None:
     """What the reduction of the five-body arch to two masses costs at the malleolus, 1-100 Hz.
 
     Examples:
-      python -m fasbody.arch reduction --draws 200 --figure reduction.png
+      python -m fasbody.arch reduction --draws 200 --figure reduction.svg
     """
     if figure is not None:
         make_folder(figure.parent)
         if figure.is_dir():
-            raise InputFileError(figure, "is a folder", "name a PNG file")
+            raise InputFileError(figure, "is a folder", "name an SVG or PNG file")
     result = reduce(draws, seed, arch=Arch.read(model), name=_called(model))
     table, rows = _reduction_table(result, draws)
     console.print(table)
     if figure is not None:
         from fasbody.arch import figures
 
-        console.print(f"written: {write_whole(figure, figures.png(figures.reduction(result)))}")
+        console.print(f"written: {write_figure(figures.reduction(result), figure)[0]}")
     if json:
         print_json({"model": model, "seed": seed, "draws": draws, "rows": rows})
 
@@ -170,7 +172,7 @@ def _reduction_table(result: Reduction, draws: int) -> tuple[Table, list[dict[st
 def print_load(
     model: ModelOption = "foot_arch",
     load: Annotated[float, typer.Option(help=r"static load on the arch \[N]")] = ARANGIO_LOAD,
-    figures: Annotated[Path | None, typer.Option(help="folder for sag.png and load.png")] = None,
+    figures: Annotated[Path | None, typer.Option(help="folder for sag and load, as SVG and PNG")] = None,
     json: JsonOption = False,
 ) -> None:
     """Sag of the arch under a static load, and its resonance under the added masses of Chapter 2.
@@ -187,12 +189,13 @@ def print_load(
     console.print(_sag_table(sag, name))
     console.print(_load_table(masses, name))
     if figures is not None:
-        from fasbody.arch.figures import arch_sag, load_resonance, png
+        from fasbody.arch.figures import arch_sag, load_resonance
 
         smooth = sag_study(arch, np.linspace(0.02, 0.06, 41), load)
         pictures = {"sag": arch_sag(smooth), "load": load_resonance(masses)}
         for file, picture in pictures.items():
-            console.print(f"written: {write_whole(figures / f'{file}.png', png(picture))}")
+            for written in write_figure(picture, figures / f"{file}.svg", figures / f"{file}.png"):
+                console.print(f"written: {written}")
     if json:
         rows = [{key: value for key, value in vars(case).items() if key != "transmissibility"} for case in masses.cases]
         print_json({"model": model, "sag": vars(sag), "load": rows})
@@ -242,7 +245,7 @@ def print_validation(
     steps: Annotated[int, typer.Option(help="moves of each leg", min=20)] = 800,
     walkers: Annotated[int, typer.Option(help="legs that walk at once in each fit", min=8)] = 64,
     seed: SeedOption = 0,
-    figure: Annotated[Path | None, typer.Option(help="PNG to write")] = None,
+    figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: JsonOption = False,
 ) -> None:
     """Published numbers of feet, each foreseen by an arch under a leg fitted to the others; and what cannot be met.
@@ -250,14 +253,14 @@ def print_validation(
     A minute or two.
 
     Examples:
-      python -m fasbody.arch validate --figure docs/figures/validation.png
+      python -m fasbody.arch validate --figure docs/figures/validation.svg
 
       python -m fasbody.arch validate --steps 200 --json
     """
     if figure is not None:
         make_folder(figure.parent)
         if figure.is_dir():
-            raise InputFileError(figure, "is a folder", "name a PNG file")
+            raise InputFileError(figure, "is a folder", "name an SVG or PNG file")
     from fasbody.arch.proofs import proofs
     from fasbody.arch.validate import validate
 
@@ -272,7 +275,7 @@ def print_validation(
     if figure is not None:
         from fasbody.arch import figures
 
-        console.print(f"written: {write_whole(figure, figures.png(figures.validation(result)))}")
+        console.print(f"written: {write_figure(figures.validation(result), figure)[0]}")
     if json:
         print_json(
             {

@@ -1,11 +1,9 @@
 """Figures of the arch: sensitivity, reduction to two masses, load. Every function returns a matplotlib Figure."""
 
 from collections.abc import Sequence
-from io import BytesIO
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -22,14 +20,6 @@ if TYPE_CHECKING:
 KEPT, DROPPED, THIRD = "#c44e52", "#4c72b0", "#55a868"
 #: The 13 constants as the thesis sets them.
 SYMBOLS = [f"${name[0]}_{{{name[2:]}}}$" for name in PARAMETERS]
-
-
-def png(figure: Figure, dpi: int = 200) -> bytes:
-    """The figure as a PNG file."""
-    buffer = BytesIO()
-    FigureCanvasAgg(figure)
-    figure.savefig(buffer, format="png", dpi=dpi)
-    return buffer.getvalue()
 
 
 def sensitivity(study: Study) -> Figure:

@@ -7,8 +7,9 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from fasbody.console import command_line, console, make_folder, print_json, progress_bar, write_whole
+from fasbody.console import command_line, console, make_folder, print_json, progress_bar
 from fasbody.exceptions import InputFileError, SettingError
+from fasbody.presentation import write_figure
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -19,20 +20,20 @@ JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON documen
 @app.command("peaks")
 def print_peaks(
     model: ModelOption = "leg",
-    figure: Annotated[Path | None, typer.Option(help="PNG to write")] = None,
+    figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: JsonOption = False,
 ) -> None:
     """Where MB, TB and TM of a leg are highest under 0, 2.3 and 4.5 kg, and which statements they meet.
 
     Examples:
-      python -m fasbody.leg peaks --figure peaks.png
+      python -m fasbody.leg peaks --figure peaks.svg
 
       python -m fasbody.leg peaks --model my_leg.xml --json
     """
     if figure is not None:
         make_folder(figure.parent)
         if figure.is_dir():
-            raise InputFileError(figure, "is a folder", "name a PNG file")
+            raise InputFileError(figure, "is a folder", "name an SVG or PNG file")
     from fasbody.foot.model import load
     from fasbody.leg.chain import Leg
     from fasbody.leg.peaks import peaks
@@ -44,7 +45,7 @@ def print_peaks(
     if figure is not None:
         from fasbody.leg import figures
 
-        console.print(f"written: {write_whole(figure, figures.png(figures.peaks(result)))}")
+        console.print(f"written: {write_figure(figures.peaks(result), figure)[0]}")
     if json:
         stated = zip(STATEMENTS, result.held, strict=True)
         print_json({
@@ -119,7 +120,7 @@ def print_decide(
     folder: Annotated[Path, typer.Option(help="of results; what is there is not computed again")] = Path("decide"),
     departure: Annotated[float, typer.Option(help="how far a foot is off every mechanism [1]", min=0, max=0.5)] = 0.08,
     seed: Annotated[int, typer.Option(help="of the subjects", min=0)] = 0,
-    figure: Annotated[Path | None, typer.Option(help="PNG to write")] = None,
+    figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: JsonOption = False,
 ) -> None:
     """Which mechanism made a recording: how often an analysis of virtual subjects names the right one.
@@ -129,14 +130,14 @@ def print_decide(
     Examples:
       python -m fasbody.leg decide --subjects 2 --folder results/decide
 
-      python -m fasbody.leg decide --plans all --folder results/decide --figure decide.png --json
+      python -m fasbody.leg decide --plans all --folder results/decide --figure decide.svg --json
     """
     if plans not in ("two", "all"):
         raise SettingError(f"--plans is {plans!r}, but must be two or all.")
     if figure is not None:
         make_folder(figure.parent)
         if figure.is_dir():
-            raise InputFileError(figure, "is a folder", "name a PNG file")
+            raise InputFileError(figure, "is a folder", "name an SVG or PNG file")
     from fasbody.leg.decide import ALL, NONE, PLANS, RIVALS, THESIS, UNDECIDED, Confusion, study
 
     found: list[Confusion] = []
@@ -163,7 +164,7 @@ def print_decide(
     if figure is not None:
         from fasbody.leg import figures
 
-        console.print(f"written: {write_whole(figure, figures.png(figures.confusion(found)))}")
+        console.print(f"written: {write_figure(figures.confusion(found), figure)[0]}")
     if json:
         print_json({"seed": seed, "departure": departure, "plans": [each.record() for each in found]})
 

@@ -1,12 +1,10 @@
 """Figures of the leg. Every function returns a matplotlib Figure."""
 
 from collections.abc import Sequence
-from io import BytesIO
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from fasbody.leg.statements import ADDED_KG, RANGES_HZ
@@ -18,14 +16,6 @@ if TYPE_CHECKING:
 
 #: One colour and one line a load, so that a print without colour tells them apart.
 COLOURS, LINES = ("#0072b2", "#d55e00", "#009e73"), ("-", "--", "-.")
-
-
-def png(figure: Figure, dpi: int = 200) -> bytes:
-    """The figure as a PNG file."""
-    buffer = BytesIO()
-    FigureCanvasAgg(figure)
-    figure.savefig(buffer, format="png", dpi=dpi)
-    return buffer.getvalue()
 
 
 def _plain(ax: Axes) -> None:

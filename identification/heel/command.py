@@ -69,12 +69,12 @@ def main(
     for remark in found.remarks:
         console.print(remark, style="yellow", markup=False, soft_wrap=True)
     if out:
-        from fasbody.heel.figures import save
+        from fasbody.presentation import write_figure
         from identification.heel import figures
 
         write_whole(out / "heel.json", to_json(document) + "\n")
         for name, figure in figures.everything(found).items():
-            write_whole(out / f"{name}.png", save(figure))
+            write_figure(figure, out / f"{name}.svg", out / f"{name}.png")
         console.print(f"heel.json and figures: {out}", markup=False, soft_wrap=True)
     if mjcf:
         _write_model(mjcf, found, load_n)

@@ -13,6 +13,7 @@ from rich.markup import escape
 from fasbody.console import command_line, console, make_folder, print_json, results
 from fasbody.exceptions import SettingError
 from fasbody.foot.shaker import PEAK_TO_PEAK
+from fasbody.presentation import write_figure
 
 if TYPE_CHECKING:
     from fasbody.presentation import Presented
@@ -125,7 +126,7 @@ def propose(
     if out is not None:
         result.write(out)
         for kind in result.plots:
-            result.plot(kind).savefig(out / f"{kind}.png", dpi=200)
+            write_figure(result.plot(kind), out / f"{kind}.svg", out / f"{kind}.png")
         console.print(f"written to [bold]{out}[/]: protocol.json, plan.json, plan.csv and figures", soft_wrap=True)
 
 

@@ -7,6 +7,7 @@ import typer
 from rich.markup import escape
 
 from fasbody.console import command_line, console, make_folder, print_json, results, stages
+from fasbody.presentation import write_figure
 from fasbody.recording.sources import gather
 from fasbody.recording.study import BUNDLED
 from identification.options import AddedMass, BodyMass, Data, DelayStd, GainStd, Mapping, MassStd
@@ -75,7 +76,7 @@ def main(
     if out is not None:
         result.write(out)
         for kind in result.plots:
-            result.plot(kind).savefig(out / f"{kind}.png", dpi=200)
+            write_figure(result.plot(kind), out / f"{kind}.svg", out / f"{kind}.png")
         console.print(f"written to [bold]{out}[/]: rivals.csv, rivals.json and figures", soft_wrap=True)
 
 
