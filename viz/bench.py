@@ -4,9 +4,11 @@ Everything here is what a script could do: files are read by `fasbody`, judged b
 `identification.fit_foot` in a process of its own. Each call answers with documents for all pages.
 """
 
+import io
 import math
 import re
 import tempfile
+import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
@@ -22,6 +24,7 @@ from fasbody.recording.files import TEXTS
 from fasbody.recording.formats import READ, ending
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import BUNDLED
+from identification.engines.twin import twin_applies
 from viz.excitation import Excitation
 from viz.feet import MODEL, Show
 from viz.fitted import fitted
@@ -31,6 +34,8 @@ from viz.source import Source, script, study_files
 from viz.worker import Told, Worker, job
 
 Document = dict[str, Any]
+#: What a fit is of: recordings, model, values in place of the model's own, settings.
+Question = tuple[list[Source], str, dict[str, float], dict[str, Any]]
 #: Largest dropped file [bytes], and how much and how many files a session may hold.
 LARGEST, MOST, FILES = 64_000_000, 512_000_000, 500
 #: Parts of a dropped file's name: folders, and the file.
@@ -47,11 +52,13 @@ class Bench:
 
     Args:
         show: what is shown. told: gets documents that come later, from the fitting process; in a thread of its own.
+        results: folder of the fit that is shown from the start, with its report.
     """
 
-    def __init__(self, show: Show, told: Told = lambda document: None) -> None:
+    def __init__(self, show: Show, told: Told = lambda document: None, results: Path | None = None) -> None:
         self.show = show
         self.told = told
+        self._results = results
         self._folder = tempfile.TemporaryDirectory(prefix="fasbody-")
         self._size = 0
         self.sources: list[Source] = []
@@ -60,8 +67,11 @@ class Bench:
         self._worker: Worker | None = None
         self._state: Document = {"running": False, "what": "", "done": 0, "total": 0}
         self._fit: Document = {}
+        self._rivals: Document = {}
+        self._compared = ""  # the lines of Python that compare the rivals
         self._draft = False  # what is shown was typed and not saved
-        self._asked: tuple[list[Source], str, dict[str, float], dict[str, Any]] | None = None
+        self._asked: Question | None = None  # what the running fit is of
+        self._fitted: Question | None = None  # what the last fit was of
         recording = show.excitation.recording
         self._given = recording if isinstance(recording, Recording) else None
 
@@ -69,6 +79,21 @@ class Bench:
     def folder(self) -> Path:
         """Where the session's files lie."""
         return Path(self._folder.name)
+
+    @property
+    def results(self) -> Path:
+        """Where report and numbers of the last fit lie, once they are written."""
+        return self._results or self.folder / "results"
+
+    def zipped(self) -> bytes:
+        """What `FitResult.write` writes, in one file; empty where nothing is written."""
+        files = [self.results / name for name in ("report.html", "result.json", "parameters.csv")]
+        files = [file for file in (*files, *sorted((self.results / "figures").glob("*.*"))) if file.is_file()]
+        memory = io.BytesIO()
+        with zipfile.ZipFile(memory, "w", zipfile.ZIP_DEFLATED) as packed:
+            for file in files:
+                packed.write(file, Path("results") / file.relative_to(self.results))
+        return memory.getvalue() if files else b""
 
     def close(self) -> None:
         """End the fitting process and delete the session's files."""
@@ -78,7 +103,7 @@ class Bench:
 
     def documents(self) -> list[Document]:
         """What a page that opens now has to know."""
-        return [self.document(), self.models(), self.progress(), *([self._fit] if self._fit else [])]
+        return [self.document(), self.models(), self.progress(), *filter(None, (self._fit, self._rivals))]
 
     def act(self, message: Mapping[str, Any]) -> list[Document]:
         """Do what a page asks for.
@@ -91,11 +116,12 @@ class Bench:
         text, name = str(message.get("text", "")), str(message.get("name", ""))
         said = message.get("said")
         said = said if isinstance(said, dict) else {}
-        chosen = [n for n in message.get("numbers", []) if isinstance(n, int)] if kind == "fit" else []
+        chosen = [n for n in message.get("numbers", []) if isinstance(n, int)] if kind in ("fit", "rivals") else []
         actions: dict[Any, Callable[[], list[Document]]] = {
             "open": lambda: self.open([str(n) for n in message.get("names", [])]), "bundled": self.bundled,
             "use": lambda: self.use(number), "sine": self.sine, "columns": lambda: self.columns(number),
             "correct": lambda: self.correct(number, said), "fit": lambda: self.fit(chosen, said), "stop": self.stop,
+            "rivals": lambda: self.rivals(chosen, said),
             "report": self.report, "choose": lambda: self.choose(name), "check": lambda: self.check(text),
             "save": lambda: self.save(text, name), "take": lambda: self.take(said),
         }  # fmt: skip
@@ -222,6 +248,32 @@ class Bench:
         Raises:
             SettingError: nothing is chosen, a fit runs already, or the settings cannot be meant.
         """
+        sources, model, values = self._question(numbers, asked)
+        settings = _settings(asked, self.show.feet[MODEL])
+        self._asked = (sources, model, values, settings)
+        return self._begin(job(*self._asked))
+
+    def rivals(self, numbers: list[int], asked: Mapping[str, Any]) -> list[Document]:
+        """Begin to compare rival models on the chosen recordings.
+
+        Raises:
+            SettingError: nothing is chosen, a fit runs already, or the model has no rivals.
+        """
+        sources, model, values = self._question(numbers, asked)
+        if not twin_applies(self.show.feet[MODEL]):
+            raise SettingError("rivals are known of the two masses only; choose two_dof, or a model like it.")
+        self._compared = script(sources, model, values, {}, rivals=True)
+        return self._begin(job(sources, model, values, {}) | {"do": "rivals"})
+
+    def _begin(self, asked: Document) -> list[Document]:
+        self._ready()
+        assert self._worker is not None
+        self._worker.ask(asked)
+        self._state = {"running": True, "what": "reading", "done": 0, "total": 0}
+        return [self.progress()]
+
+    def _question(self, numbers: list[int], asked: Mapping[str, Any]) -> tuple[list[Source], str, dict[str, float]]:
+        """What is to be fitted: recordings, model, and values that the model has in place of its own."""
         if self._state["running"]:
             raise SettingError("a fit runs already; stop it first.")
         sources = [self._source(number) for number in numbers]
@@ -232,19 +284,13 @@ class Bench:
             raise SettingError("a model that was handed over in Python is fitted there: identification.fit_foot.")
         if self._draft:
             raise SettingError("the model in the editor is not saved yet; save it first, for a fit reads its file.")
-        settings = _settings(asked, foot)
         values = {
             str(name): float(value) for name, value in dict(asked.get("values", {})).items() if name in foot.parameters
         }
         for name, value in values.items():
             if not math.isfinite(value):
                 raise SettingError(f"{name} is {value}; give a number.")
-        self._asked = (sources, model, values, settings)
-        self._ready()
-        assert self._worker is not None
-        self._worker.ask(job(sources, model, values, settings))
-        self._state = {"running": True, "what": "reading", "done": 0, "total": 0}
-        return [self.progress()]
+        return sources, model, values
 
     def stop(self) -> list[Document]:
         """End the running fit."""
@@ -256,9 +302,11 @@ class Bench:
 
     def report(self) -> list[Document]:
         """Write the report of the last fit; the page opens it when it is there."""
-        if self._worker is None or not self._fit:
+        if self._fitted is None:
             raise SettingError("there is no fit to report; start one.")
-        self._worker.ask({"do": "report", "folder": str(self.folder / "results")})
+        self._ready()
+        assert self._worker is not None
+        self._worker.ask(job(*self._fitted) | {"do": "report", "folder": str(self.folder / "results")})
         return []
 
     def take(self, said: Mapping[str, Any]) -> list[Document]:
@@ -288,11 +336,18 @@ class Bench:
             parameters = self.show.feet[MODEL].parameters
             self.show.fit = fitted(document["document"], parameters, document["sentence"])
             assert self._asked is not None
+            self._fitted = self._asked
             self._fit = {key: document[key] for key in ("data", "curves", "chi_square", "traces", "seconds")}
             self._fit |= {"type": "fitted", "fit": self.show.fit, "script": script(*self._asked)}
             self.told(self._fit)
             self.told(self.progress())
+        elif kind == "rivals":
+            self._state = {"running": False, "what": "", "done": 0, "total": 0}
+            self._rivals = {**document, "script": self._compared}
+            self.told(self._rivals)
+            self.told(self.progress())
         elif kind == "reported":
+            self._results = None
             self.told({"type": "reported"})
         elif kind == "problem":
             self._state = {"running": False, "what": "", "done": 0, "total": 0}

@@ -103,4 +103,4 @@ def read(file: Path, parameters: Mapping[str, Parameter]) -> dict[str, Any]:
             if not math.isfinite(value):
                 raise SettingError(f"{file}: {name} is {value}, but must be a finite number.")
             within(parameters[name], value, file)
-    return found
+    return found | {"reported": (file.parent / "report.html").is_file()}

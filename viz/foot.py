@@ -80,8 +80,8 @@ def main(
     from viz.bench import Bench
     from viz.server import serve
 
-    follow = watch is not False
-    asyncio.run(serve(show, "the foot", port=port, browser=browser, watch=follow, json=json, bench=Bench(show)))
+    follow, bench = watch is not False, Bench(show, results=result.parent if result else None)
+    asyncio.run(serve(show, "the foot", port=port, browser=browser, watch=follow, json=json, bench=bench))
 
 
 def _working_copy(folder: Path) -> Path:

@@ -34,8 +34,12 @@ from viz.settings import settings_from
 from viz.shown import Shown, file_of, files, markup
 
 ADDRESS = "127.0.0.1"
-#: The page to take away.
-TAKEN = "foot.html"
+#: What the workbench makes, its type, and the name under which it is saved; the report is only looked at.
+MADE = {
+    "report": ("text/html; charset=utf-8", ""),
+    "results": ("application/zip", "results.zip"),
+    "take": ("text/html; charset=utf-8", "foot.html"),
+}
 #: Largest message a page may send, the text of a model among them [bytes], and seconds after which a silent or slow
 #: browser is let go.
 LARGEST, PATIENCE = 1_000_000, 30.0
@@ -101,8 +105,7 @@ class Server:
         routes += [(f"/{name}", Page, {"server": self, "name": name}) for name in files(show.page)]
         if bench is not None:
             routes += [("/upload", Upload, {"server": self})]
-            made = {"/report": "results/report.html", "/take": TAKEN}
-            routes += [(path, Made, {"server": self, "name": name}) for path, name in made.items()]
+            routes += [(f"/{name}", Made, {"server": self, "name": name}) for name in MADE]
         self._application = tornado.web.Application(
             routes, websocket_ping_interval=PATIENCE / 2, websocket_ping_timeout=PATIENCE / 2,
             websocket_max_message_size=LARGEST, log_function=lambda handler: None,
@@ -289,7 +292,7 @@ class Upload(Guarded):
 
 
 class Made(Guarded):
-    """What the workbench wrote: the report, which runs no script, or the page to take away, which is only saved."""
+    """What the workbench wrote: the report, which runs no script; all results and the page to take away are saved."""
 
     def initialize(self, server: "Server", name: str) -> None:
         """Called by tornado."""
@@ -297,16 +300,19 @@ class Made(Guarded):
 
     def get(self) -> None:
         """The file, once it is written."""
-        assert self.server.bench is not None
-        file = self.server.bench.folder / self.name
-        if not file.is_file():
+        bench = self.server.bench
+        assert bench is not None
+        file = {"report": bench.results / "report.html", "take": bench.folder / "foot.html"}.get(self.name)
+        content = bench.zipped() if file is None else file.read_bytes() if file.is_file() else b""
+        if not content:
             raise tornado.web.HTTPError(404)
-        self.set_header("Content-Type", "text/html; charset=utf-8")
+        kind, saved = MADE[self.name]
+        self.set_header("Content-Type", kind)
         self.set_header("Content-Security-Policy", "default-src 'none'; style-src 'unsafe-inline'; img-src data:")
         self.set_header("X-Content-Type-Options", "nosniff")
-        if self.name == TAKEN:
-            self.set_header("Content-Disposition", f'attachment; filename="{TAKEN}"')
-        self.write(file.read_bytes())
+        if saved:
+            self.set_header("Content-Disposition", f'attachment; filename="{saved}"')
+        self.write(content)
 
 
 class Stream(Guarded, tornado.websocket.WebSocketHandler):

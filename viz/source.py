@@ -113,8 +113,11 @@ def _said(key: str, value: Any, kind: type) -> Any:
     return found
 
 
-def script(sources: Sequence[Source], model: str, values: Mapping[str, float], settings: Mapping[str, Any]) -> str:
-    """The lines of Python that repeat a fit."""
+def script(
+    sources: Sequence[Source], model: str, values: Mapping[str, float], settings: Mapping[str, Any],
+    rivals: bool = False,
+) -> str:  # fmt: skip
+    """The lines of Python that repeat a fit, or a comparison of rivals."""
     lines = ["from pathlib import Path", "", "import fasbody as fb", "import identification as idn"]
     reads = [source.line() for source in sources]
     text = "\n".join(reads)
@@ -131,7 +134,8 @@ def script(sources: Sequence[Source], model: str, values: Mapping[str, float], s
     foot += f".with_values({dict(values)!r})" if values else ""
     chosen = "".join(f", {name}={value!r}" for name, value in settings.items())
     lines += ["", "recordings = [", *(f"    {line}," for line in reads), "]"]
-    lines += [f"result = idn.fit_foot(recordings, {foot}{chosen})", "print(result)", 'result.write("results")']
+    verb = "compare_rivals" if rivals else "fit_foot"
+    lines += [f"result = idn.{verb}(recordings, {foot}{chosen})", "print(result)", 'result.write("results")']
     return "\n".join(lines) + "\n"
 
 

@@ -9,7 +9,7 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
@@ -18,6 +18,8 @@ from viz.source import Source
 
 #: Called with each document of the worker, in a thread of its own.
 Told = Callable[[dict[str, Any]], None]
+#: The matrices of a fit are small: threads that share one wait for each other longer than they compute.
+_ONE = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 #: Points of a trace that the page gets, and the periods of it.
 POINTS, PERIODS = 400, 3
 
@@ -30,7 +32,7 @@ class Worker:
         paths = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
         self._process = subprocess.Popen(
             [sys.executable, "-m", "viz.worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-            env=os.environ | {"PYTHONPATH": paths},
+            env=_ONE | os.environ | {"PYTHONPATH": paths},
         )  # fmt: skip
         self._listener = threading.Thread(target=self._listen, name="worker", daemon=True)
         self._listener.start()
@@ -70,6 +72,12 @@ def job(sources: list[Source], model: str, values: Mapping[str, float], settings
     return about | {"values": dict(values), "settings": dict(settings)}
 
 
+def named(files: Sequence[str]) -> str:
+    """What recordings are called together."""
+    more = f" and {len(files) - 3} more" if len(files) > 3 else ""
+    return ", ".join(files[:3]) + more
+
+
 def serve(jobs: TextIO, answers: TextIO) -> None:
     """The process: make ready, then do what each line says."""
     from fasbody.console import to_json
@@ -85,7 +93,10 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
     for line in jobs:
         asked = json.loads(line)
         try:
-            if asked["do"] == "report" and found is not None:
+            if asked["do"] == "rivals":
+                _rivals(asked, tell)
+            elif asked["do"] == "report":
+                found = found or _fit(asked, lambda document: None)  # the process that fitted was stopped
                 found.write(asked["folder"])
                 tell({"type": "reported"})
             else:
@@ -111,17 +122,10 @@ def _fit(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) ->
     from viz.load import load_foot
 
     recordings = [Source(**source).read() for source in asked["sources"]]
-
-    def advance(what: str, done: int, total: int) -> None:
-        tell({"type": "progress", "what": what, "done": done, "total": total})
-
     settings = dict(asked["settings"])
     foot = load_foot(asked["model"]).with_values(asked["values"])
-    result = fit_foot(recordings, foot, advance=advance, **settings)
-    names = ", ".join(r.file for r in recordings[:3]) + (
-        f" and {len(recordings) - 3} more" if len(recordings) > 3 else ""
-    )
-    result = result.with_source(names)
+    result = fit_foot(recordings, foot, advance=_advance(tell), **settings)
+    result = result.with_source(named([r.file for r in recordings]))
     more = derived(result)
     tell({
         "type": "fitted", "document": result.document(), "sentence": result.sentence(), "seconds": result.seconds,
@@ -129,6 +133,27 @@ def _fit(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) ->
         "traces": [_trace(recording) for recording in result.recordings],
     })  # fmt: skip
     return result
+
+
+def _rivals(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) -> None:
+    from identification.rivals.compare import compare_rivals
+    from viz.load import load_foot
+
+    recordings = [Source(**source).read() for source in asked["sources"]]
+    foot = load_foot(asked["model"]).with_values(asked["values"])
+    result = compare_rivals(recordings, foot, source=named([r.file for r in recordings]), advance=_advance(tell))
+    sheet = result.sheet()
+    tell({
+        "type": "rivals", "title": sheet.title, "columns": sheet.columns, "rows": sheet.rows, "notes": sheet.notes,
+        "adequate": [rival in result.adequate for rival in result.rivals], "seconds": result.seconds,
+    })  # fmt: skip
+
+
+def _advance(tell: Callable[[Mapping[str, Any]], None]) -> Callable[[str, int, int], None]:
+    def advance(what: str, done: int, total: int) -> None:
+        tell({"type": "progress", "what": what, "done": done, "total": total})
+
+    return advance
 
 
 def _trace(recording: Any) -> dict[str, Any]:

@@ -35,8 +35,12 @@ function buildControls() {
   ride(stage.riding);
   if (model.feet.b) rows.apart = button(looks, "Side by side", () => apart(!stage.apart));
   if (rows.apart) apart(stage.apart, false);
-  button(looks, "Save PNG", () => stage.save("foot.png"));
-  if (!window.EXPORTED && KEY) button(looks, "Take away", takeAway, "one file for a colleague: opens without a network, and its sliders still move the foot");
+  taking(stage, () => "foot", {
+    page: !window.EXPORTED && KEY ? takeAway : null,
+    film: () => ({ ...pace(length() * s.slow, lead().periodic), drawAt: showAt }),
+    scene: () => ({ keys: KEYS, seconds: length() * s.slow, periodic: lead().periodic, unit: 1 / SCALE,
+      pose: share => { time = share * length(); stage.pose(motion, frame(), stage.gain(motion, state.amplify)); } }),
+  });
   if (window.EXPORTED && !(EXPORTED.live && EXPORTED.live.twin)) {
     byId("parameters").hidden = true;  // this file holds the motions of one foot
     return;

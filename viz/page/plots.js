@@ -3,6 +3,10 @@
 const INK = "#93a3b3", GRID = "#27323e";
 
 class Plot {
+  // All that were made, and those that are seen now.
+  static all = [];
+  static seen() { return Plot.all.filter(plot => plot.plot && !plot.box.hidden && plot.pane.clientWidth > 0); }
+
   // Args: the element to go into; title; names of the axes; whether it is drawn as a curve through unordered points.
   constructor(parent, title, x, y, { loop = false, wide = false } = {}) {
     Object.assign(this, { title, x, y, loop, series: [], dots: [], range: null });
@@ -15,6 +19,7 @@ class Plot {
     this.pane.setAttribute("aria-label", `${title} over ${x}`);
     this.head.lastChild.onclick = () => download(`${title.replace(/\W+/g, "_")}.csv`, this.csv());
     parent.append(this.box);
+    Plot.all.push(this);
     new ResizeObserver(() => this.fit()).observe(this.pane);
   }
 
@@ -126,7 +131,8 @@ function mark(v) { return v === null ? "" : Math.abs(v) >= 1e4 ? v.toExponential
 
 function download(name, content, kind = "text/plain") {
   const link = document.createElement("a");
-  link.href = content.startsWith("data:") || content.startsWith("blob:") ? content : URL.createObjectURL(new Blob([content], { type: kind }));
+  link.href = URL.createObjectURL(content instanceof Blob ? content : new Blob([content], { type: kind }));
   link.download = name;
   link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60000);
 }

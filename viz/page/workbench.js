@@ -163,12 +163,13 @@ function askFit() {
   said.bounds = Object.fromEntries(Object.entries(bench.bounds).filter(([name]) => model.parameters.some(p => p.name === name)));
   bench.asked = performance.now();
   complain("");
-  tellServer("fit", { numbers: [...bench.chosen].sort((a, b) => a - b), said });
+  tellServer("fit", { numbers: ticked(), said });
 }
+const ticked = () => [...bench.chosen].sort((a, b) => a - b);
 const MASSES = new Set(["m_S", "m_F", "m_T", "added_mass"]);
 
 function progress({ running, what, done, total }) {
-  byId("start_fit").disabled = running;
+  for (const id of ["start_fit", "start_rivals"]) byId(id).disabled = running;
   byId("stop_fit").hidden = !running;
   const bar = byId("fit_progress");
   bar.hidden = !running;
@@ -189,7 +190,7 @@ function fitted(document_) {
 function showFit(fit) {
   bench.fit = fit && fit.branches ? fit : null;
   byId("found").hidden = !bench.fit;
-  byId("save_report").hidden = !bench.found;
+  for (const id of ["save_report", "save_results"]) byId(id).hidden = !(bench.found || (fit && fit.reported));
   for (const p of model ? model.parameters : []) if (rows[p.name]) rows[p.name].band(null);
   if (!bench.fit) return;
   byId("fit").hidden = false;
@@ -241,7 +242,7 @@ const LOADS = ["#6cb6ff", "#ffb454", "#7ee0a1", "#e58fc4", "#f3e37c"];
 function drawFit() {
   const found = bench.found;
   if (!found || !found.data) return;
-  byId("tabs").hidden = false;
+  byId("tabs").hidden = byId("tab_fit").hidden = false;
   if (!bench.plots) {
     tab("fit");
     const into = byId("fit_plots");
@@ -284,14 +285,42 @@ function unwrapped(degrees) {
   return degrees.map((v, k) => { if (k) turns -= 360 * Math.round((v - degrees[k - 1]) / 360); return v + turns; });
 }
 
-function tab(name) {
-  for (const id of ["motion", "fit"]) { byId(`${id}_plots`).hidden = id !== name; byId(`tab_${id}`).setAttribute("aria-pressed", id === name); }
+// Rival models side by side, and what they say together; the words are those of the command.
+function compared({ columns, rows, notes, adequate, script }) {
+  const [sentence, ...more] = notes, row = (tag, texts) => {
+    const tr = element("tr");
+    tr.append(...texts.map((text, k) => element(k ? tag : "th", text, { scope: k ? "" : "row" })));
+    return tr;
+  };
+  byId("fit").hidden = byId("compared").hidden = byId("tabs").hidden = byId("tab_rivals").hidden = false;
+  byId("rivals_sentence").textContent = [sentence, ...more].join(" ");
+  byId("rivals_script").textContent = script;
+  byId("rivals").replaceChildren(row("th", columns), ...rows.map((texts, k) => Object.assign(row("td", texts), { className: adequate[k] ? "" : "ruled" })));
+  tab("rivals");
 }
-for (const id of ["motion", "fit"]) byId(`tab_${id}`).onclick = () => tab(id);
+
+const TABS = ["motion", "fit", "rivals"];
+function tab(name) {
+  for (const id of TABS) { byId(`${id}_plots`).hidden = id !== name; byId(`tab_${id}`).setAttribute("aria-pressed", id === name); }
+}
+for (const id of TABS) byId(`tab_${id}`).onclick = () => tab(id);
 byId("start_fit").onclick = askFit;
+byId("start_rivals").onclick = () => { complain(""); tellServer("rivals", { numbers: ticked(), said: {} }); };
 byId("stop_fit").onclick = () => tellServer("stop");
 byId("sine").onclick = () => tellServer("sine");
-byId("save_report").onclick = () => { byId("fit_state").textContent = "writing the report"; tellServer("report"); };
+for (const [id, path] of [["save_report", "/report"], ["save_results", "/results"]]) byId(id).onclick = () => {
+    bench.wanted = path;
+    if (!bench.found) { reported(); return; }  // of a fit that was made before
+    byId("fit_state").textContent = "writing the report";
+    tellServer("report");
+  };
+function reported() {
+  byId("fit_state").textContent = "";
+  if (bench.wanted === "/report") {
+    if (!open("/report", "_blank")) byId("fit_state").replaceChildren("the report is ready: ", element("a", "open it", { href: "/report", target: "_blank" }));
+  } else if (bench.wanted) element("a", "", { href: bench.wanted, download: "results.zip" }).click();
+  bench.wanted = "";
+}
 
 function takeAway() {
   busyWith("writing the file");
@@ -306,7 +335,7 @@ function taken() {
 
 // What the server says beside models and motions; false if it is none of that.
 function benchReceives(document_) {
-  const kinds = { data: listData, columns: form, progress, fitted, taken, complaint: d => complain(d.text), models: d => listModels(d), checked: d => checked(d), reported: () => { byId("fit_state").textContent = ""; open("/report", "_blank"); } };
+  const kinds = { data: listData, columns: form, progress, fitted, rivals: compared, taken, complaint: d => complain(d.text), models: d => listModels(d), checked: d => checked(d), reported };
   if (!(document_.type in kinds)) return false;
   kinds[document_.type](document_);
   return true;

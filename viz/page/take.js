@@ -1,0 +1,134 @@
+// What a page gives away: a picture, a film, the scene, and its plots for print. All of it is made in the page.
+"use strict";
+// A film repeats a period until it lasts LEAST seconds, and lasts MOST at the most.
+const LEAST = 4, MOST = 30, KEYS = 24;
+
+// The section's buttons. Args: the stage; name of the files; what the page is able to.
+function taking(stage, name, { page = null, film, scene }) {
+  const box = byId("taking");
+  for (const old of box.querySelectorAll(".row, p")) old.remove();
+  const row = rowIn(box), plots = rowIn(box), told = document.createElement("p");
+  told.id = "taken";
+  told.setAttribute("role", "status");
+  box.append(told);
+  const wait = (text, work) => async b => {
+    const was = { playing, time };
+    b.disabled = true;
+    told.textContent = text;
+    try { told.textContent = (await work()) || ""; } catch (error) { told.textContent = error.message; }
+    b.disabled = false;
+    time = was.time;
+    play(was.playing);
+    fresh = true;
+  };
+  if (page) button(row, "Offline page", page, "one file for a colleague: opens without a network, and its sliders still move");
+  button(row, "Picture", () => stage.save(`${name()}.png`), "PNG of what is drawn");
+  button(row, "Film", wait("recording", () => recorded(stage, name(), film())), "webm of the motion, recorded as it plays");
+  button(row, "3-D scene", wait("writing", () => download(`${name()}.glb`, sceneGlb(stage, scene()))), "glTF (.glb) with the motion, for Blender and other viewers");
+  if (!Plot.all.length) { plots.remove(); return; }
+  plots.append("Plots ");
+  button(plots, "SVG", wait("", () => download("plots.svg", plotsSvg().text, "image/svg+xml")), "the plots below as vectors, for print");
+  button(plots, "PNG", wait("drawing", async () => download("plots.png", await plotsPng())), "the plots below, 300 dots an inch");
+  button(plots, "CSV", wait("", () => download("plots.csv", plotsCsv())), "the numbers of the plots below");
+}
+
+// Record the canvas while drawAt(share) goes through the motion in `seconds`, as often as `repeats`.
+async function recorded(stage, name, { seconds, repeats, drawAt }) {
+  const kinds = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm", "video/mp4"], type = window.MediaRecorder && kinds.find(kind => MediaRecorder.isTypeSupported(kind));
+  if (!type) return "this browser records no films; --export foot.mp4 of the command does";
+  const parts = [], stream = stage.renderer.domElement.captureStream(30), recorder = new MediaRecorder(stream, { mimeType: type, videoBitsPerSecond: 8e6 });
+  recorder.ondataavailable = event => { if (event.data.size) parts.push(event.data); };
+  const ended = new Promise(done => { recorder.onstop = done; });
+  drawAt(0);
+  await new Promise(done => { recorder.onstart = done; recorder.start(); });
+  const began = performance.now();
+  await new Promise(done => {
+    const step = now => {
+      const share = Math.max(0, now - began) / (1000 * seconds);
+      if (share >= repeats) { done(); return; }
+      drawAt(share % 1);
+      requestAnimationFrame(step);
+    };
+    requestAnimationFrame(step);
+  });
+  recorder.stop();
+  await ended;
+  for (const track of stream.getTracks()) track.stop();
+  download(`${name}.${type.includes("mp4") ? "mp4" : "webm"}`, new Blob(parts, { type }));
+  return "";
+}
+
+// How a film goes through a motion of so many seconds on the screen: whole periods, a transient once.
+function pace(seconds, periodic) {
+  if (seconds >= LEAST || !periodic) return { seconds: Math.min(MOST, seconds), repeats: 1 };
+  return { seconds, repeats: Math.min(Math.ceil(LEAST / seconds), Math.floor(MOST / seconds)) };
+}
+
+// ---- plots for print ------------------------------------------------------------------------------------------------
+// Colours of the dark page as they are on paper.
+const PRINT = { "#ffb454": "#b45f06", "#6cb6ff": "#1f6fb4", "#7ee0a1": "#1a7f45", "#e58fc4": "#a8327a", "#f3e37c": "#8a7a00", "#8fa3b8": "#5a6b7c" };
+const PANEL = { width: 300, height: 230, left: 46, right: 12, top: 26, bottom: 36 };
+
+// The plots that are seen, three beside each other; its text, width and height in CSS pixels.
+function plotsSvg() {
+  const shown = Plot.seen(), columns = shown.length === 4 ? 2 : Math.min(3, shown.length), width = columns * PANEL.width, height = Math.ceil(shown.length / columns) * PANEL.height;
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  for (const [key, value] of Object.entries({ width, height, viewBox: `0 0 ${width} ${height}`, "font-family": "Helvetica, Arial, sans-serif", "font-size": 10 })) svg.setAttribute(key, value);
+  const ground = svg.appendChild(document.createElementNS(svg.namespaceURI, "rect"));
+  for (const [key, value] of Object.entries({ width, height, fill: "#ffffff" })) ground.setAttribute(key, value);
+  shown.forEach((plot, k) => svgOf(plot, svg, PANEL.width * (k % columns), PANEL.height * Math.floor(k / columns), `clip${k}`));
+  return { text: new XMLSerializer().serializeToString(svg), width, height };
+}
+
+function svgOf(plot, svg, x, y, clip) {
+  const group = svg.appendChild(document.createElementNS(svg.namespaceURI, "g")), { width, height, left, right, top, bottom } = PANEL;
+  group.setAttribute("transform", `translate(${x} ${y})`);
+  const put = (tag, about, text = "", into = group) => {
+    const node = into.appendChild(document.createElementNS(svg.namespaceURI, tag));
+    for (const [key, value] of Object.entries(about)) node.setAttribute(key, value);
+    node.textContent = text;
+    return node;
+  };
+  const { x: across, y: up } = plot.plot.scales, w = width - left - right, h = height - top - bottom, round = v => +v.toFixed(2);
+  const X = v => round(left + w * (v - across.min) / (across.max - across.min)), Y = v => round(top + h * (1 - (v - up.min) / (up.max - up.min)));
+  put("rect", { x: left, y: top, width: w, height: h }, "", put("clipPath", { id: clip }));
+  for (const v of ticks(across.min, across.max, 6)) {
+    put("path", { d: `M${X(v)} ${top}V${top + h}`, stroke: "#e3e3e3", fill: "none" });
+    put("text", { x: X(v), y: top + h + 13, "text-anchor": "middle" }, mark(v));
+  }
+  for (const v of ticks(up.min, up.max, 6)) {
+    put("path", { d: `M${left} ${Y(v)}H${left + w}`, stroke: "#e3e3e3", fill: "none" });
+    put("text", { x: left - 5, y: Y(v) + 3.5, "text-anchor": "end" }, mark(v));
+  }
+  put("rect", { x: left, y: top, width: w, height: h, fill: "none", stroke: "#333333" });
+  put("text", { x: left + w / 2, y: top + h + 28, "text-anchor": "middle" }, plot.x);
+  const title = put("text", { x: 4, y: 14 }, plot.title), data = put("g", { "clip-path": `url(#${clip})`, fill: "none", "stroke-width": 1.2 });
+  for (const s of plot.series) {
+    const ink = PRINT[s.colour] || s.colour, known = k => Number.isFinite(s.x[k]) && Number.isFinite(s.y[k]), at = [...s.x.keys()].filter(known);
+    if (s.label) put("tspan", { fill: ink, dx: 8 }, s.label, title);
+    if (s.points) for (const k of at) put("circle", { cx: X(s.x[k]), cy: Y(s.y[k]), r: s.points === true ? 2.6 : s.points / 2, fill: ink }, "", data);
+    else if (at.length) put("path", { d: `M${at.map(k => `${X(s.x[k])} ${Y(s.y[k])}`).join("L")}${plot.loop ? "Z" : ""}`, stroke: ink, ...(s.dashed ? { "stroke-dasharray": "4 3" } : {}) }, "", data);
+    if (s.low) for (const k of at) if (Number.isFinite(s.low[k]) && Number.isFinite(s.high[k])) put("path", { d: `M${X(s.x[k])} ${Y(s.low[k])}V${Y(s.high[k])}`, stroke: ink }, "", data);
+  }
+}
+
+// Round numbers between two, about so many.
+function ticks(low, high, count) {
+  const raw = (high - low) / count, ten = 10 ** Math.floor(Math.log10(raw)), step = [1, 2, 5, 10].map(m => m * ten).find(v => v >= raw), first = Math.ceil(low / step - 1e-9);
+  return Array.from({ length: Math.max(0, Math.floor(high / step + 1e-9) - first + 1) }, (_, k) => +((first + k) * step).toPrecision(12));
+}
+
+async function plotsPng() {
+  const { text, width, height } = plotsSvg(), image = new Image(), address = URL.createObjectURL(new Blob([text], { type: "image/svg+xml" }));
+  await new Promise((done, failed) => { image.onload = done; image.onerror = () => failed(new Error("this browser does not draw the plots; take the SVG")); image.src = address; });
+  const canvas = Object.assign(document.createElement("canvas"), { width: 3 * width, height: 3 * height });
+  canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
+  URL.revokeObjectURL(address);
+  return new Promise(done => { canvas.toBlob(done, "image/png"); });
+}
+
+function plotsCsv() {
+  const quoted = text => `"${text.replaceAll('"', '""')}"`, rows = ["plot,x axis,series,x,y,lower,upper"];
+  for (const plot of Plot.seen()) for (const s of plot.series) s.x.forEach((x, k) => rows.push([quoted(plot.title), quoted(plot.x), quoted(s.label || plot.title), x, s.y[k], s.low ? s.low[k] : "", s.high ? s.high[k] : ""].join(",")));
+  return `${rows.join("\n")}\n`;
+}
