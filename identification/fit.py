@@ -82,7 +82,7 @@ def main(
         make_folder(folder)
     with stages() as advance:
         result = fit_foot(recordings, foot, settings, advance=advance).with_source(source, truth)
-    result = replace(result, provenance={**result.provenance, "command": _typed()})
+    result = replace(result, provenance={**result.provenance, "command": _typed(), "model": model})
     if json_:
         print_json(result.document())
     else:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from datetime import date
 from io import StringIO
 from pathlib import Path
+from shlex import join
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, select_autoescape
@@ -24,11 +25,12 @@ _WORST = 5
 _NOTHING = 1e-4
 
 
-def html(result: FitResult, drawn: dict[str, str] | None = None) -> str:
+def html(result: FitResult, drawn: dict[str, str] | None = None, folder: Path | None = None) -> str:
     """The page as text; no outside address is needed to read it.
 
     Args:
         result: the fit. drawn: its figures as SVG, by name, where they are drawn already.
+        folder: that the page lies in, as a command would call it; None for this one.
     """
     environment = Environment(
         loader=PackageLoader("identification"),
@@ -47,7 +49,7 @@ def html(result: FitResult, drawn: dict[str, str] | None = None) -> str:
         pictures={name: {"svg": Markup(drawn[name][drawn[name].index("<svg") :]), "caption": texts[name]}
                   for name in texts},
         worst=worst[:_WORST],
-        methods=methods(result), loads=_loads(result),
+        methods=methods(result), loads=_loads(result), moving=moving(result, folder),
     )  # fmt: skip
 
 
@@ -55,17 +57,20 @@ def html(result: FitResult, drawn: dict[str, str] | None = None) -> str:
 _PRINTED = ("chi_square", "parameters", "transmissibility", "modes", "dampers", "energies")
 
 
-def write(result: FitResult, folder: Path) -> list[Path]:
+def write(result: FitResult, folder: Path, called: Path | None = None) -> list[Path]:
     """Write result.json, parameters.csv, report.html and figures/ into a folder, each file whole or not at all.
 
     Each figure is there as SVG with a CSV file of what it draws, and those that a paper prints as PNG, too.
+
+    Args:
+        result: the fit. folder: to write into. called: how the report calls the folder, if it will lie elsewhere.
     """
     pictures = {name: getattr(figures, name)(result) for name in captions(result)}
     drawn = {name: figures.save(figure, "svg") for name, figure in pictures.items()}
     files: dict[str, str | bytes] = {
         "result.json": console.to_json(result.document()) + "\n",
         "parameters.csv": result.csv(),
-        "report.html": html(result, {name: text.decode() for name, text in drawn.items()}),
+        "report.html": html(result, {name: text.decode() for name, text in drawn.items()}, called or folder),
     }
     for name, figure in pictures.items():
         files[f"figures/{name}.svg"] = drawn[name]
@@ -74,6 +79,14 @@ def write(result: FitResult, folder: Path) -> list[Path]:
     for name, rows in tables(result).items():
         files[f"figures/{name}.csv"] = table(rows)
     return [console.write_whole(folder / name, text) for name, text in files.items()]
+
+
+def moving(result: FitResult, folder: Path | None = None) -> str:
+    """The command that shows this fit as a moving foot; with a recording where one lies where its label says."""
+    model = str(result.provenance.get("model") or result.model)
+    command = ["python", "-m", "viz.foot", "--model", model, "--result", str((folder or Path()) / "result.json")]
+    beside = next((r.file for r in result.recordings if Path(r.file).is_file()), "")
+    return join([*command, "--recording", beside] if beside else command)
 
 
 def tables(result: FitResult) -> dict[str, Sequence[Row]]:

@@ -1,5 +1,6 @@
 """report.html: self-contained, escaped, and showing the numbers of the result."""
 
+import shlex
 from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
@@ -8,8 +9,11 @@ from pathlib import Path
 import pytest
 from test_result import estimate, result
 
+import mjcf
+from fasbody.foot.model import load
 from identification import figures, report
 from identification.result import FitResult
+from viz.fitted import read
 
 
 class Balanced(HTMLParser):
@@ -126,3 +130,20 @@ def test_write(tmp_path: Path) -> None:
     assert sorted(files) == sorted(file for file in (tmp_path / "out").rglob("*") if file.is_file())
     drawn = {file.name for file in files if file.parent.name == "figures"}
     assert drawn >= {"traces.svg", "traces.csv", "parameters.svg", "parameters.png", "parameters.csv"}
+
+
+def test_the_command_to_the_moving_foot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It opens this result in the viewer as it stands, wherever model, folder and recording have their names from."""
+    model, folder = tmp_path / "my foot.xml", tmp_path / "out"
+    model.write_text(mjcf.path("two_dof").read_text())
+    monkeypatch.chdir(tmp_path)
+    fit = result(model=model.name)
+    report.write(fit, folder, Path("out"))
+    page = unescape((folder / "report.html").read_text())
+    command = page.partition("<code>python -m viz.foot")[2].partition("</code>")[0]
+    typed = shlex.split(command)
+    assert typed == ["--model", "my foot.xml", "--result", "out/result.json"]
+    values = read(Path(typed[3]), load(typed[1]).parameters)["branches"][0]["values"]
+    assert values["k_T"] == fit.values()["k_T_n_per_m"]
+    Path(fit.recordings[0].file).write_text("there is one")
+    assert shlex.split(report.moving(fit))[-2:] == ["--recording", fit.recordings[0].file]

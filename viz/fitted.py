@@ -67,7 +67,8 @@ def _branch(branch: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> d
             values[name] = value
         elif name == "delay":
             delay = value
-        row = {"name": name, "key": key, "value": value, "known": str(entry.get("identifiability", ""))}
+        row = {"name": name, "unit": symbol_and_unit(key)[1], "key": key, "value": value}
+        row |= {"known": str(entry.get("identifiability", ""))}
         if "lower" in entry:
             told = {field: entry[field] for field in ("value", "std_error", "lower", "upper")}
             numbers = {field: math.nan if v is None else float(v) for field, v in told.items()}

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -19,7 +19,7 @@ from viz.source import Source
 #: Called with each document of the worker, in a thread of its own.
 Told = Callable[[dict[str, Any]], None]
 #: The matrices of a fit are small: threads that share one wait for each other longer than they compute.
-_ONE = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+_ONE = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 #: Points of a trace that the page gets, and the periods of it.
 POINTS, PERIODS = 400, 3
 
@@ -82,6 +82,7 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
     """The process: make ready, then do what each line says."""
     from fasbody.console import to_json
     from fasbody.exceptions import FasError
+    from identification.report import write
 
     def tell(document: Mapping[str, Any]) -> None:
         answers.write(json.dumps(json.loads(to_json(document))) + "\n")
@@ -97,7 +98,7 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
                 _rivals(asked, tell)
             elif asked["do"] == "report":
                 found = found or _fit(asked, lambda document: None)  # the process that fitted was stopped
-                found.write(asked["folder"])
+                write(found, Path(asked["folder"]), Path("results"))
                 tell({"type": "reported"})
             else:
                 found = _fit(asked, tell)
@@ -126,6 +127,7 @@ def _fit(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) ->
     foot = load_foot(asked["model"]).with_values(asked["values"])
     result = fit_foot(recordings, foot, advance=_advance(tell), **settings)
     result = result.with_source(named([r.file for r in recordings]))
+    result = replace(result, provenance={**result.provenance, "model": asked["model"]})
     more = derived(result)
     tell({
         "type": "fitted", "document": result.document(), "sentence": result.sentence(), "seconds": result.seconds,

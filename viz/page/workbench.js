@@ -207,7 +207,9 @@ function showFit(fit) {
   for (const text of ["parameter", ...fit.branches.map(b => b.name), "how well known"]) head.append(element("th", text));
   const body = fit.branches[0].rows.map((row, k) => {
     const tr = element("tr");
-    tr.append(element("th", row.name, { title: row.key }), ...fit.branches.map(b => element("td", (b.rows[k] || {}).interval || number(row.value))), element("td", row.known));
+    const name = element("th", row.name, { title: row.key }), said = b => ((b.rows[k] || {}).interval || number(row.value)).replace(/ (to|±) /, " $1\u00a0");
+    if (row.unit) name.append(" ", element("small", row.unit));
+    tr.append(name, ...fit.branches.map(b => element("td", said(b))), element("td", row.known));
     return tr;
   });
   byId("estimates").replaceChildren(head, ...body);
