@@ -1,4 +1,4 @@
-"""The mode shapes of the cell in a browser: `python -m viz.cell`."""
+"""The mode shapes of the cell, or of any elastic body, in a browser: `python -m viz.cell`."""
 
 import asyncio
 import tempfile
@@ -20,14 +20,14 @@ QUICK = 5.0
 
 @app.command()
 def main(
-    result: Annotated[Path | None, typer.Argument(help="folder of python -m fasbody.cell --out, or cell.npz")] = None,
+    result: Annotated[Path | None, typer.Argument(help="folder of python -m fasbody.cell --out, or of its command modes")] = None,
     mode: Annotated[int, typer.Option(help="mode that is shown first")] = 1,
     export: Annotated[Path | None, typer.Option(help="write .html, .png, .gif or .mp4 and end")] = None,
     port: Annotated[int, typer.Option(help="0 takes a free one")] = 0,
     browser: Annotated[bool, typer.Option(help="open the browser")] = True,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Watch the mode shapes of a cell in slow motion; the page follows when the result is written again.
+    """Watch the mode shapes of a cell, a bone or any body in slow motion; the page follows its result's file.
 
     Without a result it shows results/cell, or a quick one that it computes.
 
@@ -35,6 +35,8 @@ def main(
       python -m viz.cell
 
       python -m viz.cell results/cell --mode 3
+
+      python -m viz.cell results/calcaneus   # of python -m fasbody.cell modes calcaneus --out results/calcaneus
 
       python -m viz.cell results/cell --export cell.html
     """
@@ -58,7 +60,7 @@ def _show(result: Path, mode: int, export: Path | None, port: int, browser: bool
         return
     from viz.server import serve
 
-    asyncio.run(serve(show, "the cell", port=port, browser=browser, watch=True, json=json))
+    asyncio.run(serve(show, show.shapes.body or "the cell", port=port, browser=browser, watch=True, json=json))
 
 
 def quick(folder: Path) -> Path:

@@ -1,4 +1,4 @@
-"""The mode shapes of a cell as `python -m fasbody.cell --out` wrote them, and the scene that shows them."""
+"""The mode shapes of a cell, or of any elastic body, as `fasbody.cell` wrote them, and the scene that shows them."""
 
 import json
 import zipfile
@@ -19,7 +19,11 @@ Array = np.ndarray
 SIZE = 2.6
 #: Share of the height below which a corner belongs to the clamped base.
 BASE = 1e-3
-SOURCE = "give the folder of python -m fasbody.cell --out FOLDER, or its cell.npz"
+SOURCE = "give the folder of python -m fasbody.cell --out FOLDER, or of its command modes, or the .npz in it"
+#: Files of a result: of a cell, and of any other body.
+FILES = ("cell.npz", "body.npz")
+#: Length units of a body's page: name, micrometres, up to which size it is used [um].
+UNITS = (("µm", 1.0, 2e3), ("mm", 1e3, 2e6), ("m", 1e6, float("inf")))
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +46,13 @@ class ModeShapes:
 
     @classmethod
     def read(cls, result: Path) -> "ModeShapes":
-        """Read a result folder or its cell.npz.
+        """Read a result folder, or the file in it.
 
         Raises:
             InputFileError: there is none, or it is not such a result.
         """
-        file = result / "cell.npz" if result.is_dir() else result
+        there = [result / name for name in FILES if (result / name).is_file()]
+        file = (there or [result / FILES[0]])[0] if result.is_dir() else result
         if not file.is_file():
             raise InputFileError(file, "there is no such file", SOURCE)
         names = ("vertices_um", "faces", "nucleus_faces", "modes", "frequencies_hz")
@@ -78,6 +83,22 @@ class ModeShapes:
         )
 
     @property
+    def body(self) -> str:
+        """Name of the body; empty for a cell, which stands on its dish and may have a nucleus."""
+        return Path(str(self.document.get("body", ""))).name
+
+    @property
+    def stands(self) -> bool:
+        """Whether its lowest plane is clamped."""
+        return not self.body or self.document.get("support") == "base"
+
+    @property
+    def unit(self) -> tuple[str, float]:
+        """The unit of lengths on the page, and its micrometres."""
+        size = np.ptp(self.vertices_um, axis=0).max()
+        return next((name, um) for name, um, most in UNITS if size <= most)
+
+    @property
     def scale(self) -> float:
         """Scene units in a micrometre."""
         return float(SIZE / np.ptp(self.vertices_um, axis=0).max())
@@ -89,7 +110,7 @@ class ModeShapes:
         """
         low, high = self.vertices_um.min(axis=0), self.vertices_um.max(axis=0)
         origin = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
-        on_base = (self.vertices_um[:, 1] < low[1] + BASE * (high[1] - low[1]))[self.faces].all(axis=1)
+        on_base = (self.vertices_um[:, 1] < low[1] + BASE * (high[1] - low[1]))[self.faces].all(axis=1) & self.stands
         found = {"wall": self.faces[~on_base], "base": self.faces[on_base], "nucleus": self.nucleus_faces}
         parts = {}
         for name, faces in found.items():
@@ -99,14 +120,19 @@ class ModeShapes:
         return {name: part for name, part in parts.items() if len(part[1])}
 
     def title(self) -> str:
-        """The cell in one line."""
+        """Cell or body in one line."""
         d, size = self.document, self.document.get("shape_um")
+        if self.body:
+            name, um = self.unit
+            lengths = " × ".join(f"{x:.3g}" for x in np.ptp(self.vertices_um, axis=0) / um)
+            held = {"free": "free", "base": "held at its base"}.get(str(d.get("support")), "held at a region")
+            return f"{self.body}, {lengths} {name}, {held}"
         body = " × ".join(f"{x:g}" for x in size) + " µm" if size else "own mesh"
         return f"{body}, {d['modulus_pa']:g} Pa, preset {d['preset']}" if "modulus_pa" in d and "preset" in d else body
 
 
 class ModeShow:
-    """The cell of one viewer: its scene and the description that its pages get.
+    """The cell or body of one viewer: its scene and the description that its pages get.
 
     Args:
         result: folder or file of the result. mode: shown first, from 1.
@@ -129,23 +155,27 @@ class ModeShow:
         self._place()
 
     def _place(self) -> None:
-        self.hub.put({"type": "delete", "path": "/meshcat/cell/nucleus"})  # the next result may have none
-        scene.add_cell(self.hub, self._visualizer, self.shapes.parts())
+        for name in ("base", "nucleus", "dish"):  # the next result may have none
+            self.hub.put({"type": "delete", "path": f"/meshcat/cell/{name}"})
+        scene.add_cell(self.hub, self._visualizer, self.shapes.parts(), self.shapes.stands)
 
     def description(self) -> dict[str, Any]:
         """Frequencies, words and sizes."""
         shapes = self.shapes
         errors = shapes.document.get("estimated_error") or [None] * len(shapes.frequencies_hz)
+        along = "along " if shapes.body else ""  # of a cell the label says what the mode is
         return {
             "type": "model",
             "title": shapes.title(),
             "parts": list(shapes.parts()),
             "modes": [
-                {"hz": float(hz), "error": error, "label": mode["label"], "nucleus_share": mode.get("nucleus_share")}
+                {"hz": float(hz), "error": error, "label": along + mode["label"], "nucleus_share": mode.get("nucleus_share")}
                 for hz, error, mode in zip(shapes.frequencies_hz, errors, shapes.document["modes"], strict=True)
             ],
             "mode": min(self.mode, len(shapes.frequencies_hz)),
             "scale": shapes.scale,
+            "body": shapes.body,
+            "unit": list(shapes.unit),
             "height_um": float(np.ptp(shapes.vertices_um[:, 1])),
             "error": self.error,
         }

@@ -349,12 +349,14 @@ _CELL_LOOKS: dict[str, dict[str, Any]] = {
 }
 
 
-def add_cell(hub: Hub, visualizer: meshcat.Visualizer, parts: dict[str, tuple[Array, Array, Array]]) -> None:
-    """Put a cell into the scene on its dish, each part with its mode shapes as attributes `mode1`, `mode2`, ...
+def add_cell(
+    hub: Hub, visualizer: meshcat.Visualizer, parts: dict[str, tuple[Array, Array, Array]], dish: bool = True
+) -> None:
+    """Put a cell or a body into the scene, each part with its mode shapes as attributes `mode1`, `mode2`, ...
 
     Args:
         hub: takes the messages. visualizer: on the hub. parts: vertices (p, 3), triangles and modes (c, p, 3) by name;
-            the page computes normals and colours, which change with mode and time.
+            the page computes normals and colours, which change with mode and time. dish: it stands on one.
     """
     root = visualizer["cell"]
     for name, (vertices, faces, modes) in parts.items():
@@ -363,6 +365,8 @@ def add_cell(hub: Hub, visualizer: meshcat.Visualizer, parts: dict[str, tuple[Ar
         look = {"side": 0, "specular": _hex("#3a3a40"), "reflectivity": 0.15} | _CELL_LOOKS.get(name, {})
         root[name].set_object(surface, _material("MeshPhongMaterial", **look) if name in _CELL_LOOKS else _DISH_LOOK)
         hub.property(f"/meshcat/cell/{name}/<object>", "frustumCulled", False)
+    if not dish:
+        return
     root["dish"].set_object(geometry.Cylinder(0.05, 1.6), _DISH_LOOK)
     hub.property("/meshcat/cell/dish/<object>", "castShadow", False)
     move = np.eye(4)

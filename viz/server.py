@@ -30,16 +30,13 @@ from fasbody.console import console, print_json
 from fasbody.exceptions import FasError, SettingError
 from viz.bench import LARGEST as LARGEST_FILE
 from viz.bench import Bench
+from viz.exported import html
 from viz.settings import settings_from
 from viz.shown import Shown, file_of, files, markup
 
 ADDRESS = "127.0.0.1"
-#: What the workbench makes, its type, and the name under which it is saved; the report is only looked at.
-MADE = {
-    "report": ("text/html; charset=utf-8", ""),
-    "results": ("application/zip", "results.zip"),
-    "take": ("text/html; charset=utf-8", "foot.html"),
-}
+#: What is made here: the report of a fit, all its results, and the page to take away.
+MADE = ("report", "results", "take")
 #: Largest message a page may send, the text of a model among them [bytes], and seconds after which a silent or slow
 #: browser is let go.
 LARGEST, PATIENCE = 1_000_000, 30.0
@@ -103,9 +100,8 @@ class Server:
         self._ended = asyncio.Event()
         routes: list[Any] = [("/", Page, {"server": self, "name": show.page}), ("/stream", Stream, {"server": self})]
         routes += [(f"/{name}", Page, {"server": self, "name": name}) for name in files(show.page)]
-        if bench is not None:
-            routes += [("/upload", Upload, {"server": self})]
-            routes += [(f"/{name}", Made, {"server": self, "name": name}) for name in MADE]
+        routes += [("/upload", Upload, {"server": self})] if bench is not None else []
+        routes += [(f"/{name}", Made, {"server": self, "name": name}) for name in MADE if bench or name == "take"]
         self._application = tornado.web.Application(
             routes, websocket_ping_interval=PATIENCE / 2, websocket_ping_timeout=PATIENCE / 2,
             websocket_max_message_size=LARGEST, log_function=lambda handler: None,
@@ -300,14 +296,18 @@ class Made(Guarded):
 
     def get(self) -> None:
         """The file, once it is written."""
-        bench = self.server.bench
-        assert bench is not None
-        file = {"report": bench.results / "report.html", "take": bench.folder / "foot.html"}.get(self.name)
-        content = bench.zipped() if file is None else file.read_bytes() if file.is_file() else b""
+        bench, content = self.server.bench, b""
+        if bench is None:
+            content = html(self.server.show).encode()
+        elif self.name == "results":
+            content = bench.zipped()
+        else:
+            file = bench.results / "report.html" if self.name == "report" else bench.folder / "foot.html"
+            content = file.read_bytes() if file.is_file() else b""
         if not content:
             raise tornado.web.HTTPError(404)
-        kind, saved = MADE[self.name]
-        self.set_header("Content-Type", kind)
+        saved = {"results": "results.zip", "take": self.server.show.page}.get(self.name)
+        self.set_header("Content-Type", "application/zip" if self.name == "results" else "text/html; charset=utf-8")
         self.set_header("Content-Security-Policy", "default-src 'none'; style-src 'unsafe-inline'; img-src data:")
         self.set_header("X-Content-Type-Options", "nosniff")
         if saved:

@@ -4,6 +4,8 @@ const CAMERAS = {
   corner: [[2.3, 1.75, 3.9], [0, 0.08, 0]], side: [[0, 0.75, 4.6], [0, 0.12, 0]],
   end: [[4.2, 0.85, 0], [0, 0.12, 0]], above: [[0, 4.7, 0.02], [0, 0, 0]],
 };
+// How large the motion is drawn, of the height, and how opaque the wall is: of a body, and of a cell with its nucleus.
+const LARGE = [0.2, 0.5], CLEAR = [1, 0.55];
 const NUCLEUS = "#e0245e";
 const stage = new Stage(byId("pane"), CAMERAS);
 stage.addGround(-0.055);
@@ -21,14 +23,20 @@ function buildControls() {
     for (const [tag, text] of [["b", i + 1], ["i", hertz(mode.hz)], ["span", mode.label]]) b.append(Object.assign(document.createElement(tag), { textContent: text }));
   });
   const first = cell.modes[0].hz, picture = byId("showing");
-  slider(picture, "amplitude", "Largest displacement", "µm", 0, cell.height_um, state.amplitude, v => { state.amplitude = v; fresh = true; },
-    { hint: "A mode shape has no size of its own; this one is for the picture.", nominal: 0.5 * cell.height_um });
+  const [unit, um] = cell.unit;
+  slider(picture, "amplitude", "Largest displacement", unit, 0, cell.height_um / um, state.amplitude / um, v => { state.amplitude = v * um; fresh = true; },
+    { hint: "A mode shape has no size of its own; this one is for the picture.", nominal: LARGE[+!cell.body] * cell.height_um / um });
   slider(picture, "slow", "Slow motion", "× slower", 0.2 * first, 20 * first, state.slow, v => { state.slow = v; fresh = true; }, { log: true, nominal: 2 * first });
-  slider(picture, "opacity", "Cell's opacity", "", 0.1, 1, state.opacity, v => { state.opacity = v; fresh = true; }, { step: 0.01, nominal: 0.55 });
+  slider(picture, "opacity", "Opacity", "", 0.1, 1, state.opacity, v => { state.opacity = v; fresh = true; }, { step: 0.01, nominal: CLEAR[+!cell.body] });
   const looks = rowIn(picture);
   meshButton = button(looks, "Mesh", () => showLines(!state.lines), "M");
   meshButton.setAttribute("aria-pressed", state.lines);
-  button(looks, "Save PNG", () => stage.save(`cell-mode-${state.mode}.png`));
+  taking(stage, () => `${(cell.body || "cell").replace(/\.\w+$/, "").replace(/\W+/g, "_")}-mode-${state.mode}`, {
+    page: !window.EXPORTED && (() => save("/take", "cell.html")),
+    film: () => ({ ...pace(length() * state.slow, true), drawAt: showAt }),
+    scene: () => ({ keys: KEYS, seconds: length() * state.slow, periodic: true, unit: (cell.body ? 1e-6 : 1e-3) / cell.scale,
+      pose: share => { time = share * length(); pose(); } }),
+  });
 }
 
 function hertz(hz) { return hz >= 1000 ? `${(hz / 1000).toPrecision(4)} kHz` : `${hz.toPrecision(4)} Hz`; }
@@ -40,6 +48,7 @@ function choose(number) {
   time = at * length();  // the same place in the period
   byId("modes").querySelectorAll("button").forEach((b, i) => b.setAttribute("aria-pressed", i + 1 === number));
   paint();
+  markMode();
   fresh = true;
 }
 
@@ -56,10 +65,17 @@ function receive(document_) {
   if (document_.type !== "model") { say(document_.text); return; }
   const first = cell === null;
   cell = document_;
-  if (first) Object.assign(state, { mode: cell.mode, amplitude: 0.5 * cell.height_um, slow: 2 * cell.modes[0].hz });
+  if (first) Object.assign(state, { mode: cell.mode, amplitude: LARGE[+!cell.body] * cell.height_um, opacity: CLEAR[+!cell.body], slow: 2 * cell.modes[0].hz });
+  if (first && cell.body) {  // in the middle of the picture, and all of it
+    const tall = cell.height_um * cell.scale, off = Math.max(1, tall / 1.5), up = 0.5 * tall;
+    stage.views = Object.fromEntries(Object.entries(CAMERAS).map(([name, [[x, y, z], target]]) => [name, [[off * x, off * y + up, off * z], [target[0], up, target[2]]]]));
+    stage.view(stage.viewed);
+  }
+  if (cell.body) document.title = document.querySelector("h1").textContent = `Mode shapes of ${cell.body}`;
   state.mode = Math.min(state.mode, cell.modes.length);
   parts = cell.parts.map(dress);
   legend();
+  spectrum();
   buildControls();
   choose(state.mode);
   pose();
@@ -104,6 +120,21 @@ function pose() {
   stage.viewer.set_dirty();
 }
 
+// Frequency of every mode with its error, and how much of it is the nucleus; the dot is the chosen one.
+const plots = { hz: new Plot(byId("mode_plots"), "natural frequency [Hz]", "mode", "", { wide: true, whole: true }), nucleus: new Plot(byId("mode_plots"), "nucleus' share of kinetic energy [%]", "mode", "", { whole: true }) };
+function spectrum() {
+  const x = cell.modes.map((_, i) => i + 1), y = cell.modes.map(m => m.hz), known = cell.modes.every(m => m.error !== null);
+  const limits = known ? { low: cell.modes.map(m => m.hz * (1 - m.error)), high: cell.modes.map(m => m.hz * (1 + m.error)) } : {};
+  plots.hz.set([{ label: "", colour: "#ffb454", x, y, points: true, ...limits }]);
+  plots.nucleus.box.hidden = !cell.modes.some(m => m.nucleus_share);
+  plots.nucleus.set([{ label: "", colour: NUCLEUS, x, y: cell.modes.map(m => 100 * (m.nucleus_share || 0)), points: true }]);
+}
+function markMode() {
+  const mode = chosen();
+  plots.hz.marks([[state.mode, mode.hz, "#ffffff"]]);
+  plots.nucleus.marks([[state.mode, 100 * (mode.nucleus_share || 0), "#ffffff"]]);
+}
+
 function legend() {
   const box = byId("legend"), item = document.createElement("div"), bar = document.createElement("i");
   bar.style.background = `linear-gradient(90deg, ${RAMPS.displacement.join(", ")})`;
@@ -122,7 +153,7 @@ function legend() {
 function report() {
   const mode = chosen(), error = mode.error === null ? "" : ` ± ${(100 * mode.error).toFixed(2)} %`;
   const share = mode.nucleus_share === null ? "" : `nucleus ${(100 * mode.nucleus_share).toFixed(1)} % of the kinetic energy`;
-  tell([cell.title, `mode ${state.mode} of ${cell.modes.length}: ${mode.label}, ${hertz(mode.hz)}${error}`, share, `${state.slow.toPrecision(3)}× slower`]);
+  tell([cell.title, `mode ${state.mode} of ${cell.modes.length}: ${mode.label}, ${hertz(mode.hz)}${error}`, share, `${number(+state.slow.toPrecision(3))}× slower`]);
   byId("seek").value = passedShare();
   byId("clock").textContent = `${(1e3 * passedShare() * length()).toPrecision(3)} of ${(1e3 * length()).toPrecision(3)} ms`;
 }

@@ -7,9 +7,9 @@ class Plot {
   static all = [];
   static seen() { return Plot.all.filter(plot => plot.plot && !plot.box.hidden && plot.pane.clientWidth > 0); }
 
-  // Args: the element to go into; title; names of the axes; whether it is drawn as a curve through unordered points.
-  constructor(parent, title, x, y, { loop = false, wide = false } = {}) {
-    Object.assign(this, { title, x, y, loop, series: [], dots: [], range: null });
+  // Args: the element to go into; title; names of the axes; whether it is a loop; twice as wide; of whole numbers.
+  constructor(parent, title, x, y, { loop = false, wide = false, whole = false } = {}) {
+    Object.assign(this, { title, x, y, loop, whole, series: [], dots: [], range: null });
     this.box = document.createElement("figure");
     this.box.className = wide ? "wide" : "";
     this.box.innerHTML = "<figcaption><b></b><span></span><button type=button title='the numbers as CSV' aria-label='save the numbers as CSV'>⤓</button></figcaption><div></div>";
@@ -56,8 +56,8 @@ class Plot {
     const shown = (u, low, high) => extent() || (low === null ? [0, 1] : uPlot.rangeNum(low, high, 0.08, true));
     this.plot = new uPlot({
       ...this.size(), legend: { show: false }, padding: [6, 14, 0, 0], cursor: { y: false, points: { size: 6 }, drag: { x: !this.loop, y: this.loop } },
-      scales: { x: { time: false }, y: { range: shown } },
-      axes: [axis(this.x, 20), axis(this.y, 38)],
+      scales: { x: { time: false, ...(this.whole ? { range: (u, low, high) => [low - 0.5, high + 0.5] } : {}) }, y: { range: shown } },
+      axes: [{ ...axis(this.x, 20), ...(this.whole ? { incrs: [1, 2, 5, 10, 20, 50, 100] } : {}) }, axis(this.y, 38)],
       series: [{}, ...this.series.map(s => ({
         stroke: s.colour, width: 1.6, dash: s.dashed ? [4, 3] : undefined, spanGaps: true,
         ...(s.points ? { paths: () => null, points: { show: true, size: s.points === true ? 6 : s.points, fill: s.colour, width: 0 } } : { points: { show: false } }),
@@ -127,12 +127,11 @@ class Plot {
 }
 
 function largestOf(values) { return values.reduce((m, v) => Math.max(m, Math.abs(v)), 0); }
-function mark(v) { return v === null ? "" : Math.abs(v) >= 1e4 ? v.toExponential(0) : String(+v.toPrecision(3)).replace("-", "−"); }
+function mark(v) { return v === null ? "" : Math.abs(v) >= 1e5 ? v.toExponential(0) : String(+v.toPrecision(3)).replace("-", "−"); }
 
 function download(name, content, kind = "text/plain") {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(content instanceof Blob ? content : new Blob([content], { type: kind }));
-  link.download = name;
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+  const address = URL.createObjectURL(content instanceof Blob ? content : new Blob([content], { type: kind }));
+  save(address, name);
+  setTimeout(() => URL.revokeObjectURL(address), 60000);
 }
+function save(href, name) { Object.assign(document.createElement("a"), { href, download: name }).click(); }

@@ -320,7 +320,7 @@ function reported() {
   byId("fit_state").textContent = "";
   if (bench.wanted === "/report") {
     if (!open("/report", "_blank")) byId("fit_state").replaceChildren("the report is ready: ", element("a", "open it", { href: "/report", target: "_blank" }));
-  } else if (bench.wanted) element("a", "", { href: bench.wanted, download: "results.zip" }).click();
+  } else if (bench.wanted) save(bench.wanted, "results.zip");
   bench.wanted = "";
 }
 
@@ -331,8 +331,7 @@ function takeAway() {
 }
 function taken() {
   busyWith("");
-  const link = element("a", "", { href: "/take", download: "foot.html" });
-  link.click();
+  save("/take", "foot.html");
 }
 
 // What the server says beside models and motions; false if it is none of that.
