@@ -1,9 +1,16 @@
 """The workbench in a real browser: a recording dropped, fitted, its mirror flipped to, the model typed over."""
 
+import io
+import json
+import struct
+import subprocess
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
@@ -12,6 +19,7 @@ from viewer import Watched, browser, served
 
 import mjcf
 from fasbody.recording.study import BUNDLED
+from viz.exported import ffmpeg
 
 ONE = BUNDLED / "recordings" / "20hz_0kg.csv"
 #: A file dropped on the page, as the desktop's file manager would.
@@ -21,7 +29,15 @@ DROP = """([name, text]) => {
   const about = { dataTransfer: data, bubbles: true, cancelable: true };
   for (const type of ["dragover", "drop"]) document.body.dispatchEvent(new DragEvent(type, about));
 }"""
+#: Left, top, width and height of an element.
+RECTANGLE = "(r => [r.left, r.top, r.width, r.height])(byId(id).getBoundingClientRect())"
 WIDE = "document.documentElement.scrollWidth"
+#: What the fitting process says of rivals.
+RIVALS = {
+    "type": "rivals", "title": "", "columns": ["rival", "BIC"], "adequate": [True, False],
+    "rows": [["the model", "0"], ["linear dampers", "1.6e+05"]], "notes": ["The recordings prefer the model."],
+    "script": "idn.compare_rivals(recordings)",
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +101,18 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         page.page.locator("#undo").click()
         page.until(f"!busy && !wanted && state.values.k_T === {first}")
 
+        # report and all results: the same numbers
+        with page.page.expect_download() as saved:
+            page.page.locator("#save_results").click()
+        with zipfile.ZipFile(saved.value.path()) as packed:
+            names = packed.namelist()
+            told = json.loads(packed.read("results/result.json"))
+            text = packed.read("results/report.html").decode()
+        assert {"results/report.html", "results/parameters.csv", "results/figures/transmissibility.svg"} <= set(names)
+        entry = told["branches"][0]["parameters"]["k_T_n_per_m"]
+        assert (entry["if_model_true"] or entry)["value"] == first
+        assert f"python -m viz.foot --model {own} --result results/result.json" in text
+
         # a typed value, held at the bound that the model declares
         page("byId('parameter_k_T').parentElement.querySelector('output').click()")
         page.page.locator("#parameters output input").fill("2e5")
@@ -118,6 +146,17 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         page.until("motion && !busy")
         assert 'stiffness="0.6e5"' in own.read_text()
 
+        # rivals need three frequencies, and say so
+        page.page.locator("#start_rivals").click()
+        page.until("complaints")
+        assert "at least three frequencies" in page("complaints")
+        page(f"compared({json.dumps(RIVALS)})")
+        shown = page("[...byId('rivals').rows].map(r => [r.className, ...[...r.cells].map(c => c.textContent)])")
+        assert shown == [["", "rival", "BIC"], ["", "the model", "0"], ["ruled", "linear dampers", "1.6e+05"]]
+        assert page("byId('rivals_sentence').textContent") == "The recordings prefer the model."
+        assert page("byId('rivals_plots').hidden") is False
+        page("tab('fit')")
+
         # a study is a matrix of loads against frequencies, coloured by fit
         row = "{ file: `${f}hz_${m}.csv`, unread: '', problem: '', warnings: [], frequency_hz: f, added_mass_kg: m }"
         cells, heads = page(  # at once: the saved model may still come, and clears the fit
@@ -127,11 +166,95 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         )
         assert cells == ["·", "99", "·", "·", "·", "·"]
         assert heads == ["Hz", "10", "20", "30", "no load", "+ 2.3 kg"]
-        for width in (1600, 1100, 420):
+        for width in (1600, 1100, 800, 420):
             page.page.set_viewport_size({"width": width, "height": 800})
             page.page.wait_for_timeout(100)
             assert page(WIDE) <= width
+            inside = page(f"['editor', 'plots'].map(id => {RECTANGLE})")
+            assert all(width_ > 200 and height > 80 for _, _, width_, height in inside), width
+            (_, top, _, tall), (_, below, *_) = inside
+            assert width in (1600, 1100) or top + tall <= below + 1  # beside or above the curves that follow it
         assert page.complaints == []
         host = url.removeprefix("http://")
         allowed = ("data:", "blob:", f"http://{host}", f"ws://{host}")
         assert [a for a in page.addresses if not a.startswith(allowed)] == []
+
+
+def taken(page: Watched, name: str) -> tuple[str, bytes]:
+    """Name and content of what a button of "Take away" gives."""
+    with page.page.expect_download() as saved:
+        page.page.locator("#taking").get_by_role("button", name=name, exact=True).click()
+    return saved.value.suggested_filename, Path(saved.value.path()).read_bytes()
+
+
+def test_what_is_taken_away_opens(opened: Any, tmp_path: Path) -> None:
+    """Each file is read by something else than what wrote it, and holds what the page shows."""
+    from PIL import Image
+
+    with viewer("--model", "foot_arch", "--amplify", "20", folder=tmp_path) as (url, _):
+        page = Watched(opened, url, (720, 480))
+        name, picture = taken(page, "Picture")
+        assert name == "foot.png"
+        canvas = [page(f"stage.renderer.domElement.{side}") for side in ("width", "height")]
+        assert list(Image.open(io.BytesIO(picture)).size) == canvas
+
+        # plots: vectors for print with every curve that is seen, its pixels, and its numbers
+        svg = ElementTree.fromstring(taken(page, "SVG")[1])
+        words = "".join(svg.itertext())
+        assert all(text in words for text in ("acceleration [m/s²]", "malleolus", "transmissibility", "frequency [Hz]"))
+        curves = [path for path in svg.iter("{http://www.w3.org/2000/svg}path") if path.get("stroke") == "#b45f06"]
+        assert len(curves) == 4 and all(path.get("d", "").count("L") >= 60 for path in curves)
+        assert "NaN" not in ElementTree.tostring(svg, "unicode")
+        assert Image.open(io.BytesIO(taken(page, "PNG")[1])).size == tuple(
+            3 * int(svg.get(s, 0)) for s in ("width", "height")
+        )
+        rows = taken(page, "CSV")[1].decode().splitlines()
+        mine = [row.split(",") for row in rows if row.startswith('"transmissibility"')]
+        assert [float(row[4]) for row in mine[:-1]] == page("motion.feet.a.transmissibility")
+
+        # the scene: bones and soft parts at their true size, moving as the page moves them
+        name, content = taken(page, "3-D scene")
+        assert name == "foot.glb"
+        trimesh = pytest.importorskip("trimesh")
+        scene = trimesh.load(io.BytesIO(content), file_type="glb")
+        assert {"foot a tibia", "foot a skin", "foot a aponeurosis", "foot a heel_pad"} <= set(scene.geometry)
+        assert scene.extents[1] == pytest.approx(0.26, abs=0.03)
+        told, numbers = glb(content)
+        (motion,) = told["animations"]
+        seconds = numbers[motion["samplers"][0]["input"]].ravel()
+        assert seconds[-1] == pytest.approx(20 * 0.05) and len(seconds) == 25
+        for channel in motion["channels"]:
+            at, path = channel["target"]["node"], channel["target"]["path"]
+            values = numbers[motion["samplers"][channel["sampler"]]["output"]]
+            if path == "weights":
+                assert values.reshape(13, -1).sum(1).tolist() == [0, *[1] * 11, 0]
+                continue
+            assert values[0] == pytest.approx(values[-1])  # a period
+            if told["nodes"][at]["name"] == "foot a tibia" and path == "translation":
+                page("showAt(10 / 24)")
+                assert values[10][1] == pytest.approx(page.height("tibia"), abs=1e-5)
+        before = page("[time, playing]")
+
+        # the film: what plays it finds pictures that differ
+        name, film = taken(page, "Film")
+        assert name == "foot.webm" and film[:4] == b"\x1a\x45\xdf\xa3"  # EBML
+        assert page("[time, playing]") == before
+        (tmp_path / name).write_bytes(film)
+        command = [ffmpeg(), "-loglevel", "error", "-i", name, "-r", "5", "-f", "rawvideo", "-pix_fmt", "gray", "-"]
+        run = subprocess.run(command, cwd=tmp_path, capture_output=True, check=True)
+        drawn = np.frombuffer(run.stdout, np.uint8).reshape(-1, canvas[1], canvas[0]).astype(int)
+        assert np.abs(drawn - drawn[0]).mean((1, 2)).max() > 0.5
+        assert page.complaints == []
+
+
+def glb(content: bytes) -> tuple[dict[str, Any], list[np.ndarray]]:
+    """The document of a binary glTF, and its accessors as arrays."""
+    size = struct.unpack("<I", content[12:16])[0]
+    told, binary = json.loads(content[20 : 20 + size]), content[28 + size :]
+    numbers = []
+    for accessor in told["accessors"]:
+        view = told["bufferViews"][accessor["bufferView"]]
+        part = binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
+        array = np.frombuffer(part, {5126: np.float32, 5125: np.uint32}[accessor["componentType"]])
+        numbers.append(array.reshape(accessor["count"], -1) if accessor["count"] else array)
+    return dict(told), numbers

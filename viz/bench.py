@@ -198,8 +198,8 @@ class Bench:
             row |= {
                 key: found.get(key) for key in ("problem", "warnings", "frequency_hz", "samples", "rate_hz", "seconds")
             }
-            row |= {"body_mass_kg": condition.body_mass_kg, "added_mass_kg": condition.added_mass_kg,
-                    "subject": condition.subject, "origin": recording.origin}  # fmt: skip
+            row |= {"label": recording.file, "origin": recording.origin, "subject": condition.subject}
+            row |= {"body_mass_kg": condition.body_mass_kg, "added_mass_kg": condition.added_mass_kg}
         return row
 
     def correct(self, number: int, said: Mapping[str, Any]) -> list[Document]:

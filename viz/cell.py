@@ -20,7 +20,9 @@ QUICK = 5.0
 
 @app.command()
 def main(
-    result: Annotated[Path | None, typer.Argument(help="folder of python -m fasbody.cell --out, or of its command modes")] = None,
+    result: Annotated[
+        Path | None, typer.Argument(help="folder of python -m fasbody.cell --out, or of its command modes")
+    ] = None,
     mode: Annotated[int, typer.Option(help="mode that is shown first")] = 1,
     export: Annotated[Path | None, typer.Option(help="write .html, .png, .gif or .mp4 and end")] = None,
     port: Annotated[int, typer.Option(help="0 takes a free one")] = 0,

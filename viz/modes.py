@@ -169,7 +169,12 @@ class ModeShow:
             "title": shapes.title(),
             "parts": list(shapes.parts()),
             "modes": [
-                {"hz": float(hz), "error": error, "label": along + mode["label"], "nucleus_share": mode.get("nucleus_share")}
+                {
+                    "hz": float(hz),
+                    "error": error,
+                    "label": along + mode["label"],
+                    "nucleus_share": mode.get("nucleus_share"),
+                }
                 for hz, error, mode in zip(shapes.frequencies_hz, errors, shapes.document["modes"], strict=True)
             ],
             "mode": min(self.mode, len(shapes.frequencies_hz)),

@@ -95,7 +95,9 @@ function matrix() {
   const lines = [...new Set(good.map(who))], hertz = [...new Set(good.map(row => +row.frequency_hz.toFixed(1)))].sort((a, b) => a - b);
   box.hidden = good.length < 4;
   if (box.hidden) { box.replaceChildren(); return; }
-  const fits = new Map(((bench.fit && bench.fit.recordings) || []).map(r => [r.file.split("/").pop(), r.fit_percent]));
+  const last = file => file.split("/").pop(), fits = new Map(), twice = name => bench.rows.filter(row => last(row.file) === name).length > 1;
+  for (const r of (bench.fit && bench.fit.recordings) || []) fits.set(r.file, r.fit_percent).set(`*/${last(r.file)}`, r.fit_percent);
+  const fitOf = row => fits.get(row.label || row.file) ?? (twice(last(row.file)) ? null : fits.get(`*/${last(row.file)}`));  // a result of another place
   const head = element("tr");
   head.append(...["Hz", ...hertz].map(text => element("th", text, { scope: "col" })));
   box.replaceChildren(element("caption", "fit of each recording [%]"), head, ...lines.map(line => {
@@ -103,7 +105,7 @@ function matrix() {
     tr.append(element("th", line, { scope: "row" }), ...hertz.map(f => {
       const td = element("td"), row = good.find(r => who(r) === line && Math.abs(r.frequency_hz - f) < 0.06);
       if (!row) return td;
-      const fit = fits.get(row.file.split("/").pop()), known = typeof fit === "number", cell = element("button", known ? fit.toFixed(0) : "·");
+      const fit = fitOf(row), known = typeof fit === "number", cell = element("button", known ? fit.toFixed(0) : "·");
       cell.title = known ? `${row.file}: fit ${fit.toFixed(1)} %` : row.file;
       cell.setAttribute("aria-label", cell.title);
       cell.setAttribute("aria-pressed", row.number === bench.shown);
