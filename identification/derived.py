@@ -18,6 +18,7 @@ from fasbody.exceptions import FasError
 from fasbody.foot.damper import damping
 from fasbody.foot.engine import callbacks
 from fasbody.foot.model import Foot
+from fasbody.foot.rest import standing
 from fasbody.foot.two_dof import TwoDof, periodic
 from identification.certification import Certified, standard_errors
 from identification.engines.engine import LONGEST_STEP, Excitation
@@ -292,12 +293,14 @@ def linearised(foot: Foot, step: float = 1e-6) -> np.ndarray:
 
     Central differences of the accelerations that MuJoCo computes, laws included.
     """
-    model, data = foot.model, mujoco.MjData(foot.model)
+    model, rest = foot.with_values({}).model, standing(foot)
+    model.opt.tolerance = 0.0  # the solver of constraints would stop before it has seen a nudge
+    data = mujoco.MjData(model)
     own = [i for i in range(model.nv) if model.dof_armature[i] < 1e6]  # the base is the shaker's
     n = len(own)
 
     def acceleration(x: np.ndarray) -> np.ndarray:
-        data.qpos[:], data.qvel[:] = model.qpos0, 0.0
+        data.qpos[:], data.qvel[:] = rest, 0.0
         move = np.zeros(model.nv)
         move[own] = x[:n]
         mujoco.mj_integratePos(model, data.qpos, move, 1.0)

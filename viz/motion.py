@@ -13,11 +13,12 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fasbody.exceptions import SettingError, SimulationError
+from fasbody.exceptions import SimulationError
 from fasbody.foot.damper import algebraic_force
 from fasbody.foot.engine import SHAKER_CONTROLS, callbacks
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import names
+from fasbody.foot.rest import standing
 from fasbody.foot.shaker import CLOCK, BaseMotion, harmonics
 from fasbody.foot.simulate import Batch, Simulation
 from viz.anatomy.rest import frames as rest_frames
@@ -84,13 +85,16 @@ class Motion:
 class Discrete:
     """x_(k+1) = A x_k + B c_k of one step about rest: x = (q, q', act), c = (a_0, ..., a_3) of the base acceleration.
 
-    `malleolus` (states,) gives the vertical velocity of the malleolus.
+    `malleolus` (states,) gives the vertical velocity of the malleolus, `rest` (nq,) is the pose that q counts from,
+    `exact` whether velocities and positions are of one moment: the implicit integrators' are half a step apart.
     """
 
     step: float
     A: Array
     B: Array
     malleolus: Array
+    rest: Array
+    exact: bool
 
     def controls(self, frequency_hz: Array) -> Array:
         """(n, 4) coefficients c of a base acceleration exp(i w t) at t = 0, as `BaseMotion.controls` makes them."""
@@ -108,18 +112,20 @@ class Discrete:
 
     def transmissibility(self, frequency_hz: Array) -> Array:
         """(n,) complex malleolus over base acceleration."""
-        return 2j * np.pi * np.asarray(frequency_hz) * (self.states(frequency_hz) @ self.malleolus)
+        s = 2j * np.pi * np.asarray(frequency_hz)
+        rate = s if self.exact else (np.exp(s * self.step) - 1) / self.step  # as `simulate` takes it from velocities
+        return rate * (self.states(frequency_hz) @ self.malleolus)
 
 
 def discretise(foot: Foot) -> Discrete:
     """The linear model of one step, by central differences of one batched step.
 
     Raises:
-        SettingError: the model has ball or free joints.
+        SimulationError: it rests in no pose.
     """
+    foot = foot.with_values({})
     model = foot.model
-    if model.nq != model.nv:
-        raise SettingError(f"{foot.name}: the viewer needs joints that are slides or hinges, not balls or free ones.")
+    model.opt.tolerance = 0.0  # the solver of constraints would stop before it has seen a small motion
     n, n_act = model.nv, model.na
     # Large enough for MuJoCo's constraint solver, which stops at an absolute gain and would see nothing in small ones.
     size = np.concatenate([np.full(n, 1e-4), np.full(n, 1e-2), np.full(n_act, 1.0), [1.0, 0.1, 0.01, 1e-3]])
@@ -127,16 +133,19 @@ def discretise(foot: Foot) -> Discrete:
     push = np.concatenate([np.diag(size), -np.diag(size)])
     controls = np.zeros((2 * count, 1, SHAKER_CONTROLS))
     controls[:, 0, 1:] = push[:, states:]
-    start = np.concatenate([model.qpos0, np.zeros(n + n_act)]) + push[:, :states]
+    rest = standing(foot)
+    start = np.concatenate([rest, np.zeros(n + n_act)]) + push[:, :states]
     out = Batch(foot, 2 * count, threads=1).run(controls, foot.step, *np.split(start, [n, 2 * n], axis=1))
     after = np.concatenate([out.qpos[:, -1], out.qvel[:, -1], out.act[:, -1]], axis=1)
     slope = (after[:count] - after[count:]) / (2 * size[:, None])
     data, jacobian = mujoco.MjData(model), np.zeros((3, n))
+    data.qpos[:] = rest
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_jacSite(model, data, jacobian, None, model.site("malleolus").id)
     row = np.concatenate([np.zeros(n), foot.up @ jacobian, np.zeros(n_act)])
-    return Discrete(foot.step, slope[:states].T, slope[states:].T, row)
+    exact = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    return Discrete(foot.step, slope[:states].T, slope[states:].T, row, rest, exact)
 
 
 def periodic_motion(foot: Foot, settings: Settings, amplitudes: Array | None = None) -> Motion:
@@ -201,7 +210,7 @@ def _settled(foot: Foot, f: float, amplitudes: Array, count: int) -> Motion:
     batch = Batch(changed, 1, threads=1)
     controls = harmonics(f, amplitudes, 1 / f).controls(changed.step, count)[None]
     q, v, a = np.split(start, [n, 2 * n])
-    q = q + changed.model.qpos0
+    q = q + linear.rest
     began = time.process_time()
     for _ in range(PERIODS):
         if time.process_time() - began > PATIENCE:
@@ -241,7 +250,7 @@ def _from_rest(foot: Foot, base: BaseMotion, shown: tuple[float, float], count: 
     """The transient with `count` steps. Slow motion is taken out of the table and of what moves on it alike."""
     changed = foot.with_values({}, step=base.duration / count)
     controls = base.controls(changed.step, count)[None]
-    out = Batch(changed, 1, threads=1).run(controls, changed.step)
+    out = Batch(changed, 1, threads=1).run(controls, changed.step, standing(changed))
     stride = max(1, int(1 / (RATE * changed.step)))
     pick = np.arange(0, count, stride)
     whole = _shown(changed, out, pick, base.duration, discretise(changed).transmissibility(CURVE))
@@ -287,22 +296,31 @@ def watched(model: mujoco.MjModel) -> dict[str, list[tuple[str, int]]]:
 
 
 def loop_point(model: mujoco.MjModel, data: mujoco.MjData, kind: str, i: int) -> tuple[float, float]:
-    """Extension [m] and tensile force [N] of a joint's or tendon's spring, native damper and law together."""
+    """Extension [m] and tensile force [N] of a joint or tendon: spring, damper, law, and actuators that act on it."""
     if kind == "joint":
         q, v = model.jnt_qposadr[i], model.jnt_dofadr[i]
-        x, x_dot = data.qpos[q] - model.qpos_spring[q], data.qvel[v]
-        stiffness, native, user = model.jnt_stiffness, model.dof_damping.reshape(model.nv, -1)[v, 0], model.jnt_user
+        x, x_dot, spring = data.qpos[q] - model.qpos_spring[q], data.qvel[v], data.qpos[q] - model.qpos_spring[q]
+        rows = model.jnt_stiffness[i], model.jnt_stiffnesspoly[i], model.dof_damping[v], model.dof_dampingpoly[v]
+        user, through = model.jnt_user, mujoco.mjtTrn.mjTRN_JOINT
     else:
         x, x_dot = data.ten_length[i] - model.tendon_length0[i], data.ten_velocity[i]
-        stiffness, user = model.tendon_stiffness, model.tendon_user
-        native = model.tendon_damping.reshape(model.ntendon, -1)[i, 0]
-    force = stiffness.reshape(len(user), -1)[i, 0] * x + native * x_dot
+        low, high = model.tendon_lengthspring[i]
+        spring = data.ten_length[i] - np.clip(data.ten_length[i], low, high)
+        rows = (model.tendon_stiffness[i], model.tendon_stiffnesspoly[i],
+                model.tendon_damping[i], model.tendon_dampingpoly[i])  # fmt: skip
+        user, through = model.tendon_user, mujoco.mjtTrn.mjTRN_TENDON
+    k, more_k, c, more_c = (np.ravel(row) for row in rows)
+    force = _polynomial(k[0], more_k, spring) + _polynomial(c[0], more_c, x_dot)
     if user.shape[1]:
-        force -= algebraic_force(user[i], x, x_dot, native)
-    if kind == "tendon":  # an actuator on the tendon pulls too, such as the branch of the aponeurosis
-        on = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (model.actuator_trnid[:, 0] == i)
-        force -= float(np.sum(data.actuator_force[on]))
-    return float(x), float(force)
+        force -= algebraic_force(user[i], x, x_dot, float(c[0]))
+    on = np.flatnonzero((model.actuator_trntype == through) & (model.actuator_trnid[:, 0] == i))
+    outputs = model.actuator_outadr[on]  # such as the branch of the aponeurosis, or a pad with a memory
+    return float(x), float(force - np.sum(data.actuator_force[outputs] * model.actuator_gear[outputs, 0]))
+
+
+def _polynomial(first: float, more: Array, x: float) -> float:
+    """MuJoCo's force of a spring or damper: first x + more_0 x^2 + more_1 x^3, as the signs are."""
+    return float(x * (first + sum(factor * x**power for power, factor in enumerate(more, 1))))
 
 
 def _shown(foot: Foot, out: Simulation, pick: Array, duration: float, curve: Array) -> Motion:

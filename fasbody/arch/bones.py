@@ -168,11 +168,16 @@ class Arch(Tabled):
 
         Raises:
             InputFileError: no such model, or MuJoCo cannot compile it.
-            ModelError: see `from_model`.
+            ModelError: see `from_model`; or the model has gravity.
         """
         from fasbody.foot.model import load
 
         foot = load(model)
+        if foot.model.opt.gravity.any():
+            raise ModelError(
+                f"{foot.name}: <option> has gravity, and these equations are about the state in which it is balanced "
+                '(Eq. 4.29); write gravity="0 0 0" (crosscheck alone follows it).'
+            )
         return cls.from_model(foot.model, foot.name)
 
     @property

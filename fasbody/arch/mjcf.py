@@ -11,7 +11,7 @@ import numpy as np
 
 from fasbody.exceptions import ModelError, unknown
 from fasbody.foot import damper
-from fasbody.foot.model import check_constants
+from fasbody.foot.model import check_constants, check_free
 from fasbody.foot.parameters import declared
 
 #: The joints of the tree in the order of `tree_position`; the shaker's `base` comes before them.
@@ -31,7 +31,7 @@ APEX_MASS = 1e-9
 #: How far an axis, the closure's polynomial, a rest length or a declared constant may be off.
 TOLERANCE = 1e-6
 
-_KINDS = {"joint": JOINTS, "site": SITES, "tendon": (*PADS, FASCIA), "actuator": (BRANCH,)}
+_KINDS = {"joint": JOINTS, "site": (*SITES, "malleolus"), "tendon": (*PADS, FASCIA), "actuator": (BRANCH,)}
 Index = Mapping[tuple[str, str], int]
 
 
@@ -48,6 +48,7 @@ def numbers(model: mujoco.MjModel, name: str = "model") -> dict[str, float]:
     """
     index = _index(model, name)
     check_constants(model, name)
+    check_free(model, name)
     _check_joints(model, index, name)
     _check_bodies(model, index, name)
     _check_closure(model, index, name)
@@ -212,6 +213,20 @@ def _check_bodies(model: mujoco.MjModel, index: Index, name: str) -> None:
                 f"{name}: body {model.body(body).name!r} has a mass or joint of its own that the five-body arch does "
                 "not have; fix it to tibia, or add its mass to a bone."
             )
+    _check_on_table(model, int(model.body_parentid[apex]), f"{name}: body {model.body(apex).name!r} stands on")
+    sensed = int(model.site_bodyid[model.site("malleolus").id])
+    if model.body_weldid[sensed] != tibia:
+        raise ModelError(
+            f"{name}: site 'malleolus' is on {model.body(sensed).name!r}, and the equations have it on the tibia."
+        )
+
+
+def _check_on_table(model: mujoco.MjModel, body: int, here: str) -> None:
+    if model.body_weldid[body] != model.body_weldid[model.jnt_bodyid[model.joint("base").id]]:
+        raise ModelError(
+            f"{here} body {model.body(body).name!r}, which moves by itself, and the equations have the table there; "
+            "put its stiffness in series with the pads' instead."
+        )
 
 
 def _check_closure(model: mujoco.MjModel, index: Index, name: str) -> None:
@@ -233,6 +248,11 @@ def _check_closure(model: mujoco.MjModel, index: Index, name: str) -> None:
 
 
 def _check_tendons(model: mujoco.MjModel, index: Index, name: str) -> None:
+    ends = {index["site", element] for element in SITES}
+    for pad in PADS:
+        first, count = (int(rows[index["tendon", pad]]) for rows in (model.tendon_adr, model.tendon_num))
+        for site in {int(s) for s in model.wrap_objid[first : first + count]} - ends:
+            _check_on_table(model, int(model.site_bodyid[site]), f"{name}: tendon {pad!r} ends on")
     for tendon in (*PADS, FASCIA):
         t = index["tendon", tendon]
         if np.abs(model.tendon_lengthspring[t] - model.tendon_length0[t]).max() > TOLERANCE:

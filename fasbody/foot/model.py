@@ -22,6 +22,8 @@ REQUIRED = {"joint": ("base",), "actuator": ("shaker",), "sensor": ("base", "mal
 _IN_WORLD, _IN_SITE = mujoco.mjtSensor.mjSENS_FRAMELINACC, mujoco.mjtSensor.mjSENS_ACCELEROMETER
 #: Armature from which a joint is the shaker's table [kg], and how far two tied pads may differ at rest [m].
 HEAVY, CLOSED = 1e6, 1e-6
+#: Parts of the physics that no model may switch off.
+_NEEDED = ("spring", "damper", "gravity", "equality", "actuation", "sensor")
 
 
 @dataclass(frozen=True)
@@ -142,16 +144,20 @@ def load(model: str | Path | mujoco.MjSpec) -> Foot:
     shipped = mjcf.names()
     if isinstance(model, mujoco.MjSpec):
         compiled = _compiled(model.compile, "MjSpec")
+        _check_masses(model, _called(compiled))
         return check(compiled, _called(compiled))
     if isinstance(model, str) and model.lstrip().startswith("<"):
         compiled = _compiled(lambda: mujoco.MjSpec.from_string(model).compile(), "MJCF text")
+        _check_masses(mujoco.MjSpec.from_string(model), _called(compiled))
         return check(compiled, _called(compiled))
     file = mjcf.path(str(model)) if str(model) in shipped else Path(model)
     if not file.is_file():
         valid = f"give an MJCF file or one of {', '.join(shipped)}"
         raise InputFileError(model, "no such model", valid)
     compiled = _compiled(lambda: mujoco.MjModel.from_xml_path(str(file)), file)
-    return check(compiled, str(model) if str(model) in shipped else file.name)
+    name = str(model) if str(model) in shipped else file.name
+    _check_masses(mujoco.MjSpec.from_file(str(file)), name)
+    return check(compiled, name)
 
 
 def _compiled(build: Callable[[], mujoco.MjModel], place: str | Path) -> mujoco.MjModel:
@@ -170,6 +176,17 @@ def _compiled(build: Callable[[], mujoco.MjModel], place: str | Path) -> mujoco.
 def _called(model: mujoco.MjModel) -> str:
     """The name that a model gives itself, which MuJoCo keeps before those of its elements."""
     return str(model.names.partition(b"\0")[0].decode())
+
+
+def _check_masses(spec: mujoco.MjSpec, name: str) -> None:
+    """Refuse the mass of a geom that MuJoCo passes over without a word, as its body has an inertial."""
+    for body in spec.bodies:
+        for geom in body.geoms if body.explicitinertial else ():
+            if geom.mass > 0:
+                raise ModelError(
+                    f"{name}: geom {geom.name!r} has the mass {geom.mass:g}, which counts for nothing, as body "
+                    f"{body.name!r} has an <inertial>; write the mass there."
+                )
 
 
 def check(model: mujoco.MjModel, name: str) -> Foot:
@@ -193,6 +210,7 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
             )
     check_constants(model, name)
     _check_laws(model, name)
+    _check_options(model, name)
     shaker = model.actuator("shaker").id
     first = int(model.actuator_ctrladr[shaker])
     if model.actuator_biasprm[shaker, 0] != SHAKER or model.nu < first + SHAKER_CONTROLS:
@@ -200,28 +218,119 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
             f'{name}: the actuator shaker needs biastype="user" biasprm="{SHAKER:g}" and four more actuators behind it '
             "that carry its controls; copy the actuators of two_dof.xml."
         )
+    _check_shaker(model, name, first)
     up = _check_base(model, name, shaker)
     _check_pads(model, name)
     sensors = accelerometers(model, up)
     for element in REQUIRED["sensor"]:
         if element not in sensors:
             raise ModelError(f"{name}: sensor {element!r} reads no acceleration; make it a framelinacc at a site.")
+    _check_sensors(model, name)
     base = int(model.jnt_qposadr[model.joint("base").id])
     if not can_be_constrained(model):  # MuJoCo then need not look for contacts: a fifth of a step
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     parameters = declared(model, name)
-    _check_added_mass(parameters, name)
+    _check_added_mass(model, parameters, name)
+    _check_places(model, parameters, name)
     return Foot(name, model, parameters, base, first, up, sensors)
 
 
-def _check_added_mass(parameters: Parameters, name: str) -> None:
+def _check_options(model: mujoco.MjModel, name: str) -> None:
+    """Slides and hinges alone, and nothing of the physics switched off: no equation would know."""
+    for j in range(model.njnt):
+        if int(model.jnt_type[j]) not in (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)):
+            raise ModelError(f"{name}: joint {model.joint(j).name!r} is a ball or free; use slides and hinges.")
+    for flag in (*_NEEDED, *(("constraint",) if can_be_constrained(model) else ())):
+        if model.opt.disableflags & getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag.upper()}"):
+            raise ModelError(
+                f'{name}: <flag {flag}="disable"/> switches off what the model is made of; remove it, and change the '
+                "numbers of the elements instead."
+            )
+
+
+def _check_shaker(model: mujoco.MjModel, name: str, first: int) -> None:
+    """The shaker is on, and gives whatever is asked of it."""
+    for actuator in range(model.nactuator):
+        control = int(model.actuator_ctrladr[actuator])
+        if not first <= control < first + SHAKER_CONTROLS:
+            continue
+        called, out = model.actuator(actuator).name, int(model.actuator_outadr[actuator])
+        if model.actuator_ctrllimited[control] or model.actuator_forcelimited[out]:
+            raise ModelError(f"{name}: actuator {called!r} has a range, and the table must move as asked; remove it.")
+        group = int(model.actuator_group[actuator])
+        if 0 <= group < 31 and model.opt.disableactuator >> group & 1:
+            raise ModelError(
+                f"{name}: actuator {called!r} is switched off by actuatorgroupdisable, so nothing moves the table."
+            )
+
+
+def _check_sensors(model: mujoco.MjModel, name: str) -> None:
+    """Base and malleolus are sensed where they are, and by a velocity where the acceleration comes late."""
+    wanted = {"base": model.body_weldid[model.jnt_bodyid[model.joint("base").id]]}
+    wanted["malleolus"] = model.body_weldid[model.site_bodyid[model.site("malleolus").id]]
+    late = model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
+    if late and "malleolus_velocity" not in names(model, "sensor"):
+        raise ModelError(
+            f"{name}: with another integrator than RK4 accelerations are sensed half a step early; add the sensor "
+            "'malleolus_velocity', a framelinvel at the site malleolus."
+        )
+    for sensor, body in (*wanted.items(), *([("malleolus_velocity", wanted["malleolus"])] if late else ())):
+        on = _body_of(model, model.sensor(sensor).id)
+        if model.body_weldid[on] != body:
+            place = "the table" if sensor == "base" else "the body of the site 'malleolus'"
+            raise ModelError(f"{name}: sensor {sensor!r} sits on {model.body(on).name!r}; it belongs on {place}.")
+
+
+def _body_of(model: mujoco.MjModel, sensor: int) -> int:
+    """Number of the body that a sensor sits on."""
+    kind, number = model.sensor_objtype[sensor], int(model.sensor_objid[sensor])
+    if kind == mujoco.mjtObj.mjOBJ_SITE:
+        return int(model.site_bodyid[number])
+    return int(model.geom_bodyid[number]) if kind == mujoco.mjtObj.mjOBJ_GEOM else number
+
+
+def _check_added_mass(model: mujoco.MjModel, parameters: Parameters, name: str) -> None:
     """The added mass goes to one place: that of `added_mass`, or with the shank into m_S or m_T."""
     shank = next((symbol for symbol in ("m_S", "m_T") if symbol in parameters), None)
-    if "added_mass" in parameters and shank:
+    if "added_mass" not in parameters:
+        return
+    if shank:
         raise ModelError(
             f"{name}: declares added_mass and {shank}, and {shank} of a recording holds the added mass already; "
             f"call {shank} otherwise, such as m_K, or leave added_mass out."
         )
+    place, *more = parameters["added_mass"].places
+    if more or place.field != "body_mass" or place.share != 1 or place.reciprocal:
+        raise ModelError(f"{name}: added_mass must stand at one place, body NAME mass.")
+    if model.body_dofnum[place.index]:
+        raise ModelError(
+            f"{name}: added_mass stands at body {model.body(place.index).name!r}, whose own "
+            f"{model.body_mass[place.index]:g} kg it would replace; name a body of mass 0 that is fixed to it, as the "
+            "body load of leg.xml is."
+        )
+
+
+def _check_places(model: mujoco.MjModel, parameters: Parameters, name: str) -> None:
+    """Where a parameter stands at several places, all must say the same: one number is read, and all are written."""
+    for symbol, parameter in parameters.items():
+        value = parameter.read(model)
+        for place in parameter.places[1:]:
+            if _is_share(model, place.field, place.index):
+                continue
+            other = place.read(model)
+            if abs(other - value) > 1e-6 * max(abs(value), abs(other)):
+                raise ModelError(
+                    f"{name}: parameter {symbol!r} is {value:g} {parameter.unit} at the first place that its <text> "
+                    f"names and {other:g} at another; edit every place alike, or the shares in the <text>."
+                )
+
+
+def _is_share(model: mujoco.MjModel, field: str, index: int) -> bool:
+    """Whether a number is the native share of a damper of law 4.25, which decides accuracy and no physics."""
+    user = {"dof_damping": model.jnt_user, "tendon_damping": model.tendon_user}.get(field)
+    if user is None or user.shape[1] < 1:
+        return False
+    return bool(user[model.dof_jntid[index] if field == "dof_damping" else index, 0] == damper.DAMPER)
 
 
 def accelerometers(model: mujoco.MjModel, up: tuple[float, float, float]) -> dict[str, Sensor]:
@@ -374,6 +483,34 @@ def can_be_constrained(model: mujoco.MjModel) -> bool:
     touches = np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any() or model.npair or model.nflex
     limited = model.jnt_limited.any() or model.tendon_limited.any() or model.neq
     return bool(touches or limited or model.dof_frictionloss.any() or model.tendon_frictionloss.any())
+
+
+def check_free(model: mujoco.MjModel, name: str) -> None:
+    """Refuse what pushes or stops a foot and is in no equation: contact, limits, dry friction, a fluid.
+
+    Args:
+        model: the compiled model.
+        name: what to call it in messages.
+
+    Raises:
+        ModelError: the first one found, by its name.
+    """
+    for kind, limited, friction in (
+        ("joint", model.jnt_limited, model.dof_frictionloss),
+        ("tendon", model.tendon_limited, model.tendon_frictionloss),
+    ):
+        for number in np.flatnonzero(limited):
+            element = getattr(model, kind)(number).name
+            raise ModelError(f"{name}: {kind} {element!r} has a limit, which no equation has.")
+        for number in np.flatnonzero(friction):
+            element = getattr(model, kind)(model.dof_jntid[number] if kind == "joint" else number).name
+            raise ModelError(f"{name}: {kind} {element!r} has dry friction, which no linear equation has.")
+    if np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any() or model.npair or model.nflex:
+        raise ModelError(
+            f'{name}: geoms can touch, which no linear equation has; use contype="0" conaffinity="0" and no <pair>.'
+        )
+    if model.opt.density or model.opt.viscosity:
+        raise ModelError(f"{name}: <option> has a density or viscosity of what is around, which no equation has.")
 
 
 #: What the compiler's message means; groups of the pattern and of its place fill the clause.

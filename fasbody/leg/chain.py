@@ -18,7 +18,7 @@ import numpy as np
 
 from fasbody.exceptions import ModelError, unknown
 from fasbody.foot import damper
-from fasbody.foot.model import check_constants
+from fasbody.foot.model import check_constants, check_free
 from fasbody.foot.parameters import declared, names
 from fasbody.presentation import Tabled
 
@@ -39,6 +39,7 @@ class Leg(Tabled):
         damping: of each joint [N s/m], (n,).
         site: site -> number of the mass it sits on, -1 for the table.
         carrier: number of the mass that carries the added one, None if the model names none.
+        added: mass that it carries already [kg], in `mass`.
     """
 
     names: tuple[str, ...]
@@ -48,6 +49,7 @@ class Leg(Tabled):
     damping: Array
     site: Mapping[str, int]
     carrier: int | None = None
+    added: float = 0.0
 
     @classmethod
     def from_model(cls, model: mujoco.MjModel, name: str = "model") -> "Leg":
@@ -80,9 +82,13 @@ class Leg(Tabled):
         sites = {site: on[int(model.site(site).bodyid[0])] for site in names(model, "site")}
         labels = tuple(model.joint(j).name for j in joints)
         k, c = (np.array([law[i] for law in laws]) for i in (0, 1))
-        added = declared(model, name).get("added_mass")
-        carrier = on[added.places[0].index] if added else None
-        return cls(labels, mass, tuple(parent), k, c, sites, carrier)
+        parameters = declared(model, name)
+        carrier, added = None, 0.0
+        if "added_mass" in parameters:
+            carrier, added = on[parameters["added_mass"].places[0].index], parameters["added_mass"].read(model)
+            if carrier < 0:
+                raise ModelError(f"{name}: added_mass stands on the table, where it is no part of the leg.")
+        return cls(labels, mass, tuple(parent), k, c, sites, carrier, added)
 
     @property
     def path(self) -> Array:
@@ -99,7 +105,7 @@ class Leg(Tabled):
         return P.T @ (self.mass[:, None] * P), np.diag(self.damping), np.diag(self.stiffness)
 
     def with_added(self, added_mass_kg: float) -> "Leg":
-        """The leg with a mass [kg] where the model says that it goes.
+        """The leg with a mass [kg] where the model says that it goes, in place of what is there.
 
         Raises:
             ModelError: the model names no place for it.
@@ -109,8 +115,8 @@ class Leg(Tabled):
         if self.carrier is None:
             raise ModelError("the model declares no parameter 'added_mass', so that nothing carries the added mass.")
         mass = self.mass.copy()
-        mass[self.carrier] += added_mass_kg
-        return replace(self, mass=mass)
+        mass[self.carrier] += added_mass_kg - self.added
+        return replace(self, mass=mass, added=added_mass_kg)
 
     def stretch(self, frequency_hz: Array) -> Array:
         """Stretch of each joint per acceleration of the table [s^2], complex, shape (f, n)."""
@@ -154,8 +160,6 @@ def _slides(model: mujoco.MjModel, name: str) -> int:
         off = np.abs(data.xaxis[j] - (0, 1, 0)).max()
         if model.jnt_type[j] != mujoco.mjtJoint.mjJNT_SLIDE or off > 1e-9:
             raise ModelError(f"{name}: joint {model.joint(j).name!r} is no slide along y, and a leg goes up and down.")
-        if model.jnt_limited[j]:
-            raise ModelError(f"{name}: joint {model.joint(j).name!r} has a limit, which no linear equation has.")
         if model.qpos_spring[model.jnt_qposadr[j]] != model.qpos0[model.jnt_qposadr[j]]:
             raise ModelError(f"{name}: joint {model.joint(j).name!r} has a springref; a leg begins at rest.")
     for body in range(model.nbody):
@@ -184,16 +188,17 @@ def _check_nothing_else(model: mujoco.MjModel, name: str) -> None:
             number = int(np.flatnonzero(np.any(values.reshape(len(values), -1), axis=1))[0])
             joint = number if field.startswith("jnt") else int(model.dof_jntid[number])
             raise ModelError(f"{name}: joint {model.joint(joint).name!r} has a polynomial law; a leg's are linear.")
-    if np.any(model.dof_frictionloss):
-        joint = model.joint(model.dof_jntid[int(np.flatnonzero(model.dof_frictionloss)[0])]).name
-        raise ModelError(f"{name}: joint {joint!r} has dry friction, which no linear equation has.")
-    if np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any():
-        raise ModelError(f'{name}: geoms can touch, which no linear equation has; use contype="0" conaffinity="0".')
+    check_free(model, name)
 
 
 def _law(model: mujoco.MjModel, joint: int, name: str) -> tuple[float, float]:
     """Stiffness and damping of a joint for small motion about rest."""
     user = model.jnt_user[joint] if model.jnt_user.shape[1] else np.zeros(damper.USER_SIZE)
+    if model.opt.gravity[1] and not (user[0] == 0 or (user[0] == damper.DAMPER and not user[2:].any())):
+        raise ModelError(
+            f"{name}: joint {model.joint(joint).name!r} has a law that depends on how far gravity presses it, which "
+            'these equations do not follow; write gravity="0 0 0" and the law about the loaded state.'
+        )
     try:
         k, c = damper.at_rest(user)
     except ValueError as error:

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from fasbody.foot.model import Foot
+from fasbody.foot.engine import SHAKER_CONTROLS
+from fasbody.foot.model import Foot, can_be_constrained
 from fasbody.foot.two_dof import MASSES, NAMES, STATES, WITH_MASSES, TwoDof, both, both_periodic
 from identification.engines.engine import MALLEOLUS, PASSES, D, Orbits
 
@@ -124,6 +125,10 @@ def carriers(foot: Foot) -> Mapping[str, str]:
         or model.nv != 3
         or model.na
         or model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
+        # what may act beyond the states that are tried below: a strap that is slack, a stop, another actuator
+        or model.ntendon
+        or can_be_constrained(model)
+        or model.nactuator != SHAKER_CONTROLS
     ):
         return {}
     joints = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(model.njnt)]

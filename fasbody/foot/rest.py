@@ -1,0 +1,51 @@
+"""The pose in which a foot stands: gravity and springs that pull at rest are balanced, the table held."""
+
+import mujoco
+import numpy as np
+
+from fasbody.exceptions import SimulationError
+from fasbody.foot.engine import callbacks
+from fasbody.foot.model import Foot
+
+#: Acceleration [m/s^2 or rad/s^2] that still counts as rest, and the difference by which slopes are taken [m or rad].
+_STILL, _NUDGE = 1e-7, 1e-6
+_PASSES, _HALVINGS = 60, 20
+
+
+def standing(foot: Foot) -> np.ndarray:
+    """The pose (nq,) of rest, by Newton's method from that of the file; which is it where nothing pulls.
+
+    Raises:
+        SimulationError: there is none.
+    """
+    model, data = foot.model, mujoco.MjData(foot.model)
+    own = np.delete(np.arange(model.nv), foot.base)
+
+    def acceleration(q: np.ndarray) -> np.ndarray:
+        data.qpos[:], data.qvel[:], data.ctrl[:] = q, 0.0, 0.0
+        mujoco.mj_forward(model, data)
+        return data.qacc[own].copy()
+
+    q = model.qpos0.copy()
+    with callbacks():
+        a = acceleration(q)
+        for _ in range(_PASSES):
+            if np.abs(a).max(initial=0.0) < _STILL:
+                return q
+            slope = np.empty((own.size, own.size))
+            for column, i in enumerate(own):
+                ends = [acceleration(q + sign * _NUDGE * (np.arange(model.nq) == i)) for sign in (1, -1)]
+                slope[:, column] = (ends[0] - ends[1]) / (2 * _NUDGE)
+            step = np.zeros(model.nq)
+            step[own] = np.linalg.lstsq(slope, -a, rcond=1e-14)[0]
+            for halving in range(_HALVINGS):
+                tried = q + step / 2**halving
+                found = acceleration(tried)
+                if np.abs(found).max() < np.abs(a).max():
+                    q, a = tried, found
+                    break
+            else:
+                break
+    if np.abs(a).max() < 1e3 * _STILL:
+        return q
+    raise SimulationError(f"{foot.name}: nothing carries it: no pose was found in which it rests.")

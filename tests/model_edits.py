@@ -1,0 +1,660 @@
+# ruff: noqa: E501 - the changes of an edit are read on one line
+"""Edits of the shipped models as a modeller would make them, and what each must come to: one table, `EDITS`.
+
+Every edit meets every way in which the project reads a model (`READERS`). Each either follows it, to the number that
+an independent calculation gives, or refuses it in one sentence that names the element. The calculations are written
+down here: masses in absolute coordinates for chains, the equations of the arch with constants that are stated here.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from arch_copies import reshaped
+
+import mjcf
+from fasbody.arch.bones import Arch
+from fasbody.arch.linear import transmissibility
+from fasbody.foot.model import load
+from fasbody.foot.shaker import harmonics
+from fasbody.foot.simulate import simulate
+from fasbody.leg.chain import Leg
+from identification.derived import linearised
+from identification.engines.engine import Excitation
+from identification.engines.mujoco import Rollouts
+from identification.engines.twin import Twin, twin_applies
+from identification.study.loops import cycle
+from viz.load import load_foot
+from viz.motion import discretise, periodic_motion
+from viz.settings import Settings
+
+Array = np.ndarray
+#: Table of all comparisons [Hz], and its acceleration [m/s^2]: so small that every law is what it is at rest.
+HZ, PEAK = 20.0, 0.02
+S = 2j * np.pi * HZ
+G = 9.81
+
+
+@dataclass(frozen=True)
+class Link:
+    """One mass [kg] on the mass below it (-1: the table), by an impedance k + s c [N/m]; s at `HZ`."""
+
+    mass: float
+    on: int
+    k: complex
+    c: float = 0.0
+
+    def z(self, s: complex) -> complex:
+        return self.k + s * self.c
+
+
+#: two_dof.xml and leg.xml, link by link from the table up; the load is one with the tissue.
+FOOT, SHANK = Link(1.052265, -1, 1e5, 800), Link(3.374505, 0, 1.5e5, 430)
+PAD, HINDFOOT, ANKLE = Link(1.05, -1, 1.633e5, 47.6), Link(0.695, 0, 1.669e5, 40.6), Link(2.705, 1, 1.162e4, 362)
+THIGH, TISSUE = Link(2.06, 2, 2.792e4, 971), Link(0.2, 2, 7.043e4, 555)
+LEG = (PAD, HINDFOOT, ANKLE, THIGH, TISSUE)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What must come out.
+
+    Attributes:
+        T: malleolus over table, complex.
+        pad: force of the fat pad per acceleration of the table [N s^2/m], complex, None where nobody asks.
+        dissipated: in the pad's damper a cycle per squared acceleration of the table [J s^4/m^2], likewise.
+        singular: how far s is from a natural frequency, zero at one; None likewise.
+    """
+
+    T: complex
+    pad: complex | None = None
+    dissipated: float | None = None
+    singular: Callable[[complex], float] | None = None
+
+
+def chain(*links: Link, at: int, pad: int = 0, more: tuple[tuple[int, int, complex], ...] = ()) -> Truth:
+    """D y = f in absolute coordinates.
+
+    Args:
+        links: from the table up. at: mass of the malleolus. pad: link of the fat pad.
+        more: impedances [N/m] at `HZ` between two masses besides (-1: the table).
+    """
+
+    def D(s: complex) -> tuple[Array, Array]:
+        full = np.diag([0j] + [s**2 * link.mass for link in links])  # the table comes first
+        for i, on, z in (*((i, link.on, link.z(s)) for i, link in enumerate(links)), *more):
+            full[np.ix_([i + 1, on + 1], [i + 1, on + 1])] += z * np.array([[1, -1], [-1, 1]])
+        return full[1:, 1:], -full[1:, 0]
+
+    y = np.linalg.solve(*D(S))
+    z, stretch = links[pad].z(S), (y[pad] - (y[links[pad].on] if links[pad].on >= 0 else 1)) / S**2
+
+    def singular(s: complex) -> float:
+        smallest = [np.linalg.svd(D(x)[0], compute_uv=False)[-1] for x in (s, 1.02 * s)]
+        return float(smallest[0] / smallest[1])
+
+    return Truth(complex(y[at]), z * stretch, np.pi * (z / S).real * abs(S) * abs(stretch) ** 2,
+                 None if more else singular)  # fmt: skip
+
+
+def arch(**constants: float) -> Truth:
+    """The equations of the arch with some of the nominal constants changed."""
+    return Truth(complex(transmissibility(replace(Arch.nominal(), **constants), np.array(HZ))))
+
+
+# --- the ways in which a model is read --------------------------------------------------------------------------------
+
+
+def _first(values: Array, step: float) -> complex:
+    """First harmonic of the last two periods."""
+    n = round(2 / HZ / step)
+    return complex(2 / n * values[-n:] @ np.exp(-S * step * np.arange(len(values) - n, len(values))))
+
+
+def stepped(file: Path) -> dict[str, complex]:
+    """`simulate`, from the pose of the file until the start has faded."""
+    foot = load(file)
+    implicit = foot.step < 2e-4
+    seconds, step = (0.5, 1e-4) if implicit else (2.0, 5e-4)
+    run = simulate(foot, harmonics(HZ, [PEAK], seconds), step=step)
+    return {"T": _first(run.malleolus[0], step) / _first(run.base[0], step)}
+
+
+def fitted(file: Path) -> dict[str, complex]:
+    """The motion that a fit begins from: compiled equations where they are this model, else MuJoCo."""
+    foot = load(file)
+    e = Excitation(HZ, np.array([PEAK + 0j]), {}, min(5e-4, foot.step))
+    engine = Twin(foot, [e]) if twin_applies(foot) else Rollouts(foot, [e], ())
+    y = engine.orbit(0, foot.values(), (), 1e-4)[0]
+    return {"T": complex(2 / y.size * np.fft.rfft(y)[1] / PEAK)}
+
+
+def energies(file: Path) -> dict[str, complex]:
+    """What a fit says of the energy in the pad."""
+    foot = load(file)
+    e = Excitation(HZ, np.array([PEAK + 0j]), {}, min(5e-4, foot.step))
+    return {"dissipated": cycle(foot, e, foot.values(), twin_applies(foot)).fat_pad.dissipated_j / PEAK**2}
+
+
+def swings(file: Path) -> dict[str, complex]:
+    """Natural frequencies that a fit reports."""
+    return {"singular": np.linalg.eigvals(linearised(load(file)))}
+
+
+def drawn(file: Path) -> dict[str, complex]:
+    """The curve of the viewer, from one linear step."""
+    return {"T": complex(discretise(load_foot(str(file))).transmissibility(np.array([HZ]))[0])}
+
+
+def shown(file: Path) -> dict[str, complex]:
+    """The motion of the viewer, and its loop of the pad."""
+    foot = load_foot(str(file))
+    motion = periodic_motion(foot, Settings(frequency=HZ, peak_to_peak=2 * PEAK))
+    found = {"T": complex(motion.ratio * np.exp(1j * np.radians(motion.phase)))}
+    if "fat pad" in motion.loops:
+        base, force = (2 / len(x) * np.fft.rfft(x)[1] for x in (motion.base, motion.loops["fat pad"][1]))
+        found["pad"] = complex(force / base)
+    return found
+
+
+def as_leg(file: Path) -> dict[str, complex]:
+    """`fasbody.leg`: the equations of a chain."""
+    foot = load(file)
+    return {"T": complex(Leg.from_model(foot.model, foot.name).at("malleolus", np.array([HZ]))[0])}
+
+
+def as_arch(file: Path) -> dict[str, complex]:
+    """`fasbody.arch`: the equations of the five bodies."""
+    return {"T": complex(transmissibility(Arch.read(file), np.array(HZ)))}
+
+
+READERS: Mapping[str, Callable[[Path], dict[str, complex]]] = {
+    "simulate": stepped, "fit": fitted, "energy": energies, "modes": swings, "curve": drawn, "viewer": shown,
+    "leg": as_leg, "arch": as_arch,
+}  # fmt: skip
+#: What no edit of a model changes: it is a chain, or an arch.
+NO_LEG = {"leg": "is no slide along y|is not in the equations of a leg|several joints"}
+NO_ARCH = {"arch": "there is no joint 'apex'|has gravity"}
+#: Readers of each model.
+OF: Mapping[str, tuple[str, ...]] = {
+    "two_dof": tuple(READERS), "leg": tuple(name for name in READERS if name != "energy"), "foot_arch": ("simulate", "fit", "curve", "viewer", "leg", "arch"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Edit:
+    """One edit.
+
+    Attributes:
+        model: shipped. says: for people. changes: (old, new) texts. truth: what must come out, None where every reader
+            refuses it. refused: reader -> words of its refusal; "load" where all refuse it.
+    """
+
+    model: str
+    says: str
+    changes: tuple[tuple[str, str], ...]
+    truth: Truth | None
+    refused: Mapping[str, str]
+    text: str = ""
+
+    def write(self, folder: Path) -> Path:
+        """The edited copy."""
+        text = self.text or mjcf.path(self.model).read_text()
+        for old, new in self.changes:
+            assert old in text, old
+            text = text.replace(old, new)
+        file = folder / "copy.xml"
+        file.write_text(text)
+        return file
+
+
+def _edit(model: str, says: str, *changes: tuple[str, str], truth: Truth | None = None, text: str = "",
+          **refused: str) -> Edit:  # fmt: skip
+    usual = NO_LEG if model == "foot_arch" else NO_ARCH
+    return Edit(model, says, changes, truth, refused if truth is None else {**usual, **refused}, text)
+
+
+# two_dof.xml
+FAT_PAD, TALOCRURAL = 'name="fat_pad" stiffness="1.0e5" user="4.25 800 -50 100"', 'name="talocrural" stiffness="1.5e5"'
+IN_FOOT = '<body name="foot" childclass="bone">'
+BODY = '<body name="{0}"><joint name="{0}" stiffness="{1}" damping="{2}"/>'
+BODY += '<inertial pos="0 0 0" mass="{3}" diaginertia="1e-3 1e-3 1e-3"/>'
+SITE = '<site name="malleolus" pos="0 0.09 0.03" size="0.008" rgba="0.8 0.1 0.1 1"/>'
+ACTUATORS, TENDONS = "  </actuator>", "  <actuator>"
+HEAVY = ('gravity="0 0 0"', 'gravity="0 -9.81 0"')
+
+
+def _relaxing(A: float, B: float, c: float, tau_1: float, tau_2: float, h: float, e0: float) -> complex:
+    """Impedance of a pad of law 4.22 for small motion: its spectrum c/tau from tau_1 to tau_2, integrated by hand."""
+    relaxed = A * B * np.exp(B * e0) / h
+    return relaxed * (1 + c * np.log((1 + S * tau_2) / (1 + S * tau_1))) / (1 + c * np.log(tau_2 / tau_1))
+
+
+TWO_DOF = (
+    _edit("two_dof", "softer pad", ('"1.0e5"', '"8e4"'), truth=chain(replace(FOOT, k=8e4), SHANK, at=1)),
+    _edit("two_dof", "stronger damper of the ankle", ("4.25 430", "4.25 900"),
+          truth=chain(FOOT, replace(SHANK, c=900), at=1)),
+    _edit("two_dof", "native share of a damper (accuracy only)", (TALOCRURAL, TALOCRURAL + ' damping="200"'),
+          truth=chain(FOOT, SHANK, at=1)),
+    _edit("two_dof", "heavier foot", ('mass="1.052265"', 'mass="1.6"'), truth=chain(replace(FOOT, mass=1.6), SHANK, at=1)),
+    _edit("two_dof", "a shoe, fixed to the foot",
+          ('<body name="shank">', '<body name="shoe"><inertial pos="0 0 0" mass="0.4" diaginertia="1e-3 1e-3 1e-3"/>'
+           '</body><body name="shank">'), truth=chain(replace(FOOT, mass=1.452265), SHANK, at=1)),
+    _edit("two_dof", "an insole, a body of its own",
+          (IN_FOOT, BODY.format("insole", 9e4, 70, 0.3) + IN_FOOT), ("  </worldbody>", "</body>  </worldbody>"),
+          truth=chain(Link(0.3, -1, 9e4, 70), replace(FOOT, on=0), replace(SHANK, on=1), at=2, pad=1)),
+    _edit("two_dof", "an insole of the table's class",
+          (IN_FOOT, '<body name="insole" childclass="base"><joint name="insole" stiffness="9e4"/>'
+           '<inertial pos="0 0 0" mass="0.3" diaginertia="1e-3 1e-3 1e-3"/>' + IN_FOOT),
+          ("  </worldbody>", "</body>  </worldbody>"), load="joint 'insole' has the armature 1e.09"),
+    _edit("two_dof", "calf on soft tissue", (SITE, SITE + BODY.format("calf", 2e4, 50, 1.0) + "</body>"),
+          truth=chain(FOOT, SHANK, Link(1.0, 1, 2e4, 50), at=1)),
+    _edit("two_dof", "another place of the malleolus' sensor", (SITE, ""),
+          ('<site name="foot" ', SITE + '<site name="foot" '), truth=chain(FOOT, SHANK, at=0)),
+    _edit("two_dof", "an accelerometer in place of framelinacc",
+          ('<framelinacc name="malleolus" objtype="site" objname="malleolus"/>',
+           '<accelerometer name="malleolus" site="malleolus"/>'), truth=chain(FOOT, SHANK, at=1)),
+    _edit("two_dof", "armature at the ankle", (TALOCRURAL, TALOCRURAL + ' armature="0.5"'),
+          truth=chain(FOOT, SHANK, at=1, more=((1, 0, S**2 * 0.5),)), leg="joint 'talocrural' has an armature"),
+    _edit("two_dof", "a strap from table to shank",
+          ("<body name=\"foot\"", '<site name="floor"/><body name="foot"'),
+          (TENDONS, '<tendon><spatial name="strap" stiffness="3e4" damping="20"><site site="floor"/>'
+           '<site site="top"/></spatial></tendon>' + TENDONS), (SITE, SITE + '<site name="top" pos="0 0.3 0"/>'),
+          truth=chain(FOOT, SHANK, at=1, more=((1, -1, 3e4 + 20 * S),)), leg="tendon 'strap' is not in the equations"),
+    _edit("two_dof", "a strap that is slack for 5 mm",
+          ("<body name=\"foot\"", '<site name="floor"/><body name="foot"'),
+          (TENDONS, '<tendon><spatial name="strap" stiffness="3e4" springlength="0.295 0.305"><site site="floor"/>'
+           '<site site="top"/></spatial></tendon>' + TENDONS), (SITE, SITE + '<site name="top" pos="0 0.3 0"/>'),
+          truth=chain(FOOT, SHANK, at=1), leg="tendon 'strap' is not in the equations"),
+    _edit("two_dof", "a servo at the ankle",
+          (ACTUATORS, '<general name="servo" joint="talocrural" gainprm="0" biastype="affine" biasprm="0 -5e4 -30"/>'
+           + ACTUATORS), truth=chain(FOOT, SHANK, at=1, more=((1, 0, 5e4 + 30 * S),)),
+          leg="actuator 'servo' is not in the equations"),
+    _edit("two_dof", "a servo at the pad",
+          (ACTUATORS, '<general name="servo" joint="fat_pad" gainprm="0" biastype="affine" biasprm="0 -5e4 -30"/>'
+           + ACTUATORS), truth=replace(chain(replace(FOOT, k=1.5e5, c=830), SHANK, at=1), singular=None),
+          leg="actuator 'servo' is not in the equations"),
+    _edit("two_dof", "pad of law 4.24", (FAT_PAD, 'name="fat_pad" user="4.24 2000 80 0.02 0.3"'),
+          truth=chain(Link(FOOT.mass, -1, 1e5, 80 * 0.3 / 0.02), SHANK, at=1)),
+    _edit("two_dof", "pad of law 4.23", (FAT_PAD, 'name="fat_pad" user="4.23 900 1.5 50 0.9 1 0.02 0.2"'),
+          truth=chain(Link(FOOT.mass, -1, 900 * 1.5 * 0.2**0.5 / 0.02, 50 * 0.2**0.9 / 0.02), SHANK, at=1)),
+    _edit("two_dof", "pad of law 4.23 whose damper is not linear",
+          (FAT_PAD, 'name="fat_pad" user="4.23 900 1.5 1 0.9 0.8 0.02 0.2"'), leg="'fat_pad' has the law 4.23 with n = 0.8"),
+    _edit("two_dof", "pad of law 1, loaded by 43 N", (FAT_PAD, 'name="fat_pad" user="1 1.2e5 43 2.5 2 43 -1"'),
+          truth=chain(Link(FOOT.mass, -1, 1.2e5, 86), SHANK, at=1)),
+    _edit("two_dof", "pad of law 2, loaded by 43 N", (FAT_PAD, 'name="fat_pad" user="2 2e4 300 2 43 -1"'),
+          truth=chain(Link(FOOT.mass, -1, 2e4 + 300 * 43, 86), SHANK, at=1)),
+    _edit("two_dof", "pad of law 4.22, which relaxes", (FAT_PAD, 'name="fat_pad"'),
+          (ACTUATORS, '<general name="gel" joint="fat_pad" dyntype="user" actdim="8" gainprm="0" biastype="user" '
+           'biasprm="4.22 400 5 0.8 0.004 1.5 0.02 0.2"/>' + ACTUATORS),
+          *((line, "") for line in mjcf.path("two_dof").read_text().splitlines() if '<text name="c_2' in line
+            or '<text name="k_F"' in line),
+          truth=replace(chain(Link(FOOT.mass, -1, _relaxing(400, 5, 0.8, 0.004, 1.5, 0.02, 0.2)), SHANK, at=1),
+                        singular=None), leg="actuator 'gel' is not in the equations"),
+    _edit("two_dof", "a spring that stiffens, polynomial", (FAT_PAD, FAT_PAD.replace("1.0e5", "1.0e5 2e7 3e9")),
+          truth=chain(FOOT, SHANK, at=1), leg="joint 'fat_pad' has a polynomial law"),
+    _edit("two_dof", "a damper that is a polynomial",
+          (TALOCRURAL + ' user="4.25 430 50 100"', TALOCRURAL + ' damping="430 300"'),
+          truth=chain(FOOT, SHANK, at=1), leg="joint 'talocrural' has a polynomial law"),
+    _edit("two_dof", "gravity", HEAVY, (FAT_PAD, 'name="fat_pad" stiffness="1.0e5" damping="800"'),
+          (' user="4.25 430 50 100"', ' damping="430"'), truth=chain(FOOT, SHANK, at=1)),
+    _edit("two_dof", "gravity on dampers that know where they stand", HEAVY,
+          truth=chain(replace(FOOT, c=800 * np.exp(-50 * (x := (FOOT.mass + SHANK.mass) * G / 1e5)) * np.cos(100 * x)),
+                      replace(SHANK, c=430 * np.exp(50 * (x := SHANK.mass * G / 1.5e5)) * np.cos(100 * x)), at=1),
+          leg="gravity"),
+    _edit("two_dof", "a stop of the pad at 3 mm", (FAT_PAD, FAT_PAD + ' range="-0.003 0.003"'),
+          truth=chain(FOOT, SHANK, at=1), leg="joint 'fat_pad' has a limit"),
+    _edit("two_dof", "a spring whose rest is elsewhere", (TALOCRURAL, TALOCRURAL + ' springref="0.001"'),
+          (' user="4.25 430 50 100"', ' damping="430"'),
+          truth=chain(FOOT, SHANK, at=1), leg="joint 'talocrural' has a springref"),
+    _edit("two_dof", "up is z", *((f'pos="0 {y} 0"', f'pos="0 0 {y}"') for y in ("-0.03", "0.04", "0.25")),
+          ('axis="0 1 0"', 'axis="0 0 1"'), truth=chain(FOOT, SHANK, at=1),
+          viewer="is drawn with y up", curve="is drawn with y up", leg="is no slide along y"),
+    _edit("two_dof", "only the base goes up", ('<joint name="base" class="base"/>', '<joint name="base" class="base" '
+          'axis="0 0 1"/>'), load="joint 'base' moves along 0 0 1"),
+    _edit("two_dof", "negative stiffness", ('"1.0e5"', '"-1e5"'), load="joint 'fat_pad' has the stiffness -100000"),
+    _edit("two_dof", "a law without numbers", ("4.25 430 50 100", "4.25"), load="joint 'talocrural' names the law 4.25"),
+    _edit("two_dof", "an unknown law", ("4.25 430 50 100", "4.35 430"), load="joint 'talocrural' names the law 4.35"),
+    _edit("two_dof", "fewer numbers a law", ('nuser_jnt="8"', 'nuser_jnt="4"'), load="joint user fields have 4 numbers"),
+    _edit("two_dof", "a lighter table", ('armature="1e9"', 'armature="1e8"'), load="the shaker has gear 1e.09"),
+    _edit("two_dof", "no sensor", ('<framelinacc name="malleolus" objtype="site" objname="malleolus"/>', ""),
+          load="there is no sensor 'malleolus'"),
+    _edit("two_dof", "a parameter of a joint that is gone", ("joint fat_pad stiffness", "joint pad stiffness"),
+          load="parameter 'k_F': unknown joint 'pad'"),
+    _edit("two_dof", "a parameter in an unknown unit", ("N/m | 1e4", "kN/m | 1e4"), load="parameter 'k_T' has the unit"),
+    _edit("two_dof", "springs switched off", ('gravity="0 0 0"/>', 'gravity="0 0 0"><flag spring="disable"/></option>'),
+          load='<flag spring="disable"/>'),
+    _edit("two_dof", "gravity switched off", ('gravity="0 0 0"/>', 'gravity="0 -9.81 0"><flag gravity="disable"/></option>'),
+          load='<flag gravity="disable"/>'),
+    _edit("two_dof", "a shaker of little range", ('biasprm="1"/>', 'biasprm="1" ctrllimited="true" ctrlrange="-1 1"/>'),
+          load="actuator 'shaker' has a range"),
+    _edit("two_dof", "a shaker of little force", ('biasprm="1"/>', 'biasprm="1" forcelimited="true" forcerange="-1 1"/>'),
+          load="actuator 'shaker' has a range"),
+    _edit("two_dof", "the shaker's group is off",
+          ('gravity="0 0 0"/>', 'gravity="0 0 0" actuatorgroupdisable="0"/>'), load="actuator 'shaker' is switched off"),
+    _edit("two_dof", "base sensed on the foot", ('objname="base"/>', 'objname="foot"/>'), load="sensor 'base' sits on 'foot'"),
+    _edit("two_dof", "malleolus sensed elsewhere", ('<framelinacc name="malleolus" objtype="site" objname="malleolus"/>',
+          '<framelinacc name="malleolus" objtype="site" objname="foot"/>'), load="sensor 'malleolus' sits on 'foot'"),
+    _edit("two_dof", "a ball joint", (TALOCRURAL, '<joint name="tilt" type="ball"/><joint ' + TALOCRURAL),
+          ("<joint <joint", "<joint"), load="joint 'tilt'"),
+    _edit("two_dof", "an implicit integrator", ("RK4", "implicitfast"), load="sensor 'malleolus_velocity'"),
+    _edit("two_dof", "a mass where an inertial rules", ('<geom name="foot" ', '<geom name="foot" mass="2" '),
+          load="geom 'foot'"),
+    _edit("two_dof", "one parameter, two numbers", ("joint fat_pad stiffness |", "joint fat_pad stiffness, joint talocrural stiffness |"),
+          load="parameter 'k_F'"),
+)  # fmt: skip
+
+# leg.xml
+LOAD = '<inertial pos="0 0.6 0" mass="0" diaginertia="0 0 0"/>'
+IN_LEG = '<site name="tuberosity"'
+LEGS = (
+    _edit("leg", "stiffer ankle", ('"1.162e4"', '"2e4"'),
+          truth=chain(PAD, HINDFOOT, replace(ANKLE, k=2e4), THIGH, TISSUE, at=1)),
+    _edit("leg", "heavier thigh", ('mass="2.06"', 'mass="3"'),
+          truth=chain(PAD, HINDFOOT, ANKLE, replace(THIGH, mass=3.0), TISSUE, at=1)),
+    _edit("leg", "a brace on the shank", (IN_LEG, BODY.format("brace", 5e4, 30, 0.5) + "</body>" + IN_LEG),
+          truth=chain(*LEG, Link(0.5, 2, 5e4, 30), at=1)),
+    _edit("leg", "an insole", (IN_FOOT, BODY.format("insole", 9e4, 70, 0.3) + IN_FOOT),
+          ("  </worldbody>", "</body>  </worldbody>"),
+          truth=chain(Link(0.3, -1, 9e4, 70), *(replace(x, on=x.on + 1) for x in LEG), at=2, pad=1)),
+    _edit("leg", "gravity", HEAVY, truth=chain(*LEG, at=1)),
+    _edit("leg", "gravity on a pad of law 4.24", HEAVY,
+          ('name="fat_pad" stiffness="1.633e5" damping="47.6"', 'name="fat_pad" user="4.24 3000 60 0.02 0.3"'),
+          *((line, "") for line in mjcf.path("leg").read_text().splitlines() if '<text name="k_F"' in line
+            or '<text name="c_F"' in line),
+          truth=chain(Link(1.05, -1, 1.5e5, 3000 * (0.3 + (x := sum(m.mass for m in LEG) * G / 3000)) * 60 / 3000 / 0.02),
+                      *LEG[1:], at=1), leg="gravity"),
+    _edit("leg", "a stop of the thigh", ('name="thigh" stiffness', 'name="thigh" range="-0.02 0.02" stiffness'),
+          truth=chain(*LEG, at=1), leg="joint 'thigh' has a limit"),
+    _edit("leg", "springs that stiffen", ('name="tissue" stiffness="7.043e4', 'name="tissue" stiffness="7.043e4 1e7'),
+          truth=chain(*LEG, at=1), leg="joint 'tissue' has a polynomial"),
+    _edit("leg", "a servo at the knee", (ACTUATORS, '<general name="servo" joint="thigh" gainprm="0" biastype="affine" '
+          'biasprm="0 -1e4 0"/>' + ACTUATORS), truth=chain(*LEG, at=1, more=((3, 2, 1e4),)), leg="actuator 'servo'"),
+    _edit("leg", "armature", ('name="thigh" stiffness', 'name="thigh" armature="1" stiffness'),
+          truth=chain(*LEG, at=1, more=((3, 2, S**2),)), leg="joint 'thigh' has an armature"),
+    _edit("leg", "a sideways thigh", ('name="thigh" stiffness', 'name="thigh" axis="1 0 0" stiffness'),
+          truth=chain(PAD, HINDFOOT, replace(ANKLE, mass=ANKLE.mass + 2.06), replace(TISSUE, on=2), at=1),
+          leg="joint 'thigh' is no slide along y"),
+    _edit("leg", "under water", ('gravity="0 0 0"', 'gravity="0 0 0" density="1e3"'),
+          truth=chain(*LEG, at=1), leg="density"),
+    _edit("leg", "geoms that touch", ("  <actuator>", '<contact><pair geom1="foot" geom2="load"/></contact>  <actuator>'),
+          truth=chain(*LEG, at=1), leg="can touch"),
+    _edit("leg", "a joint tied to another", ("  <actuator>", '<equality><joint name="tied" joint1="thigh" joint2="tissue" '
+          'solref="-1e6 -1e3" solimp="0.9999 0.9999 0.001"/></equality>  <actuator>'),
+          truth=replace(chain(PAD, HINDFOOT, ANKLE, Link(2.26, 2, 9.835e4, 1526), at=1), singular=None),
+          leg="equality 'tied'"),
+    _edit("leg", "two joints of one body", ('<joint name="hindfoot"', '<joint name="more" stiffness="1e6" armature="0.5"/><joint name="hindfoot"'),
+          truth=replace(chain(PAD, Link(0.695, 0, 1 / (1 / (1e6 + 0.5 * S**2) + 1 / HINDFOOT.z(S))), *LEG[2:], at=1),
+                        singular=None), leg="'malleolus' has several joints"),
+    _edit("leg", "added mass and m_S", ('name="m_K"', 'name="m_S"'), load="declares added_mass and m_S"),
+    _edit("leg", "added mass in the place of the thigh", ("body load mass", "body thigh mass"), load="added_mass"),
+    _edit("leg", "added mass on the table", ("body load mass", "body base mass"), load="added_mass"),
+    _edit("leg", "added mass that is none", ("body load mass", "joint thigh damping"), load="added_mass"),
+    _edit("leg", "dry friction", ('name="thigh" stiffness', 'name="thigh" frictionloss="1" stiffness'), truth=None,
+          leg="joint 'thigh' has dry friction"),
+)  # fmt: skip
+
+# foot_arch.xml
+ARCH = mjcf.path("foot_arch").read_text()
+CLOSURE = 'name="closure" tendon1="heel_pad" tendon2="forefoot_pad"'
+HEADS = '<site name="heads" class="bone" pos="0 -0.06527 0"/>'
+HIND = '<joint name="hindfoot"/>'
+TOES = '<inertial pos="0 0 0" mass="0.02" diaginertia="1e-6 1e-6 1e-6"/></body>'
+APEX = '<body name="apex" pos="0 0.0400075598688415 0" childclass="vertical">'
+SOLE = '<body name="insole"><joint type="slide" axis="0 1 0" name="insole" stiffness="9e4" damping="50"/>'
+
+
+def _line(part: str) -> str:
+    return next(line for line in ARCH.splitlines() if part in line)
+
+
+FOLLOWED = (
+    (
+        "k_2",
+        "stiffer spring ligament",
+        ('<joint name="spring_ligament"/>', '<joint name="spring_ligament" stiffness="9000"/>'),
+        9000.0,
+    ),
+    ("k_F", "stiffer pads", ('stiffness="5e4"', 'stiffness="8e4"'), 1.6e5),
+    ("c_T", "stronger damper of the ankle", ('user="4.25 430 0 0"', 'user="4.25 900 0 0"'), 900.0),
+    ("c_1", "stiffer dashpot of the fascia", ('resistance="3.3333333333333333e-3"', 'resistance="1e-3"'), 1000.0),
+    ("m_T", "mass on the knee", ('mass="2.36"', 'mass="4.36"'), 4.36),
+    ("m_3", "heavier cuneiforms", ('mass="0.025"', 'mass="0.25"'), 0.25),
+    (
+        "I_1",
+        "inertia of the hindfoot",
+        ('diaginertia="28.00e-5 28.00e-6 28.00e-5"', 'diaginertia="9e-4 28.00e-6 9e-4"'),
+        9e-4,
+    ),
+)
+REFUSED = (
+    (
+        "heel pad by another name",
+        (
+            ('name="heel_pad" class', 'name="heel" class'),
+            ('tendon1="heel_pad"', 'tendon1="heel"'),
+            ("0.5 tendon heel_pad", "0.5 tendon heel"),
+            ("0.25 tendon heel_pad", "0.25 tendon heel"),
+        ),
+        "there is no tendon 'heel_pad'",
+    ),
+    (
+        "hindfoot by another name",
+        (('joint name="hindfoot"', 'joint name="hind"'),),
+        "there is no joint 'hindfoot', did you mean 'hind'",
+    ),
+    (
+        "centre of mass off the bone",
+        (('pos="0 -0.032635 0"', 'pos="0 -0.03 0"'),),
+        "the centre of mass of metatarsals lies 2.635 mm off",
+    ),
+    ("no closure", ((_line(CLOSURE), ""),), "put the equality closure of foot_arch"),
+    (
+        "closure switched off",
+        ((CLOSURE, CLOSURE + ' active="false"'),),
+        "no active equality between the tendons 'heel_pad' and",
+    ),
+    ("closure with a ratio", ((CLOSURE, CLOSURE + ' polycoef="0 2 0 0 0"'),), "equality 'closure' must keep both pads"),
+    (
+        "a second equality",
+        (
+            (CLOSURE, 'name="tied" joint1="spring_ligament" joint2="short_plantar_ligament"/>\n    <tendon ' + CLOSURE),
+            ('<tendon name="tied"', '<joint name="tied"'),
+        ),
+        "equality 'tied' is none of the arch's",
+    ),
+    ("toes, fixed", ((HEADS, HEADS + '<body name="toes">' + TOES),), "body 'toes' has a mass or joint of its own"),
+    (
+        "toes on a joint",
+        ((HEADS, HEADS + '<body name="toes"><joint name="toe"/>' + TOES),),
+        "body 'toes' has a mass or joint",
+    ),
+    (
+        "an insole under the pads",
+        (
+            (APEX, SOLE + '<inertial pos="0 0 0" mass="0.3" diaginertia="1e-3 1e-3 1e-3"/>' + APEX),
+            ("  </worldbody>", "</body>  </worldbody>"),
+        ),
+        "body 'insole'",
+    ),
+    (
+        "a tibia that tilts",
+        (('<joint name="talocrural"', '<joint name="tilt" type="hinge" axis="0 0 1"/><joint name="talocrural"'),),
+        "body 'tibia' has a mass or joint of its own",
+    ),
+    ("an apex with mass", (('mass="1e-14"', 'mass="1e-3"'),), "body 'apex' and what is fixed to it weigh 0.001 kg"),
+    (
+        "armature of the hindfoot",
+        ((HIND, '<joint name="hindfoot" armature="1e-5"/>'),),
+        "'hindfoot' has the armature 1e-05",
+    ),
+    (
+        "armature of the ankle",
+        (('<joint name="talocrural" ', '<joint name="talocrural" armature="0.1" '),),
+        "'talocrural' has the armature",
+    ),
+    ("a slanting axis", ((HIND, '<joint name="hindfoot" axis="0 0.1 1"/>'),), 'must be a hinge with axis="0 0 1"'),
+    ("an axis the other way", ((HIND, '<joint name="hindfoot" axis="0 0 -1"/>'),), "joint 'hindfoot' must be a hinge"),
+    (
+        "a spring of the hindfoot",
+        ((HIND, '<joint name="hindfoot" stiffness="5"/>'),),
+        "'hindfoot' has a spring or damper",
+    ),
+    (
+        "a polynomial of the hindfoot",
+        ((HIND, '<joint name="hindfoot" stiffness="0 5"/>'),),
+        "'hindfoot' has a spring or",
+    ),
+    (
+        "a fascia that pulls at rest",
+        (('stiffness="15e3" ', 'stiffness="15e3" springlength="0.1" '),),
+        "remove its springlength",
+    ),
+    (
+        "a damper of the fascia",
+        (('stiffness="15e3" ', 'stiffness="15e3" damping="9" '),),
+        "'plantar_aponeurosis' has a damper",
+    ),
+    (
+        "an ankle that stiffens",
+        (('stiffness="1e6"', 'stiffness="1e6 5e6"'),),
+        "joint 'talocrural' has a stiffness that changes",
+    ),
+    (
+        "a pad whose damper is a polynomial",
+        (('damping="750"', 'damping="750 3"'),),
+        "tendon 'heel_pad' has a damping that changes",
+    ),
+    (
+        "a fascia that stiffens",
+        (('stiffness="15e3" ', 'stiffness="15e3 1e5" '),),
+        "tendon 'plantar_aponeurosis' has a stiffness that",
+    ),
+    (
+        "pads of law 4.23",
+        (("4.25 1500 0 0", "4.23 900 1.5 30 0.9 0.8 0.02 0.2"),),
+        "'heel_pad' has the law 4.23 with n = 0.8",
+    ),
+    (
+        "pads without stiffness",
+        (('stiffness="5e4" damping="750" user="4.25 1500 0 0"', ""),),
+        "'heel_pad' and 'forefoot_pad' have no",
+    ),
+    ("an ankle without stiffness", (('stiffness="1e6" ', ""),), "joint 'talocrural' has no stiffness"),
+    (
+        "a pad that relaxes",
+        (
+            (
+                "  </actuator>",
+                '    <general name="gel" tendon="heel_pad" dyntype="user" actdim="8" gainprm="0" '
+                'biastype="user" biasprm="4.22 40 5 0.8 0.004 1.5 0.02 0.2"/>\n  </actuator>',
+            ),
+        ),
+        "actuator 'gel' acts on the arch",
+    ),
+    (
+        "a stop of a ligament",
+        (('<joint name="spring_ligament"/>', '<joint name="spring_ligament" range="-1 1"/>'),),
+        "joint 'spring_ligament' has a limit",
+    ),
+    (
+        "dry friction",
+        (('<joint name="spring_ligament"/>', '<joint name="spring_ligament" frictionloss="0.1"/>'),),
+        "joint 'spring_ligament' has dry friction",
+    ),
+    (
+        "a fascia with a limit",
+        (('stiffness="15e3" ', 'stiffness="15e3" range="0 1" '),),
+        "tendon 'plantar_aponeurosis' has a limit",
+    ),
+    (
+        "bones that touch the table",
+        (('<geom name="metatarsals"', '<geom name="metatarsals" contype="1" conaffinity="1"'),),
+        "geoms can touch",
+    ),
+    ("under water", (('gravity="0 0 0"', 'gravity="0 0 0" density="1e3"'),), "density"),
+    ("gravity", (HEAVY,), "<option> has gravity"),
+    (
+        "a malleolus on the hindfoot",
+        (
+            ('<site name="malleolus" class="bone" pos="0 0 0.03"/>', ""),
+            ('<site name="heel" ', '<site name="malleolus"/><site name="heel" '),
+        ),
+        "site 'malleolus' is on 'calcaneus_talus'",
+    ),
+)
+LOADED = (
+    (
+        "one pad stiffer than its share",
+        (('<spatial name="heel_pad" class="pad"', '<spatial name="heel_pad" class="pad" stiffness="9e4"'),),
+        "parameter 'k_F' is 180000 N/m at the first place .* and 100000 at another",
+    ),
+    (
+        "an ankle without its law",
+        (('user="4.25 430 0 0"', ""),),
+        "parameter 'c_T' is 0 N s/m at the first place .* and 430 at",
+    ),
+    (
+        "an arch that is open",
+        (('euler="0 0 3.4"', 'euler="0 0 8"'),),
+        "'closure' ties the tendons 'heel_pad' and 'forefoot_pad'",
+    ),
+    (
+        "equalities switched off",
+        (('iterations="20"/>', 'iterations="20"><flag equality="disable"/></option>'),),
+        '<flag equality="disable"/>',
+    ),
+    (
+        "negative ligaments",
+        (('joint stiffness="230"', 'joint stiffness="-230"'),),
+        "joint 'spring_ligament' has the stiffness -230",
+    ),
+    (
+        "a damping that is no number",
+        (('damping="1.1"', 'damping="nan"'),),
+        "joint 'spring_ligament' has the damping nan",
+    ),
+    ("a negative law", (('user="4.25 430 0 0"', 'user="4.25 -430 0 0"'),), "joint 'talocrural' has the damping -430"),
+    (
+        "a negative fascia",
+        (('stiffness="15e3"', 'stiffness="-15e3"'),),
+        "tendon 'plantar_aponeurosis' has the stiffness -15000",
+    ),
+)
+ARCHES = (
+    *(_edit("foot_arch", says, change, truth=arch(**{name: value})) for name, says, change, value in FOLLOWED),
+    _edit("foot_arch", "longer metatarsals", text=reshaped(L_4=0.075), truth=arch(L_4=0.075)),
+    _edit("foot_arch", "a higher arch", text=reshaped(theta_4=60.0), truth=arch(theta_40=np.radians(60.0))),
+    _edit("foot_arch", "a cast on the tibia", ('<geom name="tibia"', '<body name="cast"><inertial pos="0 0.1 0" mass="0.5" '
+          'diaginertia="1e-3 1e-3 1e-3"/></body><geom name="tibia"'), truth=arch(m_T=2.86)),
+    *(_edit("foot_arch", says, *changes, arch=words) for says, changes, words in REFUSED),
+    *(_edit("foot_arch", says, *changes, load=words) for says, changes, words in LOADED),
+)  # fmt: skip
+EDITS = (*TWO_DOF, *LEGS, *ARCHES)
+
+
+def section() -> str:
+    """The part of docs/edit_model.md that lists them, model by model."""
+    lines = []
+    for model in OF:
+        mine = [edit for edit in EDITS if edit.model == model]
+        usual = NO_LEG if model == "foot_arch" else NO_ARCH
+        equations = "arch" if model == "foot_arch" else "leg"
+        own = [(edit, {k: v for k, v in edit.refused.items() if usual.get(k) != v}) for edit in mine]
+        lines += [f"**{model}.xml, {len(mine)} edits.**", ""]
+        lines += [f"- Followed by all: {_list(edit for edit, refused in own if not refused)}.",
+                  f"- Left to MuJoCo, refused by `fasbody.{equations}`: "
+                  f"{_list(edit for edit, refused in own if refused and 'load' not in refused and 'viewer' not in refused)}.",
+                  f"- Refused by all: {_list(edit for edit, refused in own if 'load' in refused)}."]  # fmt: skip
+        turned = [edit for edit, refused in own if "viewer" in refused]
+        lines += [f"- Followed, but not drawn: {_list(turned)}.", ""] if turned else [""]
+    return "\n".join(lines)
+
+
+def _list(edits: Iterable[Edit]) -> str:
+    return "; ".join(edit.says for edit in edits)
+
+
+if __name__ == "__main__":
+    print(section())
