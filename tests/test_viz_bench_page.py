@@ -15,7 +15,7 @@ import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
-from viewer import Watched, browser, served
+from viewer import Watched, browser, served, viewer
 
 import mjcf
 from fasbody.recording.study import BUNDLED
