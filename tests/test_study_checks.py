@@ -65,6 +65,7 @@ def test_validation_compares_damping_where_it_can(plan: Plan) -> None:
     assert each["damping"] is None and len(each["held_out"]["rows"]) == 3
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_checks_are_resumed_and_reach_everything(study: Path, tmp_path: Path) -> None:
     asked = (*ONE_LOAD, *BOUNDS, "--mode", "pooled", "--profile", "k_T", "--validate", "--report")
     first = fitted(study, tmp_path, *asked)
