@@ -86,8 +86,10 @@ def widest(
         return []
     world = WorldSpace(space, allowed, data, foot.values(), masses, domain.twin, ratio if domain.twin else None)
     finest = min((c.problem.engine for c in certified), key=lambda e: min(d.step for d in e.drives))  # type: ignore[attr-defined]
-    weighed = any(each.group == "masses" for each in allowed)
-    drives: list[Excitation] = [replace(d, masses={}) if weighed else d for d in finest.drives]
+    weighed = world.kinds if any(each.group == "masses" for each in allowed) else {}  # the load stays as it is
+    drives: list[Excitation] = [
+        replace(d, masses={name: kg for name, kg in d.masses.items() if name not in weighed}) for d in finest.drives
+    ]
     engine: Engine[Excitation]
     if domain.twin:
         engine = Twin(finest.foot, drives, domain.sensors)

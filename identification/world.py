@@ -285,7 +285,7 @@ class WorldSpace:
     def _weighed(self) -> dict[str, str]:
         """Masses that the model declares -> the nuisance that multiplies them."""
         kinds = {"m_S": "shank mass", "m_T": "shank mass", "m_F": "foot mass"}
-        return {name: kinds[name] for name in MASSES if name in self.masses}
+        return {name: kinds[name] for name in MASSES if name in kinds and name in self.masses}
 
     @cached_property
     def kinds(self) -> dict[str, list[str]]:

@@ -49,3 +49,20 @@ def test_the_fascia_s_series_spring_can_be_fitted() -> None:
     data = [recording({"k_12": 5e4, "m_T": 0.0465 * 72.57}, frequency, rng) for frequency in (20.0, 40.0)]
     result = fit_foot(data, load("foot_arch"), Settings(wide=False, free=("k_12",), starts=1, delay=False))
     assert result.parameters["k_12_n_per_m"].value == pytest.approx(5e4, rel=0.05)
+
+
+def test_a_leg_under_a_load_is_fitted_with_whatever_else_may_be_true() -> None:
+    """The model declares the load: it stays on the knee while the foot's mass is estimated beside the constants."""
+    foot, data, rng = load("leg"), [], np.random.default_rng(0)
+    every = round(1e-3 / foot.step)
+    for frequency, added in ((15.0, 0.0), (25.0, 2.3)):
+        out = simulate(foot.with_values({"m_F": 0.0145 * 72.57, "added_mass": added}), shaker.sine(frequency, 0.9))
+        kept = slice(out.time.size // 3, None, every)
+        noisy = (values[0, kept] + rng.normal(0, 0.05, values[0, kept].size) for values in (out.base, out.malleolus))
+        data.append(Recording(out.time[0, kept], *noisy, condition=Condition("", "midstance", added, 72.57)))
+    result = fit_foot(data, foot, free=("k_F",), starts=1)
+    assert result.wide.follows and result["k_F"].identifiability == "identified"
+    assert result["k_F"].value == pytest.approx(foot.values()["k_F"], rel=0.02)
+    named = [row[0] for row in result.sheet().rows] + list(result.parameters)
+    assert {"k_F [N/m]", "delay [s]", "m_F [kg]", "delay_s"} <= set(named)
+    foot.with_values(dict.fromkeys(named, 1.0))  # whatever a fit prints
