@@ -1,5 +1,6 @@
 """Every example runs, draws its figure, and shows what it says."""
 
+import runpy
 from pathlib import Path
 
 import acquire_virtual_bench
@@ -144,3 +145,11 @@ def test_measured_strike_goes_from_volts_to_work(picture: Path) -> None:
     assert strike.origin == "measured" and 0 < strike.peak < strike.standstill
     assert 0.2 < strike.published.work_to_peak_j < 3 and 5 < 1e3 * strike.published.compression_at_peak_m < 15
     assert drawn(picture)
+
+
+def test_pictures_of_the_explanations_are_drawn(tmp_path: Path) -> None:
+    drawn_by = runpy.run_path(str(ROOT / "docs" / "draw.py"))
+    assert all((ROOT / "docs" / "figures" / f"{name}.svg").is_file() for name in drawn_by["PICTURES"])
+    drawn_by["main"](tmp_path, ("fit-model", "mirror-feet"))
+    assert {file.name for file in tmp_path.iterdir()} == {"fit-model.svg", "mirror-feet.svg"}
+    assert all(file.read_text().count("<path") > 20 for file in tmp_path.iterdir())
