@@ -1,14 +1,17 @@
 """No link inside the project is dead, and the site is built without complaint and without an outside address."""
 
+import os
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 from viewer import browser
 
 from docs import DOCUMENTS, ROOT, anchors, links, mentioned_files
+from fasbody.console import write_whole
 
 #: Attributes and functions by which a page loads something; a plain <a href> only leads there.
 LOADS = (
@@ -37,10 +40,20 @@ def test_files_that_are_mentioned_exist(file: Path) -> None:
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("site")
-    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
-    done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    """The site, built once: of several processes of the suite the first builds, and the others wait for it."""
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "site"
+    said = folder.with_suffix(".txt")
+    try:
+        folder.mkdir()
+    except FileExistsError:
+        while not said.exists():
+            time.sleep(0.1)
+    else:
+        build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+        done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
+        write_whole(said, "" if done.returncode == 0 else done.stderr or "failed")
+    assert said.read_text() == ""
     return folder
 
 
