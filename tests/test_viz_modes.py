@@ -1,6 +1,7 @@
 """The cell for the page: reading a result, its scene and server, and one sentence on bad input."""
 
 import asyncio
+import json
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,25 @@ def test_wall_and_base_are_the_whole_surface(result: Path) -> None:
     corners = parts["wall"][0]
     assert corners.min(axis=0) == pytest.approx([-SIZE / 2, 0, -SIZE / 2], rel=0.02)
     assert parts["base"][0][:, 1] == pytest.approx(0, abs=1e-6)
+
+
+def test_any_body_of_the_command_modes(tmp_path: Path) -> None:
+    """A bone lies free in the picture, with its name and its own unit; one on its base stands on a dish."""
+    made = write(tmp_path / "bone")
+    with np.load(made / "cell.npz") as stored:
+        content = dict(stored)
+    document = {"body": "calcaneus", "support": "free", "modes": [{"label": "y 57%"}] * 3}
+    content["vertices_um"] = 2000 * content["vertices_um"]
+    (made / "cell.npz").unlink()
+    for support in ("free", "base"):
+        content["document"] = np.array(json.dumps(document | {"support": support}))
+        np.savez_compressed(made / "body.npz", **content)
+        show = ModeShow(made)
+        told = show.description()
+        assert told["title"].startswith("calcaneus, 80 × 40 × 80 mm, ")
+        assert (told["body"], told["unit"], told["modes"][0]["label"]) == ("calcaneus", ["mm", 1e3], "along y 57%")
+        assert ("base" in told["parts"]) is (support == "base")
+        assert any(b"/meshcat/cell/dish" in message for message in show.hub.messages()) is (support == "base")
 
 
 def test_quick_result_is_a_cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,8 @@
 
 import asyncio
 import json
+import struct
+from socket import SO_LINGER, SOL_SOCKET
 
 import pytest
 
@@ -90,6 +92,31 @@ def test_pages_get_motions_and_sentences(show: Show) -> None:
         sockets[0].close()
         while server.pages:
             await asyncio.sleep(0.02)
+
+    serve(show, client)
+    assert not show.hub.listeners
+
+
+def test_ten_killed_browsers_leave_nothing_behind(show: Show) -> None:
+    """Connections that are torn off while a motion is on its way to them; the next page has its own at once."""
+
+    async def client(server: Server) -> None:
+        asked = {"type": "simulate", "frequency": 20, "peak_to_peak": 17.9, "added_mass": 0}
+        for number in range(10):
+            socket = await upgrade(server, Origin=server.url.rstrip("/"))
+            await socket.write_message(json.dumps(asked | {"request": number}))
+            if number % 2:
+                await documents(socket, "model")
+            stream = socket.protocol.stream  # type: ignore[union-attr]
+            stream.socket.setsockopt(SOL_SOCKET, SO_LINGER, struct.pack("ii", 1, 0))  # no farewell: a reset
+            stream.close()
+            socket.close()
+        last = await ask(server.url, 1)
+        assert (await documents(last, "motion"))["request"] == 0
+        while len(server.pages) > 1:
+            await asyncio.sleep(0.02)
+        assert len(show.hub.listeners) == 1
+        await leave(last)
 
     serve(show, client)
     assert not show.hub.listeners

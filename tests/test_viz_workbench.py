@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
 import tornado.httpclient
-from page_client import WAIT, documents, leave, upgrade
+from page_client import WAIT, documents, leave, status, upgrade
 
 import mjcf
 from fasbody.exceptions import FasError
@@ -198,6 +198,36 @@ def test_fit_is_what_a_script_finds() -> None:
         bench.close()
 
 
+def test_rivals_are_what_a_script_compares(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The worker's table is that of `compare_rivals`, whose lines stand beside it."""
+    from identification.rivals import compare
+    from viz import worker
+
+    for file in ("10hz_0kg.csv", "20hz_0kg.csv", "40hz_0kg.csv"):
+        bench.keep(file, (BUNDLED / "recordings" / file).read_bytes())
+    bench.open(["10hz_0kg.csv", "20hz_0kg.csv", "40hz_0kg.csv"])
+    for number in range(3):
+        bench.correct(number, {"body_mass_kg": 72.57})
+    asked: list[dict[str, Any]] = []
+    monkeypatch.setattr(bench, "_begin", lambda job: asked.append(job) or [])
+    bench.rivals([0, 1, 2], {})
+    monkeypatch.setattr(compare, "LADDER", tuple(rung for rung in compare.LADDER if rung.name in ("linear", "model")))
+    told: list[Any] = []
+    worker._rivals(asked[0], told.append)
+    (progress, *_), found = told, told[-1]
+    assert progress["type"] == "progress" and found["rows"][0][0] == "the model"
+    assert found["adequate"] == [True, False] and found["notes"][0].startswith("The recordings prefer the model")
+    bench._heard(found)
+    scope: dict[str, Any] = {}
+    monkeypatch.chdir(bench.folder)
+    monkeypatch.setattr("builtins.print", lambda result: None)
+    exec(bench._rivals["script"].replace('result.write("results")', ""), scope)
+    assert [list(row) for row in scope["result"].sheet().rows] == [list(row) for row in found["rows"]]
+    bench.choose("foot_arch")
+    with pytest.raises(FasError, match="known of the two masses only"):
+        bench.rivals([0, 1, 2], {})
+
+
 @pytest.mark.parametrize(
     ("said", "sentence"),
     [
@@ -295,15 +325,23 @@ def test_changes_need_the_session_key() -> None:
             assert (await post(server, good, **key)).code == 200
             socket = await upgrade(server, Origin=server.url.rstrip("/"))
             assert (await documents(socket, "models"))["now"] == "two_dof"
+            other = await upgrade(server, Origin=server.url.rstrip("/"))  # a second tab sees what the first one does
+            for path in ("report", "results", "take"):
+                assert (await status(server.url + path)).code == 404  # nothing is made yet
+                assert (await status(server.url + path, Host="evil.example")).code == 403
+                assert (await status(server.url + path, Origin="http://evil.example")).code == 403
             for asked in ({"type": "open", "names": ["20hz.csv"]}, {"type": "save", "text": "x", "key": "wrong"}):
                 await socket.write_message(json.dumps(asked))
                 assert "another session" in (await documents(socket, "complaint"))["text"]
             await socket.write_message(json.dumps({"type": "explode", "key": server.key}))
             assert "nothing to do" in (await documents(socket, "complaint"))["text"]
             await socket.write_message(json.dumps({"type": "open", "names": ["20hz.csv"], "key": server.key}))
-            assert (await documents(socket, "data"))["shown"] == 0
-            assert (await documents(socket, "model"))["recorded"]
+            for page in (socket, other):
+                while (await documents(page, "data"))["shown"] != 0:
+                    pass  # before the file was opened
+                assert (await documents(page, "model"))["recorded"]
             await leave(socket)
+            await leave(other)
         finally:
             server.stop()
             await asyncio.wait_for(running, WAIT)
