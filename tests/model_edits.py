@@ -14,8 +14,10 @@ import numpy as np
 from arch_copies import reshaped
 
 import mjcf
+from fasbody.arch import mount
 from fasbody.arch.bones import Arch
 from fasbody.arch.linear import transmissibility
+from fasbody.arch.mounted import SHANK_KG, SHIPPED
 from fasbody.foot.model import load
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.simulate import simulate
@@ -176,9 +178,12 @@ READERS: Mapping[str, Callable[[Path], dict[str, complex]]] = {
 #: What no edit of a model changes: it is a chain, or an arch.
 NO_LEG = {"leg": "is no slide along y|is not in the equations of a leg|several joints"}
 NO_ARCH = {"arch": "there is no joint 'apex'|has gravity"}
+NO_TREE = {"arch": "there is no tendon 'heel_pad'"}
+USUAL = {"two_dof": NO_ARCH, "leg": NO_ARCH, "foot_arch": NO_LEG, "mounted_arch": NO_LEG | NO_TREE}
 #: Readers of each model.
 OF: Mapping[str, tuple[str, ...]] = {
     "two_dof": tuple(READERS), "leg": tuple(name for name in READERS if name != "energy"), "foot_arch": ("simulate", "fit", "curve", "viewer", "leg", "arch"),
+    "mounted_arch": ("simulate", "fit", "curve", "viewer", "leg", "arch"),
 }  # fmt: skip
 
 
@@ -211,7 +216,7 @@ class Edit:
 
 def _edit(model: str, says: str, *changes: tuple[str, str], truth: Truth | None = None, text: str = "",
           **refused: str) -> Edit:  # fmt: skip
-    usual = NO_LEG if model == "foot_arch" else NO_ARCH
+    usual = USUAL[model]
     return Edit(model, says, changes, truth, refused if truth is None else {**usual, **refused}, text)
 
 
@@ -631,7 +636,50 @@ ARCHES = (
     *(_edit("foot_arch", says, *changes, arch=words) for says, changes, words in REFUSED),
     *(_edit("foot_arch", says, *changes, load=words) for says, changes, words in LOADED),
 )  # fmt: skip
-EDITS = (*TWO_DOF, *LEGS, *ARCHES)
+
+
+def mounted(*heavier: tuple[int, float], **constants: float) -> Truth:
+    """The closed form of the mounted arch with constants changed, and masses added to rows (0 apex, 1 shank)."""
+    M, C, K, rows = mount.matrices(replace(SHIPPED, **constants))
+    for row, mass in heavier:
+        M = M + mass * np.outer(rows[row], rows[row])
+    return Truth(complex(mount.response(np.array([HZ]), M, C, K, rows)[0, 0]))
+
+
+# mounted_arch.xml
+MOUNTS = (
+    _edit("mounted_arch", "stiffer ankle", ('"17500.0"', '"30000.0"'), truth=mounted(k_T=3e4)),
+    _edit("mounted_arch", "weaker damper of the pad", ('"2990.0"', '"500.0"'), truth=mounted(c_F=500.0)),
+    _edit(
+        "mounted_arch",
+        "heavier shank",
+        (f'mass="{SHANK_KG * (1 - SHIPPED.share)!r}"', f'mass="{SHANK_KG * (1 - SHIPPED.share) + 1!r}"'),
+        truth=mounted((1, 1.0)),
+    ),
+    _edit(
+        "mounted_arch",
+        "a cast on the malleolus",
+        (
+            '<body name="shank">',
+            '<body name="cast"><inertial pos="0 0 0" '
+            'mass="0.5" diaginertia="1e-3 1e-3 1e-3"/></body><body name="shank">',
+        ),
+        truth=mounted((0, 0.5)),
+    ),
+    _edit(
+        "mounted_arch", "added mass in the place of the thigh", ("body load mass", "body thigh mass"), load="added_mass"
+    ),
+    _edit(
+        "mounted_arch",
+        "malleolus sensed on the shank",
+        (
+            '<framelinacc name="malleolus" objtype="site" objname="malleolus"/>',
+            '<framelinacc name="malleolus" objtype="site" objname="tuberosity"/>',
+        ),
+        load="sensor 'malleolus' sits on 'shank'",
+    ),
+)
+EDITS = (*TWO_DOF, *LEGS, *ARCHES, *MOUNTS)
 
 
 def section() -> str:
@@ -639,8 +687,8 @@ def section() -> str:
     lines = []
     for model in OF:
         mine = [edit for edit in EDITS if edit.model == model]
-        usual = NO_LEG if model == "foot_arch" else NO_ARCH
-        equations = "arch" if model == "foot_arch" else "leg"
+        usual = USUAL[model]
+        equations = "arch" if "arch" in model else "leg"
         own = [(edit, {k: v for k, v in edit.refused.items() if usual.get(k) != v}) for edit in mine]
         lines += [f"**{model}.xml, {len(mine)} edits.**", ""]
         lines += [f"- Followed by all: {_list(edit for edit, refused in own if not refused)}.",

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from arch_copies import compiled, edited
-from model_edits import EDITS, FOLLOWED, FOOT, LEG, OF, READERS, SHANK, Edit, arch, chain, section
+from model_edits import EDITS, FOLLOWED, FOOT, LEG, OF, READERS, SHANK, Edit, arch, chain, mounted, section
 from typer.testing import CliRunner
 
 from fasbody.arch.__main__ import app
@@ -57,6 +57,7 @@ def test_followed_or_refused_by_its_name(tmp_path: Path, edit: Edit) -> None:
 def test_no_edit_is_a_silent_nothing() -> None:
     """What must come out differs from the shipped model's, but for edits that act beyond small motion alone."""
     shipped = {"two_dof": chain(FOOT, SHANK, at=1).T, "leg": chain(*LEG, at=1).T, "foot_arch": arch().T}
+    shipped["mounted_arch"] = mounted().T
     same = [e.says for e in EDITS if e.truth and abs(e.truth.T / shipped[e.model] - 1) < 1e-6]
     assert sum(e.truth is not None for e in EDITS) - len(same) >= 25
     assert len(EDITS) - sum(e.truth is not None for e in EDITS) >= 25
