@@ -205,7 +205,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "view cell", "viz.cell", "",
-            "Watch the mode shapes of a cell in slow motion; the page follows when the result is written again.",
+            "Watch the mode shapes of a cell, a bone or any body in slow motion; the page follows its result's file.",
         ),
         Command(
             "anatomy", "viz.anatomy", "",
