@@ -107,7 +107,8 @@ def test_ten_killed_browsers_leave_nothing_behind(show: Show) -> None:
             await socket.write_message(json.dumps(asked | {"request": number}))
             if number % 2:
                 await documents(socket, "model")
-            stream = socket.protocol.stream  # type: ignore[union-attr]
+            assert socket.protocol is not None and socket.protocol.stream is not None
+            stream = socket.protocol.stream
             stream.socket.setsockopt(SOL_SOCKET, SO_LINGER, struct.pack("ii", 1, 0))  # no farewell: a reset
             stream.close()
             socket.close()

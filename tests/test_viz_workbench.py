@@ -209,7 +209,7 @@ def test_rivals_are_what_a_script_compares(bench: Bench, monkeypatch: pytest.Mon
     for number in range(3):
         bench.correct(number, {"body_mass_kg": 72.57})
     asked: list[dict[str, Any]] = []
-    monkeypatch.setattr(bench, "_begin", lambda job: asked.append(job) or [])
+    monkeypatch.setattr(bench, "_begin", asked.append)
     bench.rivals([0, 1, 2], {})
     monkeypatch.setattr(compare, "LADDER", tuple(rung for rung in compare.LADDER if rung.name in ("linear", "model")))
     told: list[Any] = []

@@ -293,7 +293,7 @@ function unwrapped(degrees) {
 function compared({ columns, rows, notes, adequate, script }) {
   const [sentence, ...more] = notes, row = (tag, texts) => {
     const tr = element("tr");
-    tr.append(...texts.map((text, k) => element(k ? tag : "th", text, { scope: k ? "" : "row" })));
+    tr.append(...texts.map((text, k) => element(k ? tag : "th", text, k && tag === "td" ? {} : { scope: k ? "col" : "row" })));
     return tr;
   };
   byId("fit").hidden = byId("compared").hidden = byId("tabs").hidden = byId("tab_rivals").hidden = false;
