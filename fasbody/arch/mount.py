@@ -1,8 +1,8 @@
 """The arch under a leg (`mounted.py`) as MJCF, about the pose in which it stands: what makes mjcf/mounted_arch.xml.
 
 The tree is that of foot_arch.xml on a body of its own, the sole, which the fat pad carries; two equalities keep heel
-and metatarsal heads on the sole. The load on the apex is an actuator of constant force, and each ligament pulls at rest as
-much as the pose asks, so that what MuJoCo steps has the stiffness of the springs *and* of the load's geometry.
+and metatarsal heads on the sole. The load on the apex is an actuator of constant force, and each ligament pulls at
+rest as much as the pose asks, so that what MuJoCo steps has the stiffness of the springs *and* of the load's geometry.
 """
 
 from dataclasses import replace
@@ -39,8 +39,8 @@ def matrices(
 ) -> tuple[Array, Array, Array, Array]:
     """Mass, damping and stiffness (7, 7) about the pose, and rows (2, 7) of malleolus and tuberosity.
 
-    In the coordinates of `COORDINATES`. Dampers of the arch are `lag` times the stiffness of its ligaments; `Mounted`
-    takes `lag` times the whole stiffness, the load's geometry among it, which differs by a hundredth of that damper.
+    In the coordinates of `COORDINATES`. Dampers of the arch are `lag` times the stiffness of its tissue; `Mounted`
+    takes `lag` times the whole stiffness, the load's geometry among it.
 
     Args:
         mounted: the leg. arch: the bones, None for `Arch.nominal()`. weight: on the arch [N]. added_kg: on the knee.
@@ -61,6 +61,8 @@ def matrices(
     K[2:5, 2:5] = -tangent(arch, q, weight, mounted.tissue)
     for (_, k, _), slope in zip(_ligaments(mounted, arch, q), (g.d_2, g.d_3, g.d_4), strict=True):
         C[:5, :5] += mounted.lag * k * np.outer(slope[:5], slope[:5])
+    k_11 = float(mounted.tissue.tangent(deformations(arch, q).e))
+    C[:5, :5] += mounted.lag * k_11 * np.outer(g.e[:5], g.e[:5])
     pad = mounted.k_F * (weight / PAD_N) ** PAD_POWER
     m = mounted
     for i, k, c in ((0, pad, m.c_F), (1, m.k_T, m.c_T), (5, m.k_H, m.c_H), (6, m.k_A, m.c_A)):
@@ -104,9 +106,9 @@ def mjcf(mounted: Mounted = SHIPPED, arch: Arch | None = None, weight: float = S
     fascia = ""
     if k_11 > 0:
         at_rest = float(front - behind - tension / k_11)
-        fascia = f'    <spatial name="plantar_aponeurosis" stiffness="{k_11!r}" springlength="{at_rest!r}">' + (
-            '\n      <site site="heel"/><site site="heads"/>\n    </spatial>\n'
-        )
+        spring = f'stiffness="{k_11!r}" springlength="{at_rest!r}" damping="{float(mounted.lag * k_11)!r}"'
+        fascia = f'    <spatial name="plantar_aponeurosis" {spring}>\n'
+        fascia += '      <site site="heel"/><site site="heads"/>\n    </spatial>\n'
     pad = mounted.k_F * (weight / PAD_N) ** PAD_POWER
     text = _BONES
     for i, (joint, (_, k, ref)) in enumerate(zip(_JOINTS, _ligaments(mounted, arch, q), strict=True), 2):
@@ -115,8 +117,8 @@ def mjcf(mounted: Mounted = SHIPPED, arch: Arch | None = None, weight: float = S
         turn = angles[0] + angles[1] if i == 2 else angles[i - 1] - angles[i - 2]
         place = 0.0 if i == 2 else -getattr(arch, f"L_{i - 1}")
         text = text.replace(f"@{i}", _BONE.format(
-            name=("navicular", "cuneiforms", "metatarsals")[i - 2], place=place, turn=turn, spring=spring, middle=-L / 2,
-            m=m, I=I, L=-L, pad=" " * (2 * i), more=f"@{i + 1}" if i < 4 else _HEADS.format(L=-L),
+            name=("navicular", "cuneiforms", "metatarsals")[i - 2], place=place, turn=turn, spring=spring,
+            middle=-L / 2, m=m, I=I, L=-L, pad=" " * (2 * i), more=f"@{i + 1}" if i < 4 else _HEADS.format(L=-L),
         ))  # fmt: skip
     values = {
         "weight": weight, "k_F": float(pad), "c_F": mounted.c_F, "k_T": mounted.k_T, "c_T": mounted.c_T,
@@ -153,8 +155,8 @@ _BONES = """<mujoco model="mounted_arch">
     <!-- unit | lower | upper | where the number stands | its source. -->
     <text name="k_F" data="N/m | 3e3 | 1e6 | joint fat_pad stiffness | fitted; heels of walkers (Baines 2018)"/>
     <text name="c_F" data="N s/m | 1 | 6e3 | joint fat_pad damping | fitted"/>
-    <text name="k_T" data="N/m | 3e3 | 1e6 | joint talocrural stiffness | fitted; Aruin and Zatsiorsky 1.49e4 +- 0.35e4"/>
-    <text name="c_T" data="N s/m | 1 | 3e3 | joint talocrural damping | fitted; Aruin and Zatsiorsky 430 +- 36"/>
+    <text name="k_T" data="N/m | 3e3 | 1e6 | joint talocrural stiffness | fitted; Aruin 1.49e4 +- 0.35e4"/>
+    <text name="c_T" data="N s/m | 1 | 3e3 | joint talocrural damping | fitted; Aruin 430 +- 36"/>
     <text name="k_H" data="N/m | 1e3 | 1e6 | joint thigh stiffness | fitted"/>
     <text name="c_H" data="N s/m | 1 | 3e3 | joint thigh damping | fitted"/>
     <text name="k_A" data="N/m | 1e3 | 1e6 | joint tissue stiffness | fitted"/>
