@@ -74,5 +74,5 @@ def test_changelog_has_the_version_and_its_date() -> None:
 
 
 def test_example_is_fifteen_lines() -> None:
-    example = README.split("## In fifteen lines")[1].split("```python\n")[1].split("```")[0]
+    example = README.split("The same from Python:")[1].split("```python\n")[1].split("```")[0]
     assert len([line for line in example.splitlines() if line.strip()]) <= 15
