@@ -202,7 +202,9 @@ def print_load(
 
 
 def _sag_table(study: SagStudy, name: str) -> Table:
-    table = Table(title=f"{name} under {study.load:g} N; published in brackets (Arangio 1998; heel: Kim & Voloshin)")
+    table = Table(
+        title=f"{name} under {study.load:g} N; computed elsewhere in brackets (Arangio; heel: Kim & Voloshin)"
+    )
     for column in (
         "height [mm]", "sag [mm]", "sag, fascia cut [mm]", "more sag [%]", "more elongation [%]",
         "fascia's share [%]", "heel's share [%]",

@@ -268,9 +268,11 @@ def _numbers() -> tuple[Number, ...]:
                "203.7 +- 50.5", lambda f: np.full((len(f.fascia), 1), 1e-3 * KITAOKA), fitted=False),
         Number("stiffness lost when the fascia is cut, 690 N", "Huang 1993, 12 feet", "%", (20.0,), (30.0,),
                "5 points were chosen here", lambda f: 1e2 * f.lost),
-        Number("fascia's share of the load", "Kim & Voloshin 1995", "%", (9.0,), (19.0,), "5 points were chosen here",
+        Number("fascia's share of the load", "Kim & Voloshin 1995, computed", "%",
+               (9.0,), (19.0,), "5 points were chosen here",
                lambda f: 1e2 * f.fascia[:, :1], fitted=False),
-        Number("heel's share of the load", "Kim & Voloshin 1995", "%", (56.0,), (70.0,), "7 points were chosen here",
+        Number("heel's share of the load", "Kim & Voloshin 1995, computed", "%",
+               (56.0,), (70.0,), "7 points were chosen here",
                lambda f: 1e2 * f.fascia[:, 2:], fitted=False),
         Number("ankle, stiffness", "Aruin & Zatsiorsky 1984, vibration", "kN/m", (7.9,), (21.9,), "two deviations",
                lambda f: 1e-3 * np.asarray(f.legs.k_T)[:, None]),
@@ -290,12 +292,12 @@ def _numbers() -> tuple[Number, ...]:
     for i, (height, cut) in enumerate((height, cut) for height in ARANGIO_SAG for cut in (0, 1)):
         tail = ", fascia cut" if cut else ""
         for j, (what, table) in enumerate((("sag", ARANGIO_SAG), ("elongation", ARANGIO_ELONGATION))):
-            found.append(Number(f"{what}, {1e3 * height:.0f} mm arch{tail}", "Arangio 1998", "mm",
+            found.append(Number(f"{what}, {1e3 * height:.0f} mm arch{tail}", "Arangio 1998, computed", "mm",
                                 *_share([1e3 * table[height][cut]], 0.1), "10 % were chosen here",
                                 partial(Feet.spread, i=i, j=j), fitted=False))  # fmt: skip
     for j, more in enumerate(ARANGIO_CUT):
         what, percent = ("sag", "elongation")[j], 100 * more
-        found.append(Number(f"more {what} when it is cut, 60 mm arch", "Arangio 1998", "%", (percent - 5,),
+        found.append(Number(f"more {what} when it is cut, 60 mm arch", "Arangio 1998, computed", "%", (percent - 5,),
                             (percent + 5,), "5 points were chosen here", partial(Feet.more, j=j),
                             fitted=False))  # fmt: skip
     return tuple(found)

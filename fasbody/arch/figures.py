@@ -123,7 +123,7 @@ def arch_sag(result: "SagStudy", measured: dict[float, tuple[float, float]] | No
     for colour, sag, i, name in ((KEPT, result.sag, 0, "with fascia"), (DROPPED, result.sag_cut, 1, "fascia cut")):
         left.plot(height, 1e3 * sag, color=colour, label=f"{name}, model")
         points = 1e3 * np.array([[h, values[i]] for h, values in measured.items()])
-        left.plot(*points.T, "o", color=colour, label=f"{name}, Arangio 1998")
+        left.plot(*points.T, "o", color=colour, label=f"{name}, Arangio 1998 (computed)")
     left.set_ylabel(f"sag under {result.load:.0f} N [mm]")
     left.set_ylim(0)
     left.legend(fontsize=8)

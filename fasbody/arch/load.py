@@ -22,7 +22,7 @@ from fasbody.presentation import Presented, Sheet
 #: Acceleration of gravity [m/s^2].
 G = 9.81
 
-#: Arangio 1998, load on the arch [N]; arch height [m] -> sag [m] with and without fascia.
+#: Arangio 1998, computed by a model of his: load on the arch [N]; arch height [m] -> sag [m] with and without fascia.
 ARANGIO_LOAD = 683.0
 ARANGIO_SAG = {0.020: (11.8e-3, 13.5e-3), 0.060: (5.5e-3, 7.5e-3)}
 #: The same, fascia cut at 60 mm: increase of sag and of elongation.
