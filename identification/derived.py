@@ -351,7 +351,8 @@ def _modes(evidence: "Evidence", view: View) -> Iterator[Row]:
 
         centre = logarithms(view.q)
         half = _Z95 * view.spread(view.slopes(logarithms))
-        value, low, high = np.exp(centre), np.exp(centre - half), np.exp(centre + half)
+        with np.errstate(over="ignore"):  # a mode of which nothing is known reaches to infinity
+            value, low, high = np.exp(centre), np.exp(centre - half), np.exp(centre + half)
         count = centre.size // 2
         for mode in range(count):
             z = mode + count

@@ -1,11 +1,13 @@
 """The fit of a foot model to recordings: explore, follow both branches, certify in MuJoCo, judge."""
 
+import functools
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from threadpoolctl import ThreadpoolController
 
 from fasbody.exceptions import RecordingError, SettingError, SimulationError, unknown
 from fasbody.foot.model import Foot
@@ -128,11 +130,12 @@ def fit_foot(
                 f"one of the recordings is a {type(each).__name__}; give a Study or recordings: Recording.from_table "
                 "makes one of a table, Recording.from_arrays of arrays."
             )
-    question = Question.of(recordings, foot, settings)
-    explored = explore(question, settings, advance, interruptible)
-    answer = certify(question, explored, advance)
-    ends = widen(question, answer, advance) if settings.wide else []
-    result = judge(question, explored, answer, ends)
+    with _blas().limit(limits=1):
+        question = Question.of(recordings, foot, settings)
+        explored = explore(question, settings, advance, interruptible)
+        answer = certify(question, explored, advance)
+        ends = widen(question, answer, advance) if settings.wide else []
+        result = judge(question, explored, answer, ends)
     if settings.wide and result.wide is None:
         result = replace(result, branches=tuple(trusting(branch) for branch in result.branches))
         if not _can_widen(question):
@@ -144,6 +147,14 @@ def fit_foot(
         evidence=Evidence(question.domain, question.space, answer.branches, ends),
         seconds=time.perf_counter() - began,
     )
+
+
+@functools.cache
+def _blas() -> ThreadpoolController:
+    """The threads of BLAS: matrices of a fit are small, and on busy cores more than one thread only waits, up to ten
+    times as long as the work takes.
+    """
+    return ThreadpoolController().select(user_api="blas")
 
 
 def _with(settings: Settings, chosen: Mapping[str, Any]) -> Settings:

@@ -15,7 +15,7 @@ from fasbody.arch.__main__ import app
     [
         (["sensitivity", "--figures", "{taken}"], "taken: is a file; name a folder"),
         (["load", "--figures", "{taken}"], "taken: is a file; name a folder"),
-        (["reduction", "--figure", "{folder}"], "is a folder; name a PNG file"),
+        (["reduction", "--figure", "{folder}"], "is a folder; name an SVG or PNG file"),
         *((["load", "--load", load], "must be above 0 and below 100000 N") for load in ("0", "-5", "1e6", "nan")),
         *((["sensitivity", "--trajectory", f], "must be between 1 and 1000 Hz") for f in ("0.5", "nan")),
     ],

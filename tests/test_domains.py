@@ -108,7 +108,8 @@ def test_halvings_of_a_fourth_order_method_and_of_what_no_step_mends() -> None:
 
 
 def test_a_first_order_integrator_keeps_the_models_step(edited: Callable) -> None:  # type: ignore[type-arg]
-    other = load(edited(('integrator="RK4"', 'integrator="implicitfast"')))
+    velocity = ("</sensor>", '<framelinvel name="malleolus_velocity" objtype="site" objname="malleolus"/></sensor>')
+    other = load(edited(('integrator="RK4"', 'integrator="implicitfast"'), velocity))
     e = Excitation(20.0, BASE, HEAVY.masses)
     assert resolved(e, other, {**other.values(), **ANKLE_STOPPED}, False) is e
 

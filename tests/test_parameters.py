@@ -48,7 +48,8 @@ def test_a_shared_parameter_stands_in_several_places(edited: Callable[..., Path]
     """`0.5 joint a stiffness, 0.25 joint b stiffness`: each place takes its share."""
     (declared,) = [line for line in mjcf.path("two_dof").read_text().splitlines() if '<text name="k_F"' in line]
     shared = "0.5 joint talocrural stiffness, 0.25 joint fat_pad stiffness"
-    file = edited((declared, ""), ("joint talocrural stiffness", shared))
+    pad = ('name="fat_pad" stiffness="1.0e5"', 'name="fat_pad" stiffness="0.75e5"')  # a quarter of k_T, as is said
+    file = edited((declared, ""), ("joint talocrural stiffness", shared), pad)
     model = load(file).with_values({"k_T": 4e5}).model
     assert model.jnt_stiffness[model.joint("talocrural").id] == 2e5
     assert model.jnt_stiffness[model.joint("fat_pad").id] == 1e5
