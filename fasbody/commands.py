@@ -67,7 +67,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "plan run", "identification.plan", "run",
-            "Record, fit and plan in turn: after each recording what it was, what is known now, and the next step.",
+            "Record, fit and plan in turn; say after each recording what it was, what is known now, and what is next.",
         ),
         Command(
             "rivals", "identification.rivals", "",
@@ -79,7 +79,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "check", "fasbody.recording", "check",
-            "Tell what was understood of a recording or a study, and what is wrong with it.",
+            "Say what was understood of a recording or a study, and what is wrong with it.",
         ),
         Command(
             "convert", "fasbody.recording", "convert",
@@ -107,7 +107,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Linear and Hammerstein-Wiener models of recordings with one input and one output.",
         ),
         Command(
-            "heel", "identification.heel", "", "Hold laws of the heel pad against measured heel strikes of people.",
+            "heel", "identification.heel", "", "Compare laws of the heel pad with measured heel strikes of people.",
             "identification.heel.command",
         ),
         Command("laboratory", "fasbody.laboratory", "", "Make a synthetic study with known truth."),
@@ -118,7 +118,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "recover", "fasbody.acquire", "recover",
-            "Make the recording of a capture file, as after a crash; of several captures, one each.",
+            "Make a recording from a capture file, as after a crash; several captures make one each.",
             "fasbody.acquire.commands",
         ),
         Command(

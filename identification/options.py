@@ -9,10 +9,10 @@ Data = Annotated[
     list[Path] | None, typer.Argument(help="study folder, or CSV recordings", show_default="bundled study")
 ]
 BodyMass = Annotated[
-    list[float] | None, typer.Option(help="body mass in kg, for bare files; once, or once a file in their order")
+    list[float] | None, typer.Option(help="body mass in kg, for bare files; once, or once per file in their order")
 ]
 AddedMass = Annotated[
-    list[float] | None, typer.Option(help="mass on the knee in kg, for bare files; once, or once a file")
+    list[float] | None, typer.Option(help="mass on the knee in kg, for bare files; once, or once per file")
 ]
 Mapping = Annotated[
     Path | None, typer.Option("--study", help="study.toml that maps channels, units and sensitivities of files")

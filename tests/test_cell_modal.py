@@ -78,7 +78,7 @@ def test_the_inverse_inverts() -> None:
 
 def test_what_cannot_be_solved() -> None:
     small = CellModel(assemble(block((1, 1, 1))), SI.materials, 1e-6)
-    with pytest.raises(SettingError, match="cannot be had from"):
+    with pytest.raises(SettingError, match="cannot be computed from"):
         solve(small, 10_000)
     with pytest.raises(SettingError, match="valid: pardiso, superlu, multigrid"):
         solve(small, 3, way="guess")

@@ -26,7 +26,7 @@ PAD = next(line for line in XML.splitlines() if '<spatial name="heel_pad"' in li
          'an attribute of <mujoco> is not written as name="value"', ""),
         (("</mujoco>", ""), "an element that begins there or later is never closed", ""),
         (('mass="2.36"', 'mass="heavy"'),
-         "<inertial> has something else than numbers in the attribute 'mass'", 'mass="heavy"'),
+         "<inertial> has something other than numbers in the attribute 'mass'", 'mass="heavy"'),
         (('<joint name="hindfoot"/>', '<joint name="hindfoot" stif="1"/>'),
          "<joint> has the attribute 'stif', which MJCF does not know there", "stif="),
         (('<joint name="hindfoot"/>', '<jont name="hindfoot"/>'), "<jont> stands where MJCF knows no such", "<jont"),

@@ -272,7 +272,7 @@ def test_acquire_runs_a_plan_on_the_virtual_bench(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("step", "words", "says"),
     [
-        ({"kind": "multisine"}, [], "speaks sines"),
+        ({"kind": "multisine"}, [], "makes sines only"),
         ({}, ["--frequency", "20"], "leave out"),
         ({}, ["--added-mass", "9"], "no step has 9 kg"),
         ({"amplitude_m_s2": 40.0}, [], "limit"),

@@ -256,7 +256,7 @@ def test_transmissibility_of_arrays_is_the_closed_form() -> None:
     [
         ({"base": np.zeros((3, 2))}, r"base has the shape \(3, 2\)"),
         ({"malleolus": np.zeros(5)}, "malleolus has 5 samples and time_s has 2000"),
-        ({"base": ["a", "b"]}, "base holds something else than numbers"),
+        ({"base": ["a", "b"]}, "base holds something other than numbers"),
         ({"body_mass_kg": 7.2}, "the body mass is 7.2 kg"),
         (
             {"body_mass_kg": "72.5 kg"},

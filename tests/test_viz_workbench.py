@@ -334,7 +334,7 @@ def test_changes_need_the_session_key() -> None:
                 await socket.write_message(json.dumps(asked))
                 assert "another session" in (await documents(socket, "complaint"))["text"]
             await socket.write_message(json.dumps({"type": "explode", "key": server.key}))
-            assert "nothing to do" in (await documents(socket, "complaint"))["text"]
+            assert "which it cannot do" in (await documents(socket, "complaint"))["text"]
             await socket.write_message(json.dumps({"type": "open", "names": ["20hz.csv"], "key": server.key}))
             for page in (socket, other):
                 while (await documents(page, "data"))["shown"] != 0:

@@ -126,7 +126,7 @@ class Bench:
             "save": lambda: self.save(text, name), "take": lambda: self.take(said),
         }  # fmt: skip
         if kind not in actions:
-            raise SettingError(f"the page asks for {str(kind)[:40]!r}, which is nothing to do; reload it.")
+            raise SettingError(f"the page asks for {str(kind)[:40]!r}, which it cannot do; reload it.")
         return actions[kind]()
 
     # ---- files -------------------------------------------------------------------------------------------------------

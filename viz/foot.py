@@ -34,9 +34,9 @@ def main(
         float | None, typer.Option(help=r"how much of the recording, or length of the sweep, 4 unless given \[s]")
     ] = None,
     result: Annotated[Path | None, typer.Option(help="parameters of a fit, result.json")] = None,
-    slow: Annotated[float, typer.Option(help="slow motion, times")] = 20.0,
+    slow: Annotated[float, typer.Option(help="how many times slower than real")] = 20.0,
     amplify: Annotated[
-        float | None, typer.Option(help="motion shown larger, times; unless given, so that the deformation is seen")
+        float | None, typer.Option(help="factor by which motion is enlarged (default: so that the deformation is seen)")
     ] = None,
     watch: Annotated[
         bool | None, typer.Option(help="load the model again whenever its file is saved; a file of one's own is")
@@ -114,9 +114,9 @@ def _show(
         raise SettingError("--sweep and --recording exclude each other.")
     for name, value in (("--frequency", frequency), ("--peak-to-peak", peak_to_peak)):
         if value is not None and (sweep or recording):
-            raise SettingError(f"{name} is of the sine; leave it out with --{'sweep' if sweep else 'recording'}.")
+            raise SettingError(f"{name} applies to the sine; leave it out with --{'sweep' if sweep else 'recording'}.")
     if seconds is not None and not (sweep or recording):
-        raise SettingError("--seconds is of a --recording or a --sweep; a sine is shown for one period.")
+        raise SettingError("--seconds goes with --recording or --sweep; a sine is shown for one period.")
     excitation = Excitation.swept(seconds or SWEEP_S) if sweep else Excitation()
     if recording is not None:
         excitation = Excitation.recorded(recording, seconds)

@@ -61,12 +61,12 @@ def record(
     max_displacement: Annotated[
         float, typer.Option(help="largest base motion in m, peak to peak")
     ] = Safety.displacement_m,
-    retries: Annotated[int, typer.Option(min=0, help="repeat a recording that lost samples so often")] = 2,
+    retries: Annotated[int, typer.Option(min=0, help="how often to repeat a recording that lost samples")] = 2,
     baud: Annotated[int, typer.Option(min=1, help="baud rate of the board")] = 921600,
     generator_baud: Annotated[int, typer.Option(min=1, help="baud rate of the generator")] = 115200,
     simulate: Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")] = False,
     list_: Annotated[bool, typer.Option("--list", help="show the serial ports and stop")] = False,
-    probe_: Annotated[bool, typer.Option("--probe", help="tell what speaks on --port (or on all) and stop")] = False,
+    probe_: Annotated[bool, typer.Option("--probe", help="say what answers on --port (or on all) and stop")] = False,
     board_: Annotated[str, typer.Option("--board", help="serial, or audio: a sound card plays and records")] = "serial",
     calibration: Annotated[
         Path, typer.Option(help="of the sound card; python -m fasbody.acquire calibrate writes it")
@@ -115,7 +115,7 @@ def record(
         raise SettingError(f"--board {board_!r} is neither serial nor audio.")
     audio = board_ == "audio"
     if calibration != SOUND_CARD and not audio:
-        raise SettingError("--calibration is of a sound card: add --board audio, or leave it out.")
+        raise SettingError("--calibration belongs to a sound card: add --board audio, or leave it out.")
     if audio and (simulate or port is not None):
         raise SettingError(f"--board audio is no serial port: leave out {'--simulate' if simulate else '--port'}.")
     if not simulate and port is None and not audio:
@@ -146,7 +146,7 @@ def record(
     if mass is None:
         raise SettingError(f"the body mass of subject {subject!r} is needed once: --body-mass, 20 to 300 kg.")
     if not 20 <= mass <= 300:
-        raise SettingError(f"a body mass of {mass:g} kg cannot be meant (valid: 20 to 300).")
+        raise SettingError(f"a body mass of {mass:g} kg is not plausible (valid: 20 to 300).")
     plan = Plan(
         study=out,
         frequencies_hz=_frequencies(sweep, frequency),
@@ -214,7 +214,7 @@ def recover(
     ] = False,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Make the recording of a capture file, as after a crash; of several captures, one each.
+    """Make a recording from a capture file, as after a crash; several captures make one each.
 
     Examples:
       python -m fasbody.acquire recover study/captures/20hz_0kg.fascap
@@ -256,7 +256,7 @@ def _planned(file: Path, added_mass: float | None, simulate: bool) -> tuple[dict
     loads = sorted({step.added_mass_kg for step in steps})
     listed = ", ".join(f"{load:g}" for load in loads)
     if other := [step.kind for step in steps if step.kind != "sine"]:
-        raise SettingError(f"{file}: a step is a {other[0]}, and a generator speaks sines; plan with --kinds sine.")
+        raise SettingError(f"{file}: a step is a {other[0]}, and a generator makes sines only; plan with --kinds sine.")
     if added_mass is not None:
         steps = [step for step in steps if step.added_mass_kg == added_mass]
         if not steps:

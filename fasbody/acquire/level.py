@@ -187,7 +187,7 @@ def reach(
             if found < _LINEAR * gain * volts:
                 raise AcquisitionError(
                     f"the base does not follow the amplitude: {found:.3g} m/s^2 peak to peak at {volts:.3g} V, where "
-                    f"lower levels let expect {gain * volts:.3g}; does its sensor clip, or the amplifier? Output off."
+                    f"lower levels predict {gain * volts:.3g}; does its sensor clip, or the amplifier? Output off."
                 )
             if volts > highest:  # not on the way down, where a slow shaker still shows what was
                 highest, gain = volts, max(gain, found / volts)

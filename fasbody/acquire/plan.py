@@ -53,7 +53,7 @@ class Plan:
             InputFileError: the study is no folder, of another origin or truth, or knows another body mass.
         """
         if not 0.1 <= self.seconds <= 3600:
-            raise SettingError(f"a recording of {self.seconds:g} s cannot be meant (valid: 0.1 to 3600).")
+            raise SettingError(f"a recording of {self.seconds:g} s is not possible (valid: 0.1 to 3600).")
         if not 0 < self.peak_to_peak < math.inf:
             raise SettingError(f"the base acceleration is {self.peak_to_peak:g} m/s^2; it must be positive.")
         if not 0 <= self.condition.added_mass_kg <= 100:

@@ -49,7 +49,7 @@ def print_sensitivity(
         typer.Option(help=r"also with the rotational constants read as N/m at this arm \[m]; may be repeated"),
     ] = None,
     trajectory: Annotated[
-        float | None, typer.Option(help=r"also along nonlinear trajectories at this frequency \[Hz], 1 s a draw")
+        float | None, typer.Option(help=r"also along nonlinear trajectories at this frequency \[Hz], 1 s per draw")
     ] = None,
     figures: Annotated[Path | None, typer.Option(help="folder for the charts like Figures 4.3 and C.1")] = None,
     json: JsonOption = False,
@@ -244,8 +244,8 @@ def _load_table(study: LoadStudy, name: str) -> Table:
 
 @app.command("validate")
 def print_validation(
-    steps: Annotated[int, typer.Option(help="moves of each leg", min=20)] = 800,
-    walkers: Annotated[int, typer.Option(help="legs that walk at once in each fit", min=8)] = 64,
+    steps: Annotated[int, typer.Option(help="steps of each Markov chain", min=20)] = 800,
+    walkers: Annotated[int, typer.Option(help="Markov chains that run at once in each fit", min=8)] = 64,
     seed: SeedOption = 0,
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: JsonOption = False,

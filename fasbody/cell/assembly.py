@@ -145,6 +145,6 @@ def _facets(mesh: TetMesh, faces: NDArray[np.int64]) -> NDArray[np.int64]:
     known, wanted = number(mesh.skfem.facets), number(vertex[faces].T)
     lost = int((~np.isin(wanted, known) | (faces < 0).any(axis=1)).sum())
     if lost:
-        raise MeshError(f"{lost} of the {len(faces)} triangles to hold are no faces of its tetrahedra.")
+        raise MeshError(f"{lost} of the {len(faces)} triangles to hold are not faces of its tetrahedra.")
     order = np.argsort(known)
     return np.asarray(order[np.searchsorted(known, wanted, sorter=order)])

@@ -168,7 +168,7 @@ def solve(model: CellModel, count: int = 10, *, way: str | None = None) -> Modes
     K, M, flight = model.K, model.M, model.flight
     most = K.shape[0] - 2 - flight.shape[1]
     if not 0 < count <= most:
-        raise SettingError(f"{count} modes cannot be had from {K.shape[0]} unknowns: ask for 1 to {most}.")
+        raise SettingError(f"{count} modes cannot be computed from {K.shape[0]} unknowns: ask for 1 to {most}.")
     way = way or fastest(K.shape[0], model.assembly.flies)
     lifted = K + model.lift * M if flight.shape[1] else K
     try:

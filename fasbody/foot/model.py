@@ -523,7 +523,7 @@ _MEANINGS = (
     (r"path cannot be empty", "names no sites to run through"),
     (r"unrecognized attribute: '(?P<x>[^']*)'", "has the attribute {x!r}, which MJCF does not know there"),
     (r"unrecognized element", "stands where MJCF knows no such element"),
-    (r"bad format in attribute '(?P<x>[^']*)'", "has something else than numbers in the attribute {x!r}"),
+    (r"bad format in attribute '(?P<x>[^']*)'", "has something other than numbers in the attribute {x!r}"),
     (r"unknown default class name '(?P<x>[^']*)'", "names the class {x!r}, which no default declares"),
     (r"repeated name '(?P<x>[^']*)'", "has the name {x!r} a second time"),
 )

@@ -199,7 +199,7 @@ class Parameters(Mapping[str, Parameter]):
         found = {self[name].name: value for name, value in constants.items()}  # a single lost name: what is near
         for name, value in found.items():
             if not np.issubdtype(np.asarray(value).dtype, np.number):
-                raise SettingError(f"{name} is {value!r}; give a number, or of a fit the whole result.")
+                raise SettingError(f"{name} is {value!r}; give a number, or the whole result of a fit.")
         return found
 
     @property

@@ -235,7 +235,7 @@ def corrected(trial: Trial, plate: Plate, gain: float, distance_m: float, rate_h
     if trial.markers_m.shape[0] == 0:
         raise RecordingError("no markers were recorded, so there is a force but no compression.")
     if not np.isfinite(trial.force_volts).all():
-        raise RecordingError("the force has samples that are no numbers.")
+        raise RecordingError("the force has samples that are not numbers.")
     forces = plate.newtons(trial.force_volts, trial.offset_volts, gain)
     force = forces.sum(axis=1)
     contact, peak = contact_and_peak(force)

@@ -85,7 +85,7 @@ def main(
         raise SettingError("--foot-sensor records one foot; leave --subjects out.")
     else:
         if loaded_frequency:
-            raise SettingError("--loaded-frequency is of one foot; a study (--subjects) has the same at every load.")
+            raise SettingError("--loaded-frequency is for one foot; a study (--subjects) has the same at every load.")
         conditions = tuple((p, m) for p in posture or ["midstance"] for m in added_mass or ADDED_MASSES_KG)
         plan = Plan(
             subjects=subjects, conditions=conditions if posture or added_mass else (), frequencies_hz=frequencies,

@@ -48,7 +48,7 @@ def check(
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
     jobs: Annotated[int, typer.Option(help="processes for a study; 0 for all cores")] = 0,
 ) -> None:
-    """Tell what was understood of a recording or a study, and what is wrong with it.
+    """Say what was understood of a recording or a study, and what is wrong with it.
 
     Exit code 2 if any recording cannot serve.
 
@@ -173,7 +173,7 @@ def convert(
     if matlab not in (None, "5", "7.3"):
         raise SettingError(f"--matlab {matlab} is not written (valid: 5, 7.3).")
     if matlab and target.suffix.lower() != ".mat":
-        raise SettingError(f"--matlab {matlab} is for .mat files, and {target} is none.")
+        raise SettingError(f"--matlab {matlab} is for .mat files, and {target} is not one.")
     recording = Recording.read(source, layout=_layout(study, columns))
     recording.write(target, matlab or "5")
     try:
@@ -192,7 +192,7 @@ def merge(
     table: Annotated[Path, typer.Argument(help="recording of the logger on the shaker's table")],
     foot: Annotated[Path, typer.Argument(help="recording of the logger on the foot, made at the same time")],
     target: Annotated[
-        Path, typer.Argument(help="file to write: .csv; what is known of the delay lies beside as .json")
+        Path, typer.Argument(help="file to write: .csv; what is known about the delay goes beside it as .json")
     ],
     base: Annotated[str, typer.Option(help="column of the table's file (default: the one named base)")] = "",
     malleolus: Annotated[str, typer.Option(help="column of the foot's file (default: the one named malleolus)")] = "",
@@ -232,7 +232,7 @@ def merge(
 
 @app.command()
 def init(
-    folder: Annotated[Path, typer.Argument(help="the folder that holds the recordings, also in folders of its own")],
+    folder: Annotated[Path, typer.Argument(help="the folder that holds the recordings, also in subfolders")],
     pattern: Annotated[
         str | None, typer.Option(help="of the file names, with {subject}, {posture}, {load}, {frequency}, {any}")
     ] = None,

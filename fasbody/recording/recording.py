@@ -261,7 +261,7 @@ def _row(values: ArrayLike, channel: str, name: str) -> np.ndarray:
     try:
         row = np.array(values, float)
     except (TypeError, ValueError):
-        raise RecordingError(f"{name}: {channel} holds something else than numbers.") from None
+        raise RecordingError(f"{name}: {channel} holds something other than numbers.") from None
     if row.ndim != 1 or row.size < 2:
         raise RecordingError(
             f"{name}: {channel} has the shape {row.shape}; a recording needs (n,), two or more samples."

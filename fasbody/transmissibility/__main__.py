@@ -30,7 +30,7 @@ def main(
         bool, typer.Option("--json", help="print one JSON document on stdout; files only with --out")
     ] = False,
     figure_format: Annotated[str, typer.Option("--figures", help="svg, png or pdf")] = "png",
-    resolution: Annotated[float, typer.Option(help="distance of frequencies in Hz, for broadband excitation")] = 1.0,
+    resolution: Annotated[float, typer.Option(help="spacing of frequencies in Hz, for broadband excitation")] = 1.0,
     estimate: Annotated[
         str, typer.Option(help="for broadband excitation: best (by periods, or local models), H1, H2 or Hv by Welch")
     ] = "best",

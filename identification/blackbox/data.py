@@ -218,7 +218,7 @@ def _never_guess(path: Path, signals: list[str], input: str, output: str) -> Non
     y = [name for name in signals if re.fullmatch(r"(?:y|out|output)[\s_]?\d+", name, re.IGNORECASE)]
     example = f"--input {','.join(u)} --output {','.join(y)}" if u and y else "--input and --output"
     raise InputFileError(
-        path, f"has {len(signals)} signals ({', '.join(signals[:8])}), and which is input is not said",
+        path, f"has {len(signals)} signals ({', '.join(signals[:8])}), and it does not say which is the input",
         f"name them: {example}",
     )  # fmt: skip
 

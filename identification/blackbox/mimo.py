@@ -219,7 +219,7 @@ def arx(recording: Channels, na: int, nb: int, nk: int) -> MimoModel:
     count = na * p + nb * m
     if min(na, nb - 1, nk) < 0 or len(recording) - first < 2 * (count + 1):
         raise SettingError(
-            f"arx={na},{nb},{nk} with {m} inputs and {p} outputs cannot be had from {len(recording)} samples; "
+            f"arx={na},{nb},{nk} with {m} inputs and {p} outputs cannot be estimated from {len(recording)} samples; "
             "n_b is at least 1, and a model has at most half as many coefficients as there are samples."
         )
     past = [-shifted(y, na, 1) for y in recording.y.T] + [shifted(u, nb, nk) for u in recording.u.T]

@@ -229,7 +229,7 @@ def estimate(
     """
     p, q = degrees
     if p < 1 or q < 1:
-        raise SettingError(f"degrees {degrees} cannot be meant; a polynomial has degree 1 or more.")
+        raise SettingError(f"degrees {degrees} make no model; a polynomial has degree 1 or more.")
     pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
     start = linear or pem.estimate("oe", pooled, orders)
     u_scale = float(np.sqrt(np.mean(np.concatenate([s.u for s in pooled]) ** 2)))

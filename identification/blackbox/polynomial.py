@@ -44,7 +44,7 @@ class Orders(Tabled):
     def __post_init__(self) -> None:
         """Refuse counts that cannot be meant."""
         if self.nb < 1 or min(self.na, self.nc, self.nd, self.nf, self.nk) < 0:
-            raise SettingError(f"orders {self} cannot be meant; n_b is at least 1 and no other is negative.")
+            raise SettingError(f"orders {self} make no model; n_b is at least 1 and no other is negative.")
 
     @classmethod
     def of(cls, structure: str, numbers: tuple[int, ...]) -> Self:
@@ -56,7 +56,7 @@ class Orders(Tabled):
             raise SettingError(f"{structure} takes {len(names)} orders ({', '.join(names)}), not {len(numbers)}.")
         if any(number < (name == "nb") for name, number in zip(names, numbers, strict=True)):
             valid = ", ".join(f"{name} {int(name == 'nb')} or more" for name in names)
-            raise SettingError(f"{structure}={','.join(map(str, numbers))} cannot be meant; valid: {valid}.")
+            raise SettingError(f"{structure}={','.join(map(str, numbers))} makes no model; valid: {valid}.")
         return cls(**{"nb": 1, **dict(zip(names, numbers, strict=True))})
 
     def as_tuple(self, structure: str) -> tuple[int, ...]:

@@ -110,7 +110,7 @@ def propose(
         frequencies, loads, amplitude, amplitudes, displacement, force, table_mass, kinds, sensors, seconds, noise
     )
     if recordings < 1 or 60 * minutes < seconds:
-        raise SettingError(f"{recordings} recordings in {minutes:g} minutes hold none of {seconds:g} s; give more.")
+        raise SettingError(f"{recordings} recordings in {minutes:g} minutes leave no room for one of {seconds:g} s; give more.")
     earlier = _earlier(data, body_mass)
     person = _person(model, body_mass, earlier, allow, mass_std, gain_std, delay_std)
     director = _director(person, shaker, ask, earlier, seed, draws)
@@ -164,7 +164,7 @@ def run(
     seed: _Seed = 0,
     json_: _Json = False,
 ) -> None:
-    """Record, fit and plan in turn: after each recording what it was, what is known now, and the next step.
+    """Record, fit and plan in turn; say after each recording what it was, what is known now, and what is next.
 
     Examples:
       python -m identification.plan run --simulate --auto --seconds 4 --out my_study

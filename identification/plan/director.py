@@ -113,7 +113,7 @@ class Director:
             if name not in EXCHANGED:
                 raise SettingError(f"{unknown('constant to ask for', name, EXCHANGED)}.")
             if not 0 < share < 10:
-                raise SettingError(f"the half-width asked of {name} is {share:g}; give a share, 0.05 for +-5 %.")
+                raise SettingError(f"the half-width asked for {name} is {share:g}; give a share, 0.05 for +-5 %.")
         draws = draws or (FEWER if earlier else DRAWS)
         there = [name for name in person.foot.sensors if name != "base"]
         for name in shaker.sensors:
@@ -338,7 +338,7 @@ class Director:
         pieces = int(seconds / self.shaker.seconds + 1e-9)
         if most < 1 or pieces < 1:
             raise SettingError(
-                f"{most} recordings in {seconds:g} s hold none of {self.shaker.seconds:g} s; give more or shorter ones."
+                f"{most} recordings in {seconds:g} s leave no room for {self.shaker.seconds:g} s; give more or shorter ones."
             )
         chosen: list[int] = []
         for _ in range(_ROUNDS):

@@ -53,7 +53,7 @@ class Laboratory:
             AcquisitionError: it did not succeed; the output is off.
         """
         if step.kind != SINE:
-            raise SettingError(f"a generator speaks sines, and no {step.kind}.")
+            raise SettingError(f"a generator makes sines only, no {step.kind}.")
         plan = self._plan(step)
         plan.check(True)
         session = self._at(step.added_mass_kg, plan)

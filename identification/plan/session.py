@@ -157,7 +157,7 @@ class Session:
         earlier: Sequence[Recording] = (),
     ) -> None:
         if most < 1 or seconds < shaker.seconds:
-            raise SettingError(f"{most} recordings in {seconds:g} s hold none of {shaker.seconds:g} s.")
+            raise SettingError(f"{most} recordings in {seconds:g} s leave no room for one of {shaker.seconds:g} s.")
         self._person, self._shaker, self._ask = person, shaker, dict(ask)
         self._most, self._seconds, self._seed, self._draws = most, seconds, seed, draws
         self._record, self._offering = record, offering or Offering()

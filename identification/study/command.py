@@ -34,7 +34,7 @@ def main(
     out: Annotated[Path | None, typer.Option(help="folder for results (default results/NAME_study)")] = None,
     mode: Annotated[str, typer.Option(help=f"{', '.join(MODES)}: what one fit takes together")] = MODES[0],
     scheduler: Annotated[str | None, typer.Option(help="address of a Dask scheduler, tcp://HOST:PORT")] = None,
-    workers: Annotated[int, typer.Option(min=0, help="local processes; 0 for one a core, 1 for this one")] = 0,
+    workers: Annotated[int, typer.Option(min=0, help="local processes; 0 for one per core, 1 for this one")] = 0,
     starts: Annotated[int, typer.Option(help="starts of each fit")] = 8,
     seed: Annotated[int, typer.Option(min=0, help="seed of the random starts")] = 0,
     model: Annotated[str, typer.Option(help="shipped model or MJCF file")] = "two_dof",
@@ -42,7 +42,7 @@ def main(
     free: Annotated[str | None, typer.Option(help="parameters to estimate, e.g. k_T,k_F (default: all)")] = None,
     bounds: Annotated[list[str] | None, typer.Option(help="NAME=LOWER:UPPER in SI units; repeat for several")] = None,
     prior: Annotated[
-        list[str] | None, typer.Option(help="what is believed of every fit, k_T>k_F or k_F=5e4:2e5; repeat")
+        list[str] | None, typer.Option(help="prior belief about every fit, k_T>k_F or k_F=5e4:2e5; repeat")
     ] = None,
     profile: Annotated[str | None, typer.Option(help="parameters to profile, e.g. k_T,k_F")] = None,
     validate: Annotated[

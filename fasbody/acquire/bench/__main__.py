@@ -28,7 +28,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def board(
     link: LinkArgument,
     cable: CableArgument,
-    rate: Annotated[float, typer.Option(help="samples a second")] = 1000.0,
+    rate: Annotated[float, typer.Option(help="samples per second")] = 1000.0,
     channels: Annotated[int, typer.Option(help="2, or 3 with the tuberosity")] = 2,
     bits: Annotated[int, typer.Option(help="of a sample in a frame; 0 for text lines")] = 16,
     added_mass: Annotated[float, typer.Option(help="on the knee in kg")] = 0.0,

@@ -40,7 +40,7 @@ def decode(file: Path) -> list[Series]:
         try:
             return np.array([float(cell.replace(decimal, ".")) for cell in cells])
         except ValueError:
-            raise FormatError(f"the column {names[index]!r} holds something else than numbers") from None
+            raise FormatError(f"the column {names[index]!r} holds something other than numbers") from None
 
     def value(key: str, place: int) -> float | None:
         cells = told.get(key, [])
