@@ -376,7 +376,7 @@ def read_csv(
     numbers = [np.asarray(pd.to_numeric(table[name], errors="coerce"), float) for name in names]
     wrong = [int(np.flatnonzero(~np.isfinite(values))[0]) for values in numbers if not np.isfinite(values).all()]
     if wrong:
-        raise InputFileError(file, "a cell is not a number", "time, force and compression must be finite", min(wrong) + 2)
+        raise InputFileError(file, "a cell is no number", "time, force and compression must be finite", min(wrong) + 2)
     t, F, x = numbers
     if t.size < _FEWEST or not (np.diff(t) > 0).all():
         raise InputFileError(file, "the clock does not run, or there are fewer than ten samples", "time_s must rise")

@@ -110,7 +110,9 @@ def propose(
         frequencies, loads, amplitude, amplitudes, displacement, force, table_mass, kinds, sensors, seconds, noise
     )
     if recordings < 1 or 60 * minutes < seconds:
-        raise SettingError(f"{recordings} recordings in {minutes:g} minutes leave no room for one of {seconds:g} s; give more.")
+        raise SettingError(
+            f"{recordings} recordings in {minutes:g} minutes leave no room for one of {seconds:g} s; give more."
+        )
     earlier = _earlier(data, body_mass)
     person = _person(model, body_mass, earlier, allow, mass_std, gain_std, delay_std)
     director = _director(person, shaker, ask, earlier, seed, draws)

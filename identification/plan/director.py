@@ -338,7 +338,8 @@ class Director:
         pieces = int(seconds / self.shaker.seconds + 1e-9)
         if most < 1 or pieces < 1:
             raise SettingError(
-                f"{most} recordings in {seconds:g} s leave no room for {self.shaker.seconds:g} s; give more or shorter ones."
+                f"{most} recordings in {seconds:g} s leave no room for {self.shaker.seconds:g} s; "
+                "give more or shorter ones."
             )
         chosen: list[int] = []
         for _ in range(_ROUNDS):
