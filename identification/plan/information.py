@@ -81,9 +81,9 @@ class Sight:
         image = self.space.image(q)
         self._problem.start(q)
         try:
-            true = [self._problem.response(i, q)[:2] for i in range(len(self._lines))]
+            true = self._problem.responses(q)
             self._problem.start(image)
-            other = [self._problem.response(i, image)[:2] for i in range(len(self._lines))]
+            other = self._problem.responses(image)
         except SimulationError:
             return None
         n = q.size
