@@ -1,6 +1,7 @@
 """A virtual study fitted recording by recording, once, for the rows of section 4.6 and Appendix D."""
 
 import tempfile
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from fasbody.foot.model import load
+from fasbody.foot.model import Foot, load
 from fasbody.laboratory.study import Plan, make
 from fasbody.recording.condition import ADDED_MASSES_KG
 from fasbody.recording.study import StudyFolder
@@ -33,6 +34,11 @@ DRAWN = "16"
 TRUE = {"name": "true"}
 
 
+def exact(foot: Foot, constants: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Constants by name as a fit's document has its parameters."""
+    return {foot.parameters[name].key: {"value": value} for name, value in constants.items() if name in foot.parameters}
+
+
 @cache
 def documents() -> tuple[list[dict[str, Any]], Truth]:
     """One document a recording, as `python -m identification.study` keeps them, and the truth of the study.
@@ -50,7 +56,7 @@ def documents() -> tuple[list[dict[str, Any]], Truth]:
             recording = study.read(trial)
             result = fit_foot([recording], foot, starts=STARTS, threads=1).document()
             condition = recording.condition
-            own = {"recordings": [{"file": recording.file, "foot": truth.constants[trial.file]}], "branches": [TRUE]}
+            own = {"branches": [{**TRUE, "parameters": exact(foot, truth.constants[trial.file])}]}
             made.append({
                 "key": str(number), "mode": "per-recording", "subject": condition.subject,
                 "posture": condition.posture, "added_mass_kg": condition.added_mass_kg,

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 #: two (0 base, 1 malleolus, None both) and its colour.
 Wire = tuple[str, str, int | None, str]
 ANALOG: list[Wire] = [
-    ("3V3", "VCC", None, "tab:red"), ("GND", "GND", None, "black"), ("D4", "ST", None, "tab:purple"),
+    ("3V3", "VCC", None, "tab:red"), ("GND", "GND", None, "black"), ("D4", "ST (4.7k/10k)", None, "tab:purple"),
     ("A0", "Z", 0, "tab:blue"), ("A1", "Z", 1, "tab:orange"),
 ]  # fmt: skip
 SPI: list[Wire] = [

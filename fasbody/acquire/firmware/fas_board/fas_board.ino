@@ -37,7 +37,7 @@
 #define ANALOG_RANGE_G 3.0
 #define BASE_SIGN (+1)
 #define MALLEOLUS_SIGN (+1)
-#define SELF_TEST_WIRED 1  // D4 to the ST pins of both; 0 if it is not
+#define SELF_TEST_WIRED 1  // D4 to the ST pins of both, through a divider to 3.3 V; 0 if it is not
 
 // ---- derived ------------------------------------------------------------------------------------------------------
 
@@ -335,7 +335,9 @@ static uint8_t test(uint8_t channel) {
 #endif
     prepare();
 #if SENSOR == ADXL355
+    write_to(channel, 0x2D, 0x01);  // standby, in which alone the mode may be set
     write_to(channel, 0x2B, 0x00);  // there are no pulses yet
+    write_to(channel, 0x2D, 0x04);  // measure, with DRDY off: D9 holds that line
 #endif
     _delay_ms(50);
     int32_t rest = level(channel);
