@@ -148,6 +148,8 @@ def modes_of_a_body(
       python -m fasbody.cell modes soles.msh --support region --held 3 --material 1=2e6,0.4,200 --material 1e7,0.4,300
     """
     check_count(modes)
+    if held is not None and support != "region":
+        raise SettingError(f"--held {held} goes with --support region, and the support is {support}.")
     from fasbody.cell.body import body_modes, read_body
 
     given = dict(map(named_material, material))

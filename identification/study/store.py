@@ -39,7 +39,8 @@ class Store(runner.Store):
             return None, problem
         if not isinstance(found, dict) or not found.keys() >= _NEEDED or found["key"] != key:
             return None, f"{file}: is not the fit that its name says and is computed again."
-        if found["status"] not in ("done", "failed") or (found["result"] is None) == (found["status"] == "done"):
+        kind = dict if found["status"] == "done" else type(None)
+        if found["status"] not in ("done", "failed") or not isinstance(found["result"], kind):
             return None, f"{file}: has no result and is computed again."
         if found["digest"] != _digest(found):
             return None, f"{file}: was changed after it was written and is computed again."
