@@ -30,7 +30,16 @@ _Data = Annotated[
 _Model = Annotated[str, typer.Option(help="two-mass model, or its file")]
 _BodyMass = Annotated[float | None, typer.Option(help="body mass in kg (72.57 if nothing says it)")]
 _Ask = Annotated[list[str] | None, typer.Option(help="NAME=SHARE, half-width of an interval; repeat for several")]
-_Minutes = Annotated[float, typer.Option(help="of shaking at most")]
+
+
+def _finite(minutes: float) -> float:
+    """Minutes that end."""
+    if not 0 < minutes < 1e4:
+        raise typer.BadParameter(f"{minutes:g} is no number of minutes (valid: above 0, below 10000)")
+    return minutes
+
+
+_Minutes = Annotated[float, typer.Option(help="of shaking at most", callback=_finite)]
 _Recordings = Annotated[int, typer.Option(help="recordings at most")]
 _Frequencies = Annotated[str, typer.Option(help="START:STOP:STEP in Hz")]
 _Loads = Annotated[str, typer.Option(help="masses for the knee in kg, with commas")]
@@ -190,6 +199,11 @@ def run(
         raise SettingError("give --port and --generator (python -m fasbody.acquire --list shows them), or --simulate.")
     if not auto and not sys.stdin.isatty():
         raise SettingError("nobody is at the terminal to take a step: give --auto.")
+    if amplitude > max_acceleration:
+        raise SettingError(
+            f"an amplitude of {amplitude:g} m/s² exceeds --max-acceleration {max_acceleration:g}; give --amplitude "
+            f"{max_acceleration:g} or less."
+        )
     shaker = _shaker(
         frequencies, loads, amplitude, amplitudes, displacement, force, table_mass, "sine", "malleolus", seconds, noise
     )
