@@ -34,8 +34,8 @@ _Ask = Annotated[list[str] | None, typer.Option(help="NAME=SHARE, half-width of 
 
 def _finite(minutes: float) -> float:
     """Minutes that end."""
-    if not 0 < minutes < 1e4:
-        raise typer.BadParameter(f"{minutes:g} is no number of minutes (valid: above 0, below 10000)")
+    if not minutes < 1e4:
+        raise SettingError(f"--minutes is {minutes:g}; give a number above 0 and below 10000.")
     return minutes
 
 
