@@ -28,7 +28,8 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 #: Fewer jobs than this are done here: starting processes takes longer.
 _FEW = 40
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+#: Environment of a process whose linear algebra has one thread: small matrices only wait for more.
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 #: Our packages: what a result's module imports of them is part of its key.
 OURS = ("fasbody", "identification", "mjcf", "reproduction")
 ROOT = Path(fasbody.__file__).parent.parent
@@ -89,9 +90,9 @@ def _spread(function: Callable[[Task], Result], tasks: Sequence[Task], count: in
 @contextmanager
 def _pool(count: int) -> Iterator[ProcessPoolExecutor]:
     """Processes whose linear algebra has one thread; after an exception they are not waited for."""
-    before = {name: os.environ.get(name) for name in _THREADS}
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
     others = set(multiprocessing.active_children())
-    os.environ.update(dict.fromkeys(_THREADS, "1"))  # the children's linear algebra must not fight for the cores
+    os.environ.update(ONE_THREAD)  # the children's linear algebra must not fight for the cores
     # spawn, not fork: the progress bar runs a thread
     pool = ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn"))
     try:

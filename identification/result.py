@@ -364,8 +364,8 @@ class FitResult(Presented):
             truth = self.truth_of(key)
             known = ["" if truth is None else f"{truth:.6g}"] if self.truth else []
             others = [branch.parameters[key].interval() for branch in self.branches[1:]]
-            shown = e.if_model_true and self.wide and self.wide.follows
-            narrow = [e.if_model_true.interval() if e.if_model_true and shown else "–"] if self.wide else []
+            trusting = e.if_model_true if self.wide and self.wide.follows else None
+            narrow = [trusting.interval() if trusting else "–"] if self.wide else []
             rows.append([label(key), e.interval(), *narrow, *others, *known, e.known])
         for number, mass in enumerate(self.wide.masses if self.wide else ()):
             truth = self.truth_of(f"{mass.name}_kg")

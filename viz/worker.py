@@ -9,17 +9,17 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, TextIO
 
+from fasbody.recording.sources import together
+from fasbody.runner import ONE_THREAD
 from viz.source import Source
 
 #: Called with each document of the worker, in a thread of its own.
 Told = Callable[[dict[str, Any]], None]
-#: The matrices of a fit are small: threads that share one wait for each other longer than they compute.
-_ONE = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 #: Points of a trace that the page gets, and the periods of it.
 POINTS, PERIODS = 400, 3
 
@@ -32,7 +32,7 @@ class Worker:
         paths = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
         self._process = subprocess.Popen(
             [sys.executable, "-m", "viz.worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-            env=_ONE | os.environ | {"PYTHONPATH": paths},
+            env=ONE_THREAD | os.environ | {"PYTHONPATH": paths},
         )  # fmt: skip
         self._listener = threading.Thread(target=self._listen, name="worker", daemon=True)
         self._listener.start()
@@ -70,12 +70,6 @@ def job(sources: list[Source], model: str, values: Mapping[str, float], settings
     """A fit as the worker takes it; `values` are those that the model has in place of its own."""
     about = {"do": "fit", "sources": [asdict(source) for source in sources], "model": model}
     return about | {"values": dict(values), "settings": dict(settings)}
-
-
-def named(files: Sequence[str]) -> str:
-    """What recordings are called together."""
-    more = f" and {len(files) - 3} more" if len(files) > 3 else ""
-    return ", ".join(files[:3]) + more
 
 
 def serve(jobs: TextIO, answers: TextIO) -> None:
@@ -126,7 +120,7 @@ def _fit(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) ->
     settings = dict(asked["settings"])
     foot = load_foot(asked["model"]).with_values(asked["values"])
     result = fit_foot(recordings, foot, advance=_advance(tell), **settings)
-    result = result.with_source(named([r.file for r in recordings]))
+    result = result.with_source(together([r.file for r in recordings]))
     result = replace(result, provenance={**result.provenance, "model": asked["model"]})
     more = derived(result)
     tell({
@@ -143,7 +137,7 @@ def _rivals(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None])
 
     recordings = [Source(**source).read() for source in asked["sources"]]
     foot = load_foot(asked["model"]).with_values(asked["values"])
-    result = compare_rivals(recordings, foot, source=named([r.file for r in recordings]), advance=_advance(tell))
+    result = compare_rivals(recordings, foot, source=together([r.file for r in recordings]), advance=_advance(tell))
     sheet = result.sheet()
     tell({
         "type": "rivals", "title": sheet.title, "columns": sheet.columns, "rows": sheet.rows, "notes": sheet.notes,

@@ -10,7 +10,7 @@ import numpy as np
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import Array, arms, deformations, gradients
 from fasbody.arch.load import ARANGIO_CUT, ARANGIO_LOAD, ARANGIO_SAG, MEASURED_HZ, G, poses, tangent
-from fasbody.arch.mounted import PAD_N, PAD_POWER, SEATED_N, STANDING_N, Mounted, Stance, stance
+from fasbody.arch.mounted import SEATED_N, STANDING_N, Mounted, Stance, pad, stance
 from fasbody.arch.tissue import Tissue
 
 
@@ -223,7 +223,7 @@ class Feet:
     @property
     def pad(self) -> Array:
         """Stiffness of the fat pad [N/m] at `HEEL_N`, shape (d, 3)."""
-        return np.asarray(self.legs.k_F)[:, None] * (np.array(HEEL_N) / PAD_N) ** PAD_POWER
+        return np.asarray(pad(np.asarray(self.legs.k_F)[:, None], np.array(HEEL_N)))
 
     @cached_property
     def _standing(self) -> Any:

@@ -13,7 +13,7 @@ from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import Array, arms, closing_angle, deformations, gradients
 from fasbody.arch.lagrange import mass_matrix
 from fasbody.arch.load import poses, tangent
-from fasbody.arch.mounted import FOOT_KG, PAD_N, PAD_POWER, SEATED_N, SHANK_KG, SHIPPED, THIGH_KG, TISSUE_KG, Mounted
+from fasbody.arch.mounted import FOOT_KG, SEATED_N, SHANK_KG, SHIPPED, THIGH_KG, TISSUE_KG, Mounted, pad
 from fasbody.exceptions import SimulationError
 
 #: Coordinates of `matrices`, in order.
@@ -63,9 +63,8 @@ def matrices(
         C[:5, :5] += mounted.lag * k * np.outer(slope[:5], slope[:5])
     k_11 = float(mounted.tissue.tangent(deformations(arch, q).e))
     C[:5, :5] += mounted.lag * k_11 * np.outer(g.e[:5], g.e[:5])
-    pad = mounted.k_F * (weight / PAD_N) ** PAD_POWER
     m = mounted
-    for i, k, c in ((0, pad, m.c_F), (1, m.k_T, m.c_T), (5, m.k_H, m.c_H), (6, m.k_A, m.c_A)):
+    for i, k, c in ((0, pad(m.k_F, weight), m.c_F), (1, m.k_T, m.c_T), (5, m.k_H, m.c_H), (6, m.k_A, m.c_A)):
         K[i, i] += k
         C[i, i] += c
     return M, C, K, np.stack([apex, shank])
@@ -109,7 +108,6 @@ def mjcf(mounted: Mounted = SHIPPED, arch: Arch | None = None, weight: float = S
         spring = f'stiffness="{k_11!r}" springlength="{at_rest!r}" damping="{float(mounted.lag * k_11)!r}"'
         fascia = f'    <spatial name="plantar_aponeurosis" {spring}>\n'
         fascia += '      <site site="heel"/><site site="heads"/>\n    </spatial>\n'
-    pad = mounted.k_F * (weight / PAD_N) ** PAD_POWER
     text = _BONES
     for i, (joint, (_, k, ref)) in enumerate(zip(_JOINTS, _ligaments(mounted, arch, q), strict=True), 2):
         spring = f'name="{joint}" stiffness="{k!r}" springref="{ref!r}" damping="{float(mounted.lag * k)!r}"'
@@ -121,7 +119,8 @@ def mjcf(mounted: Mounted = SHIPPED, arch: Arch | None = None, weight: float = S
             middle=-L / 2, m=m, I=I, L=-L, pad=" " * (2 * i), more=f"@{i + 1}" if i < 4 else _HEADS.format(L=-L),
         ))  # fmt: skip
     values = {
-        "weight": weight, "k_F": float(pad), "c_F": mounted.c_F, "k_T": mounted.k_T, "c_T": mounted.c_T,
+        "weight": weight, "k_F": float(pad(mounted.k_F, weight)), "c_F": mounted.c_F,
+        "k_T": mounted.k_T, "c_T": mounted.c_T,
         "k_H": mounted.k_H, "c_H": mounted.c_H, "k_A": mounted.k_A, "c_A": mounted.c_A,
         "sole": flesh * (1 - mounted.up), "apex": flesh * mounted.up + SHANK_KG * mounted.share,
         "shank": SHANK_KG * (1 - mounted.share), "thigh": THIGH_KG, "tissue": TISSUE_KG, "height": float(a.E_2),

@@ -26,6 +26,11 @@ PAD_N, PAD_POWER = 43.0, 0.61
 FOOT_KG, SHANK_KG, THIGH_KG, TISSUE_KG = 1.05, 3.4, 2.06, 0.2
 
 
+def pad(k_F: Any, load: Any) -> Any:
+    """Stiffness of the fat pad [N/m] under a load [N], from that under `PAD_N`."""
+    return k_F * (load / PAD_N) ** PAD_POWER
+
+
 class Stance(NamedTuple):
     """The arch about a pose, as seen from the plane of heel and heads and from its apex; leading shape (...).
 
@@ -129,8 +134,8 @@ class Mounted:
         a_a, a_b, b_b = ((x * y * give).sum(axis=-1) for x, y in ((apex, apex), (apex, bones), (bones, bones)))
         over = (1 - s**2 * a_b) / (1 + s**2 * carried * a_a)  # apex over the plane of heel and heads
         mass = stood.mass + flesh * (1 - v["up"]) - s**2 * b_b + carried * (1 - s**2 * a_b) * over
-        pad = v["k_F"] * (load / PAD_N) ** PAD_POWER + s * v["c_F"]
-        plane = pad / (pad + s**2 * mass)
+        heel = pad(v["k_F"], load) + s * v["c_F"]
+        plane = heel / (heel + s**2 * mass)
         push = apex * (carried * over)[..., None] + bones  # (..., f, 3): what turns the angles, over -s^2
         turned = (joint * (give * push)[..., None, :]).sum(axis=-1)
         joints = 1 - s[..., None] ** 2 * turned

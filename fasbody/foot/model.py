@@ -143,34 +143,32 @@ def load(model: str | Path | mujoco.MjSpec) -> Foot:
     """
     shipped = mjcf.names()
     if isinstance(model, mujoco.MjSpec):
-        compiled = _compiled(model.compile, "MjSpec")
-        _check_masses(model, _called(compiled))
-        return check(compiled, _called(compiled))
+        return _checked(lambda: model, "MjSpec")
     if isinstance(model, str) and model.lstrip().startswith("<"):
-        compiled = _compiled(lambda: mujoco.MjSpec.from_string(model).compile(), "MJCF text")
-        _check_masses(mujoco.MjSpec.from_string(model), _called(compiled))
-        return check(compiled, _called(compiled))
+        return _checked(lambda: mujoco.MjSpec.from_string(model), "MJCF text")
     file = mjcf.path(str(model)) if str(model) in shipped else Path(model)
     if not file.is_file():
         valid = f"give an MJCF file or one of {', '.join(shipped)}"
         raise InputFileError(model, "no such model", valid)
-    compiled = _compiled(lambda: mujoco.MjModel.from_xml_path(str(file)), file)
     name = str(model) if str(model) in shipped else file.name
-    _check_masses(mujoco.MjSpec.from_file(str(file)), name)
-    return check(compiled, name)
+    return _checked(lambda: mujoco.MjSpec.from_file(str(file)), file, name)
 
 
-def _compiled(build: Callable[[], mujoco.MjModel], place: str | Path) -> mujoco.MjModel:
-    """What MuJoCo makes of a model.
+def _checked(read: Callable[[], mujoco.MjSpec], place: str | Path, name: str = "") -> Foot:
+    """The foot that MuJoCo makes of a model; it is called as it calls itself where it has no name.
 
     Raises:
-        InputFileError: it cannot compile it.
+        InputFileError: it cannot compile it. ModelError: see `load`.
     """
     try:
-        return build()
+        spec = read()
+        compiled = spec.compile()
     except ValueError as error:
         clause, line = compiler_complaint(str(error))
         raise InputFileError(place, f"MuJoCo cannot compile it ({clause})", line=line) from None
+    name = name or _called(compiled)
+    _check_masses(spec, name)
+    return check(compiled, name)
 
 
 def _called(model: mujoco.MjModel) -> str:

@@ -73,9 +73,9 @@ def fit_harmonics(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, c
     dof = max(1, signal.size - P.shape[1])
     sigma = float(np.sqrt(residual @ residual / dof))
     amplitudes = coefficients[1::2] - 1j * coefficients[2::2]
-    std = np.full(count, sigma) * np.sqrt(2 / signal.size) * _colour(residual, rate, frequency_hz, count)
-    white = np.sqrt(np.median(np.abs(np.fft.rfft(residual)) ** 2) / np.log(2) / signal.size)  # sidebands left out
-    floor = float(white * np.sqrt(2 / signal.size))
+    power = np.abs(np.fft.rfft(residual)) ** 2
+    std = np.full(count, sigma) * np.sqrt(2 / signal.size) * _colour(power, rate / signal.size, frequency_hz, count)
+    floor = float(np.sqrt(2 * _white(power)) / signal.size)  # sidebands left out
     std, scatter, onset = _with_scatter(basis, time_s, signal, frequency_hz, count, std, amplitudes[0], floor)
     return Harmonics(frequency_hz, amplitudes[:count], std, float(coefficients[0]), sigma, scatter, onset)
 
@@ -127,7 +127,7 @@ def narrow_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) ->
     rate = (n - 1) / (time_s[-1] - time_s[0])
     power = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(n))) ** 2
     f = np.arange(power.size) * rate / n
-    white = float(np.median(power)) / np.log(2)
+    white = _white(power)
     if white * power.size > _MOST_NOISE * power.sum():  # so much power is no noise of a sensor
         white = 0.0
     power = np.maximum(0.0, power - white)
@@ -200,11 +200,14 @@ def _products(sums: np.ndarray) -> np.ndarray:
     return N[np.ix_(kept, kept)]
 
 
-def _colour(residual: np.ndarray, rate: float, frequency_hz: float, count: int) -> np.ndarray:
+def _white(power: np.ndarray) -> float:
+    """Mean power of a line of white noise, by the median (n,), which few strong lines do not move."""
+    return float(np.median(power)) / np.log(2)
+
+
+def _colour(power: np.ndarray, bin_hz: float, frequency_hz: float, count: int) -> np.ndarray:
     """Noise near each harmonic over its mean over all frequencies (count,), 1 where the noise is white."""
-    power = np.abs(np.fft.rfft(residual)) ** 2
     mean = power[1:].mean() or 1.0
-    bin_hz = rate / residual.size
     half = max(16, round(1.0 / bin_hz))
     out = np.ones(count)
     for h in range(count):

@@ -37,8 +37,12 @@ def gather(
             recordings.append(with_masses(read_file(path, mapping), body, load))
         else:
             raise InputFileError(path, "no such file or folder", "give a study folder or CSV recordings")
-    named = ", ".join(sources[:3]) + (f" and {len(sources) - 3} more" if len(sources) > 3 else "")
-    return named, recordings, truth
+    return together(sources), recordings, truth
+
+
+def together(names: Sequence[str]) -> str:
+    """What several files or studies are called in one title."""
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
 def _each(data: Sequence[Path], masses: Sequence[float] | None, option: str) -> list[float | None]:

@@ -127,7 +127,7 @@ class Rollouts(Orbits[D]):
 
     def forget(self) -> None:
         """Start the next orbits from rest."""
-        self._frozen: dict[int, np.ndarray] = {}
+        self._frozen: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # I - monodromy, and outputs by states
         super().forget()
 
     def on(self, drives: Sequence[D], foot: Foot | None = None) -> "Rollouts[D]":
@@ -143,7 +143,7 @@ class Rollouts(Orbits[D]):
         theta = np.array([values[name] for name in self.columns.names])
         x = self._guess(number, theta)
         if number in self._frozen:
-            x = self._near(controls, e.step, full, x, self._frozen[number], tolerance)
+            x = self._near(controls, e.step, full, x, self._frozen[number][0], tolerance)
         for _ in range(PASSES):
             d = self.columns.run(controls, e.step, full, x)
             monodromy = np.eye(x.size) - d.x_by_state
@@ -155,7 +155,7 @@ class Rollouts(Orbits[D]):
             x = self._near(controls, e.step, full, x, monodromy, tolerance)
         dx = np.linalg.solve(monodromy, d.x_by_parameter)
         self._keep(number, x, dx, theta, gap)
-        self._frozen[number] = monodromy
+        self._frozen[number] = monodromy, d.y_by_state
         return d.y + d.y_by_state @ step, d.y_by_parameter + d.y_by_state @ dx
 
     def _near(
@@ -187,14 +187,12 @@ class Rollouts(Orbits[D]):
     ) -> list[np.ndarray]:
         """See `Engine`: one simulation a drive, closed by the monodromy matrix of the drive that they are near to."""
         self.orbit(number, values, names, 1e-6)
-        e, x = self.drives[number], self.start(number)
-        full = {**values, **e.masses}
-        d = self.columns.run(self._controls[number], e.step, full, x)
-        monodromy = np.eye(x.size) - d.x_by_state
+        x, full = self.start(number), {**values, **self.drives[number].masses}
+        monodromy, by_state = self._frozen[number]
         found = []
         for drive in drives:
             y, end = self.columns.alone(drive.motion.controls(drive.step, drive.steps), drive.step, full, x)
-            found.append(y + d.y_by_state @ np.linalg.solve(monodromy, end - x))
+            found.append(y + by_state @ np.linalg.solve(monodromy, end - x))
         return found
 
     def run(
