@@ -25,7 +25,7 @@ lint: $(VENV)/dev.stamp
 docs: $(VENV)/dev.stamp  ## the documentation as a site for reading without a network: site/index.html
 	$(RUN) -m mkdocs build --strict
 
-bench: $(VENV)/dev.stamp  ## every speed and accuracy ratio the documentation states; ARGS="--seeds 200" for the study
+bench: $(VENV)/dev.stamp  ## every speed and accuracy ratio the documentation states; ARGS=--full for whole studies
 	$(RUN) -m benchmarks $(ARGS)
 
 reproduce: $(VENV)/dev.stamp  ## every equation, table, figure and statement of the thesis -> docs/reproduction.md; goes on where it stopped

@@ -6,7 +6,7 @@ import platform
 import re
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -30,6 +30,15 @@ TOPICS = (
     "accuracy", "callbacks", "arch", "fitting", "coverage", "reality", "rivals", "sensors", "black_box", "cell",
     "study", "study_population", "viewer", "acquire", "peak_to_peak", "responses", "study_end_to_end", "heel",
 )  # fmt: skip
+
+#: How much of each study a run takes that is to end within the hour; `--full` takes the whole.
+PART: Mapping[str, Sequence[str]] = {
+    "coverage": ("--seeds", "20"), "reality": ("--seeds", "2"), "rivals": ("--seeds", "2"),
+    "sensors": ("--feet", "5"), "study_population": ("--count", "2"), "responses": ("--seeds", "4"),
+    "heel": ("--persons", "10"),
+}  # fmt: skip
+#: Topics that keep their rows in a file, to go on from.
+KEPT = ("reality", "rivals", "sensors")
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -71,9 +80,7 @@ def committed(page: Mapping[str, Topic], now: Mapping[str, Topic], where: str) -
 @app.command()
 def main(
     only: Annotated[list[str] | None, typer.Argument(help=f"some of {', '.join(TOPICS)} (default: all)")] = None,
-    seeds: Annotated[int, typer.Option(help="noise seeds of the coverage study; 200 for the real one")] = 20,
-    jobs: Annotated[int, typer.Option(help="processes of the coverage study, 0 for all cores")] = 0,
-    scipy_limit: Annotated[int, typer.Option(help="trial points allowed to scipy (at most what our fit took)")] = 200,
+    full: Annotated[bool, typer.Option("--full", help="every study at its full size, some four hours")] = False,
     with_peers: Annotated[bool, typer.Option("--peers/--no-peers", help="install and run SIPPY and pysib, too")] = True,
     out: Annotated[Path | None, typer.Option(help="page to write", show_default="results/benchmarks/HOST.md")] = None,
     commit: Annotated[
@@ -81,7 +88,9 @@ def main(
     ] = False,
     json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout instead of a table")] = False,
 ) -> None:
-    """Measure everything that the documentation states, into one table. Takes about half an hour.
+    """Measure everything that the documentation states, into one table. Takes about an hour.
+
+    Coverage and verdicts are counted over a part of their seeds; --full counts all.
 
     Rows of topics that are not measured now stay on the page, unless they come from another machine or other versions.
     The committed page, RESULTS.md, is left alone unless you ask, and never loses a topic.
@@ -91,18 +100,18 @@ def main(
 
       python -m benchmarks accuracy callbacks
 
-      python -m benchmarks --seeds 200 --commit
+      python -m benchmarks --full --commit
     """
     topics = only or list(TOPICS)
     for name in topics:
         if name not in TOPICS:
             raise typer.BadParameter(f"{name!r} is none of {', '.join(TOPICS)}")
-    options = {
-        "fitting": ["--scipy-limit", f"{scipy_limit}"], "coverage": ["--seeds", f"{seeds}", "--jobs", f"{jobs}"],
-        "black_box": ["--peers" if with_peers else "--no-peers"],
-    }  # fmt: skip
-    where, when = machine(*LIBRARIES), datetime.now(UTC).strftime("%Y-%m-%d")
     out = out or own_page()
+    options = {name: [*(() if full else PART.get(name, ()))] for name in TOPICS}
+    for name in KEPT:
+        options[name] += ["--state", str(out.with_name(f"{name}.jsonl"))]
+    options["black_box"].append("--peers" if with_peers else "--no-peers")
+    where, when = machine(*LIBRARIES), datetime.now(UTC).strftime("%Y-%m-%d")
     page, now = read(out.read_text(), where) if out.is_file() else {}, {}
     if commit:  # a page that would lose rows is told before the work
         committed(page, {name: Topic(name, when, 0.0, []) for name in topics}, where)
@@ -110,7 +119,7 @@ def main(
     for number, name in enumerate(topics, 1):
         console.print(f"{name} ({number} of {len(topics)})")
         load = os.getloadavg()[0]
-        found = measure(name, *options.get(name, []))
+        found = measure(name, *options[name])
         if found:
             now[name] = Topic(name, when, load, [cells(check) for check in found])
             write_whole(out, markdown(_ordered(page | now), where))

@@ -6,7 +6,7 @@ with strongly nonlinear dampers, whose true branch must be chosen; a nearly line
 one between, whose exponentials are as flat but whose cosines are not (of which nothing is required: a quarter of the
 seeds).
 
-`make bench` runs few seeds; the study is `python -m benchmarks.coverage --seeds 200`.
+`make bench` takes few seeds; the study is `python -m benchmarks.coverage --seeds 200`.
 """
 
 import os

@@ -45,5 +45,6 @@ class Kept:
 
     def add(self, row: Mapping[str, Any]) -> None:
         """Append one row."""
+        self.file.parent.mkdir(parents=True, exist_ok=True)
         with self.file.open("a") as file:
             file.write(json.dumps({**row, "digest": self.digest}) + "\n")
