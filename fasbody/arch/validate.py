@@ -101,7 +101,9 @@ class Validation(Presented):
         columns = ("number", "published", "foreseen without it (95 %)", "inside (unfitted)", "verdict", "shipped")
         words = [p.verdict for p in self.predictions if p.basis == "independent"]
         counts = ", ".join(f"{words.count(word)} {word}" for word in ("foreseen", "open", "missed"))
-        return Sheet(f"Each number without itself, {self.legs} legs a fit", columns, rows, [f"Independent: {counts}."])
+        without = [f"{p.number.name} ({p.verdict})" for p in self.predictions if p.basis != "independent"]
+        notes = [f"Independent: {counts}.", f"Given without a free constant: {'; '.join(without)}."]
+        return Sheet(f"Each number without itself, {self.legs} legs a fit", columns, rows, notes)
 
 
 def validate(
