@@ -240,6 +240,11 @@ def test_exported_page_needs_no_server(opened: Any, tmp_path: Path) -> None:
     assert page.complaints == []
     assert page.addresses[0].startswith("file:") and all(a.startswith(("data:", "blob:")) for a in page.addresses[1:])
 
+    # where WebGL is off, the page says so
+    page.page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+    page.page.reload()
+    assert "WebGL is off or missing" in page("byId('state').textContent")
+
 
 def test_exported_arch_holds_its_motions(opened: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("viz.live.FREQUENCIES", (10.0, 30.0))

@@ -16,7 +16,13 @@ class Stage {
   constructor(pane, views) {
     this.pane = pane;
     this.views = views;
-    this.renderer = new THREE.WebGLRenderer({ antialias: QUALITY !== "low", preserveDrawingBuffer: true });
+    try {
+      this.renderer = new THREE.WebGLRenderer({ antialias: QUALITY !== "low", preserveDrawingBuffer: true });
+    } catch (error) {
+      byId("state").textContent = "This browser cannot draw in three dimensions: WebGL is off or missing. " +
+        "Turn on hardware acceleration in its settings, or use another browser.";
+      throw error;
+    }
     const r = this.renderer;
     r.shadowMap.enabled = true;
     r.shadowMap.type = THREE.PCFSoftShadowMap;
