@@ -18,10 +18,10 @@ import fasbody as fb
 import identification as idn
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.foot.two_dof import TwoDof
+from fasbody.presentation import STYLE
 from fasbody.recording.condition import foot_mass, shank_mass
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.study import BUNDLED, read_truth
-from identification.figures import STYLE
 
 BLUE, RED, GREY = "#0072B2", "#D55E00", "#8a8a8a"
 #: A linear foot of a person of 70.7 kg.

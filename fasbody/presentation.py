@@ -19,7 +19,13 @@ if TYPE_CHECKING:
 
 #: What a screen has: characters a line, rows of a table, and notes below it.
 WIDTH, ROWS, NOTES = 100, 20, 6
-
+#: Colours and marks of loads and other series, in this order in every figure; apart for the colour-blind and in grey.
+COLOURS, MARKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"), ("o", "s", "^", "D", "v", "P")
+#: How figures of recordings and of their fits are drawn.
+STYLE: Any = {
+    "font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25,
+    "svg.fonttype": "path", "legend.frameon": False, "axes.titlesize": 9,
+}  # fmt: skip
 
 #: What the ends of names say of units.
 _UNITS = {
@@ -34,19 +40,37 @@ def unit_of(name: str) -> str:
     return _UNITS[ends[-1]] if ends else ""
 
 
-def write_figure(figure: "Figure", *files: Path) -> list[Path]:
-    """Write a figure as the ending of each file says (.svg, .png, .pdf), whole or not at all, without a date."""
+def picture(figure: "Figure", kind: str, style: Any = None, dpi: int = 200) -> bytes:
+    """A figure as the content of an .svg, .png or .pdf file: the same bytes whenever it is drawn.
+
+    Args:
+        figure: to write.
+        kind: ending of the file, without its dot.
+        style: it was drawn in; ticks are only made when it is written.
+        dpi: dots an inch of a PNG.
+    """
     import matplotlib
 
+    out, dateless = BytesIO(), {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
+    with matplotlib.rc_context({**(style or {}), "svg.hashsalt": "fasbody"}):
+        figure.savefig(out, format=kind, dpi=dpi, metadata=dateless)
+    return out.getvalue()
+
+
+def inline(content: bytes) -> str:
+    """An SVG file's content without its declaration, to be put into a page."""
+    text = content.decode()
+    return text[text.index("<svg") :]
+
+
+def write_figure(figure: "Figure", *files: Path) -> list[Path]:
+    """Write a figure as the ending of each file says (.svg, .png, .pdf), whole or not at all, without a date."""
     written = []
     for file in files:
-        kind, out = file.suffix.lstrip(".").lower() or "png", BytesIO()
-        dateless = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
+        kind = file.suffix.lstrip(".").lower() or "png"
         if kind not in figure.canvas.get_supported_filetypes():
             raise SettingError(f"{file} ends in .{kind}, but a figure is written as .svg, .png or .pdf.")
-        with matplotlib.rc_context({"svg.hashsalt": "fasbody"}):
-            figure.savefig(out, format=kind, dpi=200, metadata=dateless)
-        written.append(write_whole(file, out.getvalue()))
+        written.append(write_whole(file, picture(figure, kind)))
     return written
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
-from io import BytesIO
 from typing import Any
 
 import matplotlib
@@ -10,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fasbody.foot.parameters import symbol_and_unit
+from fasbody.presentation import COLOURS, MARKS, STYLE, inline, picture
 from fasbody.recording.condition import ADDED_MASSES_KG
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.transmissibility.estimate import unwrapped
@@ -17,34 +17,22 @@ from fasbody.transmissibility.spectra import h1
 from identification.derived import Row, derived
 from identification.result import FitResult, RecordingFit
 
-#: Loads have colours and marks in all figures, apart for the colour-blind and in grey; what is of no load is black.
-LOADS = (("#0072B2", "o"), ("#D55E00", "s"), ("#009E73", "^"), ("#CC79A7", "D"), ("#E69F00", "v"))
 _DATA, _OTHER = "#2b2b2b", "#8a8a8a"
 #: The best branch, and its mirror image.
 _LINES = ("-", "--")
 _MM, _MJ = 1e3, 1e3
-STYLE: Any = {
-    "font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25,
-    "svg.fonttype": "path", "svg.hashsalt": "fasbody", "legend.frameon": False, "axes.titlesize": 9,
-}  # fmt: skip
-#: Dots an inch of a PNG: two columns of a page.
-_DPI = 200
 
 
 def save(figure: Figure, ending: str) -> bytes:
-    """The figure as the content of an .svg or .png file, the same bytes whenever it is drawn."""
-    out = BytesIO()
-    with matplotlib.rc_context(STYLE):
-        metadata = {"Date": None} if ending == "svg" else None
-        figure.savefig(out, format=ending, dpi=_DPI, metadata=metadata)
-        figure.set_layout_engine("none")  # it is laid out, and the next format need not be
-    return out.getvalue()
+    """The figure as the content of an .svg or .png file, laid out once for all."""
+    data = picture(figure, ending, STYLE)
+    figure.set_layout_engine("none")
+    return data
 
 
 def svg(figure: Figure) -> str:
-    """A figure as SVG text without date or declaration, to be put into a page."""
-    text = save(figure, "svg").decode()
-    return text[text.index("<svg") :]
+    """A figure as SVG text, to be put into a page."""
+    return inline(save(figure, "svg"))
 
 
 def _styled(draw: Callable[[FitResult], Figure]) -> Callable[[FitResult], Figure]:
@@ -69,7 +57,7 @@ def of_loads(loads: Iterable[float]) -> dict[float, tuple[str, str]]:
     """Added mass [kg] -> colour and mark: the thesis' loads have the same in every figure, whichever are drawn."""
     there = sorted(set(loads))
     order = ADDED_MASSES_KG if set(there) <= set(ADDED_MASSES_KG) else there
-    return {load: LOADS[order.index(load) % len(LOADS)] for load in there}
+    return {load: (COLOURS[order.index(load) % len(COLOURS)], MARKS[order.index(load) % len(MARKS)]) for load in there}
 
 
 def _loads(result: FitResult) -> dict[float, tuple[str, str]]:

@@ -11,6 +11,7 @@ from test_result import estimate, result
 
 import mjcf
 from fasbody.foot.model import load
+from fasbody.presentation import COLOURS
 from identification import figures, report
 from identification.result import FitResult
 from viz.fitted import read
@@ -86,7 +87,7 @@ def test_a_page_has_every_figure_with_a_caption_that_counts(whole: str, fitted: 
     assert whole.count("<figure") == whole.count("<svg") == len(texts)
     counted = set(texts) - {"correlation", "waterfall"}
     assert all("n = 3 recordings" in texts[name] for name in counted)
-    assert figures.LOADS[0][0].lower() in whole.lower() and figures.LOADS[1][0].lower() not in whole.lower()  # one load
+    assert COLOURS[0].lower() in whole.lower() and COLOURS[1].lower() not in whole.lower()  # one load
 
 
 def test_a_value_at_its_bound_is_written_as_the_bound() -> None:

@@ -1,30 +1,20 @@
 """Figures of heel strikes: what each correction of the published procedure makes of one trial."""
 
-from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from fasbody.presentation import COLOURS
+
 if TYPE_CHECKING:
     from fasbody.heel.strike import Steps, Strike
 
-#: Colour-blind safe.
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 STYLE: Any = {
     "font.size": 8, "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False,
-    "axes.titlesize": 8.5,
-    "axes.titlelocation": "left", "lines.linewidth": 1.2,
+    "axes.titlesize": 8.5, "axes.titlelocation": "left", "lines.linewidth": 1.2,
 }  # fmt: skip
-
-
-def save(figure: Figure, ending: str = "png") -> bytes:
-    """The figure as the content of a .png, .svg or .pdf file."""
-    out = BytesIO()
-    with matplotlib.rc_context(STYLE):
-        figure.savefig(out, format=ending, dpi=200)
-    return out.getvalue()
 
 
 def corrections(steps: "Steps", strike: "Strike") -> Figure:

@@ -8,14 +8,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fasbody.leg.statements import ADDED_KG, RANGES_HZ
+from fasbody.presentation import COLOURS
 
 if TYPE_CHECKING:
     from fasbody.leg.decide import Confusion
     from fasbody.leg.mechanisms import Searched
     from fasbody.leg.peaks import Peaks
 
-#: One colour and one line a load, so that a print without colour tells them apart.
-COLOURS, LINES = ("#0072b2", "#d55e00", "#009e73"), ("-", "--", "-.")
+#: One line a load, so that a print without colour tells them apart.
+LINES = ("-", "--", "-.")
 
 
 def _plain(ax: Axes) -> None:
@@ -27,7 +28,7 @@ def _plain(ax: Axes) -> None:
 
 def _ranges(ax: Axes) -> None:
     """Bars at the foot of a panel: where each load's resonance was measured."""
-    for load, ((low, high), colour) in enumerate(zip(RANGES_HZ, COLOURS, strict=True)):
+    for load, ((low, high), colour) in enumerate(zip(RANGES_HZ, COLOURS, strict=False)):
         height = 0.03 + 0.035 * load
         ax.plot(
             [low, high], [height] * 2, color=colour, lw=4, solid_capstyle="butt", transform=ax.get_xaxis_transform()
@@ -39,7 +40,7 @@ def peaks(result: "Peaks") -> Figure:
     figure = Figure(figsize=(7.2, 2.9), layout="constrained")
     panels = figure.subplots(1, 3)
     for ax, pair in zip(panels, ("MB", "TB", "TM"), strict=True):
-        for added, T, colour, line in zip(ADDED_KG, getattr(result, pair), COLOURS, LINES, strict=True):
+        for added, T, colour, line in zip(ADDED_KG, getattr(result, pair), COLOURS, LINES, strict=False):
             ax.plot(result.frequency_hz, np.abs(T), color=colour, ls=line, lw=1.4, label=f"{added:g} kg added")
         ax.set_title(pair, fontsize=9, loc="left")
         ax.set_xlabel("frequency [Hz]")
@@ -60,7 +61,7 @@ def mechanisms(found: "Sequence[Searched]") -> Figure:
     for ax, each in zip(panels, found, strict=False):
         values = {name: np.array([value]) for name, value in each.best.items()}
         MB = np.abs(each.mechanism.response(f, values)[0][0])
-        for added, T, colour, line in zip(ADDED_KG, MB, COLOURS, LINES, strict=True):
+        for added, T, colour, line in zip(ADDED_KG, MB, COLOURS, LINES, strict=False):
             ax.plot(f, T, color=colour, ls=line, lw=1.4, label=f"{added:g} kg added")
         ax.set_title(f"{each.mechanism.name}: {each.best_judged.ranges[0]} of 3 ranges", fontsize=9, loc="left")
         ax.set_ylim(0, 1.15 * max(1.2, MB.max()))

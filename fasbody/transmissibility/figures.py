@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from functools import wraps
-from io import BytesIO
 from textwrap import wrap
 from typing import Any
 
@@ -11,27 +10,17 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.interpolate import Akima1DInterpolator
 
+from fasbody.presentation import COLOURS, MARKS, STYLE, picture
 from fasbody.transmissibility import sdof
 from fasbody.transmissibility.labels import label_lines
 from fasbody.transmissibility.table import Condition, Curves, Table
 
-#: Colour-blind safe, and different in grey; the thesis' three conditions.
-_COLOURS = ("#1b1b1b", "#d1495b", "#2e86ab", "#66a182", "#edae49", "#8d6a9f")
-_MARKERS = ("o", "s", "^", "D", "v", "P")
-_STYLE: Any = {
-    "font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25,
-    "grid.linewidth": 0.5, "svg.fonttype": "path", "svg.hashsalt": "fasbody", "legend.frameon": False,
-    "axes.titlesize": 9, "axes.labelsize": 9,
-}  # fmt: skip
+_STYLE: Any = {**STYLE, "grid.linewidth": 0.5, "axes.labelsize": 9}
 
 
 def save(figure: Figure, ending: str) -> bytes:
     """The figure as the content of an .svg, .png or .pdf file."""
-    out = BytesIO()
-    with matplotlib.rc_context(_STYLE):
-        date = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(ending)
-        figure.savefig(out, format=ending, dpi=200, metadata=date)
-    return out.getvalue()
+    return picture(figure, ending, _STYLE)
 
 
 def _styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
@@ -73,7 +62,7 @@ def subjects(table: Table, pair: str, conditions: Sequence[Condition]) -> Figure
     figure, axes = _new(2, len(conditions), 2.4 * len(conditions) + 0.6, 4.6, sharex=True, sharey="row")
     for column, condition in enumerate(conditions):
         c = table.curves(pair, *condition)
-        colour = _COLOURS[column % len(_COLOURS)]
+        colour = COLOURS[column % len(COLOURS)]
         top, bottom = axes[0, column], axes[1, column]
         for axis, rows, mean in ((top, c.T, c.mean), (bottom, -c.phase_deg, -c.mean_phase_deg)):
             for row in rows:
@@ -116,7 +105,7 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
         top, bottom = axes[0, column], axes[1, column]
         for i, condition in enumerate(conditions):
             c = table.curves(pair, *condition)
-            colour, marker = _COLOURS[i % len(_COLOURS)], _MARKERS[i % len(_MARKERS)]
+            colour, marker = COLOURS[i % len(COLOURS)], MARKS[i % len(MARKS)]
             half = _half_interval(c.T)
             shift = 0.45 * (i - (len(conditions) - 1) / 2)  # so that the bars do not hide each other
             top.plot(*_smooth(c.frequency_hz, c.mean), lw=1.4, color=colour)
@@ -181,7 +170,7 @@ def spectrum(table: Table, conditions: Sequence[Condition]) -> Figure:
     for column, pair in enumerate(pairs):
         for i, condition in enumerate(conditions):
             c = table.curves(pair, *condition)
-            colour = _COLOURS[i % len(_COLOURS)]
+            colour = COLOURS[i % len(COLOURS)]
             for axis, rows in ((axes[0, column], c.T), (axes[1, column], -c.phase_deg)):
                 if few:
                     axis.plot(c.frequency_hz, rows.T, lw=0.5, color=colour, alpha=0.4)
@@ -227,7 +216,7 @@ def single_mass(
         if measured and f in measured:
             value, std = measured[f]
             inside = np.abs(T - value) <= 1.96 * std
-            axis.contourf(k / 1e3, c, inside, levels=(0.5, 1.5), colors=[_COLOURS[1]], alpha=0.35)
+            axis.contourf(k / 1e3, c, inside, levels=(0.5, 1.5), colors=[COLOURS[1]], alpha=0.35)
             title += f": T = {value:.2f} ± {1.96 * std:.2f}"
         axis.set_title(title)
         axis.grid(False)

@@ -1,23 +1,20 @@
 """Figures of a report: output (as Figures 3.3 to 3.6), Bode with confidence, residual tests, poles and zeros."""
 
-import io
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from fasbody.presentation import COLOURS as SERIES
+from fasbody.presentation import picture
 from identification.blackbox.identify import Found, Report
 from identification.blackbox.report import CONFIDENCE
 
-#: Okabe and Ito's colours, told apart with any colour vision; one for each structure in every figure.
-COLOURS = {
-    "arx": "#0072B2", "armax": "#D55E00", "oe": "#009E73", "bj": "#CC79A7", "ss": "#E69F00", "hw": "#56B4E9",
-    "narx": "#7F4F24",
-}  # fmt: skip
+#: One colour for each structure in every figure.
+COLOURS = dict(zip(("arx", "armax", "oe", "bj", "ss", "hw", "narx"), (*SERIES, "#7F4F24"), strict=True))
 DASHES: dict[str, Any] = {
     "arx": "-", "armax": "--", "oe": "-.", "bj": ":", "ss": (0, (5, 1, 1, 1)), "hw": (0, (3, 2)), "narx": (0, (1, 1)),
 }  # fmt: skip
@@ -25,22 +22,7 @@ DASHES: dict[str, Any] = {
 
 def all_figures(report: Report) -> dict[str, bytes]:
     """PNG files by name: output, bode, residuals, poles_zeros."""
-    return {name: png(draw(report)) for name, draw in DRAWINGS.items()}
-
-
-def png(figure: Figure, dpi: int = 160) -> bytes:
-    """The figure as a PNG file."""
-    FigureCanvasAgg(figure)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dpi)
-    return buffer.getvalue()
-
-
-def svg(figure: Figure) -> str:
-    """The figure as SVG text without date or declaration, to be put into a page."""
-    text = io.StringIO()
-    figure.savefig(text, format="svg", metadata={"Date": None})
-    return text.getvalue()[text.getvalue().index("<svg") :]
+    return {name: picture(draw(report), "png", dpi=160) for name, draw in DRAWINGS.items()}
 
 
 def output(report: Report) -> Figure:

@@ -7,6 +7,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 
+from fasbody.presentation import inline, picture
 from identification.blackbox import figures
 from identification.blackbox.data import Series
 from identification.blackbox.identify import Report
@@ -20,7 +21,9 @@ def html(reports: Sequence[Report]) -> str:
         loader=PackageLoader("identification"), autoescape=select_autoescape(default=True), trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
-    pictures = [{name: Markup(figures.svg(draw(one))) for name, draw in figures.DRAWINGS.items()} for one in reports]
+    pictures = [
+        {name: Markup(inline(picture(draw(one), "svg"))) for name, draw in figures.DRAWINGS.items()} for one in reports
+    ]
     return environment.get_template("blackbox.html").render(
         reports=reports, pictures=pictures, day=date.today().isoformat(), named=named, held=_samples, answer=_answer,
         percent=_percent, slowest=_slowest, number=_number,

@@ -7,8 +7,9 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from fasbody.heel.figures import COLOURS, STYLE
+from fasbody.heel.figures import STYLE
 from fasbody.heel.laws import LAWS
+from fasbody.presentation import COLOURS
 from identification.heel.shaker import beside
 
 if TYPE_CHECKING:

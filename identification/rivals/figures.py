@@ -6,13 +6,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
+from fasbody.presentation import COLOURS
 from identification.figures import panels
 
 if TYPE_CHECKING:
     from identification.rivals.result import Rivals
 
 #: Colours that the colour-blind tell apart (Okabe and Ito), with marks of their own.
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8c6d31", "#7f7f7f", "#000000")
+_COLOURS = (*COLOURS, "#8c6d31", "#7f7f7f", "#000000")
 _MARKS = ("o", "s", "^", "v", "D", "P", "X", "<", ">")
 #: Rivals drawn over frequency: more would hide each other.
 _DRAWN = 4

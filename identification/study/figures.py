@@ -21,8 +21,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
+from fasbody.presentation import STYLE
 from identification.branches import DECISIVE_ODDS, EXCHANGED
-from identification.figures import STYLE, label_of, of_loads, panels
+from identification.figures import label_of, of_loads, panels
 from identification.study.means import BAND, FEWEST, POSITIVE, mean_curve
 from identification.study.summary import FEWEST as FEWEST_OF_A_BOX
 from identification.study.summary import OPEN, POOR_FIT, follows, measured, nominal, quartiles
