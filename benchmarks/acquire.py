@@ -49,6 +49,8 @@ from reproduction.check import Check, at_most, exactly, told
 BAUD = 921600
 #: Played to the sound card by another program than ours: base acceleration at the shaker [m/s^2].
 _SWEEP = sweep(10.0, 50.0, 20.0, 15.0)
+#: Of the output's buffer in the measurement of silence [s].
+_LATENCY_S = 0.5
 #: Nothing that counts is above [Hz].
 _HEARD_HZ = 200.0
 
@@ -241,7 +243,7 @@ class Card:
     def loopback(self) -> float:
         """Calibrate with the cable; returns by which share the worst of what is found is off."""
         self.bench.put("cable")
-        done = self.command("calibrate", "loopback", "--device", "pulse", "--latency", "0.8")
+        done = self.command("calibrate", "loopback", "--device", "pulse", "--latency", "0.8", "--yes")
         found = json.loads(done.stdout)
         values = np.array([*found["loop_gain"], found["output_corner_hz"], *found["corner_hz"]])
         return float(np.max(np.abs(values / [*pulse.GAINS, *pulse.CORNERS_HZ] - 1)))
@@ -286,6 +288,7 @@ def audio() -> list[Check]:
         return [told("sound card", f"not run: {lacks}")]
     with tempfile.TemporaryDirectory() as name, pulse.PulseBench() as bench:
         card = Card(Path(name), bench)
+        tripped, closed = (bench.silence(way, _LATENCY_S) for way in ("off", "close"))
         off = card.loopback()
         card.foot()
         card.command(*card.common, "--sweep", "10:50:5", "--seconds", "4")
@@ -299,6 +302,10 @@ def audio() -> list[Check]:
     what = f"sound card, {len(ratios)} steps 10:50:5"
     swept_so = f"sound card, sweep 10 to 50 Hz in {_SWEEP.duration:g} s"
     return [
+        at_most(f"sound card: heard after a guard trips, {_LATENCY_S:g} s of buffer", tripped["heard_s"],
+                _LATENCY_S + 0.2, "s"),
+        at_most("its largest step from sample to sample then and at the end of a session, over the sine's own",
+                max(tripped["step"], closed["step"]), 1.1),
         at_most("sound card: gains and high-passes by loopback", 100 * off, 0.1, "%"),
         exactly("sound card: steps 10:50:5 recorded without a loss", len(ratios), 9),
         at_most(f"{what}: transmissibility against DOP853, worst", 100 * np.abs(np.abs(ratios) - 1).max(), 0.1, "%"),
@@ -307,7 +314,7 @@ def audio() -> list[Check]:
         exactly(f"{swept_so}: gaps", len(made["quality"]["gaps"]), 0),
         at_most(f"{swept_so}: transmissibility, worst of 18 bands", 100 * np.abs(np.abs(ratio) - 1).max(), 0.1, "%"),
         at_most(f"{swept_so}: its phase", np.abs(np.angle(ratio, deg=True)).max(), 0.1, "deg"),
-    ]
+    ]  # fmt: skip
 
 
 def long(minutes: float) -> list[Check]:

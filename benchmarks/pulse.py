@@ -3,10 +3,12 @@
     programs play --> sink "shaker" --> [foot] --> sink "sensors" --> programs record its monitor
 
 `python -m benchmarks.pulse WAY` is the process between: `foot` shakes the virtual foot, `cable` is a loopback cable
-with the gains and the couplings of an interface, `calibrator` a hand calibrator under both sensors.
+with the gains and the couplings of an interface, `calibrator` a hand calibrator under both sensors. `silence-off` and
+`silence-close` play on the card, end that in one of two ways, and say when it is heard no more, and how abruptly.
 The daemon lives in a folder of its own and ends with the bench; it is no user's.
 """
 
+import json
 import os
 import re
 import shutil
@@ -123,6 +125,15 @@ class PulseBench:
             ["pacat", "-d", "shaker", *words], env=self.environment, input=wave.tobytes(), timeout=motion.duration + 60
         )
 
+    def silence(self, way: str, latency_s: float) -> dict[str, float]:
+        """What `silence` finds, in a program that has this daemon's card."""
+        words = [sys.executable, "-m", "benchmarks.pulse", f"silence-{way}", "--latency", f"{latency_s:g}"]
+        done = subprocess.run(words, env=self.environment, capture_output=True, text=True)
+        if done.returncode:
+            raise AcquisitionError(f"the card did not play: {done.stderr}")
+        found: dict[str, float] = json.loads(done.stdout)
+        return found
+
     def _remove(self) -> None:
         if self._between is not None:
             self._between.communicate(b"")
@@ -228,7 +239,56 @@ class Calibrator:
         return np.column_stack([one.feed(felt / scale) for one, scale in zip(self._couplings, SCALE_M_S2, strict=True)])
 
 
-def main(way: str) -> None:
+def silence(way: str, latency_s: float, share: float = 0.5, hz: float = 37.0) -> dict[str, float]:
+    """How long after its end a sine is still heard [s], and its largest step from sample to sample over a sine's own.
+
+    Args:
+        way: "off" as after a guard trips, or "close" as at the end of a session.
+        latency_s: of the card's output.
+        share: of full scale.
+        hz: of the sine.
+    """
+    import threading
+
+    from fasbody.acquire.audio import Calibration, SoundCard
+
+    words = ["parec", "-d", "shaker.monitor", "--raw", "--format=float32le", f"--rate={CARD_HZ}", "--channels=2"]
+    heard = subprocess.Popen([*words, "--latency-msec=10"], stdout=subprocess.PIPE)
+    blocks: list[tuple[float, np.ndarray]] = []
+
+    def listen() -> None:
+        assert heard.stdout is not None
+        while data := heard.stdout.read(8 * _BLOCK):
+            blocks.append((time.monotonic(), np.frombuffer(data[: len(data) // 8 * 8], "<f4").reshape(-1, 2)[:, 0]))
+
+    listener = threading.Thread(target=listen)
+    listener.start()
+    card = SoundCard(Calibration("pulse", SCALE_M_S2, latency_s=latency_s))
+    card.drive(frequency_hz=hz, share=share)
+    deadline = time.monotonic() + _STARTS_WITHIN_S
+    begun = 0
+    while time.monotonic() < deadline and (not begun or len(blocks) < begun + round(_SETTLES_S * CARD_HZ / _BLOCK)):
+        card.alive()
+        if not begun and blocks and np.abs(blocks[-1][1]).max() > 0.99 * share:
+            begun = len(blocks)
+        time.sleep(0.01)
+    ended = time.monotonic()
+    card.drive(share=0.0) if way == "off" else card.close()
+    time.sleep(latency_s + 2 * _SETTLES_S)
+    heard.terminate()
+    heard.wait()
+    listener.join()
+    if way == "off":
+        card.close()
+    loud = [at for at, block in blocks if np.abs(block).max() > 1e-3]
+    wave = np.concatenate([block for _, block in blocks[begun:]])
+    return {
+        "heard_s": max(loud) - ended,
+        "step": float(np.abs(np.diff(wave)).max() / (share * 2 * np.pi * hz / CARD_HZ)),
+    }
+
+
+def main(way: str, latency: float = 0.5) -> None:
     """Play, as if it were felt, what is recorded from the shaker, until the standard input closes.
 
     Examples:
@@ -236,25 +296,28 @@ def main(way: str) -> None:
     """
     import select
 
+    if way.startswith("silence-"):
+        print(json.dumps(silence(way.removeprefix("silence-"), latency)))
+        return
     between: Cable | Foot | Calibrator
     between = Foot() if way == "foot" else Cable() if way == "cable" else Calibrator()
     common = ["--raw", "--format=float32le", f"--rate={CARD_HZ}", "--verbose"]
-    listen = ["parec", "-d", "shaker.monitor", "--channels=1", "--latency-msec=100"]
+    listen = ["parec", "-d", "shaker.monitor", "--channels=2", "--latency-msec=100"]
     heard = subprocess.Popen([*listen, *common], stdout=subprocess.PIPE)
     assert heard.stdout is not None
     begun = time.monotonic()
     while time.monotonic() - begun < _SETTLES_S:  # an idle sink hands out seconds at once
-        heard.stdout.read(4 * _BLOCK)
+        heard.stdout.read(8 * _BLOCK)
     speak = ["pacat", "-d", "sensors", "--channels=2", "--latency-msec=2000"]
     spoken = subprocess.Popen([*speak, *common], stdin=subprocess.PIPE)
     assert spoken.stdin is not None
     spoken.stdin.write(np.zeros((CARD_HZ, 2), "<f4").tobytes())  # so much may the foot be late
     told = False
     while not select.select([sys.stdin], [], [], 0)[0]:
-        data = heard.stdout.read(4 * _BLOCK)
-        if len(data) < 4 * _BLOCK:  # the daemon is gone
+        data = heard.stdout.read(8 * _BLOCK)
+        if len(data) < 8 * _BLOCK:  # the daemon is gone
             break
-        block = np.frombuffer(data, "<f4").astype(float)
+        block = np.frombuffer(data, "<f4").reshape(-1, 2)[:, 0].astype(float)  # output 1
         spoken.stdin.write(between.feed(block).astype("<f4").tobytes())
         spoken.stdin.flush()
         if not told:

@@ -1,21 +1,24 @@
 """A sound card as board and generator: its calibration by arrays, the whole way through PulseAudio and PortAudio."""
 
+import io
 import json
 import re
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pytest
+import typer
 from scipy.signal import cont2discrete, lfilter
 
 from benchmarks import pulse
 from fasbody.acquire.bench.foot import BODY_MASS_KG
+from fasbody.acquire.commands import app
 from fasbody.acquire.timeline import Limits, Timeline
-from fasbody.acquire.wire import Decoder
+from fasbody.acquire.wire import Block, Decoder
 from fasbody.exceptions import AcquisitionError, InputFileError, SettingError
 from fasbody.foot.shaker import sine
 from fasbody.foot.two_dof import TwoDof
@@ -70,13 +73,32 @@ def test_sensitivity_from_a_flip_and_from_a_calibrator(corner: float) -> None:
         audio.calibrator(rng.normal(0, 0.1, CARD_HZ), corner)
 
 
+def test_what_is_cut_off_calibrates_nothing() -> None:
+    """Beyond full scale, in the converter or in an amplifier before it; a single click is none."""
+    t = np.arange(3 * CARD_HZ) / CARD_HZ
+    tone = np.sin(2 * np.pi * 159.155 * t)
+    for size, cut in ((1.2, 1.0), (0.6, 0.5)):
+        with pytest.raises(AcquisitionError, match=r"full scale in|third harmonic is"):
+            audio.calibrator(np.clip(size * tone, -cut, cut), 0.0)
+    clicked = 0.5 * tone
+    clicked[70_000] = 1.0
+    assert audio.calibrator(clicked, 0.0) == pytest.approx(np.sqrt(2) * 10 / 0.5, rel=1e-3)
+    held = np.clip(1.1 * np.cos(np.pi * np.clip((t - 1.3) / 0.4, 0, 1)), -1, 1)
+    with pytest.raises(AcquisitionError, match=r"turned over is at full scale in \d+ of 144000 samples"):
+        audio.flip(held, 0.0)
+    signal = audio.loop_signal()
+    heard = np.column_stack([np.tile(signal, 2), np.clip(12 * np.tile(signal, 2), -1, 1)])
+    with pytest.raises(AcquisitionError, match="the input of malleolus is at full scale"):
+        audio.analyse_loop("hot", heard, signal)
+
+
 def test_what_is_recorded_is_what_came_in() -> None:
     """From 48 to 4 kHz in pieces: amplitude and phase of a line, and the coupling undone."""
     t = np.arange(3 * CARD_HZ) / CARD_HZ
     wave = np.sin(2 * np.pi * 12 * t)
     down, undo, out = audio.Decimator(), audio.Uncoupler(2.6), []
     for start in range(0, t.size, 1001):
-        out.append(down.feed(np.column_stack([wave, high_pass(wave, 2.6)])[start : start + 1001]))
+        out.append(down.feed(np.column_stack([wave, high_pass(wave, 2.6)])[start : start + 1001])[0])
     y = np.concatenate(out)
     y = np.column_stack([y[:, 0], undo.feed(y[:, 1])])[-RATE_HZ:]
     line = 2 * np.mean(y * np.exp(-2j * np.pi * 12 * np.arange(RATE_HZ) / RATE_HZ)[:, None], axis=0)
@@ -95,10 +117,22 @@ def test_calibrations_are_read_back_and_checked(tmp_path: Path) -> None:
         replace(card, scale_m_s2=(100.0, 0.0)).check()
     with pytest.raises(SettingError, match="not in step"):
         replace(card, skew_s=1e-4).check()
-    wrong = ('{"device": "x", "delay_s": "late"}', '{"device": 5}', '{"device": "x", "latency_s": 0}')
-    for text in ("{}", "[]", "no JSON", '{"device": "x", "corner_hz": [-1, 2]}', '{"device": "x", "more": 1}', *wrong):
+    for text, said in (
+        ("[]", "names no device"),
+        ("{}", "names no device"),
+        ("no JSON", "no JSON document"),
+        ('{"device": 5}', "device is 5; valid: the card's name"),
+        ('{"device": "x", "more": 1}', "knows no more; valid: device, scale_m_s2"),
+        ('{"device": "x", "delay_s": "late"}', 'delay_s is "late"; valid: a number'),
+        ('{"device": "x", "latency_s": 0}', "latency_s is 0; valid: a number, positive"),
+        ('{"device": "x", "skew_s": NaN}', "skew_s is NaN; valid: a number"),
+        ('{"device": "x", "corner_hz": [-1, 2]}', r"corner_hz is \[-1, 2\]; valid: two numbers, not negative"),
+        ('{"device": "x", "loop_gain": [1]}', r"loop_gain is \[1\]; valid: two numbers"),
+        ('{"device": "x", "delay_s": [1, 2]}', r"delay_s is \[1, 2\]; valid: a number"),
+        ('{"device": "x", "output": 3}', "output is 3; valid: 1 or 2"),
+    ):
         file.write_text(text)
-        with pytest.raises(InputFileError, match="no calibration"):
+        with pytest.raises(InputFileError, match=f"{file}: is no calibration of a sound card: .*{said}"):
             Calibration.read(file)
     with pytest.raises(InputFileError, match="cannot be read"):
         Calibration.read(tmp_path / "none.json")
@@ -119,10 +153,12 @@ class Stream:
 
     def __init__(self, **options: Any) -> None:
         self.serve = options["callback"]
+        self.closed = False
 
     def start(self) -> None: ...
 
-    def close(self, ignore_errors: bool = True) -> None: ...
+    def close(self, ignore_errors: bool = True) -> None:
+        self.closed = True
 
 
 def opened(monkeypatch: pytest.MonkeyPatch) -> tuple[audio.SoundCard, Stream]:
@@ -175,12 +211,116 @@ def test_output_fades_in_and_out_without_a_jump(monkeypatch: pytest.MonkeyPatch)
         block = np.zeros((960, 2), np.float32)
         stream.serve(np.zeros((960, 2), np.float32), block, 960, None, Status())
         out.append(block[:, 0])
+        assert not block[:, 1].any()  # the other output plays nothing
     wave = np.concatenate(out)
     t = np.arange(1, wave.size + 1) / CARD_HZ
     steady = (t > 0.1) & (t < 1.9)
     np.testing.assert_allclose(wave[steady], 0.5 * np.sin(2 * np.pi * 50 * t[steady]), atol=1e-5)
     assert np.abs(np.diff(wave)).max() <= 0.5 * 2 * np.pi * 50 / CARD_HZ + 1.05 / (0.1 * CARD_HZ)
     assert not wave[t > 2.2].any()
+
+
+@pytest.mark.parametrize("alive", [True, False])
+def test_card_is_closed_when_its_output_has_faded_and_was_heard(monkeypatch: pytest.MonkeyPatch, alive: bool) -> None:
+    """What is in the card's buffers when it is closed is thrown away; a card that is gone is not waited for."""
+    clock, out = [100.0], []
+    monkeypatch.setattr(audio.time, "monotonic", lambda: clock[0])
+    sound, stream = opened(monkeypatch)
+
+    def asks(seconds: float = 0.0) -> None:
+        clock[0] += 0.02
+        block = np.zeros((960, 2), np.float32)
+        stream.serve(np.zeros((960, 2), np.float32), block, 960, None, Status())
+        out.append(block[:, 0])
+
+    sound.drive(frequency_hz=37.0, share=0.5)
+    for _ in range(20):
+        asks()
+    before = len(out)
+    monkeypatch.setattr(audio.time, "sleep", asks)
+    monkeypatch.setattr(Stream, "active", alive)
+    sound.close()
+    assert stream.closed and (len(out) > before) == alive
+    if alive:
+        wave = np.concatenate(out)
+        assert np.abs(np.diff(wave)).max() <= 0.5 * 2 * np.pi * 37 / CARD_HZ + 1.05 / (0.1 * CARD_HZ)
+        silent = (wave.size - 1 - np.flatnonzero(wave)[-1]) / CARD_HZ
+        assert silent >= sound.calibration.latency_s
+
+
+def test_peak_that_the_filter_hides_is_over_range(monkeypatch: pytest.MonkeyPatch) -> None:
+    """3 kHz in the malleolus at full scale, of which the recording shows nothing; a click in the base is let be."""
+    sound, stream = opened(monkeypatch)
+    t = np.arange(CARD_HZ) / CARD_HZ
+    raw = np.column_stack([0.3 * np.sin(2 * np.pi * 20 * t), 0.1 + np.sin(2 * np.pi * 3000 * t) * (t > 0.5)])
+    raw = np.clip(raw, -1.0, 1.0).astype(np.float32)
+    raw[30_000, 0] = 1.0
+    decoder, over, highest = Decoder(), np.zeros(2, int), 0.0
+    for start in range(0, CARD_HZ, 960):
+        stream.serve(raw[start : start + 960], np.zeros((960, 2), np.float32), 960, None, Status())
+        for message in decoder.feed(sound.read()):
+            if isinstance(message, Block):
+                over += message.over
+                if message.over.any() and 0.55 < message.time_us * 1e-6 < 0.9:
+                    highest = max(highest, float(np.abs(message.samples[:, 1]).max()))
+                assert message.time_us * 1e-6 > 0.48 or not message.over.any()
+    assert over[0] == 0 and over[1] > 90 and 0 < highest < 0.2 * 80
+
+
+class Player:
+    """PortAudio's stream, which asks for all that is to be played, and hears it at once on both inputs."""
+
+    made: ClassVar[list["Player"]] = []
+
+    def __init__(self, **options: Any) -> None:
+        self.serve, self.finished = options["callback"], options["finished_callback"]
+        self.active, self.out = True, np.zeros((0, 2), np.float32)
+        self.made.append(self)
+
+    def __enter__(self) -> "Player":
+        while self.active:
+            block = np.zeros((960, 2), np.float32)
+            try:
+                self.serve(block[:, [0, 0]] if not self.out.size else self.out[-960:], block, 960, None, Status())
+            except audio.sounddevice.CallbackStop:
+                self.active = False
+            self.out = np.concatenate([self.out, block])
+        self.finished()
+        return self
+
+    def __exit__(self, *error: object) -> None: ...
+
+
+@pytest.mark.parametrize("output", [1, 2])
+def test_loopback_plays_softly_on_one_output(monkeypatch: pytest.MonkeyPatch, output: int) -> None:
+    monkeypatch.setattr(audio.sounddevice, "Stream", Player)
+    audio.capture("made", 8.0, 0.5, audio.loop_signal(), output)
+    out = Player.made[-1].out
+    wave = out[:, output - 1]
+    assert not out[:, 2 - output].any() and np.abs(wave).max() == pytest.approx(audio.PEAK) == pytest.approx(0.1)
+    rms = np.sqrt(np.mean(wave.reshape(-1, 2400)[: wave.size // 2400] ** 2, axis=1))  # in pieces of 50 ms
+    first, last = np.flatnonzero(rms)[[0, -1]]
+    assert (np.diff(rms[first : first + 9]) > 0).mean() > 0.8 and rms[first] < 0.1 * rms.max() > rms[last]
+    assert not wave[-CARD_HZ // 2 :].any()  # the end of what is played is in no buffer that is thrown away
+
+
+def test_loopback_asks_whether_the_amplifier_is_off(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(audio, "measure_loop", lambda device, latency, output: Calibration(device, output=output))
+    file = tmp_path / "card.json"
+    words = ["calibrate", "loopback", "--device", "usb", "--output", "2", "--calibration", str(file)]
+    monkeypatch.setattr("sys.stdin", io.StringIO("n\n"))
+    with pytest.raises(SettingError, match="add --yes"):
+        app(words, standalone_mode=False)
+    told = " ".join(capsys.readouterr().err.split())
+    assert "plays noise on output 2 for 16 s, at most 10 % of full scale (0.2 V peak to peak)" in told
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    with pytest.raises(typer.Abort):
+        app(words, standalone_mode=False)
+    assert not file.exists()
+    app([*words, "--yes"], standalone_mode=False)
+    assert Calibration.read(file).output == 2
 
 
 def test_virtual_foot_between_playback_and_capture(tmp_path: Path) -> None:

@@ -23,7 +23,8 @@ import numpy as np
 from fasbody.acquire.board import Board
 from fasbody.acquire.generator import Refused
 from fasbody.acquire.port import WAIT_S, Unplugged
-from fasbody.acquire.wire import Channel, Hello, encode_data, encode_hello
+from fasbody.acquire.timeline import counted
+from fasbody.acquire.wire import Channel, Hello, encode_data, encode_hello, over_range
 from fasbody.console import to_json, write_whole
 from fasbody.exceptions import AcquisitionError, InputFileError, MissingPackageError, SettingError
 
@@ -43,10 +44,14 @@ _SAMPLES = 16
 _BITS = 24
 _RAIL = 2 ** (_BITS - 1)
 _BLOCK = 960
+#: So much of full scale is clipping; so many samples of it are a click and no signal that is cut off.
+_FULL, _STRAY = 0.999, 1
 #: After the coupling is undone, all inputs fall off here [Hz]: far below every excitation, and drift stays bounded.
 _COMMON_HZ = 0.1
 #: The output changes by full scale in so long [s]; without a sign of life it goes off after so long.
 _SLEW_S, _DEAD_S = 0.1, 1.0
+#: A card that asked for no block for so long is not waited for at its end [s].
+_LATE_S = 1.0
 #: No block for so long means that the card is gone [s].
 _GONE_S = 3.0
 #: And so much longer at the start [s].
@@ -58,9 +63,15 @@ _INPUT_S = 0.25
 _G = 9.80665
 #: What a card gives in so long after its start counts for nothing [s].
 _BEGINS_S = 1.0
-#: Of the loopback signal [s], and its peak (share of full scale).
-_PERIOD_S, _PEAK = 4.0, 0.5
+#: Of the loopback signal [s], and its peak (share of full scale): an amplifier that was left on shakes nobody hard.
+PERIOD_S, PEAK = 4.0, 0.1
+#: It is faded in and out for so long [s]; whole periods that are played.
+_FADE_S, PERIODS = 0.5, 4
 _TRIES, _LINES = 3, 600
+#: Two periods differ by so much of their size if a sample is lost between them; noise makes less.
+_ALIKE = 0.05
+#: A calibrator's third harmonic is smaller (share of its tone), unless something on the way clips.
+_THIRD = 0.03
 #: A calibrator's tone is measured in pieces [s].
 _PIECE_S = 0.25
 #: Inputs that are apart by more [s] are not in step: 0.04 degrees at 50 Hz.
@@ -81,6 +92,7 @@ class Calibration:
         skew_s: malleolus behind base.
         full_scale_v: peak to peak at the output.
         latency_s: of the output, what it keeps for a late computer; more where the sine breaks.
+        output: that plays, 1 or 2; the other one stays silent.
     """
 
     device: str
@@ -92,6 +104,7 @@ class Calibration:
     skew_s: float = 0.0
     full_scale_v: float = 2.0
     latency_s: float = 0.5
+    output: int = 1
 
     @classmethod
     def read(cls, file: Path) -> Self:
@@ -102,25 +115,23 @@ class Calibration:
         """
         valid = "python -m fasbody.acquire calibrate writes it"
         try:
-            known: dict[str, Any] = json.loads(file.read_text())
-            values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in known.items()}
-            for name in values:
-                if name not in cls.__dataclass_fields__:
-                    raise ValueError(f"{name!r} is no part of it")
-            card = cls(**values)
-            pairs = [*card.scale_m_s2, *card.corner_hz, *card.loop_gain]
-            numbers = [*pairs, card.output_corner_hz, card.delay_s, card.skew_s, card.full_scale_v, card.latency_s]
-            if not isinstance(card.device, str):
-                raise ValueError(f"device is {card.device!r}, and no name")
-            if len(pairs) != 6 or not all(math.isfinite(number) for number in numbers):
-                raise ValueError("a number is none")
-            if min(*card.corner_hz, card.output_corner_hz) < 0 or min(card.full_scale_v, card.latency_s) <= 0:
-                raise ValueError("a corner is negative, or full_scale_v or latency_s is not positive")
+            known: Any = json.loads(file.read_text())
         except OSError as error:
             raise InputFileError(file, f"cannot be read ({error.strerror})", valid) from None
-        except (ValueError, TypeError, AttributeError) as error:
-            raise InputFileError(file, f"is no calibration of a sound card ({error})", valid) from None
-        return card
+        except ValueError:
+            raise InputFileError(file, "is no calibration of a sound card: it is no JSON document", valid) from None
+        if not isinstance(known, dict) or "device" not in known:
+            raise InputFileError(file, "is no calibration of a sound card: it names no device", valid)
+        values: dict[str, Any] = {}
+        for key, value in known.items():
+            if key not in cls.__dataclass_fields__:
+                all_ = ", ".join(cls.__dataclass_fields__)
+                raise InputFileError(file, f"is no calibration of a sound card: it knows no {key}", f"valid: {all_}")
+            if needed := _needed(key, value):
+                text = f"is no calibration of a sound card: {key} is {json.dumps(value)}"
+                raise InputFileError(file, text, f"valid: {needed}")
+            values[key] = tuple(value) if isinstance(value, list) else value
+        return cls(**values)
 
     def write(self, file: Path) -> None:
         """As JSON."""
@@ -148,6 +159,26 @@ class Calibration:
         return text
 
 
+#: Values of a calibration file: those that are pairs, those that are not negative, those that are positive.
+_PAIRS, _NOT_BELOW, _ABOVE = (
+    ("scale_m_s2", "corner_hz", "loop_gain"), ("corner_hz", "output_corner_hz"), ("full_scale_v", "latency_s"),
+)  # fmt: skip
+
+
+def _needed(key: str, value: Any) -> str:
+    """What a value of a calibration file should be; empty if it is."""
+    if key == "device":
+        return "" if isinstance(value, str) and value.strip() else "the card's name"
+    if key == "output":
+        return "" if value in (1, 2) and isinstance(value, int) else "1 or 2"
+    numbers = value if key in _PAIRS and isinstance(value, list) and len(value) == 2 else [value]
+    sound = all(isinstance(n, int | float) and not isinstance(n, bool) and math.isfinite(n) for n in numbers)
+    sound = sound and (key in _PAIRS) == (len(numbers) == 2)
+    sound = sound and (key not in _NOT_BELOW or min(numbers) >= 0) and (key not in _ABOVE or min(numbers) > 0)
+    kind = ", not negative" if key in _NOT_BELOW else ", positive" if key in _ABOVE else ""
+    return "" if sound else ("two numbers" if key in _PAIRS else "a number") + kind
+
+
 class SoundCard:
     """The stream that is played and read; a port for `Board`, and a generator's output.
 
@@ -165,12 +196,13 @@ class SoundCard:
         self._last = time.monotonic()
         self._amplitude = self._wanted = self._phase = 0.0  # amplitude: share of full scale
         self._omega = 0.0  # a sample
-        self._beat = -math.inf
+        self._beat = self._sounded = -math.inf
         self._happened: list[str] = []
         self._frame = self._time = 0
         self._decimator = Decimator()
         self._uncouplers = [Uncoupler(corner) for corner in calibration.corner_hz]
         self._rest = np.zeros((0, 2))
+        self._full = np.zeros((0, 2), int)  # how many raw samples of each were at full scale
         self._greeted = -1
         try:
             self._stream = sounddevice.Stream(
@@ -200,7 +232,10 @@ class SoundCard:
         end = self._amplitude + min(max(wanted - self._amplitude, -most), most)
         steps = np.arange(1, frames + 1)
         wave = np.sin(self._phase + self._omega * steps)
-        outputs[:] = ((self._amplitude + (end - self._amplitude) / frames * steps) * wave)[:, None]
+        outputs[:] = 0.0
+        outputs[:, self.calibration.output - 1] = (self._amplitude + (end - self._amplitude) / frames * steps) * wave
+        if self._amplitude or end:
+            self._sounded = now
         self._amplitude, self._phase = end, (self._phase + self._omega * frames) % (2 * np.pi)
         self._last = now
         self._arrived.set()
@@ -238,7 +273,8 @@ class SoundCard:
                 self._happened.append(lost)
                 self._frame += 1
                 self._time += _SAMPLES
-            self._rest = np.concatenate([self._rest, self._decimator.feed(block.astype(float))])
+            values, full = self._decimator.feed(block.astype(float))
+            self._rest, self._full = np.concatenate([self._rest, values]), np.concatenate([self._full, full])
             out += self._frames()
         return out
 
@@ -247,6 +283,7 @@ class SoundCard:
         out = b""
         whole = len(self._rest) // _SAMPLES * _SAMPLES
         ready, self._rest = self._rest[:whole], self._rest[whole:]
+        full, self._full = self._full[:whole], self._full[whole:]
         ready = np.column_stack([one.feed(column) for one, column in zip(self._uncouplers, ready.T, strict=True)])
         for start in range(0, whole, _SAMPLES):
             second = self._frame * _SAMPLES // RATE_HZ
@@ -254,7 +291,8 @@ class SoundCard:
                 self._greeted = second
                 out += self._hello
             counts = np.clip(np.round(_RAIL * ready[start : start + _SAMPLES]), -_RAIL, _RAIL - 1).astype(np.int32)
-            out += encode_data(self._frame, round(1e6 * self._time / RATE_HZ), counts, _BITS)
+            over = over_range(full[start : start + _SAMPLES].sum(axis=0) > _STRAY)
+            out += encode_data(self._frame, round(1e6 * self._time / RATE_HZ), counts, _BITS, over)
             self._frame += 1
             self._time += _SAMPLES
         return out
@@ -269,9 +307,22 @@ class SoundCard:
         self._greeted = -1
 
     def close(self) -> None:
-        """Output off and stream closed."""
+        """Output faded and played to its end, then the stream closed; that of a card that is gone, at once.
+
+        PortAudio throws away what is in the card's buffers, whether it is told to stop or to abort.
+        """
         self._wanted = 0.0
+        ahead = self.calibration.latency_s + _SLEW_S  # and a little, as a sound server has buffers of its own
+        while self._lives() and time.monotonic() - self._sounded < ahead:
+            time.sleep(WAIT_S)
         self._stream.close(ignore_errors=True)
+
+    def _lives(self) -> bool:
+        """Whether the card still asks for blocks."""
+        try:
+            return bool(self._stream.active) and time.monotonic() - self._last < _LATE_S
+        except sounddevice.PortAudioError:  # closed already
+            return False
 
 
 class AudioGenerator:
@@ -365,15 +416,19 @@ class Decimator:
         self._taps = taps / taps.sum()
         self._rest = np.zeros((_TAPS - 1, 2))
 
-    def feed(self, block: np.ndarray) -> np.ndarray:
-        """Samples (n, 2) at CARD_HZ -> (m, 2) at RATE_HZ."""
+    def feed(self, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Samples (n, 2) at CARD_HZ -> (m, 2) at RATE_HZ, and how many of those around each are at full scale (m, 2).
+
+        A filter makes less of a peak that is cut off, so that it must be looked for before.
+        """
         data = np.concatenate([self._rest, block])
         count = max(0, (len(data) - _TAPS) // _DOWN + 1)
         self._rest = data[count * _DOWN :]
         if not count:
-            return np.zeros((0, 2))
+            return np.zeros((0, 2)), np.zeros((0, 2), int)
         windows = np.lib.stride_tricks.sliding_window_view(data, _TAPS, axis=0)[::_DOWN][:count]
-        return np.asarray(windows @ self._taps)
+        around = windows[:, :, _TAPS // 2 - _DOWN // 2 :][:, :, :_DOWN]
+        return np.asarray(windows @ self._taps), np.sum(np.abs(around) >= _FULL, axis=2)
 
 
 class Uncoupler:
@@ -406,9 +461,50 @@ class Uncoupler:
         return out
 
 
+@dataclass(frozen=True)
+class CardInfo:
+    """A sound card of this computer, as PortAudio knows it.
+
+    Attributes:
+        device: its name, for --device.
+        system: what leads to it, such as ALSA or Core Audio.
+        inputs: how many.
+        outputs: how many.
+        fits: whether it plays two channels and records two at 48 kHz.
+    """
+
+    device: str
+    system: str
+    inputs: int
+    outputs: int
+    fits: bool
+
+    def __str__(self) -> str:
+        channels = f"{counted(self.inputs, 'input')}, {counted(self.outputs, 'output')}"
+        fits = f"48 kHz in step: {'yes' if self.fits else 'no'}"
+        return f"{self.device}  {self.system}  {channels}  {fits}"
+
+
+def listed() -> list[CardInfo]:
+    """All sound cards of this computer; one that another program uses does not fit until that ends."""
+    systems = sounddevice.query_hostapis()
+    found = []
+    for number, one in enumerate(sounddevice.query_devices()):
+        fits = one["max_input_channels"] > 1 and one["max_output_channels"] > 1
+        try:
+            if fits:
+                sounddevice.check_input_settings(number, channels=2, samplerate=CARD_HZ, dtype="float32")
+                sounddevice.check_output_settings(number, channels=2, samplerate=CARD_HZ, dtype="float32")
+        except (sounddevice.PortAudioError, ValueError):
+            fits = False
+        system = systems[one["hostapi"]]["name"]
+        found.append(CardInfo(one["name"], system, one["max_input_channels"], one["max_output_channels"], fits))
+    return found
+
+
 def cards() -> str:
     """The cards of this computer that play and record, in words."""
-    found = [d["name"] for d in sounddevice.query_devices() if d["max_input_channels"] > 1 and d["max_output_channels"]]
+    found = [card.device for card in listed() if card.fits]
     return f"cards of this computer: {', '.join(found) or 'none'}"
 
 
@@ -425,50 +521,91 @@ def _why(error: Exception) -> str:
     return f"cannot be opened ({str(error).splitlines()[0].rstrip('.')})"
 
 
-def capture(device: str, seconds: float, latency_s: float, play: np.ndarray | None = None) -> np.ndarray:
-    """What both inputs hear, (n, 2), while `play` (n,) is played.
+def capture(
+    device: str, seconds: float, latency_s: float, play: np.ndarray | None = None, output: int = 1
+) -> np.ndarray:
+    """What both inputs hear, (n, 2), while `play` (m,) is repeated on one output, faded in before and out behind.
+
+    Ctrl-C fades it out, too.
 
     Raises:
         AcquisitionError: the card is not there, or lost samples.
     """
-    count, first = round(seconds * CARD_HZ), round(_BEGINS_S * CARD_HZ)
-    out = np.zeros((first + count, 2), np.float32)
+    count, first, fade, ahead = (round(s * CARD_HZ) for s in (seconds, _BEGINS_S, _FADE_S, latency_s + _SLEW_S))
+    out = np.zeros((first + count + fade + ahead, 2), np.float32)  # what is ahead at the end is never played
+    heard = np.zeros_like(out)
     if play is not None:
-        out[first : first + play.size] = play[:count, None]
+        rise = np.sin(np.pi / 2 * np.arange(fade) / fade) ** 2
+        shape = np.concatenate([np.zeros(first - fade), rise, np.ones(count), rise[::-1], np.zeros(ahead)])
+        out[:, output - 1] = shape * play[(np.arange(len(out)) - first) % play.size]
+    at, lost, ended = 0, "", threading.Event()
+
+    def serve(inputs: np.ndarray, outputs: np.ndarray, frames: int, when: object, status: Any) -> None:
+        nonlocal at, lost
+        n = min(frames, len(out) - at)
+        heard[at : at + n], outputs[:n], outputs[n:] = inputs[:n], out[at : at + n], 0.0
+        at += n
+        if status.input_overflow or status.output_underflow:
+            lost = str(status)
+        if at == len(out):
+            raise sounddevice.CallbackStop
+
     try:
-        heard = sounddevice.playrec(
-            out, CARD_HZ, channels=2, device=device, dtype="float32", latency=_buffers(latency_s), blocking=True
-        )
-        status = sounddevice.get_status()
+        with sounddevice.Stream(
+            samplerate=CARD_HZ, device=device, channels=2, dtype="float32", latency=_buffers(latency_s),
+            callback=serve, finished_callback=ended.set,
+        ) as stream:  # fmt: skip
+            try:
+                while stream.active and not ended.wait(0.1):
+                    pass
+            except KeyboardInterrupt:
+                here, soon = at, min(_FADE_S, 0.05)
+                short = round(soon * CARD_HZ)
+                out[here : here + short] *= np.linspace(1, 0, short)[: len(out) - here, None]
+                out[here + short :] = 0.0
+                time.sleep(soon + latency_s)
+                raise
     except (sounddevice.PortAudioError, ValueError) as error:
         raise Unplugged(f"{device}: {_why(error)}; {cards()}.") from None
-    if status.input_overflow or status.output_underflow:
-        raise AcquisitionError(f"{device}: samples were lost ({status}); close other programs and try again.")
-    return np.asarray(heard[first:], float)
+    if at < len(out):
+        raise Unplugged(f"{device}: the card went away.")
+    if lost:
+        raise AcquisitionError(f"{device}: samples were lost ({lost}); close other programs and try again.")
+    return heard[first : first + count].astype(float)
+
+
+def _within(values: np.ndarray, what: str) -> None:
+    """Raise AcquisitionError if a signal (n,) of full scale is cut off at it, where nobody knows how far it went."""
+    count = int(np.sum(np.abs(values) >= _FULL))
+    if count > _STRAY:
+        raise AcquisitionError(
+            f"{what} is at full scale in {count} of {values.size} samples, so its peaks are cut off; turn the input's "
+            "gain down and calibrate anew, loopback first."
+        )
 
 
 def loop_signal() -> np.ndarray:
     """One period of noise with a flat spectrum from 0.25 Hz to 4 kHz."""
-    n = round(_PERIOD_S * CARD_HZ)
+    n = round(PERIOD_S * CARD_HZ)
     lines = np.zeros(n // 2 + 1, complex)
-    top = round(4000 * _PERIOD_S)
+    top = round(4000 * PERIOD_S)
     lines[1:top] = np.exp(2j * np.pi * np.random.default_rng(1).random(top - 1))
     wave = np.fft.irfft(lines, n)
-    return np.asarray(_PEAK * wave / np.abs(wave).max())
+    return np.asarray(PEAK * wave / np.abs(wave).max())
 
 
-def measure_loop(device: str, latency_s: float) -> Calibration:
-    """Gain, delay and high-pass of a card whose output is connected to both inputs.
+def measure_loop(device: str, latency_s: float, output: int = 1) -> Calibration:
+    """Gain, delay and high-pass of a card one of whose outputs is connected to both inputs.
 
     Raises:
         AcquisitionError: the card lost samples, or no cable is there.
     """
     signal = loop_signal()
     for _ in range(_TRIES):
-        heard = capture(device, 4 * _PERIOD_S, latency_s, np.tile(signal, 4))
+        heard = capture(device, PERIODS * PERIOD_S, latency_s, signal, output)
         before, last = heard[-2 * signal.size : -signal.size], heard[-signal.size :]
-        if np.std(last - before) < 0.01 * np.std(last):
-            return replace(analyse_loop(device, heard, signal), latency_s=latency_s)
+        if np.std(last - before) < _ALIKE * np.std(last):
+            return replace(analyse_loop(device, heard, signal), latency_s=latency_s, output=output)
     raise AcquisitionError(
         f"{device}: two periods of the same signal do not come back alike: samples are lost on the way, or no cable is "
         "there; close other programs, use a larger buffer."
@@ -481,10 +618,12 @@ def analyse_loop(device: str, heard: np.ndarray, signal: np.ndarray) -> Calibrat
     Both inputs see the output's high-pass and their own: L_i = g_i jw/(jw + w_o) jw/(jw + w_i) exp(-jw d_i).
 
     Raises:
-        AcquisitionError: no cable is there.
+        AcquisitionError: no cable is there, or an input clips.
     """
     from scipy.optimize import least_squares
 
+    for role, column in zip(ROLES, heard.T, strict=True):
+        _within(column, f"{device}: the input of {role}")
     n = signal.size
     whole = heard[len(heard) // n * n - n :][:n]
     played = np.fft.rfft(signal)
@@ -534,10 +673,11 @@ def calibrator(values: np.ndarray, corner_hz: float, frequency_hz: float = 159.1
         rms_m_s2: of the calibrator.
 
     Raises:
-        AcquisitionError: no such tone.
+        AcquisitionError: no such tone, or one that is cut off on its way.
     """
     from scipy.optimize import minimize_scalar
 
+    _within(values, "the sensor on the calibrator")
     t = np.arange(values.size) / CARD_HZ
 
     def fit(hz: float, part: slice) -> tuple[float, float]:
@@ -554,10 +694,17 @@ def calibrator(values: np.ndarray, corner_hz: float, frequency_hz: float = 159.1
         minimize_scalar(lambda f: fit(f, slice(None))[1], bounds=(peak - width, peak + width), method="bounded").x
     )
     piece = round(_PIECE_S * CARD_HZ)
-    parts = [fit(found, slice(start, start + piece)) for start in range(0, values.size - piece + 1, piece)]
+    starts = range(0, values.size - piece + 1, piece)
+    parts = [fit(found, slice(start, start + piece)) for start in starts]
     size, rest = (float(np.median(column)) for column in zip(*parts, strict=True))  # a knock spoils one of them
     if not size > 10 * rest:
         raise AcquisitionError(f"no tone of {frequency_hz:g} Hz stands out; is the sensor on the running calibrator?")
+    third = float(np.median([fit(3 * found, slice(start, start + piece))[0] for start in starts])) / size
+    if not third < _THIRD:
+        raise AcquisitionError(
+            f"the tone's third harmonic is {100 * third:.2g} % of it (at most {100 * _THIRD:g}); does the sensor's "
+            "amplifier clip, or does the sensor rattle?"
+        )
     return float(math.sqrt(2) * rms_m_s2 / size / math.hypot(1, corner_hz / frequency_hz))
 
 
@@ -572,8 +719,9 @@ def flip(values: np.ndarray, corner_hz: float, rate_hz: float = CARD_HZ) -> floa
         rate_hz: of the values.
 
     Raises:
-        AcquisitionError: no such step.
+        AcquisitionError: no such step, or one that is cut off.
     """
+    _within(values, "the sensor that is turned over")
     t = np.arange(values.size) / rate_hz
     whole = values + 2 * np.pi * corner_hz * np.cumsum(values) / rate_hz
     short, rest_s, turn_s = round(0.1 * rate_hz), 1.5, 0.6

@@ -65,7 +65,9 @@ def record(
     baud: Annotated[int, typer.Option(min=1, help="baud rate of the board")] = 921600,
     generator_baud: Annotated[int, typer.Option(min=1, help="baud rate of the generator")] = 115200,
     simulate: Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")] = False,
-    list_: Annotated[bool, typer.Option("--list", help="show the serial ports and stop")] = False,
+    list_: Annotated[
+        bool, typer.Option("--list", help="show the serial ports, or with --board audio the sound cards, and stop")
+    ] = False,
     probe_: Annotated[bool, typer.Option("--probe", help="say what answers on --port (or on all) and stop")] = False,
     board_: Annotated[str, typer.Option("--board", help="serial, or audio: a sound card plays and records")] = "serial",
     calibration: Annotated[
@@ -89,6 +91,8 @@ def record(
 
       python -m fasbody.acquire --list
 
+      python -m fasbody.acquire --board audio --list
+
       python -m fasbody.acquire --port /dev/ttyACM0 --probe
 
       python -m fasbody.acquire --board audio --calibration sound_card.json --sweep 10:50:5 --body-mass 72 --out study
@@ -105,7 +109,7 @@ def record(
         )  # fmt: skip
         return
     if list_ or probe_:
-        _look(port, probe_, json_)
+        _look(port, probe_, json_, board_)
         return
     if out is None:
         raise SettingError("where to? Give --out STUDY, a folder that is made if needed.")
@@ -271,19 +275,31 @@ def _planned(file: Path, added_mass: float | None, simulate: bool) -> tuple[dict
     return document, steps
 
 
-def _look(port: str | None, probing: bool, json_: bool) -> None:
+def _look(port: str | None, probing: bool, json_: bool, board: str) -> None:
     """--list and --probe."""
-    found: list[object] = list(ports())
-    if probing:
-        names = [port] if port else [info.device for info in ports()]
-        found = [probe(name) for name in names]
+    found: list[object]
+    if board == "audio":
+        from fasbody.acquire.audio import listed
+
+        if probing:
+            raise SettingError("--probe listens on serial ports; for sound cards give --board audio --list.")
+        found, none = (
+            list(listed()),
+            "this computer has no sound card; is it plugged in, and may you use it (group audio)?",
+        )
+    else:
+        found = list(ports())
+        if probing:
+            names = [port] if port else [info.device for info in ports()]
+            found = [probe(name) for name in names]
+        none = "this computer has no serial port; is the board plugged in, and may you use it (group dialout)?"
     if json_:
         print_json([vars(item) for item in found])
     else:
         for item in found:
             results.print(str(item), soft_wrap=True, markup=False)
     if not found:
-        console.print("this computer has no serial port; is the board plugged in, and may you use it (group dialout)?")
+        console.print(none)
 
 
 def _open(
@@ -338,14 +354,20 @@ def calibrate(
     hz: Annotated[float, typer.Option(help="of the hand calibrator")] = 159.155,
     rms: Annotated[float, typer.Option(help="of the hand calibrator in m/s^2")] = 10.0,
     latency: Annotated[float, typer.Option(help="buffer of the card's output in s; for loopback")] = 0.5,
+    output: Annotated[int, typer.Option(min=1, max=2, help="that plays, here and in recordings; for loopback")] = 1,
     full_scale_volts: Annotated[float, typer.Option(help="of the output at full scale, peak to peak")] = 2.0,
+    yes: Annotated[bool, typer.Option("--yes", help="the amplifier is off: play the loopback without asking")] = False,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Calibrate a sound card: loopback first (output to both inputs), then calibrator or flip for each sensor.
 
+    The loopback plays noise, so the amplifier must be off or the shaker unplugged: it says so and asks first.
+
     For a flip, hold the sensor still as it is worn for three seconds, turn it upside down, hold it still again.
 
     Examples:
+      python -m fasbody.acquire --board audio --list
+
       python -m fasbody.acquire calibrate loopback --device "USB Audio"
 
       python -m fasbody.acquire calibrate calibrator base --rms 10 --hz 159.155
@@ -365,7 +387,8 @@ def calibrate(
     if what == "loopback":
         if device is None:
             raise SettingError(f"which card? Give --device; {audio.cards()}.")
-        known = replace(audio.measure_loop(device, latency), full_scale_v=full_scale_volts)
+        _amplifier_is_off(output, full_scale_volts, audio.PEAK, audio.PERIODS * audio.PERIOD_S, yes)
+        known = replace(audio.measure_loop(device, latency, output), full_scale_v=full_scale_volts)
         if calibration.is_file():  # what the sensors are stays
             known = replace(known, scale_m_s2=audio.Calibration.read(calibration).scale_m_s2)
     elif what in ("calibrator", "flip"):
@@ -392,6 +415,19 @@ def calibrate(
             soft_wrap=True,
             markup=False,
         )
+
+
+def _amplifier_is_off(output: int, full_scale_volts: float, peak: float, seconds: float, yes: bool) -> None:
+    """Say what is about to be played, and let somebody say that it shakes nobody."""
+    text = f"The loopback plays noise on output {output} for {seconds:g} s, at most {100 * peak:g} % of full scale "
+    text += f"({peak * full_scale_volts:g} V peak to peak). No guard watches a shaker meanwhile: switch the amplifier "
+    text += f"off or unplug the shaker, and connect output {output} to both inputs."
+    console.print(text, soft_wrap=True, markup=False)
+    if yes:
+        return
+    if not sys.stdin.isatty():
+        raise SettingError("nobody is at the terminal to say that the amplifier is off; if it is, add --yes.")
+    typer.confirm("The amplifier is off, or the shaker unplugged", abort=True, err=True)
 
 
 def _frequencies(sweep: str | None, frequency: float | None) -> tuple[float | None, ...]:

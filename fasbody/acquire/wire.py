@@ -35,6 +35,8 @@ LONGEST_WIRE = LONGEST + 4 + 6
 LONGEST_LINE = 256
 _LARGEST_BOARD_NAME = 32
 _VERSION, _OVER_RANGE = 1, 1
+#: So many channels have a flag of their own.
+_FLAGGED = 7
 _HELLO, _DATA = ord("H"), ord("D")
 _HELLO_HEAD, _CHANNEL, _DATA_HEAD = struct.Struct("<BBBBHIH"), struct.Struct("<Bff"), struct.Struct("<BBII")
 
@@ -281,7 +283,8 @@ def _read_data(payload: bytes, hello: Hello) -> Block | None:
     rail = 2 ** (hello.bits - 1)
     over = (hello.beyond(samples) | (counts >= rail - 1) | (counts <= -rail)).sum(axis=0)
     if flags & _OVER_RANGE:
-        over = np.maximum(over, 1)
+        named = flags >> 1 + np.arange(over.size) & 1
+        over = np.maximum(over, named if named.any() else 1)
     return Block(sequence, time_us, samples, over)
 
 
@@ -301,6 +304,12 @@ def encode_data(sequence: int, time_us: int, counts: np.ndarray, bits: int, flag
         return wrap(head + counts.astype("<i2").tobytes())
     wide = counts.astype("<i4").reshape(-1, 1).view(np.uint8)
     return wrap(head + wide[:, :3].tobytes())
+
+
+def over_range(channels: np.ndarray) -> int:
+    """Flags of a data frame in which some channels (c,), true or false, were over range: bit 0, and one for each."""
+    which = sum(2 << i for i, one in enumerate(channels[:_FLAGGED]) if one)
+    return _OVER_RANGE | which if np.any(channels) else 0
 
 
 def wrap(payload: bytes) -> bytes:
