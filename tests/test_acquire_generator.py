@@ -30,6 +30,7 @@ from fasbody.acquire.plan import Plan
 from fasbody.acquire.port import Port, Unplugged, is_identity, probe
 from fasbody.acquire.session import terminated
 from fasbody.acquire.timeline import Lateness
+from fasbody.acquire.wire import encode_hello
 from fasbody.exceptions import AcquisitionError, FasError, SettingError
 from fasbody.recording.checks import checked
 from fasbody.recording.study import Study
@@ -173,9 +174,32 @@ def test_probe_tells_boards_from_generators(bench: Bench, feeder: Feeder, monkey
     feeder.garbage = True
     assert probe(feeder.port, (9600,)).kind == "unknown bytes"
     monkeypatch.setattr("fasbody.acquire.port._LISTEN_S", 0.2)  # enough to hear nothing
+    monkeypatch.setattr("fasbody.acquire.port.HELLO_S", 0.2)
     assert probe(bench.generator_port, (115200,)).kind == "generator"
     feeder.paused = True
     assert "silence" in str(probe(feeder.port, (9600,)))
+
+
+@pytest.mark.parametrize("speaks_after", [3.0, 4.9, 0.0])
+def test_probe_waits_for_a_board_that_starts(monkeypatch: pytest.MonkeyPatch, speaks_after: float) -> None:
+    """Opening an Arduino's port resets it: it is silent for seconds, and then speaks at one rate only."""
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    now = [0.0]
+
+    def tick() -> float:
+        """A quarter of a second at each look at the clock."""
+        now[0] += 0.25
+        right = termios.tcgetattr(slave)[5] == termios.B230400
+        if now[0] >= speaks_after:
+            os.write(master, encode_hello(hello()) if right else b"\x80\x91")
+        return now[0]
+
+    monkeypatch.setattr("fasbody.acquire.port.time", SimpleNamespace(monotonic=tick))
+    found = probe(os.ttyname(slave), (230400, 9600) if speaks_after else (9600, 19200, 230400))
+    assert found.kind == "board" and found.baud == 230400
+    os.close(master)
+    os.close(slave)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTSTP, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.acquire.capture import Capture
-from fasbody.acquire.port import WAIT_S, Opener, Port, Reader
+from fasbody.acquire.port import HELLO_S, WAIT_S, Opener, Port, Reader
 from fasbody.acquire.timeline import Lateness, Timeline, counted
 from fasbody.acquire.wire import Block, Decoder, Hello, Message
 from fasbody.exceptions import AcquisitionError
@@ -89,7 +89,7 @@ class Board:
         self._last = time.monotonic()  # of the last sample, or of the first hello
         self._bytes = 0  # that had come by then
 
-    def wait_for_hello(self, seconds: float = STALLED_S) -> Hello:
+    def wait_for_hello(self, seconds: float = HELLO_S) -> Hello:
         """The board's description.
 
         Raises:

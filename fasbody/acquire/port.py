@@ -1,8 +1,8 @@
 """Serial ports: the only place that knows pyserial.
 
 `Port` is an open one. `Reader` is a thread that does nothing but read the board's, so that no display and no fit can
-make it late. `probe` tells what speaks on a port: it listens at each baud rate for both wire formats, then asks for an
-SCPI identity.
+make it late. `probe` tells what speaks on a port: it waits until a board has started, listens at each baud rate for
+both wire formats, then asks for an SCPI identity.
 """
 
 import contextlib
@@ -35,6 +35,10 @@ _LONGEST_ANSWER = 4096
 _LONGEST_QUEUE = 16_000_000
 #: A pause between reads [s]: fewer wake-ups, and far below what the system's serial buffer holds.
 _PAUSE_S = 0.005
+#: A board says who it is within so long after its port was opened [s]: that resets an Arduino, whose boot loader then
+#: waits for two seconds, and whose sensors are tested for one.
+HELLO_S = 5.0
+#: One that runs repeats it every second [s].
 _LISTEN_S, _ASK_S = 1.3, 0.5
 #: What is raised when a port goes away; pyserial's own errors are OSErrors.
 _GONE = (OSError, termios.error)
@@ -83,6 +87,18 @@ class Port:
         except (*_GONE, ValueError) as error:
             known = ", ".join(port.device for port in ports()) or "none"
             raise Unplugged(f"{name}: {_why(name, error)}; ports of this computer: {known}.") from None
+
+    def change(self, baud: int) -> None:
+        """Go on at another baud rate.
+
+        Raises:
+            Unplugged: it cannot run at that rate, or went away.
+        """
+        try:
+            self._serial.baudrate = self.baud = baud
+            self._serial.reset_input_buffer()
+        except (*_GONE, ValueError) as error:
+            raise Unplugged(f"{self.name}: {_why(self.name, error)}, at {baud} baud.") from None
 
     def read(self) -> bytes:
         """What has arrived, after at most WAIT_S.
@@ -333,20 +349,25 @@ def probe(name: str, rates: tuple[int, ...] = BAUD_RATES) -> Found:
         Unplugged: the port cannot be opened.
     """
     heard = Found(name, "silence", 0, "")
-    for baud in rates:
-        with contextlib.closing(Port(name, baud)) as port:
+    with contextlib.closing(Port(name, rates[0])) as port:  # once: opening it resets an Arduino
+        boots_until = time.monotonic() + HELLO_S
+        for baud in rates:
+            port.change(baud)
             decoder = Decoder()
             port.write(b"\n?\n")
             deadline = time.monotonic() + _LISTEN_S
-            while decoder.hello is None and time.monotonic() < deadline:
+            while decoder.hello is None and time.monotonic() < max(deadline, 0.0 if decoder.bytes else boots_until):
+                before = decoder.bytes
                 decoder.feed(port.read())
+                if decoder.bytes and not before:
+                    deadline = time.monotonic() + _LISTEN_S
             if decoder.hello is not None:
                 return Found(name, "board", baud, str(decoder.hello))
             answer, _ = port.ask(b"*CLS\n*IDN?\n", _ASK_S)
             if is_identity(answer):
                 return Found(name, "generator", baud, answer)
             if decoder.bytes:
-                heard = Found(name, "unknown bytes", baud, f"{decoder.bytes} bytes in {_LISTEN_S:g} s, no hello")
+                heard = Found(name, "unknown bytes", baud, f"{decoder.bytes} bytes, no hello")
     return heard
 
 
