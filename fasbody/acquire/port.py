@@ -355,20 +355,27 @@ def probe(name: str, rates: tuple[int, ...] = BAUD_RATES) -> Found:
             port.change(baud)
             decoder = Decoder()
             port.write(b"\n?\n")
-            deadline = time.monotonic() + _LISTEN_S
-            while decoder.hello is None and time.monotonic() < max(deadline, 0.0 if decoder.bytes else boots_until):
-                before = decoder.bytes
+            _listen(port, decoder)
+            if decoder.hello is None:
+                answer, _ = port.ask(b"*CLS\n*IDN?\n", _ASK_S)
+                if is_identity(answer):
+                    return Found(name, "generator", baud, answer)
+            while not decoder.bytes and time.monotonic() < boots_until:
                 decoder.feed(port.read())
-                if decoder.bytes and not before:
-                    deadline = time.monotonic() + _LISTEN_S
+                if decoder.bytes:
+                    _listen(port, decoder)
             if decoder.hello is not None:
                 return Found(name, "board", baud, str(decoder.hello))
-            answer, _ = port.ask(b"*CLS\n*IDN?\n", _ASK_S)
-            if is_identity(answer):
-                return Found(name, "generator", baud, answer)
             if decoder.bytes:
                 heard = Found(name, "unknown bytes", baud, f"{decoder.bytes} bytes, no hello")
     return heard
+
+
+def _listen(port: Port, decoder: Decoder) -> None:
+    """For as long as a board that runs may take to say who it is."""
+    deadline = time.monotonic() + _LISTEN_S
+    while decoder.hello is None and time.monotonic() < deadline:
+        decoder.feed(port.read())
 
 
 def is_identity(answer: str) -> bool:
