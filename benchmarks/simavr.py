@@ -5,7 +5,7 @@ import json
 import shutil
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -42,11 +42,20 @@ def missing() -> str:
     return f"{', '.join(absent)} missing; apt install {PACKAGES}" if absent else ""
 
 
-def compile_firmware(folder: Path, sensor: str = "ANALOG", rate_hz: int = 1000) -> Path:
-    """The program of a board: the sketch that ships, for one sensor."""
+def compile_firmware(
+    folder: Path, sensor: str = "ANALOG", rate_hz: int = 1000, changed: Mapping[str, str] | None = None,
+    constants: Mapping[str, float] | None = None,
+) -> Path:  # fmt: skip
+    """The program of a board: the sketch that ships, for one sensor; some of its text, or of its constants, changed."""
     elf = folder / f"fas_{sensor}_{rate_hz}.elf"
+    text = SKETCH.read_text()
+    for old, new in (changed or {}).items():
+        if old not in text:
+            raise AcquisitionError(f"the sketch has no {old!r}.")
+        text = text.replace(old, new)
     options = ["-x", "c++", f"-DSENSOR={sensor}", f"-DRATE_HZ={rate_hz}", "-Wall", "-Wextra", "-Werror"]
-    subprocess.run(["avr-g++", *_FLAGS, *options, str(SKETCH), "-o", str(elf)], check=True)
+    options += [f"-D{name}={value}" for name, value in (constants or {}).items()]
+    subprocess.run(["avr-g++", *_FLAGS, *options, "-", "-o", str(elf)], check=True, input=text, text=True)
     return elf
 
 

@@ -44,8 +44,8 @@ static double rate_hz;
 static avr_irq_t *adc, *spi, *uart;
 
 /* ---- what was seen ---- */
-static unsigned long conversions, bytes, dropped, spi_reads;
-static avr_cycle_count_t last, shortest = ~0ull, longest;
+static unsigned long conversions, bytes, dropped, conflicts;
+static avr_cycle_count_t last, shortest = ~0ull, longest, first_byte;
 
 static void seen(void) {
     if (last && conversions) {
@@ -60,11 +60,13 @@ static void seen(void) {
 /* ---- the sensors ---- */
 static int self_test[2];
 
-static double acceleration(int channel) {
-    double at = fmod((double)avr->cycle / CLOCK_HZ * rate_hz, length), part = at - floor(at);
+static double acceleration(int channel, double seconds) {
+    double at = fmod(seconds * rate_hz, length), part = at - floor(at);
     size_t i = (size_t)at % length, j = (i + 1) % length;
     return signal_[2 * i + channel] * (1 - part) + signal_[2 * j + channel] * part;
 }
+
+static double seconds_now(void) { return (double)avr->cycle / CLOCK_HZ; }
 
 /* A conversion begins: the pin gets its voltage [mV] of this cycle. */
 static void conversion(avr_irq_t *irq, uint32_t value, void *param) {
@@ -80,7 +82,7 @@ static void conversion(avr_irq_t *irq, uint32_t value, void *param) {
         volts = ceil(code * 3300.0 / 1023) / 1e3;
         seen();
     } else {
-        volts = 1.65 + 0.33 / G * acceleration(pin);
+        volts = 1.65 + 0.33 / G * acceleration(pin, seconds_now());
         seen();
     }
     if (pin == dead)
@@ -94,22 +96,77 @@ static void compared(avr_irq_t *irq, uint32_t value, void *param) {
         avr_raise_irq(adc + ADC_IRQ_IN_TRIGGER, 1);
 }
 
-/* Registers of two chips on the SPI bus; a transfer is an address and what follows. */
+/* Two chips on the SPI bus, by their data sheets: a transfer is an address and what follows. What is modelled of each
+ * is what a firmware can get wrong: modes, range, data rate, who may be written when, and for the ADXL355 the step in
+ * which it samples. Their own clocks are half a sample apart. */
 static uint8_t registers[2][64];
-static int chosen = -1, address = -1, reading;
+static double pulse = -1; /* when D9 last rose [s] */
+static int chosen = -1, address = -1, reading, several;
 
-static void latch(int c) {
-    int counts;
+enum { RATE_345 = 0x2C, POWER_345 = 0x2D, FORMAT_345 = 0x31, Z_345 = 0x36 };
+enum { Z_355 = 0x0E, FILTER_355 = 0x28, SYNC_355 = 0x2B, RANGE_355 = 0x2C, POWER_355 = 0x2D, TEST_355 = 0x2E };
+
+static void power_up(int c) {
+    uint8_t *r = registers[c];
+    memset(r, 0, sizeof registers[c]);
     if (sensor == 345) {
-        counts = (int)lround((acceleration(c) / G + (registers[c][0x31] & 0x80 ? 1.0 : 0.0)) * 256);
-        registers[c][0x36] = counts;
-        registers[c][0x37] = counts >> 8;
+        memcpy(r, "\xE5", 1);
+        r[RATE_345] = 0x0A;
     } else {
-        counts = (int)lround((acceleration(c) / G + (registers[c][0x2E] == 3 ? 1.5 : 0.0)) * 64000);
-        registers[c][0x0E] = counts >> 12;
-        registers[c][0x0F] = counts >> 4;
-        registers[c][0x10] = counts << 4;
+        memcpy(r, "\xAD\x1D\xED", 3);
+        r[RANGE_355] = 0x81;
+        r[POWER_355] = 0x01;
     }
+}
+
+static double own_clock(int c, double odr) { return (floor(seconds_now() * odr + 0.5 * c) - 0.5 * c) / odr; }
+
+static int clipped(double counts, int most) { return counts > most - 1 ? most - 1 : counts < -most ? -most : lround(counts); }
+
+/* The data registers as they are now; a chip that does not measure, or waits for a pulse, keeps what it has. */
+static void refresh_345(int c) {
+    uint8_t *r = registers[c], format = r[FORMAT_345];
+    if (!(r[POWER_345] & 0x08))
+        return;
+    int range = format & 3, full = format & 0x08;
+    double odr = 3200.0 / (1 << (15 - (r[RATE_345] & 15)));
+    double g = acceleration(c, own_clock(c, odr)) / G + (format & 0x80 ? 1.0 : 0.0);
+    int counts = clipped(g * 256 / (full ? 1 : 1 << range), full ? 512 << range : 512);
+    counts = format & 0x04 ? counts * (full ? 8 >> range : 64) : counts;
+    r[Z_345] = counts;
+    r[Z_345 + 1] = counts >> 8;
+}
+
+static void refresh_355(int c) {
+    uint8_t *r = registers[c], step = r[SYNC_355] & 3, range = r[RANGE_355] & 3;
+    if (r[POWER_355] & 1 || !range)
+        return;
+    if (step == 0 && !(r[POWER_355] & 4) && avr->data[0x24] & 2)
+        conflicts++; /* its DRDY and D9 both drive the line between them */
+    double at = step == 0 ? own_clock(c, 4000.0 / (1 << (r[FILTER_355] & 15))) : step == 2 ? pulse : -1;
+    if (at < 0)
+        return;
+    double g = acceleration(c, at) / G + (r[TEST_355] == 3 ? 1.5 : 0.0);
+    int counts = clipped(g * (512000 >> range), 1 << 19);
+    r[Z_355] = counts >> 12;
+    r[Z_355 + 1] = counts >> 4;
+    r[Z_355 + 2] = counts << 4;
+}
+
+static void write_register(int c, uint8_t where, uint8_t value) {
+    uint8_t *r = registers[c];
+    if (sensor == 345 ? where < 0x1D || where == 0x2B || where == 0x30 || (where > 0x31 && where < 0x38)
+                      : where < 0x12)
+        return; /* is only read */
+    if (sensor == 355 && where < POWER_355 && !(r[POWER_355] & 1))
+        return; /* is set in standby only */
+    r[where] = value;
+}
+
+/* D9, which timer 1 raises at each sample. */
+static void stepped(avr_irq_t *irq, uint32_t value, void *param) {
+    if (value)
+        pulse = seconds_now();
 }
 
 static void select_chip(avr_irq_t *irq, uint32_t value, void *param) {
@@ -122,23 +179,24 @@ static void select_chip(avr_irq_t *irq, uint32_t value, void *param) {
 }
 
 static void spi_byte(avr_irq_t *irq, uint32_t value, void *param) {
-    uint8_t answer = 0xFF;
-    if (chosen >= 0 && chosen != dead) {
-        uint8_t *r = registers[chosen];
+    uint8_t answer = 0xFF, mode = avr->data[0x4C] >> 2 & 3;
+    if (chosen >= 0 && chosen != dead && mode == (sensor == 345 ? 3 : 0)) {
         if (address < 0) {
-            address = sensor == 345 ? value & 0x3F : value >> 1;
+            address = sensor == 345 ? value & 0x3F : value >> 1 & 0x3F;
             reading = sensor == 345 ? value >> 7 : value & 1;
-            if (reading && address == (sensor == 345 ? 0x36 : 0x0E)) {
-                latch(chosen);
-                if (chosen == 0 && (avr->data[0x6F] & 4)) {
+            several = sensor == 345 ? value >> 6 & 1 : 1;
+            if (reading && address == (sensor == 345 ? Z_345 : Z_355)) {
+                sensor == 345 ? refresh_345(chosen) : refresh_355(chosen);
+                if (chosen == 0 && (avr->data[0x6F] & 4))
                     seen();
-                    spi_reads++;
-                }
             }
-        } else if (reading)
-            answer = r[address++ & 63];
-        else
-            r[address++ & 63] = value;
+        } else {
+            if (reading)
+                answer = sensor == 345 && registers[chosen][FORMAT_345] & 0x40 ? 0xFF : registers[chosen][address];
+            else
+                write_register(chosen, address, value);
+            address = (address + several) & 0x3F;
+        }
     }
     avr_raise_irq(spi + SPI_IRQ_INPUT, answer);
 }
@@ -177,7 +235,7 @@ static void deliver(void) {
 }
 
 static void sent(avr_irq_t *irq, uint32_t value, void *param) {
-    bytes++;
+    first_byte = bytes++ ? first_byte : avr->cycle;
     if (kept == sizeof waiting)
         dropped++;
     else
@@ -248,8 +306,9 @@ int main(int argc, char **argv) {
             if (!strcmp(io->kind, "spi"))
                 spi_module = io;
         avr_register_io_write(avr, 0x4E, spi_written, spi_module);
-        for (int c = 0; c < 2; c++)
-            memcpy(registers[c], sensor == 345 ? "\xE5\0\0" : "\xAD\x1D\xED", 3);
+        avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('B'), 1), stepped, NULL);
+        power_up(0);
+        power_up(1);
     }
 
     int slave;
@@ -284,9 +343,10 @@ int main(int argc, char **argv) {
     unlink(argv[2]);
     fprintf(out,
             "{\"cycles\": %llu, \"conversions\": %lu, \"shortest_cycles\": %llu, \"longest_cycles\": %llu, "
-            "\"bytes\": %lu, \"dropped\": %lu, \"state\": %d, \"wall_s\": %.3f}\n",
+            "\"bytes\": %lu, \"dropped\": %lu, \"conflicts\": %lu, \"first_byte_s\": %.6f, \"state\": %d, "
+            "\"wall_s\": %.3f}\n",
             (unsigned long long)avr->cycle, conversions, (unsigned long long)shortest, (unsigned long long)longest,
-            bytes, dropped, avr->state, now() - start);
+            bytes, dropped, conflicts, (double)first_byte / CLOCK_HZ, avr->state, now() - start);
     fclose(out);
     if (fast)
         poll(NULL, 0, 500); /* the reader may still fetch what the terminal holds */

@@ -31,12 +31,16 @@
 #define BAUD_RATE 500000UL  // 16 MHz give this rate exactly, and 115200 only to 2 %
 #endif
 
-// Of an analog sensor, at 3.3 V: ADXL335. The sign of a sensor mounted upside down is negative.
-#define VOLTS_PER_G 0.330
-#define REFERENCE_V 3.3
-#define ANALOG_RANGE_G 3.0
-#define BASE_SIGN (+1)
-#define MALLEOLUS_SIGN (+1)
+// Sensitivity of each sensor by itself: volts (analog, at 3.3 V) or counts (SPI) per g. PER_G is the data sheet's; by
+// turning the sensor over you know it better. It is negative if the sensor is mounted upside down.
+#ifndef BASE_PER_G
+#define BASE_PER_G (+PER_G)
+#endif
+#ifndef MALLEOLUS_PER_G
+#define MALLEOLUS_PER_G (+PER_G)
+#endif
+#define REFERENCE_V 3.3     // of the analog pair
+#define ANALOG_RANGE_G 3.0  // either way
 #define SELF_TEST_WIRED 1  // D4 to the ST pins of both, through a divider to 3.3 V; 0 if it is not
 
 // ---- derived ------------------------------------------------------------------------------------------------------
@@ -52,25 +56,32 @@
 // converter puts no phase and no amplitude between them. Of four it is the first half.
 #define TURNS 0x96
 #define ZERO (512 * (int16_t)READINGS)
-#define COUNTS_PER_M_S2 ((float)(VOLTS_PER_G / REFERENCE_V * 1024 * READINGS) / G)
-#define RANGE_M_S2 (ANALOG_RANGE_G * G)
+#define PER_G 0.330  // ADXL335
+#define COUNTS_PER_M_S2(per_g) ((float)((per_g) / REFERENCE_V * 1024 * READINGS) / G)
+#define RANGE_M_S2(per_g) ((float)ANALOG_RANGE_G * G)
 #define BITS 16
 #define LOWEST_READING 2
 #define HIGHEST_READING 1021
 #define NAME "fas analog"
 #elif SENSOR == ADXL345
 #define TICK_HZ RATE_HZ
-#define COUNTS_PER_M_S2 (256 / G)
-#define RANGE_M_S2 (15.99f * G)
+#define PER_G 256
+#define FULL_COUNTS 4093  // 15.99 g
 #define BITS 16
 #define NAME "fas ADXL345"
 #elif SENSOR == ADXL355
 #define TICK_HZ RATE_HZ
-#define COUNTS_PER_M_S2 (64000 / G)
-#define RANGE_M_S2 (8.19f * G)
+#define PER_G 64000
+#define FULL_COUNTS 524160  // 8.19 g
 #define BITS 24
 #define NAME "fas ADXL355"
 #endif
+#if SENSOR != ANALOG
+#define COUNTS_PER_M_S2(per_g) ((float)(per_g) / G)
+#define RANGE_M_S2(per_g) (FULL_COUNTS * G / ((per_g) < 0 ? -(float)(per_g) : (float)(per_g)))
+#endif
+// In the flags of a frame: a sensor was over range, and which.
+#define OVER(channel) (_BV(0) | _BV(1 + (channel)))
 #define WIDTH (BITS / 8)
 #define TICK_US (1000000UL / TICK_HZ)
 #define DATA_BYTES (SAMPLES * CHANNELS * WIDTH)
@@ -183,7 +194,7 @@ ISR(ADC_vect) {
         turns = TURNS;
     sums[turns & 1] += reading;
     if (reading < LOWEST_READING || reading > HIGHEST_READING)
-        over = 1;
+        over |= turns & 1 ? OVER(1) : OVER(0);
     turns >>= 1;
     if (++turn < CHANNELS * READINGS) {
         ADMUX = turns & 1;  // for the next conversion; the reference is the pin AREF
@@ -293,9 +304,8 @@ ISR(TIMER1_COMPB_vect) {
     int32_t counts[CHANNELS];
     for (uint8_t channel = 0; channel < CHANNELS; channel++) {
         counts[channel] = look(channel);
-        float most = RANGE_M_S2 * COUNTS_PER_M_S2;
-        if (counts[channel] >= (int32_t)most || counts[channel] <= -(int32_t)most)
-            over = 1;
+        if (counts[channel] >= FULL_COUNTS || counts[channel] <= -FULL_COUNTS)
+            over |= channel ? OVER(1) : OVER(0);
     }
     store(counts);
 }
@@ -353,7 +363,7 @@ static uint8_t test(uint8_t channel) {
 #endif
     prepare();
     _delay_ms(50);
-    return (moved < 0 ? -moved : moved) > (int32_t)(0.1f * G * COUNTS_PER_M_S2);
+    return (moved < 0 ? -moved : moved) > (int32_t)(0.1f * PER_G);
 }
 
 #endif
@@ -382,7 +392,8 @@ static void stop(void) {
 }
 
 static void say_hello(void) {
-    static const int8_t sign[CHANNELS] = {BASE_SIGN, MALLEOLUS_SIGN};
+    static const float range[CHANNELS] = {RANGE_M_S2(BASE_PER_G), RANGE_M_S2(MALLEOLUS_PER_G)};
+    static const float sensitivity[CHANNELS] = {COUNTS_PER_M_S2(BASE_PER_G), COUNTS_PER_M_S2(MALLEOLUS_PER_G)};
     struct {
         uint8_t type, version, bits, channels;
         uint16_t samples;
@@ -404,8 +415,8 @@ static void say_hello(void) {
     hello.boot = boot;
     for (uint8_t channel = 0; channel < CHANNELS; channel++) {
         hello.of[channel].role = channel;
-        hello.of[channel].range = RANGE_M_S2;
-        hello.of[channel].counts_per_m_s2 = sign[channel] * COUNTS_PER_M_S2;
+        hello.of[channel].range = range[channel];
+        hello.of[channel].counts_per_m_s2 = sensitivity[channel];
     }
     uint8_t length = strlen(board_name);
     memcpy(hello.name, board_name, length);
