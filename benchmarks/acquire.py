@@ -51,6 +51,9 @@ BAUD = 921600
 _SWEEP = sweep(10.0, 50.0, 20.0, 15.0)
 #: Of the output's buffer in the measurement of silence [s].
 _LATENCY_S = 0.5
+#: Sensors and rates [Hz] through which the virtual foot is felt, and its excitations [Hz].
+_BOARDS = (("ANALOG", 1000), ("ANALOG", 2000), ("ADXL355", 1000), ("ADXL345", 1000))
+_FELT_HZ = (10.0, 20.0, 30.0, 40.0, 50.0)
 #: Nothing that counts is above [Hz].
 _HEARD_HZ = 200.0
 
@@ -216,6 +219,7 @@ def firmware(samples: int) -> list[Check]:
                         if isinstance(one, Block):
                             seen += 1
                             bad += not np.array_equal(one.samples, message.samples)
+        felt = [row for sensor, hz in _BOARDS for row in _through_the_converter(host, root, sensor, hz)]
     span = board.report["longest_cycles"], board.report["shortest_cycles"]
     return [
         Check(f"firmware at {rate} Hz on simavr: frames missing", missed, 0, 0, "", f"{missed} of {frames}", "none"),
@@ -224,7 +228,25 @@ def firmware(samples: int) -> list[Check]:
         Check("1 % damaged bytes: frames found", frames - seen, injected, injected, "",
               f"{frames - seen} of {injected}", "all"),
         Check("wrong ones accepted", bad, 0, 0, "", f"{bad} of {seen}", "none"),
+        *felt,
     ]  # fmt: skip
+
+
+def _through_the_converter(host: Path, root: Path, sensor: str, rate: int) -> list[Check]:
+    """The virtual foot felt by the sensors, converted and sent by the firmware: transmissibility against DOP853."""
+    elf = simavr.compile_firmware(root, sensor, rate)
+    off = []
+    for hz in _FELT_HZ:
+        signal, truth = simavr.foot(hz)
+        _, values, _ = simavr.sent(host, elf, root, signal, 3.0)
+        base, malleolus = simavr.lines(values, rate, hz)
+        off.append(malleolus / base / truth)
+    ratios = np.array(off)
+    what = f"virtual foot through the firmware, {sensor} at {rate} Hz, {_FELT_HZ[0]:g} to {_FELT_HZ[-1]:g} Hz"
+    return [
+        at_most(f"{what}: transmissibility, worst", 100 * np.abs(np.abs(ratios) - 1).max(), 1.0, "%"),
+        at_most("its phase", np.abs(np.angle(ratios, deg=True)).max(), 1.0, "deg"),
+    ]
 
 
 class Card:

@@ -11,9 +11,16 @@ from typing import Any, Self
 
 import numpy as np
 
+from fasbody.acquire.bench.foot import BODY_MASS_KG
 from fasbody.acquire.firmware import SKETCH
 from fasbody.acquire.port import Port, Unplugged
+from fasbody.acquire.wire import Block, FrameReader, Hello
 from fasbody.exceptions import AcquisitionError
+from fasbody.foot.shaker import sine
+from fasbody.foot.two_dof import TwoDof
+from fasbody.laboratory.foot import TRUTH, exact
+from fasbody.laboratory.instrument import Instrument
+from fasbody.recording.condition import foot_mass, shank_mass
 
 HOST = Path(__file__).with_name("simavr_board.c")
 BAUD = 500_000
@@ -129,3 +136,42 @@ def readings(samples: int, rate_hz: int) -> np.ndarray:
     code = (230 + np.arange(samples * turns) * 7919 % 563).reshape(samples, turns)
     base = np.array([0, 1, 1, 0, 1, 0, 0, 1][:turns]) == 0  # the order of the conversions, as the sketch has it
     return np.column_stack([code[:, base].sum(1), code[:, ~base].sum(1)]) - 512 * turns // 2
+
+
+def sent(
+    host: Path, elf: Path, folder: Path, signal: np.ndarray, seconds: float
+) -> tuple[Hello, np.ndarray, dict[str, Any]]:
+    """What a board that feels a signal sends in so much of its time: its hello, samples (n, 2) and the report.
+
+    Raises:
+        AcquisitionError: it says nothing.
+    """
+    reader, blocks = FrameReader(), []
+    with SimulatedBoard(host, elf, folder, signal=signal, seconds=seconds, real=False) as board:
+        for data in board.bytes():
+            blocks += [message.samples for message in reader.feed(data) if isinstance(message, Block)]
+    if reader.hello is None or not blocks:
+        raise AcquisitionError(f"the simulated board said nothing: {board.report}.")
+    return reader.hello, np.concatenate(blocks), board.report
+
+
+def foot(hz: float, peak_to_peak: float = 17.9) -> tuple[np.ndarray, complex]:
+    """One second of what both sensors on the virtual foot feel upright in gravity, by DOP853, and its transmissibility.
+
+    Args:
+        hz: a whole number, so that the second can be repeated.
+        peak_to_peak: of the base [m/s^2].
+    """
+    masses = {"m_S": shank_mass(BODY_MASS_KG, 0.0), "m_F": foot_mass(BODY_MASS_KG)}
+    instrument = Instrument(delay_s=0.0, rate_hz=SIGNAL_HZ)
+    true = exact(TwoDof.from_values({**TRUTH, **masses}), sine(hz, 5.0, peak_to_peak), 1.0, instrument, settle=2.0)
+    felt = np.column_stack([true.base_m_s2, true.malleolus_m_s2])
+    base, malleolus = lines(felt, SIGNAL_HZ, hz)
+    return felt + 9.80665, complex(malleolus / base)
+
+
+def lines(values: np.ndarray, rate_hz: float, hz: float) -> np.ndarray:
+    """Complex amplitudes of each column (n, c) at `hz`, by least squares."""
+    t = np.arange(len(values)) / rate_hz
+    basis = np.column_stack([np.ones(t.size), np.exp(2j * np.pi * hz * t), np.exp(-2j * np.pi * hz * t)])
+    return np.asarray(np.linalg.lstsq(basis, values.astype(complex), rcond=None)[0][1])

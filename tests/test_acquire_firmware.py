@@ -15,6 +15,7 @@ from fasbody.acquire.bench.foot import BODY_MASS_KG
 from fasbody.acquire.bench.line import corrupt
 from fasbody.acquire.board import Board
 from fasbody.acquire.commands import app
+from fasbody.acquire.port import HELLO_S
 from fasbody.acquire.wire import Block, FrameReader
 from fasbody.exceptions import AcquisitionError, InputFileError
 from fasbody.recording.study import Study
@@ -23,12 +24,17 @@ Rig = Callable[..., SimulatedBoard]
 
 
 @pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Rig:
-    """Simulated boards; each program is compiled once."""
+def host(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The program around the firmware."""
     if lacks := simavr.missing():
         pytest.skip(f"the firmware is not run: {lacks}")
-    folder = tmp_path_factory.mktemp("simavr")
-    host = simavr.compile_host(folder)
+    return simavr.compile_host(tmp_path_factory.mktemp("simavr"))
+
+
+@pytest.fixture(scope="module")
+def rig(host: Path) -> Rig:
+    """Simulated boards; each program is compiled once."""
+    folder = host.parent
 
     def make(sensor: str = "ANALOG", rate: int = 1000, **options: object) -> SimulatedBoard:
         elf = folder / f"fas_{sensor}_{rate}.elf"
@@ -37,19 +43,6 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Rig:
         return SimulatedBoard(host, elf, folder, **options)  # type: ignore[arg-type]
 
     return make
-
-
-def shaken(hz: float, transfer: complex) -> np.ndarray:
-    """One second of a base upright in gravity, and of a malleolus that follows it [m/s^2]."""
-    wave = 8.95 * np.exp(2j * np.pi * hz * np.arange(round(SIGNAL_HZ)) / SIGNAL_HZ)
-    return 9.81 + np.column_stack([wave.imag, (transfer * wave).imag])
-
-
-def line(values: np.ndarray, rate_hz: float, hz: float) -> np.ndarray:
-    """Complex amplitude of each column at `hz`, by least squares."""
-    t = np.arange(len(values)) / rate_hz
-    basis = np.column_stack([np.ones(t.size), np.exp(2j * np.pi * hz * t), np.exp(-2j * np.pi * hz * t)])
-    return np.linalg.lstsq(basis, values.astype(complex), rcond=None)[0][1]
 
 
 @pytest.mark.parametrize("rate", [1000, 2000])
@@ -95,19 +88,77 @@ def test_damaged_bytes_are_all_found(rig: Rig) -> None:
 
 @pytest.mark.parametrize("sensor", ["ANALOG", "ADXL355"])
 def test_recorded_by_the_command(rig: Rig, tmp_path: Path, sensor: str) -> None:
-    """The transmissibility comes out as the sensors felt it: within 1 % and 1 degree from the converter."""
-    hz, transfer = 25.0, 1.35 * np.exp(-0.4j)
+    """The virtual foot's transmissibility, as its sensors felt it: within 1 % and 1 degree from the converter."""
+    hz = 25.0
+    signal, transfer = simavr.foot(hz)
     study = tmp_path / "study"
-    with rig(sensor, signal=shaken(hz, transfer)) as board:
+    with rig(sensor, signal=signal) as board:
         words = ["--port", board.port, "--baud", str(BAUD), "--frequency", f"{hz:g}", "--seconds", "2"]
         app(["record", *words, "--body-mass", f"{BODY_MASS_KG}", "--out", str(study), "--json"], standalone_mode=False)
     (one,) = Study.read(study).recordings
     details = json.loads((study / "recordings" / "25hz_0kg.json").read_text())
     assert details["usable"] and details["quality"]["gaps"] == [] and details["quality"]["damaged"] == 0
-    base, malleolus = line(np.column_stack([one.base_m_s2, one.malleolus_m_s2]), one.rate_hz, hz)
+    base, malleolus = simavr.lines(np.column_stack([one.base_m_s2, one.malleolus_m_s2]), one.rate_hz, hz)
     found = malleolus / base / transfer
     assert abs(abs(found) - 1) < 0.01 and abs(np.degrees(np.angle(found))) < 1.0
     assert abs(2 * abs(base) / 8.95 - 1) < 0.01
+
+
+#: Lines of the sketch without which a sensor stays silent, shows too little, or goes out of step.
+MUTANTS = {
+    "345 never measures": ("ADXL345", "write_to(channel, 0x2D, 0x08);", ""),
+    "345 at +-8 g": ("ADXL345", "write_to(channel, 0x31, 0x0B);", "write_to(channel, 0x31, 0x0A);"),
+    "355 stays in standby": ("ADXL355", "write_to(channel, 0x2D, 0x00);", ""),
+    "355 at +-4 g": ("ADXL355", "write_to(channel, 0x2C, 0x83);", "write_to(channel, 0x2C, 0x82);"),
+    "355 keeps its own time": ("ADXL355", "write_to(channel, 0x2B, 0x02);", ""),
+}
+
+
+@pytest.mark.parametrize("mutant", ["", *MUTANTS])
+def test_sensors_are_set_as_their_data_sheets_ask(host: Path, tmp_path: Path, mutant: str) -> None:
+    """Levels beyond half the range, a sine and its phase come out; with a line of the sketch missing, they do not."""
+    t, hz, transfer = np.arange(round(SIGNAL_HZ)) / SIGNAL_HZ, 50.0, 1.2 * np.exp(-0.4j)
+    for sensor, level in {"ADXL345": (120.0, -110.0), "ADXL355": (55.0, -50.0)}.items():
+        if mutant and MUTANTS[mutant][0] != sensor:
+            continue
+        wave = 8.0 * np.exp(2j * np.pi * hz * t)
+        signal = np.column_stack([level[0] + wave.imag, level[1] + (transfer * wave).imag])
+        changed = dict([MUTANTS[mutant][1:]]) if mutant else {}
+        elf = simavr.compile_firmware(tmp_path, sensor, changed=changed)
+        hello, values, report = simavr.sent(host, elf, tmp_path, signal, 1.4)
+        values = values[-400:]
+        base, malleolus = simavr.lines(values, 1000, hz)
+        found = malleolus / base / transfer if base else 0.0
+        sound = (
+            "FAILED" not in hello.board and report["conflicts"] == 0
+            and np.allclose(values.mean(axis=0), level, atol=0.1) and abs(2 * abs(base) / 8.0 - 1) < 0.01
+            and abs(abs(found) - 1) < 0.01 and abs(np.angle(found, deg=True)) < (3.0 if sensor == "ADXL345" else 0.1)
+        )  # fmt: skip
+        assert sound == (not mutant)
+        if not mutant:
+            assert report["first_byte_s"] + 2.0 < HELLO_S  # after the boot loader
+
+
+@pytest.mark.parametrize("sensor", ["ANALOG", "ADXL345"])
+def test_each_sensor_has_its_own_sensitivity(host: Path, tmp_path: Path, sensor: str) -> None:
+    """The hello says both; a base of 10 % more, and a malleolus upside down, make of the same signal other numbers."""
+    nominal = {"ANALOG": 0.33, "ADXL345": 256.0}[sensor]
+    constants = {"BASE_PER_G": 1.1 * nominal, "MALLEOLUS_PER_G": -nominal}
+    elf = simavr.compile_firmware(tmp_path, sensor, constants=constants)
+    hello, values, _ = simavr.sent(host, elf, tmp_path, np.full((8, 2), 9.81), 1.2)
+    base, malleolus = hello.channels
+    assert base.counts_per_m_s2 == pytest.approx(-1.1 * malleolus.counts_per_m_s2) and base.counts_per_m_s2 > 0
+    assert base.range_m_s2 == pytest.approx(malleolus.range_m_s2 / (1.1 if sensor == "ADXL345" else 1.0))
+    np.testing.assert_allclose(values[-100:].mean(axis=0), [9.81 / 1.1, -9.81], atol=0.2)  # two steps of the converter
+
+
+def test_frame_says_which_sensor_is_over_range(rig: Rig) -> None:
+    """The malleolus of an analog pair at its rail, in flags of the frame."""
+    signal = np.column_stack([np.full(8, 9.81), np.full(8, 60.0)])
+    reader = FrameReader()
+    with rig(signal=signal, seconds=1.5, real=False) as board:
+        blocks = [m for data in board.bytes() for m in reader.feed(data) if isinstance(m, Block)]
+    assert blocks and all(block.over[0] == 0 and block.over[1] > 0 for block in blocks)
 
 
 def test_commands_and_a_cut_cable(rig: Rig) -> None:
