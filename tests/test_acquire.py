@@ -1,18 +1,21 @@
 """The commands as processes of their own: killed, interrupted, on a full disk, and the whole chain to a fit."""
 
+import contextlib
 import json
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import ClassVar
 
 import in_process
 import pytest
-from feeder import ENVIRONMENT, Feeder, Instrument, number_of, refusal
+from feeder import ENVIRONMENT, Feeder, Instrument, capture_of, number_of, refusal
 
 from fasbody.acquire.commands import app
 from fasbody.acquire.folder import convert, replay
+from fasbody.acquire.plan import Plan
 from fasbody.exceptions import FasError
 from fasbody.laboratory.foot import TRUTH
 from fasbody.recording.study import Study
@@ -36,9 +39,50 @@ def test_commands_refuse_in_one_sentence(tmp_path: Path) -> None:
         (["--out", "x", "--simulate"], "needs a frequency"),
         (["--out", "x", "--simulate", "--sweep", "10-20"], "START:STOP:STEP"),
         (["--out", "x", "--simulate", "--sweep", "20:10:5"], "holds no frequencies"),
+        (["--out", "x", "--simulate", "--frequency", "20", "--posture", ""], "--posture is empty"),
+        (["--out", "x", "--port", "p", "--subject", " "], "--subject is empty"),
+        (["--out", "x", "--port", "p", "--subject", "a\nb"], "--subject is no line of text"),
+        (["--out", "x", "--port", "p", "--first", "2"], "--first belongs to --plan"),
+        (["--board", "audio", "--probe"], "--board audio --list"),
     ):
         with pytest.raises(FasError, match=text):
             app(["record", *words], standalone_mode=False)
+
+
+def test_planned_session_goes_on_where_it_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each step knows its number in the file, and a study that holds a capture without a recording says so."""
+    numbers = {"frequency_hz": 20.0, "amplitude_m_s2": 5.0, "seconds": 2.0}
+    steps = [numbers | {"added_mass_kg": load} for load in (0.0, 0.0, 5.0, 5.0)]
+    file, study = tmp_path / "steps.json", tmp_path / "study"
+    file.write_text(json.dumps({"format": "fasbody protocol 1", "body_mass_kg": 72.5, "protocol": steps}))
+    again: list[str] = []
+
+    class Recorded:
+        made: ClassVar[list[object]] = []
+
+        def __init__(self, plan: Plan, *others: object) -> None:
+            self.plan = plan
+
+        def run(self) -> None:
+            again.append(self.plan.again)
+
+        def unusable(self) -> list[str]:
+            return []
+
+    monkeypatch.setattr("fasbody.acquire.commands.Session", Recorded)
+    monkeypatch.setattr("fasbody.acquire.commands.Display", lambda board: contextlib.nullcontext())
+    monkeypatch.setattr("fasbody.acquire.commands._open", lambda *words: (None, None))
+    capture = capture_of(study, "20hz_0kg", b"")
+    words = ["record", "--port", "p", "--generator", "g", "--plan", str(file), "--out", str(study)]
+    app([*words, "--first", "2", "--added-mass", "0"], standalone_mode=False)
+    assert again == [f"--plan {file} --added-mass 0 --first 2"]
+    assert f"1 capture of {study} became no recording" in (told := " ".join(capsys.readouterr().err.split()))
+    assert f"recover {capture}" in told
+    app([*words, "--first", "3"], standalone_mode=False)
+    assert again[1:] == [f"--plan {file} --first {number}" for number in (3, 4)]
+    assert "--first is 5, and" in refusal(*words, "--first", "5")
 
 
 def test_full_disk_mid_run_loses_nothing(tmp_path: Path, feeder: Feeder) -> None:

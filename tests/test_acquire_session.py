@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from feeder import BAUD, CONDITION, COUNTS, Feeder, counts_of, hello, number_of
 
-from fasbody.acquire import session
+from fasbody.acquire import folder, session
 from fasbody.acquire.bench import Bench
 from fasbody.acquire.bench.line import Line
 from fasbody.acquire.board import Board, Stalled, Watch
@@ -355,6 +355,31 @@ def test_stalls_are_repeated_so_often_and_the_sweep_says_how_to_go_on(
     assert tried == [20.0] + 4 * [25.0]
     told = " ".join(capsys.readouterr().err.split())
     assert "not recorded: 25, 30 Hz; go on with --sweep 25:30:5 and the same --out" in told
+    run.plan = replace(run.plan, frequencies_hz=(25.0,), again="--plan steps.json --first 3")
+    with pytest.raises(Stalled):
+        run.run()
+    told = " ".join(capsys.readouterr().err.split())
+    assert told.endswith("go on with --plan steps.json --first 3 and the same --out") and "--frequency" not in told
+
+
+def test_capture_that_becomes_no_recording_says_how_to_try_again(
+    tmp_path: Path, board: Board, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """At the end of a recording that went well, and at the next start."""
+
+    def full(*args: object) -> None:
+        raise InputFileError("20hz.csv", "cannot be written")
+
+    study = tmp_path / "study"
+    monkeypatch.setattr("fasbody.acquire.session.convert", full)
+    with pytest.raises(InputFileError):
+        Session(Plan(study, (None,), CONDITION, seconds=0.3), board).run()
+    capture = study / "captures" / "broadband_0kg.fascap"
+    command = f"python -m fasbody.acquire recover {capture}"
+    assert f"to try again: {command}" in " ".join(capsys.readouterr().err.split())
+    assert folder.left_behind(study) == [capture]
+    convert([capture], study)
+    assert folder.left_behind(study) == []
 
 
 def test_what_is_no_port_is_named(tmp_path: Path) -> None:

@@ -3,8 +3,9 @@
 import math
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any
@@ -46,6 +47,7 @@ def record(
     plan_: Annotated[
         Path | None, typer.Option("--plan", help="planned session; python -m identification.plan writes it")
     ] = None,
+    first: Annotated[int, typer.Option(min=1, help="with --plan: begin at this step of the file")] = 1,
     seconds: Annotated[float, typer.Option(help="length of each recording in s")] = 10.0,
     out: Annotated[Path | None, typer.Option(help="study folder; recordings are added to one that exists")] = None,
     subject: Annotated[str | None, typer.Option(help="name or number of the subject (1 if not given)")] = None,
@@ -111,6 +113,12 @@ def record(
     if list_ or probe_:
         _look(port, probe_, json_, board_)
         return
+    texts = {"--port": port, "--generator": generator, "--subject": subject, "--posture": posture}
+    for name, text in texts.items():
+        if text is not None and not (text.strip() and text.isprintable()):
+            raise SettingError(
+                f"{name} is {'empty' if not text.strip() else 'no line of text'}; name it, or leave it out."
+            )
     if out is None:
         raise SettingError("where to? Give --out STUDY, a folder that is made if needed.")
     if port is not None and generator is not None and Path(port).resolve() == Path(generator).resolve():
@@ -127,13 +135,16 @@ def record(
     if (sweep or plan_) and not (generator or simulate or audio):
         option = "--sweep" if sweep else "--plan"
         raise SettingError(f"{option} needs a function generator: give --generator PORT, or --frequency one by one.")
-    steps: Sequence[PlannedStep] | None = None
+    steps: Mapping[int, PlannedStep] | None = None
+    if first > 1 and plan_ is None:
+        raise SettingError("--first belongs to --plan: give both, or leave it out.")
     if plan_ is not None:
         if sweep or frequency is not None:
             raise SettingError("--plan has its own frequencies: leave out --frequency and --sweep.")
-        document, steps = _planned(plan_, added_mass, simulate)
-        subject = subject or (None if simulate else str(document.get("subject", "1")))
-        body_mass = body_mass or (None if simulate else float(document["body_mass_kg"]))
+        document, steps = _planned(plan_, added_mass, simulate, first)
+        if not simulate:
+            subject = subject or str(document.get("subject", "1"))
+            body_mass = float(document["body_mass_kg"]) if body_mass is None else body_mass
     truth: dict[str, Any] | None = None
     if simulate:
         ignored = {"--port": port, "--generator": generator, "--subject": subject, "--body-mass": body_mass}
@@ -164,9 +175,17 @@ def record(
     )
     # Then another program plays, or another shaker is used; the card only records.
     by_hand = audio and generator is None and sweep is None and frequency is None and steps is None
-    plans = [plan] if steps is None else [step.of(plan) for step in steps]
+    plans = [plan]
+    if steps is not None:
+        again = f"--plan {shlex.quote(str(plan_))}" + ("" if added_mass is None else f" --added-mass {added_mass:g}")
+        plans = [replace(step.of(plan), again=f"{again} --first {number}") for number, step in steps.items()]
     for each in plans:
         each.check(not by_hand and (generator is not None or simulate or audio))
+    if left := folder.left_behind(out):
+        text = (
+            f"{counted(len(left), 'capture')} of {out} became no recording, as after a crash: {folder.recovery(left)}"
+        )
+        console.print(text, soft_wrap=True, markup=False)
     made: list[Converted] = []
     bad: list[str] = []
     loads = [list(group) for _, group in groupby(plans, lambda each: each.condition.added_mass_kg)]
@@ -254,15 +273,20 @@ def recover(
         raise AcquisitionError(" ".join(bad))
 
 
-def _planned(file: Path, added_mass: float | None, simulate: bool) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
-    """A planned session, or its part under one load."""
-    document, steps = steps_in(file)
-    loads = sorted({step.added_mass_kg for step in steps})
+def _planned(
+    file: Path, added_mass: float | None, simulate: bool, first: int
+) -> tuple[dict[str, Any], Mapping[int, PlannedStep]]:
+    """A planned session and its steps by number from 1, or its part under one load, from one step on."""
+    document, all_ = steps_in(file)
+    if first > len(all_):
+        raise SettingError(f"--first is {first}, and {file} has {counted(len(all_), 'step')}.")
+    steps = {number: step for number, step in enumerate(all_, start=1) if number >= first}
+    loads = sorted({step.added_mass_kg for step in steps.values()})
     listed = ", ".join(f"{load:g}" for load in loads)
-    if other := [step.kind for step in steps if step.kind != "sine"]:
+    if other := [step.kind for step in steps.values() if step.kind != "sine"]:
         raise SettingError(f"{file}: a step is a {other[0]}, and a generator makes sines only; plan with --kinds sine.")
     if added_mass is not None:
-        steps = [step for step in steps if step.added_mass_kg == added_mass]
+        steps = {number: step for number, step in steps.items() if step.added_mass_kg == added_mass}
         if not steps:
             raise SettingError(
                 f"{file}: no step has {added_mass:g} kg on the knee (it has {', '.join(map('{:g}'.format, loads))})."
@@ -374,8 +398,6 @@ def calibrate(
 
       python -m fasbody.acquire calibrate flip malleolus
     """
-    from dataclasses import replace
-
     from fasbody.acquire import audio
 
     given = {"--seconds": seconds, "--hz": hz, "--rms": rms, "--latency": latency}
@@ -385,7 +407,7 @@ def calibrate(
     if seconds > _LONGEST_S:
         raise SettingError(f"--seconds is {seconds:g}; {_LONGEST_S:g} are enough for any calibration.")
     if what == "loopback":
-        if device is None:
+        if device is None or not device.strip():
             raise SettingError(f"which card? Give --device; {audio.cards()}.")
         _amplifier_is_off(output, full_scale_volts, audio.PEAK, audio.PERIODS * audio.PERIOD_S, yes)
         known = replace(audio.measure_loop(device, latency, output), full_scale_v=full_scale_volts)

@@ -8,6 +8,7 @@ import io
 import itertools
 import json
 import math
+import shlex
 import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -299,6 +300,22 @@ def at_rest(recording: Recording) -> str:
     if rms >= _AT_REST:
         return ""
     return f"the base is at rest ({rms:.2g} m/s^2 rms above {_SLOWEST_HZ:g} Hz); was the shaker on"
+
+
+def recovery(files: Sequence[Path]) -> str:
+    """The command that makes recordings of captures."""
+    return f"python -m fasbody.acquire recover {shlex.join(map(str, files))}"
+
+
+def left_behind(study: Path) -> list[Path]:
+    """Captures of a study of which no recording was made, as after a crash."""
+    made = set()
+    for file in study.glob(f"{RECORDINGS}/*.json"):
+        try:
+            made.add((study / str(json.loads(file.read_text())["captures"][0])).resolve())
+        except (OSError, ValueError, LookupError, TypeError):
+            continue
+    return sorted(file for file in study.glob(f"{CAPTURES}/*{capture.SUFFIX}") if file.resolve() not in made)
 
 
 def free_stem(study: Path, stem: str) -> str:

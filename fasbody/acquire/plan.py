@@ -31,6 +31,7 @@ class Plan:
         safety: limits of the excitation.
         limits: of the recordings.
         truth: of a synthetic study, written with its first recording.
+        again: options with which the command begins at this recording; empty if its frequencies say them.
     """
 
     study: Path
@@ -44,6 +45,7 @@ class Plan:
     safety: Safety = field(default_factory=Safety)
     limits: Limits = field(default_factory=Limits)
     truth: Mapping[str, Any] | None = None
+    again: str = ""
 
     def check(self, generator: bool) -> None:
         """Refuse what cannot be meant, before anything moves.

@@ -2,7 +2,6 @@
 
 import contextlib
 import platform
-import shlex
 import signal
 import time
 from collections.abc import Iterator
@@ -75,7 +74,8 @@ class Session:
             try:
                 self._record_well(frequency)
             except BaseException:
-                console.print(_go_on([f for f in frequencies[number:] if f is not None]), soft_wrap=True)
+                left = [f for f in frequencies[number:] if f is not None]
+                console.print(_go_on(left, self.plan.again), soft_wrap=True, markup=False)
                 raise
         return self.made
 
@@ -127,7 +127,11 @@ class Session:
             self._keep(capture, str(error) if isinstance(error, AcquisitionError) else "interrupted")
             raise
         capture.close()
-        one = convert(capture.files, self.plan.study, self.plan.limits)
+        try:
+            one = convert(capture.files, self.plan.study, self.plan.limits)
+        except BaseException:
+            console.print(f"to try again: {folder.recovery(capture.files)}", soft_wrap=True, markup=False)
+            raise
         self._tell(one)
         return one
 
@@ -183,17 +187,15 @@ class Session:
 
     def _keep(self, capture: Capture, why: str) -> None:
         """Write what a broken-off recording has; its capture file stays in any case."""
-        names = shlex.join(map(str, capture.files))
+        again = folder.recovery(capture.files)
         try:
             one = convert(capture.files, self.plan.study, self.plan.limits, stopped=why)
         except FasError as error:
-            text = f"{error} To try again: python -m fasbody.acquire recover {names}"
-            console.print(text, soft_wrap=True, markup=False)
+            console.print(f"{error} To try again: {again}", soft_wrap=True, markup=False)
             return
         self._tell(one)
         if one.problems:
-            text = f"to use it as it is: python -m fasbody.acquire recover {names} --longest"
-            console.print(text, soft_wrap=True, markup=False)
+            console.print(f"to use it as it is: {again} --longest", soft_wrap=True, markup=False)
 
     def _tell(self, one: Converted) -> None:
         if self.plan.truth is not None:
@@ -220,8 +222,10 @@ class Session:
         }
 
 
-def _go_on(left: list[float]) -> str:
+def _go_on(left: list[float], again: str) -> str:
     """How to record what a session could not, into the same study."""
+    if again:
+        return f"not recorded: this step and what follows it; go on with {again} and the same --out"
     if not left:
         return "the same command records it anew"
     option = f"--frequency {left[0]:g}"
