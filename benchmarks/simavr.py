@@ -3,6 +3,7 @@
 import contextlib
 import json
 import shutil
+import signal as signal_
 import subprocess
 import time
 from collections.abc import Iterator, Mapping
@@ -121,6 +122,10 @@ class SimulatedBoard:
         if not self.report:
             told, _ = self._process.communicate("")
             self.report = json.loads(told)
+
+    def pause(self, paused: bool = True) -> None:
+        """Let it stand still, or go on."""
+        self._process.send_signal(signal_.SIGSTOP if paused else signal_.SIGCONT)
 
     def bytes(self) -> Iterator[bytes]:
         """All that it sends until its time is over, as it comes; for a board that is not in real time."""

@@ -5,6 +5,8 @@ import json
 import re
 import subprocess
 import sys
+import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -16,7 +18,10 @@ from scipy.signal import cont2discrete, lfilter
 
 from benchmarks import pulse
 from fasbody.acquire.bench.foot import BODY_MASS_KG
+from fasbody.acquire.board import Board
 from fasbody.acquire.commands import app
+from fasbody.acquire.plan import Plan
+from fasbody.acquire.session import Session
 from fasbody.acquire.timeline import Limits, Timeline
 from fasbody.acquire.wire import Block, Decoder
 from fasbody.exceptions import AcquisitionError, InputFileError, SettingError
@@ -25,6 +30,7 @@ from fasbody.foot.two_dof import TwoDof
 from fasbody.laboratory.foot import TRUTH, exact
 from fasbody.laboratory.instrument import Instrument
 from fasbody.recording.condition import foot_mass, shank_mass
+from fasbody.recording.recording import Condition
 from fasbody.recording.study import Study
 
 if lacks := pulse.missing():
@@ -321,6 +327,77 @@ def test_loopback_asks_whether_the_amplifier_is_off(
     assert not file.exists()
     app([*words, "--yes"], standalone_mode=False)
     assert Calibration.read(file).output == 2
+
+
+class Live(Stream):
+    """PortAudio's, which hears a sine in real time, until it is `gone` or `silent`."""
+
+    gone: ClassVar[bool] = False
+    silent: ClassVar[bool] = False
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        if Live.gone:
+            raise ValueError("No input device matching 'made'")
+
+    @property
+    def active(self) -> bool:  # type: ignore[override]
+        return not Live.gone
+
+    def start(self) -> None:
+        threading.Thread(target=self._hear, daemon=True).start()
+
+    def _hear(self) -> None:
+        begun, number = time.monotonic(), 0
+        while not (self.closed or Live.gone):
+            time.sleep(max(0.0, begun + 0.02 * number - time.monotonic()))
+            t = (960 * number + np.arange(960)) / CARD_HZ
+            wave = 0.2 * np.column_stack([np.sin(40 * np.pi * t), np.sin(40 * np.pi * t - 0.3)]).astype(np.float32)
+            if not Live.silent:
+                self.serve(wave, np.zeros((960, 2), np.float32), 960, None, Status())
+            number += 1
+
+
+@pytest.mark.parametrize("fault", ["unplugged", "stalled", "unplugged for good"])
+def test_card_that_goes_away_or_falls_silent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], fault: str
+) -> None:
+    """An unplug is called one, what came before it is told as usable, and the recording is repeated if samples come."""
+    monkeypatch.setattr(audio.sounddevice, "Stream", Live)
+    monkeypatch.setattr(audio, "cards", lambda: "cards of this computer: none")
+    monkeypatch.setattr(audio, "_GONE_S", 60.0)
+    monkeypatch.setattr(Live, "gone", False)
+    monkeypatch.setattr(Live, "silent", False)
+    board, _ = audio.open_card(Calibration("made", (100.0, 80.0), latency_s=0.1))
+    board.reader.patience = 0.5 if fault == "unplugged for good" else 20.0
+    struck: list[float] = []
+
+    def strike(b: Board) -> None:
+        if b.timeline is not None and b.timeline.length > 2000 and not struck:
+            struck.append(time.monotonic())
+            Live.gone, Live.silent = fault != "stalled", fault == "stalled"
+            monkeypatch.setattr("fasbody.acquire.board.STALLED_S", 0.5 if fault == "stalled" else 20.0)
+        back = b.unplugs if fault == "unplugged" else struck and b.timeline is None
+        if back and fault != "unplugged for good":
+            Live.gone = Live.silent = False
+            monkeypatch.setattr("fasbody.acquire.board.STALLED_S", 20.0)
+
+    board.listener = strike
+    run = Session(Plan(tmp_path / "study", (20.0,), Condition("16", body_mass_kg=72.5), seconds=0.8), board)
+    if fault == "unplugged for good":
+        with pytest.raises(AcquisitionError, match="unplugged, and not back after"):
+            run.run()
+    else:
+        run.run()
+        assert not run.made[-1].problems and run.made[-1].recording.time_s.size == 3200
+    board.close()
+    first = run.made[0]
+    assert first.problems and any(text.startswith("usable: 0.") for text in first.remarks)
+    told = " ".join(capsys.readouterr().err.split())
+    if fault == "stalled":
+        assert "the board is silent for" in told and "repeated as soon as samples come" in told
+    elif fault == "unplugged":
+        assert first.quality.gaps[0].cause == "restart, unplugged" and len(run.made) == 2
 
 
 def test_virtual_foot_between_playback_and_capture(tmp_path: Path) -> None:

@@ -15,9 +15,12 @@ from fasbody.acquire.bench.foot import BODY_MASS_KG
 from fasbody.acquire.bench.line import corrupt
 from fasbody.acquire.board import Board
 from fasbody.acquire.commands import app
+from fasbody.acquire.plan import Plan
 from fasbody.acquire.port import HELLO_S
+from fasbody.acquire.session import Session
 from fasbody.acquire.wire import Block, FrameReader
 from fasbody.exceptions import AcquisitionError, InputFileError
+from fasbody.recording.recording import Condition
 from fasbody.recording.study import Study
 
 Rig = Callable[..., SimulatedBoard]
@@ -159,6 +162,41 @@ def test_frame_says_which_sensor_is_over_range(rig: Rig) -> None:
     with rig(signal=signal, seconds=1.5, real=False) as board:
         blocks = [m for data in board.bytes() for m in reader.feed(data) if isinstance(m, Block)]
     assert blocks and all(block.over[0] == 0 and block.over[1] > 0 for block in blocks)
+
+
+@pytest.mark.parametrize("fault", ["unplugged", "stalled"])
+def test_board_that_goes_away_or_falls_silent(
+    rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], fault: str
+) -> None:
+    """The simulator ends, or stands still for a moment, in the middle of a recording."""
+    t = np.arange(round(SIGNAL_HZ)) / SIGNAL_HZ
+    wave = 9.81 + 8.0 * np.column_stack([np.sin(40 * np.pi * t), np.sin(40 * np.pi * t - 0.3)])
+    with rig(signal=wave) as simulated:
+        board = Board(simulated.port, BAUD, patience=0.5 if fault == "unplugged" else 20.0)
+        struck: list[bool] = []
+
+        def strike(b: Board) -> None:
+            if b.timeline is not None and b.timeline.length > 500 and not struck:
+                struck.append(True)
+                simulated.end() if fault == "unplugged" else simulated.pause()
+                monkeypatch.setattr("fasbody.acquire.board.STALLED_S", 20.0 if fault == "unplugged" else 0.5)
+            elif struck and b.timeline is None and fault == "stalled":
+                simulated.pause(False)
+                monkeypatch.setattr("fasbody.acquire.board.STALLED_S", 20.0)
+
+        board.listener = strike
+        run = Session(Plan(tmp_path, (20.0,), Condition("16", body_mass_kg=BODY_MASS_KG), seconds=0.8), board)
+        if fault == "unplugged":
+            with pytest.raises(AcquisitionError, match="unplugged, and not back after"):
+                run.run()
+        else:
+            run.run()
+            assert not run.made[-1].problems and run.made[-1].recording.time_s.size == 800
+        board.close()
+    first = run.made[0]
+    assert first.problems and any(text.startswith("usable: 0.") for text in first.remarks)
+    told = " ".join(capsys.readouterr().err.split())
+    assert "--longest" in told and ("the board is silent for" in told) == (fault == "stalled")
 
 
 def test_commands_and_a_cut_cable(rig: Rig) -> None:
