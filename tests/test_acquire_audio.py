@@ -400,6 +400,32 @@ def test_card_that_goes_away_or_falls_silent(
         assert first.quality.gaps[0].cause == "restart, unplugged" and len(run.made) == 2
 
 
+def test_cards_are_listed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """A card that fits, one whose rate does not, a microphone; and a computer without any."""
+    devices = [
+        {"name": name, "hostapi": 0, "max_input_channels": inputs, "max_output_channels": outputs}
+        for name, inputs, outputs in (("usb", 2, 2), ("slow", 2, 2), ("microphone", 1, 0))
+    ]
+
+    def rate(number: int, **asked: Any) -> None:
+        if number == 1:
+            raise audio.sounddevice.PortAudioError("Invalid sample rate")
+
+    monkeypatch.setattr(audio.sounddevice, "query_hostapis", lambda: [{"name": "ALSA"}])
+    monkeypatch.setattr(audio.sounddevice, "query_devices", lambda: devices)
+    monkeypatch.setattr(audio.sounddevice, "check_input_settings", rate)
+    monkeypatch.setattr(audio.sounddevice, "check_output_settings", rate)
+    app(["record", "--board", "audio", "--list"], standalone_mode=False)
+    first, *others = capsys.readouterr().out.splitlines()
+    assert first == "usb  ALSA  2 inputs, 2 outputs  48 kHz in step: yes"
+    assert [line.endswith("no") for line in others] == [True, True] and "1 input, 0 outputs" in others[1]
+    assert audio.cards() == "cards of this computer: usb"
+    devices.clear()
+    app(["record", "--board", "audio", "--list", "--json"], standalone_mode=False)
+    out, err = capsys.readouterr()
+    assert json.loads(out) == [] and "no sound card" in err
+
+
 def test_virtual_foot_between_playback_and_capture(tmp_path: Path) -> None:
     """Command, PortAudio, PulseAudio: a recording whose transmissibility is the foot's own.
 

@@ -323,7 +323,7 @@ def _look(port: str | None, probing: bool, json_: bool, board: str) -> None:
         for item in found:
             results.print(str(item), soft_wrap=True, markup=False)
     if not found:
-        console.print(none)
+        console.print(none, soft_wrap=True)
 
 
 def _open(
