@@ -310,6 +310,41 @@ def test_loopback_plays_softly_on_one_output(monkeypatch: pytest.MonkeyPatch, ou
     assert not wave[-CARD_HZ // 2 :].any()  # the end of what is played is in no buffer that is thrown away
 
 
+def test_loopback_is_faded_by_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pressed after two seconds: silent 50 ms later, without a jump, and the stream goes on until that was heard."""
+    out: list[np.ndarray] = []
+
+    class Interrupted(Stream):
+        def __enter__(self) -> "Interrupted":
+            self.ask(2.0)
+            return self
+
+        def __exit__(self, *error: object) -> None: ...
+
+        @property
+        def active(self) -> bool:  # type: ignore[override]
+            raise KeyboardInterrupt
+
+        def ask(self, seconds: float) -> None:
+            for _ in range(round(seconds / 0.02)):
+                block = np.zeros((960, 2), np.float32)
+                self.serve(np.zeros((960, 2), np.float32), block, 960, None, Status())
+                out.append(block[:, 0])
+
+    streams: list[Interrupted] = []
+    monkeypatch.setattr(
+        audio.sounddevice, "Stream", lambda **options: streams.append(Interrupted(**options)) or streams[0]
+    )
+    monkeypatch.setattr(audio.time, "sleep", lambda seconds: streams[0].ask(seconds))
+    t = np.arange(CARD_HZ) / CARD_HZ
+    with pytest.raises(KeyboardInterrupt):
+        audio.capture("made", 8.0, 0.5, 0.1 * np.sin(2 * np.pi * 37 * t))
+    wave = np.concatenate(out)
+    cut = 2 * CARD_HZ
+    assert np.abs(wave[cut - 4800 : cut]).max() > 0.09 and not wave[cut + round(0.05 * CARD_HZ) :].any()
+    assert np.abs(np.diff(wave)).max() < 1.1 * 0.1 * 2 * np.pi * 37 / CARD_HZ and wave.size > cut + 0.5 * CARD_HZ
+
+
 def test_loopback_asks_whether_the_amplifier_is_off(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

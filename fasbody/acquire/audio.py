@@ -67,6 +67,8 @@ _BEGINS_S = 1.0
 PERIOD_S, PEAK = 4.0, 0.1
 #: It is faded in and out for so long [s]; whole periods that are played.
 _FADE_S, PERIODS = 0.5, 4
+#: And out by Ctrl-C [s].
+_CUT_S = 0.05
 _TRIES, _LINES = 3, 600
 #: Two periods differ by so much of their size if a sample is lost between them; noise makes less.
 _ALIKE = 0.05
@@ -559,11 +561,9 @@ def capture(
                 while stream.active and not ended.wait(0.1):
                     pass
             except KeyboardInterrupt:
-                here, soon = at, min(_FADE_S, 0.05)
-                short = round(soon * CARD_HZ)
-                out[here : here + short] *= np.linspace(1, 0, short)[: len(out) - here, None]
-                out[here + short :] = 0.0
-                time.sleep(soon + latency_s)
+                rest = out[at:]  # what the stream has not asked for yet
+                rest *= np.maximum(0.0, 1.0 - np.arange(len(rest)) / (_CUT_S * CARD_HZ))[:, None].astype(np.float32)
+                time.sleep(_CUT_S + latency_s + _SLEW_S)
                 raise
     except (sounddevice.PortAudioError, ValueError) as error:
         raise Unplugged(f"{device}: {_why(error)}; {cards()}.") from None

@@ -409,10 +409,11 @@ def calibrate(
     if what == "loopback":
         if device is None or not device.strip():
             raise SettingError(f"which card? Give --device; {audio.cards()}.")
+        before = audio.Calibration.read(calibration) if calibration.is_file() else audio.Calibration(device)
         _amplifier_is_off(output, full_scale_volts, audio.PEAK, audio.PERIODS * audio.PERIOD_S, yes)
-        known = replace(audio.measure_loop(device, latency, output), full_scale_v=full_scale_volts)
-        if calibration.is_file():  # what the sensors are stays
-            known = replace(known, scale_m_s2=audio.Calibration.read(calibration).scale_m_s2)
+        with terminated():
+            found = audio.measure_loop(device, latency, output)
+        known = replace(found, full_scale_v=full_scale_volts, scale_m_s2=before.scale_m_s2)  # the sensors' stay
     elif what in ("calibrator", "flip"):
         if role not in audio.ROLES:
             raise SettingError(f"the sensor of which input? {role or 'nothing'!r} is neither base nor malleolus.")
