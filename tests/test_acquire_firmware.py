@@ -1,5 +1,6 @@
 """The firmware as it is flashed, compiled and run on simavr cycle by cycle, recorded through a pseudo-terminal."""
 
+import contextlib
 import json
 import time
 from collections.abc import Callable
@@ -91,15 +92,24 @@ def test_damaged_bytes_are_all_found(rig: Rig) -> None:
 
 @pytest.mark.parametrize("sensor", ["ANALOG", "ADXL355"])
 def test_recorded_by_the_command(rig: Rig, tmp_path: Path, sensor: str) -> None:
-    """The virtual foot's transmissibility, as its sensors felt it: within 1 % and 1 degree from the converter."""
+    """The virtual foot's transmissibility, as its sensors felt it: within 1 % and 1 degree from the converter.
+
+    On busy cores the simulator falls behind real time and catches up, and its clock is refused: then once more.
+    """
     hz = 25.0
     signal, transfer = simavr.foot(hz)
     study = tmp_path / "study"
     with rig(sensor, signal=signal) as board:
         words = ["--port", board.port, "--baud", str(BAUD), "--frequency", f"{hz:g}", "--seconds", "2"]
-        app(["record", *words, "--body-mass", f"{BODY_MASS_KG}", "--out", str(study), "--json"], standalone_mode=False)
+        words += ["--body-mass", f"{BODY_MASS_KG}", "--out", str(study), "--json"]
+        for _ in range(4):
+            with contextlib.suppress(AcquisitionError):
+                app(["record", *words], standalone_mode=False)
+            newest = max(study.glob("recordings/*.json"), key=lambda file: file.stat().st_mtime_ns)
+            details = json.loads(newest.read_text())
+            if not any("clock runs" in text for text in details["problems"]):
+                break
     (one,) = Study.read(study).recordings
-    details = json.loads((study / "recordings" / "25hz_0kg.json").read_text())
     assert details["usable"] and details["quality"]["gaps"] == [] and details["quality"]["damaged"] == 0
     base, malleolus = simavr.lines(np.column_stack([one.base_m_s2, one.malleolus_m_s2]), one.rate_hz, hz)
     found = malleolus / base / transfer
