@@ -1,6 +1,8 @@
 """Compiled descents: scipy's own method as the oracle, step by step and at the end; the residual against Python's."""
 
 from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from fasbody.foot.model import Foot
 from fasbody.laboratory.foot import TRUTH
 from fasbody.recording.checks import checked
 from identification.domains import PeriodicDomain
+from identification.engines import compiled
 from identification.periodic import PeriodicProblem
 from identification.space import space_of
 
@@ -76,3 +79,20 @@ def test_no_orbit_at_the_start_is_said(problem: PeriodicProblem) -> None:
         assert (problem.residual(q0) == 1e6).all()
     else:
         assert np.isfinite(problem.residual(q0)).all()
+
+
+def test_a_search_on_disk_is_not_cold(
+    problem: PeriodicProblem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What numba left is counted only while it is younger than the sources, in the folder that numba names."""
+    quick = problem.compiled()
+    assert quick is not None
+    quick.descend(_wild(problem, 0), 1e-8, 1e-3, 2)
+    assert not compiled.cold()
+    with monkeypatch.context() as patch:
+        (tmp_path / "two_dof.py").write_text("changed just now")
+        patch.setattr(compiled, "_FILES", (tmp_path / "two_dof.py",))
+        assert compiled.cold()
+    stats = SimpleNamespace(stats=SimpleNamespace(cache_path=str(tmp_path)))
+    monkeypatch.setattr(compiled, "_stamped", lambda _: stats)
+    assert compiled.cold()

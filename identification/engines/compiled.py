@@ -31,6 +31,8 @@ from identification.search import UNSTABLE, ZERO
 from identification.space import DELAY, Space
 
 _P = len(NAMES)
+#: The descent's name in those of the files that numba keeps.
+_KEPT = "descend"
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,13 +278,22 @@ def _stamped_orbits(stamp: int) -> Any:
     return orbits
 
 
+#: The files whose functions a descent calls.
+_FILES = (Path(str(two_dof.__file__)), Path(__file__))
+
+
 @functools.cache
 def _sources() -> int:
-    """Digest of the files whose functions a descent calls."""
-    digest = hashlib.sha256()
-    for file in (two_dof.__file__, __file__):
-        digest.update(Path(str(file)).read_bytes())
+    """Digest of these files."""
+    digest = hashlib.sha256(b"".join(file.read_bytes() for file in _FILES))
     return int.from_bytes(digest.digest()[:4], "big") | 1
+
+
+def cold() -> bool:
+    """Whether the next descent is compiled first: numba keeps none on disk that is younger than the sources."""
+    folder = Path(_stamped(_sources()).stats.cache_path)
+    kept = [file.stat().st_mtime for file in folder.glob(f"*{_KEPT}*.nbc")]
+    return max(kept, default=0.0) < max(file.stat().st_mtime for file in _FILES)
 
 
 @functools.cache

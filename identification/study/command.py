@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from identification.study.cluster import Crew
     from identification.study.findings import Findings
     from identification.study.job import Document
-    from identification.study.plan import Job, Work
+    from identification.study.plan import Job, Plan, Work
 
 #: Places of a failure that are named.
 _NAMED = 3
@@ -104,7 +104,7 @@ def main(
     checking += plan.jobs(mode, "agreement") if agreement else []
     began = time.perf_counter()
     try:
-        computed = complete(plan.work, jobs, fits, scheduler, workers)
+        computed = complete(plan.work, jobs, fits, scheduler, workers, to_compile(plan) if scheduler is None else "")
         found = {job.trials: fits.read(job.key)[0] for job in jobs}
         checking = [job for job in checking if job.kind == "validation" or _done(found[job.trials])]
         checked = complete(lambda job: plan.work(job, found.get(job.trials)), checking, checks, scheduler, workers)
@@ -135,10 +135,26 @@ def _done(document: "Document | None") -> bool:
     return document is not None and document["status"] == "done"
 
 
+def to_compile(plan: "Plan") -> str:
+    """The sentence on a first run, whose first fits compile the search; empty where it is on disk or serves no fit."""
+    from identification.engines.compiled import cold
+    from identification.engines.twin import twin_applies
+
+    steady = any(trial.condition.frequency_hz is not None for trial in plan.trials)
+    if not (steady and cold() and twin_applies(plan.model.foot())):
+        return ""
+    return "compiling the search, once after each installation: the first fits take about half a minute longer"
+
+
 def complete(
-    work: "Callable[[Job], Work]", jobs: "Sequence[Job]", store: Store, scheduler: str | None, workers: int
-) -> int:
+    work: "Callable[[Job], Work]", jobs: "Sequence[Job]", store: Store, scheduler: str | None, workers: int,
+    first: str = "",
+) -> int:  # fmt: skip
     """Do what is missing or failed before; returns how many jobs that were.
+
+    Args:
+        work, jobs: what is to be done. store: of the documents. scheduler, workers: who does it. first: what is said
+            before anything is computed.
 
     Raises:
         SettingError: no scheduler or worker where one is named. InputFileError: the folder cannot be written.
@@ -152,6 +168,8 @@ def complete(
             missing.append(job)
     if not missing:
         return 0
+    if first:
+        console.print(first, soft_wrap=True)
     with crew(len(missing), scheduler, workers) as do, progress_bar() as progress:
         store.make()  # not before someone is there to fill it
         began = time.perf_counter()
