@@ -221,18 +221,35 @@ def test_boxes_leave_out_what_has_no_standard_error() -> None:
     assert min(line.get_ydata().min() for line in curve.lines if len(line.get_ydata())) > 60
 
 
-def test_waterfall_draws_quantiles_over_fits() -> None:
-    """Ends above the best of each fit: 0, then 1 to 9 and 100 to 900 over nine fits, a third of them mirrored."""
-    fits = study()[:9]
+def test_waterfall_draws_quantiles_over_fits_and_each_of_few() -> None:
+    """Ends above the best of each fit: 0, then 1 to 21 and 100 to 2100 over 21 fits, a third of them mirrored."""
+    fits = study()[:21]
     for i, d in enumerate(fits, 1):
         costs = (50.0, 50.0 + i, 50.0 + 100 * i)
         sides = ("stiff ankle", "stiff ankle", "stiff pad" if i % 3 == 0 else "stiff ankle")
         d["result"]["starts"] = [{"cost": c, "branch": b} for c, b in zip(costs, sides, strict=True)]
+    fits[0]["result"]["starts"].append({"cost": 1e6, "branch": "stiff pad"})  # started once more than the others
     above, other = figures.waterfall(fits).axes
-    assert above.lines[0].get_ydata() == pytest.approx([0.01, 5.0, 500.0])  # the median; 0.01 stands for none
+    assert above.lines[0].get_ydata() == pytest.approx([0.01, 11.0, 1100.0])  # the median; 0.01 stands for none
     bands = [collection.get_paths()[0].vertices[:, 1] for collection in above.collections]
-    assert [b.max() for b in bands] == pytest.approx([860.0, 700.0])  # 95 %, 75 %
+    assert [b.max() for b in bands] == pytest.approx([2000.0, 1600.0])  # 95 %, 75 %
     assert [bar.get_height() for bar in other.patches] == pytest.approx([0, 0, 100 / 3])
+    few = figures.waterfall(fits[:3])
+    assert not few.axes[0].collections
+    drawn = [list(line.get_ydata()) for line in few.axes[0].lines[:3]]
+    assert drawn == [pytest.approx([0.01, i, 100 * i]) for i in (1, 2, 3)]
+    assert "3 fits of" in few.axes[0].get_title()
+
+
+def test_few_subjects_are_points() -> None:
+    """Three subjects make no median of energies: each cycle is a point, and the remark says so."""
+    rows = summary.cycle_table([d for d in study()[:-1] if d["subject"] in ("1", "2", "3")])
+    figure = figures.energies(rows, "synthetic")
+    whole = figure.axes[0]
+    assert not any(len(c.lines[0].get_ydata()) for c in whole.containers)
+    points = sorted(y for line in whole.lines for y in line.get_ydata())
+    assert points == pytest.approx(sorted(1e3 * (rows["ankle_j"] + rows["fat_pad_j"])))
+    assert "3 subjects" in figure.get_supxlabel() and "no median" in figure.get_supxlabel()
 
 
 def test_two_subjects_make_no_curve() -> None:

@@ -16,9 +16,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
+from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
 from fasbody.presentation import STYLE
@@ -41,6 +42,8 @@ _VERDICTS = {"identified": "#2e86ab", "weak": "#edae49", "not identifiable": "#c
 _BLUE = _VERDICTS["identified"]
 #: Difference in the sum of squares that is none, and that 1000 to 1 odds need.
 _SAME, _TOLD_APART = 1e-2, round(2 * float(np.log(DECISIVE_ODDS)), 1)
+#: Fewer fits than this have no quantiles: each is drawn.
+_MANY = 20
 #: How dark an estimate is whose branch is decided, and one whose branch is not.
 _DECIDED, _FAINT = 0.8, 0.35
 #: Line of a model that does not follow its recording.
@@ -137,9 +140,10 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
     )
     return noted(
         figure,
-        f"{origin} data, n = {rows['subject'].nunique()}; {rests}: of an open one ankle and pad may have changed "
-        f"places, and its value is that of the likelier branch; {text}; in the titles how many estimates have a "
-        "standard error",
+        f"{origin} data of {_number(rows['subject'].nunique(), 'subject')}; {rests}: of an open one ankle and pad may "
+        f"have changed places, and its value is that of the likelier branch; {text}"
+        f"{'; truth: the mean over these subjects' if rows['truth'].notna().any() else ''}; in the titles how many "
+        "estimates have a standard error, and are drawn",
     )
 
 
@@ -207,7 +211,7 @@ def boxes(table: pd.DataFrame, origin: str) -> Figure:
         f"{FEWEST_OF_A_BOX}; in the titles how many estimates are drawn: those at a bound or without a standard error "
         "are not"
     )
-    return noted(figure, f"{origin} data, n = {rows['subject'].nunique()}; {text}")
+    return noted(figure, f"{origin} data of {_number(rows['subject'].nunique(), 'subject')}; {text}")
 
 
 def _box(rows: pd.DataFrame, scale: float) -> dict[str, Any]:
@@ -223,40 +227,63 @@ def _box(rows: pd.DataFrame, scale: float) -> dict[str, Any]:
 
 @styled
 def waterfall(documents: Sequence[Mapping[str, Any]]) -> Figure:
-    """How far the starts ended above the best of their fit, best first: quantiles over fits, by mode.
+    """How far the starts ended above the best of their fit, best first, by mode: quantiles over fits, or each of few.
 
-    Below, the share of these starts that ended on the other branch than the best start.
+    Below, the share of these starts that ended on the other branch than the best start. A fit that was hard to start
+    has more starts than the others; those that fewer than half of the fits have are not drawn.
     """
     shown = [d for d in documents if d["status"] == "done" and d["result"].get("starts")]
     modes = list(dict.fromkeys(d["mode"] for d in shown))
     width = max(4.6, 3.0 * len(modes) + 0.6)
     figure, axes = panels(2, max(1, len(modes)), width, 3.9, sharex="col", sharey="row", height_ratios=[2.6, 1])
     for column, mode in zip(axes.T, modes, strict=False):
-        mine = [d["result"]["starts"] for d in shown if d["mode"] == mode]
-        ranks = range(max(len(starts) for starts in mine))
+        fits = [d for d in shown if d["mode"] == mode]
+        mine = [d["result"]["starts"] for d in fits]
+        ranks = range(sorted(map(len, mine))[len(mine) // 2])
         above = [np.array([max(s[k]["cost"] - s[0]["cost"], _SAME) for s in mine if len(s) > k]) for k in ranks]
         other = [np.mean([s[k]["branch"] != s[0]["branch"] for s in mine if len(s) > k]) for k in ranks]
         at = np.array(ranks) + 1
         low, lower, middle, upper, high = np.array([np.quantile(a, (0.05, 0.25, 0.5, 0.75, 0.95)) for a in above]).T
-        column[0].fill_between(at, low, high, color=_BLUE, alpha=0.18, lw=0, label="90 % of the fits")
-        column[0].fill_between(at, lower, upper, color=_BLUE, alpha=0.35, lw=0, label="half of them")
-        column[0].plot(at, middle, "o-", lw=1.8, ms=3.5, color=_BLUE, label="median")
-        column[0].axhline(_TOLD_APART, lw=0.9, ls="--", color=GREY, label="1000 to 1")
+        if len(mine) < _MANY:
+            for starts in mine:
+                each = [max(s["cost"] - starts[0]["cost"], _SAME) for s in starts[: len(at)]]
+                column[0].plot(at[: len(each)], each, "o-", lw=0.8, ms=2.5, color=_BLUE, alpha=_FAINT)
+        else:
+            column[0].fill_between(at, low, high, color=_BLUE, alpha=0.18, lw=0)
+            column[0].fill_between(at, lower, upper, color=_BLUE, alpha=0.35, lw=0)
+        column[0].plot(at, middle, "o-", lw=1.8, ms=3.5, color=_BLUE)
+        column[0].axhline(_TOLD_APART, lw=0.9, ls="--", color=GREY)
         column[0].set_yscale("log")
-        column[0].set_title(f"{mode}, {len(mine)} fits")
+        column[0].set_title(f"{mode}: {_counted(fits)}")
         column[1].bar(at, 100 * np.array(other), width=0.6, color=MODEL)
         column[1].set_ylim(0, 100)
         column[1].set_xlabel("start, best first")
         column[1].xaxis.get_major_locator().set_params(integer=True)
     axes[0, 0].set_ylabel("sum of squares\nabove the best")
     axes[1, 0].set_ylabel("on the other\nbranch [%]")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=8, columnspacing=1.2)
+    sizes = [sum(d["mode"] == mode for d in shown) for mode in modes]
+    handles: list[Any] = [Line2D([], [], marker="o", lw=1.8, ms=3.5, color=_BLUE, label="median")]
+    if any(size < _MANY for size in sizes):
+        handles.append(Line2D([], [], marker="o", lw=0.8, ms=2.5, color=_BLUE, alpha=_FAINT, label="each fit"))
+    if any(size >= _MANY for size in sizes):
+        handles += [Patch(color=_BLUE, alpha=0.45, lw=0, label="half of the fits"),
+                    Patch(color=_BLUE, alpha=0.18, lw=0, label="90 % of them")]  # fmt: skip
+    handles.append(Line2D([], [], lw=0.9, ls="--", color=GREY, label="1000 to 1"))
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=8, columnspacing=1.2)
     return noted(
         figure,
         f"below the dashed line ({_TOLD_APART:g}) the data do not tell two ends apart; {_SAME:g} or less is drawn as "
-        f"{_SAME:g}",
+        f"{_SAME:g}; bars: starts that ended on the other branch than the best one",
     )
+
+
+def _counted(fits: Sequence[Mapping[str, Any]]) -> str:
+    """How many fits, and of how many subjects."""
+    return f"{_number(len(fits), 'fit')} of {_number(len({d['subject'] for d in fits}), 'subject')}"
+
+
+def _number(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 @styled
@@ -277,7 +304,8 @@ def verdicts(table: pd.DataFrame) -> Figure:
         for verdict, colour in _VERDICTS.items():
             axis.barh(range(len(names)), share[verdict], left=left, color=colour, label=verdict, height=0.72)
             left = left + share[verdict].to_numpy()
-        axis.set_title(f"{mode} ({own['key'].nunique()} fits)")
+        fits = own.drop_duplicates("key")
+        axis.set_title(f"{mode}: {_counted(fits.to_dict('records'))}")
         axis.set_xlabel("share of estimates [%]")
         axis.set_xlim(0, 100)
         axis.grid(axis="y", visible=False)
@@ -323,9 +351,25 @@ def transmissibility(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure
     handles, _ = size.get_legend_handles_labels()
     handles.append(Line2D([], [], lw=1.2, marker=".", ms=3, color=GREY, label="model"))
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=8)
-    text = f"{origin} data, marks; lines: the model, fitted at each frequency for itself or to all"
+    fitted = {"per-recording": ", fitted to each recording alone", "pooled": ", fitted to all frequencies of a load"}
+    text = f"marks: {origin} data{_whose(cycles)}; dots, joined by lines: the model{fitted.get(_mode(cycles), '')}"
     some = not all(c.get("follows", True) for c in cycles)
     return noted(figure, text + (f"; crosses: it follows the recording to less than {POOR_FIT:g} %" if some else ""))
+
+
+def _whose(cycles: Sequence[Mapping[str, Any]]) -> str:
+    """Of which subject cycles are, where they say so."""
+    return f" of subject {cycles[0]['subject']}" if cycles and "subject" in cycles[0] else ""
+
+
+def _mode(cycles: Sequence[Mapping[str, Any]]) -> str:
+    return str(cycles[0].get("mode", "")) if cycles else ""
+
+
+def _shades(colour: str) -> LinearSegmentedColormap:
+    """From a light tint of a colour to a dark shade."""
+    own = np.array(to_rgb(colour))
+    return LinearSegmentedColormap.from_list("shades", [0.35 * own + 0.65, own, 0.4 * own])
 
 
 @styled
@@ -336,29 +380,36 @@ def loops(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
         cycles: entries with points of their loops; where `decided` is False they are dashed, where
             `follows` is dotted. origin: of the data.
     """
-    loads = distinct(c["added_mass_kg"] for c in cycles)
-    figure, axes = panels(2, len(loads), 2.5 * len(loads) + 1.0, 5.0, sharex="row", sharey="row")
+    loads = of_loads(c["added_mass_kg"] for c in cycles)
+    figure, axes = panels(2, len(loads), 2.5 * len(loads) + 1.0, 5.2, sharex="row", sharey="row")
     f = [nominal(c["frequency_hz"]) for c in cycles]
-    colour = ScalarMappable(Normalize(min(f), max(f)), "viridis_r")
-    for c in sorted(cycles, key=lambda c: c["frequency_hz"]):
-        for row, part in enumerate(("ankle", "fat_pad")):
-            x, F = (np.append(c[part][key], c[part][key][0]) for key in ("displacement_m", "force_n"))
-            axis = axes[row, loads.index(c["added_mass_kg"])]
+    norm = Normalize(min(f), max(f))
+    for column, (load, (colour, _)) in zip(axes.T, loads.items(), strict=True):
+        own = sorted((c for c in cycles if c["added_mass_kg"] == load), key=lambda c: c["frequency_hz"])
+        shades = ScalarMappable(norm, _shades(colour))
+        for c in own:
             style = "-" if c.get("decided", True) else (0, (2.5, 1.5))
             style = style if c.get("follows", True) else _POOR
-            axis.plot(1e3 * x, F, lw=1.1, ls=style, color=colour.to_rgba(np.array(nominal(c["frequency_hz"]))))
-    for column, load in enumerate(loads):
-        axes[0, column].set_title(f"talocrural joint, {load:g} kg")
-        axes[1, column].set_title(f"fat pad, {load:g} kg")
-        axes[1, column].set_xlabel("relative displacement [mm]")
+            for axis, part in zip(column, ("ankle", "fat_pad"), strict=True):
+                x, F = (np.append(c[part][key], c[part][key][0]) for key in ("displacement_m", "force_n"))
+                axis.plot(1e3 * x, F, lw=1.1, ls=style, color=shades.to_rgba(np.array(nominal(c["frequency_hz"]))))
+        decided = sum(c.get("decided", True) for c in own)
+        which = f"branch decided in {decided} of {len(own)}" if decided else "no branch decided by the data"
+        column[0].set_title(f"talocrural joint, {load:g} kg added\n{which}")
+        column[1].set_title(f"fat pad, {load:g} kg added")
+        column[1].set_xlabel("relative displacement [mm]")
     for row in axes:
         row[0].set_ylabel("force [N]")
         row[0].xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))  # shared by the row
-    bar = figure.colorbar(colour, ax=axes, label="frequency [Hz]", shrink=0.7, pad=0.02)
+    grey = ScalarMappable(norm, _shades(GREY))
+    bar = figure.colorbar(grey, ax=axes, label="frequency [Hz]", shrink=0.7, pad=0.02)
     bar.set_ticks(distinct(f) if len(set(f)) < 12 else [])
-    dashed = "; dashed: the branch is not decided" if not all(c.get("decided", True) for c in cycles) else ""
-    text = f"model driven by the base of {origin} recordings; area = energy dissipated in one cycle"
-    return noted(figure, text + dashed + _poor(cycles))
+    every = all(c.get("decided", True) for c in cycles)
+    dashed = "" if every else (
+        "; dashed: no branch is decided, and ankle and pad may have changed places: the loops of the likelier branch"
+    )  # fmt: skip
+    text = f"model driven by the base of {origin} recordings{_whose(cycles)}, a loop a frequency; area = energy "
+    return noted(figure, text + "dissipated in one cycle" + dashed + _poor(cycles))
 
 
 @styled
@@ -371,37 +422,50 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
         table: `summary.cycle_table`, rows of one mode. origin: of the data.
     """
     rows = table[table["shown"] & follows(table["fit_percent"])]
-    loads, count = of_loads(rows["added_mass_kg"]), rows["subject"].nunique()
+    loads = of_loads(rows["added_mass_kg"])
     whole = 1e3 * (rows["fat_pad_j"] + rows["ankle_j"])
     share = 1e5 * rows["fat_pad_j"] / whole
     told = ~rows["decided_by"].isin(OPEN)
-    enough = told.groupby([rows["added_mass_kg"], rows["frequency_hz"]]).transform("sum") >= FEWEST
-    figure, axes = panels(1, 2, 7.6, 3.3, sharex=True)
+    group = [rows["added_mass_kg"], rows["frequency_hz"]]
+    figure, axes = panels(1, 2, 7.6, 3.4, sharex=True)
     left, right = axes[0]
+    medians = False
     for i, (load, (colour, mark)) in enumerate(loads.items()):
-        at, shift = rows["added_mass_kg"] == load, 0.5 * (i - (len(loads) - 1) / 2)
-        for axis, values, mine in ((left, whole, at), (right, share, at & told & enough)):
+        at, shift = rows["added_mass_kg"] == load, 0.8 * (i - (len(loads) - 1) / 2)
+        for axis, values, known in ((left, whole, told | True), (right, share, told)):
+            mine = at & known & (known.groupby(group).transform("sum") >= FEWEST_OF_A_BOX)
             grouped = values[mine].groupby(rows.loc[mine, "frequency_hz"])
             low, middle, high = (grouped.quantile(q) for q in (0.25, 0.5, 0.75))
             axis.errorbar(
                 middle.index + shift, middle, yerr=[middle - low, high - middle], fmt=f"{mark}-", ms=3.8, lw=1.2,
-                elinewidth=0.8, capsize=1.5, color=colour, label=f"{load:g} kg added",
+                elinewidth=0.8, capsize=1.5, color=colour,
             )  # fmt: skip
-        for mine, face, dark in ((at & told, colour, _DECIDED), (at & ~told, "none", _FAINT)):
-            right.plot(rows.loc[mine, "frequency_hz"] + shift, share[mine], mark, ms=2.8, mfc=face, mew=0.5, mec=colour,
-                       alpha=dark)  # fmt: skip
+            medians = medians or bool(mine.any())
+            dark = _FAINT if mine.any() else _DECIDED  # behind a median, or alone
+            for each, face, alpha in ((at & known, colour, dark), (at & ~known, "none", _FAINT)):
+                axis.plot(rows.loc[each, "frequency_hz"] + shift, values[each], mark, ms=2.8, mfc=face, mew=0.5,
+                          mec=colour, alpha=alpha)  # fmt: skip
     left.set_yscale("log")
-    right.set_ylim(-2, 102)
+    right.set_ylim(-4, 104)
     for axis, title in ((left, "energy a cycle [mJ]"), (right, "fat pad's share [%]")):
         axis.set_title(title)
         axis.set_xlabel("frequency [Hz]")
-    handles, labels = left.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(loads), fontsize=8)
+    handles = [Line2D([], [], marker=mark, ls="", ms=4, mew=0, color=colour, label=f"{load:g} kg added")
+               for load, (colour, mark) in loads.items()]  # fmt: skip
+    handles.append(Line2D([], [], marker="o", ls="", ms=3.5, mew=0, color=GREY, label="one cycle"))
+    if not told.all():
+        open_ = Line2D([], [], marker="o", ls="", ms=3.5, mew=0.6, mfc="none", color=GREY, label="branch not decided")
+        handles.append(open_)
+    if medians:
+        handles.append(Line2D([], [], marker="o", lw=1.2, ms=3.8, color=GREY, label="median and quartiles"))
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=8, columnspacing=1.2)
+    drawn = f"medians of {FEWEST_OF_A_BOX} or more" if medians else f"no median of fewer than {FEWEST_OF_A_BOX}"
     text = (
-        f"medians and quartiles over subjects; both branches share the whole, not the pad's share: filled points "
-        f"are the {int(told.sum())} of {len(rows)} cycles whose branch is decided, with medians of {FEWEST} or more"
+        f"{origin} data of {_number(rows['subject'].nunique(), 'subject')}: a point a subject, frequency and load, "
+        f"beside it for each load; {drawn}; the energy is the same on both branches, the "
+        f"pad's share is not: its branch is decided in {int(told.sum())} of {len(rows)} cycles"
     )
-    return noted(figure, f"{origin} data, n = {count}; {text}")
+    return noted(figure, text)
 
 
 @styled

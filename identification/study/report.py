@@ -139,6 +139,8 @@ def example(
         if d["subject"] == subject:
             name, by = summary.shown(d, tracked)
             marks = {
+                "subject": subject,
+                "mode": mode,
                 "decided": by not in summary.OPEN,
                 "follows": bool(summary.follows(summary.shown_fit(d, tracked))),
             }
