@@ -5,12 +5,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_fits import plain
+from made_fits import failed, plain
 from scipy.stats import chi2
 from scipy.stats import t as student
 
 from fasbody.exceptions import RecordingError
-from identification.study import report
+from identification.study import figures, report, tables
+from identification.study.findings import Findings
 from identification.study.population import constant, populations, spread_interval
 
 LOGS = np.array([0.0, 0.1, 0.3, 0.5, 0.9])
@@ -46,8 +47,8 @@ def test_persons_alike_may_have_no_spread() -> None:
         constant("k_T", NAMES[:3], LOGS[:3], np.full(3, 0.1))
 
 
-def study(apart: float, follows: bool = True, persons: int = 5) -> list[dict[str, Any]]:
-    """Pooled fits whose stiff pad is worse by `apart`; the last person's follow their recordings or not."""
+def study(apart: float, follows: bool = True, persons: int = 5, paid: float = 0.0) -> list[dict[str, Any]]:
+    """Pooled fits whose stiff pad is worse by `apart`, `paid` of it for masses and so on; the last may not follow."""
     made = []
     for i in range(persons):
         near = {key: (v * np.exp(LOGS[i]), 0.1 * v, "weak") for key, v in KEYS.items()}
@@ -56,6 +57,7 @@ def study(apart: float, follows: bool = True, persons: int = 5) -> list[dict[str
         for branch, objective in zip(d["result"]["branches"], (10.0, 10.0 + apart), strict=True):
             good = follows or i < persons - 1
             branch["world"] = {"follows": good, "objective": objective, "chi_square": 10.0}
+        branch["world"]["chi_square"] = 10.0 + apart - paid
         made.append(d)
     return made
 
@@ -68,14 +70,48 @@ def test_the_branch_is_decided_by_all_persons_together() -> None:
     both = populations(study(1.0))
     assert [p.branch for p in both] == ["stiff ankle", "stiff pad"] and {p.verdict for p in both} == {"undecided"}
     assert both[1].odds_log == pytest.approx(-2.5)
+    assert both[1].odds_said.startswith("stiff pad 1 to 12.2 if")
+
+
+def test_what_all_may_have_in_common_counts_once() -> None:
+    """The other branch fits as well and needs other masses: five of one table's errors are one, and decide nothing."""
+    ankle, pad = populations(study(6.0, paid=6.0))
+    assert (ankle.verdict, ankle.odds_log, ankle.common_odds_log) == ("undecided", 15.0, 3.0)
+    assert (pad.odds_log, pad.common_odds_log) == (-15.0, -3.0)
+    assert ankle.odds_said == (
+        "stiff ankle over a million to 1 if each person errs alone, 20.1 to 1 if gain and masses are off alike in all"
+    )
+    (half,) = populations(study(6.0, paid=2.0))  # the misfit alone is 10
+    assert half.verdict == "decided" and half.common_odds_log == pytest.approx(11.0)
 
 
 def test_who_does_not_follow_is_left_out() -> None:
     (one,) = populations(study(20.0, follows=False))
-    assert one.left_out == ("4",) and len(one.constants[0].persons) == 4
+    assert [(x.subject, x.why) for x in one.left_out] == [("4", "the stiff ankle does not follow the recordings")]
+    assert len(one.constants[0].persons) == 4
     assert populations(study(20.0, follows=False, persons=4)) == []
     alone = [plain("pooled", str(i), 0.0, None, {"stiff ankle": {}}) for i in range(5)]
     assert populations(alone) == []  # without whatever else may be true
+
+
+def test_who_is_left_out_is_named_with_the_reason() -> None:
+    """A fit that failed, one below 85 %, one without the branch, and one constant at a bound: all are named."""
+    fits = [*study(20.0, persons=5), failed("lost", "s.csv: is too short.") | {"mode": "pooled"}]
+    more = [dict(d, subject=who) for d, who in zip(study(20.0, persons=2), ("poor", "one-sided"), strict=True)]
+    for branch in more[0]["result"]["branches"]:
+        branch |= {"world": None, "fit_percent": 60.0}
+    del more[1]["result"]["branches"][0]
+    fits[1]["result"]["branches"][0]["parameters"]["c_11_n_s_per_m"] |= {"at_bound": True}
+    (one,) = found = populations([*fits, *more])
+    poor = "poor (the fit follows the recordings to less than 85 %)"
+    said = f"lost (the fit failed), {poor}, one-sided (no stiff ankle was found)"
+    assert one.dropped(one.constants[0]) == said
+    assert [c.name for c in one.constants if c.left_out] == ["c_11"] and len(one.constants[2].persons) == 4
+    assert one.dropped() == f"{said}, 1 (c_11 rests on a bound)"
+    assert one.document()["left_out"][0] == {"subject": "lost", "why": "the fit failed"}
+    assert "1 (c_11 rests on a bound)" in " ".join(figures.persons(found, "synthetic").get_supxlabel().split())
+    table = tables.population(Findings(populations=found))
+    assert table["persons left out"].tolist().count(one.dropped()) == 1  # of c_11 alone
 
 
 def test_the_page_tells_persons_and_population(tmp_path: Path) -> None:

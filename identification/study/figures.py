@@ -28,6 +28,7 @@ from identification.figures import label_of, of_loads, panels
 from identification.study.means import BAND, FEWEST, POSITIVE, mean_curve
 from identification.study.summary import FEWEST as FEWEST_OF_A_BOX
 from identification.study.summary import OPEN, POOR_FIT, follows, measured, nominal, quartiles
+from identification.study.tables import left_out
 
 if TYPE_CHECKING:
     from identification.study.population import Population
@@ -482,7 +483,8 @@ def persons(populations: Sequence["Population"], origin: str) -> Figure:
         ticks = []
         for place, p in enumerate(populations):
             colour, mark = loads[p.added_mass_kg]
-            ticks.append(f"{p.added_mass_kg:g} kg\n{p.branch}\n{p.verdict}")
+            n = max(len(c.persons) for c in p.constants)
+            ticks.append(f"{p.added_mass_kg:g} kg, n = {n}\n{p.branch}\n{p.verdict}")
             for c in (c for c in p.constants if c.name == name):
                 open_ = p.verdict != "decided"
                 x = place + np.linspace(-0.3, 0.15, len(c.persons))
@@ -506,5 +508,5 @@ def persons(populations: Sequence["Population"], origin: str) -> Figure:
     return noted(
         figure,
         f"{origin} data; faint: each person, shrunk, with 95 %; dashes: as the fit alone has it; large: geometric mean "
-        "with 95 %, open where the branch is not decided",
+        f"with 95 %, open where the branch is not decided. {left_out(populations)}",
     )

@@ -6,10 +6,15 @@ with whatever else may be true. Both are found by restricted maximum likelihood,
 Cochran's Q, which is chi-square distributed at the true tau. A person's own value is shrunk to the mean by what its fit
 leaves open. What all persons have in common, such as a wrong gain of one laboratory's sensor, no number of persons
 takes away: it is not in these intervals.
+
+The odds of the branches multiply over persons whose errors are their own. Gain and mass tables are one laboratory's:
+what a branch needs of them it may need once, and not once a person. So the odds are told twice, with what each fit pays
+for departing from the stated gain, masses and so on summed over persons, and with its mean (what all would pay who
+depart alike); the branch is decided where both say so.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,12 +23,22 @@ from scipy.special import chdtri
 from scipy.stats import t as student
 
 from fasbody.presentation import Tabled
+from identification.advice import POOR_FIT
 from identification.branches import DECISIVE_ODDS, EXCHANGED, STIFF_ANKLE, STIFF_PAD
 from identification.heel.population import FEWEST, Observed, estimate
+from identification.study.summary import follows
 
 _LEVEL = 0.95
 #: Largest spread of logarithms that is looked for.
 _MOST = 10.0
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A person who is left out, and why."""
+
+    subject: str
+    why: str
 
 
 @dataclass(frozen=True)
@@ -45,6 +60,7 @@ class Constant(Tabled):
     Attributes:
         name: thesis symbol. mean, lower, upper: geometric mean over persons and its 95 % interval. spread,
         spread_lower, spread_upper: standard deviation of the logarithm between persons, with interval. persons: each.
+        left_out: persons whose fit has no estimate of it.
     """
 
     name: str
@@ -55,6 +71,7 @@ class Constant(Tabled):
     spread_lower: float
     spread_upper: float
     persons: tuple[Person, ...]
+    left_out: tuple[LeftOut, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -63,8 +80,9 @@ class Population(Tabled):
 
     Attributes:
         posture, added_mass_kg: what they share. branch: which. verdict: "decided" where all persons' fits together
-        speak for it by more than 1000 to 1, else "undecided". odds_log: natural logarithm of those odds.
-        constants: by name. left_out: persons whose fit does not follow the recordings, or lacks the branch.
+        speak for it by more than 1000 to 1, by both odds, else "undecided". odds_log: natural logarithm of the odds if
+        each person errs alone. common_odds_log: if what they depart from the stated gain, masses and so on is
+        common to all. constants: by name. left_out: persons without a fit that counts.
     """
 
     posture: str
@@ -72,12 +90,34 @@ class Population(Tabled):
     branch: str
     verdict: str
     odds_log: float
+    common_odds_log: float
     constants: tuple[Constant, ...]
-    left_out: tuple[str, ...]
+    left_out: tuple[LeftOut, ...]
+
+    @property
+    def odds_said(self) -> str:
+        """Both odds, in a clause."""
+        alone, common = (_to_one(odds) for odds in (self.odds_log, self.common_odds_log))
+        return f"{self.branch} {alone} if each person errs alone, {common} if gain and masses are off alike in all"
+
+    def dropped(self, constant: Constant | None = None) -> str:
+        """Who is left out and why, of one constant or of all, in a clause; empty where nobody is."""
+        own = [constant] if constant else self.constants
+        reasons: dict[str, list[str]] = {}
+        for each in (*self.left_out, *(x for c in own for x in c.left_out)):
+            reasons.setdefault(each.why, []).append(each.subject)
+        return ", ".join(f"{' and '.join(who)} ({why})" for why, who in reasons.items())
 
     def document(self) -> dict[str, Any]:
         """As plain data."""
         return asdict(self)
+
+
+def _to_one(odds_log: float) -> str:
+    """Odds in words."""
+    if odds_log < 0:
+        return f"1 to {np.exp(min(-odds_log, 50.0)):.3g}" if odds_log > -np.log(1e6) else "less than 1 to a million"
+    return f"{np.exp(odds_log):.3g} to 1" if odds_log < np.log(1e6) else "over a million to 1"
 
 
 def constant(name: str, subjects: Sequence[str], logs: np.ndarray, errors: np.ndarray) -> Constant:
@@ -133,53 +173,80 @@ def populations(documents: Sequence[Mapping[str, Any]]) -> list[Population]:
     """The populations of a study's pooled fits, a posture and load each; of both branches where neither is decided.
 
     Args:
-        documents: fits; those that are not pooled, or without whatever else may be true, are passed over.
+        documents: fits; those that are not pooled are passed over.
     """
     groups: dict[tuple[str, float], list[Mapping[str, Any]]] = {}
     for d in documents:
-        if d["status"] == "done" and d["mode"] == "pooled" and all(b.get("world") for b in d["result"]["branches"]):
+        if d["mode"] == "pooled":
             groups.setdefault((d["posture"], d["added_mass_kg"]), []).append(d)
     found: list[Population] = []
     for (posture, load), fits in sorted(groups.items()):
-        odds = _odds(fits)
-        branches = [STIFF_ANKLE, STIFF_PAD] if odds >= 0 else [STIFF_PAD, STIFF_ANKLE]
-        decided = abs(odds) > np.log(DECISIVE_ODDS)
+        unfit = {id(d): why for d in fits if (why := _unfit(d))}
+        out = tuple(LeftOut(str(d["subject"]), unfit[id(d)]) for d in fits if id(d) in unfit)
+        fits = [d for d in fits if id(d) not in unfit]
+        alone, common = _odds(fits)
+        branches = [STIFF_ANKLE, STIFF_PAD] if alone >= 0 else [STIFF_PAD, STIFF_ANKLE]
+        decided = min(np.sign(alone) * np.array([alone, common])) > np.log(DECISIVE_ODDS)
         for name in branches[:1] if decided else branches:
             constants, left_out = _constants(fits, name)
             if constants:
                 word = "decided" if decided else "undecided"
-                sign = 1 if name == STIFF_ANKLE else -1
-                found.append(Population(posture, load, name, word, sign * odds, constants, left_out))
+                odds = (alone, common) if name == STIFF_ANKLE else (-alone, -common)
+                found.append(Population(posture, load, name, word, *odds, constants, (*out, *left_out)))
     return found
 
 
-def _odds(fits: Sequence[Mapping[str, Any]]) -> float:
-    """Log odds of the stiff ankle for all persons over the stiff pad for all, from those whose fits have both."""
-    total = 0.0
+def _unfit(document: Mapping[str, Any]) -> str:
+    """Why a fit says nothing of its person; empty where it does."""
+    if document["status"] != "done":
+        return "the fit failed"
+    branches = document["result"]["branches"]
+    if all(b.get("world") for b in branches):
+        return ""
+    if not follows(max(b["fit_percent"] for b in branches)):
+        return f"the fit follows the recordings to less than {POOR_FIT:g} %"
+    return "the fit allows for nothing but the model"
+
+
+def _odds(fits: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
+    """Log odds of the stiff ankle for all persons over the stiff pad for all, from those whose fits have both.
+
+    First with each person's allowances paid, then with them paid once by all.
+    """
+    misfit, paid = [0.0], [0.0]
     for d in fits:
         worlds = {b["name"]: b["world"] for b in d["result"]["branches"]}
         if {STIFF_ANKLE, STIFF_PAD} <= set(worlds) and worlds[d["result"]["branches"][0]["name"]]["follows"]:
-            total += 0.5 * (worlds[STIFF_PAD]["objective"] - worlds[STIFF_ANKLE]["objective"])
-    return total
+            ankle, pad = worlds[STIFF_ANKLE], worlds[STIFF_PAD]
+            misfit.append(0.5 * (pad["chi_square"] - ankle["chi_square"]))
+            paid.append(0.5 * (pad["objective"] - ankle["objective"]) - misfit[-1])
+    return sum(misfit) + sum(paid), sum(misfit) + sum(paid) / max(1, len(paid) - 1)
 
 
-def _constants(fits: Sequence[Mapping[str, Any]], name: str) -> tuple[tuple[Constant, ...], tuple[str, ...]]:
+def _constants(fits: Sequence[Mapping[str, Any]], name: str) -> tuple[tuple[Constant, ...], tuple[LeftOut, ...]]:
     """The constants on one branch, of which enough persons have an estimate, and who is left out altogether."""
     told: dict[str, list[tuple[str, float, float]]] = {symbol: [] for symbol in EXCHANGED}
+    unknown: dict[str, list[LeftOut]] = {symbol: [] for symbol in EXCHANGED}
     left_out = []
     for d in fits:
-        branch = next((b for b in d["result"]["branches"] if b["name"] == name), None)
+        branch, who = next((b for b in d["result"]["branches"] if b["name"] == name), None), str(d["subject"])
         if branch is None or not branch["world"]["follows"]:
-            left_out.append(str(d["subject"]))
+            why = f"no {name} was found" if branch is None else f"the {name} does not follow the recordings"
+            left_out.append(LeftOut(who, why))
             continue
         for key, e in branch["parameters"].items():
             symbol = key.split("_n_")[0]
-            known = e["std_error"] is not None and np.isfinite(e["std_error"]) and not e["at_bound"]
-            if symbol in told and known:
-                told[symbol].append((str(d["subject"]), float(np.log(e["value"])), float(e["std_error"] / e["value"])))
+            if symbol not in told:
+                continue
+            if e["at_bound"] or e["std_error"] is None or not np.isfinite(e["std_error"]):
+                why = f"{symbol} {'rests on a bound' if e['at_bound'] else 'has no standard error'}"
+                unknown[symbol].append(LeftOut(who, why))
+            else:
+                told[symbol].append((who, float(np.log(e["value"])), float(e["std_error"] / e["value"])))
     made = []
     for symbol, rows in told.items():
         if len({who for who, *_ in rows}) == len(rows) >= FEWEST:
-            who, logs, errors = zip(*rows, strict=True)
-            made.append(constant(symbol, who, np.array(logs), np.array(errors)))
+            people, logs, errors = zip(*rows, strict=True)
+            one = constant(symbol, people, np.array(logs), np.array(errors))
+            made.append(replace(one, left_out=tuple(unknown[symbol])))
     return tuple(made), tuple(left_out)

@@ -92,7 +92,7 @@ def pictures(
     out["verdicts"] = (partial(figures.verdicts, table), "Verdict on each parameter, on the branch shown.")
     for posture in dict.fromkeys(p.posture for p in populations):
         own = [p for p in populations if p.posture == posture]
-        text = f"Each person's constants and the mean of all, pooled fits, {posture}."
+        text = f"Each person's constants and the mean of all, pooled fits, {posture}. {tables.left_out(own)}"
         out[f"persons_{posture}"] = (partial(figures.persons, own, origin), text)
     over = table[table["frequency_hz"].notna()]
     for (mode, posture), rows in over.groupby(["mode", "posture"], sort=False):
@@ -166,7 +166,8 @@ def _page(
     failed += [f"Failed ({d['mode']}, {d['kind']}): {d['error']}" for d in findings.checks if d["status"] == "failed"]
     failed += [f"Left out ({d['mode']}): {text}" for d in documents for text in d.get("left_out", ())]
     return environment.get_template("study.html").render(
-        sections=tables.sections(findings), findings=findings, listed=tables.LISTED,
+        sections=tables.sections(findings), odds=tables.odds(findings.populations), findings=findings,
+        listed=tables.LISTED,
         pictures=inline, limits=LIMITS, day=date.today().isoformat(),
         subjects=len({d["subject"] for d in documents}),
         recordings=len({file for d in documents for file in d["files"]}),

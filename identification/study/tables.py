@@ -10,6 +10,7 @@ from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.result import symbol_and_unit
 from identification.study import summary
 from identification.study.findings import Findings
+from identification.study.population import Population
 
 #: Imbalance of energy that a cycle may have.
 BALANCED = 0.005
@@ -192,10 +193,24 @@ def population(findings: Findings) -> pd.DataFrame:
                 f"{scale * c.mean:.3g}", f"{scale * c.lower:.3g} to {scale * c.upper:.3g}", _percent(c.spread),
                 f"{_percent(c.spread_lower)} to {_percent(c.spread_upper)}",
                 f"{_percent(float(np.std(own, ddof=1)))} to {_percent(float(np.std(shrunk, ddof=1)))}",
+                p.dropped(c) or "nobody",
             ])  # fmt: skip
     header = ["condition", "branch", "constant", "persons", "mean", "95 % of the mean", "spread between persons",
-              "95 % of the spread", "scatter of the estimates, before and after shrinking"]  # fmt: skip
+              "95 % of the spread", "scatter of the estimates, before and after shrinking",
+              "persons left out"]  # fmt: skip
     return pd.DataFrame(rows, columns=header)
+
+
+def left_out(populations: Sequence[Population]) -> str:
+    """Who is in none or not in all of the estimates of some populations, and why, in a sentence."""
+    said = [f"{p.added_mass_kg:g} kg, {p.branch}: {who}" for p in populations if (who := p.dropped())]
+    return f"Persons left out: {'. '.join(said)}." if said else "No person is left out."
+
+
+def odds(populations: Sequence[Population]) -> list[str]:
+    """How far all persons together speak for a branch, a sentence a condition."""
+    first = {(p.posture, p.added_mass_kg): p for p in reversed(populations)}
+    return [f"{posture}, {load:g} kg: {p.odds_said}." for (posture, load), p in sorted(first.items())]
 
 
 def tracking(findings: Findings) -> pd.DataFrame:
