@@ -58,6 +58,11 @@ class Analysis(Presented):
         return f"{self.dome or 'own mesh'}, {self.model.materials[0].E:g} Pa"
 
     @property
+    def remark(self) -> str:
+        """The preset and what it means."""
+        return f"preset {self.preset.name}: {self.preset.meaning}"
+
+    @property
     def unit(self) -> tuple[str, float]:
         """The length unit of figures, and its micrometres."""
         return "um", 1.0

@@ -231,7 +231,7 @@ class BodyModes(Presented):
         return self.body.unit, UNITS[self.body.unit]
 
     @property
-    def skipped(self) -> str:
+    def remark(self) -> str:
         """The sentence on rigid motions; empty for a held body."""
         if not len(self.modes.rigid_hz):
             return ""
@@ -245,7 +245,7 @@ class BodyModes(Presented):
             for i, (f, d) in enumerate(zip(self.frequencies_hz, self.descriptions, strict=True), start=1)
         ]
         columns = ("mode", "frequency [Hz]", "moves along", f"kinetic energy in {', '.join(map(str, self.body.tags))}")
-        notes = [f"{self.skipped}."] if self.skipped else []
+        notes = [f"{self.remark}."] if self.remark else []
         return Sheet(f"{self.title}: {self.model.assembly.dof} degrees of freedom", columns, rows, notes)
 
     def records(self) -> list[dict[str, Any]]:
@@ -283,7 +283,7 @@ class BodyModes(Presented):
         volume = self.model.assembly.volume_um3 * 1e-12
         lines = [f"{self.title}: {volume:.4g} cm^3, {1e3 * self.model.mass_kg:.4g} g, "
                  f"{self.model.assembly.dof} unknowns"]  # fmt: skip
-        lines += [f"  {self.skipped}"] if self.skipped else []
+        lines += [f"  {self.remark}"] if self.remark else []
         for i, (f, d) in enumerate(zip(self.frequencies_hz, self.descriptions, strict=True), start=1):
             parts = ", ".join(f"{tag}: {share:.0%}" for tag, share in zip(self.body.tags, d.parts, strict=True))
             lines.append(

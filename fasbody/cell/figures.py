@@ -10,6 +10,7 @@ from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from fasbody.cell.mesh import NUCLEUS, TetMesh
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 SWELL = 0.12  # largest drawn displacement, of the cell's length
 MARKERS = "osD^v<>pPX*hdH"
+#: Colours of motion one way and the other.
+PHASES = "RdBu_r"
 #: Angle between faces from which their edge is drawn [rad].
 SHARP = 1.2
 #: Viewing directions: turn about y and tilt from the horizon [degrees].
@@ -31,45 +34,57 @@ OBLIQUE, ABOVE, FRONT = (-15.0, 40.0), (0.0, 90.0), (0.0, 8.0)
 
 
 def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> Figure:
-    """The modes (of the cell: Figures 5.5 to 5.8), enlarged and coloured by displacement, over the outline at rest.
+    """The modes (of the cell: Figures 5.5 to 5.8), enlarged over the outline at rest.
+
+    The colour is the motion along the axis that has most of the mode's kinetic energy, with its sign: parts of opposite
+    colour move against each other.
 
     Args:
         analysis: modes of a cell or of another body.
         count: how many modes; None draws all.
     """
     mesh = analysis.model.assembly.mesh
-    u = upright(displacements(analysis)[:count], mesh.up)
+    drawn = displacements(analysis)[:count]
+    u = upright(drawn, mesh.up)
     points, surface = upright(mesh.points_um, mesh.up), mesh.surface
     faces = np.asarray(surface.faces)
     length = float(np.ptp(points, axis=0).max())
     wide = 1 if len(u) <= 5 else 2
     rows = -(-len(u) // wide)
-    figure = Figure(figsize=(7.2, 1.0), layout="constrained")
-    panels = np.atleast_2d(figure.subplots(rows, 2 * wide, sharex="col", sharey="col"))
+    figure = Figure(figsize=(8.4, 1.0), layout="constrained")
+    panels = np.atleast_2d(figure.subplots(rows, 2 * wide))
     for axes in panels.flat:
         axes.set_axis_off()
     for i, mode in enumerate(u):
-        size = np.linalg.norm(mode, axis=1)[faces].mean(axis=1)
+        f, d = analysis.frequencies_hz[i], analysis.descriptions[i]
+        main = int(np.argmax(d.energy))
+        along = drawn[i][:, main]
+        value = 0.5 + 0.5 * np.sign(along[np.abs(along).argmax()]) * along[faces].mean(axis=1)
         place = panels[i % rows, 2 * (i // rows) :][:2]
         for axes, view in zip(place, (OBLIQUE, ABOVE), strict=True):
-            _draw(axes, points + SWELL * length * mode, faces, size, view)
+            _draw(axes, points + SWELL * length * mode, faces, value, view, colours=PHASES)
             _outline(axes, points, faces, view)
-        f, d = analysis.frequencies_hz[i], analysis.descriptions[i]
-        place[0].set_title(f"mode {i + 1}: {_hertz(f)}, {d.label}", fontsize=7.5, loc="left", pad=9)
-    for side in (panels[:, 0::2], panels[:, 1::2]):  # one scale for all
-        x, y = (np.array([getattr(axes, f"get_{a}lim")() for axes in side.flat]) for a in "xy")
+        text = f"mode {i + 1}: {_hertz(f)}, {d.label} (colour: {'xyz'[main]})"
+        for axes, words in zip(place, (text, " "), strict=True):  # so that both views leave room for it
+            axes.set_title(words, fontsize=7, loc="left", pad=3)
+    seen = [place.flat[: len(u)] for place in (panels[:, 0::2].T, panels[:, 1::2].T)]  # both views of every mode
+    ends = np.array([[(*axes.get_xlim(), *axes.get_ylim()) for axes in side] for side in seen])
+    low, high = ends[:, :, 0::2].min(axis=1), ends[:, :, 1::2].max(axis=1)
+    wide_half, tall_half = (high - low).max(axis=0) / 2  # one scale for all
+    for side, (x, y) in zip((panels[:, 0::2], panels[:, 1::2]), (low + high) / 2, strict=True):
         for axes in side.flat:
-            axes.set(xlim=(x[:, 0].min(), x[:, 1].max()), ylim=(y[:, 0].min(), y[:, 1].max()))
+            axes.set(xlim=(x - wide_half, x + wide_half), ylim=(y - tall_half, y + tall_half))
     name, um = analysis.unit
     _scale_bar(panels[0, 1], length, name, um)
     tall = max(axes.get_data_ratio() for axes in panels[0])
-    figure.set_figheight(1.2 + rows * (0.25 + 7.2 * tall / (2 * wide)))
-    bar = figure.colorbar(ScalarMappable(cmap="viridis"), ax=panels, shrink=0.5, aspect=40, location="bottom")
-    drawn = f"{SWELL * length / um:.3g} {name}".replace("um", "µm")
-    bar.set_label(f"displacement / largest displacement, which is drawn as {drawn}", fontsize=8)
+    figure.set_figheight(1.3 + rows * (0.25 + 8.4 * tall / (2 * wide)))
+    bar = figure.colorbar(ScalarMappable(Normalize(-1, 1), PHASES), ax=panels, shrink=0.5, aspect=40, location="bottom")
+    size = f"{SWELL * length / um:.3g} {name}".replace("um", "µm")
+    bar.set_label(f"displacement along the named axis / largest displacement, which is drawn as {size}", fontsize=8)
     bar.ax.tick_params(labelsize=8)
-    title = analysis.title.replace("um", "µm")
-    figure.suptitle(f"{title}\nleft: oblique, right: from above; lines: outline at rest", fontsize=9)
+    views = "left: oblique, right: from above; lines: outline at rest; red and blue move against each other"
+    head = (analysis.title.replace("um", "µm"), analysis.remark, views)
+    figure.suptitle("\n".join(line for line in head if line), fontsize=8.5)
     return figure
 
 
@@ -160,7 +175,7 @@ def _axes() -> tuple[Figure, Any]:
 
 def _draw(
     axes: Any, points: np.ndarray, faces: np.ndarray, value: np.ndarray | None, view: tuple[float, float],
-    *, line: float = 0.0,
+    *, line: float = 0.0, colours: str = "viridis",
 ) -> None:  # fmt: skip
     """Triangles seen from far away, x to the right, y up, lit from the upper left; `value` in 0..1 colours them.
 
@@ -172,7 +187,7 @@ def _draw(
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     light = (toward + 0.5 * up - 0.4 * right) / np.linalg.norm(toward + 0.5 * up - 0.4 * right)
     shade = 0.6 + 0.4 * np.clip(normal @ light, 0, 1)
-    colour = np.tile((0.72, 0.80, 0.88, 1.0), (len(faces), 1)) if value is None else colormaps["viridis"](value)
+    colour = np.tile((0.72, 0.80, 0.88, 1.0), (len(faces), 1)) if value is None else colormaps[colours](value)
     colour[:, :3] *= shade[:, None]
     seen = np.flatnonzero(normal @ toward > 0)
     order = seen[np.argsort((corners @ toward).mean(axis=1)[seen])]
