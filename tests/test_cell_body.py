@@ -110,6 +110,38 @@ def test_names_of_a_msh_file(tmp_path: Path) -> None:
         body.materials({"6": SOFT, None: SOFT})
 
 
+def test_a_number_of_triangles_and_of_tetrahedra(tmp_path: Path) -> None:
+    """gmsh numbers groups by dimension: surface 1 is not volume 1, and a surface's name no region of a material."""
+    mesh = box(*[np.linspace(0, 2, 3)] * 3)
+    region = 1 + (mesh.corners[:, :, 0].mean(axis=1) > 1)
+    marks = [region, np.ones(len(mesh.base), int)]
+    names = {"heel": np.array([1, 3]), "sole": np.array([2, 3]), "floor": np.array([1, 2])}
+    cells = [("tetra", mesh.tets), ("triangle", mesh.base)]
+    data = {"gmsh:physical": marks, "gmsh:geometrical": marks}
+    content = meshio.Mesh(mesh.points_um, cells, cell_data=data, field_data=names)
+    content.write(tmp_path / "two.msh", file_format="gmsh22")
+    body = read_body(tmp_path / "two.msh")
+    assert body.materials({"1": SOFT, "sole": STIFF}) == (SOFT, STIFF)
+    for held in ("floor", "triangles:1"):
+        assert np.array_equal(body.held("region", held), body.faces[1]) and len(body.faces[1]) == len(mesh.base)
+    for held in ("heel", "tetrahedra:1"):
+        assert len(body.held("region", held)) == 4 * (region == 1).sum()
+    for given, says in (
+        ({"floor": SOFT, None: STIFF}, "'floor' in .* is a group of triangles"),
+        ({"sole": SOFT, "2": STIFF, None: SOFT}, "--material 2: region 2 of .* has a material already"),
+        ({"upper": SOFT}, "whose names are: heel, sole"),
+    ):
+        with pytest.raises(SettingError, match=says):
+            body.materials(given)
+    for held, says in (
+        ("1", "1 in .* is a group of triangles and one of tetrahedra: --held triangles:1 or tetrahedra:1"),
+        ("triangles:2", "has no region 2 to hold"),
+        ("triangles:heel", "'heel' in .* is a group of tetrahedra"),
+    ):
+        with pytest.raises(SettingError, match=says):
+            body.held("region", held)
+
+
 def test_each_unsound_body_gets_its_sentence(tmp_path: Path) -> None:
     mesh = box(*[np.linspace(0, 1, 2)] * 3)
     file = tmp_path / "body.vtu"
@@ -145,6 +177,14 @@ def test_each_unsound_body_gets_its_sentence(tmp_path: Path) -> None:
         (["sesamoid_medial", "--material", "1,0,1", "--support", "glued"], "valid: free, base, region"),
         (["sesamoid_medial", "--material", "1,0,1", "--support", "region"], "needs --held"),
         (["sesamoid_medial", "--material", "1,0,1", "--support", "region", "--held", "0"], "nothing of it could move"),
+        (
+            ["sesamoid_medial", "--material", "1,0,1", "--material", "2,0,1"],
+            "there is a material of all",
+        ),
+        (
+            ["sesamoid_medial", "--material", "0=1,0,1", "--material", "0=2,0,1"],
+            "of region 0 already",
+        ),
         (["sesamoid_medial", "--material", "1,0,1", "--unit", "inch"], "valid: nm, um, mm, cm, m"),
         (["sesamoid_medial", "--material", "1,0,1", "--up", "w"], "valid: x, y, z"),
     ],

@@ -113,7 +113,7 @@ def test_unknowns_are_foreseen_and_too_many_are_refused() -> None:
 def test_open_or_misplaced_surfaces_are_refused() -> None:
     box = trimesh.creation.box((10, 8, 12))
     box.update_faces(np.arange(len(box.faces)) > 0)
-    with pytest.raises(MeshError, match="cell's surface is not closed: 3 edges"):
+    with pytest.raises(MeshError, match="the surface is not closed: 3 edges"):
         surface_mesh(box)
     with pytest.raises(MeshError, match="not inside"):
         surface_mesh(trimesh.creation.box((10, 8, 12)), trimesh.creation.icosphere(1, 5.0))

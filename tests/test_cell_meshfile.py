@@ -83,7 +83,7 @@ def test_closed_stl_is_filled_and_open_stl_is_refused(tmp_path: Path) -> None:
     assert assemble(read_mesh(tmp_path / "closed.stl")).volume_um3 == pytest.approx(960.0)
     box.update_faces(np.arange(len(box.faces)) > 1)
     box.export(tmp_path / "open.stl")
-    with pytest.raises(InputFileError, match=r"open\.stl: the cell's surface is not closed: \d edges"):
+    with pytest.raises(InputFileError, match=r"open\.stl: the surface is not closed: \d edges"):
         read_mesh(tmp_path / "open.stl")
 
 

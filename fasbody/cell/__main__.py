@@ -122,7 +122,8 @@ def modes_of_a_body(
     ],
     support: Annotated[str, typer.Option(help="free, base (flat on the lowest plane) or region (see --held)")] = "free",
     held: Annotated[
-        str | None, typer.Option(help="number or name of the triangles or tetrahedra in the file that stand still")
+        str | None,
+        typer.Option(help="number or name of what stands still; triangles:1, tetrahedra:1 if both are"),
     ] = None,
     unit: Annotated[str, typer.Option(help="length unit of the file: nm, um, mm, cm or m")] = "mm",
     up: Annotated[str, typer.Option(help="axis that points up from the base: x, y or z")] = "y",
@@ -152,7 +153,13 @@ def modes_of_a_body(
         raise SettingError(f"--held {held} goes with --support region, and the support is {support}.")
     from fasbody.cell.body import body_modes, read_body
 
-    given = dict(map(named_material, material))
+    given: dict[str | None, Material] = {}
+    for text in material:
+        region, one = named_material(text)
+        if region in given:
+            whose = "all regions that have none of their own" if region is None else f"region {region}"
+            raise SettingError(f"--material {text}: there is a material of {whose} already; give each once.")
+        given[region] = one
     found = read_body(body, unit=unit, up=up, size=size)
     with console.status("solving"):
         result = body_modes(found, given, support, part=held, count=modes, way=solver)

@@ -3,7 +3,7 @@
 Elements, matrices and solver are those of the cell. `python -m fasbody.cell modes`; docs/cell.md.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,7 +15,7 @@ import mjcf
 from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.materials import Material
 from fasbody.cell.mesh import FACES, MeshSize, TetMesh, surface_mesh
-from fasbody.cell.meshfile import read_surface, read_tagged
+from fasbody.cell.meshfile import SURFACE, VOLUME, read_surface, read_tagged
 from fasbody.cell.modal import CellModel, Modes, solve
 from fasbody.exceptions import InputFileError, MeshError, SettingError, unknown
 from fasbody.presentation import Presented, Sheet, Tabled
@@ -24,6 +24,9 @@ from fasbody.presentation import Presented, Sheet, Tabled
 UNITS = {"nm": 1e-3, "um": 1.0, "mm": 1e3, "cm": 1e4, "m": 1e6}
 SUPPORTS = ("free", "base", "region")
 SURFACES, VOLUMES = (".stl", ".obj"), (".vtu", ".msh")
+#: What a user calls groups of either dimension, and what is said of them.
+KINDS = {"triangles": SURFACE, "tetrahedra": VOLUME}
+_CALLED = {kind: word for word, kind in KINDS.items()}
 #: The unit in which the bundled bones are stored (`viz.anatomy.assets`) [um].
 GRAIN_UM = 10.0
 #: Share of the kinetic energy from which a direction is named.
@@ -39,7 +42,8 @@ class Body(Tabled):
         mesh: regions are numbered in the order of `tags`.
         tags: number (r,) of each region in the file; a surface has one region, 0.
         faces: corners (f, 3) of the file's own triangles, by their number.
-        names: numbers by the names that a .msh file gives them.
+        names: number and dimension (2 triangles, 3 tetrahedra) by the names that a .msh file gives to its groups; the
+            same number may stand for a group of either.
         unit: of the file, one of `UNITS`.
     """
 
@@ -47,21 +51,31 @@ class Body(Tabled):
     mesh: TetMesh
     tags: tuple[int, ...] = (0,)
     faces: Mapping[int, NDArray[np.int64]] = field(default_factory=dict)
-    names: Mapping[str, int] = field(default_factory=dict)
+    names: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     unit: str = "mm"
 
-    def number(self, text: str) -> int:
-        """The number that a name or a number in words means.
+    def number(self, text: str, kinds: Collection[int] = (SURFACE, VOLUME)) -> tuple[int, tuple[int, ...]]:
+        """The number that a name or a number in words means, and the dimensions of which it may be.
+
+        Args:
+            text: of the user; `triangles:` or `tetrahedra:` before it says which are meant.
+            kinds: dimensions that will do.
 
         Raises:
-            SettingError: neither.
+            SettingError: neither number nor name, or of another dimension.
         """
+        word, _, rest = text.partition(":")
+        if word in KINDS and text not in self.names:
+            kinds, text = tuple({KINDS[word]} & set(kinds)), rest
         if text in self.names:
-            return self.names[text]
+            number, kind = self.names[text]
+            if kind not in kinds:
+                raise SettingError(f"{text!r} in {self.name} is a group of {_CALLED[kind]}, which will not do here.")
+            return number, (kind,)
         try:
-            return int(text)
+            return int(text), tuple(kinds)
         except ValueError:
-            have = ", ".join(self.names) or "none"
+            have = ", ".join(name for name, (_, kind) in self.names.items() if kind in kinds) or "none"
             raise SettingError(f"{text!r} is no number and no name in {self.name}, whose names are: {have}.") from None
 
     def held(self, support: str, part: str | None = None) -> NDArray[np.int64]:
@@ -72,7 +86,7 @@ class Body(Tabled):
             part: of "region", the number or name of triangles or of tetrahedra in the file; those are held whole.
 
         Raises:
-            SettingError: no such support or region.
+            SettingError: no such support or region, or a number of both triangles and tetrahedra.
             InputFileError: the body has no flat base.
         """
         if support not in SUPPORTS:
@@ -88,11 +102,15 @@ class Body(Tabled):
         have = ", ".join(map(str, sorted({*self.faces, *self.tags})))
         if part is None:
             raise SettingError(f"--support region needs --held, one of the regions of {self.name}: {have}.")
-        tag = self.number(part)
-        if tag in self.faces:
-            return self.faces[tag]
-        if tag not in self.tags:
+        tag, kinds = self.number(part)
+        there = [kind for kind, found in ((SURFACE, self.faces), (VOLUME, self.tags)) if kind in kinds and tag in found]
+        if len(there) == 2:
+            either = " or ".join(f"{word}:{tag}" for word in KINDS)
+            raise SettingError(f"{tag} in {self.name} is a group of triangles and one of tetrahedra: --held {either}.")
+        if not there:
             raise SettingError(f"{self.name} has no region {tag} to hold; it has {have}.")
+        if there == [SURFACE]:
+            return self.faces[tag]
         if len(self.tags) == 1:
             raise SettingError(f"all of {self.name} is region {tag}: held, nothing of it could move.")
         tets = self.mesh.tets[self.mesh.region == self.tags.index(tag)]
@@ -105,9 +123,14 @@ class Body(Tabled):
             given: by number or name of a region; None is for all that have none of their own.
 
         Raises:
-            SettingError: a region has no material, or a material no region.
+            SettingError: a region has no material or two, or a material no region.
         """
-        found = {None if name is None else self.number(name): material for name, material in given.items()}
+        found: dict[int | None, Material] = {}
+        for name, material in given.items():
+            tag = None if name is None else self.number(name, (VOLUME,))[0]
+            if tag in found:
+                raise SettingError(f"--material {name}: region {tag} of {self.name} has a material already.")
+            found[tag] = material
         have = ", ".join(map(str, self.tags))
         for tag in set(found) - {None, *self.tags}:
             raise SettingError(f"--material {tag}: {self.name} has no such region; it has {have}.")

@@ -277,13 +277,13 @@ def surface_mesh(
         SettingError: the size asks for more than `LIMIT` unknowns.
         MeshError: a surface is open, the inner one is not inside, or gmsh cannot fill it.
     """
-    for name, surface in (("cell", outer), ("nucleus", inner)):
+    for whose, surface in (("", outer), ("nucleus' ", inner)):
         if surface is not None and not surface.is_watertight:
-            raise MeshError(f"the {name}'s surface is not closed: {_open_edges(surface)} edges have no second face.")
+            raise MeshError(f"the {whose}surface is not closed: {_open_edges(surface)} edges have no second face.")
         if surface is not None and surface.body_count > 1:
-            raise MeshError(f"the {name}'s surface has {surface.body_count} separate pieces: one body has one.")
+            raise MeshError(f"the {whose}surface has {surface.body_count} separate pieces: one body has one.")
     if inner is not None and not ((inner.bounds[0] > outer.bounds[0]) & (inner.bounds[1] < outer.bounds[1])).all():
-        raise MeshError("the nucleus' surface is not inside the cell's surface.")
+        raise MeshError("the nucleus' surface is not inside the other.")
     if size is not None:
         volume, area, edge = float(outer.volume), float(outer.area), size.size
         refuse_above_limit(
@@ -440,7 +440,7 @@ def _gmsh() -> Iterator[Any]:
     except MeshError:
         raise
     except Exception as error:  # gmsh raises nothing more specific
-        raise MeshError(f"gmsh cannot mesh this cell ({str(error).strip()}): try another element size.") from error
+        raise MeshError(f"gmsh cannot mesh this body ({str(error).strip()}): try another element size.") from error
     finally:
         gmsh.finalize()
 

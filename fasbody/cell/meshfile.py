@@ -23,6 +23,8 @@ UNITS = (1e-4, 1e7)
 #: Volumes between that of a bacterium and that of an egg [um^3].
 CELLS_UM3 = (1.0, 1e7)
 SUFFIXES = (".vtu", ".msh", ".stl")
+#: Dimension of a group of triangles, and of one of tetrahedra.
+SURFACE, VOLUME = 2, 3
 #: Names under which programs store region numbers.
 TAGS = ("region", "gmsh:physical", "medit:ref", "gmsh:geometrical")
 
@@ -142,14 +144,14 @@ class Tagged:
     Args:
         points_um: (n, 3) [um]. tets: (m, 4) or (m, 10). tags: region number (m,) of each in the file.
         faces: corners (f, 3) of the triangles that the file holds, by their number.
-        names: numbers by the names that a .msh file gives them.
+        names: number and dimension (2 or 3) by the names that a .msh file gives to its groups.
     """
 
     points_um: np.ndarray
     tets: np.ndarray
     tags: np.ndarray
     faces: dict[int, np.ndarray]
-    names: dict[str, int]
+    names: dict[str, tuple[int, int]]
 
 
 def read_tagged(file: Path, um_per_unit: float) -> Tagged:
@@ -190,7 +192,8 @@ def read_tagged(file: Path, um_per_unit: float) -> Tagged:
     corners = np.concatenate([np.empty((0, 3), dtype=np.int64), *(number[t[:, :3]] for t in triangles)])
     mark = np.concatenate([np.empty(0), *marks])
     faces = {int(each): corners[mark == each] for each in np.unique(mark)}
-    names = {str(each): int(number[0]) for each, number in content.field_data.items()}
+    groups = {str(name): (int(group[0]), int(group[1])) for name, group in content.field_data.items()}
+    names = {name: group for name, group in groups.items() if group[1] in (SURFACE, VOLUME)}
     return Tagged(points, renumbered.reshape(tets.shape), np.concatenate(tags).astype(np.int64), faces, names)
 
 

@@ -236,9 +236,7 @@ def pardiso(K: sp.csr_array) -> Solve:
     try:
         solver.factorize(upper)
     except PyPardisoError as error:
-        raise SimulationError(
-            "the cell's stiffness is not positive: its prestress exceeds what it can carry."
-        ) from error
+        raise SimulationError(NOT_POSITIVE) from error
     solver.factorized_A = upper  # and not its copy of it
     return lambda b: np.asarray(solver.solve(upper, np.asarray(b, dtype=np.float64)))
 
