@@ -165,36 +165,43 @@ def both(x0, p, m_S, m_F, u, h, stride, columns, feet):  # type: ignore[no-untyp
     x, S = x0.copy(), np.zeros((STATES, width))
     for i in range(STATES):
         S[i, i] = 1.0
-    A, B, f = np.zeros((2, 4)), np.zeros((2, 10)), np.empty(4)
-    kx, kS = np.empty((4, 4)), np.zeros((4, 4, width))
+    A, B, f, fS = np.zeros((2, 4)), np.zeros((2, 10)), np.zeros(4), np.zeros((4, width))
     xt, St = np.empty(4), np.empty((4, width))
+    sum_f, sum_S = np.empty(4), np.empty((4, width))  # of the four stages' rates
     for k in range(n):
+        sum_f[:], sum_S[:] = 0.0, 0.0
         for stage in range(4):
             w = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
+            share = 1.0 if stage == 0 or stage == 3 else 2.0
             for i in range(4):
-                xt[i] = x[i] + w * kx[stage - 1, i] if stage else x[i]
+                xt[i] = x[i] + w * f[i]
                 for j in range(columns):
-                    St[i, j] = S[i, j] + w * kS[stage - 1, i, j] if stage else S[i, j]
+                    St[i, j] = S[i, j] + w * fS[i, j]
             f_T = _rates(xt, p, m_S, m_F, u[2 * k + (stage + 1) // 2], f, A, B)
-            for i in range(4):
-                kx[stage, i] = f[i]
             for j in range(columns):
-                kS[stage, 0, j], kS[stage, 1, j] = St[2, j], St[3, j]
-                for r in range(2):
-                    v = A[r, 0] * St[0, j] + A[r, 1] * St[1, j] + A[r, 2] * St[2, j] + A[r, 3] * St[3, j]
-                    kS[stage, 2 + r, j] = v + B[r, j - STATES] if j >= STATES else v
+                fS[0, j], fS[1, j] = St[2, j], St[3, j]
+            for r in range(2):
+                a, b, c, d = A[r, 0], A[r, 1], A[r, 2], A[r, 3]
+                for j in range(columns):
+                    fS[2 + r, j] = a * St[0, j] + b * St[1, j] + c * St[2, j] + d * St[3, j]
+                for j in range(columns - STATES):
+                    fS[2 + r, STATES + j] += B[r, j]
             if stage == 0 and k % stride == 0 and k // stride < Y.size:
                 Y[k // stride] = -f_T / m_S  # Eq. (4.31)
                 for j in range(columns):  # y = z1'' + z2'' + u, so its derivative is the sum of two rows
-                    DY[k // stride, j] = kS[0, 2, j] + kS[0, 3, j]
+                    DY[k // stride, j] = fS[2, j] + fS[3, j]
                 if feet:
                     Z[k // stride] = f[3] + u[2 * k]  # z2'' + u
                     for j in range(columns):
-                        DZ[k // stride, j] = kS[0, 3, j]
+                        DZ[k // stride, j] = fS[3, j]
+            for i in range(4):
+                sum_f[i] += share * f[i]
+                for j in range(columns):
+                    sum_S[i, j] += share * fS[i, j]
         for i in range(4):
-            x[i] += h / 6.0 * (kx[0, i] + 2.0 * kx[1, i] + 2.0 * kx[2, i] + kx[3, i])
+            x[i] += h / 6.0 * sum_f[i]
             for j in range(columns):
-                S[i, j] += h / 6.0 * (kS[0, i, j] + 2.0 * kS[1, i, j] + 2.0 * kS[2, i, j] + kS[3, i, j])
+                S[i, j] += h / 6.0 * sum_S[i, j]
     return Y, DY, x, S, Z, DZ
 
 

@@ -91,7 +91,7 @@ def _residual(  # type: ignore[no-untyped-def]
         else:
             delay = value
     at_input, at_line, at_whiten, row = 0, 0, 0, 0
-    guess, DA = np.empty(STATES), np.empty(_P, np.complex128)
+    guess, DA_real, DA_imag = np.empty(STATES), np.empty(_P), np.empty(_P)  # apart: a complex product is thrice the work
     for i in range(counts.size):
         m_S, m_F, frequency, h = about[i, 0], about[i, 1], about[i, 2], about[i, 3]
         n, H = steps[i], counts[i]
@@ -119,16 +119,19 @@ def _residual(  # type: ignore[no-untyped-def]
             turn = -2.0 * np.pi * (k + 1) / n
             step = np.cos(turn) + 1j * np.sin(turn)
             A = 0j
-            DA[:] = 0j
+            DA_real[:], DA_imag[:] = 0.0, 0.0
             for s in range(n):
                 A += at * Y[s]
                 for j in range(_P):
-                    DA[j] += at * DY[s, j]
+                    DA_real[j] += at.real * DY[s, j]
+                    DA_imag[j] += at.imag * DY[s, j]
                 at *= step
             error = A - measured[at_line + k]
             plain[k], plain[H + k] = error.real, error.imag
             for j in range(q.size):
-                d = DA[column[j]] if column[j] >= 0 else -2j * np.pi * frequency * (k + 1) * A
+                d = -2j * np.pi * frequency * (k + 1) * A
+                if column[j] >= 0:
+                    d = complex(DA_real[column[j]], DA_imag[column[j]])
                 D[k, j], D[H + k, j] = d.real * slope[j], d.imag * slope[j]
         for k in range(2 * H):
             r[row + k] = 0.0
