@@ -18,6 +18,10 @@ from identification.study import cluster
 pytest.importorskip("distributed")
 
 
+#: A scheduler's process, its address, and its workers.
+Cluster = tuple["subprocess.Popen[str]", str, "list[subprocess.Popen[str]]"]
+
+
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("cluster")
@@ -40,11 +44,15 @@ def _dask(*words: str) -> "subprocess.Popen[str]":
 
 
 @pytest.fixture(scope="module")
-def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    process, address = _scheduler(tmp_path_factory.mktemp("scheduler"))
-    yield address
-    process.kill()
-    process.wait()
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """One for both tests, as each process takes seconds to start: the first leaves a worker, the last kills it all."""
+    folder = tmp_path_factory.mktemp("scheduler")
+    process, address = _scheduler(folder)
+    workers = [_worker(address, folder / str(i)) for i in range(2)]
+    yield process, address, workers
+    for each in (*workers, process):
+        each.kill()
+        each.wait()
 
 
 def _scheduler(folder: Path) -> "tuple[subprocess.Popen[str], str]":
@@ -63,52 +71,43 @@ def _worker(scheduler: str, folder: Path) -> "subprocess.Popen[str]":
     return _dask("dask_worker", scheduler, "--host", "127.0.0.1", *more)
 
 
-def test_a_killed_worker_loses_nothing(study: Path, serial: dict, scheduler: str, tmp_path: Path) -> None:  # type: ignore[type-arg]
+def test_a_killed_worker_loses_nothing(
+    study: Path, serial: dict[str, dict[str, object]], scheduler: Cluster, tmp_path: Path
+) -> None:
     """The workers see no file of the study: their working folder is elsewhere, and the study is moved meanwhile."""
-    workers = [_worker(scheduler, tmp_path / str(i)) for i in range(2)]
+    _, address, workers = scheduler
     out = tmp_path / "out"
-    try:
-        run = subprocess.Popen(
-            arguments(study, out, "--scheduler", scheduler), env=ENVIRONMENT, stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
-        while len(list((out / "fits").glob("*.json"))) < 2 and run.poll() is None:
-            time.sleep(0.01)
-        early = run.poll() is None
-        os.killpg(workers[0].pid, signal.SIGKILL)
-        _, said = run.communicate()
-        assert early, f"the study ended before a worker could be killed: {said}"
-        assert run.returncode == 0, said
-        assert documents(out) == serial
-        again = elsewhere(study, out, "--scheduler", scheduler)
-        assert (again["computed"], done(again)) == (0, 12)
-    finally:
-        for worker in workers:
-            worker.kill()
-            worker.wait()
+    run = subprocess.Popen(
+        arguments(study, out, "--scheduler", address), env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True,
+    )  # fmt: skip
+    while len(list((out / "fits").glob("*.json"))) < 2 and run.poll() is None:
+        time.sleep(0.01)
+    early = run.poll() is None
+    os.killpg(workers[0].pid, signal.SIGKILL)
+    _, said = run.communicate()
+    assert early, f"the study ended before a worker could be killed: {said}"
+    assert run.returncode == 0, said
+    assert documents(out) == serial
+    again = fitted(study, out, "--workers", "1")  # in this process, which finds them all
+    assert (again["computed"], done(again)) == (0, 12)
 
 
-def test_a_lost_scheduler_is_one_sentence(study: Path, tmp_path: Path) -> None:
+def test_a_lost_scheduler_is_one_sentence(study: Path, scheduler: Cluster, tmp_path: Path) -> None:
     """Killed midway: no traceback of Dask's above the sentence, and what was done is kept."""
-    process, address = _scheduler(tmp_path)
-    worker = _worker(address, tmp_path / "worker")
+    process, address, _ = scheduler
     out = tmp_path / "out"
-    try:
-        run = subprocess.Popen(
-            arguments(study, out, "--scheduler", address, "--starts", "6"), env=ENVIRONMENT, stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
-        while not list((out / "fits").glob("[!.]*.json")) and run.poll() is None:
-            time.sleep(0.01)
-        process.kill()
-        _, said = run.communicate()
-        assert run.returncode == 2, said
-        assert said == "error: the connection to the scheduler is lost; the same command goes on from here.\n"
-        assert list((out / "fits").glob("*.json"))
-    finally:
-        for each in (worker, process):
-            each.kill()
-            each.wait()
+    run = subprocess.Popen(
+        arguments(study, out, "--scheduler", address, "--starts", "6"), env=ENVIRONMENT, stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    while not list((out / "fits").glob("[!.]*.json")) and run.poll() is None:
+        time.sleep(0.01)
+    process.kill()
+    _, said = run.communicate()
+    assert run.returncode == 2, said
+    assert said == "error: the connection to the scheduler is lost; the same command goes on from here.\n"
+    assert list((out / "fits").glob("*.json"))
 
 
 def test_a_scheduler_lost_while_workers_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -91,7 +91,11 @@ def _residual(  # type: ignore[no-untyped-def]
         else:
             delay = value
     at_input, at_line, at_whiten, row = 0, 0, 0, 0
-    guess, DA_real, DA_imag = np.empty(STATES), np.empty(_P), np.empty(_P)  # apart: a complex product is thrice the work
+    guess, DA_real, DA_imag = (
+        np.empty(STATES),
+        np.empty(_P),
+        np.empty(_P),
+    )  # apart: a complex product is thrice the work
     for i in range(counts.size):
         m_S, m_F, frequency, h = about[i, 0], about[i, 1], about[i, 2], about[i, 3]
         n, H = steps[i], counts[i]
