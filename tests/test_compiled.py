@@ -84,15 +84,18 @@ def test_no_orbit_at_the_start_is_said(problem: PeriodicProblem) -> None:
 def test_a_search_on_disk_is_not_cold(
     problem: PeriodicProblem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What numba left is counted only while it is younger than the sources, in the folder that numba names."""
+    """What numba left is counted if it is of these very sources, in the folder that numba names."""
     quick = problem.compiled()
     assert quick is not None
     quick.descend(_wild(problem, 0), 1e-8, 1e-3, 2)
     assert not compiled.cold()
     with monkeypatch.context() as patch:
-        (tmp_path / "two_dof.py").write_text("changed just now")
+        (tmp_path / "two_dof.py").write_text("another model")
         patch.setattr(compiled, "_FILES", (tmp_path / "two_dof.py",))
+        compiled._sources.cache_clear()
         assert compiled.cold()
+    compiled._sources.cache_clear()
+    assert not compiled.cold()
     stats = SimpleNamespace(stats=SimpleNamespace(cache_path=str(tmp_path)))
     monkeypatch.setattr(compiled, "_stamped", lambda _: stats)
     assert compiled.cold()

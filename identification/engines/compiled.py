@@ -31,8 +31,6 @@ from identification.search import UNSTABLE, ZERO
 from identification.space import DELAY, Space
 
 _P = len(NAMES)
-#: The descent's name in those of the files that numba keeps.
-_KEPT = "descend"
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,10 +295,15 @@ def _sources() -> int:
 
 
 def cold() -> bool:
-    """Whether the next descent is compiled first: numba keeps none on disk that is younger than the sources."""
+    """Whether the next descent is compiled first: numba keeps none on disk of these sources, younger than this file."""
     folder = Path(_stamped(_sources()).stats.cache_path)
-    kept = [file.stat().st_mtime for file in folder.glob(f"*{_KEPT}*.nbc")]
-    return max(kept, default=0.0) < max(file.stat().st_mtime for file in _FILES)
+    kept = [file.stat().st_mtime for file in folder.glob(f"*{_name(_sources())}*.nbc")]
+    return max(kept, default=0.0) < Path(__file__).stat().st_mtime
+
+
+def _name(stamp: int) -> str:
+    """The descent's name in those of the files that numba keeps."""
+    return f"descend_{stamp:x}"
 
 
 @functools.cache
@@ -310,7 +313,6 @@ def _stamped(stamp: int) -> Any:
     A number in a closure belongs to the cache's key.
     """
 
-    @njit(cache=True, nogil=True, error_model="numpy")
     def descend(  # type: ignore[no-untyped-def]
         q0, low, high, logarithmic, scale, column, fixed, delay, about, steps, inputs, counts, measured, whiten, shared,
         tolerance, gap, most, passes, columns, feet,
@@ -392,7 +394,8 @@ def _stamped(stamp: int) -> Any:
                 alpha *= before / radius
         return x, 2.0 * cost, evaluations, False
 
-    return descend
+    descend.__qualname__ = _name(stamp)
+    return njit(cache=True, nogil=True, error_model="numpy")(descend)
 
 
 @njit(cache=True, error_model="numpy")
