@@ -6,11 +6,11 @@ import numpy as np
 from scipy.special import chdtrc
 
 from fasbody.recording.recording import Recording
-from identification.branches import Verdict
 from identification.certification import Replay
 from identification.periodic import Line
 from identification.result import UNLIKELY, Allowance, Branch, World, chance
 from identification.space import Space
+from identification.world import MASS_STD
 
 #: Fit below which something is wrong [%], and error of the base above which the shaker is.
 POOR_FIT, _BASE_ERROR = 85.0, 1e-4
@@ -24,16 +24,18 @@ def advice(
     rank: int,
     data: Sequence[Recording],
     run: Replay,
-    verdict: Verdict,
     others: Sequence[World] = (),
 ) -> list[str]:
     """Sentences on a fit's best branch.
 
     Args:
         best: the branch. space: what was free. rank: of the excitation. data: the recordings. run: the branch's motion.
-        verdict: on the branches. others: the other branches that the data leave open, with whatever else may be true.
+        others: the other branches that the data leave open, with whatever else may be true.
     """
     texts = []
+    more = (
+        "Record more frequencies" if len({r.condition.frequency_hz for r in data}) > 1 else "Pool several frequencies"
+    )
     if best.p_value is not None and best.p_value < UNLIKELY:
         texts.append(
             f"The model does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
@@ -56,12 +58,12 @@ def advice(
                 if best.chi_square <= 1
                 else ", which could follow them exactly and do not: the best end was not found, or is out of bounds."
             )
-            + " Pool several frequencies or free fewer (--free)."
+            + f" {more} or free fewer (--free)."
         )
     if rank < len(space.free):
         texts.append(
             f"The excitation has rank {rank}, fewer than the {len(space.free)} free parameters: only distortion by the "
-            "nonlinear dampers tells more. Pool several frequencies."
+            f"nonlinear dampers tells more. {more}."
         )
     bound = [key for key, e in best.parameters.items() if e.at_bound]
     zero = [key for key in bound if best.parameters[key].value == 0.0]
@@ -74,26 +76,22 @@ def advice(
     weak = [key for key, e in best.parameters.items() if e.identifiability == "not identifiable" and not e.at_bound]
     if weak and follows:
         texts.append(f"Not identifiable from these recordings: {', '.join(weak)} (standard error too large).")
-    loads = {recording.condition.added_mass_kg for recording in data}
-    if len(loads) == 1 and str(verdict) == "undecided" and follows:
-        texts.append(
-            "All recordings carry one load; a second load may separate the mirror solutions, if the constants do not "
-            "change with it."
-        )
-    return [*texts, *(departures(best.world, others) if best.world else [])]
+    loads = len({recording.condition.added_mass_kg for recording in data})
+    return [*texts, *(departures(best.world, others, loads) if best.world else [])]
 
 
 #: Standard deviations of a prior, or standard errors, beyond which something else is named.
 _FAR = 3.0
 
 
-def departures(world: World, others: Sequence[World] = ()) -> list[str]:
+def departures(world: World, others: Sequence[World] = (), loads: int = 1) -> list[str]:
     """What the recordings say of the masses, and of each thing that may be true beside the model and seems to be.
 
     A fit that does not follow them says nothing of that, and neither does one of two open branches alone.
 
     Args:
-        world: of the likelier branch. others: those of the other branches that the data leave open.
+        world: of the likelier branch. others: those of the other branches that the data leave open. loads: how many
+            were on the knee.
     """
     if not world.follows:
         return []
@@ -106,11 +104,14 @@ def departures(world: World, others: Sequence[World] = ()) -> list[str]:
                 f"{mass.stated:.4g} {mass.basis}."
             )
     if world.masses and not any(mass.weighed for mass in world.masses):
+        assumed = any(mass.assumed for mass in world.masses)
+        usual = any(mass.prior_std == MASS_STD for mass in world.masses)
+        better = "; --body-mass narrows it" if assumed else "; --mass-std if you know them better" if usual else ""
         texts.append(
             "The recordings do not weigh the leg, and all stiffness and damping scale with its mass: they are known "
-            f"about as well as the masses that were {world.masses[0].basis} (standard deviation "
-            f"{100 * max(m.prior_std for m in world.masses):.3g} % each, "
-            f"{'--body-mass' if world.masses[0].assumed else '--mass-std'}). A second load may weigh it."
+            f"about as well as the masses that were {'assumed' if assumed else 'stated'} (standard deviation "
+            f"{100 * max(m.prior_std for m in world.masses):.3g} % each{better}). "
+            f"A {'second' if loads == 1 else 'heavier'} load may weigh it."
         )
     told = {each.name for other in others for each in other.nuisances if not _shows(each)}
     texts += [_sign(each) for each in world.nuisances if _shows(each) and each.name not in told]

@@ -17,12 +17,6 @@ from fasbody.foot.two_dof import NAMES, TwoDof
 DECISIVE_ODDS = 1000.0
 #: Log of the odds up to which branches are tied: rounding alone then orders them, and the name does it instead.
 TIE = 0.01
-#: What would tell them apart.
-_SECOND_LOAD = "A second load may decide, if the constants do not change with it."
-_SECOND_SENSOR = (
-    "The loads do not tell them apart if the constants may change with the load; a second sensor, or to exclude what "
-    "else may be true (--exclude, [known] in study.toml), can."
-)
 #: Names of the branches by what is stiffer than its mirror image.
 STIFF_ANKLE, STIFF_PAD = "stiff ankle", "stiff pad"
 #: What a foot and its mirror image exchange.
@@ -84,6 +78,30 @@ def _nothing(name: str, values: Mapping[str, float]) -> bool:
 
 
 @dataclass(frozen=True)
+class Had:
+    """What a fit had to tell mirror images apart.
+
+    Attributes:
+        loads, sensors: how many. follow: the constants may change with the load.
+    """
+
+    loads: int = 1
+    sensors: int = 1
+    follow: bool = False
+
+    @property
+    def may_tell(self) -> str:
+        """What else may, in a sentence."""
+        if self.loads == 1:
+            return "A second load may decide, if the constants do not change with it."
+        more = ["a second sensor, on the bones of the foot,"] if self.sensors == 1 else []
+        if not self.follow:
+            return f"The loads do not tell them apart{f'; {more[0]} may' if more else ''}."
+        ways = " or ".join([*more, "excluding what else may be true (--exclude, [known] in study.toml)"])
+        return f"The loads do not tell them apart if the constants may change with the load; {ways} may."
+
+
+@dataclass(frozen=True)
 class Verdict:
     """Whether the data decide between the branches.
 
@@ -112,7 +130,7 @@ def judge(
     chi_square: float,
     dof: int,
     rests: Sequence[str] = (),
-    loads: int = 1,
+    had: Had | None = None,
 ) -> Verdict:
     """Compare branches by -2 log likelihood.
 
@@ -123,8 +141,9 @@ def judge(
             difference is scaled down by the reduced chi-square.
         dof: see chi_square. rests: stiffness and damping of the second branch that rest on their bounds (`pinned`). It
             would fit better beyond, so that the bounds and not the data may speak against it: nothing is decided.
-        loads: how many were on the knee.
+        had: what was recorded, so that no advice is given that was followed.
     """
+    had = had or Had()
     if len(names) < 2:
         text = "The mirror image of this solution lies outside the bounds or leads back here, so nothing was compared."
         return Verdict("not compared", 0.0, text)
@@ -137,13 +156,14 @@ def judge(
     if rests and ratio_ > np.log(DECISIVE_ODDS):
         text = (
             f"The {names[0]} branch fits better, but the {names[1]} branch rests on the bound of {', '.join(rests)}: "
-            "the bounds, and not the data, may speak against it. Wider ones (--bounds) or a second load can decide."
+            "the bounds, and not the data, may speak against it. Wider ones (--bounds)"
+            f"{' or a second load' if had.loads == 1 else ''} can decide."
         )
     elif decided:
         text = f"The {names[0]} branch is favoured by odds of {odds} to 1 over its mirror image ({names[1]})."
     else:
         text = (
             f"The data do not decide between {both} ({for_}): both parameter sets "
-            f"describe the recordings. {_SECOND_LOAD if loads == 1 else _SECOND_SENSOR}"
+            f"describe the recordings. {had.may_tell}"
         )
     return Verdict("decided" if decided else "undecided", float(ratio_), text)

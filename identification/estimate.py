@@ -18,7 +18,7 @@ from fasbody.recording.recording import UNSTATED, Channel, Recording
 from fasbody.recording.study import Study
 from identification import branches, search, sensors
 from identification.advice import advice, excitation_rank
-from identification.branches import STIFF_ANKLE, STIFF_PAD, Verdict
+from identification.branches import STIFF_ANKLE, STIFF_PAD, Had, Verdict
 from identification.certification import Certified, branch_of, certify_first
 from identification.domains import Domain, PeriodicDomain, TimeDomain, choose_domain, steady
 from identification.engines.twin import twin_applies
@@ -225,7 +225,7 @@ class Question:
         warnings += why
         none = known.delay_std_s == 0.0  # known exactly, so there is nothing to estimate
         delay = _tells_delay(data) and not none if settings.delay is None else settings.delay
-        if not delay and not none:
+        if not delay and not none and settings.delay is None:
             warnings.append("One frequency cannot tell a delay between the channels from damping: it is held at zero.")
         fitted, passed_over = sensors.chosen(data, foot, settings.sensors)
         warnings += passed_over
@@ -427,7 +427,9 @@ def judge(question: Question, explored: Explored, answer: Answer, ends: Sequence
     last = built[-1].parameters
     rests = branches.pinned({key: e.at_bound for key, e in last.items()}, {key: e.value for key, e in last.items()})
     loads = len({recording.condition.added_mass_kg for recording in data})
-    verdict = branches.judge([b.name for b in built], deviances, excess, first.dof, rests, loads)
+    follow = bool(ends) and "load" not in question.known.excluded
+    had = Had(loads, len(question.domain.sensors), follow)
+    verdict = branches.judge([b.name for b in built], deviances, excess, first.dof, rests, had)
     if verdict.tied:
         certified = sorted(certified, key=lambda c: c.name)
         built.sort(key=lambda b: b.name)
@@ -444,7 +446,7 @@ def judge(question: Question, explored: Explored, answer: Answer, ends: Sequence
     warnings = (*question.warnings, *explored.warnings, *answer.warnings)
     undecided = str(verdict) == "undecided"
     others = [b.world for b in built[1:] if b.world] if undecided else []
-    warnings += tuple(advice(built[0], question.space, rank, data, best, verdict, others))
+    warnings += tuple(advice(built[0], question.space, rank, data, best, others))
     if ends and built[0].name not in narrow:
         warnings += (_ELSEWHERE.format(name=built[0].name, other=first.name, per=first.chi_square / max(1, first.dof)),)
     return FitResult(

@@ -1,12 +1,14 @@
-"""Excitation rank: two for each sine in the base motion, none for its noise."""
+"""What is advised, and only where it was not followed; the rank of an excitation: two for each sine, none for noise."""
 
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Condition, Recording
-from identification.advice import excitation_rank
+from identification.advice import departures, excitation_rank
+from identification.result import Mass, World
 
 T = np.arange(2000) / 1000
 
@@ -44,3 +46,25 @@ def test_a_recording_without_a_sine_has_the_rank_of_its_band() -> None:
     found = checked(Recording(T, a, np.roll(a, 3)))
     assert found.condition.frequency_hz is None
     assert excitation_rank([found]) == 160
+
+
+def a_world(prior_std: float, assumed: bool) -> World:
+    masses = tuple(Mass(name, 3.0, prior_std, 3.0, 2.5, 3.5, 0.0, assumed=assumed) for name in ("m_S", "m_F"))
+    return World(chi_square=10.0, objective=10.0, dof=10, follows=True, masses=masses, nuisances=())
+
+
+@pytest.mark.parametrize(
+    ("loads", "prior_std", "assumed", "said", "unsaid"),
+    [
+        (1, 0.1, False, ("--mass-std", "second load"), ("--body-mass", "heavier")),
+        (2, 0.1, False, ("--mass-std", "heavier load"), ("--body-mass", "second load")),
+        (1, 0.02, False, ("second load",), ("--body-mass", "--mass-std")),
+        (1, 0.3, True, ("--body-mass",), ("--mass-std",)),
+    ],
+)
+def test_nothing_is_advised_that_was_done(
+    loads: int, prior_std: float, assumed: bool, said: tuple[str, ...], unsaid: tuple[str, ...]
+) -> None:
+    (text,) = departures(a_world(prior_std, assumed), loads=loads)
+    assert all(each in text for each in said)
+    assert not any(each in text for each in unsaid)

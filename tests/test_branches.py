@@ -8,6 +8,7 @@ from identification.branches import (
     DECISIVE_ODDS,
     STIFF_ANKLE,
     STIFF_PAD,
+    Had,
     has_mirror,
     judge,
     mirrored,
@@ -45,6 +46,27 @@ def test_a_mirror_needs_four_free_parameters() -> None:
     assert has_mirror(["k_T", "k_F", "c_11", "c_21", "c_12"], declared) == ""
     assert "it needs c_21 free" in has_mirror(["k_T", "k_F", "c_11"], declared)
     assert "no mirror solution that is known" in has_mirror(["k_T", "k_F", "c_11", "c_21"], ["k_T", "k_F"])
+
+
+@pytest.mark.parametrize(
+    ("had", "said", "unsaid"),
+    [
+        (Had(), "A second load may decide", "second sensor"),
+        (Had(loads=2), "a second sensor, on the bones of the foot, may.", "--exclude"),
+        (Had(loads=2, sensors=2), "The loads do not tell them apart.", "second"),
+        (Had(loads=2, follow=True), "a second sensor, on the bones of the foot, or excluding", "second load"),
+        (Had(loads=2, sensors=2, follow=True), "; excluding what else may be true", "second"),
+    ],
+)
+def test_an_undecided_verdict_advises_what_was_not_done(had: Had, said: str, unsaid: str) -> None:
+    text = judge([STIFF_ANKLE, STIFF_PAD], [100.0, 100.1], 40.0, 50, had=had).sentence
+    assert said in text
+    assert unsaid not in text
+
+
+def test_a_bound_asks_for_a_second_load_only_where_there_is_one() -> None:
+    asked = [judge([STIFF_ANKLE, STIFF_PAD], [0.0, 100.0], 40.0, 50, ["k_F"], Had(n)).sentence for n in (1, 2)]
+    assert ["second load" in text for text in asked] == [True, False]
 
 
 @pytest.mark.parametrize(("difference", "decided"), [(0.1, False), (13.0, False), (14.0, True), (400.0, True)])
