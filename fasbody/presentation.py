@@ -1,5 +1,7 @@
 """How a result shows itself: at a prompt, in a notebook, as a table of numbers, as a figure, as files."""
 
+import math
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -32,12 +34,28 @@ _UNITS = {
     "_hz": "Hz", "_kg": "kg", "_deg": "degree", "_n_per_m": "N/m", "_ns_per_m": "N s/m", "_m_s2": "m/s^2", "_m": "m",
     "_s": "s", "_yr": "yr", "_percent": "%", "_n": "N", "_rad": "rad", "_hz_std": "Hz",
 }  # fmt: skip
+#: Integer parts of five digits and more.
+_LONG = re.compile(r"(?<![\d.])\d{5,}(?![\de])")
 
 
 def unit_of(name: str) -> str:
     """The unit that a column's name ends with, empty where it has none."""
     ends = sorted((end for end in _UNITS if name.lower().removesuffix("_std").endswith(end)), key=len)
     return _UNITS[ends[-1]] if ends else ""
+
+
+def grouped(text: str) -> str:
+    """Digits before the point in groups of three where there are five or more, as SI writes them: 131 160."""
+    return _LONG.sub(lambda digits: f"{int(digits[0]):,}".replace(",", "\u202f"), text)
+
+
+def readable(value: float, digits: int = 3) -> str:
+    """A number for people: so many significant digits, no exponent from a ten thousandth to a billion, grouped."""
+    if not math.isfinite(value) or value == 0 or not 1e-4 <= abs(value) < 1e9:
+        return f"{value:.{digits}g}"
+    places = digits - 1 - math.floor(math.log10(abs(value)))
+    text = f"{round(value, places):.{max(0, places)}f}"
+    return grouped(text.rstrip("0").rstrip(".") if "." in text else text)
 
 
 def picture(figure: "Figure", kind: str, style: Any = None, dpi: int = 200) -> bytes:
@@ -138,7 +156,7 @@ def cell(value: Any) -> str:
     if value is None or isinstance(value, str):
         return "–" if value is None else shown(value)
     if isinstance(value, int | float | complex) and not isinstance(value, bool):
-        return f"{value:.6g}"
+        return f"{value:.6g}" if isinstance(value, complex) else readable(value, 6)
     if isinstance(value, Tabled):
         return value.sheet().title
     if hasattr(value, "dtype") and value.ndim:

@@ -10,7 +10,7 @@ import numpy as np
 
 from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.parameters import of_channel, symbol_and_unit
-from fasbody.presentation import Presented, Sheet, Tabled
+from fasbody.presentation import Presented, Sheet, Tabled, grouped, readable
 from fasbody.recording.recording import Recording
 from identification.contact import Contact
 from identification.contact import summary as lifted
@@ -89,12 +89,9 @@ class Estimate(Tabled):
         """Value and half width of the 95 % interval, rounded to what is known."""
         below, above = self.value - self.lower, self.upper - self.value
         if self.at_bound or not np.isfinite(self.std_error):
-            return f"{self.value:.4g} (bound)" if self.at_bound else "unknown"
+            return f"{readable(self.value, 4)} (bound)" if self.at_bound else "unknown"
         if max(below, above) > 1.2 * min(below, above):  # cut by a bound, or wide on a logarithmic scale
-            low = self.text(self.lower)
-            if self.lower and not float(low):  # a bound far below the value, which rounding would make zero
-                low = f"{float(f'{self.lower:.2g}'):.10g}"
-            return f"{low} to {self.text(self.upper)}"
+            return f"{self._end(self.lower)} to {self._end(self.upper)}"
         return f"{self.text(self.value)} ± {self.text(0.5 * (below + above))}"
 
     @property
@@ -102,15 +99,26 @@ class Estimate(Tabled):
         """How well it is known, for a table."""
         return self.identifiability + (", at bound" if self.at_bound else "")
 
-    def text(self, number: float) -> str:
-        """A number of this parameter's kind with two digits of its uncertainty; a dash if there is none."""
+    def text(self, x: float, places: int | None = None) -> str:
+        """A number of this parameter's kind with two digits of its uncertainty; a dash if there is none.
+
+        Args:
+            x: the number. places: after the point, where those are more.
+        """
         half = 0.5 * (self.upper - self.lower)
-        if not np.isfinite(number):
+        if not np.isfinite(x):
             return "–"
         if not np.isfinite(half) or half <= 0:
-            return f"{number:.4g}"
+            return readable(x, 4)
         digits = 1 - int(np.floor(np.log10(half)))
-        return f"{round(number, digits):.{max(0, digits)}f}"
+        digits = digits if places is None else max(digits, places)
+        return grouped(f"{round(x, digits):.{max(0, digits)}f}")
+
+    def _end(self, x: float) -> str:
+        """An end of a lopsided interval, with three digits of its own at least: one may be far below the other."""
+        if not np.isfinite(x) or x == 0 or abs(x) < 1e-4:
+            return readable(x) if np.isfinite(x) else self.text(x)
+        return self.text(x, 2 - int(np.floor(np.log10(abs(x)))))
 
 
 def _flat(e: Estimate) -> dict[str, Any]:
@@ -362,15 +370,15 @@ class FitResult(Presented):
         rows = []
         for key, e in self.parameters.items():
             truth = self.truth_of(key)
-            known = ["" if truth is None else f"{truth:.6g}"] if self.truth else []
+            known = ["" if truth is None else readable(truth, 6)] if self.truth else []
             others = [branch.parameters[key].interval() for branch in self.branches[1:]]
             trusting = e.if_model_true if self.wide and self.wide.follows else None
             narrow = [trusting.interval() if trusting else "–"] if self.wide else []
             rows.append([label(key), e.interval(), *narrow, *others, *known, e.known])
-        for number, mass in enumerate(self.wide.masses if self.wide else ()):
+        for i, mass in enumerate(self.wide.masses if self.wide else ()):
             truth = self.truth_of(f"{mass.name}_kg")
             known = ["" if truth is None else f"{truth:.4g}"] if self.truth else []
-            others = [b.world.masses[number].interval() if b.world else "" for b in self.branches[1:]]
+            others = [b.world.masses[i].interval() if b.world else "" for b in self.branches[1:]]
             word = "weighed" if mass.weighed else "assumed" if mass.assumed else "as stated"
             told = f"{mass.stated:.4g} {mass.basis}"
             rows.append([f"{mass.name} [kg]", mass.interval(), told, *others, *known, word])

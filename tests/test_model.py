@@ -49,7 +49,7 @@ def test_stock_model_is_the_two_mass_foot() -> None:
         rel=1e-12,
     )
     assert foot.step == 5e-4
-    assert "k_T 1.5e+05 N/m" in str(foot)
+    assert "k_T 150\u202f000 N/m" in str(foot)
     assert "two_dof" in mjcf.names()
     with pytest.raises(KeyError, match="shipped models"):
         mjcf.path("three_dof")

@@ -94,3 +94,12 @@ def test_the_viewer_is_beside_the_notebook(fitted: idn.FitResult, foot: fb.Foot,
     assert repr(viewer).endswith("(closed)")
     file = viz.export(foot, tmp_path / "foot.html", result=fitted)
     assert f"{fitted.values()['k_T_n_per_m']:.6f}"[:6] in file.read_text()
+
+
+def test_numbers_are_grouped_and_free_of_exponents() -> None:
+    """Groups of three from five digits on, as the page in the browser writes them."""
+    from fasbody.presentation import grouped, readable
+
+    shown = [readable(x, n) for x, n in ((131187.4, 6), (10432.0, 3), (9700.0, 4), (1e7, 3), (0.00019972, 3), (0.0, 3))]
+    assert shown == ["131\u202f187", "10\u202f400", "9700", "10\u202f000\u202f000", "0.0002", "0"]
+    assert grouped("-1234567.25 s, 0.0001234567, 9999") == "-1\u202f234\u202f567.25 s, 0.0001234567, 9999"

@@ -33,7 +33,7 @@ def result(**changes: object) -> FitResult:
 @pytest.mark.parametrize(
     ("value", "half", "text"),
     [
-        (131_162.2, 302.0, "131160 ± 300"),
+        (131_162.2, 302.0, "131\u202f160 ± 300"),
         (380.09, 1.0, "380.1 ± 1.0"),
         (-119.598, 0.88, "-119.60 ± 0.88"),
         (72.2, 157.0, "70 ± 160"),
@@ -54,7 +54,10 @@ def test_identifiability_follows_the_standard_error(relative: float, word: str) 
 
 
 def test_intervals_that_are_not_symmetric_or_not_there() -> None:
-    assert Estimate(10.0, 3.0, 4.0, 20.0, False, "weak").interval() == "4.0 to 20.0"
+    assert Estimate(10.0, 3.0, 4.0, 20.0, False, "weak").interval() == "4.00 to 20.0"
+    far = Estimate(2e5, 2e5, 10_432.0, 843_210.0, False, "weak").interval()
+    assert far == "10\u202f400 to 843\u202f000"  # three digits, in groups
+    assert Estimate(1e5, 3.0, 1e5, 2e5, True, "not identifiable").interval() == "100\u202f000 (bound)"
     assert Estimate(10.0, 3.0, 4.0, 10.0, True, "not identifiable").interval() == "10 (bound)"
     assert Estimate(10.0, float("nan"), 4.0, 20.0, False, "not identifiable").interval() == "unknown"
 
@@ -86,7 +89,7 @@ def test_csv_holds_every_parameter_of_every_branch() -> None:
 
 def test_sentence_and_truth() -> None:
     text = result().sentence()
-    assert "k_T = 131160 ± 300" in text
+    assert "k_T = 131\u202f160 ± 300" in text
     assert "fit 98.9 %" in text
     assert "chi-square 0.82 per degree of freedom; decided" in text
     assert "chi-square" not in result(domain="time").sentence()
@@ -101,9 +104,9 @@ def test_an_undecided_sentence_gives_both_branches() -> None:
     pad = replace(ankle, name="stiff pad", parameters={"k_T_n_per_m": estimate(71_570.0, 140.0)})
     undecided = result(branches=(ankle, pad), verdict="undecided")
     for text in (undecided.sentence(), str(undecided)):
-        assert "k_T = 131160 ± 300 N/m (95 %) on the stiff ankle branch or k_T = 71570 ± 140 N/m" in text
+        assert "k_T = 131\u202f160 ± 300 N/m (95 %) on the stiff ankle branch or k_T = 71\u202f570 ± 140 N/m" in text
     assert len(str(undecided).splitlines()) == 2 + 2 + len(ankle.parameters) + len(pad.parameters)
-    assert "71570" not in result(branches=(ankle, pad)).sentence()
+    assert "71\u202f570" not in result(branches=(ankle, pad)).sentence()
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,7 @@ def test_result_brings_mirror_intervals_verdict_and_delay(tmp_path: Path) -> Non
     assert [branch["name"] for branch in fit["branches"]] == ["stiff ankle", "stiff pad"]
     assert fit["branches"][1]["values"] == {"k_T": 8e4}
     row = fit["branches"][0]["rows"][0]
-    assert (row["name"], row["interval"], row["lower"]) == ("k_T", "200000 ± 20000", 1.8e5)
+    assert (row["name"], row["interval"], row["lower"]) == ("k_T", "200\u202f000 ± 20\u202f000", 1.8e5)
     assert (fit["verdict"], fit["reason"], fit["warnings"], fit["odds"]) == (
         "undecided",
         reason,

@@ -14,7 +14,7 @@ from fasbody.exceptions import InputFileError, ModelError, SettingError, unknown
 from fasbody.foot import damper
 from fasbody.foot.engine import SHAKER, SHAKER_CONTROLS
 from fasbody.foot.parameters import Fitted, Parameters, declared, names
-from fasbody.presentation import Sheet, Tabled
+from fasbody.presentation import Sheet, Tabled, readable
 
 #: Elements that every command needs, by kind.
 REQUIRED = {"joint": ("base",), "actuator": ("shaker",), "sensor": ("base", "malleolus"), "site": ("malleolus",)}
@@ -110,7 +110,7 @@ class Foot(Tabled):
 
     def __str__(self) -> str:
         return f"{self.name}: " + ", ".join(
-            f"{name} {value:.4g} {self.parameters[name].unit}" for name, value in self.values().items()
+            f"{name} {readable(value, 4)} {self.parameters[name].unit}" for name, value in self.values().items()
         )
 
     def __repr__(self) -> str:
@@ -120,7 +120,7 @@ class Foot(Tabled):
         """Parameters with their bounds and where they come from."""
         values = self.values()
         rows = [
-            (p.name, f"{values[p.name]:.6g}", p.unit, f"{p.lower:g} to {p.upper:g}", p.source)
+            (p.name, readable(values[p.name], 6), p.unit, f"{readable(p.lower)} to {readable(p.upper)}", p.source)
             for p in self.parameters.values()
         ]
         return Sheet(self.name, ("parameter", "value", "unit", "bounds", "source"), rows)
