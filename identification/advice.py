@@ -99,8 +99,8 @@ def departures(world: World, others: Sequence[World] = (), loads: int = 1) -> li
     for mass in world.masses:
         if mass.weighed:
             texts.append(
-                f"The recordings weigh the leg: {mass.name} without load is {mass.interval()} kg, {100 * (mass.value / mass.stated - 1):+.1f} % off the "
-                f"{mass.stated:.4g} {mass.basis}."
+                f"The recordings weigh the leg: {mass.name} without load is {mass.interval()} kg, "
+                f"{100 * (mass.value / mass.stated - 1):+.1f} % off the {mass.stated:.4g} {mass.basis}."
             )
     if world.masses and not any(mass.weighed for mass in world.masses):
         assumed = any(mass.assumed for mass in world.masses)

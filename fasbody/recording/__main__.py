@@ -270,20 +270,28 @@ def _layout(study: Path | None, columns: str | None) -> Layout | None:
 
 
 def _show(rows: list[dict[str, Any]]) -> None:
+    from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     colours = {"unusable": "red", "usable, see below": "yellow", "sound": "default"}
-    heads = ("file", "samples", "rate [Hz]", "excitation [Hz]", "rms [m/s²]", *QUALITIES, "verdict")
-    table = Table(*map(escape, heads))
+    read = list(dict.fromkeys(name for row in rows for name in row.get("rms_m_s2", {})))
+    felt = [f"{name} rms [m/s²]" for name in read]
+    heads = ("file", "samples", "rate [Hz]", "excitation [Hz]", *felt, *QUALITIES, "verdict")
+    folders = {str(Path(row["file"]).parent) for row in rows}
+    names = {row["file"]: Path(row["file"]).name if len(folders) == 1 else row["file"] for row in rows}
+    table = Table(*(escape(head.replace(" ", "\n")) for head in heads), box=SIMPLE_HEAD, pad_edge=False)
+    table.columns[0].overflow = "fold"
+    for column in table.columns[1:-1]:
+        column.justify = "right"
     listed = [row for row in rows if len(rows) <= _MANY or verdict(row) != "sound"]
     for row in listed:
         found = row.get("frequency_hz")
         table.add_row(
-            escape(row["file"]),
+            escape(names[row["file"]]),
             str(row.get("samples", "")),
             f"{row['rate_hz']:.6g}" if "rate_hz" in row else "",
             "" if row["problem"] else "broadband" if found is None else f"{found:.5g}",
-            ", ".join(f"{name} {value:.3g}" for name, value in row.get("rms_m_s2", {}).items()),
+            *(f"{row['rms_m_s2'][name]:.3g}" if name in row.get("rms_m_s2", {}) else "" for name in read),
             *quality_cells(row),
             f"[{colours[verdict(row)]}]{verdict(row)}[/]",
         )
