@@ -1,9 +1,12 @@
 """What docs/equations.md prints is what the code computes: its formulas are evaluated and compared."""
 
+import re
+
 import numpy as np
 import pytest
 from latex import formulas, matrices, value
 
+from docs import ROOT
 from fasbody.arch import kinematics, lagrange
 from fasbody.arch.bones import Arch
 from fasbody.arch.linear import linearise
@@ -112,3 +115,13 @@ def test_a_wrong_formula_is_found() -> None:
     wrong = formulas("2.5")["T"].replace("m\\omega^2", "m\\omega")
     names = {"k": 6e4, "omega": 125.0, "c": 400.0, "m": 4.3}
     assert value(wrong, names) != pytest.approx(sdof.transmissibility(125.0, 4.3, 400.0, 6e4), rel=0.1)
+
+
+def test_every_equation_has_its_meaning_beside_it() -> None:
+    page = (ROOT / "docs" / "equations.md").read_text()
+    sections = [part for part in re.split(r"^(?=#+ )", page, flags=re.MULTILINE) if part.startswith("### Eq.")]
+    assert len(sections) > 60
+    for section in sections:
+        title, _, rest = section.partition("\n")
+        prose = re.sub(r"^```.*?^```$|^- .*$", "", rest, flags=re.DOTALL | re.MULTILINE)
+        assert prose.strip(), f"{title} has no sentence"
