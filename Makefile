@@ -6,13 +6,16 @@ RUN := $(VENV)/bin/python
 PIP := $(RUN) -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 COMPILED := fasbody/foot/two_dof.py fasbody/foot/damper.py fasbody/foot/engine.py identification/engines/compiled.py
 
-.PHONY: fit view test lint docs bench reproduce clean
+.PHONY: fit view wheel test lint docs bench reproduce clean
 
 fit: $(VENV)/core.stamp  ## identify the bundled synthetic foot; add ARGS="..." for options
 	$(RUN) -m identification.fit $(ARGS)
 
 view: $(VENV)/view.stamp  ## the vibrating foot in the browser; add ARGS="..." for options
 	$(RUN) -m viz.foot $(ARGS)
+
+wheel: $(VENV)/python.stamp  ## one file for another machine, with models and data inside: dist/*.whl
+	$(RUN) -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
 
 test: $(VENV)/dev.stamp  ## the whole test suite; ARGS="-k name" selects
 	$(MAKE) --no-print-directory --jobs=2 lint $(VENV)/compiled.stamp

@@ -40,8 +40,7 @@ STEPS: tuple[tuple[str, str, int], ...] = (
     ("tutorial-check", "fasbody.recording check my_study", 12),
     ("", "fasbody.transmissibility my_study --out results/transmissibility", 0),
     ("tutorial-fit", "identification.fit my_study --out results", 18),
-    ("tutorial-own", "fasbody.recording check 20hz.csv", 7),
-    ("tutorial-undecided", "identification.fit 20hz.csv 30hz.csv 40hz.csv --body-mass 72.5 --out own", 18),
+    ("tutorial-undecided", "identification.fit 20hz.csv --body-mass 72.5", 16),
 )
 
 
@@ -83,9 +82,7 @@ def main() -> None:
             )
             if picture:
                 (FIGURES / f"{picture}.svg").write_text(terminal(command, done.stdout, lines))
-            for hz in (20, 30, 40):
-                for load, own in (("0kg", f"{hz}hz.csv"), ("2.3kg", f"{hz}hz_loaded.csv")):
-                    shutil.copy(desk / "my_study" / "recordings" / f"{hz}hz_{load}.csv", desk / own)
+            shutil.copy(desk / "my_study" / "recordings" / "20hz_0kg.csv", desk / "20hz.csv")
         loads = Image.open(desk / "results" / "transmissibility" / "loads_MB.png").convert("RGB")
         (FIGURES / "tutorial-transmissibility.png").write_bytes(small(loads))
         (FIGURES / "tutorial-report.png").write_bytes(page(desk / "results" / "report.html", 900))

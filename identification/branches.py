@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.foot.two_dof import NAMES, TwoDof
+from fasbody.presentation import readable
 
 #: Odds of one branch over the other beyond which the matter is decided.
 DECISIVE_ODDS = 1000.0
@@ -150,7 +151,7 @@ def judge(
     excess = max(1.0, chi_square / max(1, dof))
     ratio_ = 0.5 * (deviances[1] - deviances[0]) / excess
     decided = ratio_ > np.log(DECISIVE_ODDS) and not rests
-    odds = "more than a million" if ratio_ > np.log(1e6) else f"{np.exp(ratio_):.3g}"
+    odds = "more than a million" if ratio_ > np.log(1e6) else readable(float(np.exp(ratio_)))
     both = " and ".join(sorted(names[:2]))
     for_ = f"odds {odds} to 1 for {names[0]}" if ratio_ >= TIE else "even odds"
     if rests and ratio_ > np.log(DECISIVE_ODDS):

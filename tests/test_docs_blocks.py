@@ -66,7 +66,9 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("desk")
     study = make_study(folder / "my_study", frequencies_hz=(20.0, 30.0, 40.0), added_masses_kg=(0.0, 2.3), seconds=1.0)
     for name in INPUTS:
-        shutil.copy(study / "recordings" / f"{name.removesuffix('.csv')}_0kg.csv", folder / name)
+        hz = name.removesuffix(".csv")
+        shutil.copy(study / "recordings" / f"{hz}_0kg.csv", folder / name)
+        shutil.copy(study / "recordings" / f"{hz}_2.3kg.csv", folder / f"{hz}_loaded.csv")
     shutil.copy(folder / INPUTS[0], folder / "recording.csv")
     shutil.copy(study / "study.toml", folder / "study.toml")
     shutil.copytree(study, folder / "study")

@@ -21,6 +21,7 @@ from scipy.special import logsumexp
 
 from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.two_dof import TwoDof
+from fasbody.presentation import readable
 from identification.branches import DECISIVE_ODDS, EXCHANGED, pinned
 from identification.space import limits
 
@@ -370,7 +371,7 @@ def _sentence(choices: Sequence[Choice | None], overall: Mapping[str, float]) ->
     text = f"Of {len(known)} fits together {len(decided)} are decided ({parts})."
     if overall:
         name, odds = max(overall.items(), key=lambda item: item[1])
-        shown = "more than a million" if odds > 1e6 else f"{odds:.3g}"
+        shown = "more than a million" if odds > 1e6 else readable(odds)
         text += f" If it is one branch throughout: {name}, odds {shown} to 1."
         if odds <= DECISIVE_ODDS:
             text += " That is undecided: a second load, a prior or a sensor on the foot bones must tell."
