@@ -23,6 +23,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 from fasbody.commands import Command, commands
+from fasbody.presentation import unit_of
 
 ROOT = Path(__file__).parent.parent
 #: Page of the site -> file of the repository outside docs/.
@@ -43,6 +44,13 @@ REFERENCE = {module for modules in reference.listed().values() for module in mod
 EXAMPLE = re.compile(r"^!\[[^\]]*\]\(figures/example_(\w+)\.\w+\)$", re.MULTILINE)
 #: A link to a module, and functions of it.
 FUNCTIONS = re.compile(r"(\[`[\w/]+\.py`\]\[([\w.]+)\])((?: `[\w.]+`)+)")
+#: A table of arguments as mkdocstrings makes it; a row of it up to the description: all, name, description.
+TABLE = re.compile(r"<table>\s*<thead>\s*<tr>\s*<th>Name</th>.*?</table>", re.DOTALL)
+ROW = re.compile(
+    r'(<tr class="doc-section-item">\s*<td>\s*<code>([^<]+)</code>\s*</td>\s*<td>.*?</td>\s*<td>)(.*?)</td>', re.DOTALL
+)
+#: A unit in brackets.
+UNIT = re.compile(r"\[((?:1/)?(?:[munk]?[mgNsVJW]|[kM]?Hz|[kMG]?Pa|rad|deg|degree|yr|%|dB)(?:[ /^][\w^/. ]+)?)\]")
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s#]*)(#[^)\s]*)?\)")
 
 
@@ -138,8 +146,28 @@ def _linked(match: re.Match[str]) -> str:
 
 
 def on_page_content(html: str, page: Page, **_: Any) -> str:
-    """Mark the page of rows for docs/styles/wide.css."""
+    """Mark the page of rows for docs/styles/wide.css; give the tables of the reference their units."""
+    if page.file.src_uri.startswith("python_"):
+        return TABLE.sub(_with_units, html)
     return f'<div class="rows">{html}</div>' if page.file.src_uri == "reproduction.md" else html
+
+
+def _with_units(table: re.Match[str]) -> str:
+    """A table of arguments with a column of units, where one of them has any."""
+    rows = [(row[2], row[3]) for row in ROW.finditer(table[0])]
+    units = [_unit(name, says) for name, says in rows]
+    if not any(units):
+        return table[0]
+    left = iter(units)
+    text = ROW.sub(lambda row: f"{row[1]}{row[3]}</td><td>{next(left)}</td>", table[0])
+    return text.replace("<th>Description</th>", "<th>Description</th><th>Unit</th>", 1)
+
+
+def _unit(name: str, says: str) -> str:
+    """The unit that a name ends with, or the only one in brackets in what is said of it."""
+    named = unit_of(name) if name == name.lower() else ""  # m_S is no time
+    found = list(dict.fromkeys(UNIT.findall(says)))
+    return named or (found[0] if len(found) == 1 else "")
 
 
 def command_reference() -> str:

@@ -80,6 +80,8 @@ def test_site_has_every_document_and_every_module(site: Path) -> None:
         "mjcf.path",
     ):
         assert f'id="{name}"' in reference, name
+    mass = reference.split("<code>body_mass_kg</code>")[1].split("</tr>")[0]
+    assert "<td>kg</td>" in mass  # each argument has its unit
     commands = re.sub(r"<[^>]+>", "", (site / "commands.html").read_text(encoding="utf-8"))
     assert "python -m identification.fit my_study --starts 20" in commands
 
