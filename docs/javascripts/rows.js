@@ -11,10 +11,13 @@
     while (before && before.tagName !== "H2") skipped.push(before = before.previousElementSibling);
     return { title: before.firstChild.textContent, all: skipped };
   };
+  // "Eq. 4.26-4.29" holds 4.27 and 4.28, too
+  const between = text => [...text.matchAll(/(\d+(?:\.\d+)*?\.)?(\d+)[-–](?:\1)?(\d+)/g)].flatMap(([, head = "", from, to]) =>
+    to - from < 100 ? Array.from({ length: Math.max(0, to - from + 1) }, (_, k) => head + (+from + k)) : []).join(" ");
   const chapters = tables.map(table => {
     const verdict = [...table.tHead.rows[0].cells].findIndex(cell => cell.textContent.trim() === "verdict");
     const rows = [...table.tBodies[0].rows].map(row =>
-      ({ row, text: row.textContent.toLowerCase(), verdict: row.cells[verdict].textContent.trim() }));
+      ({ row, text: `${row.textContent} ${between(row.cells[0].textContent)}`.toLowerCase(), verdict: row.cells[verdict].textContent.trim() }));
     return { ...heading(table), rows };
   });
   if (!chapters.length) return;
@@ -45,7 +48,7 @@
       }
       for (const part of each.all) part.hidden = !some;
     }
-    count.textContent = `${shown} of ${total} rows`;
+    count.textContent = shown ? `${shown} of ${total} rows` : `none of ${total} rows; a shorter word may find some`;
   };
   bar.addEventListener("input", show);
   bar.addEventListener("submit", event => event.preventDefault());
