@@ -10,6 +10,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+import arguments  # beside this file
 import cells  # beside this file
 import reference  # beside this file
 import typer
@@ -21,6 +22,7 @@ from math_core import LatexToMathML
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
+from mkdocstrings_handlers.python._internal import rendering
 
 from fasbody.commands import Command, commands
 from fasbody.presentation import unit_of
@@ -60,6 +62,8 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     fence = {"name": "math", "class": "math", "format": lambda source, *_, **__: _formula(source, display=True)}
     config.mdx_configs["pymdownx.superfences"] = {"custom_fences": [fence]}
     config.markdown_extensions.append(Formulas())  # type: ignore[arg-type]
+    if hasattr(rendering, "_get_formatter"):  # else mkdocstrings starts ruff for each head, which takes a third of all
+        rendering._get_formatter = lambda: arguments.one_a_line
     return config
 
 

@@ -1,17 +1,15 @@
 """No link inside the project is dead, and the site is built without complaint and without an outside address."""
 
-import os
 import re
 import subprocess
 import sys
-import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from viewer import browser
 
 from docs import DOCUMENTS, ROOT, anchors, links, mentioned_files
-from fasbody.console import write_whole
 
 #: Attributes and functions by which a page loads something; a plain <a href> only leads there.
 LOADS = (
@@ -38,26 +36,19 @@ def test_files_that_are_mentioned_exist(file: Path) -> None:
     assert not missing, f"{file.name} mentions {missing}"
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The site, built once: of several processes of the suite the first builds, and the others wait for it."""
-    own = tmp_path_factory.getbasetemp()
-    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "site"
-    said = folder.with_suffix(".txt")
-    try:
-        folder.mkdir()
-    except FileExistsError:
-        while not said.exists():
-            time.sleep(0.1)
-    else:
-        build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
-        done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
-        write_whole(said, "" if done.returncode == 0 else done.stderr or "failed")
-    assert said.read_text() == ""
-    return folder
+def test_site(tmp_path: Path) -> None:
+    """The site is built and looked at in one test, as two processes of the suite would build it twice or wait."""
+    site = tmp_path / "site"
+    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(site)]
+    done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    needs_no_outside_address(site)
+    has_every_document_and_every_module(site)
+    with browser() as opened:
+        pages_have_navigation_and_fit_at_every_width(site, opened.new_page())
 
 
-def test_site_needs_no_outside_address(site: Path) -> None:
+def needs_no_outside_address(site: Path) -> None:
     pages = [file for kind in ("*.html", "*.css") for file in site.rglob(kind)]
     assert len(pages) > 30
     for page in pages:
@@ -69,7 +60,7 @@ def test_site_needs_no_outside_address(site: Path) -> None:
     assert (site / "search" / "search_index.js").stat().st_size > 100_000
 
 
-def test_site_has_every_document_and_every_module(site: Path) -> None:
+def has_every_document_and_every_module(site: Path) -> None:
     for file in (ROOT / "docs").glob("*.md"):
         assert (site / f"{file.stem}.html").is_file(), file.name
     reference = "".join(page.read_text(encoding="utf-8") for page in site.glob("python_*.html"))
@@ -96,41 +87,39 @@ def test_a_load_from_outside_would_be_found() -> None:
 LOOKED_AT = ("index", "equations", "benchmarks", "reproduction", "python_fit_a_foot", "examples", "credibility")
 
 
-def test_pages_have_navigation_and_fit_at_every_width(site: Path) -> None:
+def pages_have_navigation_and_fit_at_every_width(site: Path, page: Any) -> None:
     """In a browser: a way to other pages is seen, nothing is wider than the window or comes from elsewhere."""
     asked, complaints = [], []
-    with browser() as opened:
-        page = opened.new_page()
-        page.on("request", lambda request: asked.append(request.url))
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        for name in LOOKED_AT:
-            for width in (420, 800, 1400):
-                page.set_viewport_size({"width": width, "height": 900})
-                page.goto((site / f"{name}.html").as_uri())
-                wide = page.evaluate("document.documentElement.scrollWidth")
-                assert wide <= width, f"{name} is {wide} px wide in a window of {width}"
-                assert page.evaluate(WAYS), f"{name} shows no navigation at {width} px"
-            height = page.evaluate("document.documentElement.scrollHeight")
-            assert name != "reproduction" or height < 15_000, f"reproduction is {height} px tall"
-        page.set_viewport_size({"width": 420, "height": 900})
-        page.locator("label.md-header__button[for=__drawer]").click()  # what the narrow pages show opens the navigation
-        page.get_by_role("link", name="Tutorial", exact=True).wait_for()
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    for name in LOOKED_AT:
+        page.goto((site / f"{name}.html").as_uri())
+        for width in (420, 800, 1400):
+            page.set_viewport_size({"width": width, "height": 900})
+            wide = page.evaluate("document.documentElement.scrollWidth")
+            assert wide <= width, f"{name} is {wide} px wide in a window of {width}"
+            assert page.evaluate(WAYS), f"{name} shows no navigation at {width} px"
+        height = page.evaluate("document.documentElement.scrollHeight")
+        assert name != "reproduction" or height < 15_000, f"reproduction is {height} px tall"
+    page.set_viewport_size({"width": 420, "height": 900})
+    page.locator("label.md-header__button[for=__drawer]").click()  # what the narrow pages show opens the navigation
+    page.get_by_role("link", name="Tutorial", exact=True).wait_for()
 
-        page.goto((site / "equations.html").as_uri())
-        assert page.evaluate("document.fonts.ready.then(() => document.fonts.check('16px \"Fasbody Formulas\"'))")
-        sizes = page.evaluate(
-            "[...document.querySelectorAll('.formula > math')].map(m => m.getBoundingClientRect().height)"
-        )
-        assert len(sizes) > 60 and min(sizes) > 10
+    page.goto((site / "equations.html").as_uri())
+    assert page.evaluate("document.fonts.ready.then(() => document.fonts.check('16px \"Fasbody Formulas\"'))")
+    sizes = page.evaluate(
+        "[...document.querySelectorAll('.formula > math')].map(m => m.getBoundingClientRect().height)"
+    )
+    assert len(sizes) > 60 and min(sizes) > 10
 
-        page.goto((site / "reproduction.html").as_uri())
-        shown = "[...document.querySelectorAll('.rows tbody tr')].filter(r => r.offsetParent).length"
-        every = page.evaluate(shown)
-        for wanted in ("Eq. 2.5", "Eq. 4.28"):  # the second is in a row of 4.26-4.29
-            page.get_by_placeholder("Search the rows").fill(wanted)
-            assert 0 < page.evaluate(shown) < every / 10, wanted
-        heights = "[...document.querySelectorAll('.rows .md-typeset__scrollwrap')].map(t => t.offsetHeight)"
-        assert all(height == 0 or height > 40 for height in page.evaluate(heights))  # no frames without rows
+    page.goto((site / "reproduction.html").as_uri())
+    shown = "[...document.querySelectorAll('.rows tbody tr')].filter(r => r.offsetParent).length"
+    every = page.evaluate(shown)
+    for wanted in ("Eq. 2.5", "Eq. 4.28"):  # the second is in a row of 4.26-4.29
+        page.get_by_placeholder("Search the rows").fill(wanted)
+        assert 0 < page.evaluate(shown) < every / 10, wanted
+    heights = "[...document.querySelectorAll('.rows .md-typeset__scrollwrap')].map(t => t.offsetHeight)"
+    assert all(height == 0 or height > 40 for height in page.evaluate(heights))  # no frames without rows
     assert not complaints
     assert [url for url in asked if not url.startswith("file:")] == []
 
