@@ -8,7 +8,7 @@ COMPILED := fasbody/foot/two_dof.py fasbody/foot/damper.py fasbody/foot/engine.p
 
 .PHONY: fit view wheel test lint docs bench reproduce clean
 
-fit: $(VENV)/core.stamp  ## identify the bundled synthetic foot; add ARGS="..." for options
+fit: $(VENV)/core.stamp  ## fit the bundled synthetic foot; add ARGS="..." for options
 	$(RUN) -m identification.fit $(ARGS)
 
 view: $(VENV)/view.stamp  ## the vibrating foot in the browser; add ARGS="..." for options

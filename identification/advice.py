@@ -202,7 +202,7 @@ def _sign(each: Allowance) -> str:
 def excitation_rank(recordings: Sequence[Recording]) -> int:
     """Twice the number of distinct lines in the base motion of all recordings together.
 
-    A linear system with more parameters than that is not identified by them. Noise is not excitation: lines below 1e-3
+    They do not determine a linear system with more parameters than that. Noise is not excitation: lines below 1e-3
     of the largest, or below five standard deviations, do not count.
     """
     lines: list[float] = []

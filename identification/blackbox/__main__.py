@@ -105,7 +105,7 @@ def _several(
     from identification.blackbox import condition, data, keep, mimo
 
     if len(files) != 1:
-        raise SettingError("several inputs or outputs are identified from one file at a time.")
+        raise SettingError("several inputs or outputs are fitted from one file at a time.")
     inputs, outputs = ([name.strip() for name in text.split(",") if name.strip()] for text in columns)
     if not inputs or not outputs:
         raise SettingError("several inputs or outputs need both --input and --output.")

@@ -56,7 +56,7 @@ class Excitation:
         if self.single_sine:
             lines = ", ".join(f"{h * self.frequency_hz:.4g}" for h in self.harmonics)
             return (
-                f"a single sine of {self.frequency_hz:.4g} Hz, rank {self.rank}: what is identified is gain and phase "
+                f"a single sine of {self.frequency_hz:.4g} Hz, rank {self.rank}: it tells gain and phase "
                 f"at {lines} Hz, nothing in between; pool recordings at several frequencies for a transfer function"
             )
         more = " or more" if self.rank >= self.limit else ""
