@@ -155,7 +155,7 @@ def _points_of_sine(report: Report) -> Figure:
         axes.grid(alpha=0.3, lw=0.5)
     frequency = report.excitation.frequency_hz
     gain.set_title(
-        f"{report.name}: response at {frequency:.4g} Hz with 95 % confidence; the data say nothing of other frequencies",
+        f"{report.name}: response at {frequency:.4g} Hz with 95 % confidence; it tells nothing of other frequencies",
         fontsize=10,
     )
     return figure
