@@ -231,7 +231,8 @@ class Layout(Tabled):
                     raise InputFileError(file, f"has two columns for {channel}", "keep one of them", line=line)
                 wanted[key] = (index, found)
             if told.column and not {channel, f"{channel}_s", f"{channel}_m_s2"} & wanted.keys():
-                raise InputFileError(file, f"has no column {told.column!r} for {channel} ({listed})")
+                hint = "one study.toml is for files of one kind; python -m fasbody.recording convert makes them one"
+                raise InputFileError(file, f"has no column {told.column!r} for {channel} ({listed})", hint)
         bare = wanted.pop("time", None)  # a time that does not say its unit; a known rate tells it
         if bare and "time_s" not in wanted:
             if not clocked and self.rate_hz is None:
