@@ -93,9 +93,9 @@ def pages_have_navigation_and_fit_at_every_width(site: Path, page: Any) -> None:
     page.on("request", lambda request: asked.append(request.url))
     page.on("pageerror", lambda error: complaints.append(str(error)))
     for name in LOOKED_AT:
-        page.goto((site / f"{name}.html").as_uri())
         for width in (420, 800, 1400):
             page.set_viewport_size({"width": width, "height": 900})
+            page.goto((site / f"{name}.html").as_uri())
             wide = page.evaluate("document.documentElement.scrollWidth")
             assert wide <= width, f"{name} is {wide} px wide in a window of {width}"
             assert page.evaluate(WAYS), f"{name} shows no navigation at {width} px"
