@@ -215,6 +215,11 @@ class Orbits:
         self._x, self._dx = np.zeros((n, STATES)), np.zeros((n, STATES, _P + 2))
         self._theta = np.zeros((n, _P + 2))
 
+    def near(self, x: np.ndarray, theta: np.ndarray) -> None:
+        """Start the next orbits from states x (R, 4) of feet theta (R, 10)."""
+        self.forget()
+        self._x[:], self._theta[:] = x, theta
+
     def __call__(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """Harmonics (2, N) of shank and foot, recordings behind each other, and derivatives (2, N, 10) to all of theta.
 

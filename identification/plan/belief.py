@@ -15,7 +15,7 @@ from fasbody.recording.recording import Recording
 from identification.branches import DECISIVE_ODDS, STIFF_ANKLE, STIFF_PAD
 from identification.engines.twin import Twin
 from identification.periodic import Line, PeriodicProblem, excitations
-from identification.plan.prior import Person, PlanSpace
+from identification.plan.prior import Person, PlanSpace, stream
 from identification.search import inverse_of_gram
 from identification.settle import settle
 from identification.world import Nuisance, WorldProblem
@@ -25,6 +25,8 @@ _STARTS, _MOST = 6, 40
 #: Up to so many recordings the dampers may yet bend the other way.
 _FEW = 4
 _Z95 = 1.959963984540054
+#: What keeps a correlation matrix positive definite.
+_ROUNDING = 1e-10
 #: Chi-square per degree of freedom beyond which the recordings are not those of such a foot.
 FOLLOWS = 2.0
 
@@ -116,12 +118,17 @@ class Belief:
             for n, b in first.items()
         }
 
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """A foot (n,) that the recordings leave possible."""
+    def draw(self, seed: np.random.SeedSequence) -> np.ndarray:
+        """A foot (n,) that the recordings leave possible.
+
+        The constants come first among the variables, and the factor of the covariance is triangular: so they do not
+        depend on what else the candidates make possible.
+        """
         other = 1 / (1 + np.exp(min(self.log_odds, 500.0)))
-        end = self.ends[1 if rng.random() < other else 0]
-        values, vectors = np.linalg.eigh(end.C)
-        q = end.q + vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(end.q.size))
+        end = self.ends[1 if np.random.default_rng(stream(seed, "branch")).random() < other else 0]
+        std = np.sqrt(np.diag(end.C))
+        factor = std[:, None] * np.linalg.cholesky(end.C / np.outer(std, std) + _ROUNDING * np.eye(std.size))
+        q = end.q + factor @ self.space.normals(seed)
         low, high = self.space.side(1 if end.name == STIFF_ANKLE else -1)
         return np.clip(q, low, high)
 
@@ -131,14 +138,14 @@ def believe(
     recordings: Sequence[Recording],
     allowed: tuple[Nuisance, ...],
     middle_hz: float,
-    rng: np.random.Generator,
+    seed: np.random.SeedSequence,
     before: Belief | None = None,
 ) -> Belief:
     """The likeliest foot of each branch.
 
     Args:
         person: on the shaker. recordings: settled sines, checked. allowed: what else may be true. middle_hz: of the
-            band. rng: of the starts. before: what was believed, to go on from.
+            band. seed: of the starts. before: what was believed, to go on from.
 
     Raises:
         SimulationError: no foot of the population has such a motion.
@@ -149,7 +156,7 @@ def believe(
     drives = [replace(d, masses={}) if weighed else d for d in excitations(lines, person.foot)]
     engine = Twin(person.foot, drives)
     problem = WorldProblem(lines, engine, space, PeriodicProblem(lines, engine, space))
-    ends = _ends(problem, space, rng, before)
+    ends = _ends(problem, space, seed, before)
     problem.reweigh(min(ends, key=lambda e: e.objective).q)
     again = [_descend(problem, space, e.name, e.q) for e in ends]
     if len(again) < 2 or not all(np.isfinite(e.objective) for e in again):
@@ -157,7 +164,9 @@ def believe(
     return Belief(tuple(sorted(again, key=lambda e: e.objective)), space, problem)
 
 
-def _ends(problem: WorldProblem, space: PlanSpace, rng: np.random.Generator, before: Belief | None) -> list[End]:
+def _ends(
+    problem: WorldProblem, space: PlanSpace, seed: np.random.SeedSequence, before: Belief | None
+) -> list[End]:
     found: dict[str, End] = {}
 
     def enter(name: str, q: np.ndarray) -> None:
@@ -169,8 +178,8 @@ def _ends(problem: WorldProblem, space: PlanSpace, rng: np.random.Generator, bef
     for name, sign in ((STIFF_ANKLE, 1), (STIFF_PAD, -1)):
         if name in known:
             enter(name, known[name])
-        for _ in range(0 if known else _STARTS):
-            enter(name, space.draw(rng, sign))
+        for number in range(0 if known else _STARTS):
+            enter(name, space.draw(stream(seed, f"{name} {number}"), sign))
     best = min(found.values(), key=lambda e: e.objective)
     enter(STIFF_PAD if best.name == STIFF_ANKLE else STIFF_ANKLE, space.image(best.q))
     best = min(found.values(), key=lambda e: e.objective)

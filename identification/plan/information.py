@@ -15,7 +15,7 @@ from fasbody.exceptions import SimulationError
 from fasbody.recording.harmonics import Harmonics
 from identification.engines.engine import Excitation
 from identification.engines.twin import Twin
-from identification.periodic import Line, PeriodicProblem, split
+from identification.periodic import Line, PeriodicProblem
 from identification.plan.candidates import Step
 from identification.plan.prior import Person, PlanSpace, stub
 from identification.plan.shaker import Shaker
@@ -73,41 +73,78 @@ class Sight:
         sensors = tuple(dict.fromkeys(name for step in self.steps for name in step.sensors))
         engine = Twin(person.foot, drives, sensors)
         plain = PeriodicProblem(lines, engine, self.space)
-        self._problem = WorldProblem(lines, engine, self.space, plain)
-        self._lines = lines
+        self._problem = _Looked(lines, engine, self.space, plain)
+        sizes, each = [line.size for line in lines], [line.count for line in lines for _ in line.sensors]
+        self._first, self._first_of_sensor = (np.cumsum([0, *x[:-1]]) for x in (sizes, each))
+        self._count_of_sensor = np.array(each)
+        drive = [abs(line.base.amplitudes[0]) for line in lines]
+        self._drive, self._drive_of_sensor = np.array(drive), np.repeat(drive, [len(line.sensors) for line in lines])
+        self._noise = np.repeat([line.base.std[0] for line in lines], [len(line.sensors) for line in lines])
 
     def see(self, q: np.ndarray) -> Seen | None:
         """What each step tells of a foot at q (n,); None where it, or its mirror image, has no steady motion."""
         image = self.space.image(q)
-        self._problem.start(q)
         try:
-            true = self._problem.responses(q)
-            self._problem.start(image)
-            other = self._problem.responses(image)
+            (Y, J), (Z, K) = self._moved(q), self._moved(image)
         except SimulationError:
             return None
-        n = q.size
-        A, B, b = np.empty((len(true), n, n)), np.empty((len(true), n, n)), np.empty((len(true), n))
-        c, gain = np.empty(len(true)), np.empty(len(true))
-        for i, (line, (Y, J), (Z, K)) in enumerate(zip(self._lines, true, other, strict=True)):
-            w = 1 / self._std(line, Y)
-            J, K, r = w[:, None] * split(J), w[:, None] * split(K), w * split(Z - Y)
-            A[i], B[i], b[i], c[i] = J.T @ J, K.T @ K, K.T @ r, r @ r
-            gain[i] = abs(Y[0] / line.base.amplitudes[0])
+        w = 1 / self._std(Y)
+        J, K, r = w[:, None] * J, w[:, None] * K, w * (Z - Y)
+        A, B, b, c = (self._summed(x) for x in (_grams(J), _grams(K), np.real(K.conj() * r[:, None]), abs(r) ** 2))
         if not (np.isfinite(A).all() and np.isfinite(B).all() and np.isfinite(c).all()):
             return None
+        gain = abs(Y[self._first] / self._drive)
         at = self._place
         return Seen(q, image, A[at], B[at], b[at], c[at], gain[at])
 
-    def _std(self, line: Line, Y: np.ndarray) -> np.ndarray:
-        """Noise (2 k H,) of real and imaginary parts: the output's own, and the input's through the foot."""
-        U, H = line.base.amplitudes, line.count
-        found = []
-        for place in range(Y.size // H):
-            y = Y[place * H : (place + 1) * H]
-            gain = abs(y[0] / U[0])
-            found.append(np.full(H, np.hypot(max(line.base.std[0], _FLOOR * abs(y[0])), gain * line.base.std[0])))
-        return np.tile(np.concatenate(found), 2)
+    def _moved(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Harmonics (N,) of all steps, one behind the other, and their derivatives (N, n)."""
+        self._problem.start(q)
+        each = self._problem.responses(q)
+        return np.concatenate([Y for Y, _ in each]), np.concatenate([J for _, J in each])
+
+    def _summed(self, x: np.ndarray) -> np.ndarray:
+        """Sums (C, ...) over the harmonics (N, ...) of each step."""
+        return np.asarray(np.add.reduceat(x, self._first, axis=0))
+
+    def _std(self, Y: np.ndarray) -> np.ndarray:
+        """Noise (N,) of real and imaginary parts: the output's own, and the input's through the foot."""
+        y = abs(Y[self._first_of_sensor])
+        std = np.hypot(np.maximum(self._noise, _FLOOR * y), y / self._drive_of_sensor * self._noise)
+        return np.repeat(std, self._count_of_sensor)
+
+
+def _grams(J: np.ndarray) -> np.ndarray:
+    """Information (N, n, n) of each harmonic, from its whitened derivatives (N, n): real and imaginary part."""
+    parts = np.stack([J.real, J.imag], axis=1)
+    return parts.transpose(0, 2, 1) @ parts
+
+
+class _Looked(WorldProblem):
+    """The fit's problem, started from the motion of the linear foot: many feet are looked at, each of them once."""
+
+    def start(self, q: np.ndarray) -> np.ndarray:
+        """See `WorldProblem`."""
+        super().start(q)
+        if self._orbits is not None:
+            theta = self.world.all_of(q)[0]
+            self._orbits.near(self._linear(theta), theta)
+        return q
+
+    def _linear(self, theta: np.ndarray) -> np.ndarray:
+        """States (R, 4) at time zero of the steady motion without the dampers' bends."""
+        whose = np.repeat(np.arange(len(self.lines)), [line.count for line in self.lines])
+        s = np.concatenate([2j * np.pi * line.base.frequency_hz * np.arange(1, line.count + 1) for line in self.lines])
+        U = np.concatenate([line.base.amplitudes for line in self.lines])
+        k_T, k_F, c_11, _, _, c_21, _, _, m_S, m_F = theta[whose].T
+        ankle, pad = k_T + c_11 * s, k_F + c_21 * s
+        own, other = s**2 + ankle * (m_S + m_F) / (m_S * m_F), s**2 + pad / m_F  # Eq. (4.30)
+        below = own * other - pad * ankle / m_F**2
+        z_1, z_2 = -pad / m_F * U / below, -own * U / below
+        x = np.zeros((len(self.lines), 4))
+        for column, z in enumerate((z_1, z_2, s * z_1, s * z_2)):
+            np.add.at(x[:, column], whose, z.real)
+        return x
 
 
 def _line(person: Person, step: Step, shaker: Shaker) -> Line:

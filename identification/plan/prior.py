@@ -4,6 +4,7 @@ The search variables are those of the fit (`identification.world`), with its nui
 population of feet is added, wide enough for both mirror feet: without it a plan would need a guess.
 """
 
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -60,14 +61,21 @@ class PlanSpace(WorldSpace):
             mean[self.index[name]], std[self.index[name]] = middle, width
         return mean, std
 
-    def draw(self, rng: np.random.Generator, sign: int) -> np.ndarray:
+    def normals(self, seed: np.random.SeedSequence) -> np.ndarray:
+        """Standard normal numbers (n,): the same for a variable whatever other variables there are."""
+        own = np.random.default_rng(seed).standard_normal(len(self.base))
+        rest = [np.random.default_rng(stream(seed, each.name)).standard_normal() for each in self.nuisances]
+        return np.array([*own, *rest])
+
+    def draw(self, seed: np.random.SeedSequence, sign: int) -> np.ndarray:
         """A foot (n,) of one branch, with everything else that may be true.
 
         Args:
-            rng: of the draw. sign: 1 for a stiff ankle, -1 for a stiff pad.
+            seed: of the draw: the same foot whatever is recorded of it. sign: 1 for a stiff ankle, -1 for a stiff pad.
         """
         mean, std = self.prior
-        q = mean + std * rng.standard_normal(mean.size)
+        q = mean + std * self.normals(seed)
+        rng = np.random.default_rng(stream(seed, "bends"))
         for name in ("c_12", "c_22"):
             q[self.index[name]] = BEND / self._scale[self.index[name]] * rng.standard_normal()
         for name in self.squared:
@@ -87,6 +95,11 @@ class PlanSpace(WorldSpace):
     def value(self, q: np.ndarray, name: str) -> float:
         """A constant at rest, without load."""
         return self._unloaded(q)[name][0]
+
+
+def stream(seed: np.random.SeedSequence, what: str) -> np.random.SeedSequence:
+    """The seed of one thing among those of a draw, by its name; asking for it leaves the seed as it is."""
+    return np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, zlib.crc32(what.encode())))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,8 @@ from fasbody.console import to_json, write_whole
 from fasbody.presentation import Presented, Sheet
 from identification.branches import EXCHANGED
 from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Step, thesis
-from identification.plan.director import SHARE, Director, Outlook, Score
+from identification.plan.director import SHARE, Director
+from identification.plan.feet import Outlook, Score
 from identification.plan.protocol import Protocol, shaking_s
 
 _TITLES = {PLANNED: "planned", THESIS: "the thesis, three loads", UNLOADED: "the thesis, unloaded"}

@@ -1,0 +1,152 @@
+"""Feet that could be the person's, all at once: what protocols are expected to leave of their constants and branches.
+
+The score is in nats, and a mean over the feet:
+
+- information: half the log det that the asked constants' information gains, whatever else may be true integrated out;
+- branch: how much nearer the expected log-odds between the foot and its mirror image come to 1000 to 1, as a share;
+- rivals: the same for the departures that are not excluded, each of the size that its prior expects;
+- widest: the logarithm by which the widest asked interval comes nearer to what was asked.
+
+The odds are those of one Gauss-Newton step from the mirror image, which has everything else that may be true to help.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.branches import DECISIVE_ODDS, EXCHANGED
+from identification.plan.information import Seen
+from identification.plan.prior import PlanSpace
+
+_DECISIVE = float(np.log(DECISIVE_ODDS))
+_Z95 = 1.959963984540054
+#: What of each departure says how large it is; the rest says of what kind.
+_SIZES = {
+    "mount": ("mount",), "relaxation": ("relaxing k_T", "relaxing k_F"), "rocking": ("rocking",), "load": (" under ",),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a step adds, in nats; see the module."""
+
+    information: float
+    branch: float
+    rivals: float
+    widest: float
+
+    @property
+    def total(self) -> float:
+        """All together."""
+        return self.information + self.branch + self.rivals + self.widest
+
+
+@dataclass(frozen=True, eq=False)
+class Outlook:
+    """What recordings are expected to leave.
+
+    Attributes:
+        half_width: by constant, the geometric mean over the feet: half of the 95 % interval as a share of the value.
+        spread: by constant, least and largest over the feet. log_odds: (D,) of each foot over its mirror image.
+        utility: (4,) in the order of `Score`, to take differences of.
+    """
+
+    half_width: Mapping[str, float]
+    spread: Mapping[str, tuple[float, float]]
+    log_odds: np.ndarray
+    utility: np.ndarray
+
+    @property
+    def decided(self) -> float:
+        """Share of the feet whose branch is decided."""
+        return float(np.mean(self.log_odds > _DECISIVE))
+
+
+class Feet:
+    """Judges protocols, each given by how often it has each of C steps.
+
+    Args:
+        seen: D feet, as all steps see them. space: of their n variables. candidates: so many steps come first that
+            could be added.
+
+    Attributes:
+        asked: half-widths by constant that the widest interval is compared with; none, and it does not count.
+    """
+
+    def __init__(self, seen: Sequence[Seen], space: PlanSpace, candidates: int) -> None:
+        self.seen, self.asked = list(seen), dict[str, float]()
+        self._sums = [np.stack([getattr(foot, name) for foot in seen]) for name in ("A", "B", "b", "c")]
+        self._each = [x[:, :candidates] for x in self._sums]
+        mean, std = space.prior
+        self._P = 1 / std**2
+        true, image = (np.stack([getattr(f, which) for f in seen]) - mean for which in ("q", "image"))
+        self._pp, self._p_image = (self._P * true**2).sum(1), self._P * image
+        self._pp_image = (self._P * image**2).sum(1)
+        self._rivals = _sizes(space.index)
+        # derivatives (D, m, n) of the logarithms of the main constants, the prior's slope, and units of the rivals
+        L = np.stack([space.logarithms(foot.q, EXCHANGED) for foot in seen])
+        units = np.eye(mean.size)[[i for group in self._rivals for i in group]]
+        whole = np.broadcast_to(units, (len(seen), *units.shape))
+        self._rows = np.concatenate([L, (self._P * true)[:, None], whole], axis=1)[:, None]
+
+    def outlook(self, counts: np.ndarray) -> Outlook:
+        """What a protocol (C,) leaves."""
+        std, odds, utility = self._judge(*(x[:, None] for x in self._summed(counts)))
+        half = np.sinh(_Z95 * std[:, 0])
+        return Outlook(
+            {name: float(np.exp(np.log(half[:, i]).mean())) for i, name in enumerate(EXCHANGED)},
+            {name: (float(half[:, i].min()), float(half[:, i].max())) for i, name in enumerate(EXCHANGED)},
+            odds[:, 0],
+            utility[0],
+        )
+
+    def gains(self, counts: np.ndarray) -> np.ndarray:
+        """What each candidate adds to a protocol (C,): (K, 4) in the order of `Score`."""
+        now = [x[:, None] for x in self._summed(counts)]
+        after = [s + x for s, x in zip(now, self._each, strict=True)]
+        return self._judge(*after)[2] - self._judge(*now)[2]
+
+    def _summed(self, counts: np.ndarray) -> list[np.ndarray]:
+        at = np.flatnonzero(counts)
+        return [np.tensordot(counts[at], x[:, at], (0, 1)) for x in self._sums]
+
+    def _judge(
+        self, A: np.ndarray, B: np.ndarray, b: np.ndarray, c: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Standard errors (D, K, m) of logarithms, log-odds (D, K), utility (K, 4), of K protocols by their sums.
+
+        Args:
+            A, B: (D, K, n, n). b: (D, K, n). c: (D, K).
+        """
+        m, prior = len(EXCHANGED), np.diag(self._P)
+        right = np.linalg.solve(A + prior, np.swapaxes(self._rows, -1, -2))
+        known = self._rows @ right  # covariances of the rows' products with the variables
+        own = known[..., :m, :m]
+        std = np.sqrt(np.einsum("dkmm->dkm", own))
+        information = -0.5 * np.linalg.slogdet(own)[1].mean(0)
+        # of the branch: what the best foot near the mirror image misses, less what the prior costs the foot itself
+        bent = b + self._p_image[:, None]
+        missed = c + self._pp_image[:, None] - (bent * np.linalg.solve(B + prior, bent[..., None])[..., 0]).sum(-1)
+        odds = 0.5 * (missed - self._pp[:, None] + known[..., m, m])
+        branch = np.clip(odds / _DECISIVE, 0.0, 1.0).mean(0)
+        rivals, first = np.zeros(A.shape[1]), m + 1
+        for group in self._rivals:
+            rows = slice(first, first + group.size)
+            block = np.linalg.inv(known[..., rows, rows]) - np.diag(self._P[group])
+            rivals += np.clip(0.5 * block.sum((-1, -2)) / _DECISIVE, 0.0, 1.0).mean(0) / len(self._rivals)
+            first = rows.stop
+        over = np.zeros(std.shape[1])
+        if self.asked:
+            wanted = np.array([self.asked[name] for name in EXCHANGED])
+            over = np.maximum(0.0, np.log(np.sinh(np.minimum(_Z95 * std, 50.0)) / wanted).max(-1)).mean(0)
+        return std, odds, np.stack([information, branch, rivals, -over], axis=1)
+
+
+def _sizes(index: Mapping[str, int]) -> list[np.ndarray]:
+    """Places of the sizes of each departure that is not excluded."""
+    found = []
+    for names in _SIZES.values():
+        at = [i for name, i in index.items() if any(name == n or (n == " under " and n in name) for n in names)]
+        found += [np.array(at)] if at else []
+    return found
