@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 
 from fasbody.console import command_line, console, make_folder, print_json, results
-from fasbody.exceptions import SettingError
+from fasbody.exceptions import AcquisitionError, SettingError, Stopped
 from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.presentation import write_figure
 
@@ -171,11 +171,17 @@ def run(
     mass_std: _MassStd = None,
     gain_std: _GainStd = None,
     delay_std: _DelayStd = None,
+    load_change: Annotated[
+        float, typer.Option(help="what laying another load costs, in seconds of shaking", min=0, max=3600)
+    ] = 60.0,
     draws: _Draws = 0,
     seed: _Seed = 0,
     json_: _Json = False,
 ) -> None:
     """Record, fit and plan in turn; say after each recording what it was, what is known now, and what is next.
+
+    However it ends, also by Ctrl-C, the result so far is printed and written to session.json in the study folder; the
+    same command goes on from the recordings that are there.
 
     Examples:
       python -m identification.plan run --simulate --auto --seconds 4 --out my_study
@@ -185,7 +191,7 @@ def run(
     from fasbody.acquire.level import Safety
     from fasbody.acquire.session import terminated
     from identification.plan.record import Laboratory, Offer
-    from identification.plan.session import Session
+    from identification.plan.session import BROKEN, INTERRUPTED, Session
 
     if out is None:
         raise SettingError("where to? Give --out STUDY, a folder that is made if needed.")
@@ -213,15 +219,23 @@ def run(
     ports = None if simulate else (port or "", baud, generator or "", generator_baud)
     with ExitStack() as stack:
         stack.enter_context(terminated())
-        laboratory = stack.enter_context(Laboratory(out, person, safety, ports, asks=not auto))
+        laboratory = stack.enter_context(Laboratory(out, person, safety, ports))
         session = Session(
-            person, shaker, _asked(ask), recordings, 60 * minutes, seed, draws, laboratory.record, Offer(auto), earlier
-        )
+            person, shaker, _asked(ask), recordings, 60 * minutes, seed, draws, laboratory.record, Offer(auto), earlier,
+            load_change,
+        )  # fmt: skip
         result = session.run()
     if json_:
         print_json(result.document())
     else:
         show(result)
+    if result.taken:
+        written = result.write(out)[0]
+        console.print(f"written to {written}; the same command goes on from there", soft_wrap=True, markup=False)
+    if result.ended == INTERRUPTED:
+        raise Stopped(result.reason)
+    if result.ended == BROKEN:
+        raise AcquisitionError(result.reason)
 
 
 def _shaker(

@@ -27,8 +27,9 @@ _FEW = 4
 _Z95 = 1.959963984540054
 #: What keeps a correlation matrix positive definite.
 _ROUNDING = 1e-10
-#: Chi-square per degree of freedom beyond which the recordings are not those of such a foot.
-FOLLOWS = 2.0
+#: Chi-square per degree of freedom beyond which it is open whether such a foot makes these recordings. It is said that
+#: none does from so many recordings on, where noise alone is less likely than this: one recording can itself be bad.
+FOLLOWS, _SEVERAL, _UNLIKELY = 2.0, 3, 1e-3
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,15 @@ class Belief:
         """Whether such a foot can make these recordings."""
         return self.per_dof <= FOLLOWS
 
+    @property
+    def strange(self) -> bool:
+        """Whether there is evidence that no such foot makes these recordings."""
+        from scipy.special import chdtrc
+
+        end = self.ends[0]
+        several = len(self.problem.lines) >= _SEVERAL and end.dof >= 1
+        return several and not self.follows and float(chdtrc(end.dof, end.chi_square)) < _UNLIKELY
+
     def bands(self, names: Sequence[str], end: int = 0) -> dict[str, Band]:
         """Constants at rest, without load, of one end; wider where such a foot does not quite follow the recordings."""
         found, e = {}, self.ends[end]
@@ -164,9 +174,7 @@ def believe(
     return Belief(tuple(sorted(again, key=lambda e: e.objective)), space, problem)
 
 
-def _ends(
-    problem: WorldProblem, space: PlanSpace, seed: np.random.SeedSequence, before: Belief | None
-) -> list[End]:
+def _ends(problem: WorldProblem, space: PlanSpace, seed: np.random.SeedSequence, before: Belief | None) -> list[End]:
     found: dict[str, End] = {}
 
     def enter(name: str, q: np.ndarray) -> None:

@@ -32,8 +32,9 @@ SHARE = 0.9
 AS_THESIS = 1.05
 #: Rounds of exchange of a whole session, and the gain in nats that is worth one.
 _ROUNDS, _WORTH = 3, 1e-3
-#: So often is every candidate recorded where a protocol goes on for ever.
-_FOR_EVER = 1e4
+#: A protocol that goes on for ever has every candidate so often, and oftener until the noise of all of them together
+#: is that of a sample with this rms [m/s^2], far below that of any sensor.
+_FOR_EVER, _SILENT = 1e4, 1e-3
 #: Draws of feet that have no steady motion before it is given up.
 _TRIES = 10
 
@@ -144,11 +145,35 @@ class Director:
         return self._feet.outlook(self._counts(steps, fresh))
 
     def for_ever(self) -> Outlook:
-        """What is expected if every candidate were recorded over and over."""
-        counts = self._counts((), False)
-        for step in self.candidates:
-            counts[self._place[self._unit(step)]] += _FOR_EVER
-        return self._feet.outlook(counts)
+        """What is expected if every candidate were recorded until no noise is left: what stays is not in the motion."""
+        return self._feet.outlook(self._counts((), False) + self._longest * self._counts(self.candidates, True))
+
+    @property
+    def _longest(self) -> float:
+        return max(_FOR_EVER, (self.shaker.noise_m_s2 / _SILENT) ** 2)
+
+    def times(self, steps: Sequence[Step], names: Sequence[str], branch: bool) -> float:
+        """How often steps must be recorded until some intervals are as asked; infinite where that is never.
+
+        Args:
+            steps: together, beside what is done. names: of the constants. branch: whether it must be decided as well.
+        """
+        done, more = self._counts((), False), self._counts(steps, True)
+
+        def enough(times: float) -> bool:
+            outlook = self._feet.outlook(done + times * more)
+            narrow = all(outlook.half_width[name] <= self.asked[name] for name in names)
+            return narrow and (outlook.decided >= SHARE or not branch)
+
+        low, high = 0.0, 1.0
+        while not enough(high):
+            low, high = high, 2 * high
+            if high > self._longest:
+                return float("inf")
+        while high - low > 0.01 * high:
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if enough(middle) else (middle, high)
+        return high
 
     # proposals
 

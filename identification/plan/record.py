@@ -28,14 +28,12 @@ class Laboratory:
 
     Args:
         study: folder. person: on the shaker. safety: what guard and level keep to.
-        ports: board, its baud rate, generator, its baud rate; None for the virtual bench. asks: a person at the
-            terminal lays the loads; without one, they must be laid when a step comes to them.
+        ports: board, its baud rate, generator, its baud rate; None for the virtual bench. On hardware a person at the
+            terminal lays the loads, and says so.
     """
 
-    def __init__(
-        self, study: Path, person: Person, safety: Safety, ports: tuple[str, int, str, int] | None, asks: bool
-    ) -> None:
-        self._study, self._person, self._safety, self._ports, self._asks = study, person, safety, ports, asks
+    def __init__(self, study: Path, person: Person, safety: Safety, ports: tuple[str, int, str, int] | None) -> None:
+        self._study, self._person, self._safety, self._ports = study, person, safety, ports
         self._stack = ExitStack()
         self._load: float | None = None
         self._session: Session | None = None
@@ -102,7 +100,7 @@ class Laboratory:
 
     def _lay(self, load_kg: float) -> None:
         """Wait until somebody has laid the load; the output is off."""
-        if not typer.confirm(f"{load_kg:g} kg are on the knee", default=True, err=True):
+        if not _agreed(f"{load_kg:g} kg are on the knee"):
             raise AcquisitionError(f"{load_kg:g} kg are not on the knee.")
 
 
@@ -117,8 +115,16 @@ class Offer(Offering):
         console.print(f"next: {proposed} ({why})", soft_wrap=True, markup=False)
         if self._auto:
             return proposed
-        return proposed if typer.confirm("take it", default=True, err=True) else None
+        return proposed if _agreed("take it") else None
 
     def told(self, sentence: str) -> None:
         """See `Offering`."""
         console.print(sentence, soft_wrap=True, markup=False)
+
+
+def _agreed(question: str) -> bool:
+    """What a person at the terminal says; Ctrl-C at the question is Ctrl-C."""
+    try:
+        return typer.confirm(question, default=True, err=True)
+    except typer.Abort:
+        raise KeyboardInterrupt from None

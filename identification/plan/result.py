@@ -1,6 +1,6 @@
 """A session planned in advance, beside the thesis' protocol."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -48,6 +48,42 @@ class Expected:
         }  # fmt: skip
 
 
+#: What is recorded where no few steps would do.
+EVERY = "every candidate"
+
+
+@dataclass(frozen=True)
+class Longer:
+    """What it takes where the noise is what is in the way.
+
+    Attributes:
+        times: how often the steps must be recorded, once for as they are planned. shaking_s: that takes.
+        steps: "the plan", or every candidate where that is quicker.
+    """
+
+    times: float
+    shaking_s: float
+    steps: str
+
+    def __str__(self) -> str:
+        if self.steps == EVERY:
+            return f"It would take {span(self.shaking_s)} of shaking, spread over {EVERY}."
+        count = f"{self.times:.2g}" if self.times < 10 else f"{self.times:.0f}"
+        return f"It would take {self.steps} {count} times over, {span(self.shaking_s)} of shaking."
+
+    @classmethod
+    def of(
+        cls, director: Director, steps: Mapping[str, Sequence[Step]], names: Sequence[str], branch: bool
+    ) -> "Longer | None":
+        """The quickest of some protocols, by what they are called; None where none ever does."""
+        found = []
+        for what, each in steps.items():
+            times = director.times(each, names, branch)
+            if np.isfinite(times):
+                found.append(cls(times, times * shaking_s(each), what))
+        return min(found, key=lambda x: x.shaking_s, default=None)
+
+
 @dataclass(frozen=True)
 class Place:
     """One candidate on the map: what it adds as the first recording, and as one more after the plan."""
@@ -65,7 +101,8 @@ class Planned(Presented):
         model, subject, body_mass_kg, posture, seed: whose plan, and of which draws. feet: how many draws.
         steps: to record, in order. adds: what each adds to all the others. expected: by protocol.
         asked: half-widths by constant; told: those of them that were asked for in words.
-        reached: half-widths if every candidate were recorded for ever, and the share decided then.
+        reached: half-widths if every candidate were recorded until no noise is left, and the share decided then.
+        longer: what it takes to meet what the noise is in the way of; None where nothing is.
         allowed: departures of the world that are allowed for. earlier: how many recordings there are.
         places: the map. said: what earlier recordings say. seconds: that the planning took.
     """
@@ -85,6 +122,7 @@ class Planned(Presented):
     asked: dict[str, float]
     told: tuple[str, ...]
     reached: Expected
+    longer: Longer | None
     allowed: tuple[str, ...]
     earlier: int
     places: tuple[Place, ...]
@@ -136,10 +174,12 @@ class Planned(Presented):
         """Whether what is asked is met, will be, or never is."""
         if self.met:
             return "What is asked is met."
-        parts = []
-        for name in self.missed:
-            if name not in self.never:
-                parts.append(f"{name} stays at +-{_percent(self.expected[PLANNED].half_width[name])}")
+        mine = self.expected[PLANNED].half_width
+        parts = [
+            f"{name} stays at +-{_percent(mine[name])} ({_percent(self.asked[name])} asked)"
+            for name in self.missed
+            if name not in self.never
+        ]
         if not self.decides and self.reached.decided >= SHARE:
             parts.append("the branch may stay open")
         never = [
@@ -150,11 +190,13 @@ class Planned(Presented):
             never.append(f"the branch for more than {100 * self.reached.decided:.0f} % of such feet")
         text = ""
         if parts:
-            text = f"More recordings or minutes are needed: {', '.join(parts)}. "
+            text = f"More recordings or minutes are needed, as noise is in the way: {', '.join(parts)}. "
+            text += f"{self.longer} " if self.longer else ""
         if never:
             text += (
-                f"No protocol of these candidates ever brings {', nor '.join(never)}: what stays uncertain is not in "
-                "the vibration. Weigh the segments, calibrate the channels, or add a load or a sensor on the foot."
+                f"No protocol of these candidates ever brings {', nor '.join(never)}, however little noise there is: "
+                "what stays uncertain is not in the vibration. Weigh the segments, calibrate the channels, or add a "
+                "load or a sensor on the foot."
             )
         return text.strip()
 
@@ -202,6 +244,7 @@ class Planned(Presented):
                 "constants": list(self.never), "relative_half_width": self.reached.half_width,
                 "decided_share": self.reached.decided,
             },
+            "longer": None if self.longer is None else asdict(self.longer),
             "allowed": list(self.allowed), "earlier_recordings": self.earlier,
             "information": [
                 {
@@ -243,14 +286,23 @@ def planned(director: Director, most: int, seconds: float, took_s: float = 0.0) 
         without = director.outlook([*steps[:number], *steps[number + 1 :]]).utility
         adds.append(Score(*map(float, whole - without)))
     first, more = director.scores(()), director.scores(steps)
-    person = director.person
+    person, reached = director.person, Expected.of((), director.for_ever())
     return Planned(
         person.foot.name, person.name, person.body_mass_kg, person.posture, director.seed, director.feet, steps,
-        tuple(adds), expected, dict(director.asked), director.told, Expected.of((), director.for_ever()),
-        director.allowed, len(director.done),
+        tuple(adds), expected, dict(director.asked), director.told, reached,
+        _longer(director, steps, expected[PLANNED], reached), director.allowed, len(director.done),
         tuple(Place(s, a, b) for s, a, b in zip(director.candidates, first, more, strict=True)),
         "" if director.belief is None else believed(director), took_s + time.perf_counter() - began,
     )  # fmt: skip
+
+
+def _longer(director: Director, steps: Sequence[Step], mine: Expected, reached: Expected) -> Longer | None:
+    """What it takes to meet what can be met and is not."""
+    asked, branch = director.asked, mine.decided < SHARE <= reached.decided
+    names = [name for name in EXCHANGED if mine.half_width[name] > asked[name] >= reached.half_width[name]]
+    if not names and not branch:
+        return None
+    return Longer.of(director, {"the plan": steps, EVERY: director.candidates}, names, branch)
 
 
 def believed(director: Director) -> str:
@@ -262,7 +314,11 @@ def believed(director: Director) -> str:
     odds = np.exp(min(belief.log_odds, np.log(1e6)))
     name = belief.ends[0].name
     told = f"{name}, decided" if belief.decided else f"branch open, {name} at {odds:.3g} to 1"
-    lost = "" if belief.follows else f" Such a foot does not move like this (chi-square {belief.per_dof:.3g} a dof)."
+    lost = ""
+    if belief.strange:
+        lost = f" Such a foot does not move like this (chi-square {belief.per_dof:.3g} a dof)."
+    elif not belief.follows:
+        lost = f" Too little is recorded to say whether such a foot moves like this (chi-square {belief.per_dof:.3g})."
     return f"After {_many(len(director.done), 'recording')}: {told}; {bands}.{lost}"
 
 
@@ -274,6 +330,13 @@ def _row(step: Step) -> dict[str, Any]:
 
 def _many(count: int, what: str) -> str:
     return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
+def span(seconds: float) -> str:
+    """A time in words."""
+    if seconds < 5400:
+        return f"{seconds / 60:.2g} minutes"
+    return f"{seconds / 3600:.2g} hours" if seconds < 48 * 3600 else f"{seconds / 86400:.0f} days"
 
 
 def _percent(share: float) -> str:

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
-from fasbody.exceptions import AcquisitionError, RecordingError, SettingError, SimulationError
+from fasbody.console import heeded, to_json, write_whole
+from fasbody.exceptions import AcquisitionError, FasError, RecordingError, SettingError, SimulationError
 from fasbody.presentation import Presented, Sheet
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
@@ -17,13 +19,17 @@ from identification.plan.director import SHARE, Director
 from identification.plan.heard import Heard, heard
 from identification.plan.prior import Person
 from identification.plan.protocol import shaking_s
-from identification.plan.result import believed
+from identification.plan.result import EVERY, Longer, believed
 from identification.plan.shaker import Shaker
 
 #: Why a session ended.
 MET, NEVER, SPENT, FAILING, STOPPED = "met", "never", "spent", "failing", "stopped"
+INTERRUPTED, BROKEN = "interrupted", "broken"
 #: So many steps in a row that fail end a session: then it is the shaker, not the step.
 _FAILURES = 3
+#: Laying another load on the knee costs as much as so long a shaking [s]: two hands lay it in half a minute, and the
+#: person stands as before after as long again. An assumption, not a measurement.
+CHANGE_S = 60.0
 #: A step lasts at most so many of the usual lengths, as the next one may be worth more by then.
 _LONGEST = 3
 #: A base whose harmonics are larger than this share of its fundamental, or whose coherence is lower than that, is told.
@@ -67,8 +73,9 @@ class Shaken(Presented):
     """A session that has ended.
 
     Attributes:
-        taken: steps in order. ended: MET, NEVER, SPENT, FAILING or STOPPED. reason: in a sentence. said: what is known
-            of the foot. asked: half-widths by constant. recordings: all that count, the earlier ones first.
+        taken: steps in order. ended: one of the words above. reason: in a sentence. said: what is known of the foot.
+        asked: half-widths by constant. recordings: all that count, the earlier ones first. bands: of the constants.
+        left: steps that the last plan has and nobody has taken.
     """
 
     figures: ClassVar[str] = ""
@@ -80,6 +87,12 @@ class Shaken(Presented):
     said: str
     asked: Mapping[str, float]
     recordings: tuple[Recording, ...]
+    bands: Mapping[str, Band]
+    left: tuple[Step, ...]
+
+    def write(self, folder: Path | str) -> list[Path]:
+        """Write session.json into a folder."""
+        return [write_whole(Path(folder) / "session.json", to_json(self.document()) + "\n")]
 
     @property
     def good(self) -> tuple[Taken, ...]:
@@ -110,8 +123,10 @@ class Shaken(Presented):
         columns = (
             "step", "Hz", "kg", "s", "m/s^2", "distortion", "coherence", "transmissibility", *EXCHANGED, "branch"
         )  # fmt: skip
+        last = self.left if self.ended in (STOPPED, INTERRUPTED, BROKEN) else ()
+        left = [f"Planned and not recorded: {'; '.join(map(str, last))}."] if last else []
         failed = [f"Step {i} failed: {t.why}" for i, t in enumerate(self.taken, start=1) if t.why]
-        return Sheet("A session on the shaker", columns, rows, [self.sentence(), *failed])
+        return Sheet("A session on the shaker", columns, rows, [self.sentence(), *failed, *left])
 
     def records(self) -> list[dict[str, Any]]:
         """One row a step."""
@@ -131,6 +146,8 @@ class Shaken(Presented):
         return {
             "steps": self.records(), "ended": self.ended, "reason": self.reason, "sentence": self.sentence(),
             "shaking_s": shaking_s([t.step for t in self.good]), "recordings": len(self.good), "asked": self.asked,
+            "fit": {name: asdict(band) for name, band in self.bands.items()}, "said": self.said,
+            "left": [asdict(step) for step in self.left],
         }  # fmt: skip
 
 
@@ -140,7 +157,7 @@ class Session:
     Args:
         person: on the shaker. shaker: its limits. ask: half-widths that are asked for. most: recordings. seconds: of
             shaking in all. seed, draws: of the director. record: makes a recording. offering: tells and asks.
-        earlier: recordings that exist, checked.
+        earlier: recordings that exist, checked. change_s: what laying another load costs, in seconds of shaking.
     """
 
     def __init__(
@@ -155,7 +172,10 @@ class Session:
         record: Record,
         offering: Offering | None = None,
         earlier: Sequence[Recording] = (),
+        change_s: float = CHANGE_S,
     ) -> None:
+        if not 0 <= change_s <= 3600:
+            raise SettingError(f"a change of load that costs as much as {change_s:g} s of shaking; valid: 0 to 3600.")
         if most < 1 or seconds < shaker.seconds:
             raise SettingError(f"{most} recordings in {seconds:g} s leave no room for one of {shaker.seconds:g} s.")
         self._person, self._shaker, self._ask = person, shaker, dict(ask)
@@ -165,31 +185,44 @@ class Session:
         self._before = len(self._recordings)
         self._taken: list[Taken] = []
         self._failed: set[tuple[float, float]] = set()
-        self._believed: Belief | None = None
+        self._director: Director | None = None
+        self._change_s = change_s
+        self._load: float | None = None
+        self._left: tuple[Step, ...] = ()
 
     def run(self) -> Shaken:
-        """Until it ends by itself, or nobody takes the next step."""
-        load: float | None = None
-        while True:
-            director = self._direct()
-            if ended := self._over(director):
-                return self._end(director, *ended)
-            step = self._next(director, load)
-            if step is None:
-                return self._end(director, FAILING, "Every step that is left has failed.")
-            why = f"adds most to what {len(self._recordings)} recordings say"
-            chosen = self._offering.step(step, why)
-            if chosen is None:
-                return self._end(director, STOPPED, "Nobody took the next step.")
-            self._take(chosen)
-            load = chosen.added_mass_kg
+        """Until it ends by itself, nobody takes the next step, it is interrupted, or it cannot go on.
+
+        Ctrl-C, or what can neither be recorded nor fitted, ends it with what there is.
+        """
+        try:
+            while True:
+                with heeded():  # compiled code makes something else of Ctrl-C
+                    director = self._direct()
+                    ended = self._over(director)
+                    step = None if ended else self._next(director)
+                if ended:
+                    return self._end(*ended)
+                if step is None:
+                    return self._end(FAILING, "Every step that is left has failed.")
+                why = f"adds most to what {len(self._recordings)} recordings say"
+                chosen = self._offering.step(step, why)
+                if chosen is None:
+                    return self._end(STOPPED, "Nobody took the next step.")
+                self._take(chosen)
+        except KeyboardInterrupt:
+            return self._end(INTERRUPTED, "Interrupted.")
+        except FasError as error:
+            if not self._taken:  # nothing is lost
+                raise
+            return self._end(BROKEN, f"It cannot go on: {error}")
 
     def _direct(self) -> Director:
         director = Director(
-            self._person, self._shaker, self._ask, self._recordings, self._seed, self._draws, self._believed,
-            compares=False,
+            self._person, self._shaker, self._ask, self._recordings, self._seed, self._draws,
+            None if self._director is None else self._director.belief, compares=False,
         )  # fmt: skip
-        self._believed = director.belief
+        self._director = director
         if self._taken and self._taken[-1].heard is not None:
             self._taken[-1] = _after(self._taken[-1], director.belief)
             self._offering.told(believed(director))
@@ -209,19 +242,35 @@ class Session:
             open_ = not belief.decided and ever.decided < SHARE
             if (never or open_) and len(never) == len(wide) and (open_ or belief.decided):
                 what = [f"{n} below +-{100 * ever.half_width[n]:.2g} %" for n in never] + ["the branch"] * open_
-                return NEVER, f"No protocol of these candidates will ever bring {', nor '.join(what)}."
+                text = f"No protocol of these candidates will ever bring {', nor '.join(what)}"
+                return NEVER, f"{text}: what stays uncertain is not in the vibration."
         if count >= self._most or spent + self._shaker.seconds > self._seconds + 1e-9:
-            return SPENT, "The recordings or minutes that were given are spent."
+            return SPENT, f"The recordings or minutes that were given are spent. {self._missing(director)}".strip()
         if len(self._taken) >= _FAILURES and all(t.heard is None for t in self._taken[-_FAILURES:]):
             return FAILING, f"{_FAILURES} steps in a row have failed."
         return None
 
-    def _next(self, director: Director, load: float | None) -> Step | None:
-        """The best step of a plan for what is left of the time, under the load that is there while it has one."""
+    def _missing(self, director: Director) -> str:
+        """What it would take where noise is in the way of what is asked."""
+        belief, good = director.belief, [t.step for t in self._taken if t.heard]
+        if belief is None or not good:
+            return ""
+        ever, bands = director.for_ever(), belief.open_bands(EXCHANGED)
+        names = [n for n in EXCHANGED if bands[n].half_width > director.asked[n] >= ever.half_width[n]]
+        branch = not belief.decided and ever.decided >= SHARE
+        done = [replace(step, seconds=self._shaker.seconds) for step in good]
+        again = [step for step in done if step in director.candidates]
+        steps = {"these recordings": again, EVERY: director.candidates}
+        longer = Longer.of(director, steps, names, branch) if names or branch else None
+        return f"Noise is in the way of {', '.join([*names, *['the branch'] * branch])}. {longer}" if longer else ""
+
+    def _next(self, director: Director) -> Step | None:
+        """The worthiest step of a plan for what is left of the time."""
         count = len(self._recordings) - self._before
         left = self._seconds - shaking_s([t.step for t in self._taken if t.heard])
         barred = [s for s in director.candidates if (s.frequency_hz, s.added_mass_kg) in self._failed]
         rest = [s for s in director.session(self._most - count, left) if not _among(s, barred)]
+        self._left = tuple(rest)
         if not rest:
             scores = director.scores(())
             order = sorted(range(len(scores)), key=lambda i: -scores[i].total)
@@ -231,11 +280,10 @@ class Session:
         # the first ones are for a look: what follows depends on them
         longest = self._shaker.seconds * (_LONGEST if self._recordings else 1)
         rest = [replace(s, seconds=min(s.seconds, longest, left)) for s in rest]
-        here = [s for s in rest if s.added_mass_kg == load] or rest
-        gains = director.gains(here)
-        return here[int(np.argmax(gains))]
+        return worthiest(rest, director.gains(rest), self._load, self._change_s)
 
     def _take(self, step: Step) -> None:
+        self._load = step.added_mass_kg
         try:
             recording = checked(self._record(step))
             found = heard(recording)
@@ -246,6 +294,7 @@ class Session:
             return
         self._recordings.append(recording)
         self._taken.append(Taken(step, found, "", {}, 0.0, "", False))
+        self._left = tuple(s for s in self._left if not _among(s, [step]))
         notes = []
         if found.distortion > DISTORTED:
             notes.append("the base is distorted")
@@ -253,9 +302,31 @@ class Session:
             notes.append("the foot does not follow the base alone")
         self._offering.told(f"{step}: {found}{'; ' + ', '.join(notes) if notes else ''}")
 
-    def _end(self, director: Director, ended: str, reason: str) -> Shaken:
-        said = believed(director)
-        return Shaken(tuple(self._taken), ended, reason, said, dict(director.asked), tuple(self._recordings))
+    def _end(self, ended: str, reason: str) -> Shaken:
+        director = self._director
+        belief = None if director is None else director.belief
+        return Shaken(
+            tuple(self._taken), ended, reason, "Nothing is recorded yet." if director is None else believed(director),
+            self._ask if director is None else dict(director.asked), tuple(self._recordings),
+            {} if belief is None else belief.open_bands(EXCHANGED), self._left,
+        )  # fmt: skip
+
+
+def worthiest(
+    steps: Sequence[Step], gains: Sequence[float] | np.ndarray, load_kg: float | None, change_s: float
+) -> Step:
+    """The step that adds most, less what laying another load costs: what shaking under this one adds meanwhile.
+
+    Args:
+        steps: that could be next. gains: of each [nat]. load_kg: that lies on the knee, None where nobody knows.
+        change_s: what laying another costs, in seconds of shaking.
+    """
+    total = np.array(gains, float)
+    here = np.array([step.added_mass_kg == load_kg for step in steps])
+    if here.any():
+        pace = max(0.0, float((total / [step.seconds for step in steps])[here].max()))
+        total[~here] -= change_s * pace
+    return steps[int(np.argmax(total))]
 
 
 def _after(taken: Taken, belief: Belief | None) -> Taken:
