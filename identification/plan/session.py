@@ -27,8 +27,8 @@ MET, NEVER, SPENT, FAILING, STOPPED = "met", "never", "spent", "failing", "stopp
 INTERRUPTED, BROKEN = "interrupted", "broken"
 #: So many steps in a row that fail end a session: then it is the shaker, not the step.
 _FAILURES = 3
-#: Laying another load on the knee costs as much as so long a shaking [s]: two hands lay it in half a minute, and the
-#: person stands as before after as long again. An assumption, not a measurement.
+#: Laying another load on the knee costs as much as so long a shaking under this one [s]: two hands lay it in half a
+#: minute, and the person stands as before after as long again. An assumption, not a measurement.
 CHANGE_S = 60.0
 #: A step lasts at most so many of the usual lengths, as the next one may be worth more by then.
 _LONGEST = 3
@@ -265,7 +265,10 @@ class Session:
         return f"Noise is in the way of {', '.join([*names, *['the branch'] * branch])}. {longer}" if longer else ""
 
     def _next(self, director: Director) -> Step | None:
-        """The worthiest step of a plan for what is left of the time."""
+        """The step of a plan for what is left of the time that adds most.
+
+        Another load is laid where that adds more than going on under this one for as long as the change costs, too.
+        """
         count = len(self._recordings) - self._before
         left = self._seconds - shaking_s([t.step for t in self._taken if t.heard])
         barred = [s for s in director.candidates if (s.frequency_hz, s.added_mass_kg) in self._failed]
@@ -280,7 +283,14 @@ class Session:
         # the first ones are for a look: what follows depends on them
         longest = self._shaker.seconds * (_LONGEST if self._recordings else 1)
         rest = [replace(s, seconds=min(s.seconds, longest, left)) for s in rest]
-        return worthiest(rest, director.gains(rest), self._load, self._change_s)
+        here = [step for step in rest if step.added_mass_kg == self._load]
+        there = [step for step in rest if step.added_mass_kg != self._load]
+        if there and self._load is not None:
+            stay = [step for step in director.candidates if step.added_mass_kg == self._load]
+            longer = [replace(step, seconds=step.seconds + self._change_s) for step in stay if not _among(step, barred)]
+            pays = not longer or director.gains(there).max() > director.gains(longer).max()
+            rest = there if pays or not here else here
+        return rest[int(np.argmax(director.gains(rest)))]
 
     def _take(self, step: Step) -> None:
         self._load = step.added_mass_kg
@@ -310,23 +320,6 @@ class Session:
             self._ask if director is None else dict(director.asked), tuple(self._recordings),
             {} if belief is None else belief.open_bands(EXCHANGED), self._left,
         )  # fmt: skip
-
-
-def worthiest(
-    steps: Sequence[Step], gains: Sequence[float] | np.ndarray, load_kg: float | None, change_s: float
-) -> Step:
-    """The step that adds most, less what laying another load costs: what shaking under this one adds meanwhile.
-
-    Args:
-        steps: that could be next. gains: of each [nat]. load_kg: that lies on the knee, None where nobody knows.
-        change_s: what laying another costs, in seconds of shaking.
-    """
-    total = np.array(gains, float)
-    here = np.array([step.added_mass_kg == load_kg for step in steps])
-    if here.any():
-        pace = max(0.0, float((total / [step.seconds for step in steps])[here].max()))
-        total[~here] -= change_s * pace
-    return steps[int(np.argmax(total))]
 
 
 def _after(taken: Taken, belief: Belief | None) -> Taken:
