@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from benchmarks.director import COUNTED, SHORTER, Rig, recorded, virtual
@@ -20,6 +21,7 @@ from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study
 from identification.branches import EXCHANGED
+from identification.periodic import PeriodicProblem
 from identification.plan.__main__ import app
 from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Candidates, Step, thesis
 from identification.plan.director import Director
@@ -27,8 +29,9 @@ from identification.plan.heard import coherence, heard
 from identification.plan.information import Sight
 from identification.plan.prior import Person
 from identification.plan.protocol import Protocol
+from identification.plan.record import Offer
 from identification.plan.result import Planned, planned
-from identification.plan.session import FAILING, Offering, Session
+from identification.plan.session import FAILING, INTERRUPTED, Offering, Session
 from identification.plan.shaker import Shaker
 
 ALONE = Known().told(exclude=("all",))
@@ -57,20 +60,23 @@ def sight(steps: list[Step], who: Person) -> Sight:
 # what a recording tells
 
 
-def test_information_is_that_of_finite_differences_of_the_closed_form() -> None:
-    """Of a linear foot: constants, masses, gain and delay, each nudged in the transmissibility of Eq. (4.30)."""
+@pytest.mark.parametrize("sensors", [("malleolus",), ("malleolus", "foot")])
+def test_information_is_that_of_finite_differences_of_the_closed_form(sensors: tuple[str, ...]) -> None:
+    """Of a linear foot: constants, masses, gains and delays, each nudged in the transmissibilities of Eq. (4.30)."""
     who = person()
-    steps = [Step("sine", hz, load_kg, 8.95, 10.0) for hz, load_kg in ((18.0, 0.0), (48.0, 0.0), (25.0, 2.3))]
+    places = ((18.0, 0.0), (48.0, 0.0), (25.0, 2.3))
+    steps = [Step("sine", hz, load_kg, 8.95, 10.0, sensors=sensors) for hz, load_kg in places]
     eye = sight(steps, who)
     space = eye.space
     q = space.start(FOOT)
     seen = eye.see(q)
     assert seen is not None
-    names = ["k_T", "k_F", "c_11", "c_21", "shank mass", "foot mass", "gain", "delay"]
+    names = ["k_T", "k_F", "c_11", "c_21", "shank mass", "foot mass", "gain", "delay", "gain of foot", "delay of foot"]
+    names = names[: 6 + 2 * len(sensors)]
     at = [space.index[name] for name in names]
     stated = who.condition(steps[0]).masses
 
-    def harmonic(x: np.ndarray, step: Step) -> complex:
+    def harmonics(x: np.ndarray, step: Step) -> np.ndarray:
         v = dict(zip(names, x, strict=True))
         a = stated["m_S"] / (stated["m_S"] + stated["m_F"])
         mass = {n: stated[n] * np.exp(0.1 * v[kind]) for n, kind in (("m_S", "shank mass"), ("m_F", "foot mass"))}
@@ -78,22 +84,26 @@ def test_information_is_that_of_finite_differences_of_the_closed_form() -> None:
             np.exp(v["k_T"] + 0.5 * (v["k_F"] + np.log(a))), np.exp(v["k_T"] - 0.5 * (v["k_F"] + np.log(a))),
             np.exp(v["c_11"]), 0, 0, np.exp(v["c_21"]), 0, 0, mass["m_S"] + step.added_mass_kg, mass["m_F"],
         )  # fmt: skip
-        late = np.exp(-2j * np.pi * step.frequency_hz * 1e-4 * v["delay"])
-        return complex(leg.transmissibility(np.array([step.frequency_hz]))[0] * (1 + 0.01 * v["gain"]) * late * 8.95)
+        s = 2j * np.pi * step.frequency_hz
+        A, B, C = leg.state_space()
+        z = np.linalg.solve(s * np.eye(4) - A, B)
+        ratios = {"malleolus": C @ z, "foot": s**2 * z[1] + 1}
+        late = {name: np.exp(-s * 1e-4 * v[kind]) for name, kind in zip(sensors, names[7::2], strict=True)}
+        gain = {name: 1 + 0.01 * v[kind] for name, kind in zip(sensors, names[6::2], strict=True)}
+        return np.array([ratios[name] * gain[name] * late[name] * 8.95 for name in sensors])
 
     for number, step in enumerate(steps):
-        x, J = q[at], np.empty((2, len(at)))
-        for j in range(len(at)):
-            nudge = np.eye(len(at))[j] * 1e-4
-            d = (harmonic(x + nudge, step) - harmonic(x - nudge, step)) / 2e-4
-            J[:, j] = d.real, d.imag
-        std = SHAKER.noise_m_s2 * np.sqrt(2 / 10_000) * np.hypot(1, abs(harmonic(x, step)) / 8.95)
-        expected = J.T @ J / std**2
+        x = q[at]
+        nudges = np.eye(len(at)) * 1e-4
+        J = np.array([(harmonics(x + d, step) - harmonics(x - d, step)) / 2e-4 for d in nudges]).T
+        std = SHAKER.noise_m_s2 * np.sqrt(2 / 10_000) * np.hypot(1, abs(harmonics(x, step)) / 8.95)
+        expected = np.real((J / std[:, None]).conj().T @ (J / std[:, None]))
         found = seen.A[number][np.ix_(at, at)]
         scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
         assert np.abs((found - expected) / scale).max() < 2e-3
-    A = [x.A for x in (eye.see(q),) if x]
-    np.testing.assert_array_equal(A[0], seen.A)  # nothing is left from before
+    again = eye.see(q)
+    assert again is not None
+    np.testing.assert_array_equal(again.A, seen.A)  # nothing is left from before
 
 
 def test_mirror_foot_of_a_linear_one_misses_nothing_without_load_and_much_under_it() -> None:
@@ -140,6 +150,29 @@ def test_plan_follows_from_its_seed(plan: Planned) -> None:
     )
 
 
+def test_same_seed_draws_the_same_feet_whatever_the_candidates(director: Director) -> None:
+    """Each purpose has random numbers of its own: other frequencies, loads, sensors and nuisances change no foot."""
+    other = Shaker(every_hz=20.0, loads_kg=(0.0, 1.0, 9.0), sensors=("malleolus", "foot"))
+    known = Known().told(exclude=("all",), mass_std=0.1)
+    there = Director(person(known=known), other, draws=6)
+    for mine, its in zip(director._feet.seen, there._feet.seen, strict=True):
+        for name in (*FOOT, "shank mass", "foot mass", "gain", "delay"):
+            i, j = director._sight.space.index[name], there._sight.space.index[name]
+            assert mine.q[i] == its.q[j], name
+    assert len({foot.q.tobytes() for foot in director._feet.seen}) == 6
+
+
+def test_another_sensor_is_offered_and_is_worth_what_a_director_with_it_says(plan: Planned) -> None:
+    (offer,) = plan.offers
+    worn = Director(person(), replace(SHAKER, sensors=("malleolus", "foot")), draws=6)
+    expected = worn.outlook([replace(step, sensors=("malleolus", "foot")) for step in plan.steps])
+    for name in EXCHANGED:
+        assert offer.expected.half_width[name] == pytest.approx(expected.half_width[name], rel=0.05)
+        assert offer.expected.half_width[name] < 0.5 * plan.expected[PLANNED].half_width[name]
+    assert any("With a sensor 'foot' besides" in note for note in plan.sheet().notes)
+    assert plan.document()["offers"][0]["sensor"] == "foot" and offer.adds.information > 0
+
+
 def test_document_has_what_was_asked(plan: Planned) -> None:
     document = json.loads(json.dumps(plan.document()))
     assert {"kind", "frequency_hz", "added_mass_kg", "amplitude_m_s2", "seconds"} <= set(document["protocol"][0])
@@ -162,6 +195,25 @@ def test_what_shaking_cannot_tell_is_said() -> None:
     result = planned(Director(person(), shaker, dict.fromkeys(EXCHANGED, 0.01), draws=4), 4, 40.0)
     assert set(result.never) == set(EXCHANGED) and "No protocol of these candidates ever" in result.sentence()
     assert all(result.reached.half_width[n] > 0.1 for n in EXCHANGED)
+
+
+def test_noise_is_told_from_what_shaking_cannot_tell(director: Director) -> None:
+    """Where noise is in the way the plan says for how long it must be shaken, and that time is enough."""
+    loud = Director(person(), replace(SHAKER, noise_m_s2=10.0), dict.fromkeys(EXCHANGED, 0.1), draws=6)
+    result = planned(loud, 9, 270.0)
+    assert (
+        result.missed and not result.never and "never" not in result.stop() and "noise is in the way" in result.stop()
+    )
+    assert result.longer is not None and f"{result.longer}" in result.stop()
+    steps = result.steps if result.longer.steps == "the plan" else loud.candidates
+    long, short = (
+        loud.outlook([replace(s, seconds=share * result.longer.times * s.seconds) for s in steps])
+        for share in (1, 0.95)
+    )
+    assert loud.met(long) and not loud.met(short)
+    # what no noise leaves does not depend on how much there was
+    silent, other = loud.for_ever().half_width, director.for_ever().half_width
+    assert all(silent[name] == pytest.approx(other[name], rel=1e-3) for name in EXCHANGED)
 
 
 def test_asked_intervals_end_a_plan_early(director: Director) -> None:
@@ -350,6 +402,78 @@ def test_session_ends_by_itself_within_the_limits() -> None:
     assert {replace(t.step, seconds=2.0) for t in done.taken} <= set(Candidates(shaker, who.leg_kg).steps)
     assert any("transmissibility" in text for text in said) and done.reason in done.sentence()
     assert json.loads(json.dumps(done.document(), default=float))["recordings"] == len(done.good)
+
+
+def test_another_load_is_laid_where_it_pays() -> None:
+    """Under one load the mass of the leg leaves all constants open; another load adds more than a minute there."""
+    foot, shaker = virtual(3), Shaker(every_hz=10.0, loads_kg=(0.0, 4.5))
+    data = [checked(r) for r in recorded(foot, thesis((0.0,), 10.0)[::2], 5)]
+    who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
+    director = Director(who, shaker, dict.fromkeys(EXCHANGED, 0.02), data, draws=2)
+
+    def chosen(change_s: float) -> Step:
+        session = Session(
+            who, shaker, dict.fromkeys(EXCHANGED, 0.02), 4, 40.0, 0, 2, lambda step: data[0], None, data, change_s
+        )
+        session._load = 0.0
+        step = session._next(director)
+        assert step is not None
+        return step
+
+    step = chosen(60.0)
+    stay = [replace(s, seconds=s.seconds + 60.0) for s in director.candidates if s.added_mass_kg == 0.0]
+    assert step.added_mass_kg == 4.5 and director.gains([step])[0] > director.gains(stay).max()
+    # once both loads are known, a little more under the other is not worth an hour's change
+    both = [checked(r) for r in recorded(foot, thesis((0.0, 4.5), 10.0)[::2], 5)]
+    director = Director(who, shaker, dict.fromkeys(EXCHANGED, 0.001), both, draws=2)
+    assert chosen(3600.0).added_mass_kg == 0.0
+
+
+def test_interrupted_session_keeps_what_it_has(tmp_path: Path) -> None:
+    foot = virtual(3)
+    who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
+    shaker = Shaker(every_hz=20.0, loads_kg=(0.0, 4.5), seconds=5.0)
+    made: list[Step] = []
+
+    def record(step: Step) -> Recording:
+        if len(made) == 1:
+            raise KeyboardInterrupt
+        made.append(step)
+        return recorded(foot, [step], 5)[0]
+
+    done = Session(who, shaker, dict.fromkeys(EXCHANGED, 0.02), 4, 40.0, 0, 2, record).run()
+    assert done.ended == INTERRUPTED and len(done.good) == 1 and done.left and set(done.bands) == set(EXCHANGED)
+    (file,) = done.write(tmp_path)
+    document = json.loads(file.read_text())
+    assert (
+        document["ended"] == "interrupted" and document["recordings"] == 1
+    assert len(document["left"]) == len(done.left)
+    )
+    assert document["fit"]["k_T"]["value"] == pytest.approx(done.bands["k_T"].value)
+    assert any(note.startswith("Planned and not recorded") for note in done.sheet().notes)
+
+
+def test_ctrl_c_at_a_question_is_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> None:
+    def pressed(*words: object, **more: object) -> bool:
+        raise typer.Abort
+
+    monkeypatch.setattr(typer, "confirm", pressed)
+    with pytest.raises(KeyboardInterrupt):
+        Offer(auto=False).step(Step("sine", 20.0, 0.0, 5.0, 2.0), "")
+
+
+def test_strangeness_takes_several_recordings(half_way: tuple[Director, list[Recording]]) -> None:
+    """Chi-square of 5 a degree of freedom: beyond chance, but one bad recording makes that, too."""
+    belief = half_way[0].belief
+    assert belief is not None and not belief.strange
+    first, other = belief.ends
+    bad = replace(belief, ends=(replace(first, chi_square=5.0 * first.dof), other))
+    assert bad.strange and not bad.follows and not bad.decided
+    alone = PeriodicProblem(belief.problem.lines[:1], belief.problem.engine, belief.space)
+    once = replace(bad, problem=alone)  # type: ignore[arg-type]
+    assert not once.strange and not once.follows and not once.decided
+    few = replace(bad, ends=(replace(first, chi_square=3.0, dof=1), other))
+    assert not few.strange  # chance once in twelve
 
 
 def test_session_on_a_dead_shaker_gives_up() -> None:

@@ -14,6 +14,7 @@ from fasbody.exceptions import SettingError, SimulationError, unknown
 from fasbody.recording.known import DEPARTURES
 from fasbody.recording.recording import Recording
 from identification.branches import EXCHANGED
+from identification.engines.twin import carriers
 from identification.periodic import Line
 from identification.plan.belief import Belief, believe
 from identification.plan.candidates import Candidates, Step, thesis
@@ -95,6 +96,7 @@ class Director:
         self._place = {step: i for i, step in enumerate(every)}
         allowed = person.allowed(every, earlier, shaker.rate_hz)
         middle = float(np.sqrt(shaker.lowest_hz * shaker.highest_hz))
+        self._earlier, self._order = tuple(earlier), order
         self._sight = Sight(person, every, shaker, allowed, np.random.default_rng(order), middle)
         self.belief = believe(person, earlier, allowed, middle, starts, believed) if earlier else None
         self._feet = Feet(self._draws(draws, feet), self._sight.space, len(self.candidates))
@@ -143,6 +145,35 @@ class Director:
     def outlook(self, steps: Sequence[Step], fresh: bool = False) -> Outlook:
         """What is expected after steps, beside those that are done (not if fresh)."""
         return self._feet.outlook(self._counts(steps, fresh))
+
+    @property
+    def offers(self) -> tuple[str, ...]:
+        """Accelerometers of the model that are not worn and could be."""
+        return tuple(name for name in carriers(self.person.foot) if name not in self.shaker.sensors)
+
+    def wearing(self, sensor: str, steps: Sequence[Step]) -> Outlook:
+        """What is expected after steps if one more sensor is worn in them; of the same feet.
+
+        The sensor brings a gain, a delay, and what else is allowed for, of its own. Recordings that exist lack it.
+        """
+        shaker = replace(self.shaker, sensors=(*self.shaker.sensors, sensor))
+        worn = [*self.done, *(replace(step, sensors=shaker.sensors) for step in steps)]
+        every = tuple(dict.fromkeys(map(self._unit, worn)))
+        allowed = self.person.allowed([*self._place, *every], self._earlier, shaker.rate_hz)
+        sight = Sight(
+            self.person, every, shaker, allowed, np.random.default_rng(self._order), self._sight.space.middle_hz
+        )
+        before, now, mean = self._sight.space.index, sight.space.index, sight.space.prior[0]
+        seen = []
+        for foot in self._feet.seen:
+            q = np.array([foot.q[before[name]] if name in before else mean[i] for name, i in now.items()])
+            seen.append(sight.see(q))
+        feet = Feet([foot for foot in seen if foot is not None], sight.space, len(every))
+        feet.asked = self.asked
+        counts = np.zeros(len(every))
+        for step in worn:
+            counts[every.index(self._unit(step))] += step.seconds / shaker.seconds
+        return feet.outlook(counts)
 
     def for_ever(self) -> Outlook:
         """What is expected if every candidate were recorded until no noise is left: what stays is not in the motion."""

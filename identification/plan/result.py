@@ -85,6 +85,24 @@ class Longer:
 
 
 @dataclass(frozen=True)
+class Offer:
+    """One more sensor in the same recordings.
+
+    Attributes:
+        sensor: of the model. expected: what the plan leaves with it. adds: to the plan, in nats.
+    """
+
+    sensor: str
+    expected: Expected
+    adds: Score
+
+    def document(self) -> dict[str, Any]:
+        """As plain data."""
+        adds = asdict(self.adds) | {"total": self.adds.total}
+        return {"sensor": self.sensor, **self.expected.document(), "adds_nat": adds}
+
+
+@dataclass(frozen=True)
 class Place:
     """One candidate on the map: what it adds as the first recording, and as one more after the plan."""
 
@@ -103,8 +121,8 @@ class Planned(Presented):
         asked: half-widths by constant; told: those of them that were asked for in words.
         reached: half-widths if every candidate were recorded until no noise is left, and the share decided then.
         longer: what it takes to meet what the noise is in the way of; None where nothing is.
-        allowed: departures of the world that are allowed for. earlier: how many recordings there are.
-        places: the map. said: what earlier recordings say. seconds: that the planning took.
+        offers: sensors that could be worn besides. allowed: departures of the world that are allowed for.
+        earlier: how many recordings there are. places: the map. said: what earlier recordings say. seconds: that the planning took.
     """
 
     figures: ClassVar[str] = "identification.plan.figures"
@@ -123,6 +141,7 @@ class Planned(Presented):
     told: tuple[str, ...]
     reached: Expected
     longer: Longer | None
+    offers: tuple[Offer, ...]
     allowed: tuple[str, ...]
     earlier: int
     places: tuple[Place, ...]
@@ -219,6 +238,13 @@ class Planned(Presented):
                 f"{_TITLES[name]}: {_many(len(e.steps), 'recording')}, {shaking_s(e.steps) / 60:.2g} min, {widths}, "
                 f"decided {100 * e.decided:.0f} %."
             )
+        for offer in self.offers:
+            mine, e = self.expected[PLANNED], offer.expected
+            widths = ", ".join(f"{n} +-{_percent(e.half_width[n])} ({_percent(mine.half_width[n])})" for n in EXCHANGED)
+            notes.append(
+                f"With a sensor {offer.sensor!r} besides (without it): {widths}, decided {100 * e.decided:.0f} % "
+                f"({100 * mine.decided:.0f} %)."
+            )
         also = f", {', '.join(self.allowed)}" if self.allowed else ""
         notes.append(
             f"Averages over {self.feet} feet of {self.body_mass_kg:g} kg persons; masses, gain, delay{also} are "
@@ -245,6 +271,7 @@ class Planned(Presented):
                 "decided_share": self.reached.decided,
             },
             "longer": None if self.longer is None else asdict(self.longer),
+            "offers": [offer.document() for offer in self.offers],
             "allowed": list(self.allowed), "earlier_recordings": self.earlier,
             "information": [
                 {
@@ -290,10 +317,16 @@ def planned(director: Director, most: int, seconds: float, took_s: float = 0.0) 
     return Planned(
         person.foot.name, person.name, person.body_mass_kg, person.posture, director.seed, director.feet, steps,
         tuple(adds), expected, dict(director.asked), director.told, reached,
-        _longer(director, steps, expected[PLANNED], reached), director.allowed, len(director.done),
+        _longer(director, steps, expected[PLANNED], reached),
+        tuple(_offer(director, name, steps, whole) for name in director.offers), director.allowed, len(director.done),
         tuple(Place(s, a, b) for s, a, b in zip(director.candidates, first, more, strict=True)),
         "" if director.belief is None else believed(director), took_s + time.perf_counter() - began,
     )  # fmt: skip
+
+
+def _offer(director: Director, sensor: str, steps: Sequence[Step], without: np.ndarray) -> Offer:
+    outlook = director.wearing(sensor, steps)
+    return Offer(sensor, Expected.of(steps, outlook), Score(*map(float, outlook.utility - without)))
 
 
 def _longer(director: Director, steps: Sequence[Step], mine: Expected, reached: Expected) -> Longer | None:
