@@ -445,10 +445,8 @@ def test_interrupted_session_keeps_what_it_has(tmp_path: Path) -> None:
     assert done.ended == INTERRUPTED and len(done.good) == 1 and done.left and set(done.bands) == set(EXCHANGED)
     (file,) = done.write(tmp_path)
     document = json.loads(file.read_text())
-    assert (
-        document["ended"] == "interrupted" and document["recordings"] == 1
+    assert document["ended"] == "interrupted" and document["recordings"] == 1
     assert len(document["left"]) == len(done.left)
-    )
     assert document["fit"]["k_T"]["value"] == pytest.approx(done.bands["k_T"].value)
     assert any(note.startswith("Planned and not recorded") for note in done.sheet().notes)
 

@@ -122,7 +122,7 @@ class Planned(Presented):
         reached: half-widths if every candidate were recorded until no noise is left, and the share decided then.
         longer: what it takes to meet what the noise is in the way of; None where nothing is.
         offers: sensors that could be worn besides. allowed: departures of the world that are allowed for.
-        earlier: how many recordings there are. places: the map. said: what earlier recordings say. seconds: that the planning took.
+        earlier: how many recordings there are. places: the map. said: what they say. seconds: that the planning took.
     """
 
     figures: ClassVar[str] = "identification.plan.figures"
