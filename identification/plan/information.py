@@ -8,6 +8,7 @@ protocol is scored from these by sums, whatever its order.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -23,6 +24,10 @@ from identification.world import Nuisance, WorldProblem
 
 #: Noise below this share of an amplitude is not believed, as in a fit.
 _FLOOR = 1e-7
+#: Harmonics and rounds of the balance from which steady motions are sought, and its harmonics at instants of a period.
+_BALANCED, _ROUNDS = 6, 2
+_TURNS = np.exp(2j * np.pi * np.outer(np.arange(1, _BALANCED + 1), np.arange(4 * _BALANCED) / (4 * _BALANCED)))
+_BACK = 2 * _TURNS.conj().T / _TURNS.shape[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +105,7 @@ class Sight:
     def _moved(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Harmonics (N,) of all steps, one behind the other, and their derivatives (N, n)."""
         self._problem.start(q)
-        each = self._problem.responses(q)
-        return np.concatenate([Y for Y, _ in each]), np.concatenate([J for _, J in each])
+        return self._problem.together(q)
 
     def _summed(self, x: np.ndarray) -> np.ndarray:
         """Sums (C, ...) over the harmonics (N, ...) of each step."""
@@ -121,30 +125,53 @@ def _grams(J: np.ndarray) -> np.ndarray:
 
 
 class _Looked(WorldProblem):
-    """The fit's problem, started from the motion of the linear foot: many feet are looked at, each of them once."""
+    """The fit's problem, started from motions in harmonic balance: many feet are looked at, each of them once."""
 
     def start(self, q: np.ndarray) -> np.ndarray:
         """See `WorldProblem`."""
         super().start(q)
         if self._orbits is not None:
             theta = self.world.all_of(q)[0]
-            self._orbits.near(self._linear(theta), theta)
+            self._orbits.near(self._balanced(theta), theta)
         return q
 
-    def _linear(self, theta: np.ndarray) -> np.ndarray:
-        """States (R, 4) at time zero of the steady motion without the dampers' bends."""
-        whose = np.repeat(np.arange(len(self.lines)), [line.count for line in self.lines])
-        s = np.concatenate([2j * np.pi * line.base.frequency_hz * np.arange(1, line.count + 1) for line in self.lines])
-        U = np.concatenate([line.base.amplitudes for line in self.lines])
-        k_T, k_F, c_11, _, _, c_21, _, _, m_S, m_F = theta[whose].T
+    def together(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """All responses behind each other: harmonics (N,), and their derivatives (N, n)."""
+        each = [self._sensed(name, q, *moved) for name, moved in self._motions(q).items()]
+        Y, J = (np.concatenate(parts)[self._in_turn] for parts in zip(*each, strict=True))
+        return Y, J
+
+    @cached_property
+    def _in_turn(self) -> np.ndarray:
+        """Places (N,) of recordings with their sensors behind each other, where sensors are with their recordings."""
+        whose = [(i, k) for k, numbers in enumerate(self._having.values()) for i in numbers]
+        counts = [self.lines[i].count for i, _ in whose]
+        return np.lexsort(np.repeat(whose, counts, axis=0).T[::-1])
+
+    @cached_property
+    def _bases(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of each base, for _BALANCED harmonics: i times the angular frequency [rad/s] (R, H), and its size (R, H)."""
+        h, U = np.arange(1, _BALANCED + 1), np.zeros((len(self.lines), _BALANCED), complex)
+        for own, line in zip(U, self.lines, strict=True):
+            own[: min(_BALANCED, line.count)] = line.base.amplitudes[:_BALANCED]
+        return 2j * np.pi * np.array([[line.base.frequency_hz] for line in self.lines]) * h, U
+
+    def _balanced(self, theta: np.ndarray) -> np.ndarray:
+        """States (R, 4) at time zero of the steady motion, by harmonic balance from the linear foot's."""
+        s, U = self._bases
+        k_T, k_F, c_11, c_12, c_13, c_21, c_22, c_23, m_S, m_F = theta.T[..., None]
         ankle, pad = k_T + c_11 * s, k_F + c_21 * s
-        own, other = s**2 + ankle * (m_S + m_F) / (m_S * m_F), s**2 + pad / m_F  # Eq. (4.30)
-        below = own * other - pad * ankle / m_F**2
-        z_1, z_2 = -pad / m_F * U / below, -own * U / below
-        x = np.zeros((len(self.lines), 4))
-        for column, z in enumerate((z_1, z_2, s * z_1, s * z_2)):
-            np.add.at(x[:, column], whose, z.real)
-        return x
+        own, other, of_own, of_other = s**2 + ankle * (1 / m_F + 1 / m_S), s**2 + pad / m_F, pad / m_F, ankle / m_F
+        below = own * other - of_own * of_other  # Eq. (4.30)
+        z_1, z_2 = -of_own * U / below, -own * U / below
+        for _ in range(_ROUNDS):
+            # what the dampers' bends add to the forces, Eq. (4.32)
+            x_1, x_2, v_1, v_2 = (np.real(z @ _TURNS) for z in (z_1, z_2, s * z_1, s * z_2))
+            more_1 = c_11 * (np.exp(-c_12 * x_1) * np.cos(c_13 * x_1) - 1) * v_1 @ _BACK
+            more_2 = c_21 * (np.exp(-c_22 * x_2) * np.cos(c_23 * x_2) - 1) * v_2 @ _BACK
+            b_1, b_2 = (more_2 - more_1) / m_F - more_1 / m_S, (more_1 - more_2) / m_F - U
+            z_1, z_2 = (other * b_1 + of_own * b_2) / below, (of_other * b_1 + own * b_2) / below
+        return np.stack([z.real.sum(1) for z in (z_1, z_2, s * z_1, s * z_2)], axis=1)
 
 
 def _line(person: Person, step: Step, shaker: Shaker) -> Line:
