@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from fasbody.presentation import COLOURS, MARKS
 from identification.branches import EXCHANGED
 from identification.figures import panels
 from identification.plan.candidates import PLANNED, THESIS, UNLOADED
@@ -14,10 +15,8 @@ from identification.plan.shaker import SINE
 if TYPE_CHECKING:
     from identification.plan.result import Planned
 
-#: Colours that the colour-blind tell apart (Okabe and Ito), with marks of their own.
-_COLOURS, _MARKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"), ("o", "s", "^", "D", "v", "P")
 _LOOKS = {
-    PLANNED: ("planned", "#0072B2", ""), THESIS: ("thesis, three loads", "#8c8c8c", ""),
+    PLANNED: ("planned", COLOURS[0], ""), THESIS: ("thesis, three loads", "#8c8c8c", ""),
     UNLOADED: ("thesis, unloaded", "#d9d9d9", "//"),
 }  # fmt: skip
 _LABELS = {"k_T": "$k_T$", "k_F": "$k_F$", "c_11": "$c_{11}$", "c_21": "$c_{21}$"}
@@ -59,7 +58,7 @@ def session(result: "Planned") -> Figure:
 def _curves(result: "Planned", axis: Axes, after: bool) -> None:
     loads = sorted({p.step.added_mass_kg for p in result.places})
     for number, load in enumerate(loads):
-        colour, mark = _COLOURS[number % len(_COLOURS)], _MARKS[number % len(_MARKS)]
+        colour, mark = COLOURS[number % len(COLOURS)], MARKS[number % len(MARKS)]
         best: dict[float, float] = {}
         for p in result.places:
             if p.step.added_mass_kg == load and p.step.kind == SINE:
