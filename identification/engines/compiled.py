@@ -24,9 +24,10 @@ import numpy as np
 from numba import njit
 
 from fasbody.foot import two_dof
+from fasbody.foot.model import Foot
 from fasbody.foot.two_dof import NAMES, STATES, both_periodic
 from identification.engines.engine import LOST, PASSES, Excitation
-from identification.engines.twin import Twin
+from identification.engines.twin import Twin, twin_applies
 from identification.search import UNSTABLE, ZERO
 from identification.space import DELAY, Space
 
@@ -304,6 +305,13 @@ def cold() -> bool:
     folder = Path(_stamped(_sources()).stats.cache_path)
     kept = [file.stat().st_mtime for file in folder.glob(f"*{_name(_sources())}*.nbc")]
     return max(kept, default=0.0) < Path(__file__).stat().st_mtime
+
+
+def compiling(foot: Foot) -> str:
+    """What to say before a first fit, which compiles the search; empty where that is on disk or serves not this model."""
+    if not (cold() and twin_applies(foot)):
+        return ""
+    return "compiling the search, once after each installation: the first fit takes about half a minute longer"
 
 
 def _name(stamp: int) -> str:

@@ -136,14 +136,11 @@ def _done(document: "Document | None") -> bool:
 
 
 def to_compile(plan: "Plan") -> str:
-    """The sentence on a first run, whose first fits compile the search; empty where it is on disk or serves no fit."""
-    from identification.engines.compiled import cold
-    from identification.engines.twin import twin_applies
+    """The sentence on a first run; empty where nothing is compiled, or no recording is a steady sine."""
+    from identification.engines.compiled import compiling
 
     steady = any(trial.condition.frequency_hz is not None for trial in plan.trials)
-    if not (steady and cold() and twin_applies(plan.model.foot())):
-        return ""
-    return "compiling the search, once after each installation: the first fits take about half a minute longer"
+    return compiling(plan.model.foot()) if steady else ""
 
 
 def complete(
