@@ -18,7 +18,7 @@ import fasbody as fb
 import identification as idn
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.foot.two_dof import TwoDof
-from fasbody.presentation import STYLE
+from fasbody.presentation import STYLE, write_figure
 from fasbody.recording.condition import foot_mass, shank_mass
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.study import BUNDLED, read_truth
@@ -275,7 +275,7 @@ def main(folder: Path = Path(__file__).parent / "figures", names: tuple[str, ...
     """Draw pictures into a folder."""
     with matplotlib.rc_context(STYLE | {"mathtext.fontset": "stix"}):
         for name in names:
-            PICTURES[name]().savefig(folder / f"{name}.svg", metadata={"Date": None})
+            write_figure(PICTURES[name](), folder / f"{name}.svg")
 
 
 if __name__ == "__main__":

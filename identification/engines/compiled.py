@@ -308,7 +308,7 @@ def cold() -> bool:
 
 
 def compiling(foot: Foot) -> str:
-    """What to say before a first fit, which compiles the search; empty where that is on disk or serves not this model."""
+    """What to say before a first fit, which compiles the search; empty where that is on disk or not of this model."""
     if not (cold() and twin_applies(foot)):
         return ""
     return "compiling the search, once after each installation: the first fit takes about half a minute longer"

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fasbody.exceptions import SimulationError
+from fasbody.presentation import readable
 from fasbody.recording.recording import Recording
 from identification.branches import DECISIVE_ODDS, STIFF_ANKLE, STIFF_PAD
 from identification.engines.twin import Twin
@@ -46,7 +47,7 @@ class Band:
         return 0.5 * (self.upper - self.lower) / self.value
 
     def __str__(self) -> str:
-        return f"{self.value:.4g} ({self.lower:.4g} to {self.upper:.4g})"
+        return f"{readable(self.value, 4)} ({readable(self.lower, 4)} to {readable(self.upper, 4)})"
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fasbody.console import to_json, write_whole
-from fasbody.presentation import Presented, Sheet
+from fasbody.presentation import Presented, Sheet, readable
 from identification.branches import EXCHANGED
 from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Step, thesis
 from identification.plan.director import SHARE, Director
@@ -346,7 +346,7 @@ def believed(director: Director) -> str:
     bands = ", ".join(f"{name} {band}" for name, band in belief.open_bands(EXCHANGED).items())
     odds = np.exp(min(belief.log_odds, np.log(1e6)))
     name = belief.ends[0].name
-    told = f"{name}, decided" if belief.decided else f"branch open, {name} at {odds:.3g} to 1"
+    told = f"{name}, decided" if belief.decided else f"branch open, {name} at {readable(odds)} to 1"
     lost = ""
     if belief.strange:
         lost = f" Such a foot does not move like this (chi-square {belief.per_dof:.3g} a dof)."

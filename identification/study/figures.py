@@ -7,7 +7,6 @@ hysteresis loops (4.15 to 4.17) and energies.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
-from io import BytesIO
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +21,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
-from fasbody.presentation import STYLE
+from fasbody.presentation import STYLE, picture
 from identification.branches import DECISIVE_ODDS, EXCHANGED
 from identification.figures import label_of, of_loads, panels
 from identification.study.means import BAND, FEWEST, POSITIVE, mean_curve
@@ -54,13 +53,11 @@ _SCALE = {"N/m": (1e-3, "kN/m"), "s": (1e3, "ms")}
 
 def save(figure: Figure, ending: str) -> bytes:
     """The figure as the content of an .svg or .png file, the same bytes whenever it is drawn."""
-    out = BytesIO()
-    with matplotlib.rc_context(STYLE):
-        if figure.get_layout_engine() is not None:  # laid out once, however often it is saved
+    if figure.get_layout_engine() is not None:  # laid out once, however often it is saved
+        with matplotlib.rc_context(STYLE):
             figure.draw_without_rendering()
-            figure.set_layout_engine("none")
-        figure.savefig(out, format=ending, dpi=180, metadata={"Date": None} if ending == "svg" else None)
-    return out.getvalue()
+        figure.set_layout_engine("none")
+    return picture(figure, ending, STYLE, dpi=180)
 
 
 def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:

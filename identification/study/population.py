@@ -22,7 +22,7 @@ from scipy.optimize import brentq
 from scipy.special import chdtri
 from scipy.stats import t as student
 
-from fasbody.presentation import Tabled
+from fasbody.presentation import Tabled, readable
 from identification.advice import POOR_FIT
 from identification.branches import DECISIVE_ODDS, EXCHANGED, STIFF_ANKLE, STIFF_PAD
 from identification.heel.population import FEWEST, Observed, estimate
@@ -116,8 +116,12 @@ class Population(Tabled):
 def _to_one(odds_log: float) -> str:
     """Odds in words."""
     if odds_log < 0:
-        return f"1 to {np.exp(min(-odds_log, 50.0)):.3g}" if odds_log > -np.log(1e6) else "less than 1 to a million"
-    return f"{np.exp(odds_log):.3g} to 1" if odds_log < np.log(1e6) else "over a million to 1"
+        return (
+            f"1 to {readable(float(np.exp(min(-odds_log, 50.0))))}"
+            if odds_log > -np.log(1e6)
+            else "less than 1 to a million"
+        )
+    return f"{readable(float(np.exp(odds_log)))} to 1" if odds_log < np.log(1e6) else "over a million to 1"
 
 
 def constant(name: str, subjects: Sequence[str], logs: np.ndarray, errors: np.ndarray) -> Constant:

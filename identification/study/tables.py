@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from fasbody.presentation import readable
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.result import symbol_and_unit
 from identification.study import summary
@@ -219,7 +220,7 @@ def tracking(findings: Findings) -> pd.DataFrame:
     for s in findings.subjects:
         names = [c.branch for c in s.tracking.choices] if s.tracking else []
         name, odds = max(s.tracking.overall.items(), key=lambda i: i[1], default=("", 0.0)) if s.tracking else ("", 0)
-        said = "–" if not odds else "over a million to 1" if odds > 1e6 else f"{odds:.3g} to 1"
+        said = "–" if not odds else "over a million to 1" if odds > 1e6 else f"{readable(odds)} to 1"
         cells = [names.count(n) for n in (STIFF_ANKLE, STIFF_PAD, "undecided")]
         rows.append([f"{s.mode}, {s.posture}", s.subject, *cells, name, said])
     header = ["mode", "subject", STIFF_ANKLE, STIFF_PAD, "undecided", "if one branch for all"]
@@ -230,12 +231,12 @@ def profiles(findings: Findings) -> pd.DataFrame:
     """Profiles beside the intervals of the standard errors, those that depart first."""
     rows = []
     for d, r in sorted(findings.of("profile"), key=lambda pair: not pair[1]["departs"])[:LISTED]:
-        low, high = ("open" if r[f"open_{side}"] else f"{r[name]:.4g}"
+        low, high = ("open" if r[f"open_{side}"] else readable(r[name], 4)
                      for side, name in (("below", "lower"), ("above", "upper")))  # fmt: skip
         verdict = r["verdict"] + ("; a better fit was met" if r["better"] else "")
         rows.append([f"{summary.place(d)} ({d['mode']})", symbol_and_unit(r["key"])[0], verdict,
-                     "departs" if r["departs"] else "", f"{r['value']:.4g}", f"{low} to {high}",
-                     " to ".join(f"{x:.4g}" for x in r["wald"])])  # fmt: skip
+                     "departs" if r["departs"] else "", readable(r['value'], 4), f"{low} to {high}",
+                     " to ".join(readable(x, 4) for x in r["wald"])])  # fmt: skip
     header = ["fit", "parameter", "verdict", "profile against standard error", "estimate", "95 % by profile",
               "95 % by standard error"]  # fmt: skip
     return pd.DataFrame(rows, columns=header)
