@@ -200,18 +200,19 @@ def _sign(each: Allowance) -> str:
 
 
 def excitation_rank(recordings: Sequence[Recording]) -> int:
-    """Twice the number of distinct lines in the base motion of all recordings together.
+    """Twice the number of distinct lines in the base motion, of each load for itself: another mass is another system.
 
     They do not determine a linear system with more parameters than that. Noise is not excitation: lines below 1e-3
     of the largest, or below five standard deviations, do not count.
     """
-    lines: list[float] = []
+    lines: list[tuple[float, float]] = []
     for recording in recordings:
+        load = recording.condition.added_mass_kg
         found = _periodic_lines(recording) if recording.condition.frequency_hz else _broadband_lines(recording)
         resolution = 0.5 / (recording.time_s[-1] - recording.time_s[0])
         for frequency in found:
-            if all(abs(frequency - other) > resolution for other in lines):
-                lines.append(frequency)
+            if all(abs(frequency - other) > resolution for under, other in lines if under == load):
+                lines.append((load, frequency))
     return 2 * len(lines)
 
 
@@ -226,6 +227,8 @@ def _periodic_lines(recording: Recording) -> list[float]:
 def _broadband_lines(recording: Recording) -> list[float]:
     base = recording.base_m_s2
     size = np.abs(np.fft.rfft(base)) * 2 / base.size
-    noise = np.median(size[int(0.7 * size.size) :])  # above 0.35 of the sampling rate there is only noise
+    noise = float(np.median(size[int(0.7 * size.size) :]))  # above 0.35 of the sampling rate there is only noise,
+    if noise > 0.1 * size.max():  # unless the excitation goes so far
+        noise = 0.0
     counted = (size > _SHARE * size.max()) & (size > _NOISE * noise)
     return list(np.flatnonzero(counted) * recording.rate_hz / base.size)

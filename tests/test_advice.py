@@ -48,6 +48,14 @@ def test_a_recording_without_a_sine_has_the_rank_of_its_band() -> None:
     assert excitation_rank([found]) == 160
 
 
+def test_noise_up_to_half_the_sampling_rate_excites_and_a_load_makes_another_system() -> None:
+    a = np.random.default_rng(0).normal(0, 3, T.size)
+    assert excitation_rank([Recording(T, a, a, condition=Condition())]) > 1900
+    loaded = base(20.0, seed=1)
+    loaded = replace(loaded, condition=replace(loaded.condition, added_mass_kg=2.3))
+    assert excitation_rank([base(20.0), loaded]) == 4
+
+
 def a_world(prior_std: float, assumed: bool) -> World:
     masses = tuple(Mass(name, 3.0, prior_std, 3.0, 2.5, 3.5, 0.0, assumed=assumed) for name in ("m_S", "m_F"))
     return World(chi_square=10.0, objective=10.0, dof=10, follows=True, masses=masses, nuisances=())

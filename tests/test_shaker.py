@@ -61,6 +61,18 @@ def test_controls_reproduce_a_spline_exactly() -> None:
     assert motion.duration == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize(("rate", "frequency"), [(500.0, 180.0), (250.0, 110.0), (500.0, 60.0)])
+def test_coarse_samples_stand_for_the_band_limited_curve(rate: float, frequency: float) -> None:
+    """A spline through three samples a period passes four fifths of a sine at worst."""
+    t = np.arange(round(6 * rate)) / rate
+    motion, fine = shaker.samples(t, np.sin(2 * np.pi * frequency * t)), np.linspace(1.0, 5.0, 20001)
+    found, truth = motion.acceleration(fine), np.sin(2 * np.pi * frequency * fine)
+    assert np.abs(found - truth).max() < 2e-5
+    assert (
+        np.abs(CubicSpline(t, np.sin(2 * np.pi * frequency * t))(fine) - truth).max() > 50 * np.abs(found - truth).max()
+    )
+
+
 def test_noise_at_four_kilohertz_moves_the_base(foot: Foot) -> None:
     """Its third derivative is 1e10 m/s^5 and more, beyond what MuJoCo takes for a control."""
     t = np.arange(400) / 4000

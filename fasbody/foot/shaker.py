@@ -20,6 +20,9 @@ PEAK_TO_PEAK = 17.9
 #: Unit of time of the controls [s]. MuJoCo takes no control above 1e10, and third derivatives of a noisy base at 4 kHz
 #: are larger in SI. A power of two, so that no digit is lost.
 CLOCK = 2.0**-10
+#: Samples finer than this need no band-limited curve [Hz]; its filter reaches so far [samples]; and so large a difference
+#: from the spline counts, as a share of the motion.
+_FINE_HZ, _REACH, _ALIKE = 4000.0, 64, 1e-3
 
 
 @dataclass(frozen=True)
@@ -147,6 +150,9 @@ def random(low: float, high: float, duration: float, rms: float = 6.3, seed: int
 def samples(time_s: ArrayLike, acceleration: ArrayLike, name: str = "recording") -> BaseMotion:
     """A recorded base acceleration, as the cubic spline through its samples.
 
+    A spline is up to a fifth off a sine of three samples a period. Where the samples are uniform and so coarse that
+    this matters, it goes through the band-limited curve instead (but for their ends, where that is not known).
+
     Args:
         time_s: (n,) sample times [s], datetimes or time differences; the motion begins with the first of them.
         acceleration: (n,) [m/s^2], offset removed. Of a pandas Series the index is not looked at. name: for messages.
@@ -155,8 +161,36 @@ def samples(time_s: ArrayLike, acceleration: ArrayLike, name: str = "recording")
 
     t = seconds(time_s)
     t = t - t[0]
-    spline = CubicSpline(t, np.asarray(acceleration, float))
+    values = np.asarray(acceleration, float)
+    spline = CubicSpline(t, values)
+    finer = _band_limited(t, values, spline)
+    if finer is not None:
+        spline = CubicSpline(*finer)
     return BaseMotion(name, float(t[-1] - t[0]), spline, spline.derivative())
+
+
+def _band_limited(
+    t: np.ndarray, values: np.ndarray, spline: Callable[[np.ndarray], np.ndarray]
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Finer times and values of the curve with no frequency above half the sampling rate; None where it is the spline.
+
+    Args:
+        t: (n,) times [s]. values: (n,). spline: through them.
+    """
+    from scipy.signal import firwin, resample_poly
+
+    n, step = t.size, t[-1] / (t.size - 1)
+    parts = int(np.ceil(_FINE_HZ * step - 1e-9))
+    if parts < 2 or n < 4 * _REACH or np.ptp(np.diff(t)) > 1e-6 * step:
+        return None
+    low_pass = firwin(2 * _REACH * parts + 1, 1 / parts, window=("kaiser", 10.0))
+    at = np.arange((n - 1) * parts + 1) / parts
+    coarse = spline(at * step)
+    more = resample_poly(values, parts, 1, window=low_pass)[: at.size] - coarse
+    more *= np.clip(np.minimum(at, at[::-1]) / _REACH - 1, 0, 1)
+    if np.abs(more).max() < _ALIKE * np.std(values):
+        return None
+    return at * step, coarse + more
 
 
 def seconds(time: ArrayLike) -> np.ndarray:
