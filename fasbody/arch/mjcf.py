@@ -193,6 +193,8 @@ def _check_joints(model: mujoco.MjModel, index: Index, name: str) -> None:
 
 
 def _check_bodies(model: mujoco.MjModel, index: Index, name: str) -> None:
+    for body in np.flatnonzero(model.body_gravcomp):
+        raise ModelError(f"{name}: body {model.body(body).name!r} has a gravcomp, which the equations lack; remove it.")
     bodies = {joint: int(model.jnt_bodyid[index["joint", joint]]) for joint in JOINTS}
     apex, tibia = bodies["apex"], bodies["talocrural"]
     if carried_mass(model, apex) > APEX_MASS:
@@ -248,11 +250,21 @@ def _check_closure(model: mujoco.MjModel, index: Index, name: str) -> None:
 
 
 def _check_tendons(model: mujoco.MjModel, index: Index, name: str) -> None:
-    ends = {index["site", element] for element in SITES}
-    for pad in PADS:
-        first, count = (int(rows[index["tendon", pad]]) for rows in (model.tendon_adr, model.tendon_num))
-        for site in {int(s) for s in model.wrap_objid[first : first + count]} - ends:
-            _check_on_table(model, int(model.site_bodyid[site]), f"{name}: tendon {pad!r} ends on")
+    for tendon, wanted in zip((*PADS, FASCIA), (*SITES, SITES), strict=True):
+        first, count = (int(rows[index["tendon", tendon]]) for rows in (model.tendon_adr, model.tendon_num))
+        straight = count == 2 and (model.wrap_type[first : first + 2] == mujoco.mjtWrap.mjWRAP_SITE).all()
+        sites = {int(s) for s in model.wrap_objid[first : first + count]}
+        ends = {index["site", element] for element in ([wanted] if isinstance(wanted, str) else wanted)}
+        if not straight or not ends <= sites:
+            way = f"from the table to {wanted!r}" if isinstance(wanted, str) else "from 'heel' to 'heads'"
+            raise ModelError(f"{name}: tendon {tendon!r} must run straight {way}, as in the equations.")
+        for site in sites - ends:
+            _check_on_table(model, int(model.site_bodyid[site]), f"{name}: tendon {tendon!r} ends on")
+        if model.tendon_armature[index["tendon", tendon]]:
+            raise ModelError(
+                f"{name}: tendon {tendon!r} has the armature {model.tendon_armature[index['tendon', tendon]]:g}, which the "
+                "equations lack; remove it."
+            )
     for tendon in (*PADS, FASCIA):
         t = index["tendon", tendon]
         if np.abs(model.tendon_lengthspring[t] - model.tendon_length0[t]).max() > TOLERANCE:
@@ -273,11 +285,34 @@ def _check_actuators(model: mujoco.MjModel, index: Index, name: str) -> None:
         if actuator == index["actuator", BRANCH]:
             if kind != mujoco.mjtTrn.mjTRN_TENDON or target != index["tendon", FASCIA]:
                 raise ModelError(f"{name}: actuator {BRANCH!r} must act on the tendon {FASCIA!r}.")
+            _check_branch(model, actuator, name)
         elif kind != mujoco.mjtTrn.mjTRN_JOINT or target not in base:
             raise ModelError(
                 f"{name}: actuator {called!r} acts on the arch, but the equations have only {BRANCH!r} beside the "
                 "springs and dampers; remove it (a pad with a memory, law 4.22, cannot be followed)."
             )
+
+
+def _check_branch(model: mujoco.MjModel, branch: int, name: str) -> None:
+    """The branch is a spring and a dashpot in series, and nothing else that a motor can be."""
+    motor = (("gaintype", mujoco.mjtGain.mjGAIN_DCMOTOR), ("biastype", mujoco.mjtBias.mjBIAS_DCMOTOR),
+             ("dyntype", mujoco.mjtDyn.mjDYN_DCMOTOR))  # fmt: skip
+    for attribute, wanted in motor:
+        if getattr(model, f"actuator_{attribute}")[branch] != wanted:
+            raise ModelError(f"{name}: actuator {BRANCH!r} must be a <dcmotor>, as in foot_arch.xml.")
+    rows = [("gear", model.actuator_gear[branch], (1,)), ("motorconst", model.actuator_gainprm[branch, 1:], (1,))]
+    rows += [(attribute, np.ravel(getattr(model, f"actuator_{attribute}")[branch]), ())
+             for attribute in ("biasprm", "armature", "damping", "dampingpoly", "actlimited", "forcelimited")
+             if len(getattr(model, f"actuator_{attribute}")) > branch]  # fmt: skip
+    rows += [("dynprm", model.actuator_dynprm[branch, 1:], ())]
+    for attribute, found, wanted in rows:
+        if np.abs(found.astype(float) - np.pad(np.array(wanted, float), (0, len(found) - len(wanted)))).max() > 0:
+            raise ModelError(
+                f"{name}: actuator {BRANCH!r} has another {attribute} than in foot_arch.xml, and the equations have a spring "
+                "and a dashpot in series alone; change resistance (1/c_1) and inductance (1/k_12) only."
+            )
+    if model.actuator_actnum[branch] != 1:
+        raise ModelError(f"{name}: actuator {BRANCH!r} must have one state, its current.")
 
 
 def _check_declared(model: mujoco.MjModel, constants: Mapping[str, float], name: str) -> None:

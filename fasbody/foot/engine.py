@@ -257,6 +257,17 @@ def callbacks(chosen: Callbacks | None = None) -> Iterator[Callbacks]:
             put(before[name])
 
 
+@contextmanager
+def quiet() -> Iterator[None]:
+    """No warning of MuJoCo on the screen or in a MUJOCO_LOG.TXT for the block."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(_quiet.ctypes)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
 # Every array above is non-empty here, and the counts are unlike any other number in the structs.
 _PROBE = """
 <mujoco>

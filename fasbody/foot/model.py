@@ -12,7 +12,8 @@ import numpy as np
 import mjcf
 from fasbody.exceptions import InputFileError, ModelError, SettingError, unknown
 from fasbody.foot import damper
-from fasbody.foot.engine import SHAKER, SHAKER_CONTROLS
+from fasbody.foot.engine import SHAKER, SHAKER_CONTROLS, quiet
+from fasbody.foot.model_fields import check_fields
 from fasbody.foot.parameters import Fitted, Parameters, declared, names
 from fasbody.presentation import Sheet, Tabled, readable
 
@@ -161,8 +162,9 @@ def _checked(read: Callable[[], mujoco.MjSpec], place: str | Path, name: str = "
         InputFileError: it cannot compile it. ModelError: see `load`.
     """
     try:
-        spec = read()
-        compiled = spec.compile()
+        with quiet():  # what MuJoCo has to warn of is refused below, in a sentence
+            spec = read()
+            compiled = spec.compile()
     except ValueError as error:
         clause, line = compiler_complaint(str(error))
         raise InputFileError(place, f"MuJoCo cannot compile it ({clause})", line=line) from None
@@ -217,6 +219,7 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
             "that carry its controls; copy the actuators of two_dof.xml."
         )
     _check_shaker(model, name, first)
+    check_fields(model, name)
     up = _check_base(model, name, shaker)
     _check_pads(model, name)
     sensors = accelerometers(model, up)
@@ -272,14 +275,27 @@ def _check_sensors(model: mujoco.MjModel, name: str) -> None:
             f"{name}: with another integrator than RK4 accelerations are sensed half a step early; add the sensor "
             "'malleolus_velocity', a framelinvel at the site malleolus."
         )
-    for sensor, body in (*wanted.items(), *([("malleolus_velocity", wanted["malleolus"])] if late else ())):
-        on = _body_of(model, model.sensor(sensor).id)
+    for sensor, body in wanted.items():
+        on = body_of(model, model.sensor(sensor).id)
         if model.body_weldid[on] != body:
             place = "the table" if sensor == "base" else "the body of the site 'malleolus'"
             raise ModelError(f"{name}: sensor {sensor!r} sits on {model.body(on).name!r}; it belongs on {place}.")
+    known = names(model, "sensor")
+    for sensor in known if late else ():
+        velocity = f"{sensor}_velocity"
+        if velocity not in known or sensor == "base":
+            continue
+        one, other = model.sensor(sensor).id, model.sensor(velocity).id
+        if model.sensor_type[other] != mujoco.mjtSensor.mjSENS_FRAMELINVEL:
+            raise ModelError(
+                f"{name}: sensor {velocity!r} is read in the world's axes; make it a framelinvel at a site."
+            )
+        if model.body_weldid[body_of(model, one)] != model.body_weldid[body_of(model, other)]:
+            on = model.body(body_of(model, other)).name
+            raise ModelError(f"{name}: sensor {velocity!r} sits on {on!r}; it belongs where sensor {sensor!r} is.")
 
 
-def _body_of(model: mujoco.MjModel, sensor: int) -> int:
+def body_of(model: mujoco.MjModel, sensor: int) -> int:
     """Number of the body that a sensor sits on."""
     kind, number = model.sensor_objtype[sensor], int(model.sensor_objid[sensor])
     if kind == mujoco.mjtObj.mjOBJ_SITE:
@@ -370,6 +386,12 @@ def _check_base(model: mujoco.MjModel, name: str, shaker: int) -> tuple[float, f
     axis = np.where(np.abs(data.xaxis[joint]) < 1e-9, 0.0, data.xaxis[joint])
     if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_SLIDE:
         raise ModelError(f"{name}: joint 'base' must be a slide along the vertical, which its axis says.")
+    on = int(model.site_bodyid[model.site("malleolus").id])
+    if model.body_weldid[on] in (0, model.body_weldid[model.jnt_bodyid[joint]]):
+        raise ModelError(
+            f"{name}: site 'malleolus' is on {model.body(on).name!r}, which no joint of the foot moves; put it on a "
+            "body of the foot."
+        )
     jacobian = np.zeros((3, model.nv))
     mujoco.mj_jacSite(model, data, jacobian, None, model.site("malleolus").id)
     if np.abs(np.delete(axis @ jacobian, int(model.jnt_dofadr[joint]))).max(initial=0.0) < 1e-9:

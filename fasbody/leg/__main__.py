@@ -57,7 +57,9 @@ def print_peaks(
 @app.command("crosscheck")
 def print_crosscheck(
     model: ModelOption = "leg",
-    added_mass: Annotated[float, typer.Option(help=r"where the model says that it goes \[kg]")] = 0.0,
+    added_mass: Annotated[
+        float | None, typer.Option(help=r"\[kg] where the model says that it goes, in place of what the file has there")
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Matrices and stepped response of a leg from the equations, Pinocchio and MuJoCo; exit 1 on disagreement.
@@ -65,12 +67,12 @@ def print_crosscheck(
     Examples:
       python -m fasbody.leg crosscheck --model my_leg.xml --added-mass 4.5
     """
-    if not 0 <= added_mass <= 50:
+    if added_mass is not None and not 0 <= added_mass <= 50:
         raise SettingError(f"--added-mass is {added_mass:g}, but must be between 0 and 50 kg.")
-    from fasbody.leg.crosscheck import MATRICES, RESPONSES, crosscheck
+    from fasbody.leg.crosscheck import RESPONSES, crosscheck
 
     result = crosscheck(model, added_mass)
-    table = Table(title=f"{result.model} with {added_mass:g} kg: largest relative difference")
+    table = Table(title=f"{result.model} with {result.added_mass_kg:g} kg: largest relative difference")
     table.add_column("quantity")
     table.add_column("difference", justify="right")
     for name, value in result.matrices.items():
@@ -79,9 +81,11 @@ def print_crosscheck(
         table.add_row(f"response stepped at {frequency:g} Hz", f"{value:.1e}")
     console.print(table)
     verdict = "agree" if result.agrees else "DISAGREE"
-    console.print(f"The engines {verdict} (matrices {MATRICES:.0e}, responses {RESPONSES:.0e}).")
+    console.print(f"The engines {verdict} (matrices {result.limit:.0e}, responses {RESPONSES:.0e}).")
+    if result.note:
+        console.print(result.note, highlight=False)
     if json:
-        print_json(vars(result) | {"agrees": result.agrees})
+        print_json(vars(result) | {"agrees": result.agrees, "note": result.note})
     if not result.agrees:
         raise typer.Exit(1)
 

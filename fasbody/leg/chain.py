@@ -18,13 +18,15 @@ import numpy as np
 
 from fasbody.exceptions import ModelError, unknown
 from fasbody.foot import damper
-from fasbody.foot.model import check_constants, check_free
+from fasbody.foot.model import body_of, check_constants, check_free
 from fasbody.foot.parameters import declared, names
 from fasbody.presentation import Tabled
 
 Array = np.ndarray
 #: Sites that a leg has: where the accelerometers of section 2.2 sit, and the knee.
 SITES = ("malleolus", "tuberosity", "knee")
+#: Number of what stands still, in place of a mass.
+WORLD = -2
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,7 @@ class Leg(Tabled):
         parent: number of the mass below, -1 for the table, (n,).
         stiffness: of each joint [N/m], (n,).
         damping: of each joint [N s/m], (n,).
-        site: site -> number of the mass it sits on, -1 for the table.
+        site: site -> number of the mass it sits on, -1 for the table, -2 for what stands still.
         carrier: number of the mass that carries the added one, None if the model names none.
         added: mass that it carries already [kg], in `mass`.
     """
@@ -69,17 +71,33 @@ class Leg(Tabled):
         base = _slides(model, name)
         joints = [j for j in range(model.njnt) if j != base]
         at = {int(model.jnt_bodyid[j]): i for i, j in enumerate(joints)}
-        on = {0: -1, int(model.jnt_bodyid[base]): -1}  # body -> the mass it belongs to
+        table = int(model.jnt_bodyid[base])
+        on = {0: WORLD, table: -1}  # body -> the mass it belongs to
         mass, parent = np.zeros(len(joints)), [0] * len(joints)
         for body in range(1, model.nbody):
             below = on[int(model.body_parentid[body])]
             on.setdefault(body, at.get(body, below))
+            if body in at and below == WORLD:
+                raise ModelError(f"{name}: body {model.body(body).name!r} does not stand on the table; put it there.")
             if body in at:
                 parent[at[body]] = below
             if on[body] >= 0:
                 mass[on[body]] += model.body_mass[body]
         laws = [_law(model, j, name) for j in joints]
         sites = {site: on[int(model.site(site).bodyid[0])] for site in names(model, "site")}
+        for site in SITES:
+            if sites.get(site, 0) < 0:
+                on_what = model.body(int(model.site(site).bodyid[0])).name
+                raise ModelError(
+                    f"{name}: site {site!r} is on {on_what!r}, no part of the leg; put it on one of its masses."
+                )
+        for sensor in {*names(model, "sensor")} & {*sites}:
+            sensed = body_of(model, model.sensor(sensor).id)
+            if on[sensed] != sites[sensor]:
+                raise ModelError(
+                    f"{name}: sensor {sensor!r} sits on {model.body(sensed).name!r} and the site {sensor!r} does not; put "
+                    "both on one body."
+                )
         labels = tuple(model.joint(j).name for j in joints)
         k, c = (np.array([law[i] for law in laws]) for i in (0, 1))
         parameters = declared(model, name)
@@ -87,7 +105,9 @@ class Leg(Tabled):
         if "added_mass" in parameters:
             carrier, added = on[parameters["added_mass"].places[0].index], parameters["added_mass"].read(model)
             if carrier < 0:
-                raise ModelError(f"{name}: added_mass stands on the table, where it is no part of the leg.")
+                raise ModelError(
+                    f"{name}: added_mass stands on the table or beside it, where it is no part of the leg."
+                )
         return cls(labels, mass, tuple(parent), k, c, sites, carrier, added)
 
     @property
@@ -105,14 +125,14 @@ class Leg(Tabled):
         return P.T @ (self.mass[:, None] * P), np.diag(self.damping), np.diag(self.stiffness)
 
     def with_added(self, added_mass_kg: float) -> "Leg":
-        """The leg with a mass [kg] where the model says that it goes, in place of what is there.
+        """The leg with a mass [kg] where the model says that it goes, in place of what is there; 0 takes that away.
 
         Raises:
             ModelError: the model names no place for it.
         """
-        if not added_mass_kg:
-            return self
         if self.carrier is None:
+            if not added_mass_kg:
+                return self
             raise ModelError("the model declares no parameter 'added_mass', so that nothing carries the added mass.")
         mass = self.mass.copy()
         mass[self.carrier] += added_mass_kg - self.added
@@ -139,7 +159,9 @@ class Leg(Tabled):
         if site not in self.site:
             raise ModelError(f"{unknown('site', site, self.site)}.")
         number = self.site[site]
-        return np.ones(np.size(frequency_hz), complex) if number < 0 else self.response(frequency_hz)[:, number]
+        if number < 0:
+            return np.full(np.size(frequency_hz), 0 if number == WORLD else 1, complex)
+        return self.response(frequency_hz)[:, number]
 
     def modes(self) -> tuple[Array, Array]:
         """Natural frequencies [Hz] and damping ratios of the oscillating modes, sorted by frequency."""
@@ -161,7 +183,10 @@ def _slides(model: mujoco.MjModel, name: str) -> int:
         if model.jnt_type[j] != mujoco.mjtJoint.mjJNT_SLIDE or off > 1e-9:
             raise ModelError(f"{name}: joint {model.joint(j).name!r} is no slide along y, and a leg goes up and down.")
         if model.qpos_spring[model.jnt_qposadr[j]] != model.qpos0[model.jnt_qposadr[j]]:
-            raise ModelError(f"{name}: joint {model.joint(j).name!r} has a springref; a leg begins at rest.")
+            raise ModelError(
+                f"{name}: joint {model.joint(j).name!r} has a springref that is not its ref, so that its spring pulls from "
+                "the start; a leg begins at rest, so write both alike or neither."
+            )
     for body in range(model.nbody):
         if model.body_jntnum[body] > 1:
             raise ModelError(f"{name}: body {model.body(body).name!r} has several joints; give each a body of its own.")
