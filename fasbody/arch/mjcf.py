@@ -31,6 +31,9 @@ APEX_MASS = 1e-9
 #: How far an axis, the closure's polynomial, a rest length or a declared constant may be off.
 TOLERANCE = 1e-6
 
+#: Smallest impedance of the closure that the equations' rigid one still stands for.
+STIFF = 0.5
+
 _KINDS = {"joint": JOINTS, "site": (*SITES, "malleolus"), "tendon": (*PADS, FASCIA), "actuator": (BRANCH,)}
 Index = Mapping[tuple[str, str], int]
 
@@ -241,6 +244,10 @@ def _check_closure(model: mujoco.MjModel, index: Index, name: str) -> None:
             raise ModelError(f"{name}: equality {equality!r} is none of the arch's; remove it.")
         if np.abs(model.eq_data[e, :5] - (0, 1, 0, 0, 0)).max() > TOLERANCE:
             raise ModelError(f"{name}: equality {equality!r} must keep both pads equally long; remove its polycoef.")
+        if model.eq_solimp[e, :2].min() < STIFF:
+            raise ModelError(
+                f"{name}: equality {equality!r} gives way (solimp); the equations keep both pads equally long."
+            )
         closed = True
     if not closed:
         raise ModelError(
@@ -261,10 +268,7 @@ def _check_tendons(model: mujoco.MjModel, index: Index, name: str) -> None:
         for site in sites - ends:
             _check_on_table(model, int(model.site_bodyid[site]), f"{name}: tendon {tendon!r} ends on")
         if model.tendon_armature[index["tendon", tendon]]:
-            raise ModelError(
-                f"{name}: tendon {tendon!r} has the armature {model.tendon_armature[index['tendon', tendon]]:g}, which the "
-                "equations lack; remove it."
-            )
+            raise ModelError(f"{name}: tendon {tendon!r} has an armature, which the equations lack; remove it.")
     for tendon in (*PADS, FASCIA):
         t = index["tendon", tendon]
         if np.abs(model.tendon_lengthspring[t] - model.tendon_length0[t]).max() > TOLERANCE:
@@ -308,8 +312,8 @@ def _check_branch(model: mujoco.MjModel, branch: int, name: str) -> None:
     for attribute, found, wanted in rows:
         if np.abs(found.astype(float) - np.pad(np.array(wanted, float), (0, len(found) - len(wanted)))).max() > 0:
             raise ModelError(
-                f"{name}: actuator {BRANCH!r} has another {attribute} than in foot_arch.xml, and the equations have a spring "
-                "and a dashpot in series alone; change resistance (1/c_1) and inductance (1/k_12) only."
+                f"{name}: actuator {BRANCH!r} has another {attribute} than in foot_arch.xml, and the equations have a "
+                "spring and a dashpot in series alone; change resistance (1/c_1) and inductance (1/k_12) only."
             )
     if model.actuator_actnum[branch] != 1:
         raise ModelError(f"{name}: actuator {BRANCH!r} must have one state, its current.")

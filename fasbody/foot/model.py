@@ -253,16 +253,16 @@ def _check_shaker(model: mujoco.MjModel, name: str, first: int) -> None:
     """The shaker is on, and gives whatever is asked of it."""
     for actuator in range(model.nactuator):
         control = int(model.actuator_ctrladr[actuator])
-        if not first <= control < first + SHAKER_CONTROLS:
-            continue
         called, out = model.actuator(actuator).name, int(model.actuator_outadr[actuator])
-        if model.actuator_ctrllimited[control] or model.actuator_forcelimited[out]:
-            raise ModelError(f"{name}: actuator {called!r} has a range, and the table must move as asked; remove it.")
         group = int(model.actuator_group[actuator])
         if 0 <= group < 31 and model.opt.disableactuator >> group & 1:
             raise ModelError(
-                f"{name}: actuator {called!r} is switched off by actuatorgroupdisable, so nothing moves the table."
+                f"{name}: actuator {called!r} is switched off by actuatorgroupdisable; remove one of both."
             )
+        if not first <= control < first + SHAKER_CONTROLS:
+            continue
+        if model.actuator_ctrllimited[control] or model.actuator_forcelimited[out]:
+            raise ModelError(f"{name}: actuator {called!r} has a range, and the table must move as asked; remove it.")
 
 
 def _check_sensors(model: mujoco.MjModel, name: str) -> None:
@@ -300,6 +300,8 @@ def body_of(model: mujoco.MjModel, sensor: int) -> int:
     kind, number = model.sensor_objtype[sensor], int(model.sensor_objid[sensor])
     if kind == mujoco.mjtObj.mjOBJ_SITE:
         return int(model.site_bodyid[number])
+    if kind == mujoco.mjtObj.mjOBJ_CAMERA:
+        return int(model.cam_bodyid[number])
     return int(model.geom_bodyid[number]) if kind == mujoco.mjtObj.mjOBJ_GEOM else number
 
 
@@ -420,6 +422,12 @@ def _check_pads(model: mujoco.MjModel, name: str) -> None:
     """Tendons that an equality keeps equally long must begin so: the engine would keep the gap that it finds."""
     for e in np.flatnonzero((model.eq_type == mujoco.mjtEq.mjEQ_TENDON) & model.eq_active0):
         one, other = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
+        if other >= 0 and model.eq_solref[e, 0] > 0:
+            raise ModelError(
+                f"{name}: equality {model.equality(e).name!r} ties its tendons softly, by a time constant of "
+                f'{model.eq_solref[e, 0]:g} s, which each step width takes otherwise; write solref="-2.5e7 -1e4" as in '
+                "foot_arch.xml."
+            )
         gap = abs(float(model.tendon_length0[one] - model.tendon_length0[other])) if other >= 0 else 0.0
         if gap > CLOSED and not np.any(model.eq_data[e, :5] - (0, 1, 0, 0, 0)):
             raise ModelError(

@@ -38,6 +38,8 @@ FIELDS = (
     Field("tendon_plasticadr", -1, "springyield", "the spring would yield, which no periodic motion can"),
     Field("actuator_plugin", -1, "plugin", "no equation knows a plugin"),
     Field("actuator_delay", 0, "delay", "its controls would come late"),
+    Field("actuator_damping", 0, "damping", "energies would not count it; write the damping at its joint or tendon"),
+    Field("actuator_dampingpoly", 0, "damping", "energies would not count it; write it at its joint or tendon"),
     Field("body_plugin", -1, "plugin", "no equation knows a plugin"),
     Field("geom_plugin", -1, "plugin", "no equation knows a plugin"),
     Field("geom_surfacevel", 0, "surfacevel", "it would push what touches it, at rest too"),
@@ -68,8 +70,6 @@ DRIVES = (
     Field("actuator_gaintype", 0, "gaintype", _ASKED),
     Field("actuator_dyntype", 0, "dyntype", _ASKED),
     Field("actuator_gainprm", 0, "gainprm", _ASKED),
-    Field("actuator_damping", 0, "damping", _ASKED),
-    Field("actuator_dampingpoly", 0, "damping", _ASKED),
     Field("actuator_armature", 0, "armature", _ASKED),
     Field("actuator_actlimited", 0, "actrange", _ASKED),
 )

@@ -95,8 +95,8 @@ class Leg(Tabled):
             sensed = body_of(model, model.sensor(sensor).id)
             if on[sensed] != sites[sensor]:
                 raise ModelError(
-                    f"{name}: sensor {sensor!r} sits on {model.body(sensed).name!r} and the site {sensor!r} does not; put "
-                    "both on one body."
+                    f"{name}: sensor {sensor!r} sits on {model.body(sensed).name!r} and the site {sensor!r} does not; "
+                    "put both on one body."
                 )
         labels = tuple(model.joint(j).name for j in joints)
         k, c = (np.array([law[i] for law in laws]) for i in (0, 1))
@@ -184,8 +184,8 @@ def _slides(model: mujoco.MjModel, name: str) -> int:
             raise ModelError(f"{name}: joint {model.joint(j).name!r} is no slide along y, and a leg goes up and down.")
         if model.qpos_spring[model.jnt_qposadr[j]] != model.qpos0[model.jnt_qposadr[j]]:
             raise ModelError(
-                f"{name}: joint {model.joint(j).name!r} has a springref that is not its ref, so that its spring pulls from "
-                "the start; a leg begins at rest, so write both alike or neither."
+                f"{name}: joint {model.joint(j).name!r} has a springref that is not its ref, so that its spring pulls "
+                "from the start; a leg begins at rest, so write both alike or neither."
             )
     for body in range(model.nbody):
         if model.body_jntnum[body] > 1:
