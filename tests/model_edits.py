@@ -348,11 +348,26 @@ TWO_DOF = (
           load="geom 'foot'"),
     _edit("two_dof", "one parameter, two numbers", ("joint fat_pad stiffness |", "joint fat_pad stiffness, joint talocrural stiffness |"),
           load="parameter 'k_F'"),
+    _edit("two_dof", "a spring that yields", (FAT_PAD, FAT_PAD + ' springyield="0.01"'), load="joint 'fat_pad' .* 'springyield'"),
+    _edit("two_dof", "a servo's damper at the pad", (ACTUATORS, '<general name="servo" joint="fat_pad" gainprm="0" damping="50"/>' + ACTUATORS),
+          load="actuator 'servo' .* 'damping'"),
+    _edit("two_dof", "a servo's armature at the pad", (ACTUATORS, '<general name="servo" joint="fat_pad" gainprm="0" armature="0.5"/>' + ACTUATORS),
+          truth=replace(chain(FOOT, SHANK, at=1, more=((0, -1, S**2 * 0.5),)), pad=None, dissipated=None),
+          leg="actuator 'servo' is not in the equations"),
+    _edit("two_dof", "oil about it", ('gravity="0 0 0"', 'gravity="0 0 0" viscosity="1e-9"'), truth=chain(FOOT, SHANK, at=1),
+          leg="viscosity"),
+    _edit("two_dof", "a shank that floats", HEAVY, ('<body name="shank">', '<body name="shank" gravcomp="1">'),
+          truth=chain(replace(FOOT, c=800 * np.exp(-50 * (x := FOOT.mass * G / 1e5)) * np.cos(100 * x)), SHANK, at=1),
+          leg="gravity"),
+    _edit("two_dof", "a site that is nowhere", ('pos="0 0.09 0.03"', 'pos="0 nan 0.03"'), load="site 'malleolus' has something"),
+    _edit("two_dof", "a step that is no number", ('timestep="5e-4"', 'timestep="nan"'), load="timestep"),
 )  # fmt: skip
 
 # leg.xml
 LOAD = '<inertial pos="0 0.6 0" mass="0" diaginertia="0 0 0"/>'
 IN_LEG = '<site name="tuberosity"'
+TUBEROSITY = '<site name="tuberosity" pos="0.03 0.39 0" size="0.008" rgba="0.8 0.1 0.1 1"/>'
+SENSOR, TABLE = '<framelinacc name="malleolus"', '<joint name="base" class="base"'
 LEGS = (
     _edit("leg", "stiffer ankle", ('"1.162e4"', '"2e4"'),
           truth=chain(PAD, HINDFOOT, replace(ANKLE, k=2e4), THIGH, TISSUE, at=1)),
@@ -398,6 +413,35 @@ LEGS = (
     _edit("leg", "added mass that is none", ("body load mass", "joint thigh damping"), load="added_mass"),
     _edit("leg", "dry friction", ('name="thigh" stiffness', 'name="thigh" frictionloss="1" stiffness'), truth=None,
           leg="joint 'thigh' has dry friction"),
+    _edit("leg", "4.5 kg on the knee", (LOAD, '<inertial pos="0 0.6 0" mass="4.5" diaginertia="1e-3 1e-3 1e-3"/>'),
+          truth=chain(*LEG[:4], replace(TISSUE, mass=4.7), at=1)),
+    _edit("leg", "a mass beside the table", ("  </worldbody>", BODY.format("post", 1e4, 20, 1) + "</body>  </worldbody>"),
+          truth=replace(chain(*LEG, at=1), singular=None), leg="body 'post' does not stand on the table"),
+    _edit("leg", "a tuberosity that stands still", (TUBEROSITY, ""), ("  </worldbody>", TUBEROSITY + "  </worldbody>"),
+          truth=chain(*LEG, at=1), leg="site 'tuberosity' is on 'world'"),
+    _edit("leg", "a tuberosity sensed at the knee", ('objname="tuberosity"/>', 'objname="malleolus"/>'), truth=chain(*LEG, at=1),
+          leg="sensor 'tuberosity' sits on 'malleolus'"),
+    _edit("leg", "a malleolus on the table", (SITE, ""), ('<site name="base"/>', '<site name="base"/>' + SITE),
+          load="site 'malleolus' is on 'base'"),
+    _edit("leg", "malleolus sensed by a camera's place", (SITE, SITE + '<camera name="eye"/>'),
+          ('objtype="site" objname="malleolus"/>', 'objtype="camera" objname="eye"/>'), truth=chain(*LEG, at=1)),
+    _edit("leg", "a ref without its springref", ('name="hindfoot" stiffness', 'name="hindfoot" ref="0.01" stiffness'),
+          truth=chain(*LEG, at=1), leg="joint 'hindfoot' has a springref that is not its ref"),
+    _edit("leg", "a ref with its springref", ('name="hindfoot" stiffness', 'name="hindfoot" ref="0.01" springref="0.01" stiffness'),
+          truth=chain(*LEG, at=1)),
+    _edit("leg", "a sensor that is cut off", (SENSOR, SENSOR + ' cutoff="0.005"'), load="sensor 'malleolus' .* 'cutoff'"),
+    _edit("leg", "a sensor that is late", (SENSOR, SENSOR + ' delay="0.01" nsample="100"'), load="sensor 'malleolus' .* 'delay'"),
+    _edit("leg", "a shaker that is late", ('name="shaker" joint', 'name="shaker" delay="0.01" nsample="100" joint'),
+          load="actuator 'shaker' .* 'delay'"),
+    _edit("leg", "a shaker with an armature", ('name="shaker" joint', 'name="shaker" armature="1e-9" joint'),
+          load="actuator 'shaker' .* 'armature'"),
+    _edit("leg", "a table of little force", (TABLE, TABLE + ' actuatorfrcrange="-1 1"'), load="joint 'base' .* 'actuatorfrcrange'"),
+    _edit("leg", "a table on a spring", (TABLE, TABLE + ' stiffness="1e14"'), load="joint 'base' .* 'stiffness'"),
+    _edit("leg", "a table with a servo", (ACTUATORS, '<general name="servo" joint="base" gainprm="0" biastype="affine" '
+          'biasprm="0 -1e13 0"/>' + ACTUATORS), load="actuator 'servo' acts on the joint 'base'"),
+    _edit("leg", "a control that pushes by itself", ('<general name="shaker_a0" class="column"', '<general name="shaker_a0" gear="1e9"'),
+          load="actuator 'shaker_a0' .* 'gainprm'"),
+    _edit("leg", "bodies that sleep", ('gravity="0 0 0"/>', 'gravity="0 0 0"><flag sleep="enable"/></option>'), load='<flag sleep="enable"/>'),
 )  # fmt: skip
 
 # foot_arch.xml
@@ -406,6 +450,7 @@ CLOSURE = 'name="closure" tendon1="heel_pad" tendon2="forefoot_pad"'
 HEADS = '<site name="heads" class="bone" pos="0 -0.06527 0"/>'
 HIND = '<joint name="hindfoot"/>'
 TOES = '<inertial pos="0 0 0" mass="0.02" diaginertia="1e-6 1e-6 1e-6"/></body>'
+VELOCITY = '<framelinvel name="malleolus_velocity" objtype="site" objname="malleolus"/>'
 APEX = '<body name="apex" pos="0 0.0400075598688415 0" childclass="vertical">'
 SOLE = '<body name="insole"><joint type="slide" axis="0 1 0" name="insole" stiffness="9e4" damping="50"/>'
 
@@ -588,8 +633,58 @@ REFUSED = (
         ),
         "site 'malleolus' is on 'calcaneus_talus'",
     ),
+    (
+        "a fascia that is heavy",
+        (('stiffness="15e3" ', 'stiffness="15e3" armature="5" '),),
+        "tendon 'plantar_aponeurosis' has an armature",
+    ),
+    (
+        "a fascia that runs along the bones",
+        (
+            (
+                '<site site="heel"/><site site="heads"/>\n',
+                '<site site="heel"/><site site="way"/><site site="heads"/>\n',
+            ),
+            (HEADS, HEADS + '<site name="way" pos="0 -0.03 0"/>'),
+        ),
+        "tendon 'plantar_aponeurosis' must run straight from 'heel' to 'heads'",
+    ),
+    ("a branch with a gear", (('input="none"', 'gear="2" input="none"'),), "'aponeurosis_branch' has another gear"),
+    (
+        "a branch of another motor",
+        (('motorconst="1 1"', 'motorconst="2 2"'),),
+        "'aponeurosis_branch' has another motor",
+    ),
+    ("a branch that cogs", (('input="none"', 'input="none" cogging="1 2 0"'),), "'aponeurosis_branch' has another"),
+    ("a closure that gives way", (('solimp="0.9999 0.9999 0.001"', 'solimp="0 0.01 0.001"'),), "'closure' gives way"),
+    (
+        "a tibia that floats",
+        (('<body name="tibia" ', '<body name="tibia" gravcomp="1" '),),
+        "body 'tibia' has a gravcomp",
+    ),
 )
 LOADED = (
+    (
+        "a fascia of little force",
+        (('stiffness="15e3" ', 'stiffness="15e3" actuatorfrcrange="-1e-6 1e-6" '),),
+        "tendon 'plantar_aponeurosis' .* 'actuatorfrcrange'",
+    ),
+    (
+        "a branch that is switched off",
+        (('gravity="0 0 0"', 'gravity="0 0 0" actuatorgroupdisable="3"'), ('input="none"', 'group="3" input="none"')),
+        "actuator 'aponeurosis_branch' is switched off",
+    ),
+    ("a soft closure", (('solref="-2.5e7 -1e4"', 'solref="0.02 1"'),), "equality 'closure' ties its tendons softly"),
+    (
+        "a velocity against the table",
+        ((VELOCITY, VELOCITY.replace("/>", ' reftype="site" refname="base"/>')),),
+        "sensor 'malleolus_velocity' .* 'refname'",
+    ),
+    (
+        "a velocity in the axes of its site",
+        ((VELOCITY, '<velocimeter name="malleolus_velocity" site="malleolus"/>'),),
+        "sensor 'malleolus_velocity' is read in the world's axes",
+    ),
     (
         "one pad stiffer than its share",
         (('<spatial name="heel_pad" class="pad"', '<spatial name="heel_pad" class="pad" stiffness="9e4"'),),

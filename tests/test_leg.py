@@ -8,9 +8,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import mjcf
+from fasbody.exceptions import ModelError
 from fasbody.foot.model import load
 from fasbody.leg.chain import Leg
 from fasbody.leg.crosscheck import MATRICES, RESPONSES, crosscheck
+from fasbody.leg.peaks import peaks
 from fasbody.leg.statements import ADDED_KG, RANGES_HZ
 
 Edit = Callable[..., Path]
@@ -108,3 +110,37 @@ def test_an_insole_is_followed(edit: Edit) -> None:
     assert leg.names[0] == "insole"
     assert leg.parent[1] == 0
     assert crosscheck(file).agrees
+
+
+def test_a_load_is_set_and_taken_away() -> None:
+    """The row "0 kg" of a loaded file is an unloaded leg, as a fit with added_mass 0 has it."""
+    loaded = Leg.from_model(load("leg").with_values({"added_mass": 4.5}).model)
+    np.testing.assert_allclose(loaded.with_added(0).mass, read("leg").mass, rtol=1e-12)
+    assert loaded.with_added(0).added == 0
+    again, once = peaks(loaded, "loaded").records(), peaks(read("leg"), "leg").records()
+    for one, other in zip(again, once, strict=True):
+        assert one == pytest.approx(other)
+
+
+def test_a_law_that_bends_is_compared_for_small_motion(tmp_path: Path) -> None:
+    text = mjcf.path("leg").read_text()
+    file = tmp_path / "leg.xml"
+    for law in ("1 1.2e5 43 2.5 2 43 -1", "2 2e4 300 2 43 -1"):
+        file.write_text(
+            text.replace('name="fat_pad" stiffness="1.633e5" damping="47.6"', f'name="fat_pad" user="{law}"')
+        )
+        found = crosscheck(file)
+        assert found.agrees and "'fat_pad' is not linear" in found.note
+    assert not crosscheck().note
+
+
+def test_what_is_no_number_is_told_once(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """MuJoCo's own warning and its log in the working folder do not come before the sentence."""
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "leg.xml"
+    file.write_text(mjcf.path("leg").read_text().replace('stiffness="1.162e4"', 'stiffness="nan"'))
+    with pytest.raises(ModelError, match="joint 'talocrural' has the stiffness nan"):
+        load(file)
+    assert capfd.readouterr() == ("", "") and [f.name for f in tmp_path.iterdir()] == ["leg.xml"]
