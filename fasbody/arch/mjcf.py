@@ -196,8 +196,10 @@ def _check_joints(model: mujoco.MjModel, index: Index, name: str) -> None:
 
 
 def _check_bodies(model: mujoco.MjModel, index: Index, name: str) -> None:
-    for body in np.flatnonzero(model.body_gravcomp):
-        raise ModelError(f"{name}: body {model.body(body).name!r} has a gravcomp, which the equations lack; remove it.")
+    for floating in np.flatnonzero(model.body_gravcomp):
+        raise ModelError(
+            f"{name}: body {model.body(floating).name!r} has a gravcomp, which the equations lack; remove it."
+        )
     bodies = {joint: int(model.jnt_bodyid[index["joint", joint]]) for joint in JOINTS}
     apex, tibia = bodies["apex"], bodies["talocrural"]
     if carried_mass(model, apex) > APEX_MASS:
@@ -304,7 +306,8 @@ def _check_branch(model: mujoco.MjModel, branch: int, name: str) -> None:
     for attribute, wanted in motor:
         if getattr(model, f"actuator_{attribute}")[branch] != wanted:
             raise ModelError(f"{name}: actuator {BRANCH!r} must be a <dcmotor>, as in foot_arch.xml.")
-    rows = [("gear", model.actuator_gear[branch], (1,)), ("motorconst", model.actuator_gainprm[branch, 1:], (1,))]
+    rows: list[tuple[str, np.ndarray, tuple[int, ...]]] = []
+    rows += [("gear", model.actuator_gear[branch], (1,)), ("motorconst", model.actuator_gainprm[branch, 1:], (1,))]
     rows += [(attribute, np.ravel(getattr(model, f"actuator_{attribute}")[branch]), ())
              for attribute in ("biasprm", "armature", "damping", "dampingpoly", "actlimited", "forcelimited")
              if len(getattr(model, f"actuator_{attribute}")) > branch]  # fmt: skip

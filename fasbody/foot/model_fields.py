@@ -103,10 +103,10 @@ def check_fields(model: mujoco.MjModel, name: str) -> None:
         _check_default(model, name, each, [int(model.jnt_dofadr[base]) if each.name.startswith("dof") else base])
     for each in DRIVES:
         _check_default(model, name, each, drives)
-    for number in drives:
+    for number in map(int, drives):
         if model.actuator_biastype[number] and number != model.actuator("shaker").id:
             raise ModelError(f"{name}: {_called(model, 'actuator', number)} has a biastype; {_ASKED}, so remove it.")
-    for number in set(np.flatnonzero(on_table)) - set(drives):
+    for number in {*map(int, np.flatnonzero(on_table))} - {*map(int, drives)}:
         raise ModelError(
             f"{name}: {_called(model, 'actuator', number)} acts on the joint 'base' beside the shaker; {_ASKED}, so "
             "remove it."
