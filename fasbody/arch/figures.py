@@ -1,23 +1,35 @@
 """Figures of the arch: sensitivity, reduction to two masses, load. Every function returns a matplotlib Figure."""
 
+import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from fasbody.arch.bones import PARAMETERS
 from fasbody.arch.kinematics import Array
 from fasbody.arch.load import ARANGIO_LOAD, ARANGIO_SAG, MEASURED_HZ
 from fasbody.arch.sensitivity import CLAIMED, OUTPUTS, Study
+from fasbody.presentation import COLOURS, MARKS
 
 if TYPE_CHECKING:
+    from fasbody.arch.evidence import Number
     from fasbody.arch.load import LoadStudy, SagStudy
     from fasbody.arch.reduction import Reduction
     from fasbody.arch.validate import Validation
 
 KEPT, DROPPED, THIRD = "#c44e52", "#4c72b0", "#55a868"
+#: One line a series, so that a print without colour tells them apart.
+LINES = ("-", "--", "-.")
+#: What Kim & Voloshin computed of the fascia's share [%].
+KIM_SHARE = 14.0
+#: Behind the name of a line that is no measurement either.
+ARANGIO = ", Arangio 1998 (computed)"
 #: The 13 constants as the thesis sets them.
 SYMBOLS = [f"${name[0]}_{{{name[2:]}}}$" for name in PARAMETERS]
 
@@ -111,31 +123,56 @@ def reduction(result: "Reduction") -> Figure:
 def arch_sag(result: "SagStudy", measured: dict[float, tuple[float, float]] | None = None) -> Figure:
     """Sag under a static load against arch height, with and without fascia, and its share of the load.
 
+    What others computed with models of their own is drawn as lines between hollow marks, since it is no measurement.
+
     Args:
         result: the model's sag.
-        measured: arch height [m] -> sag [m] with and without fascia; what is known under this load unless given.
+        measured: arch height [m] -> sag [m] with and without fascia; Arangio's under his load unless given.
     """
-    figure = Figure(figsize=(7, 3.2), layout="constrained")
+    figure = Figure(figsize=(7.2, 3.1), layout="constrained")
     left, right = figure.subplots(1, 2)
-    if measured is None:
-        measured = ARANGIO_SAG if result.load == ARANGIO_LOAD else {}
+    his = measured is None and result.load == ARANGIO_LOAD
+    others = ARANGIO_SAG if his else measured or {}
     height = 1e3 * result.height
-    for colour, sag, i, name in ((KEPT, result.sag, 0, "with fascia"), (DROPPED, result.sag_cut, 1, "fascia cut")):
-        left.plot(height, 1e3 * sag, color=colour, label=f"{name}, model")
-        points = 1e3 * np.array([[h, values[i]] for h, values in measured.items()])
-        left.plot(*points.T, "o", color=colour, label=f"{name}, Arangio 1998 (computed)")
+    for colour, sag, i, name in (
+        (COLOURS[0], result.sag, 0, "with fascia"),
+        (COLOURS[1], result.sag_cut, 1, "fascia cut"),
+    ):
+        left.plot(height, 1e3 * sag, color=colour, ls=LINES[i], lw=1.6, label=f"{name}, this arch")
+        points = 1e3 * np.array([[h, values[i]] for h, values in others.items()]).reshape(-1, 2)
+        left.plot(
+            *points.T,
+            MARKS[i + 1],
+            ls=":",
+            lw=0.9,
+            color=colour,
+            mfc="white",
+            ms=6,
+            label=f"{name}{ARANGIO if his else ', others'}",
+        )
     left.set_ylabel(f"sag under {result.load:.0f} N [mm]")
     left.set_ylim(0)
-    left.legend(fontsize=8)
-    right.plot(height, 100 * result.share, color=KEPT, label="model")
-    right.axhline(14, color="0.4", ls="--", label="Kim & Voloshin")
+    left.legend(fontsize=7.5, frameon=False, loc="lower left")
+    right.plot(height, 100 * result.share, color=COLOURS[0], lw=1.6, label="this arch")
+    right.axhline(KIM_SHARE, color="0.35", ls=":", lw=1.2, label="Kim & Voloshin 1995 (computed)")
     right.set_ylabel("load carried by the fascia [%]")
     right.set_ylim(0)
-    right.legend(fontsize=8)
-    for ax in (left, right):
+    right.legend(fontsize=7.5, frameon=False)
+    for letter, ax in zip("ab", (left, right), strict=True):
         ax.set_xlabel("arch height [mm]")
-        ax.grid(color="0.9")
+        _panel(ax, letter)
     return figure
+
+
+def _panel(ax: Axes, letter: str) -> None:
+    """The panel's letter above its left corner, faint lines behind, no box."""
+    ax.set_title(f"({letter})", fontsize=9, loc="left")
+    ax.grid(color="0.92")
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.xaxis.label.set_fontsize(9)
+    ax.yaxis.label.set_fontsize(9)
+    ax.tick_params(labelsize=8)
 
 
 def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Figure:
@@ -146,59 +183,106 @@ def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Fig
         measured_hz: for each added mass the range of the resonance [Hz], low and high, shape (n, 2); the measured
             one unless given.
     """
-    figure = Figure(figsize=(7.4, 3.4), layout="constrained")
+    figure = Figure(figsize=(7.2, 3.1), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.3, 1])
-    for i, case in enumerate(result.cases):
-        colour = (KEPT, DROPPED, THIRD)[i] if i < 3 else f"C{i}"
-        left.plot(result.frequency_hz, case.transmissibility, color=colour, label=f"+ {case.added_mass:g} kg")
-        left.plot(case.peak_hz, case.transmissibility.max(), "o", color=colour)
-    left.set_xlabel("frequency [Hz]")
-    left.set_ylabel("transmissibility at the malleolus")
-    left.legend(fontsize=8, title="constants unchanged", title_fontsize=8)
     added = [case.added_mass for case in result.cases]
-    right.plot(added, [case.peak_hz for case in result.cases], "o-", color=KEPT, label="model, constants unchanged")
     if measured_hz is None:
         measured_hz = np.array([MEASURED_HZ.get(mass, (np.nan, np.nan)) for mass in added])
-    middle = np.mean(measured_hz, axis=1)
-    spread = np.abs(np.array(measured_hz).T - middle)
-    right.errorbar(added, middle, yerr=spread, fmt="s", color="0.2", capsize=4, label="measured (Chapter 2)")
+    right.plot(added, [case.peak_hz for case in result.cases], color="0.35", lw=1, zorder=1, label="this arch")
+    for i, (case, (low, high)) in enumerate(zip(result.cases, measured_hz, strict=True)):
+        colour, mark = COLOURS[i % len(COLOURS)], MARKS[i % len(MARKS)]
+        left.plot(result.frequency_hz, case.transmissibility, color=colour, ls=LINES[i % len(LINES)], lw=1.6,
+                  label=f"{case.added_mass:g} kg added")  # fmt: skip
+        left.plot(case.peak_hz, case.transmissibility.max(), mark, color=colour, ms=5)
+        right.plot(case.added_mass, case.peak_hz, mark, color=colour, ms=6)
+        right.bar(case.added_mass, high - low, 0.55, low, color=colour, alpha=0.3, lw=0,
+                  label="range measured (Chapter 2)" if i == 0 else None)  # fmt: skip
+    left.set_xlabel("frequency [Hz]")
+    left.set_ylabel("transmissibility at the malleolus [1]")
+    left.set_xlim(0, result.frequency_hz[-1])
+    left.set_ylim(0)
+    left.legend(fontsize=7.5, frameon=False, title="constants unchanged", title_fontsize=7.5, alignment="left")
+    right.set_xticks(added, [f"{mass:g}" for mass in added])
     right.set_xlabel("added mass [kg]")
     right.set_ylabel("resonance [Hz]")
     right.set_ylim(0, 50)
-    right.legend(fontsize=8)
-    for ax in (left, right):
-        ax.grid(color="0.9")
+    handles, labels = right.get_legend_handles_labels()
+    shown = [Patch(color="0.4", alpha=0.3, lw=0) if "range" in label else handle
+             for handle, label in zip(handles, labels, strict=True)]  # fmt: skip
+    right.legend(shown, labels, fontsize=7.5, frameon=False, loc="upper left")
+    for letter, ax in zip("ab", (left, right), strict=True):
+        _panel(ax, letter)
     return figure
+
+
+#: How a verdict is drawn: colour, mark and whether that is filled, so that neither colour alone tells it.
+VERDICTS = {"foreseen": (COLOURS[2], "o", True), "open": ("0.35", "o", False), "missed": (COLOURS[1], "X", True)}
+
+
+#: Behind what was measured, and behind what other people's models say.
+PUBLISHED: tuple[dict[str, Any], ...] = (
+    {"color": "0.88", "lw": 0},
+    {"facecolor": "white", "edgecolor": "0.8", "hatch": "//////", "lw": 0},
+)
 
 
 def validation(result: "Validation") -> Figure:
-    """What legs that never saw a number say of it, on a scale on which every published range reaches from -1 to 1."""
+    """What legs that never saw a number say of it, on a scale on which every published range reaches from -1 to 1.
+
+    The scale is even up to 2 and logarithmic beyond, so that nothing lies off the frame.
+    """
     rows = [(p, k) for p in result.predictions for k in range(len(p.middle))]
-    figure = Figure(figsize=(7.4, 0.9 + 0.23 * len(rows)), layout="constrained")
+    figure = Figure(figsize=(7.2, 1.0 + 0.21 * len(rows)), layout="constrained")
     ax = figure.subplots()
-    ax.axvspan(-1, 1, color="0.92", lw=0, label="published, with its limits")
-    colours = {"foreseen": THIRD, "open": "0.35", "missed": KEPT}
-    labels, edge = [], 9.0
+    lowest, highest = -10.0, 10.0
     for y, (p, k) in enumerate(rows):
         centre, half = (p.number.high[k] + p.number.low[k]) / 2, (p.number.high[k] - p.number.low[k]) / 2
         low, middle, high, shipped = ((float(v[k]) - centre) / half for v in (p.low, p.middle, p.high, p.shipped))
-        middle, shipped = (max(-edge, min(edge, v)) for v in (middle, shipped))
-        ax.plot([low, high], [y, y], color=colours[p.verdict], lw=1.6)
-        ax.plot(middle, y, "o", color=colours[p.verdict], ms=5)
-        ax.plot(shipped, y, "D", mfc="white" if p.number.fitted else DROPPED, mec=DROPPED, ms=4, zorder=3)
-        short = p.number.source.split(",")[0]
-        labels.append(f"{p.number.name} ({short})" if k == 0 else f"the same, {k + 1} of {len(p.middle)}")
-    ax.set_yticks(range(len(rows)), labels, fontsize=7)
+        colour, mark, filled = VERDICTS[p.verdict]
+        ax.barh(y, 2, 0.98, -1, zorder=0, **PUBLISHED["computed" in p.number.source])
+        ax.plot([low, high], [y, y], color=colour, lw=1.6, solid_capstyle="butt")
+        ax.plot(middle, y, mark, color=colour, mfc=colour if filled else "white", ms=5.5)
+        ax.plot(shipped, y, "D", mfc="white" if p.number.fitted else COLOURS[0], mec=COLOURS[0], ms=3.6, zorder=3)
+        if k == 0:
+            ax.text(1.01, y, p.verdict, fontsize=7, va="center", color=colour, transform=ax.get_yaxis_transform())
+        if k == 0 and y and p.number.source != rows[y - 1][0].number.source:
+            ax.axhline(y - 0.5, color="0.85", lw=0.6, zorder=0)
+        lowest, highest = min(lowest, low, shipped), max(highest, high, shipped)
+    ax.set_yticks(range(len(rows)), [_labelled(p.number, k) for p, k in rows], fontsize=7)
     ax.set_ylim(len(rows) - 0.4, -0.6)
-    ax.set_xlim(-edge - 0.3, edge + 0.3)
-    ax.set_xticks(range(-8, 9, 2))
-    ax.set_xlabel("half ranges from the middle of what is published (at the edge: farther)", fontsize=8)
-    ax.grid(axis="x", color="0.85")
+    ax.set_xscale("symlog", linthresh=2, linscale=0.8)
+    ax.set_xlim(1.3 * lowest, 1.3 * highest)
+    ticks = [x for x in (-100, -10, -2, -1, 0, 1, 2, 10, 100, 1000) if ax.get_xlim()[0] < x < ax.get_xlim()[1]]
+    ax.set_xticks(ticks, [f"{x:g}".replace("-", "\u2212") for x in ticks], fontsize=8)
+    ax.minorticks_off()
+    ax.set_xlabel("distance from the middle of the published range, in half ranges (beyond 2 logarithmic)", fontsize=8)
+    ax.grid(axis="x", color="0.92")
     ax.set_axisbelow(True)
-    shown = [Line2D([], [], marker="o", color=colour, label=f"{word}, 95 %") for word, colour in colours.items()]
-    shown += [
-        Line2D([], [], marker="D", ls="", mfc=face, mec=DROPPED, label=f"shipped set, {word}")
-        for face, word in (("white", "fitted to it"), (DROPPED, "not fitted to it"))
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.tick_params(axis="y", length=0)
+    shown: list[Artist] = [
+        Patch(label=f"{word}, with its limits", **PUBLISHED[computed])
+        for computed, word in enumerate(("measured", "computed by others"))
     ]
-    figure.legend(handles=shown, loc="outside upper center", ncols=3, fontsize=7, frameon=False)
+    shown += [
+        Line2D([], [], marker="D", ls="", mfc=face, mec=COLOURS[0], ms=4, label=f"shipped set, {word}")
+        for face, word in (("white", "fitted to it"), (COLOURS[0], "not fitted to it"))
+    ]
+    shown += [
+        Line2D([], [], marker=mark, color=colour, mfc=colour if filled else "white", ms=5.5, label=f"{word}, 95 %")
+        for word, (colour, mark, filled) in VERDICTS.items()
+    ]
+    figure.legend(handles=shown, loc="outside upper center", ncols=4, fontsize=7, frameon=False)
     return figure
+
+
+def _labelled(number: "Number", k: int) -> str:
+    """What the k-th value of a number is: "Ker 1987: whole foot, elongation at 1.5 kN"."""
+    source, name = number.source.split(",")[0], number.name
+    if len(number.low) > 1:
+        several = re.fullmatch(r"(.*) at ([\d., ]+) (\w+)", name)
+        if several:
+            name = f"{several[1]} at {several[2].split(', ')[k]} {several[3]}"
+        else:
+            name = f"{name.rsplit(', ', 1)[0]}, joint {k + 1}"
+    return f"{source}: {name}"
