@@ -220,7 +220,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "bench", "benchmarks", "",
-            "Measure everything that the documentation states, into one table. Takes about half an hour.",
+            "Measure everything that the documentation states, into one table. Takes about an hour.",
         ),
         Command("bench accuracy", "benchmarks.accuracy", "", "Errors of MuJoCo and twin against DOP853."),
         Command(

@@ -81,14 +81,14 @@ def inline(content: bytes) -> str:
     return text[text.index("<svg") :]
 
 
-def write_figure(figure: "Figure", *files: Path) -> list[Path]:
+def write_figure(figure: "Figure", *files: Path, style: Any = None) -> list[Path]:
     """Write a figure as the ending of each file says (.svg, .png, .pdf), whole or not at all, without a date."""
     written = []
     for file in files:
         kind = file.suffix.lstrip(".").lower() or "png"
         if kind not in figure.canvas.get_supported_filetypes():
             raise SettingError(f"{file} ends in .{kind}, but a figure is written as .svg, .png or .pdf.")
-        written.append(write_whole(file, picture(figure, kind)))
+        written.append(write_whole(file, picture(figure, kind, style)))
     return written
 
 

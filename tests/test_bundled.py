@@ -143,7 +143,7 @@ def test_table_of_the_readme_is_what_the_fit_finds(bundled: tuple) -> None:
     """The README shows the end of `make fit`, which is this fit."""
     document, *_ = bundled
     readme = (Path(__file__).parent.parent / "README.md").read_text()
-    shown = dict(re.findall(r"^(\w+) \[[^]]*\] +([-\d.]+) ±", readme, re.MULTILINE))
+    shown = dict(re.findall(r"^(\w+) \[[^]]*\] +([-\d.]+) ±", readme.replace("\u202f", ""), re.MULTILINE))
     assert set(shown) >= {"k_T", "k_F", "c_11", "c_21"}
     for key, found in document["parameters"].items():
         symbol, _ = symbol_and_unit(key)
