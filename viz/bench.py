@@ -4,16 +4,21 @@ Everything here is what a script could do: files are read by `fasbody`, judged b
 `identification.fit_foot` in a process of its own. Each call answers with documents for all pages.
 """
 
+import hashlib
 import io
 import math
 import re
+import secrets
 import tempfile
+import unicodedata
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any
+
+import numpy as np
 
 import mjcf
 from fasbody.console import write_whole
@@ -29,20 +34,30 @@ from viz.excitation import Excitation
 from viz.feet import MODEL, Show
 from viz.fitted import fitted
 from viz.load import load_foot
+from viz.question import Question
 from viz.settings import settings_from
-from viz.source import Source, script, study_files
-from viz.worker import Told, Worker, job
+from viz.source import Source, study_files
+from viz.worker import Told, Worker
 
 Document = dict[str, Any]
-#: What a fit is of: recordings, model, values in place of the model's own, settings.
-Question = tuple[list[Source], str, dict[str, float], dict[str, Any]]
+#: Documents for the page that asked alone; all others are for every page.
+PRIVATE = {"columns", "checked", "saved", "taken"}
 #: Largest dropped file [bytes], and how much and how many files a session may hold.
 LARGEST, MOST, FILES = 64_000_000, 512_000_000, 500
 #: Parts of a dropped file's name: folders, and the file.
 DEEP = 4
 #: Files that belong to a study beside its recordings.
 _BESIDE = {"study.toml", "subjects.csv", "recordings.csv", "truth.json"}
-_PART = re.compile(r"[\w(][\w .()+,=@-]{0,150}")
+#: Longest part of a dropped file's name [bytes], and what some systems do not take in one.
+_LONGEST, _REFUSED = 200, re.compile(r'[<>:"|?*]')
+#: What sentences for the command line say, and what the page's form calls it.
+_FORM = (
+    ("leave --model out and give this file as --rival", "choose two_dof"), ("give --body-mass", "give it with “…”"),
+    ("--body-mass narrows it", "the body mass, given with “…”, narrows it"), ("--body-mass", "the body mass"),
+    ("--mass-std", "mass_std in Python"), ("--added-mass", "the mass on the knee"),
+    ("or --columns time_s,base_g,... (study.toml:", "or name the columns with “…” (study.toml:"),
+    ("use --domain time", "fit it in Python with domain='time'"),
+)  # fmt: skip
 #: What a fit may be told, and how it is read.
 _STARTS = (1, 64)
 
@@ -60,18 +75,23 @@ class Bench:
         self.told = told
         self._results = results
         self._folder = tempfile.TemporaryDirectory(prefix="fasbody-")
-        self._size = 0
-        self.sources: list[Source] = []
-        self._rows: list[Document] = []
+        self.session = secrets.token_hex(8)
+        # Recordings and what was understood of them, by ids that a session gives once.
+        self.sources: dict[int, Source] = {}
+        self._rows: dict[int, Document] = {}
+        self._given_ids = 0
         self.shown = -1
         self._worker: Worker | None = None
+        self._warm = False  # the worker has compiled what it needs
         self._state: Document = {"running": False, "what": "", "done": 0, "total": 0}
-        self._fit: Document = {}
-        self._rivals: Document = {}
-        self._compared = ""  # the lines of Python that compare the rivals
+        self._asked: Question | None = None  # what the worker is at
+        self._fit: tuple[Question, Document] | None = None
+        self._rivals: tuple[Question, Document] | None = None
+        self._fits = 0
+        self._reporting = False
         self._draft = False  # what is shown was typed and not saved
-        self._asked: Question | None = None  # what the running fit is of
-        self._fitted: Question | None = None  # what the last fit was of
+        self._first = (self._called, show.fit)  # a result that was there from the start
+        self._own = [self._called] if self._file is not None else []
         recording = show.excitation.recording
         self._given = recording if isinstance(recording, Recording) else None
 
@@ -103,7 +123,15 @@ class Bench:
 
     def documents(self) -> list[Document]:
         """What a page that opens now has to know."""
-        return [self.document(), self.models(), self.progress(), *filter(None, (self._fit, self._rivals))]
+        return [self.document(), self.models(), self.progress(), *self._results_of_model()]
+
+    def _results_of_model(self) -> list[Document]:
+        """Fit and rivals of the model that is shown."""
+        return [found[1] for found in (self._fit, self._rivals) if found and found[0].model == self._called]
+
+    def followed(self) -> list[Document]:
+        """What pages have to know when a file of the model was changed by another program."""
+        return [self.models(), self.document()]
 
     def act(self, message: Mapping[str, Any]) -> list[Document]:
         """Do what a page asks for.
@@ -113,45 +141,49 @@ class Bench:
         """
         kind, number = message.get("type"), message.get("number", -1)
         number = number if isinstance(number, int) else -1
-        text, name = str(message.get("text", "")), str(message.get("name", ""))
+        text, name, digest = (str(message.get(key, "")) for key in ("text", "name", "digest"))
         said = message.get("said")
         said = said if isinstance(said, dict) else {}
-        chosen = [n for n in message.get("numbers", []) if isinstance(n, int)] if kind in ("fit", "rivals") else []
+        chosen = (
+            [n for n in message.get("numbers", []) if isinstance(n, int)] if kind in ("fit", "rivals", "remove") else []
+        )
         actions: dict[Any, Callable[[], list[Document]]] = {
             "open": lambda: self.open([str(n) for n in message.get("names", [])]), "bundled": self.bundled,
             "use": lambda: self.use(number), "sine": self.sine, "columns": lambda: self.columns(number),
             "correct": lambda: self.correct(number, said), "fit": lambda: self.fit(chosen, said), "stop": self.stop,
-            "rivals": lambda: self.rivals(chosen, said),
+            "rivals": lambda: self.rivals(chosen, said), "remove": lambda: self.remove(chosen),
             "report": self.report, "choose": lambda: self.choose(name), "check": lambda: self.check(text),
-            "save": lambda: self.save(text, name), "take": lambda: self.take(said),
+            "save": lambda: self.save(text, digest), "take": lambda: self.take(said),
         }  # fmt: skip
         if kind not in actions:
             raise SettingError(f"the page asks for {str(kind)[:40]!r}, which it cannot do; reload it.")
         return actions[kind]()
 
     # ---- files -------------------------------------------------------------------------------------------------------
-    def keep(self, name: str, content: bytes) -> None:
-        """Keep a dropped file under its own name, for this session.
+    def keep(self, name: str, content: bytes) -> str:
+        """Keep a dropped file for this session; the name that it is kept under.
 
         Raises:
             SettingError: no name of a file, of no format that is read, or too large.
         """
-        parts = PurePosixPath(name).parts
-        if not _is_name(name):
-            raise SettingError(f"{name[:80]!r} is no name for a file; use letters, digits, spaces and . _ ( ) + - @")
-        end = ending(Path(name))
-        if end not in (*TEXTS, *READ) and parts[-1] not in _BESIDE and end not in (".json", ".toml"):
-            raise SettingError(f"{parts[-1]}: no format has the ending {end!r}; valid: {', '.join((*TEXTS, *READ))}.")
+        kept = _kept(name)
+        if not kept:
+            raise SettingError(f"{name[:80]!r} is no name for a file; use printable characters, with no dot in front.")
+        file = PurePosixPath(kept)
+        end = ending(Path(kept))
+        if end not in (*TEXTS, *READ) and file.name not in _BESIDE and end not in (".json", ".toml"):
+            raise SettingError(f"{file.name}: no format has the ending {end!r}; valid: {', '.join((*TEXTS, *READ))}.")
         if len(content) > LARGEST:
-            raise SettingError(f"{parts[-1]} is larger than {LARGEST // 1_000_000} MB; split it into recordings.")
-        self._size += len(content)
-        if self._size > MOST or sum(1 for _ in self.folder.rglob("*")) > FILES:
-            raise SettingError("this session holds as many files as it may; start another one.")
-        write_whole(self.folder.joinpath(*parts), content)
+            raise SettingError(f"{file.name} is larger than {LARGEST // 1_000_000} MB; split it into recordings.")
+        others = [f for f in self.folder.rglob("*") if f.is_file() and f != self.folder / kept]
+        if sum(f.stat().st_size for f in others) + len(content) > MOST or len(others) >= FILES:
+            raise SettingError("this session holds as many files as it may; remove some, or start another one.")
+        write_whole(self.folder / kept, content)
+        return kept
 
     def open(self, names: list[str]) -> list[Document]:
         """Read dropped files, or the study among them, and show the first that can be shown."""
-        kept = [name for name in names if _is_name(name) and (self.folder / name).is_file()]
+        kept = [name for name in map(_kept, names) if name and (self.folder / name).is_file()]
         tables = [name for name in kept if PurePosixPath(name).name == "recordings.csv"]
         fresh: list[Source] = []
         for table in tables:
@@ -169,49 +201,81 @@ class Bench:
     def _add(self, fresh: list[Source]) -> list[Document]:
         if not fresh:
             raise SettingError("none of these files is a recording; drop a .csv, or any format of the readers.")
-        known = {(s.folder, s.file) for s in fresh}
-        old = [(s, r) for s, r in zip(self.sources, self._rows, strict=True) if (s.folder, s.file) not in known]
-        self.sources, self._rows, self.shown = [s for s, _ in old], [r for _, r in old], -1
-        shown: list[Document] = []
+        known, shown = {(s.folder, s.file): number for number, s in self.sources.items()}, False
         for source in fresh:
-            row = self._row(source)
-            self.sources.append(source)
-            self._rows.append(row)
-            if not shown and not row["unread"]:
-                shown = self.use(len(self.sources) - 1)
-                if len(fresh) > 1:  # the foot moves while the others are read
-                    for document in shown:
-                        self.told(document)
+            number = known.get((source.folder, source.file), self._given_ids)
+            self._given_ids = max(self._given_ids, number + 1)
+            # dropped again: the same recording, with what was said of it
+            self.sources[number] = self.sources.get(number, source)
+            self._rows[number] = row = self._row(number)
+            if not shown and not row["unread"] and not row["problem"]:
+                documents, shown = self.use(number), True
+                if len(fresh) == 1:
+                    self._ready()
+                    return documents
+                for document in documents:  # the foot moves while the others are read
+                    self.told(document)
         self._ready()
-        return shown if len(fresh) == 1 and shown else [self.document()]
+        return [self.document()]
 
-    def _row(self, source: Source) -> Document:
+    def _row(self, number: int) -> Document:
         """What was understood of a file: the checks' sentences, and what the form needs."""
-        row: Document = {"file": source.file, "unread": "", "problem": "", "warnings": [], "columns": []}
+        source = self.sources[number]
+        row: Document = {"id": number, "file": source.file, "unread": "", "problem": "", "warnings": [], "columns": []}
         try:
             recording = source.read()
         except FasError as error:
-            row["unread"] = str(error)
+            row["unread"] = self.words(str(error))
         else:
             found = understood(recording)
             condition = recording.condition
             row |= {
                 key: found.get(key) for key in ("problem", "warnings", "frequency_hz", "samples", "rate_hz", "seconds")
             }
+            row["problem"] = self.words(row["problem"])
+            row["warnings"] = [self.words(text) for text in row["warnings"]]
             row |= {"label": recording.file, "origin": recording.origin, "subject": condition.subject}
             row |= {"body_mass_kg": condition.body_mass_kg, "added_mass_kg": condition.added_mass_kg}
         return row
 
+    def words(self, sentence: str) -> str:
+        """A sentence as the page says it: files by their own names, options of a command by what the form calls them."""
+        sentence = sentence.replace(f"{self.folder}/", "").replace(f"{BUNDLED}/", "")
+        for option, words in _FORM:
+            sentence = sentence.replace(option, words)
+        return sentence
+
     def correct(self, number: int, said: Mapping[str, Any]) -> list[Document]:
         """Read a recording again with what the form says of it."""
-        source = self._source(number).corrected(said)
-        self.sources[number] = source
-        self._rows[number] = self._row(source)
-        return [self.document()] if self._rows[number]["unread"] else self.use(number)
+        self.sources[number] = self._source(number).corrected(said)
+        self._rows[number] = row = self._row(number)
+        if not row["unread"] and not row["problem"]:
+            return self.use(number)
+        return [self.document()] if number != self.shown else self.sine()
+
+    def remove(self, numbers: list[int]) -> list[Document]:
+        """Forget recordings; their files go where no fit needs them for its report."""
+        needed = {s.path for found in (self._fit, self._asked and (self._asked, {})) if found
+                  for s in found[0].sources.values()}  # fmt: skip
+        for number in numbers:
+            source = self._source(number)
+            del self.sources[number], self._rows[number]
+            if source.folder == str(self.folder) and source.path not in needed:
+                source.path.unlink(missing_ok=True)
+        return [self.document()] if self.shown in self.sources or self.shown < 0 else self.sine()
 
     def use(self, number: int) -> list[Document]:
-        """Shake the foot by one of the recordings."""
+        """Shake the foot by one of the recordings.
+
+        Raises:
+            SettingError: it is no longer here, or a channel of it stands still.
+        """
         recording = self._source(number).read()
+        for name in ("base_m_s2", "malleolus_m_s2"):
+            values = recording.channels[name]
+            if not (np.isfinite(values).all() and np.ptp(values) > 0):
+                channel = name.removesuffix("_m_s2")
+                raise SettingError(f"{recording.file}: the channel {channel} does not move; name its column with “…”.")
         self.show.drive(Excitation.recorded(recording))
         self.shown = number
         return [self.document(), self.show.description() | {"adopt": True}]
@@ -229,17 +293,20 @@ class Bench:
         return [{"type": "columns", "number": number, "columns": source.columns(), "said": said}]
 
     def _source(self, number: int) -> Source:
-        if not 0 <= number < len(self.sources):
+        if number not in self.sources:
             raise SettingError("that recording is no longer here; reload the page.")
         return self.sources[number]
 
     def document(self) -> Document:
         """The recordings, as the page lists them."""
-        return {"type": "data", "rows": self._rows, "shown": self.shown}
+        stale = self._fit[0].stale(self.sources, self._digest) if self._fit else ""
+        rows = list(self._rows.values())
+        return {"type": "data", "session": self.session, "rows": rows, "shown": self.shown, "stale": stale}
 
     # ---- the fit -----------------------------------------------------------------------------------------------------
     def _ready(self) -> None:
         if self._worker is None or not self._worker.alive:
+            self._warm = False
             self._worker = Worker(self._heard)
 
     def fit(self, numbers: list[int], asked: Mapping[str, Any]) -> list[Document]:
@@ -248,10 +315,8 @@ class Bench:
         Raises:
             SettingError: nothing is chosen, a fit runs already, or the settings cannot be meant.
         """
-        sources, model, values = self._question(numbers, asked)
-        settings = _settings(asked, self.show.feet[MODEL])
-        self._asked = (sources, model, values, settings)
-        return self._begin(job(*self._asked))
+        question = self._question(numbers, asked)
+        return self._begin(replace(question, settings=_settings(asked, self.show.feet[MODEL])))
 
     def rivals(self, numbers: list[int], asked: Mapping[str, Any]) -> list[Document]:
         """Begin to compare rival models on the chosen recordings.
@@ -259,28 +324,29 @@ class Bench:
         Raises:
             SettingError: nothing is chosen, a fit runs already, or the model has no rivals.
         """
-        sources, model, values = self._question(numbers, asked)
+        question = self._question(numbers, asked)
         if not twin_applies(self.show.feet[MODEL]):
             raise SettingError("rivals are known of the two masses only; choose two_dof, or a model like it.")
-        self._compared = script(sources, model, values, {}, rivals=True)
-        return self._begin(job(sources, model, values, {}) | {"do": "rivals"})
+        return self._begin(replace(question, rivals=True))
 
-    def _begin(self, asked: Document) -> list[Document]:
+    def _begin(self, question: Question) -> list[Document]:
         self._ready()
         assert self._worker is not None
-        self._worker.ask(asked)
-        self._state = {"running": True, "what": "reading", "done": 0, "total": 0}
+        self._asked = question
+        self._worker.ask(question.job)
+        what = "reading the recordings" if self._warm else "compiling the solver, once in a session"
+        self._state = {"running": True, "what": what, "done": 0, "total": 0}
         return [self.progress()]
 
-    def _question(self, numbers: list[int], asked: Mapping[str, Any]) -> tuple[list[Source], str, dict[str, float]]:
-        """What is to be fitted: recordings, model, and values that the model has in place of its own."""
+    def _question(self, numbers: list[int], asked: Mapping[str, Any]) -> Question:
+        """What is to be fitted."""
         if self._state["running"]:
             raise SettingError("a fit runs already; stop it first.")
-        sources = [self._source(number) for number in numbers]
+        sources = {number: self._source(number) for number in numbers}
         if not sources:
             raise SettingError("choose at least one recording to fit.")
-        foot, model = self.show.feet[MODEL], self.show.models[0]
-        if isinstance(model, Foot):
+        foot = self.show.feet[MODEL]
+        if isinstance(self.show.models[0], Foot):
             raise SettingError("a model that was handed over in Python is fitted there: identification.fit_foot.")
         if self._draft:
             raise SettingError("the model in the editor is not saved yet; save it first, for a fit reads its file.")
@@ -290,23 +356,31 @@ class Bench:
         for name, value in values.items():
             if not math.isfinite(value):
                 raise SettingError(f"{name} is {value}; give a number.")
-        return sources, model, values
+        return Question(sources, self._called, self._digest, values)
 
     def stop(self) -> list[Document]:
-        """End the running fit."""
+        """End the running fit; a report that waits for the process is asked for again."""
         if self._worker is not None and self._state["running"]:
-            self._state = {"running": False, "what": "stopped", "done": 0, "total": 0}
+            self._idle(
+                "stopped; the report that was asked for is still being written" if self._reporting else "stopped"
+            )
             self._worker.stop()
-            self._worker = Worker(self._heard)
+            self._worker, self._warm = Worker(self._heard), False
+            if self._reporting:
+                self.report()
         return [self.progress()]
+
+    def _idle(self, what: str = "") -> None:
+        self._state = {"running": False, "what": what, "done": 0, "total": 0}
 
     def report(self) -> list[Document]:
         """Write the report of the last fit; the page opens it when it is there."""
-        if self._fitted is None:
+        if self._fit is None:
             raise SettingError("there is no fit to report; start one.")
         self._ready()
         assert self._worker is not None
-        self._worker.ask(job(*self._fitted) | {"do": "report", "folder": str(self.folder / "results")})
+        self._worker.ask(self._fit[0].job | {"do": "report", "folder": str(self.folder / "results")})
+        self._reporting = True
         return []
 
     def take(self, said: Mapping[str, Any]) -> list[Document]:
@@ -328,54 +402,92 @@ class Bench:
     def _heard(self, document: Document) -> None:
         """A line of the worker, in its thread."""
         kind = document.get("type")
-        if kind == "progress":
+        if kind == "ready":
+            self._warm = True
+            if self._state["running"]:
+                self._state["what"] = "reading the recordings"
+                self.told(self.progress())
+        elif kind == "progress":
             self._state |= {name: document[name] for name in ("what", "done", "total")}
             self.told(self.progress())
-        elif kind == "fitted":
-            self._state = {"running": False, "what": "", "done": 0, "total": 0}
-            parameters = self.show.feet[MODEL].parameters
-            self.show.fit = fitted(document["document"], parameters, document["sentence"])
-            assert self._asked is not None
-            self._fitted = self._asked
-            self._fit = {key: document[key] for key in ("data", "curves", "chi_square", "traces", "seconds")}
-            self._fit |= {"type": "fitted", "fit": self.show.fit, "script": script(*self._asked)}
-            self.told(self._fit)
-            self.told(self.progress())
-        elif kind == "rivals":
-            self._state = {"running": False, "what": "", "done": 0, "total": 0}
-            self._rivals = {**document, "script": self._compared}
-            self.told(self._rivals)
+        elif kind in ("fitted", "rivals"):
+            self._idle()
+            self._found(kind, document)
             self.told(self.progress())
         elif kind == "reported":
-            self._results = None
+            self._results, self._reporting = None, False
             self.told({"type": "reported"})
         elif kind == "problem":
-            self._state = {"running": False, "what": "", "done": 0, "total": 0}
-            self.told({"type": "complaint", "text": document["text"]})
-            self.told(self.progress())
-        elif kind == "ended" and self._state["running"] and self._worker is not None and not self._worker.alive:
-            self._state = {"running": False, "what": "", "done": 0, "total": 0}
-            self.told(
-                {"type": "complaint", "text": "the fitting process was ended by the system; memory may be short."}
-            )
-            self.told(self.progress())
+            self._failed(self.words(document["text"]))
+        elif kind == "ended" and self._worker is not None and not self._worker.alive:
+            if self._state["running"] or self._reporting:
+                self._failed("the fitting process was ended by the system; memory may be short.")
+
+    def _failed(self, sentence: str) -> None:
+        self._idle()
+        self._reporting = False
+        self.told({"type": "complaint", "text": sentence})
+        self.told(self.progress())
+
+    def _found(self, kind: str, document: Document) -> None:
+        """An answer to what was asked; it is shown with the model that it is of."""
+        question = self._asked
+        assert question is not None
+        here = question.model == self._called
+        if kind == "rivals":
+            notes = [self.words(text) for text in document["notes"]]
+            self._rivals = question, {**document, "notes": notes, "script": question.script}
+            found = self._rivals[1]
+        else:
+            parameters = (self.show.feet[MODEL] if here else load_foot(question.model)).parameters
+            fit = fitted(document["document"], parameters, document["sentence"])
+            fit["warnings"] = [self.words(text) for text in fit["warnings"]]
+            found = {key: document[key] for key in ("data", "curves", "chi_square", "traces", "seconds")}
+            self._fits += 1
+            found |= {"type": "fitted", "number": self._fits, "fit": fit, "script": question.script}
+            self._fit = question, found
+            if here:
+                self.show.fit = fit
+        if here:
+            self.told(found)
+            self.told(self.document())
+        else:
+            self.told({"type": "complaint", "text": f"{question.model} is fitted; choose it to see what was found."})
 
     # ---- the model ---------------------------------------------------------------------------------------------------
+    @property
+    def _called(self) -> str:
+        """The model that is shown, by name or file."""
+        now = self.show.models[0]
+        return now.name if isinstance(now, Foot) else str(now)
+
+    @property
+    def _file(self) -> Path | None:
+        """The model's own file, None of a shipped one."""
+        now = self.show.models[0]
+        return None if isinstance(now, Foot) or now.partition("@")[0] in mjcf.names() else Path(now.partition("@")[0])
+
+    @property
+    def _text(self) -> str:
+        """The model's MJCF as its file has it."""
+        file, shipped = self._file, self._called.partition("@")[0]
+        if file is None:
+            return mjcf.path(shipped).read_text() if shipped in mjcf.names() else ""
+        return file.read_text(errors="replace") if file.is_file() else ""
+
+    @property
+    def _digest(self) -> str:
+        return hashlib.sha256(self._text.encode()).hexdigest()
+
     def models(self) -> Document:
         """What the chooser offers, and the text of the model that is shown."""
-        now = self.show.models[0]
         names = [name for name in mjcf.names() if _can_be_shown(name)]
-        file = None if isinstance(now, Foot) or now in mjcf.names() or "@" in now else Path(now)
-        text = ""
-        if file is not None and file.is_file():
-            text = file.read_text(errors="replace")
-        elif not isinstance(now, Foot):
-            text = mjcf.path(now.partition("@")[0]).read_text() if now.partition("@")[0] in mjcf.names() else ""
-        called = now.name if isinstance(now, Foot) else str(now)
-        return {"type": "models", "names": names, "now": called, "file": str(file or ""), "text": text}
+        names += [name for name in self._own if name not in names]
+        about = {"names": names, "now": self._called, "file": str(self._file or ""), "copy": str(self._copy())}
+        return {"type": "models", **about, "text": self._text, "digest": self._digest}
 
     def choose(self, name: str) -> list[Document]:
-        """Show another model: a shipped one, or a file of one's own."""
+        """Show another model, a shipped one or a file of one's own, with what was found with it."""
         foot = load_foot(name)
         before = self.show.models[0]
         self.show.models[0] = name
@@ -385,8 +497,12 @@ class Bench:
         except FasError:
             self.show.models[0] = before
             raise
-        self.show.fit, self._draft = {}, False
-        return [self.models(), self.show.description() | {"adopt": True}]
+        if self._file is not None and name not in self._own:
+            self._own.append(name)
+        found, self._draft = self._results_of_model(), False
+        fits = [document["fit"] for document in found if document["type"] == "fitted"]
+        self.show.fit = fits[0] if fits else self._first[1] if self._first[0] == name else {}
+        return [self.models(), self.show.description() | {"adopt": True}, *found, self.document()]
 
     def check(self, text: str) -> list[Document]:
         """Compile what is being typed, show it where it is sound, and say what is wrong where it is not."""
@@ -398,7 +514,7 @@ class Bench:
             foot = load_foot(str(draft))
             called = Path(name).name if Path(name).suffix else name
             self.show.show({**self.show.feet, MODEL: replace(foot, name=called)})
-            self._draft = text != self.models()["text"]
+            self._draft = text != self._text
         except FasError as error:
             said = str(error).replace(str(draft), Path(name).name).replace(draft.name, Path(name).name)
             line = re.search(r"line (\d+)", said)
@@ -412,22 +528,47 @@ class Bench:
         file = Path(name)
         return file.resolve().parent if file.is_file() else self.folder
 
-    def save(self, text: str, name: str = "") -> list[Document]:
-        """Write the model's text: to its own file, or, of a shipped one, to a copy in this folder."""
-        now = str(self.show.models[0])
-        file = Path(now) if Path(now).is_file() and now not in mjcf.names() else Path("my_foot.xml")
-        if name:
-            if not _PART.fullmatch(name) or not name.endswith(".xml"):
-                raise SettingError(f"{name!r} is no name for a model; give one such as my_foot.xml.")
-            file = file.parent / name
+    def _copy(self) -> Path:
+        """Where a shipped model is saved: a copy under its own name in this folder, and never over another file."""
+        name = self._called.partition("@")[0]
+        names = (Path(f"my_{name}{number}.xml") for number in ("", *(f"_{k}" for k in range(2, 1000))))
+        return next(file for file in names if not file.exists())
+
+    def save(self, text: str, digest: str) -> list[Document]:
+        """Write the model's text: to its own file, or, of a shipped one, to a copy in this folder.
+
+        Args:
+            text: the MJCF. digest: of what was opened in the editor; a file that is another by now is not written over.
+
+        Raises:
+            SettingError: it was handed over in Python. ModelError: a copy of a shipped model is not sound.
+        """
+        if isinstance(self.show.models[0], Foot):
+            raise SettingError("a model that was handed over in Python has no file to save.")
+        own = self._file
+        if own is not None and own.is_file() and digest != self._digest:
+            return [{"type": "saved", "file": "", "text": f"{own.name} was changed by another program meanwhile."},
+                    self.models()]  # fmt: skip
+        if own is None:
+            (checked, *_) = self.check(text)
+            if checked["text"]:
+                raise SettingError(f"not saved, for a copy has to be sound: {checked['text']}")
+        file = own or self._copy()
         write_whole(file, text)
-        return self.choose(str(file))
+        saved = {"type": "saved", "file": str(file), "text": "", "digest": hashlib.sha256(text.encode()).hexdigest()}
+        try:
+            models, description, *found = self.choose(self._called if own else str(file))
+        except FasError as error:
+            return [saved | {"text": f"saved, but the last good model is shown: {error}"}, self.models()]
+        return [saved, models, description | {"same": True}, *found]
 
 
-def _is_name(name: str) -> bool:
-    """Whether a dropped file may be called so: inside the session's folder, and nothing hidden."""
-    parts = PurePosixPath(name).parts
-    return 0 < len(parts) <= DEEP and all(_PART.fullmatch(part) for part in parts)
+def _kept(name: str) -> str:
+    """The name that a dropped file is kept under, inside the session's folder; empty where there is none for it."""
+    parts = [_REFUSED.sub("_", unicodedata.normalize("NFC", part)) for part in PurePosixPath(name).parts]
+    good = all(part.isprintable() and part[0] != "." and "\\" not in part for part in parts)
+    good = good and not name.startswith("/") and all(len(part.encode()) <= _LONGEST for part in parts)
+    return "/".join(parts) if good and 0 < len(parts) <= DEEP else ""
 
 
 @cache

@@ -10,7 +10,6 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from json import dumps
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from fasbody.console import console, print_json, progress_bar, write_whole
 from fasbody.exceptions import MissingPackageError, SettingError
 from viz.motion import PER_CYCLE
 from viz.scene import embedded
-from viz.shown import SCRIPT, STYLE, Shown, file_of, markup
+from viz.shown import SCRIPT, STYLE, Shown, file_of, markup, said
 
 #: Nothing of an exported page may reach for any address.
 POLICY = (
@@ -101,7 +100,7 @@ def html(show: Shown, documents: Mapping[str, Any] | None = None) -> str:
     def script(match: re.Match[str]) -> str:
         name = match[1]
         code = file_of(name).read_text()
-        before = f"<script>window.EXPORTED = {safe(dumps(data))};</script>\n" if name == "stage.js" else ""
+        before = f"<script>window.EXPORTED = {safe(said(data))};</script>\n" if name == "stage.js" else ""
         return f"{before}<script>{safe(code)}</script>"
 
     page = SCRIPT.sub(script, markup(show.page))

@@ -10,6 +10,7 @@ import numpy as np
 from fasbody.exceptions import FasError
 from fasbody.foot.model import Foot
 from identification.blackbox.criteria import fit_percent
+from identification.engines.twin import twin_applies
 from viz import live as sliders
 from viz import scene
 from viz.anatomy import assets
@@ -184,6 +185,8 @@ class Show:
         values, given, recording = foot.values(), self.settings, self.excitation.recording
         return {
             "type": "model",
+            "name": str(self.models[0].name if isinstance(self.models[0], Foot) else self.models[0]),
+            "quick": twin_applies(foot),
             "feet": {name: self._rest(name) for name in self.drawn},
             "parameters": [
                 {

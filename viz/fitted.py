@@ -11,6 +11,7 @@ from typing import Any
 
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.foot.parameters import Parameter, symbol_and_unit
+from fasbody.presentation import readable
 from identification.result import Estimate
 from viz.settings import within
 
@@ -52,7 +53,7 @@ def _odds(document: Mapping[str, Any]) -> str:
     if len(document.get("branches") or []) < 2:
         return ""
     ratio = float(document.get("log_likelihood_ratio") or 0.0)
-    return "more than a million to 1" if ratio > _SURE else f"{math.exp(ratio):.3g} to 1"
+    return "more than a million to 1" if ratio > _SURE else f"{readable(math.exp(ratio))} to 1"
 
 
 def _branch(branch: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> dict[str, Any]:

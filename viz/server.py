@@ -29,17 +29,18 @@ import tornado.websocket
 from fasbody.console import console, print_json
 from fasbody.exceptions import FasError, SettingError
 from viz.bench import LARGEST as LARGEST_FILE
-from viz.bench import Bench
+from viz.bench import PRIVATE, Bench
 from viz.exported import html
 from viz.settings import settings_from
-from viz.shown import Shown, file_of, files, markup
+from viz.shown import Shown, file_of, files, markup, said
 
 ADDRESS = "127.0.0.1"
 #: What is made here: the report of a fit, all its results, and the page to take away.
 MADE = ("report", "results", "take")
-#: Largest message a page may send, the text of a model among them [bytes], and seconds after which a silent or slow
-#: browser is let go.
-LARGEST, PATIENCE = 1_000_000, 30.0
+#: Largest message a page may send, the text of a model among them, and body of a request that is no file [bytes].
+LARGEST, BODY = 1_000_000, 64_000
+#: Seconds after which a silent or slow browser is let go.
+PATIENCE = 30.0
 #: Seconds between the last page leaving and the end of the command, so that a reload is not the end.
 GRACE = 8.0
 #: Seconds for a browser to be started, and for connections to be closed at the end.
@@ -112,8 +113,8 @@ class Server:
         http = tornado.httpserver.HTTPServer(
             self._application,
             idle_connection_timeout=PATIENCE,
-            max_body_size=LARGEST_FILE,
-            max_buffer_size=LARGEST_FILE,
+            max_body_size=BODY,
+            max_buffer_size=2 * LARGEST,
         )
         http.add_sockets(self._sockets)
         if self.bench is not None:
@@ -158,29 +159,37 @@ class Server:
             answer = {"type": "error", "text": _bug(error)}
         number = message.get("request")
         answer |= {"request": number if isinstance(number, int) else None, "seconds": time.perf_counter() - started}
-        return json.dumps(answer)
+        return said(answer)
 
     async def act(self, page: "Stream", message: dict[str, Any]) -> None:
-        """Do what a page asks for, and tell all pages what came of it; a complaint goes to the one that asked."""
+        """Do what a page asks for, and tell all pages what came of it; what concerns it alone goes to it alone."""
         assert self.bench is not None
-        if not secrets.compare_digest(str(message.get("key", "")).encode(), self.key.encode()):
-            page.send(json.dumps({"type": "complaint", "text": "this page is of another session; reload it."}))
+        complaint = {"type": "complaint", "of": str(message.get("type"))[:20]}
+        if not self.own(str(message.get("key", ""))):
+            page.send(said(complaint | {"text": "this page is of another session; reload it."}))
             return
         before = self.show.files()
         try:
             documents = await asyncio.get_running_loop().run_in_executor(self._pool, self.bench.act, message)
         except Exception as error:
-            text = str(error) if isinstance(error, FasError) else _bug(error)
-            page.send(json.dumps({"type": "complaint", "text": text}))
+            text = self.bench.words(str(error)) if isinstance(error, FasError) else _bug(error)
+            page.send(said(complaint | {"text": text}))
             return
         for document in documents:
-            self.broadcast(document)
+            if document["type"] in PRIVATE:
+                page.send(said(document))
+            else:
+                self.broadcast(document)
         if self.show.files() != before:
             self._followed.set()
 
+    def own(self, key: str) -> bool:
+        """Whether a key is this session's."""
+        return secrets.compare_digest(key.encode(errors="replace"), self.key.encode())
+
     def broadcast(self, document: dict[str, Any]) -> None:
         """Send one document to every page."""
-        text = json.dumps(document)
+        text = said(document)
         for page in list(self.pages):
             page.send(text)
 
@@ -211,6 +220,8 @@ class Server:
             console.print(f"not loaded: {text}", style="yellow", markup=False)
             self.show.error = f"{text} The last good model is shown."
             self.broadcast({"type": "broken", "text": self.show.error})
+        for document in self.bench.followed() if self.bench else ():
+            self.broadcast(document)
 
     async def until_alone(self) -> None:
         """Stop once there were pages and the last one has left for good."""
@@ -266,25 +277,39 @@ class Page(Guarded):
         self.write(markup(self.name, self.server.key) if page else file_of(self.name).read_bytes())
 
 
+@tornado.web.stream_request_body
 class Upload(Guarded):
-    """Takes a dropped file of a page that has this session's key."""
+    """Takes a dropped file of a page that has this session's key; of any other caller nothing is kept in memory."""
 
     def initialize(self, server: "Server") -> None:
         """Called by tornado."""
         self.server = server
+        self._parts: list[bytes] = []
+
+    def prepare(self) -> None:
+        """Called with the headers, before anything of the body is read."""
+        super().prepare()
+        self._welcome = self.server.own(self.request.headers.get("X-Key", ""))
+        connection: Any = self.request.connection
+        connection.set_max_body_size(LARGEST_FILE)
+
+    def data_received(self, chunk: bytes) -> None:
+        """A piece of the body; a stranger's is read and dropped, so that the answer reaches a page of another session."""
+        if self._welcome:
+            self._parts.append(chunk)
 
     def post(self) -> None:
         """Keep the file; what is wrong with it is said in a sentence."""
-        if not secrets.compare_digest(self.request.headers.get("X-Key", "").encode(), self.server.key.encode()):
+        if not self._welcome:
             raise tornado.web.HTTPError(403)
         assert self.server.bench is not None
         try:
-            self.server.bench.keep(self.get_query_argument("name", ""), self.request.body)
+            name = self.server.bench.keep(self.get_query_argument("name", ""), b"".join(self._parts))
         except FasError as error:
             self.set_status(400)
             self.write({"text": str(error)})
         else:
-            self.write({"text": ""})
+            self.write({"text": "", "name": name})
 
 
 class Made(Guarded):
@@ -341,9 +366,9 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
         self._forget = lambda: hub.leave(later)
         for message in hub.join(later):
             self.send(message)
-        self.send(json.dumps(self.server.show.description()))
+        self.send(said(self.server.show.description()))
         for document in self.server.bench.documents() if self.server.bench else ():
-            self.send(json.dumps(document))
+            self.send(said(document))
 
     def on_close(self) -> None:
         """Forget the page."""

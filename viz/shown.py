@@ -1,6 +1,8 @@
 """What server and export need of anything that is shown, and the page's files: `page/*.html` extend `page.html`."""
 
+import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -47,6 +49,14 @@ def markup(page: str, key: str = "") -> str:
         loader=jinja2.FileSystemLoader(PAGE), autoescape=True, undefined=jinja2.StrictUndefined
     )
     return templates.get_template(page).render(key=key)
+
+
+def said(document: Mapping[str, Any]) -> str:
+    """A document as a page reads it: JSON, which has no NaN and no infinity; null stands for them."""
+    try:
+        return json.dumps(document, allow_nan=False)
+    except ValueError:
+        return json.dumps(json.loads(json.dumps(document), parse_constant=lambda _: None))
 
 
 def file_of(name: str) -> Path:

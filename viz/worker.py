@@ -119,6 +119,7 @@ def _fit(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) ->
     recordings = [Source(**source).read() for source in asked["sources"]]
     settings = dict(asked["settings"])
     foot = load_foot(asked["model"]).with_values(asked["values"])
+    tell({"type": "progress", "what": "exploring starts", "done": 0, "total": settings.get("starts", 4)})
     result = fit_foot(recordings, foot, advance=_advance(tell), **settings)
     result = result.with_source(together([r.file for r in recordings]))
     result = replace(result, provenance={**result.provenance, "model": asked["model"]})

@@ -28,6 +28,9 @@ SEGMENT_BODIES: dict[str, dict[str, str]] = {
     },
 }  # fmt: skip
 
+#: Geoms (name, body) of other shipped models that the meshes stand for: the lower end of the tibia, in leg.xml.
+_MESHED = {("malleolus", "malleolus")}
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -95,7 +98,7 @@ def own(model: mujoco.MjModel) -> Own:
         for i, name, body in there
         if (name, body) in known and np.abs(known[name, body] - model.geom_rgba[i]).max() > 1e-6
     }
-    return Own(tuple(i for i, name, body in there if (name, body) not in known), tints)
+    return Own(tuple(i for i, name, body in there if (name, body) not in {*known, *_MESHED}), tints)
 
 
 @cache
