@@ -1,0 +1,48 @@
+"""What a fit, or a comparison of rivals, is of: the recordings as they were read, the model and its text, settings.
+
+A result belongs to its question. It is shown only with the model that it is of, and is out of date as soon as a
+recording or the model is another than it was.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from viz.source import Source, script
+from viz.worker import job
+
+
+@dataclass(frozen=True)
+class Question:
+    """What was asked.
+
+    Attributes:
+        sources: the recordings, by their ids. model: by name or file. text: digest of its MJCF.
+        values: in place of the model's own. settings: of `fit_foot`. rivals: whether rivals are compared.
+    """
+
+    sources: Mapping[int, Source]
+    model: str
+    text: str
+    values: Mapping[str, float]
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    rivals: bool = False
+
+    @property
+    def job(self) -> dict[str, Any]:
+        """As the worker takes it."""
+        asked = job(list(self.sources.values()), self.model, self.values, self.settings)
+        return asked | ({"do": "rivals"} if self.rivals else {})
+
+    @property
+    def script(self) -> str:
+        """The lines of Python that repeat it."""
+        return script(list(self.sources.values()), self.model, self.values, self.settings, rivals=self.rivals)
+
+    def stale(self, sources: Mapping[int, Source], text: str) -> str:
+        """Why its answer is out of date now, in a sentence; empty where it is not."""
+        gone = [s.file for number, s in self.sources.items() if number not in sources]
+        other = [s.file for number, s in self.sources.items() if sources.get(number, s) != s]
+        changed = [f"{file} was removed" for file in gone] + [f"{file} was read in another way" for file in other]
+        changed += ["the model's file was changed"] if text != self.text else []
+        return f"Out of date: since this fit {' and '.join(changed[:3])}; fit again." if changed else ""
