@@ -144,9 +144,8 @@ class Bench:
         text, name, digest = (str(message.get(key, "")) for key in ("text", "name", "digest"))
         said = message.get("said")
         said = said if isinstance(said, dict) else {}
-        chosen = (
-            [n for n in message.get("numbers", []) if isinstance(n, int)] if kind in ("fit", "rivals", "remove") else []
-        )
+        several = message.get("numbers", []) if kind in ("fit", "rivals", "remove") else []
+        chosen = [n for n in several if isinstance(n, int)]
         actions: dict[Any, Callable[[], list[Document]]] = {
             "open": lambda: self.open([str(n) for n in message.get("names", [])]), "bundled": self.bundled,
             "use": lambda: self.use(number), "sine": self.sine, "columns": lambda: self.columns(number),
@@ -239,7 +238,7 @@ class Bench:
         return row
 
     def words(self, sentence: str) -> str:
-        """A sentence as the page says it: files by their own names, options of a command by what the form calls them."""
+        """A sentence as the page says it: files by their own names, a command's options as the form calls them."""
         sentence = sentence.replace(f"{self.folder}/", "").replace(f"{BUNDLED}/", "")
         for option, words in _FORM:
             sentence = sentence.replace(option, words)
@@ -361,14 +360,17 @@ class Bench:
     def stop(self) -> list[Document]:
         """End the running fit; a report that waits for the process is asked for again."""
         if self._worker is not None and self._state["running"]:
-            self._idle(
-                "stopped; the report that was asked for is still being written" if self._reporting else "stopped"
-            )
+            reporting, self._reporting = self._reporting, False
+            self._idle("stopped; the report that was asked for is still being written" if reporting else "stopped")
             self._worker.stop()
             self._worker, self._warm = Worker(self._heard), False
-            if self._reporting:
+            if reporting:
                 self.report()
         return [self.progress()]
+
+    @property
+    def _waited_for(self) -> bool:
+        return self._reporting or bool(self._state["running"])
 
     def _idle(self, what: str = "") -> None:
         self._state = {"running": False, "what": what, "done": 0, "total": 0}
@@ -419,9 +421,8 @@ class Bench:
             self.told({"type": "reported"})
         elif kind == "problem":
             self._failed(self.words(document["text"]))
-        elif kind == "ended" and self._worker is not None and not self._worker.alive:
-            if self._state["running"] or self._reporting:
-                self._failed("the fitting process was ended by the system; memory may be short.")
+        elif kind == "ended" and self._worker is not None and not self._worker.alive and self._waited_for:
+            self._failed("the fitting process was ended by the system; memory may be short.")
 
     def _failed(self, sentence: str) -> None:
         self._idle()

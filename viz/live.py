@@ -6,7 +6,6 @@ Of any other model the file holds the motions over frequency and load, as MuJoCo
 
 import base64
 import gzip
-import json
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +15,7 @@ from fasbody.console import progress_bar
 from fasbody.exceptions import SimulationError
 from identification.engines.twin import twin_applies
 from viz.settings import CARRIERS
+from viz.shown import said
 
 if TYPE_CHECKING:
     from viz.feet import Show
@@ -53,5 +53,5 @@ def of(show: "Show") -> dict[str, Any] | None:
                 motions.append(show.answer(replace(given, frequency=f, added_mass=load)))
             except SimulationError as error:
                 motions.append({"type": "error", "text": str(error)})
-    packed = base64.b64encode(gzip.compress(json.dumps(motions).encode(), 6)).decode()
+    packed = base64.b64encode(gzip.compress(said(motions).encode(), 6)).decode()
     return {"frequencies": frequencies, "loads": loads, "grid": packed}

@@ -294,7 +294,7 @@ class Upload(Guarded):
         connection.set_max_body_size(LARGEST_FILE)
 
     def data_received(self, chunk: bytes) -> None:
-        """A piece of the body; a stranger's is read and dropped, so that the answer reaches a page of another session."""
+        """A piece of the body; a stranger's is dropped, but read, so that a page of another session gets its answer."""
         if self._welcome:
             self._parts.append(chunk)
 

@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -51,7 +50,7 @@ def markup(page: str, key: str = "") -> str:
     return templates.get_template(page).render(key=key)
 
 
-def said(document: Mapping[str, Any]) -> str:
+def said(document: Any) -> str:
     """A document as a page reads it: JSON, which has no NaN and no infinity; null stands for them."""
     try:
         return json.dumps(document, allow_nan=False)
