@@ -91,6 +91,14 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         assert page("[...byId('parameters').querySelectorAll('.band')].filter(b => !b.hidden).length") >= 8
         assert "fit_foot" in page("byId('script').textContent")
         assert page("motion.feet.measured.fit_percent") > 99
+        page("socket.close()")  # a lost connection changes nothing that was set
+        page.page.locator("label:has(#parameter_c_12) output").click()
+        page.page.locator("#parameters output input").fill("41")
+        page.page.keyboard.press("Enter")
+        page("bench.asked = stats.motions")
+        page.until("socket.readyState === 1 && !busy && motion && stats.motions > bench.asked + 1")
+        assert page("[state.values.c_12, bench.fit.branches.length, ticked()]") == [41, 2, [0]]
+        page.page.locator("#undo").click()
         first, other = page("bench.fit.branches.map(b => b.values.k_T)")
         assert page("state.values.k_T") == first
         names = page("bench.fit.branches.map(b => b.name)")
@@ -100,6 +108,7 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         assert first != pytest.approx(other, rel=0.1)
         page.page.locator("#undo").click()
         page.until(f"!busy && !wanted && state.values.k_T === {first}")
+        assert page("byId('branches').querySelector('[aria-pressed=true]').textContent") == names[0]
 
         # report and all results: the same numbers
         with page.page.expect_download() as saved:
@@ -142,9 +151,24 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         assert "0.6e5" not in own.read_text()
         page.page.locator(".cm-content").click()
         page.page.keyboard.press("Control+s")
-        page.until("byId('editor_state').textContent === 'saved'")
+        page.until("byId('editor_state').textContent === 'saved to mine.xml'")
         page.until("motion && !busy")
         assert 'stiffness="0.6e5"' in own.read_text()
+
+        # another program's work: followed while nothing is unsaved, else somebody must choose
+        theirs = own.read_text().replace("0.6e5", "0.7e5")
+        own.write_text(theirs)
+        page.until("typedText().includes('0.7e5') && motion && !busy")
+        page("editor.view.dispatch({ changes: { from: 0, insert: '<!-- mine -->' } })")
+        own.write_text(theirs.replace("0.7e5", "0.8e5"))
+        page.until("!byId('conflict').hidden")
+        assert page("save_model.disabled")
+        page("saveModel()")
+        page("take_theirs.click()")
+        page.until("byId('conflict').hidden && typedText().includes('0.8e5') && motion && !busy")
+        assert own.read_text() == page("typedText()") == theirs.replace("0.7e5", "0.8e5")
+        page.until("!byId('stale').hidden")
+        assert "the model's file was changed" in page("byId('stale').textContent")
 
         # rivals need three frequencies, and say so
         page.page.locator("#start_rivals").click()
@@ -158,10 +182,10 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         page("tab('fit')")
 
         # a study is a matrix of loads against frequencies, coloured by fit
-        row = "{ file: `${f}hz_${m}.csv`, unread: '', problem: '', warnings: [], frequency_hz: f, added_mass_kg: m }"
+        row = "{ file: `${f}hz_${m}.csv`, id: 3 * (m > 0) + f / 10 - 1, unread: '', problem: '', warnings: [], frequency_hz: f, added_mass_kg: m }"
         cells, heads = page(  # at once: the saved model may still come, and clears the fit
             "() => { bench.fit = { recordings: [{ file: '20hz_0.csv', fit_percent: 98.7 }] };"
-            f"listData({{ shown: 1, rows: [0, 2.3].flatMap(m => [10, 20, 30].map(f => ({row}))) }});"
+            f"listData({{ session: bench.session, stale: '', shown: 1, rows: [0, 2.3].flatMap(m => [10, 20, 30].map(f => ({row}))) }});"
             "return ['td button', 'th'].map(q => [...byId('matrix').querySelectorAll(q)].map(b => b.textContent)); }"
         )
         assert cells == ["·", "99", "·", "·", "·", "·"]

@@ -23,6 +23,7 @@ from fasbody.recording.study import BUNDLED, read_file
 from viz.bench import Bench
 from viz.feet import Show
 from viz.server import Server
+from viz.shown import said
 
 ONE = BUNDLED / "recordings" / "20hz_0kg.csv"
 
@@ -138,6 +139,65 @@ def test_hostile_files_of_every_format_are_a_sentence_each(bench: Bench) -> None
     assert bench.shown == -1
 
 
+def test_rows_keep_their_ids_and_what_was_said_of_them(bench: Bench) -> None:
+    """A file that is dropped again is the same recording; one that is removed leaves the others as they are."""
+    names = ["Proband 3 – 20 Hz [1].csv", "a#b&c.csv", "c.csv"]
+    assert [bench.keep(name, ONE.read_bytes()) for name in names] == names
+    assert bench.keep('d<1>?".csv', ONE.read_bytes()) == "d_1___.csv"
+    (listed,) = bench.open(names)
+    assert [(row["id"], row["file"]) for row in listed["rows"]] == list(enumerate(names))
+    bench.correct(1, {"body_mass_kg": 60})
+    bench.keep(names[1], ONE.read_bytes())
+    listed, _ = bench.open([names[1]])
+    assert [row["id"] for row in listed["rows"]] == [0, 1, 2]
+    assert listed["rows"][1]["body_mass_kg"] == 60
+    listed, model = bench.remove([1])
+    assert ([row["id"] for row in listed["rows"]], listed["shown"], model["recorded"]) == ([0, 2], -1, False)
+    assert not (bench.folder / names[1]).exists()
+    with pytest.raises(FasError, match="no longer here"):
+        bench.use(1)
+    (listed,) = bench.remove([0, 2])
+    assert listed["rows"] == []
+    listed, _ = bench.open(["d_1___.csv"])
+    assert listed["rows"][0]["id"] == 3  # an id is given once
+
+
+def test_dead_channel_is_a_sentence_and_no_motion(bench: Bench) -> None:
+    rows = [line.split(",") for line in ONE.read_text().splitlines()]
+    still = "\n".join([",".join(rows[0]), *(f"{t},{a},0,{c}" for t, a, _, c in rows[1:])])
+    bench.keep("still.csv", still.encode())
+    (listed,) = bench.open(["still.csv"])
+    assert listed["rows"][0]["problem"] and listed["shown"] == -1
+    with pytest.raises(FasError, match="channel malleolus does not move"):
+        bench.use(0)
+    text = said({"percent": float("nan"), "rows": [1.5, float("inf")]})
+    assert json.loads(text, parse_constant=lambda word: pytest.fail(word)) == {"percent": None, "rows": [1.5, None]}
+
+
+def test_fit_belongs_to_its_model_and_recordings(bench: Bench) -> None:
+    """It goes with another model and comes back with its own; it is marked where what it is of is another by now."""
+    bench.keep("20hz.csv", ONE.read_bytes())
+    bench.open(["20hz.csv"])
+    question = bench._question([0], {})
+    assert (question.model, question.script.count("20hz.csv")) == ("two_dof", 1)
+    document = {"type": "fitted", "number": 1, "fit": {"branches": []}}
+    bench._fit, bench.show.fit = (question, document), document["fit"]
+    assert document in bench.documents() and bench.document()["stale"] == ""
+    bench.correct(0, {"body_mass_kg": 60})
+    assert "20hz.csv was read in another way" in bench.document()["stale"]
+    bench.remove([0])
+    assert "20hz.csv was removed" in bench.document()["stale"]
+    assert (bench.folder / "20hz.csv").is_file()  # the report of the fit may still read it
+    bench.choose("foot_arch")
+    assert document not in bench.documents() and bench.show.fit == {}
+    assert bench.show.description()["name"] == "foot_arch"
+    assert document in bench.choose("two_dof") and bench.show.fit == document["fit"]
+
+
+def test_sentences_of_the_command_line_are_those_of_the_form(bench: Bench) -> None:
+    assert bench.words(f"{bench.folder}/labview.txt: no; give --body-mass.") == "labview.txt: no; give it with “…”."
+
+
 def test_session_holds_only_so_much(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("viz.bench.LARGEST", 10)
     with pytest.raises(FasError, match="split it into recordings"):
@@ -209,7 +269,7 @@ def test_rivals_are_what_a_script_compares(bench: Bench, monkeypatch: pytest.Mon
     bench.open(["10hz_0kg.csv", "20hz_0kg.csv", "40hz_0kg.csv"])
     for number in range(3):
         bench.correct(number, {"body_mass_kg": 72.57})
-    asked: list[dict[str, Any]] = []
+    asked: list[Any] = []
     monkeypatch.setattr(bench, "_begin", asked.append)  # a question
     bench.rivals([0, 1, 2], {})
     monkeypatch.setattr(compare, "LADDER", tuple(rung for rung in compare.LADDER if rung.name in ("linear", "model")))
@@ -337,6 +397,13 @@ def test_changes_need_the_session_key() -> None:
             assert not list(bench.folder.rglob("*.csv"))
             refused = await post(server, good, name="..%2Fevil.csv", **key)
             assert refused.code == 400 and "is no name" in json.loads(refused.body)["text"]
+            large = bytes(2_000_000)  # only a page of this session may send as much
+            assert (await post(server, large)).code == 403
+            assert (await post(server, large, name="large.wav", **key)).code == 200
+            client = tornado.httpclient.AsyncHTTPClient(force_instance=True)
+            here = {"method": "POST", "body": large, "headers": key, "raise_error": False}
+            assert (await client.fetch(server.url, **here)).code in (400, 599)  # refused or cut off, and never read
+            client.close()
             assert (await post(server, good, **key)).code == 200
             socket = await upgrade(server, Origin=server.url.rstrip("/"))
             assert (await documents(socket, "models"))["now"] == "two_dof"
@@ -355,6 +422,12 @@ def test_changes_need_the_session_key() -> None:
                 while (await documents(page, "data"))["shown"] != 0:
                     pass  # before the file was opened
                 assert (await documents(page, "model"))["recorded"]
+            for page, number in ((socket, 0), (other, 7)):  # a form, and a complaint, are for the page that asked
+                await page.write_message(json.dumps({"type": "columns", "number": number, "key": server.key}))
+            assert (await documents(socket, "columns"))["number"] == 0
+            while (heard := json.loads(await other.read_message()))["type"] != "complaint":
+                assert heard["type"] != "columns"
+            assert heard["of"] == "columns"
             await leave(socket)
             await leave(other)
         finally:

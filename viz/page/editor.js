@@ -1,18 +1,54 @@
 // The model: a chooser, and its MJCF in an editor that is checked while it is typed.
 "use strict";
-const editor = { view: null, file: "", text: "", timer: 0, asked: "" };
+// What is opened: the model's name, its text and its digest as the file had it, and the file's later one where it has
+// become another; unsaved text of other models.
+const editor = { view: null, name: "", file: "", text: "", digest: "", theirs: null, sent: "", quiet: false, timer: 0, drafts: new Map() };
+const typedText = () => (editor.view ? editor.view.state.doc.toString() : editor.text);
 
-function listModels({ names, now, file, text }) {
-  const select = byId("model_choice"), known = [...names];
-  if (!known.includes(now)) known.push(now);
-  select.replaceChildren(...known.map(name => element("option", name.split("/").pop(), { value: name })));
+function listModels({ names, now, file, copy, text, digest }) {
+  const select = byId("model_choice"), known = names.includes(now) ? names : [...names, now];
+  select.replaceChildren(...known.map(name => element("option", name.split("/").pop(), { value: name, title: name })));
   select.value = now;
-  editor.file = file;
-  byId("save_model").title = file ? `to ${file}` : "to my_foot.xml, a copy in the folder that the command was started in";
-  if (text !== editor.text) {
-    editor.text = text;
-    if (editor.view && editor.view.state.doc.toString() !== text) editor.view.dispatch({ changes: { from: 0, to: editor.view.state.doc.length, insert: text } });
+  byId("save_model").title = file ? `to ${file}` : `to ${copy}, a copy in the folder that the command was started in`;
+  const mine = typedText(), unsaved = mine !== editor.text;
+  if (now !== editor.name) {
+    if (unsaved) editor.drafts.set(editor.name, { text: mine, digest: editor.digest });
+    const draft = editor.drafts.get(now);
+    editor.drafts.delete(now);
+    Object.assign(editor, { name: now, file, text, digest });
+    differ(draft && draft.digest !== digest ? { text, digest } : null);
+    put(draft ? draft.text : text);
+    byId("editor_state").textContent = "";
+    if (draft) typed();
+  } else if (digest !== editor.digest) {  // by another program, or another page
+    if (unsaved && mine !== text) { differ({ text, digest }); return; }
+    Object.assign(editor, { text, digest });
+    differ(null);
+    put(text);
   }
+}
+
+// The text in the editor, without a check of what the server has just sent.
+function put(text) {
+  if (!editor.view || typedText() === text) return;
+  editor.quiet = true;
+  editor.view.dispatch({ changes: { from: 0, to: editor.view.state.doc.length, insert: text } });
+  editor.view.dispatch(CM.setDiagnostics(editor.view.state, []));
+  editor.quiet = false;
+}
+
+// The file has another text than the one that was opened, and this page has one that is not saved: somebody must choose.
+function differ(theirs) {
+  editor.theirs = theirs;
+  byId("conflict").hidden = !theirs;
+  byId("save_model").disabled = Boolean(theirs);
+  if (theirs) byId("conflict").firstChild.textContent = `${editor.name.split("/").pop()} was changed by another program, and this text is not saved.`;
+}
+function settle(text) {
+  Object.assign(editor, editor.theirs);
+  differ(null);
+  put(text);
+  tellServer("check", { text });
 }
 
 function openEditor() {
@@ -31,7 +67,7 @@ function openEditor() {
       extensions: [
         CM.lineNumbers(), CM.history(), CM.drawSelection(), CM.bracketMatching(), CM.highlightActiveLine(), CM.xml(), CM.syntaxHighlighting(tint), CM.lintGutter(), CM.search({ top: true }),
         CM.keymap.of([{ key: "Mod-s", preventDefault: true, run: () => { saveModel(); return true; } }, ...CM.defaultKeymap, ...CM.historyKeymap, ...CM.searchKeymap]),
-        CM.EditorView.updateListener.of(update => { if (update.docChanged) typed(); }),
+        CM.EditorView.updateListener.of(update => { if (update.docChanged && !editor.quiet) typed(); }),
         CM.EditorView.contentAttributes.of({ "aria-label": "the model's MJCF" }),
         CM.EditorView.theme({}, { dark: true }),
       ],
@@ -44,7 +80,7 @@ function openEditor() {
 function typed() {
   clearTimeout(editor.timer);
   editor.timer = setTimeout(() => {
-    const text = editor.view.state.doc.toString();
+    const text = typedText();
     byId("editor_state").textContent = "checking";
     tellServer("check", { text });
   }, 250);
@@ -61,11 +97,20 @@ function checked({ text, line }) {
 }
 
 function saveModel() {
-  editor.text = editor.view.state.doc.toString();
-  tellServer("save", { text: editor.text });
-  byId("editor_state").textContent = "saved";
+  if (editor.theirs) return;
+  clearTimeout(editor.timer);
+  editor.sent = typedText();
+  byId("editor_state").textContent = "saving";
+  tellServer("save", { text: editor.sent, digest: editor.digest });
+}
+function saved({ file, text, digest }) {
+  byId("editor_state").textContent = text || `saved to ${file.split("/").pop()}`;
+  byId("editor_state").classList.toggle("wrong", Boolean(text));
+  if (file) Object.assign(editor, { name: file, file, text: editor.sent, digest });
 }
 
 byId("model_choice").onchange = event => tellServer("choose", { name: event.target.value });
 byId("edit_model").onclick = openEditor;
 byId("save_model").onclick = saveModel;
+byId("take_theirs").onclick = () => settle(editor.theirs.text);
+byId("keep_mine").onclick = () => settle(typedText());

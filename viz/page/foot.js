@@ -9,7 +9,7 @@ let model = null, motion = null, drawn = null, asked = 0, request = 0, arrived =
 
 // ---- controls -------------------------------------------------------------------------------------------------------
 const rows = {};
-function buildControls() {
+function buildControls(offered) {
   for (const id of ["excitation", "showing", "parameters"]) for (const old of byId(id).querySelectorAll("label, .row:not(#choosing), p")) old.remove();
   const shaker = byId("excitation"), s = state;
   if (!model.recorded && model.periodic) {
@@ -47,7 +47,7 @@ function buildControls() {
   }
   const list = byId("parameters");
   for (const p of model.parameters) {
-    const value = p.name in s.values ? s.values[p.name] : p.value;
+    const value = p.name in s.values ? s.values[p.name] : offered ? p.value : p.nominal;
     if (value !== p.nominal) s.values[p.name] = value;
     rows[p.name] = slider(list, `parameter_${p.name}`, p.words ? `${p.words} ${p.name}` : p.name, p.unit, p.lower, p.upper, value, v => {
       remember(p.name);
@@ -61,7 +61,7 @@ function fitting(p) {
   if (window.EXPORTED || MASSES.has(p.name)) return null;
   return {
     free: bench.free[p.name] !== false, bounds: bench.bounds[p.name] || [p.lower, p.upper],
-    release: on => { bench.free[p.name] = on; },
+    release: on => { bench.free[p.name] = on; advise(); },
     bound: (low, high) => { if (low === p.lower && high === p.upper) delete bench.bounds[p.name]; else bench.bounds[p.name] = [low, high]; },
   };
 }
@@ -72,14 +72,17 @@ let lastMoved = "";
 function remember(name = "") {
   if (name && name === lastMoved) return;
   lastMoved = name;
-  past.push({ values: { ...state.values }, delay_s: state.delay_s });
+  past.push({ values: { ...state.values }, delay_s: state.delay_s, branch: bench.branch });
   if (past.length > 100) past.shift();
 }
 function undo() {
   const before = past.pop();
   lastMoved = "";
   if (!before) return;
-  Object.assign(state, before);
+  const { branch, ...values } = before;
+  Object.assign(state, values);
+  bench.branch = branch;
+  bands();
   for (const p of model.parameters) rows[p.name].set(p.name in state.values ? state.values[p.name] : p.nominal);
   ask();
 }
@@ -113,6 +116,7 @@ function ask() {
   busy = true;
   asked = performance.now();
   request += 1;
+  keepState();
   const { frequency, peak_to_peak, added_mass, values, delay_s } = state;
   socket.send(JSON.stringify({ type: "simulate", request, frequency, peak_to_peak, added_mass, values, delay_s }));
 }
@@ -120,16 +124,26 @@ function ask() {
 function receive(document_) {
   if (benchReceives(document_)) return;
   if (document_.type === "model") {
-    const first = model === null;
+    const first = model === null, other = first || (document_.name !== model.name && !document_.same);
+    let offered = other;
     model = document_;
     motion = null;  // of another model
     stage.setModel(model);
-    if (first) Object.assign(state, model.settings, model.look);
-    else if (model.adopt) { for (const name of ["frequency", "added_mass"]) state[name] = model.settings[name]; bench.chose = true; }
+    if (first) { Object.assign(state, model.settings, model.look); offered = !recall(); }
+    else if (other) {  // values of the same name are not its own
+      Object.assign(state, { values: {}, delay_s: 0 });
+      Object.assign(bench, { free: {}, bounds: {} });
+      past.length = 0;
+      forgetFit();
+      byId("compared").hidden = byId("tab_rivals").hidden = true;
+      tab("motion");
+    }
+    if (!first && model.adopt) { for (const name of ["frequency", "added_mass"]) state[name] = model.settings[name]; }
     const known = new Set(model.parameters.map(p => p.name));
     for (const name of Object.keys(state.values)) if (!known.has(name)) delete state.values[name];
-    buildControls();
+    buildControls(offered);
     showFit(model.fit);
+    advise();
     if (bench.plots) drawTrace();
     broken = model.error;
     say([broken, complaints].filter(Boolean).join("\n"));
@@ -235,8 +249,8 @@ function report() {
   const numbers = foot.ratio === null ? [foot.periodic ? "the table is at rest" : ""] : [
     `transmissibility ${foot.ratio.toFixed(3)}${also(f => f.ratio.toFixed(3))}`,
     `malleolus ${behind(foot.phase)}${also(f => `${Math.abs(f.phase).toFixed(0)}°`)}`];
-  const fit = seen ? `fit of this recording ${seen.fit_percent.toFixed(1)} %` : "";
-  const base = foot.periodic && !model.recorded ? `${state.frequency} Hz` : model.excitation;
+  const fit = seen && seen.fit_percent !== null ? `fit of this recording ${seen.fit_percent.toFixed(1)} %` : "";
+  const base = foot.periodic && !model.recorded ? `${number(state.frequency)} Hz` : model.excitation;
   tell([`${model.feet.a.title}, ${base}`, ...numbers, fit, model.about, shown]);
 }
 

@@ -14,7 +14,7 @@ class Plot {
     this.box.className = wide ? "wide" : "";
     this.box.innerHTML = "<figcaption><b></b><span></span><button type=button title='the numbers as CSV' aria-label='save the numbers as CSV'>⤓</button></figcaption><div></div>";
     [this.head, this.pane] = this.box.children;
-    this.head.firstChild.textContent = title;
+    this.head.firstChild.textContent = this.head.firstChild.title = title;
     this.pane.setAttribute("role", "img");
     this.pane.setAttribute("aria-label", `${title} over ${x}`);
     this.head.lastChild.onclick = () => download(`${title.replace(/\W+/g, "_")}.csv`, this.csv());
@@ -47,7 +47,7 @@ class Plot {
   make() {
     if (this.plot) this.plot.destroy();
     const axis = (label, size) => ({ stroke: INK, grid: { stroke: GRID, width: 1 }, ticks: { show: false }, font: "11px system-ui", labelFont: "11px system-ui",
-      label: label || undefined, labelSize: label ? 15 : 0, labelGap: 0, gap: 3, size, space: 34, values: (u, marks) => marks.map(mark) });
+      label: label || undefined, labelSize: label ? 15 : 0, labelGap: 0, gap: 3, size, space: size > 30 ? 22 : 30, values: (u, marks) => marks.map(mark) });
     const extent = () => {
       if (this.range) return this.range;
       if (this.loop) { const tall = 1.1 * Math.max(1e-12, ...this.series.map(s => largestOf(s.y))); return [-tall, tall]; }

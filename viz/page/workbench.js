@@ -1,20 +1,27 @@
 // The workbench: recordings in, a fit of them, what it found. All of it is done by the server, as a script would do it.
 "use strict";
 const KEY = (document.querySelector("meta[name=key]") || {}).content || "";
-const bench = { rows: [], shown: -1, chosen: new Set(), fit: null, branch: 0, free: {}, bounds: {}, plots: null };
+// Recordings have ids that the session gives once; `good` says of each whether it could be fitted when it was listed last.
+const bench = { session: "", rows: [], shown: -1, chosen: new Set(), good: new Map(), corrected: -1, stale: "", fit: null, found: null, number: 0, branch: 0, free: {}, bounds: {}, plots: null, wanted: "", began: 0 };
 
-function tellServer(type, more = {}) { if (socket && socket.readyState === 1) socket.send(JSON.stringify({ type, key: KEY, ...more })); }
+function tellServer(type, more = {}) {
+  if (!["open", "check"].includes(type)) complain("");
+  if (socket && socket.readyState === 1) socket.send(JSON.stringify({ type, key: KEY, ...more }));
+}
+const EARLIER = "This page belongs to an earlier session: reload it.";
 
 function element(tag, text = "", more = {}) { return Object.assign(document.createElement(tag), { textContent: text }, more); }
 
 // ---- files in -------------------------------------------------------------------------------------------------------
 async function upload(files) {
   const names = [];
+  complain("");
   for (const { file, name } of files) {
     busyWith(`reading ${name}`);
     const answer = await fetch(`/upload?name=${encodeURIComponent(name)}`, { method: "POST", headers: { "X-Key": KEY }, body: file }).catch(() => null);
-    const said = answer && (answer.status === 200 || answer.status === 400) ? await answer.json() : { text: `${name} could not be sent; it may be larger than 64 MB.` };
-    if (said.text) complain(said.text); else names.push(name);
+    const known = answer && (answer.headers.get("Content-Type") || "").startsWith("application/json");
+    const said = known ? await answer.json() : { text: answer && answer.status === 403 ? EARLIER : `${name} could not be sent; it may be larger than 64 MB.` };
+    if (said.text) complain([complaints, said.text].filter(Boolean).join("\n")); else names.push(said.name);
   }
   if (names.length) tellServer("open", { names }); else busyWith("");
 }
@@ -47,6 +54,7 @@ if (!window.EXPORTED) {
     byId(id).onclick = () => byId(picker).click();
     byId(picker).onchange = event => upload([...event.target.files].map(file => ({ file, name: file.webkitRelativePath || file.name })));
   }
+  byId("clear").onclick = () => tellServer("remove", { numbers: bench.rows.map(row => row.id) });
   byId("bundled").onclick = () => { busyWith("reading the bundled study"); tellServer("bundled"); };
 }
 
@@ -56,24 +64,50 @@ function complain(text) { complaints = text; busyWith(""); say([broken, complain
 
 // ---- the list of recordings -----------------------------------------------------------------------------------------
 function listData(document_) {
-  const before = bench.rows.length;
-  Object.assign(bench, { rows: document_.rows, shown: document_.shown });
-  for (let i = before; i < bench.rows.length; i++) if (!bench.rows[i].unread && !bench.rows[i].problem) bench.chosen.add(i);
+  const { session, rows: listed, shown, stale } = document_;
+  if (bench.session && session !== bench.session) { bench.chosen.clear(); bench.good.clear(); complain(EARLIER); }
+  Object.assign(bench, { session, rows: listed, shown, stale });
+  for (const row of listed) {  // ticked as soon as it can be fitted, and not any longer than that
+    const good = !row.unread && !row.problem, before = bench.good.get(row.id);
+    if (good && !before && !bench.unticked.delete(row.id)) bench.chosen.add(row.id);
+    if (!good) bench.chosen.delete(row.id);
+    bench.good.set(row.id, good);
+  }
+  const here = new Set(listed.map(row => row.id));
+  for (const id of [...bench.good.keys()]) if (!here.has(id)) { bench.good.delete(id); bench.chosen.delete(id); }
   busyWith("");
-  complain("");
-  const list = byId("recordings");
-  list.replaceChildren(...bench.rows.map(item));
+  const list = byId("recordings"), held = document.activeElement, forms = [...list.querySelectorAll("form")];
+  list.replaceChildren(...listed.map(item));
+  for (const box of forms) {  // half filled in, it stays
+    const id = +box.dataset.id, at = listed.findIndex(row => row.id === id);
+    if (at >= 0 && !(id === bench.corrected && bench.good.get(id))) list.children[at].append(box);
+  }
+  bench.corrected = -1;
+  if (held && held.isConnected) held.focus();
   matrix();
-  byId("fit").hidden = !bench.rows.length;
+  advise();
+  byId("stale").hidden = !stale;
+  byId("stale").textContent = stale;
+  byId("fit").hidden = !(listed.length || bench.fit);
+  byId("clear").hidden = !listed.length;
   byId("sine").hidden = bench.shown < 0;
+  keepState();
 }
 
-function item(row, number) {
-  const li = element("li"), shown = number === bench.shown, wrong = row.unread || row.problem;
+// What the arch, and any other model with many constants, asks for, before it is fitted.
+function advise() {
+  if (!model || window.EXPORTED) return;
+  const free = model.parameters.filter(p => !MASSES.has(p.name) && bench.free[p.name] !== false).length, few = 2 * bench.chosen.size < free;
+  byId("advice").hidden = model.quick || !few || !bench.rows.length;
+  byId("advice_text").textContent = `This model has ${free} constants, which so few recordings leave unknown, and its fit takes a minute or more.`;
+}
+
+function item(row) {
+  const number = row.id, li = element("li"), shown = number === bench.shown, wrong = row.unread || row.problem;
   li.className = wrong ? "wrong" : row.warnings.length ? "warned" : "";
   const pick = element("input", "", { type: "checkbox", checked: bench.chosen.has(number), disabled: Boolean(wrong), title: "fit this one" });
   pick.setAttribute("aria-label", `fit ${row.file}`);
-  pick.onchange = () => { if (pick.checked) bench.chosen.add(number); else bench.chosen.delete(number); };
+  pick.onchange = () => { if (pick.checked) bench.chosen.add(number); else bench.chosen.delete(number); advise(); keepState(); };
   const at = row.frequency_hz ? `${number_(row.frequency_hz)} Hz` : wrong ? "" : "broadband";
   const name = element("button", row.file.split("/").pop(), { title: row.file });
   name.title = [row.file, row.subject ? `subject ${row.subject}` : "", row.body_mass_kg ? `body mass ${number_(row.body_mass_kg)} kg` : "body mass unknown", row.samples ? `${row.samples} samples at ${number_(row.rate_hz)} Hz` : ""].filter(Boolean).join("; ");
@@ -83,14 +117,17 @@ function item(row, number) {
   const more = element("button", "…", { title: `channels, units and masses of ${row.file}`, className: "more" });
   more.setAttribute("aria-label", more.title);
   more.onclick = () => { const open = li.querySelector("form"); if (open) open.remove(); else tellServer("columns", { number }); };
-  li.append(pick, name, element("small", about.filter(Boolean).join(" · ")), more);
+  const away = element("button", "×", { title: `remove ${row.file}`, className: "more" });
+  away.setAttribute("aria-label", away.title);
+  away.onclick = () => tellServer("remove", { numbers: [number] });
+  li.append(pick, name, element("small", about.filter(Boolean).join(" · ")), more, away);
   for (const text of [row.unread, row.problem, ...(shown ? row.warnings : [])].filter(Boolean)) li.append(element("p", text));
   return li;
 }
 
 // Subjects and loads against frequencies, coloured by how well each recording was fitted; a click shows it.
 function matrix() {
-  const box = byId("matrix"), good = bench.rows.map((row, number) => ({ ...row, number })).filter(row => row.frequency_hz);
+  const box = byId("matrix"), good = bench.rows.filter(row => row.frequency_hz);
   const who = row => `${row.subject || ""} ${row.added_mass_kg ? `+ ${number_(row.added_mass_kg)} kg` : "no load"}`.trim();
   const lines = [...new Set(good.map(who))], hertz = [...new Set(good.map(row => +row.frequency_hz.toFixed(1)))].sort((a, b) => a - b);
   box.hidden = good.length < 4;
@@ -108,9 +145,9 @@ function matrix() {
       const fit = fitOf(row), known = typeof fit === "number", cell = element("button", known ? fit.toFixed(0) : "·");
       cell.title = known ? `${row.file}: fit ${fit.toFixed(1)} %` : row.file;
       cell.setAttribute("aria-label", cell.title);
-      cell.setAttribute("aria-pressed", row.number === bench.shown);
+      cell.setAttribute("aria-pressed", row.id === bench.shown);
       if (known) cell.style.background = `hsl(${Math.max(0, Math.min(1, (fit - 80) / 20)) * 130} 45% 26%)`;
-      cell.onclick = () => tellServer("use", { number: row.number });
+      cell.onclick = () => tellServer("use", { number: row.id });
       td.append(cell);
       return td;
     }));
@@ -122,9 +159,11 @@ const number_ = v => number(+v);
 
 // The form by which channels, units, masses and loads are corrected.
 function form({ number, columns, said }) {
-  const row = bench.rows[number], li = byId("recordings").children[number], box = element("form");
-  const old = li.querySelector("form");
+  const at = bench.rows.findIndex(row => row.id === number), row = bench.rows[at], box = element("form");
+  if (!row) return;
+  const li = byId("recordings").children[at], old = li.querySelector("form");
   if (old) old.remove();
+  box.dataset.id = number;
   const field = (label, name, value, list) => {
     const wrap = element("label", label), input = element(list ? "select" : "input", "", { name });
     if (list) for (const [v, text] of list) input.append(element("option", text, { value: v }));
@@ -150,7 +189,7 @@ function form({ number, columns, said }) {
       const [channel, key] = name.split(".");
       if (key) { if (value.trim()) (told.channels[channel] = told.channels[channel] || {})[key] = value.trim(); } else told[name] = value.trim();
     }
-    busyWith("reading it again");
+    bench.corrected = number;
     tellServer("correct", { number, said: told });
   };
   li.append(box);
@@ -164,7 +203,6 @@ function askFit() {
   said.values = Object.fromEntries(held.filter(p => p.name in state.values).map(p => [p.name, state.values[p.name]]));
   said.bounds = Object.fromEntries(Object.entries(bench.bounds).filter(([name]) => model.parameters.some(p => p.name === name)));
   bench.asked = performance.now();
-  complain("");
   tellServer("fit", { numbers: ticked(), said });
 }
 const ticked = () => [...bench.chosen].sort((a, b) => a - b);
@@ -176,15 +214,23 @@ function progress({ running, what, done, total }) {
   const bar = byId("fit_progress");
   bar.hidden = !running;
   if (total) Object.assign(bar, { max: total, value: done }); else bar.removeAttribute("value");
-  byId("fit_state").textContent = what ? `${what}${total ? ` ${done} of ${total}` : ""}` : "";
+  byId("fit_state").textContent = what ? `${what}${total ? `: ${done} of ${total} done` : ""}` : "";
+  if (running && !bench.began) bench.began = performance.now();
+  if (!running) bench.began = 0;
+  passing();
 }
+// Seconds of what runs; no part of the line that is read aloud.
+function passing() { byId("fit_seconds").textContent = bench.began ? `${Math.floor((performance.now() - bench.began) / 1000)} s` : ""; }
+if (!window.EXPORTED) setInterval(passing, 1000);
 
 function fitted(document_) {
-  bench.found = document_;
+  const another = document_.number !== bench.number;  // else this page lost its connection and has it again
+  Object.assign(bench, { found: document_, number: document_.number });
   showFit(document_.fit);
   if (document_.script) { byId("script").textContent = document_.script; byId("script_box").hidden = false; }
   drawFit();
-  if (!window.EXPORTED) showBranch(0);
+  if (!window.EXPORTED && another) showBranch(0);
+  keepState();
   stats.fitted = performance.now() - bench.asked;
 }
 
@@ -194,7 +240,7 @@ function showFit(fit) {
   byId("found").hidden = !bench.fit;
   for (const id of ["save_report", "save_results"]) byId(id).hidden = !(bench.found || (fit && fit.reported));
   for (const p of model ? model.parameters : []) if (rows[p.name]) rows[p.name].band(null);
-  if (!bench.fit) return;
+  if (!bench.fit) { forgetFit(); return; }
   byId("fit").hidden = false;
   byId("sentence").textContent = fit.sentence || (fit.verdict ? `Fit ${(+fit.fit_percent).toFixed(1)} %; ${fit.verdict}.` : "");
   byId("reason").textContent = fit.reason;
@@ -206,7 +252,7 @@ function showFit(fit) {
   }));
   byId("odds").textContent = fit.odds ? `odds ${fit.odds} for ${fit.branches[0].name}` : "";
   const head = element("tr");
-  for (const text of ["parameter", ...fit.branches.map(b => b.name), "how well known"]) head.append(element("th", text));
+  for (const text of ["", ...fit.branches.map(b => b.name), "known"]) head.append(element("th", text));
   const body = fit.branches[0].rows.map((row, k) => {
     const tr = element("tr");
     const name = element("th", row.name, { title: row.key }), said = b => ((b.rows[k] || {}).interval || number(row.value)).replace(/ (to|±) /, " $1\u00a0");
@@ -216,6 +262,15 @@ function showFit(fit) {
   });
   byId("estimates").replaceChildren(head, ...body);
   bands();
+  matrix();
+}
+
+// Nothing was found with this model.
+function forgetFit() {
+  Object.assign(bench, { fit: null, found: null, number: 0, branch: 0 });
+  byId("script_box").hidden = byId("tab_fit").hidden = true;
+  byId("tabs").hidden = byId("tab_rivals").hidden;
+  if (!byId("fit_plots").hidden) tab("motion");
   matrix();
 }
 
@@ -229,8 +284,8 @@ function bands() {
 function showBranch(k) {
   const branch = bench.fit.branches[k];
   if (window.EXPORTED && !(EXPORTED.live && EXPORTED.live.twin)) return;
-  bench.branch = k;
   remember();
+  bench.branch = k;
   state.values = { ...branch.values };
   state.delay_s = branch.delay_s;
   for (const p of model.parameters) {
@@ -251,9 +306,10 @@ function drawFit() {
     tab("fit");
     const into = byId("fit_plots");
     bench.plots = { size: new Plot(into, "transmissibility, fitted", "frequency [Hz]", "", { wide: true }), lag: new Plot(into, "phase lag behind the base [°]", "frequency [Hz]", ""),
-      trace: new Plot(into, "malleolus [m/s²]", "time [ms]", ""), left: new Plot(into, "residual [m/s²]", "time [ms]", ""), chi: new Plot(into, "chi-square of each harmonic", "frequency [Hz]", "") };
+      trace: new Plot(into, "malleolus [m/s²]", "time [ms]", ""), left: new Plot(into, "residual [m/s²]", "time [ms]", ""), chi: new Plot(into, "chi-square of each harmonic, if the model is true", "frequency [Hz]", "") };
   }
   const loads = [...new Set(found.data.map(r => r.added_mass_kg))].sort((a, b) => a - b), size = [], lag = [];
+  const mirror = loads.length > 1 ? null : "#e58fc4";  // of one load each branch has a colour of its own
   const by = key => (a, b) => a[key] - b[key];
   loads.forEach((load, k) => {
     const colour = LOADS[k % LOADS.length], mine = found.data.filter(r => r.added_mass_kg === load).sort(by("frequency_hz"));
@@ -262,8 +318,9 @@ function drawFit() {
     lag.push({ label: "", colour, x, y: unwrapped(mine.map(r => r.phase_lag_deg)), points: true });
     bench.fit.branches.forEach((branch, b) => {
       const curve = found.curves.filter(r => r.added_mass_kg === load && r.branch === branch.name).sort(by("frequency_hz")), u = curve.map(r => r.frequency_hz);
-      size.push({ label: k ? "" : branch.name, colour, x: u, y: curve.map(r => r.transmissibility), dashed: b > 0 });
-      lag.push({ label: "", colour, x: u, y: unwrapped(curve.map(r => r.phase_lag_deg)), dashed: b > 0 });
+      const ink = (b && mirror) || colour;
+      size.push({ label: k ? "" : `${branch.name}${b && ink === colour ? " (dashed)" : ""}`, colour: ink, x: u, y: curve.map(r => r.transmissibility), dashed: b > 0 });
+      lag.push({ label: "", colour: ink, x: u, y: unwrapped(curve.map(r => r.phase_lag_deg)), dashed: b > 0 });
     });
   });
   bench.plots.size.set(size, [0, 1.1 * Math.max(1, ...size.map(s => largestOf(s.y)))]);
@@ -277,8 +334,8 @@ function drawFit() {
 
 // Measured and modelled malleolus of the recording that is shown, and what the model leaves.
 function drawTrace() {
-  if (!bench.plots) return;
-  const file = (bench.rows[bench.shown] || { file: "" }).file, all = bench.found.traces;
+  if (!bench.plots || !bench.found) return;
+  const file = (bench.rows.find(row => row.id === bench.shown) || { file: "" }).file, all = bench.found.traces;
   const trace = all.find(t => t.file === file || t.file.endsWith(`/${file.split("/").pop()}`)) || all[0], x = trace.time_s.map(t => 1e3 * t);
   bench.plots.trace.set([{ label: "measured", colour: SEEN, x, y: trace.measured, points: 3 }, { label: `model, ${trace.fit_percent.toFixed(1)} %`, colour: ANKLE, x, y: trace.model }]);
   bench.plots.left.set([{ label: "", colour: ANKLE, x, y: trace.measured.map((v, k) => v - trace.model[k]) }]);
@@ -309,7 +366,8 @@ function tab(name) {
 }
 for (const id of TABS) byId(`tab_${id}`).onclick = () => tab(id);
 byId("start_fit").onclick = askFit;
-byId("start_rivals").onclick = () => { complain(""); tellServer("rivals", { numbers: ticked(), said: {} }); };
+byId("two_masses").onclick = () => tellServer("choose", { name: "two_dof" });
+byId("start_rivals").onclick = () => { tellServer("rivals", { numbers: ticked(), said: {} }); };
 byId("stop_fit").onclick = () => tellServer("stop");
 byId("sine").onclick = () => tellServer("sine");
 for (const [id, path] of [["save_report", "/report"], ["save_results", "/results"]]) byId(id).onclick = () => {
@@ -319,6 +377,7 @@ for (const [id, path] of [["save_report", "/report"], ["save_results", "/results
     tellServer("report");
   };
 function reported() {
+  if (!bench.wanted) return;  // another page asked
   byId("fit_state").textContent = "";
   if (bench.wanted === "/report") {
     if (!open("/report", "_blank")) byId("fit_state").replaceChildren("the report is ready: ", element("a", "open it", { href: "/report", target: "_blank" }));
@@ -327,18 +386,43 @@ function reported() {
 }
 
 function takeAway() {
-  busyWith("writing the file");
   const { frequency, peak_to_peak, added_mass, values, delay_s } = state;
   tellServer("take", { said: { frequency, peak_to_peak, added_mass, values, delay_s } });
+  busyWith("writing the file");
 }
 function taken() {
   busyWith("");
   save("/take", "foot.html");
 }
 
+// A sentence in place of what was asked for; nothing waits for that any longer.
+function refused({ text, of }) {
+  if (of === "report" || !of) { bench.wanted = ""; byId("fit_state").textContent = ""; }
+  if (of === "correct") bench.corrected = -1;
+  if (of === "save") byId("editor_state").textContent = "not saved";
+  complain(text);
+}
+
+// ---- what a reload keeps: this tab's sliders, branch and ticks, for the session of the command -----------------------
+bench.unticked = new Set();
+function keepState() {
+  if (window.EXPORTED || !model || !bench.session) return;
+  const { number, branch, free, bounds } = bench, off = bench.rows.map(row => row.id).filter(id => !bench.chosen.has(id));
+  try { sessionStorage.setItem("fasbody", JSON.stringify({ key: KEY, name: model.name, state, bench: { number, branch, free, bounds }, off })); } catch { /* no room, or not allowed */ }
+}
+function recall() {
+  let kept = null;
+  try { kept = JSON.parse(sessionStorage.getItem("fasbody")); } catch { /* not allowed */ }
+  if (window.EXPORTED || !kept || kept.key !== KEY || kept.name !== model.name) return false;
+  Object.assign(state, kept.state);
+  Object.assign(bench, kept.bench);
+  bench.unticked = new Set(kept.off);
+  return true;
+}
+
 // What the server says beside models and motions; false if it is none of that.
 function benchReceives(document_) {
-  const kinds = { data: listData, columns: form, progress, fitted, rivals: compared, taken, complaint: d => complain(d.text), models: d => listModels(d), checked: d => checked(d), reported };
+  const kinds = { data: listData, columns: form, progress, fitted, rivals: compared, taken, complaint: refused, saved: d => saved(d), models: d => listModels(d), checked: d => checked(d), reported };
   if (!(document_.type in kinds)) return false;
   kinds[document_.type](document_);
   return true;
