@@ -182,10 +182,14 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         page("tab('fit')")
 
         # a study is a matrix of loads against frequencies, coloured by fit
-        row = "{ file: `${f}hz_${m}.csv`, id: 3 * (m > 0) + f / 10 - 1, unread: '', problem: '', warnings: [], frequency_hz: f, added_mass_kg: m }"
+        row = (
+            "{ file: `${f}hz_${m}.csv`, id: 3 * (m > 0) + f / 10 - 1, "
+            "unread: '', problem: '', warnings: [], frequency_hz: f, added_mass_kg: m }"
+        )
         cells, heads = page(  # at once: the saved model may still come, and clears the fit
             "() => { bench.fit = { recordings: [{ file: '20hz_0.csv', fit_percent: 98.7 }] };"
-            f"listData({{ session: bench.session, stale: '', shown: 1, rows: [0, 2.3].flatMap(m => [10, 20, 30].map(f => ({row}))) }});"
+            f"listData({{ session: bench.session, stale: '', shown: 1, "
+            f"rows: [0, 2.3].flatMap(m => [10, 20, 30].map(f => ({row}))) }});"
             "return ['td button', 'th'].map(q => [...byId('matrix').querySelectorAll(q)].map(b => b.textContent)); }"
         )
         assert cells == ["·", "99", "·", "·", "·", "·"]

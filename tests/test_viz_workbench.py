@@ -164,7 +164,7 @@ def test_rows_keep_their_ids_and_what_was_said_of_them(bench: Bench) -> None:
 
 def test_dead_channel_is_a_sentence_and_no_motion(bench: Bench) -> None:
     rows = [line.split(",") for line in ONE.read_text().splitlines()]
-    still = "\n".join([",".join(rows[0]), *(f"{t},{a},0,{c}" for t, a, _, c in rows[1:])])
+    still = "\n".join([",".join(rows[0]), *(f"{t},{a},0" for t, a, _ in rows[1:])])
     bench.keep("still.csv", still.encode())
     (listed,) = bench.open(["still.csv"])
     assert listed["rows"][0]["problem"] and listed["shown"] == -1
