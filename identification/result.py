@@ -112,7 +112,7 @@ class Estimate(Tabled):
             return readable(x, 4)
         digits = 1 - int(np.floor(np.log10(half)))
         digits = digits if places is None else max(digits, places)
-        return grouped(f"{round(x, digits):.{max(0, digits)}f}")
+        return grouped(f"{round(x, digits) + 0.0:.{max(0, digits)}f}")  # no minus before zero
 
     def _end(self, x: float) -> str:
         """An end of a lopsided interval, with three digits of its own at least: one may be far below the other."""

@@ -91,12 +91,13 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         assert page("[...byId('parameters').querySelectorAll('.band')].filter(b => !b.hidden).length") >= 8
         assert "fit_foot" in page("byId('script').textContent")
         assert page("motion.feet.measured.fit_percent") > 99
-        page("socket.close()")  # a lost connection changes nothing that was set
         page.page.locator("label:has(#parameter_c_12) output").click()
         page.page.locator("#parameters output input").fill("41")
         page.page.keyboard.press("Enter")
-        page("bench.asked = stats.motions")
-        page.until("socket.readyState === 1 && !busy && motion && stats.motions > bench.asked + 1")
+        page.until("!busy && !wanted && state.values.c_12 === 41")
+        before = page("stats.motions")
+        page("socket.close()")  # a lost connection changes nothing that was set
+        page.until(f"socket.readyState === 1 && bench.rows.length && !busy && motion && stats.motions > {before}")
         assert page("[state.values.c_12, bench.fit.branches.length, ticked()]") == [41, 2, [0]]
         page.page.locator("#undo").click()
         first, other = page("bench.fit.branches.map(b => b.values.k_T)")
