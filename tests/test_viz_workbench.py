@@ -180,7 +180,7 @@ def test_fit_belongs_to_its_model_and_recordings(bench: Bench) -> None:
     bench.open(["20hz.csv"])
     question = bench._question([0], {})
     assert (question.model, question.script.count("20hz.csv")) == ("two_dof", 1)
-    document = {"type": "fitted", "number": 1, "fit": {"branches": []}}
+    document: dict[str, Any] = {"type": "fitted", "number": 1, "fit": {"branches": []}}
     bench._fit, bench.show.fit = (question, document), document["fit"]
     assert document in bench.documents() and bench.document()["stale"] == ""
     bench.correct(0, {"body_mass_kg": 60})
@@ -401,8 +401,11 @@ def test_changes_need_the_session_key() -> None:
             assert (await post(server, large)).code == 403
             assert (await post(server, large, name="large.wav", **key)).code == 200
             client = tornado.httpclient.AsyncHTTPClient(force_instance=True)
-            here = {"method": "POST", "body": large, "headers": key, "raise_error": False}
-            assert (await client.fetch(server.url, **here)).code in (400, 599)  # refused or cut off, and never read
+            here = tornado.httpclient.HTTPRequest(server.url, "POST", key, large)
+            assert (await client.fetch(here, raise_error=False)).code in (
+                400,
+                599,
+            )  # refused or cut off, and never read
             client.close()
             assert (await post(server, good, **key)).code == 200
             socket = await upgrade(server, Origin=server.url.rstrip("/"))
@@ -425,7 +428,7 @@ def test_changes_need_the_session_key() -> None:
             for page, number in ((socket, 0), (other, 7)):  # a form, and a complaint, are for the page that asked
                 await page.write_message(json.dumps({"type": "columns", "number": number, "key": server.key}))
             assert (await documents(socket, "columns"))["number"] == 0
-            while (heard := json.loads(await other.read_message()))["type"] != "complaint":
+            while (heard := json.loads(await other.read_message() or ""))["type"] != "complaint":
                 assert heard["type"] != "columns"
             assert heard["of"] == "columns"
             await leave(socket)
