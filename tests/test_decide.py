@@ -1,11 +1,13 @@
 """Which mechanism made a recording: harmonic balance against the subjects' simulator, verdicts, resuming."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from fasbody.exceptions import SettingError
 from fasbody.leg import balance, decide
 from fasbody.leg.decide import (
     ALL,
@@ -136,7 +138,7 @@ def test_a_stopped_study_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     asked = []
 
     class Quick:
-        def __init__(self, plan: Plan) -> None:
+        def __init__(self, plan: Plan, departure: float = 0.0) -> None:
             self.plan = plan
 
     def quick(rival: str, number: int, analyses: list[Quick], *_: float) -> dict[str, Verdict]:
@@ -156,3 +158,14 @@ def test_a_stopped_study_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     json.loads((tmp_path / "both-0.json").read_text())
     *_, last = decide.study([THESIS], 1, tmp_path, seed=1)
     assert len(asked) == 15
+
+
+def test_a_rival_and_its_richer_one_alone_give_a_verdict_and_unknown_loads_are_refused() -> None:
+    quick = Analysis(ALL, ("constant", "stiffening"), bank=200)
+    true = measured(exact("stiffening", STIFF), ALL, np.random.default_rng(0), departure=0.0)
+    assert quick.verdict(true).best == "stiffening"
+    alone = Analysis(ALL, ("stiffening",), bank=200).verdict(true)
+    assert (alone.best, alone.margin) == ("stiffening", np.inf)
+    for kg in (2.0, 5.0):
+        with pytest.raises(SettingError, match=f"{kg:g} kg"):
+            Analysis(replace(ALL, added_kg=np.full_like(ALL.added_kg, kg)), ("constant",), bank=20)

@@ -20,6 +20,8 @@ from fasbody.leg.statements import ADDED_KG, RANGES_HZ, STATEMENTS, Curves, judg
 from fasbody.load_effect import app
 
 F = np.array([10.0, 22.0, 37.0, 50.0])
+#: Damper [N s/m], static force [N], frequency [Hz] and after how many periods the motion repeats.
+CASES = [(600.0, 20.0, 30.0, 2), (300.0, 20.0, 45.0, 1), (30.0, 100.0, 40.0, 1)]
 
 
 def test_folded_chain_is_the_chain_of_the_model() -> None:
@@ -76,6 +78,38 @@ def test_lift_off_against_an_independent_integration() -> None:
     assert found.air[0, 0] > 0.1
     assert abs(found.response[0, 0]) == pytest.approx(2 * first / TABLE_M_S2, rel=5e-3)
     assert found.second[0, 0] == pytest.approx(second / first, rel=2e-2)
+
+
+def test_light_damping_is_no_doubled_period() -> None:
+    f, k, c, static = np.array([10.0, 20, 25, 30, 35, 40, 50]), 2e5, 30.0, 100.0
+    found, s = one(k, 1.0, c, static, 0.1, f), 2j * np.pi * f
+    exact = (k + s * c) / (k + s * c + 4.3 * s**2)  # it never leaves the pad
+    np.testing.assert_allclose(found.response[0], exact, rtol=1e-5)
+    assert (found.period == 1).all()
+    np.testing.assert_allclose(found.multiplier[0], np.exp(-c / 2 / 4.3 / f), rtol=1e-4)
+
+
+def pad_rates(k: float, n: float, c: float, static: float, f: float):  # type: ignore[no-untyped-def]
+    A = (k / (n * 43.0 ** (1 - 1 / n))) ** n
+
+    def rates(t: float, x: np.ndarray) -> list[float]:
+        pad = max(0.0, A * x[0] ** n + c / k * n * A * x[0] ** (n - 1) * x[1]) if x[0] > 0 else 0.0
+        return [x[1], TABLE_M_S2 * np.sin(2 * np.pi * f * t) - (pad - static) / 4.3]
+
+    return rates, (static / A) ** (1 / n)
+
+
+@pytest.mark.parametrize(("c", "static", "f", "period"), CASES)
+def test_period_against_long_stepping_by_scipy(c: float, static: float, f: float, period: int) -> None:
+    rates, still = pad_rates(2e5, 1.9, c, static, f)
+    long, x = 300 if c > 50 else 2000, [still, 0.0]
+    out = solve_ivp(rates, (0, long / f), x, t_eval=np.arange(long - 8, long + 1) / f, rtol=1e-6, atol=1e-10,
+                    max_step=1 / 30 / f)  # fmt: skip
+    ends = out.y[0]
+    size = np.ptp(ends) + still * 1e-2
+    repeats = next(p for p in (1, 2, 4) if np.abs(ends[p:] - ends[:-p]).max() < 5e-3 * size)
+    found = one(2e5, 1.9, c, static, TABLE_M_S2, np.array([f]))
+    assert found.period[0, 0] == repeats == period
 
 
 def test_halving_the_amplitude_moves_the_unloaded_peak_of_lift_off() -> None:

@@ -165,6 +165,10 @@ def print_decide(
     for one, other in combinations(RIVALS, 2):
         pairs.add_row(f"{one} | {other}", *(f"{100 * each.told_apart(one, other):.0f}" for each in found))
     console.print(pairs)
+    console.print(
+        "The analysis knows the noise, the scatter of gains and masses and the departure that made the subjects,"
+        " and shares their family of models: a real foot is named less surely."
+    )
     if figure is not None:
         from fasbody.leg import figures
 

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fasbody.leg.lift_off import TABLE_M_S2, G, steady
+from fasbody.leg.lift_off import NONE, NOT_SETTLED, TABLE_M_S2, G, steady
 from fasbody.leg.statements import ADDED_KG
 
+#: What is said of motions without a period.
+WORDS = {NONE: "none", NOT_SETTLED: "not settled"}
 _FINE_HZ = np.arange(10.0, 50.25, 0.5)
 
 
@@ -42,8 +44,8 @@ def halved(values: Mapping[str, float]) -> list[Row]:
         found = steady(_FINE_HZ, mass, values["rest"] + G * added, k, exponent, c, table)
         for load, kg in enumerate(ADDED_KG):
             at = int(np.abs(found.response[load]).argmax())
-            periods = sorted({int(p) for p in found.period[load]} - {0})
-            repeats = ", ".join(str(p) for p in periods) + (", none" if 0 in found.period[load] else "")
+            periods = sorted({int(p) for p in found.period[load]}, key=lambda p: (p <= 0, abs(p)))
+            repeats = ", ".join(WORDS.get(p, str(p)) for p in periods)
             MB = float(abs(found.response[load, at]))
             rows.append(Row(table, kg, float(_FINE_HZ[at]), MB, float(found.second[load, at]),
                             float(found.air[load, at]), repeats))  # fmt: skip

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.console import to_json
+from fasbody.exceptions import SettingError
 from fasbody.leg import balance
 from fasbody.leg.lift_off import TABLE_M_S2
 from fasbody.leg.mechanisms import MECHANISMS, Mechanism, above, pressed
@@ -128,6 +129,19 @@ class Predicted:
     balanced: Array | None = None
 
 
+def _loads(plan: Plan) -> Array:
+    """Place of each recording's load in `ADDED_KG`, the loads that the linear responses have.
+
+    Raises:
+        SettingError: another load.
+    """
+    apart = np.abs(plan.added_kg[:, None] - np.array(ADDED_KG))
+    if (apart.min(axis=1) > 1e-9).any():
+        other = plan.added_kg[apart.min(axis=1).argmax()]
+        raise SettingError(f"The plan has a load of {other:g} kg, but the analysis knows 0, 2.3 and 4.5 kg.")
+    return apart.argmin(axis=1)
+
+
 def predict(mechanism: Mechanism, values: dict[str, Array], plan: Plan, start: Array | None = None,
             nearby: bool = False, seen: Recordings | None = None) -> Predicted:  # fmt: skip
     """What a mechanism with constants (d,) gives at the recordings of a plan.
@@ -141,7 +155,7 @@ def predict(mechanism: Mechanism, values: dict[str, Array], plan: Plan, start: A
     if not is_pressed(mechanism):
         hz, at = np.unique(plan.frequency_hz, return_inverse=True)
         MB, TM = mechanism.response(hz, values)
-        load = np.searchsorted(ADDED_KG, plan.added_kg)
+        load = _loads(plan)
         return Predicted(MB[:, load, at], (MB * TM)[:, load, at], np.zeros((len(MB), load.size), complex))
     f, added = plan.frequency_hz, plan.added_kg[None]
     if mechanism.response is named("both").response:
@@ -208,11 +222,16 @@ class Verdict:
 
 
 class Analysis:
-    """Names the mechanism behind the recordings of one plan; the draws that fits start from are computed once."""
+    """Names the mechanism behind the recordings of one plan; the draws that fits start from are computed once.
+
+    `departure` is how far the foot may be off every rival. It is assumed, not estimated: where a foot is off by more,
+    the answer is "none of these"; where by less, the answer is "undecided" more often than it had to be.
+    """
 
     def __init__(self, plan: Plan, rivals: Sequence[str] = RIVALS, bank: int = BANK,
-                 pressed_bank: int = PRESSED_BANK, seed: int = 1) -> None:  # fmt: skip
+                 pressed_bank: int = PRESSED_BANK, seed: int = 1, departure: float = DEPARTURE) -> None:  # fmt: skip
         self.plan, self.rivals = plan, {name: named(name) for name in rivals}
+        self.departure = departure
         self.bank: dict[str, tuple[Array, Predicted]] = {}
         for name, mechanism in self.rivals.items():
             draws = pressed_bank if is_pressed(mechanism) else bank
@@ -235,10 +254,12 @@ class Analysis:
         if plan.harmonics and not kept.all():
             fits = [f if is_pressed(self.rivals[f.rival]) else replace(f, criterion=np.inf) for f in fits]
         fits.sort(key=lambda f: f.criterion)
-        size = _misfit(plan, data, data.MB[None], data.TB[None], data.second[None]).shape[1]
+        size = _misfit(plan, data, self.departure, data.MB[None], data.TB[None], data.second[None]).shape[1]
         dof = max(1, size - len(self.rivals[fits[0].rival].constants))
         first = fits[0].rival
-        margin = min(f.criterion for f in fits[1:] if f.rival not in RICHER.get(first, ())) - fits[0].criterion
+        others = [f.criterion for f in fits[1:] if f.rival not in RICHER.get(first, ())]
+        others = others or [f.criterion for f in fits[1:]]  # only a richer one is left: it has to be beaten, too
+        margin = min(others, default=np.inf) - fits[0].criterion
         per_dof = fits[0].chi2 / dof
         says = NONE if per_dof > FITS else first if margin >= DECIDED else UNDECIDED
         return Verdict(says, first, margin, per_dof, {f.rival: f.criterion for f in fits}, int((~kept).sum()))
@@ -246,14 +267,14 @@ class Analysis:
     def _fit(self, name: str, plan: Plan, data: Recordings, kept: Array, goal: float) -> Fitted:
         mechanism = self.rivals[name]
         u, known = self.bank[name]
-        rough = _misfit(plan, data, known.MB[:, kept], known.TB[:, kept], known.second[:, kept])
+        rough = _misfit(plan, data, self.departure, known.MB[:, kept], known.TB[:, kept], known.second[:, kept])
         order = np.argsort(np.nan_to_num((rough**2).sum(axis=1), nan=np.inf))
         best: tuple[float, Array, float] | None = None
         starts, size = PRESSED_STARTS if is_pressed(mechanism) else STARTS, rough.shape[1]
         for tried, at in enumerate(order[: MORE * starts]):
             if tried >= starts and (best is None or min(goal, best[0]) < FITS * size):
                 break  # some rival fits
-            found = _least(mechanism, plan, data, u[at], goal)
+            found = _least(mechanism, plan, data, self.departure, u[at], goal)
             if best is None or found[0] < best[0]:
                 best = found
         assert best is not None
@@ -263,9 +284,9 @@ class Analysis:
         return Fitted(name, chi2, chi2 + free * np.log(rough.shape[1]), values, air)
 
 
-def _misfit(plan: Plan, data: Recordings, MB: Array, TB: Array, second: Array) -> Array:
+def _misfit(plan: Plan, data: Recordings, departure: float, MB: Array, TB: Array, second: Array) -> Array:
     """Residuals over their scatter, real, (d, m). What two amplitudes share, their ratio does not contain."""
-    parts, whole = [], float(np.hypot(NOISE, DEPARTURE / np.sqrt(2)))
+    parts, whole = [], float(np.hypot(NOISE, departure / np.sqrt(2)))
     for told, found in ((MB, data.MB), (TB, data.TB))[: 2 if plan.tuberosity else 1]:
         pair = plan.partner
         scale = np.where(pair >= 0, found[pair], 1.0), np.where(pair >= 0, told[..., pair], 1.0)
@@ -277,7 +298,7 @@ def _misfit(plan: Plan, data: Recordings, MB: Array, TB: Array, second: Array) -
     return np.concatenate([z.real, z.imag], axis=-1)
 
 
-def _residuals(mechanism: Mechanism, plan: Plan, data: Recordings, theta: Array, start: Array | None,
+def _residuals(mechanism: Mechanism, plan: Plan, data: Recordings, departure: float, theta: Array, start: Array | None,
                nearby: bool = False) -> tuple[Array, Predicted]:  # fmt: skip
     """Misfit and what is stated beforehand, (d, m), for shares and nuisances theta (d, p)."""
     free = len(mechanism.constants)
@@ -291,10 +312,10 @@ def _residuals(mechanism: Mechanism, plan: Plan, data: Recordings, theta: Array,
     MB = told.MB * seat * (1 + GAIN * z[:, 1:2])
     TB = told.TB * mount(f, seat_t, SEAT_ZETA) * (1 + GAIN * z[:, 2:3])
     second = told.second * mount(2 * f, seat_m, SEAT_ZETA) / seat
-    return np.concatenate([_misfit(plan, data, MB, TB, second), z[:, :3]], axis=1), told
+    return np.concatenate([_misfit(plan, data, departure, MB, TB, second), z[:, :3]], axis=1), told
 
 
-def _least(mechanism: Mechanism, plan: Plan, data: Recordings, share: Array,
+def _least(mechanism: Mechanism, plan: Plan, data: Recordings, departure: float, share: Array,
            goal: float) -> tuple[float, Array, float]:  # fmt: skip
     """Least squares by Levenberg's and Marquardt's steps within bounds: sum of squares, theta, share in the air.
 
@@ -304,12 +325,12 @@ def _least(mechanism: Mechanism, plan: Plan, data: Recordings, share: Array,
     low = np.r_[np.zeros(free), np.full(3, -4.0), np.zeros(2)]
     high = np.r_[np.ones(free), np.full(3, 4.0), np.ones(2)]
     theta = np.r_[share, np.zeros(3), np.full(2, 0.2)]
-    rest, told = _residuals(mechanism, plan, data, theta[None], None)
+    rest, told = _residuals(mechanism, plan, data, departure, theta[None], None)
     best, damp, small = float((rest**2).sum()), 1e-2, 0
     for _ in range(STEPS):
         inward = np.where(theta > 0.5 * (low + high), -1e-6, 1e-6)
         near = np.vstack([theta, theta + np.diag(inward)])
-        rows, _ = _residuals(mechanism, plan, data, near, told.x, nearby=told.x is not None)
+        rows, _ = _residuals(mechanism, plan, data, departure, near, told.x, nearby=told.x is not None)
         J = (rows[1:] - rows[0]).T / inward
         gradient = J.T @ rest[0]
         at_edge = ((theta <= low) & (gradient > 0)) | ((theta >= high) & (gradient < 0))
@@ -318,7 +339,7 @@ def _least(mechanism: Mechanism, plan: Plan, data: Recordings, share: Array,
         for _ in range(6):
             step = np.linalg.solve(N + np.diag(damp * (N.diagonal() + 1e-3)), gradient)
             new = np.clip(theta - step, low, high)
-            tried, told_there = _residuals(mechanism, plan, data, new[None], told.x)
+            tried, told_there = _residuals(mechanism, plan, data, departure, new[None], told.x)
             sum_there = float((tried**2).sum())
             if sum_there < best:
                 break
@@ -471,7 +492,7 @@ def study(plans: Sequence[Plan], subjects: int, folder: Path, seed: int = 0,
             kept = document.get("plans", {}) if document and document.get("key") == of else {}
             missing = [plan for plan in plans if plan.name not in kept]
             for plan in missing:
-                made.setdefault(plan.name, Analysis(plan))
+                made.setdefault(plan.name, Analysis(plan, departure=departure))
             if missing:
                 new = one(rival, number, [made[plan.name] for plan in missing], seed, departure)
                 kept |= {name: vars(verdict) for name, verdict in new.items()}

@@ -88,7 +88,7 @@ def force(d: float, v: float, A: float, n: float, k: float, c: float) -> float:
 
 @njit(cache=True)
 def _over(d, v, system, table, read):  # type: ignore[no-untyped-def]
-    """State after one period; where `read` is given, harmonics 1, 2, time in the air and bounds of d are added to it."""
+    """State after one period; harmonics 1, 2, time in the air and bounds of d are added to `read` unless it is empty."""
     m, W, k, n, c, A, omega, count = system
     h = 2 * np.pi / (omega * count)
     for i in range(int(count)):
@@ -164,7 +164,7 @@ def _gap(ends, last, periods, size, omega):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _settle(system, table):  # type: ignore[no-untyped-def]
     """From rest to a steady state: d, v, its period and its multiplier."""
-    m, W, k, n, c, A, omega, count = system
+    W, n, A, omega = system[1], system[3], system[5], system[6]
     d, v = (W / A) ** (1 / n), 0.0
     still, size = d, d
     ends = np.zeros((TRIALS[-1] + 1, 2))
