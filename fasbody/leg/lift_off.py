@@ -88,7 +88,7 @@ def force(d: float, v: float, A: float, n: float, k: float, c: float) -> float:
 
 @njit(cache=True)
 def _over(d, v, system, table, read):  # type: ignore[no-untyped-def]
-    """State after one period; harmonics 1, 2, time in the air and bounds of d are added to `read` unless it is empty."""
+    """State after one period; harmonics 1, 2, time in the air and bounds of d are added to `read` if it has room."""
     m, W, k, n, c, A, omega, count = system
     h = 2 * np.pi / (omega * count)
     for i in range(int(count)):
