@@ -20,7 +20,7 @@ PEAK_TO_PEAK = 17.9
 #: Unit of time of the controls [s]. MuJoCo takes no control above 1e10, and third derivatives of a noisy base at 4 kHz
 #: are larger in SI. A power of two, so that no digit is lost.
 CLOCK = 2.0**-10
-#: Samples finer than this need no band-limited curve [Hz]; its filter reaches so far [samples]; and so large a difference
+#: Samples finer than this need no band-limited curve [Hz]; its filter reaches so far [samples]; so large a difference
 #: from the spline counts, as a share of the motion.
 _FINE_HZ, _REACH, _ALIKE = 4000.0, 64, 1e-3
 
