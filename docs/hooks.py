@@ -169,9 +169,8 @@ def _with_units(table: re.Match[str]) -> str:
 
 def _unit(name: str, says: str) -> str:
     """The unit that a name ends with, or the only one in brackets in what is said of it."""
-    named = unit_of(name) if name == name.lower() else ""  # m_S is no time
     found = list(dict.fromkeys(UNIT.findall(says)))
-    return named or (found[0] if len(found) == 1 else "")
+    return unit_of(name) or (found[0] if len(found) == 1 else "")
 
 
 def command_reference() -> str:

@@ -31,16 +31,18 @@ STYLE: Any = {
 
 #: What the ends of names say of units.
 _UNITS = {
-    "_hz": "Hz", "_kg": "kg", "_deg": "degree", "_n_per_m": "N/m", "_ns_per_m": "N s/m", "_m_s2": "m/s^2", "_m": "m",
-    "_s": "s", "_yr": "yr", "_percent": "%", "_n": "N", "_rad": "rad", "_hz_std": "Hz",
+    "_hz": "Hz", "_kg": "kg", "_deg": "degree", "_n_per_m": "N/m", "_ns_per_m": "N s/m", "_per_m": "1/m", "_n_s_per_m": "N s/m",
+    "_s_per_m": "s/m", "_n_m_per_rad": "N m/rad", "_n_m_s_per_rad": "N m s/rad",
+    "_m_s2": "m/s^2", "_m": "m",
+    "_s": "s", "_yr": "yr", "_percent": "%", "_n": "N", "_rad": "rad",
 }  # fmt: skip
 #: Integer parts of five digits and more.
-_LONG = re.compile(r"(?<![\d.])\d{5,}(?![\de])")
+_LONG = re.compile(r"(?<![\w.])\d{5,}(?![\de])")
 
 
 def unit_of(name: str) -> str:
     """The unit that a column's name ends with, empty where it has none."""
-    ends = sorted((end for end in _UNITS if name.lower().removesuffix("_std").endswith(end)), key=len)
+    ends = sorted((end for end in _UNITS if name.removesuffix("_std").endswith(end)), key=len)
     return _UNITS[ends[-1]] if ends else ""
 
 
@@ -110,14 +112,15 @@ class Sheet:
     def shown(self) -> Sequence[Sequence[str]]:
         """The first rows, with one that says how many are left out."""
         spare = len(self.rows) - ROWS
-        left = [[f"... {spare} more", *[""] * (len(self.columns) - 1)]] if spare > 0 else []
-        return [*self.rows[:ROWS], *left]
+        if spare <= 1:  # the last one takes no more room than the sentence on it
+            return self.rows
+        return [*self.rows[:ROWS], [f"... {spare} more", *[""] * (len(self.columns) - 1)]]
 
     @property
     def told(self) -> Sequence[str]:
         """The first notes, with one that says how many are left out."""
         spare = len(self.notes) - NOTES
-        return [*self.notes[:NOTES], *([f"... and {spare} more."] if spare > 0 else [])]
+        return self.notes if spare <= 1 else [*self.notes[:NOTES], f"... and {spare} more."]
 
     def __str__(self) -> str:
         lines = [self.columns, *self.shown]
@@ -161,8 +164,10 @@ def cell(value: Any) -> str:
         return value.sheet().title
     if hasattr(value, "dtype") and value.ndim:
         shape = "x".join(map(str, value.shape))
-        real = value.size and value.dtype.kind in "iuf"
-        return f"{shape}, {value.min():.4g} to {value.max():.4g}" if real else shape
+        real = value[value == value] if value.dtype.kind in "iuf" else value[:0]  # without NaN
+        holes = value.size - real.size
+        without = f", {holes} without a number" if real.size and holes else ""
+        return f"{shape}, {real.min():.4g} to {real.max():.4g}{without}" if real.size else shape
     if isinstance(value, Mapping | Sequence):
         entries = [f"{key}: {cell(entry)}" for key, entry in value.items()] if isinstance(value, Mapping) else value
         return shown(", ".join(map(cell, entries))) or "–"
@@ -192,11 +197,12 @@ class Presented(Tabled, ABC):
         return str(self.sheet())
 
     def to_dataframe(self) -> "pd.DataFrame":
-        """The numbers as a pandas table; `attrs["units"]` says the unit of each column whose name carries one."""
+        """The numbers as a pandas table; `attrs["units"]` says the unit of each column or parameter with one."""
         import pandas as pd
 
         frame = pd.DataFrame(self.records())
-        frame.attrs["units"] = {str(c): unit for c in frame.columns if (unit := unit_of(str(c)))}
+        names = [str(name) for name in (*frame.columns, *frame.get("parameter", ()))]
+        frame.attrs["units"] = {name: unit for name in names if (unit := unit_of(name))}
         return frame
 
     def plot(self, kind: str = "", **options: Any) -> Any:

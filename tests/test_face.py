@@ -18,7 +18,7 @@ import identification
 import viz
 from fasbody.exceptions import InputFileError, RecordingError, SettingError
 from fasbody.foot.model import Foot
-from fasbody.presentation import NOTES, ROWS, WIDTH, Presented, Sheet, Tabled
+from fasbody.presentation import NOTES, ROWS, WIDTH, Presented, Sheet, Tabled, cell, unit_of
 from fasbody.transmissibility.sdof import transmissibility
 
 ROOT = Path(__file__).parent.parent
@@ -95,8 +95,19 @@ def test_a_result_of_any_length_is_a_screen() -> None:
     assert f"... {500 - ROWS} more" in text and f"... and {500 - NOTES} more." in text
     assert len(text.splitlines()) < 50
     assert repr(Lines(2)).splitlines()[:3] == ["many", "number  text", "0       <b>"]
+    assert " more" not in repr(Lines(NOTES + 1)) and " more" not in repr(Lines(ROWS + 1)).split("a note")[0]
     html = Lines(2)._repr_html_()
     assert "&lt;b&gt;" in html and "<td><b>" not in html
+
+
+def test_units_stand_at_the_end_of_a_name_as_it_is_written() -> None:
+    names = ("m_S", "m_S_kg", "c_12_per_m", "k_T_n_per_m", "c_21_n_s_per_m", "frequency_hz_std", "delay_s", "k_T")
+    assert [unit_of(name) for name in names] == ["", "kg", "1/m", "N/m", "N s/m", "Hz", "s", ""]
+
+
+def test_a_cell_of_an_array_passes_over_holes() -> None:
+    assert cell(np.array([2.0, np.nan, 1.0])) == "3, 1 to 2, 1 without a number"
+    assert cell(np.full(2, np.nan)) == "2" and cell(np.array([[1, 3]])) == "1x2, 1 to 3"
 
 
 @dataclass(frozen=True)

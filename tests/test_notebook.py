@@ -103,3 +103,4 @@ def test_numbers_are_grouped_and_free_of_exponents() -> None:
     shown = [readable(x, n) for x, n in ((131187.4, 6), (10432.0, 3), (9700.0, 4), (1e7, 3), (0.00019972, 3), (0.0, 3))]
     assert shown == ["131\u202f187", "10\u202f400", "9700", "10\u202f000\u202f000", "0.0002", "0"]
     assert grouped("-1234567.25 s, 0.0001234567, 9999") == "-1\u202f234\u202f567.25 s, 0.0001234567, 9999"
+    assert grouped("S00123 and 20220101a") == "S00123 and 20\u202f220\u202f101a"

@@ -6,10 +6,11 @@ import h5py
 import numpy as np
 import pytest
 import pyuff
+import typer
 from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
-from fasbody.exceptions import InputFileError, SettingError
+from fasbody.exceptions import InputFileError, RecordingError, SettingError
 from fasbody.recording.channels import Layout
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.recording import Recording
@@ -180,3 +181,27 @@ def test_masses_on_the_knee_are_one_for_all_or_one_a_file(tmp_path: Path) -> Non
     assert {r.condition.added_mass_kg for r in gather(files, None, [2.3])[1]} == {2.3}
     with pytest.raises(SettingError, match=r"--added-mass is given 2 times \(0, 2\.3\) for 3 files or folders; valid"):
         gather(files, None, [0.0, 2.3])
+
+
+def test_a_mass_on_the_command_line_does_not_override_a_study(tmp_path: Path) -> None:
+    """Nor is a mass that nobody has blamed on the file."""
+    headed(tmp_path / "a.csv", "base_m_s2")
+    (tmp_path / "study.toml").write_text("")
+    (tmp_path / "subjects.csv").write_text("subject,mass_kg\nx,72.5\n")
+    (tmp_path / "recordings.csv").write_text("file,subject,added_mass_kg\na.csv,x,2.3\n")
+    for data in (tmp_path, tmp_path / "a.csv"):
+        assert gather([data], [72.5], [2.3])[1][0].condition.added_mass_kg == 2.3
+        with pytest.raises(SettingError, match=r"a\.csv: recordings\.csv says .* 2\.3 kg, and --added-mass says 3 kg"):
+            gather([data], None, [3.0])
+        with pytest.raises(SettingError, match=r"subjects\.csv says .* 72\.5 kg, and --body-mass says 80 kg"):
+            gather([data], [80.0], None)
+    with pytest.raises(RecordingError, match=r"^--body-mass: the body mass is -5 kg; it must lie between"):
+        gather([tmp_path], [-5.0], None)
+
+
+def test_an_option_that_is_no_number_is_named_with_what_is_valid() -> None:
+    assert number("1e-4") == 1e-4
+    with pytest.raises(typer.BadParameter, match=r"'72,5' is no number; write 72\.5"):
+        number("72,5")
+    with pytest.raises(typer.BadParameter, match=r"'abc' is no number, such as"):
+        number("abc")

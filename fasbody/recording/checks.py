@@ -257,10 +257,11 @@ def _time(recording: Recording) -> None:
     if np.abs(steps - typical).max() > 0.5 * typical:
         place = int(np.argmax(np.abs(steps - typical)))
         count = int((np.abs(steps - typical) > 0.5 * typical).sum())
+        more = f" (and so at {count - 1} more places)" if count > 1 else ""
         raise _fail(
             recording,
-            f"time is not uniform: {steps[place]:g} s after {t[place]:g} s, elsewhere {typical:g} s; "
-            f"samples are missing or channels have different rates (places: {count})",
+            f"time is not uniform: {steps[place]:g} s after {t[place]:g} s (sample {place + 1} of {t.size}), elsewhere "
+            f"{typical:g} s; samples are missing or channels have different rates{more}",
         )
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fasbody.exceptions import InputFileError, SettingError
+from fasbody.recording.condition import plausible
 from fasbody.recording.recording import Recording, with_masses
 from fasbody.recording.study import Study, read_file, read_truth
 
@@ -18,11 +19,15 @@ def gather(
 
     Raises:
         InputFileError: nothing of that name, or it cannot be read.
-        SettingError: several masses, and not one for each of the files; or a study.toml for a folder with its own.
+        SettingError: several masses, and not one for each of the files; or a study.toml for a folder with its own;
+            a mass that is implausible, or another than a study says.
     """
     if mapping is not None and any(path.is_dir() for path in data):
         raise SettingError("--study is for files; a study folder has a study.toml of its own.")
     bodies, loads = _each(data, body_mass, "--body-mass"), _each(data, added_mass, "--added-mass")
+    for option, name, masses in (("--body-mass", "body", bodies), ("--added-mass", "added", loads)):
+        for mass in (mass for mass in masses if mass is not None):
+            plausible(mass, name, option)
     sources: list[str] = []
     recordings: list[Recording] = []
     truth: dict[str, float] = {}
@@ -30,14 +35,38 @@ def gather(
         if path.is_dir():
             study = Study.read(path)
             sources.append(study.name)
-            recordings += [with_masses(recording, body, load) for recording in study.recordings]
+            for recording in study.recordings:
+                _agree(recording, body, load)
+            recordings += study.recordings
             truth = read_truth(path) if len(data) == 1 else {}
         elif path.exists():
             sources.append(path.name)
-            recordings.append(with_masses(read_file(path, mapping), body, load))
+            recording = read_file(path, mapping)
+            _agree(recording, body, load)
+            recordings.append(with_masses(recording, body, load))
         else:
             raise InputFileError(path, "no such file or folder", "give a study folder or CSV recordings")
     return together(sources), recordings, truth
+
+
+def _agree(recording: Recording, body: float | None, load: float | None) -> None:
+    """Refuse a mass that is another than the study of the recording says; a bare file says none.
+
+    Raises:
+        SettingError: two sources of one mass that disagree.
+    """
+    condition = recording.condition
+    if condition.body_mass_kg is None:
+        return
+    for option, table, name, says, given in (
+        ("--body-mass", "subjects.csv", "body mass", condition.body_mass_kg, body),
+        ("--added-mass", "recordings.csv", "added mass", condition.added_mass_kg, load),
+    ):
+        if given is not None and abs(given - says) > 1e-6:
+            raise SettingError(
+                f"{recording.file}: {table} says that the {name} is {says:g} kg, and {option} says {given:g} kg; "
+                f"leave out {option}, or correct {table}."
+            )
 
 
 def together(names: Sequence[str]) -> str:
