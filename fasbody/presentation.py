@@ -31,7 +31,8 @@ STYLE: Any = {
 
 #: What the ends of names say of units.
 _UNITS = {
-    "_hz": "Hz", "_kg": "kg", "_deg": "degree", "_n_per_m": "N/m", "_ns_per_m": "N s/m", "_per_m": "1/m", "_n_s_per_m": "N s/m",
+    "_hz": "Hz", "_kg": "kg", "_deg": "degree", "_n_per_m": "N/m", "_ns_per_m": "N s/m", "_per_m": "1/m",
+    "_n_s_per_m": "N s/m",
     "_s_per_m": "s/m", "_n_m_per_rad": "N m/rad", "_n_m_s_per_rad": "N m s/rad",
     "_m_s2": "m/s^2", "_m": "m",
     "_s": "s", "_yr": "yr", "_percent": "%", "_n": "N", "_rad": "rad",

@@ -87,3 +87,26 @@ def test_the_command(tmp_path: Path) -> None:
     assert json.loads(done.stdout)["pattern"] == "S{subject}_{frequency}Hz_{load}kg"
     again = in_process.command(*words)
     assert again.returncode == 2 and "exists, and nothing is overwritten" in again.stderr.replace("\n", " ")
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "missing"),
+    [("Elapsed (ms)", 1e3, ""), ("Zeit (ms)", 1e3, ""), ("Uhr", 1.0, "channels.time.unit")],
+)
+def test_a_column_that_rises_evenly_is_the_time_under_any_name(
+    tmp_path: Path, name: str, factor: float, missing: str
+) -> None:
+    """At 2000 Hz, as it was sampled, and with decimal commas."""
+    t = np.arange(4000) / 2000
+    base, later = (a * np.sin(40 * np.pi * t - lag) for a, lag in ((1.0, 0.0), (0.9, 0.2)))
+    rows = [";".join(f"{x:.6f}".replace(".", ",") for x in row) for row in zip(t * factor, base, later, strict=True)]
+    (tmp_path / "S1_20Hz_0kg.csv").write_text(f"{name};Base [g];Ankle [g]\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    found = propose(tmp_path)
+    assert f'[channels.time]\ncolumn = "{name}"' in found.tables["study.toml"]
+    assert "sampling_rate_hz" not in found.tables["study.toml"]
+    assert any(missing in text for text in found.missing) == bool(found.missing)
+    assert any("channels.time.unit" in text for text in found.missing) == bool(missing)
+    if not missing:
+        found.write()
+        (tmp_path / "subjects.csv").write_text("subject,mass_kg\n1,70\n")
+        assert Study.read(tmp_path).recordings[0].rate_hz == pytest.approx(2000)

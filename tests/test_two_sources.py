@@ -15,6 +15,7 @@ from fasbody.recording.channels import Layout
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.recording import Recording
 from fasbody.recording.sources import gather
+from identification.options import number
 
 RATE, N, LATE = 1000.0, 2000, 2e-3
 T = np.arange(N) / RATE

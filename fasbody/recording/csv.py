@@ -228,6 +228,19 @@ def headings(file: Path, layout: Layout) -> tuple[list[str], list[str]]:
     return names, _units(text, line, separator, names) or [""] * len(names)
 
 
+def first_numbers(file: Path, names: Sequence[str], most: int = 500) -> np.ndarray:
+    """The first rows of numbers below a recording's header, (columns, rows); NaN where a cell is none."""
+    text = read_text(file)
+    line, separator, found = header(text, lambda cells: sum(cell in names for cell in cells))
+    start = line - 1 if all(numeric(cell) for cell in found if cell) else line
+    kept: list[list[float]] = []
+    for row in lines(text, offset(text, start)):
+        cells = [] if COMMENT.match(row) else split(row, separator)
+        if len(kept) < most and len(cells) == len(names) and any(map(numeric, cells)):
+            kept.append([number(cell) if numeric(cell) else np.nan for cell in cells])
+    return np.array(kept, float).reshape(-1, len(names)).T
+
+
 def _units(text: str, line: int, separator: str, names: Sequence[str]) -> list[str] | None:
     """Units in a row below the header: no number in it, and at least one unit that is known."""
     cells = [re.sub(r"^[\[(]\s*|\s*[\])]$", "", cell) for cell in _row(text, line, separator)]

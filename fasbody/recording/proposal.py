@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from fasbody.console import write_whole
 from fasbody.exceptions import FasError, InputFileError, SettingError, unknown
 from fasbody.recording.channels import KNOWN_UNITS, NAMES, TIME_UNITS, VOLTAGES, Layout, heading, name_and_unit
 from fasbody.recording.condition import POSTURES
-from fasbody.recording.csv import headings
+from fasbody.recording.csv import first_numbers, headings
 from fasbody.recording.files import TEXTS, beside
 from fasbody.recording.formats import READ, ending
 from fasbody.recording.formats.reader import read_series
@@ -200,10 +202,18 @@ def _of_one(file: Path, layout: str, missing: list[str]) -> list[str]:
         lines.append('# columns = ["time_s", "base_g", ...]  # of files without a header')
         missing.append(f"study.toml: columns, for {file.name} has no header")
     has_time = any(name_and_unit(name)[0] == "time" for name in names)
+    clock = None if has_time or rate is not None else _clock(file, names, units)
+    if clock is not None:
+        name, unit = names[clock], units[clock] or name_and_unit(names[clock])[1]
+        lines += ["", f"[{layout}channels.time]", f"column = {json.dumps(name, ensure_ascii=False)}"]
+        if unit.lower() not in TIME_UNITS:
+            lines.append('# unit = "s"  # or ms, us: the heading does not say')
+            missing.append(f"study.toml: {layout}channels.time.unit, for {name!r} rises evenly and does not say")
+        has_time = True
     if rate is None and not has_time:
         lines.append("# sampling_rate_hz = 1000  # needed: the files have neither time nor rate")
         missing.append("study.toml: sampling_rate_hz, for the files have neither time nor rate")
-    if rate is None and has_time:
+    if rate is None and has_time and clock is None:
         time, unit = next((n, u) for n, u in zip(names, units, strict=True) if name_and_unit(n)[0] == "time")
         if not {unit.lower(), name_and_unit(time)[1]} & TIME_UNITS.keys():
             lines += ["", f"[{layout}channels.time]", '# unit = "s"  # or ms, us: the heading does not say']
@@ -240,6 +250,25 @@ def _columns(file: Path) -> tuple[list[str], list[str], float | None]:
         return names, units, layout.rate_hz
     series = [s for s in read_series(file) if not s.what]
     return [s.name for s in series], [s.unit for s in series], next((s.rate_hz for s in series if s.rate_hz), None)
+
+
+def _clock(file: Path, names: Sequence[str], units: Sequence[str]) -> int | None:
+    """The only column that rises evenly from row to row, as time does under whatever name; one in a unit of time first.
+
+    Text alone has no rate of its own.
+    """
+    if ending(file) not in TEXTS or not names:
+        return None
+    columns = first_numbers(file, names)
+    rising = []
+    for index, values in enumerate(columns):
+        steps = np.diff(values)
+        if steps.size > 8 and steps.min() >= 0 and np.ptp(values) > 0 and np.median(steps) > 0:
+            typical = float(np.median(steps))
+            rising += [index] if np.mean(np.abs(steps - typical) <= 0.51 * typical) > 0.9 else []
+    told = [i for i in rising if {units[i].lower(), name_and_unit(names[i])[1]} & TIME_UNITS.keys()]
+    kept = told or rising
+    return kept[0] if len(kept) == 1 else None
 
 
 def _column(channel: str, names: Sequence[str]) -> int | None:
