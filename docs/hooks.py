@@ -20,6 +20,7 @@ from markdown.extensions.toc import slugify
 from markdown.inlinepatterns import InlineProcessor
 from math_core import LatexToMathML
 from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 from mkdocstrings_handlers.python._internal import rendering
@@ -53,6 +54,8 @@ ROW = re.compile(
 )
 #: A unit in brackets.
 UNIT = re.compile(r"\[((?:1/)?(?:[munk]?[mgNsVJW]|[kM]?Hz|[kMG]?Pa|rad|deg|degree|yr|%|dB)(?:[ /^][\w^/. ]+)?)\]")
+#: A block of code with its fences.
+FENCE = re.compile(r"(^`{3,}[^`\n]*\n.*?^`{3,} *$)", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s#]*)(#[^)\s]*)?\)")
 
 
@@ -127,13 +130,18 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
         image, text, target, anchor = match[1], match[2], match[3], match[4] or ""
         if not target or "://" in target:
             return match[0]
-        file = (here / target).resolve().relative_to(ROOT).as_posix()
+        place = (here / target).resolve()
+        if not place.is_relative_to(ROOT):
+            raise PluginError(f"{page.file.src_uri} links to {target}, which lies outside the repository.")
+        file = place.relative_to(ROOT).as_posix()
         if (module := file.removesuffix(".py").replace("/", ".")) in REFERENCE:
             return f"[{text}][{module}]"
         page_of = PAGES.get(file) or (file.removeprefix("docs/") if file.startswith("docs/") else "")
         return f"{image}[{text}]({page_of}{anchor})" if page_of else text
 
-    markdown = FUNCTIONS.sub(_linked, LINK.sub(turned, markdown))
+    pieces = FENCE.split(markdown)  # code, whose brackets are no links, at the odd places
+    pieces[::2] = [FUNCTIONS.sub(_linked, LINK.sub(turned, piece)) for piece in pieces[::2]]
+    markdown = "".join(pieces)
     return EXAMPLE.sub(_beside_code, markdown) if page.file.src_uri == "examples.md" else markdown
 
 

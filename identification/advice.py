@@ -69,7 +69,11 @@ def advice(
     zero = [key for key in bound if best.parameters[key].value == 0.0]
     follows = best.world is None or best.world.follows
     if zero and follows:
-        texts.append(f"At zero: {', '.join(zero)}. The recordings show no such bend of the damper's law.")
+        bends = [key for key in zero if key.endswith("_per_m") and not key.endswith(("_n_per_m", "_s_per_m"))]
+        if bends:
+            texts.append(f"At zero: {', '.join(bends)}. The recordings show no such bend of the damper's law.")
+        if rest := ", ".join(key for key in zero if key not in bends):
+            texts.append(f"At zero, its bound: {rest}. The recordings do not tell it from zero.")
     if set(bound) - set(zero):
         rest = ", ".join(key for key in bound if key not in zero)
         texts.append(f"At its bound: {rest}. The value says where the bound is, not where the foot is.")

@@ -62,14 +62,18 @@ class Settings(Tabled):
     """How to fit.
 
     Attributes:
-        free: parameters to estimate, None for all the model declares but the masses. bounds: name -> (lower, upper).
-        starts: how many starts, the model's values and their mirror image included. seed: of the random ones.
-        domain: "auto", "periodic" or "time". delay: estimate the delay between the channels. threads: 0 for all cores.
-        mass_std, gain_std: relative standard deviations of the segment masses and of the malleolus' gain, delay_std_s:
-            of the delay [s]; None for what study.toml says, or the usual (`world`). exclude: what cannot be beside the
-            model, of `known.DEPARTURES`, or "all".
+        free: parameters to estimate, None for all the model declares but the masses.
+        bounds: name -> (lower, upper), None for the model's own.
+        starts: how many starts, the model's values and their mirror image included (default 8).
+        seed: of the random starts (default 0).
+        domain: "auto" (default), "periodic" or "time".
+        delay: estimate the delay between the channels; None for where it can be told.
+        threads: of the search, 0 for all cores (default).
+        mass_std: relative standard deviation of the segment masses; None for what study.toml says, or 0.1.
+        gain_std: that of the malleolus' gain; None for what study.toml says, or 0.01.
+        delay_std_s: that of the delay between the channels [s]; None for what study.toml says, or a tenth of a sample.
+        exclude: what cannot be beside the model, of `known.DEPARTURES`, or "all"; nothing unless given.
         sensors: accelerometers to fit, None for all that model and recordings have by the same name.
-
         wide: fit each branch once more with whatever else may be true; without, all words hold if the model is true.
         replay: recordings in a steady state that MuJoCo runs from end to end, None for all; of the others one period,
             where the compiled twin has shown to be the same model, which runs the rest. In the time domain all, or none

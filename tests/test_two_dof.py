@@ -36,6 +36,15 @@ def test_forces_and_output_are_those_of_equation_4_42() -> None:
     assert z1_ddot + z2_ddot + 3.0 == pytest.approx(foot.output(x), rel=1e-12)
 
 
+def test_rates_balance_the_equations_before_them() -> None:
+    """The print's 4.28, and 4.27 with the accelerations y'' that follow from the stretches."""
+    foot, (z1, z2, v1, v2), u = foot_of(oracle.TRUTH), (1e-3, -7e-4, 0.2, -0.1), 3.0
+    a1, a2 = foot.rates(0.0, np.array([z1, z2, v1, v2]), u)[2:]
+    ankle, pad = oracle.ankle_of(oracle.TRUTH)(z1, v1), oracle.pad_of(oracle.TRUTH)(z2, v2)
+    assert foot.m_S * (a1 + a2 + u) + ankle == pytest.approx(0.0, abs=1e-11 * abs(ankle))
+    assert foot.m_F * (a2 + u) - ankle + pad == pytest.approx(0.0, abs=1e-11 * abs(ankle))
+
+
 def test_state_space_is_the_tangent_of_the_rates_at_rest() -> None:
     foot = foot_of(oracle.TRUTH)
     A, B, C = foot.state_space()

@@ -50,7 +50,10 @@ class TwoDof:
         return np.array([getattr(self, name) for name in NAMES])
 
     def rates(self, t: float, x: np.ndarray, u: float) -> np.ndarray:
-        """State derivative F of Eq. (4.33) at states x (4,) [m, m/s] and base acceleration u [m/s^2]."""
+        """State derivative F of Eq. (4.33) at states x (4,) [m, m/s] and base acceleration u [m/s^2].
+
+        The stretches of Eq. (4.27) obey Eq. (4.28), which is solved here for their accelerations.
+        """
         f_T, f_F = self.forces(x)
         z1_ddot = (f_F - f_T) / self.m_F - f_T / self.m_S  # Eq. (4.29), first row
         z2_ddot = (f_T - f_F) / self.m_F - u  # Eq. (4.29), second row

@@ -119,6 +119,10 @@ def listed(folder: Path, only: Path | None = None) -> tuple[Trial, ...]:
         InputFileError: a table is missing, has a wrong place in it, or lists a recording or subject twice.
         RecordingError: a mass is not a plausible number.
     """
+    for name in ("subjects.csv", "recordings.csv"):
+        if not (folder / name).is_file():
+            hint = f"python -m fasbody.recording init {folder} proposes the tables of a folder of recordings"
+            raise InputFileError(folder / name, "no such file", hint)
     masses = _masses(folder / "subjects.csv")
     file = folder / "recordings.csv"
     table = read_table(file, ("file", "subject", "added_mass_kg"))
