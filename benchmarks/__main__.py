@@ -35,7 +35,7 @@ TOPICS = (
 PART: Mapping[str, Sequence[str]] = {
     "coverage": ("--seeds", "20"), "reality": ("--seeds", "2"), "rivals": ("--seeds", "2"),
     "sensors": ("--feet", "5"), "study_population": ("--count", "2"), "responses": ("--seeds", "4"),
-    "heel": ("--persons", "10"),
+    "heel": ("--persons", "10"), "acquire": ("--minutes", "10"),
 }  # fmt: skip
 #: Topics that keep their rows in a file, to go on from.
 KEPT = ("reality", "rivals", "sensors")

@@ -47,6 +47,7 @@ def peaks(result: "Peaks") -> Figure:
         ax.set_ylim(bottom=0)
         _plain(ax)
     _ranges(panels[0])
+    panels[0].set_xlabel("frequency [Hz]\nbars: resonance as measured")
     panels[0].set_ylabel("transmissibility [1]")
     panels[1].legend(fontsize=8, frameon=False)
     return figure
@@ -64,7 +65,7 @@ def mechanisms(found: "Sequence[Searched]") -> Figure:
         for added, T, colour, line in zip(ADDED_KG, MB, COLOURS, LINES, strict=False):
             ax.plot(f, T, color=colour, ls=line, lw=1.4, label=f"{added:g} kg added")
         ax.set_title(f"{each.mechanism.name}: {each.best_judged.ranges[0]} of 3 ranges", fontsize=9, loc="left")
-        ax.set_ylim(0, 1.15 * max(1.2, MB.max()))
+        ax.set_ylim(0.0 if MB.min() < 0.8 else 0.8, 1.15 * max(1.2, MB.max()))
         ax.tick_params(labelbottom=True)
         _ranges(ax)
         _plain(ax)
@@ -74,7 +75,7 @@ def mechanisms(found: "Sequence[Searched]") -> Figure:
         ax.legend(handles, labels, frameon=False, loc="center", title="bars: measured resonance")
     if len(found) == panels.size:
         panels[0].legend(fontsize=8, frameon=False)
-    figure.supxlabel("frequency [Hz]", fontsize=10)
+    figure.supxlabel("frequency [Hz]; bars: where the resonance of each load was measured", fontsize=10)
     figure.supylabel("MB [1]", fontsize=10)
     return figure
 
