@@ -305,6 +305,6 @@ def found(arguments: Sequence[str]) -> tuple[Command, list[str]]:
     if listed:
         raise SettingError(f"{unknown('command', ' '.join(arguments[:2]), listed)}.")
     names = list(dict.fromkeys(word for words in known for word in (words[0], " ".join(words))))
-    near = get_close_matches(arguments[0], names, n=3, cutoff=0.5)
+    near = get_close_matches(arguments[0], names, n=3, cutoff=0.6)
     hint = f", did you mean {' or '.join(map(repr, near))}?" if near else ";"
     raise SettingError(f"unknown command {arguments[0]!r}{hint} python -m fasbody shows all {len(known)}.")
