@@ -85,7 +85,10 @@ def main(
         console.print(first, soft_wrap=True)
     with stages() as advance:
         result = fit_foot(recordings, foot, settings, advance=advance).with_source(source, truth)
-    result = replace(result, provenance={**result.provenance, "command": _typed(), "model": model})
+    provenance = {**result.provenance, "command": _typed(), "model": model}
+    if study is not None:
+        provenance["study"] = str(study)
+    result = replace(result, provenance=provenance)
     if json_:
         print_json(result.document())
     else:

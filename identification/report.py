@@ -86,7 +86,8 @@ def moving(result: FitResult, folder: Path | None = None) -> str:
     model = str(result.provenance.get("model") or result.model)
     command = ["python", "-m", "viz.foot", "--model", model, "--result", str((folder or Path()) / "result.json")]
     beside = next((r.file for r in result.recordings if Path(r.file).is_file()), "")
-    return join([*command, "--recording", beside] if beside else command)
+    told = ["--study", str(result.provenance["study"])] if "study" in result.provenance else []
+    return join([*command, "--recording", beside, *told] if beside else command)
 
 
 def tables(result: FitResult) -> dict[str, Sequence[Row]]:

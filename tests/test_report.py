@@ -148,3 +148,5 @@ def test_the_command_to_the_moving_foot(tmp_path: Path, monkeypatch: pytest.Monk
     assert values["k_T"] == fit.values()["k_T_n_per_m"]
     Path(fit.recordings[0].file).write_text("there is one")
     assert shlex.split(report.moving(fit))[-2:] == ["--recording", fit.recordings[0].file]
+    odd = replace(fit, provenance={**fit.provenance, "study": "my study.toml"})
+    assert shlex.split(report.moving(odd))[-2:] == ["--study", "my study.toml"]

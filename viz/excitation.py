@@ -111,11 +111,12 @@ class Excitation(Tabled):
         return cls(sweep(*SWEEP_HZ, seconds))
 
     @classmethod
-    def recorded(cls, file: Path | Recording, seconds: float | None = None) -> "Excitation":
+    def recorded(cls, file: Path | Recording, seconds: float | None = None, study: Path | None = None) -> "Excitation":
         """A recording, by file or as read: its mean period, or a piece of it.
 
         Args:
             file: the recording. seconds: how much of it counts; None for all of a steady one and a second of others.
+            study: study.toml that says what its columns are.
 
         Raises:
             InputFileError: no such file, or too few samples within `seconds`.
@@ -124,7 +125,7 @@ class Excitation(Tabled):
             if not file.is_file():
                 valid = "give a recording, such as a CSV file with the columns time_s, base_m_s2 and malleolus_m_s2"
                 raise InputFileError(file, "there is no such file", valid)
-            file = read_file(file)
+            file = read_file(file, study)
         return cls._of(file, seconds)
 
     @classmethod

@@ -85,6 +85,15 @@ def _branch(branch: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> d
     return about | {"values": values, "delay_s": delay, "rows": rows}
 
 
+def model_of(file: Path) -> str:
+    """The model that a fit was made with, by its result.json; empty where it does not say."""
+    try:
+        document = json.loads(file.read_text())
+        return str(document.get("provenance", {}).get("model") or document.get("model") or "")
+    except (OSError, ValueError, AttributeError):  # which `read` tells
+        return ""
+
+
 def read(file: Path, parameters: Mapping[str, Parameter]) -> dict[str, Any]:
     """The result.json of a fit of a model with these parameters, as the page shows it.
 

@@ -19,7 +19,7 @@ def main(
         str | None,
         typer.Option(
             help="model or MJCF file; foot_arch@25 is an arch 25 mm high; a copy of the arch "
-            "in this folder, my_foot.xml, unless given"
+            "in this folder, my_foot.xml, unless given or fitted"
         ),
     ] = None,
     compare: Annotated[str, typer.Option(help="a second model, shown as a ghost")] = "",
@@ -33,7 +33,10 @@ def main(
     seconds: Annotated[
         float | None, typer.Option(help=r"how much of the recording, or length of the sweep, 4 unless given \[s]")
     ] = None,
-    result: Annotated[Path | None, typer.Option(help="parameters of a fit, result.json")] = None,
+    study: Annotated[Path | None, typer.Option(help="study.toml that says what the recording's columns are")] = None,
+    result: Annotated[
+        Path | None, typer.Option(help="parameters of a fit, result.json; its model, unless --model names another")
+    ] = None,
     slow: Annotated[float, typer.Option(help="how many times slower than real")] = 20.0,
     amplify: Annotated[
         float | None, typer.Option(help="factor by which motion is enlarged (default: so that the deformation is seen)")
@@ -68,10 +71,16 @@ def main(
         raise SettingError(f"--watch needs a model in a file of your own, not {model!r}; copy a shipped one first.")
     if watch and export is not None:
         raise SettingError("--watch and --export exclude each other: an exported file follows nothing.")
+    if study is not None and recording is None:
+        raise SettingError("--study says what the columns of --recording are; give both, or neither.")
     look = {"slow": slow, "amplify": amplify}
+    if model is None and result is not None:
+        from viz.fitted import model_of
+
+        model = model_of(result) or None
     if model is None:
         model = "foot_arch" if export is not None or watch is False else str(_working_copy(Path.cwd()))
-    show = _show(model, compare, frequency, peak_to_peak, added_mass, sweep, recording, seconds, result, look)
+    show = _show(model, compare, frequency, peak_to_peak, added_mass, sweep, (recording, study), seconds, result, look)
     if export is not None:
         from viz.exported import export_to
 
@@ -102,7 +111,8 @@ def _working_copy(folder: Path) -> Path:
 
 def _show(
     model: str, compare: str, frequency: float | None, peak_to_peak: float | None, added_mass: float, sweep: bool,
-    recording: Path | None, seconds: float | None, result: Path | None, look: Mapping[str, float | None],
+    recorded: tuple[Path | None, Path | None], seconds: float | None, result: Path | None,
+    look: Mapping[str, float | None],
 ) -> Any:  # fmt: skip
     from viz import fitted
     from viz.excitation import SWEEP_S, Excitation
@@ -110,6 +120,7 @@ def _show(
     from viz.load import load_foot
     from viz.settings import Settings
 
+    recording, study = recorded
     if sweep and recording:
         raise SettingError("--sweep and --recording exclude each other.")
     for name, value in (("--frequency", frequency), ("--peak-to-peak", peak_to_peak)):
@@ -119,7 +130,7 @@ def _show(
         raise SettingError("--seconds goes with --recording or --sweep; a sine is shown for one period.")
     excitation = Excitation.swept(seconds or SWEEP_S) if sweep else Excitation()
     if recording is not None:
-        excitation = Excitation.recorded(recording, seconds)
+        excitation = Excitation.recorded(recording, seconds, study)
     fit = fitted.read(result, load_foot(model).parameters) if result else {}
     best: dict[str, Any] = fit["branches"][0] if fit else {"values": {}, "delay_s": 0.0}
     if recording is not None and not added_mass and excitation.recording is not None:
