@@ -140,6 +140,12 @@ def test_a_number_of_triangles_and_of_tetrahedra(tmp_path: Path) -> None:
     ):
         with pytest.raises(SettingError, match=says):
             body.held("region", held)
+    text = (tmp_path / "two.msh").read_bytes().replace(b'2 1 "floor"', b'2 1 "heel"')  # meshio keeps one of them
+    (tmp_path / "shared.msh").write_bytes(text)
+    with pytest.raises(
+        SettingError, match="'heel' in .* is a group of triangles and one of tetrahedra: say triangles:"
+    ):
+        read_body(tmp_path / "shared.msh").held("region", "heel")
 
 
 def test_each_unsound_body_gets_its_sentence(tmp_path: Path) -> None:

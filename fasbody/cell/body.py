@@ -15,7 +15,7 @@ import mjcf
 from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.materials import Material
 from fasbody.cell.mesh import FACES, MeshSize, TetMesh, surface_mesh
-from fasbody.cell.meshfile import SURFACE, VOLUME, read_surface, read_tagged
+from fasbody.cell.meshfile import BOTH, SURFACE, VOLUME, read_surface, read_tagged
 from fasbody.cell.modal import CellModel, Modes, solve
 from fasbody.exceptions import InputFileError, MeshError, SettingError, unknown
 from fasbody.presentation import Presented, Sheet, Tabled
@@ -69,6 +69,11 @@ class Body(Tabled):
             kinds, text = tuple({KINDS[word]} & set(kinds)), rest
         if text in self.names:
             number, kind = self.names[text]
+            if kind == BOTH:
+                either = " or ".join(f"{word}:NUMBER" for word in KINDS)
+                raise SettingError(
+                    f"{text!r} in {self.name} is a group of triangles and one of tetrahedra: say {either}."
+                )
             if kind not in kinds:
                 raise SettingError(f"{text!r} in {self.name} is a group of {_CALLED[kind]}, which will not do here.")
             return number, (kind,)

@@ -23,8 +23,8 @@ UNITS = (1e-4, 1e7)
 #: Volumes between that of a bacterium and that of an egg [um^3].
 CELLS_UM3 = (1.0, 1e7)
 SUFFIXES = (".vtu", ".msh", ".stl")
-#: Dimension of a group of triangles, and of one of tetrahedra.
-SURFACE, VOLUME = 2, 3
+#: Dimension of a group of triangles, and of one of tetrahedra; a name that both have.
+SURFACE, VOLUME, BOTH = 2, 3, -1
 #: Names under which programs store region numbers.
 TAGS = ("region", "gmsh:physical", "medit:ref", "gmsh:geometrical")
 
@@ -144,7 +144,8 @@ class Tagged:
     Args:
         points_um: (n, 3) [um]. tets: (m, 4) or (m, 10). tags: region number (m,) of each in the file.
         faces: corners (f, 3) of the triangles that the file holds, by their number.
-        names: number and dimension (2 or 3) by the names that a .msh file gives to its groups.
+        names: number and dimension (2 or 3) by the names that a .msh file gives to its groups; dimension `BOTH` where
+            triangles and tetrahedra share a name.
     """
 
     points_um: np.ndarray
@@ -194,7 +195,21 @@ def read_tagged(file: Path, um_per_unit: float) -> Tagged:
     faces = {int(each): corners[mark == each] for each in np.unique(mark)}
     groups = {str(name): (int(group[0]), int(group[1])) for name, group in content.field_data.items()}
     names = {name: group for name, group in groups.items() if group[1] in (SURFACE, VOLUME)}
+    names |= {name: (0, BOTH) for name in _shared_names(file)}
     return Tagged(points, renumbered.reshape(tets.shape), np.concatenate(tags).astype(np.int64), faces, names)
+
+
+def _shared_names(file: Path) -> set[str]:
+    """Names that a .msh file gives to triangles and to tetrahedra: of these meshio keeps one."""
+    if file.suffix.lower() != ".msh":
+        return set()
+    section = file.read_bytes().partition(b"$PhysicalNames")[2].partition(b"$EndPhysicalNames")[0]
+    named: dict[str, set[str]] = {}
+    for line in section.decode(errors="replace").splitlines():
+        dimension, _, rest = line.strip().partition(" ")
+        if '"' in rest:
+            named.setdefault(rest.split('"')[1], set()).add(dimension)
+    return {name for name, dimensions in named.items() if {f"{SURFACE}", f"{VOLUME}"} <= dimensions}
 
 
 def tet_volumes(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
