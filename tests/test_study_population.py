@@ -85,6 +85,15 @@ def test_what_all_may_have_in_common_counts_once() -> None:
     assert half.verdict == "decided" and half.common_odds_log == pytest.approx(11.0)
 
 
+def test_one_person_does_not_decide_for_the_others() -> None:
+    fits = study(40.0, persons=8)
+    ankle, pad = (branch["world"] for branch in fits[-1]["result"]["branches"])
+    ankle |= {"objective": 410.0, "chi_square": 410.0}
+    pad |= {"objective": 10.0, "chi_square": 10.0}
+    assert {p.verdict for p in populations(fits)} == {"undecided"}
+    assert {p.verdict for p in populations(fits[:-1])} == {"decided"}
+
+
 def test_who_does_not_follow_is_left_out() -> None:
     (one,) = populations(study(20.0, follows=False))
     assert [(x.subject, x.why) for x in one.left_out] == [("4", "the stiff ankle does not follow the recordings")]

@@ -10,7 +10,8 @@ takes away: it is not in these intervals.
 The odds of the branches multiply over persons whose errors are their own. Gain and mass tables are one laboratory's:
 what a branch needs of them it may need once, and not once a person. So the odds are told twice, with what each fit pays
 for departing from the stated gain, masses and so on summed over persons, and with its mean (what all would pay who
-depart alike); the branch is decided where both say so.
+depart alike). The branch is decided where both say so, and go on saying so whichever person is left out: one whose
+recordings were mixed up must not decide for the others.
 """
 
 from collections.abc import Mapping, Sequence
@@ -80,9 +81,9 @@ class Population(Tabled):
 
     Attributes:
         posture, added_mass_kg: what they share. branch: which. verdict: "decided" where all persons' fits together
-        speak for it by more than 1000 to 1, by both odds, else "undecided". odds_log: natural logarithm of the odds if
-        each person errs alone. common_odds_log: if what they depart from the stated gain, masses and so on is
-        common to all. constants: by name. left_out: persons without a fit that counts.
+        speak for it by more than 1000 to 1, by both odds and without any one of them, else "undecided".
+        odds_log: natural logarithm of the odds if each person errs alone. common_odds_log: if what they depart from
+        the stated gain, masses and so on is common to all. constants: by name. left_out: persons without a fit that counts.
     """
 
     posture: str
@@ -190,7 +191,8 @@ def populations(documents: Sequence[Mapping[str, Any]]) -> list[Population]:
         fits = [d for d in fits if id(d) not in unfit]
         alone, common = _odds(fits)
         branches = [STIFF_ANKLE, STIFF_PAD] if alone >= 0 else [STIFF_PAD, STIFF_ANKLE]
-        decided = min(np.sign(alone) * np.array([alone, common])) > np.log(DECISIVE_ODDS)
+        without = [_odds([d for d in fits if d is not one]) for one in fits]
+        decided = min(np.sign(alone) * np.array([(alone, common), *without]).ravel()) > np.log(DECISIVE_ODDS)
         for name in branches[:1] if decided else branches:
             constants, left_out = _constants(fits, name)
             if constants:
