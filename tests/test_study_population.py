@@ -86,7 +86,7 @@ def test_what_all_may_have_in_common_counts_once() -> None:
 
 
 def test_one_person_does_not_decide_for_the_others() -> None:
-    fits = study(40.0, persons=8)
+    fits = study(40.0)
     ankle, pad = (branch["world"] for branch in fits[-1]["result"]["branches"])
     ankle |= {"objective": 410.0, "chi_square": 410.0}
     pad |= {"objective": 10.0, "chi_square": 10.0}

@@ -195,7 +195,7 @@ def read_tagged(file: Path, um_per_unit: float) -> Tagged:
     faces = {int(each): corners[mark == each] for each in np.unique(mark)}
     groups = {str(name): (int(group[0]), int(group[1])) for name, group in content.field_data.items()}
     names = {name: group for name, group in groups.items() if group[1] in (SURFACE, VOLUME)}
-    names |= {name: (0, BOTH) for name in _shared_names(file)}
+    names |= dict.fromkeys(_shared_names(file), (0, BOTH))
     return Tagged(points, renumbered.reshape(tets.shape), np.concatenate(tags).astype(np.int64), faces, names)
 
 
