@@ -143,7 +143,7 @@ def test_a_number_of_triangles_and_of_tetrahedra(tmp_path: Path) -> None:
     text = (tmp_path / "two.msh").read_bytes().replace(b'2 1 "floor"', b'2 1 "heel"')  # meshio keeps one of them
     (tmp_path / "shared.msh").write_bytes(text)
     with pytest.raises(
-        SettingError, match="'heel' in .* is a group of triangles and one of tetrahedra: say triangles:"
+        SettingError, match=r"'heel' in .* is a group of triangles and one of tetrahedra: say triangles:"
     ):
         read_body(tmp_path / "shared.msh").held("region", "heel")
 

@@ -83,7 +83,8 @@ class Population(Tabled):
         posture, added_mass_kg: what they share. branch: which. verdict: "decided" where all persons' fits together
         speak for it by more than 1000 to 1, by both odds and without any one of them, else "undecided".
         odds_log: natural logarithm of the odds if each person errs alone. common_odds_log: if what they depart from
-        the stated gain, masses and so on is common to all. constants: by name. left_out: persons without a fit that counts.
+        the stated gain, masses and so on is common to all. constants: by name. left_out: persons without a fit that
+        counts.
     """
 
     posture: str
