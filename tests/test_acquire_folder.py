@@ -31,7 +31,7 @@ def test_gap_is_marked_never_filled_and_refused_by_identification(tmp_path: Path
     details = json.loads(made.file.with_suffix(".json").read_text())
     assert [gap["lost_samples"] for gap in details["quality"]["gaps"]] == [32, 16]
     assert details["usable"] is False and details["board"]["board"] == "feeder"
-    with pytest.raises(RecordingError, match=r"samples are missing .*\(places: 2\)"):
+    with pytest.raises(RecordingError, match=r"samples are missing .*\(and so at 1 more place\)"):
         checked(Recording.read(made.file))
     with pytest.raises(InputFileError, match="lists no recording"):
         Study.read(study)

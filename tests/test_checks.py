@@ -87,7 +87,7 @@ BAD = {
     "time nan": (put(TIME, 7, np.nan), "time is not a number at sample 7"),
     "gap": (
         change(TIME, lambda t: t + 0.01 * (t > 0.5)),
-        "time is not uniform: 0.011 s after 0.5 s, elsewhere 0.001 s; samples are missing",
+        r"time is not uniform: 0.011 s after 0.5 s \(sample 501 of 2000\), elsewhere 0.001 s; samples are missing",
     ),
     "reversed": (change(TIME, lambda t: t[::-1]), r"time runs backwards \(1\.999 s first, 0 s last\); sort the rows"),
     "still": (change(TIME, lambda t: 0 * t + 3), r"time stands still \(3 s first, 3 s last\)"),

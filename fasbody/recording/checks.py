@@ -257,7 +257,8 @@ def _time(recording: Recording) -> None:
     if np.abs(steps - typical).max() > 0.5 * typical:
         place = int(np.argmax(np.abs(steps - typical)))
         count = int((np.abs(steps - typical) > 0.5 * typical).sum())
-        more = f" (and so at {count - 1} more places)" if count > 1 else ""
+        places = "place" if count == 2 else "places"
+        more = f" (and so at {count - 1} more {places})" if count > 1 else ""
         raise _fail(
             recording,
             f"time is not uniform: {steps[place]:g} s after {t[place]:g} s (sample {place + 1} of {t.size}), elsewhere "
