@@ -144,7 +144,8 @@ def refreshed(page: str, results: str) -> str:
             found = [row for row in found if shown[0] in row[3]]
             shown = [shown[0], found[0][4]] if found else shown
         elif found:  # measured, required, met
-            shown = [found[0][2], found[0][3], found[0][-1]]
+            met = found[0][-1] if found[0][-1] in ("yes", "NO") else "not judged"
+            shown = [found[0][2], found[0][3], met]
         if found and what != "what":
             lines[number] = f"| {' | '.join([what, *shown])} |"
     return "\n".join(lines) + "\n"
