@@ -26,7 +26,8 @@ def test_numbers_are_those_of_the_results() -> None:
         if len(cells) == 2:  # a comparison: with what, how many times better
             assert any(cells[0] in row[1] and row[2] == cells[1] for row in found), f"{what}: {cells} but {found}"
         else:  # a requirement: measured, required, met
-            assert [*cells] in [[row[0], row[1], row[-1]] for row in found], f"{what}: {cells} but {found}"
+            judged = [[row[0], row[1], row[-1] if row[-1] in ("yes", "NO") else "not judged"] for row in found]
+            assert [*cells] in judged, f"{what}: {cells} but {found}"
     missed = [row[1] for row in results if row[-1] == "NO"]
     assert {row[0] for row in shown if row[-1] == "NO"} == set(missed), f"RESULTS.md has a NO at {missed}"
 

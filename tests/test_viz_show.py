@@ -59,7 +59,7 @@ def test_result_brings_mirror_intervals_verdict_and_delay(tmp_path: Path) -> Non
         "log_likelihood_ratio": 1.5, "fit_percent": 99.0, "warnings": ["A note."],
     }  # fmt: skip
     file.write_text(json.dumps(document))
-    show = command._show("two_dof", "", None, None, 0.0, False, RECORDED, None, file, {})
+    show = command._show("two_dof", "", None, None, 0.0, False, (RECORDED, None), None, file, {})
     assert (show.settings.values, show.settings.delay_s) == ({"k_T": 1.9e5}, 2e-4)
     fit = show.description()["fit"]
     assert [branch["name"] for branch in fit["branches"]] == ["stiff ankle", "stiff pad"]
