@@ -19,6 +19,7 @@ JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON documen
 #: Load average, as a share of the cores, beyond which they are not idle; one program alone makes at most one.
 BUSY = 0.75
 HEADER = ("what", "measured", "required or compared with", "times better", "margin", "met")
+_MISSED = re.compile(r"(## What misses its requirement\n\n[^\n]*\n\|[-|]*\|)\n(?:\|[^\n]*\n)*")
 _TOPIC = re.compile(r"(\w+) (\d{4}-\d\d-\d\d) \(load ([\d.]+)\)")
 _TEXT = """# Benchmarks
 
@@ -132,7 +133,10 @@ def markdown(topics: Mapping[str, Topic], where: str) -> str:
 
 
 def refreshed(page: str, results: str) -> str:
-    """docs/speed.md with the numbers of RESULTS.md: each of its rows begins as one there does, and keeps its length."""
+    """docs/speed.md with the numbers of RESULTS.md: each of its rows begins as one there does, and keeps its length.
+
+    The table under its last heading lists every row that misses its requirement.
+    """
     rows = [
         [cell.strip() for cell in line.strip("| ").split(" | ")] for line in results.splitlines() if line[:2] == "| "
     ]
@@ -148,4 +152,5 @@ def refreshed(page: str, results: str) -> str:
             shown = [found[0][2], found[0][3], met]
         if found and what != "what":
             lines[number] = f"| {' | '.join([what, *shown])} |"
-    return "\n".join(lines) + "\n"
+    missed = [f"| {' | '.join([*row[1:4], 'NO'])} |" for row in rows if row[-1] == "NO"]
+    return _MISSED.sub(lambda head: "\n".join([head[1], *missed, ""]), "\n".join(lines) + "\n")
