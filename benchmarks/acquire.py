@@ -269,6 +269,8 @@ class Card:
         """Calibrate with the cable; returns by which share the worst of what is found is off."""
         self.bench.put("cable")
         done = self.command("calibrate", "loopback", "--device", "pulse", "--latency", "0.8", "--yes")
+        if done.returncode:
+            raise AcquisitionError(f"the loopback did not end well: {done.stderr}")
         found = json.loads(done.stdout)
         values = np.array([*found["loop_gain"], found["output_corner_hz"], *found["corner_hz"]])
         return float(np.max(np.abs(values / [*pulse.GAINS, *pulse.CORNERS_HZ] - 1)))
@@ -285,7 +287,7 @@ class Card:
     def command(self, *words: str) -> subprocess.CompletedProcess[str]:
         """The command as a user gives it."""
         whole = [sys.executable, "-m", "fasbody.acquire", *words, "--calibration", str(self.file), "--json"]
-        done = subprocess.run(whole, env=self.bench.environment, capture_output=True, text=True)
+        done = subprocess.run(pulse.ahead(whole), env=self.bench.environment, capture_output=True, text=True)
         console.print(done.stderr, markup=False)
         return done
 

@@ -8,6 +8,7 @@ with the gains and the couplings of an interface, `calibrator` a hand calibrator
 The daemon lives in a folder of its own and ends with the bench; it is no user's.
 """
 
+import functools
 import json
 import os
 import re
@@ -16,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
 
@@ -51,6 +53,19 @@ def missing() -> str:
     return f"{', '.join(absent)} missing; apt install {PACKAGES}" if absent else ""
 
 
+@functools.cache
+def _allowed() -> bool:
+    """Whether programs may be given real-time priority, as docs/acquisition.md advises."""
+    if shutil.which("chrt") is None:
+        return False
+    return subprocess.run(["chrt", "--rr", "5", "true"], capture_output=True).returncode == 0
+
+
+def ahead(words: Sequence[str]) -> list[str]:
+    """A command that runs before what else the machine does, where that is allowed."""
+    return ["chrt", "--rr", "5", *words] if _allowed() else [*words]
+
+
 class PulseBench:
     """The daemon, and what lies between its two sinks.
 
@@ -77,8 +92,8 @@ class PulseBench:
         ]
         self._between: subprocess.Popen[bytes] | None = None
         self._daemon = subprocess.Popen(
-            ["pulseaudio", "-n", "--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no", "--disable-shm=yes",
-             "-L", f"module-native-protocol-unix socket={socket} auth-anonymous=1", *sinks],
+            ahead(["pulseaudio", "-n", "--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no",
+                   "--disable-shm=yes", "-L", f"module-native-protocol-unix socket={socket} auth-anonymous=1", *sinks]),
             env=self.environment, stderr=subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
 
@@ -103,7 +118,7 @@ class PulseBench:
         self._remove()
         with self._log.open("ab") as log:
             self._between = subprocess.Popen(
-                [sys.executable, "-m", "benchmarks.pulse", way], env=self.environment, stdin=subprocess.PIPE,
+                ahead([sys.executable, "-m", "benchmarks.pulse", way]), env=self.environment, stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE, stderr=log,
             )  # fmt: skip
         assert self._between.stdout is not None
