@@ -1,4 +1,4 @@
-"""Command line of the leg: `python -m fasbody.leg peaks | crosscheck | drop | decide --help`."""
+"""Command line of the leg: `python -m fasbody.leg peaks | crosscheck | drop | decide | name --help`."""
 
 from itertools import combinations
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from fasbody.console import command_line, console, make_folder, print_json, progress_bar
+from fasbody.console import command_line, console, make_folder, print_json, progress_bar, results
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.presentation import write_figure
 
@@ -175,6 +175,56 @@ def print_decide(
         console.print(f"written: {write_figure(figures.confusion(found), figure)[0]}")
     if json:
         print_json({"seed": seed, "departure": departure, "plans": [each.record() for each in found]})
+
+
+@app.command("name")
+def print_name(
+    data: Annotated[list[Path], typer.Argument(metavar="STUDY|FILES...", help="study folder, or recordings of sines")],
+    layout: Annotated[
+        Path | None, typer.Option("--study", help="study.toml that maps channels, units and sensitivities of files")
+    ] = None,
+    subjects: Annotated[
+        int, typer.Option(help="virtual subjects of each of the five mechanisms, shaken in the same way", min=0)
+    ] = 4,
+    seed: Annotated[int, typer.Option(help="of the virtual subjects", min=0)] = 0,
+    figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write, of one person")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Name the mechanism that made a person's recordings: a second mode, stiffening, lift-off, both, or none of these.
+
+    Takes sines under any loads, best as docs/load.md asks for them. Then virtual subjects are shaken as the person was,
+    to say how often the answer is right; a second or two each. --subjects 0 leaves them out.
+
+    Examples:
+      python -m fasbody.leg name my_study --figure mechanism.svg
+
+      python -m fasbody.leg name my_study --subjects 0 --json
+    """
+    if figure is not None:
+        make_folder(figure.parent)
+        if figure.is_dir():
+            raise InputFileError(figure, "is a folder", "name an SVG or PNG file")
+    from fasbody.leg.decide import RIVALS
+    from fasbody.leg.naming import name, read
+    from fasbody.recording.study import Study, read_file
+
+    if any(p.is_dir() for p in data) and (len(data) > 1 or layout is not None):
+        raise SettingError("give one study folder, which has a study.toml of its own, or recordings.")
+    people = read(Study.read(data[0]).recordings if data[0].is_dir() else [read_file(p, layout) for p in data])
+    if figure is not None and len(people) > 1:
+        raise SettingError(f"--figure shows one person in one posture, and {len(people)} were recorded.")
+    found = []
+    for seen in people:
+        with progress_bar() as progress:
+            bar = progress.add_task("virtual subjects", total=max(1, subjects * len(RIVALS)))
+            for at, result in enumerate(name(seen, subjects, seed)):  # noqa: B007 - the last one is shown
+                progress.update(bar, completed=at)
+        found.append(result)
+        results.print(str(result.sheet()), highlight=False, markup=False)
+    if figure is not None:
+        console.print(f"written: {write_figure(found[0].plot(), figure)[0]}")
+    if json:
+        print_json([result.document() for result in found])
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
 Each rival is fitted to the complex responses of a plan (loads, frequencies, amplitudes, sensors) by least squares over
 the scatter of a recording, with the body mass, the gains and the softness of both sensors' seats free within what is
-stated of them. The rival with the smallest Bayesian information criterion is named; below odds of 1000 to 1 the answer
-is "undecided", and where none fits it is "none of these".
+stated of them. The rival with the largest evidence within its bounds (Laplace's approximation) is named; below odds of
+1000 to 1 the answer is "undecided", and where none fits it is "none of these".
 """
 
 import json
@@ -17,12 +17,11 @@ from typing import Any
 import numpy as np
 
 from fasbody.console import to_json
-from fasbody.exceptions import SettingError
 from fasbody.leg import balance
 from fasbody.leg.lift_off import TABLE_M_S2
-from fasbody.leg.mechanisms import MECHANISMS, Mechanism, above, pressed
+from fasbody.leg.mechanisms import BODY_KG, MASSES, MECHANISMS, Mechanism, above, pressed
 from fasbody.leg.statements import ADDED_KG, Curves, judge, ranges_met
-from fasbody.leg.virtual import GAIN, MASS, MASSES, NOISE, Recordings, Subject, mount
+from fasbody.leg.virtual import GAIN, MASS, NOISE, Recordings, Subject, mount
 from fasbody.runner import Store, key, versions
 from fasbody.transmissibility.findings import FREQUENCIES_HZ
 
@@ -45,6 +44,8 @@ BANK, PRESSED_BANK, STARTS, PRESSED_STARTS, STEPS = 8000, 400, 2, 1, 25
 CHOICE, AIR = 40, 0.05
 #: Share of the thesis' recordings of a subject that a balanced motion must be found for, and what counts as one.
 BALANCED, LEFT = 0.9, 1e-3
+#: How many times larger the table's amplitude is where it counts as another one.
+HIGHER = 1.2
 #: Times as many starts where no rival fits.
 MORE = 6
 #: A fit whose sum of squares lies so far above another rival's, and creeps, is given up.
@@ -75,7 +76,7 @@ class Plan:
     def partner(self) -> Array:
         """For each recording the one of the same load and frequency at a greater amplitude, -1 if there is none."""
         same = (self.frequency_hz[:, None] == self.frequency_hz) & (self.added_kg[:, None] == self.added_kg)
-        more = same & (self.table > self.table[:, None])
+        more = same & (self.table > HIGHER * self.table[:, None])
         return np.where(more.any(axis=1), more.argmax(axis=1), -1)
 
     def only(self, rows: Array) -> "Plan":
@@ -129,19 +130,6 @@ class Predicted:
     balanced: Array | None = None
 
 
-def _loads(plan: Plan) -> Array:
-    """Place of each recording's load in `ADDED_KG`, the loads that the linear responses have.
-
-    Raises:
-        SettingError: another load.
-    """
-    apart = np.abs(plan.added_kg[:, None] - np.array(ADDED_KG))
-    if (apart.min(axis=1) > 1e-9).any():
-        other = plan.added_kg[apart.min(axis=1).argmax()]
-        raise SettingError(f"The plan has a load of {other:g} kg, but the analysis knows 0, 2.3 and 4.5 kg.")
-    return apart.argmin(axis=1)
-
-
 def predict(mechanism: Mechanism, values: dict[str, Array], plan: Plan, start: Array | None = None,
             nearby: bool = False, seen: Recordings | None = None) -> Predicted:  # fmt: skip
     """What a mechanism with constants (d,) gives at the recordings of a plan.
@@ -154,8 +142,8 @@ def predict(mechanism: Mechanism, values: dict[str, Array], plan: Plan, start: A
     """
     if not is_pressed(mechanism):
         hz, at = np.unique(plan.frequency_hz, return_inverse=True)
-        MB, TM = mechanism.response(hz, values)
-        load = _loads(plan)
+        added, load = np.unique(plan.added_kg, return_inverse=True)
+        MB, TM = mechanism.response(hz, values, added)
         return Predicted(MB[:, load, at], (MB * TM)[:, load, at], np.zeros((len(MB), load.size), complex))
     f, added = plan.frequency_hz, plan.added_kg[None]
     if mechanism.response is named("both").response:
@@ -194,13 +182,21 @@ def predict(mechanism: Mechanism, values: dict[str, Array], plan: Plan, start: A
 
 @dataclass(frozen=True)
 class Fitted:
-    """One rival's best fit: sum of squares, criterion, constants by name, largest share of time in the air."""
+    """One rival's best fit.
+
+    Attributes:
+        rival: name. chi2: sum of squares. criterion: minus twice the logarithm of the evidence, but for what all
+            rivals share. values: constants by name.
+        air: largest share of time in the air. MB, TB: what the sensors would read (n,), complex.
+    """
 
     rival: str
     chi2: float
     criterion: float
     values: dict[str, float]
     air: float
+    MB: Array
+    TB: Array
 
 
 @dataclass(frozen=True)
@@ -225,12 +221,14 @@ class Analysis:
     """Names the mechanism behind the recordings of one plan; the draws that fits start from are computed once.
 
     `departure` is how far the foot may be off every rival. It is assumed, not estimated: where a foot is off by more,
-    the answer is "none of these"; where by less, the answer is "undecided" more often than it had to be.
+    the answer is "none of these"; where by less, the answer is "undecided" more often than it had to be. Masses of the
+    segments are those of a person of `body_kg`.
     """
 
     def __init__(self, plan: Plan, rivals: Sequence[str] = RIVALS, bank: int = BANK,
-                 pressed_bank: int = PRESSED_BANK, seed: int = 1, departure: float = DEPARTURE) -> None:  # fmt: skip
-        self.plan, self.rivals = plan, {name: named(name) for name in rivals}
+                 pressed_bank: int = PRESSED_BANK, seed: int = 1, departure: float = DEPARTURE,
+                 body_kg: float = BODY_KG) -> None:  # fmt: skip
+        self.plan, self.rivals = plan, {name: named(name).of(body_kg) for name in rivals}
         self.departure = departure
         self.bank: dict[str, tuple[Array, Predicted]] = {}
         for name, mechanism in self.rivals.items():
@@ -245,6 +243,10 @@ class Analysis:
             measured: of `plan`; recordings that do not repeat are left out, and where harmonics are recorded they
                 rule out every rival that is linear.
         """
+        return self.judged(measured)[0]
+
+    def judged(self, measured: Recordings) -> tuple[Verdict, list[Fitted]]:
+        """The verdict, and the fit of each rival to the recordings that repeat, the best one first."""
         kept = measured.repeats
         plan = self.plan.only(kept)
         data = Recordings(*(getattr(measured, k)[kept] for k in ("MB", "TB", "second", "air", "repeats")))
@@ -262,14 +264,15 @@ class Analysis:
         margin = min(others, default=np.inf) - fits[0].criterion
         per_dof = fits[0].chi2 / dof
         says = NONE if per_dof > FITS else first if margin >= DECIDED else UNDECIDED
-        return Verdict(says, first, margin, per_dof, {f.rival: f.criterion for f in fits}, int((~kept).sum()))
+        criteria = {f.rival: f.criterion for f in fits}
+        return Verdict(says, first, margin, per_dof, criteria, int((~kept).sum())), fits
 
     def _fit(self, name: str, plan: Plan, data: Recordings, kept: Array, goal: float) -> Fitted:
         mechanism = self.rivals[name]
         u, known = self.bank[name]
         rough = _misfit(plan, data, self.departure, known.MB[:, kept], known.TB[:, kept], known.second[:, kept])
         order = np.argsort(np.nan_to_num((rough**2).sum(axis=1), nan=np.inf))
-        best: tuple[float, Array, float] | None = None
+        best: tuple[float, Array, float, float] | None = None
         starts, size = PRESSED_STARTS if is_pressed(mechanism) else STARTS, rough.shape[1]
         for tried, at in enumerate(order[: MORE * starts]):
             if tried >= starts and (best is None or min(goal, best[0]) < FITS * size):
@@ -278,10 +281,11 @@ class Analysis:
             if best is None or found[0] < best[0]:
                 best = found
         assert best is not None
-        chi2, theta, air = best
+        chi2, theta, air, volume = best
         free = len(mechanism.constants)
         values = {k: float(v[0]) for k, v in mechanism.values(theta[None, :free]).items()}
-        return Fitted(name, chi2, chi2 + free * np.log(rough.shape[1]), values, air)
+        read = _read(mechanism, plan, data, theta[None], None)
+        return Fitted(name, chi2, chi2 + volume, values, air, read.MB[0], read.TB[0])
 
 
 def _misfit(plan: Plan, data: Recordings, departure: float, MB: Array, TB: Array, second: Array) -> Array:
@@ -298,9 +302,9 @@ def _misfit(plan: Plan, data: Recordings, departure: float, MB: Array, TB: Array
     return np.concatenate([z.real, z.imag], axis=-1)
 
 
-def _residuals(mechanism: Mechanism, plan: Plan, data: Recordings, departure: float, theta: Array, start: Array | None,
-               nearby: bool = False) -> tuple[Array, Predicted]:  # fmt: skip
-    """Misfit and what is stated beforehand, (d, m), for shares and nuisances theta (d, p)."""
+def _read(mechanism: Mechanism, plan: Plan, data: Recordings, theta: Array, start: Array | None,
+          nearby: bool = False) -> Predicted:  # fmt: skip
+    """What the sensors read for shares and nuisances theta (d, p): mass, gains and seats."""
     free = len(mechanism.constants)
     values, z = mechanism.values(theta[:, :free]), theta[:, free:]
     values = {k: v * (1 + MASS * z[:, 0]) if k in MASSES else v for k, v in values.items()}
@@ -311,15 +315,28 @@ def _residuals(mechanism: Mechanism, plan: Plan, data: Recordings, departure: fl
     seat = mount(f, seat_m, SEAT_ZETA)
     MB = told.MB * seat * (1 + GAIN * z[:, 1:2])
     TB = told.TB * mount(f, seat_t, SEAT_ZETA) * (1 + GAIN * z[:, 2:3])
-    second = told.second * mount(2 * f, seat_m, SEAT_ZETA) / seat
-    return np.concatenate([_misfit(plan, data, departure, MB, TB, second), z[:, :3]], axis=1), told
+    return replace(told, MB=MB, TB=TB, second=told.second * mount(2 * f, seat_m, SEAT_ZETA) / seat)
+
+
+def _residuals(mechanism: Mechanism, plan: Plan, data: Recordings, departure: float, theta: Array, start: Array | None,
+               nearby: bool = False) -> tuple[Array, Predicted]:  # fmt: skip
+    """Misfit and what is stated beforehand, (d, m), for shares and nuisances theta (d, p)."""
+    read = _read(mechanism, plan, data, theta, start, nearby)
+    free = len(mechanism.constants)
+    misfit = _misfit(plan, data, departure, read.MB, read.TB, read.second)
+    return np.concatenate([misfit, theta[:, free : free + 3]], axis=1), read
 
 
 def _least(mechanism: Mechanism, plan: Plan, data: Recordings, departure: float, share: Array,
-           goal: float) -> tuple[float, Array, float]:  # fmt: skip
-    """Least squares by Levenberg's and Marquardt's steps within bounds: sum of squares, theta, share in the air.
+           goal: float) -> tuple[float, Array, float, float]:  # fmt: skip
+    """Least squares by Levenberg's and Marquardt's steps within bounds.
 
     It is given up where it creeps far above the sum of squares of another rival, `goal`.
+
+    Returns:
+        sum of squares; theta (p,); largest share of the time in the air; what the data leave of the bounds, minus twice
+        the logarithm of a volume. A constant that the data do not touch costs nothing: counting constants instead
+        (the Bayesian information criterion) named simple rivals for their simplicity alone.
     """
     free = share.size
     low = np.r_[np.zeros(free), np.full(3, -4.0), np.zeros(2)]
@@ -327,11 +344,15 @@ def _least(mechanism: Mechanism, plan: Plan, data: Recordings, departure: float,
     theta = np.r_[share, np.zeros(3), np.full(2, 0.2)]
     rest, told = _residuals(mechanism, plan, data, departure, theta[None], None)
     best, damp, small = float((rest**2).sum()), 1e-2, 0
-    for _ in range(STEPS):
+
+    def slope() -> Array:
         inward = np.where(theta > 0.5 * (low + high), -1e-6, 1e-6)
         near = np.vstack([theta, theta + np.diag(inward)])
         rows, _ = _residuals(mechanism, plan, data, departure, near, told.x, nearby=told.x is not None)
-        J = (rows[1:] - rows[0]).T / inward
+        return (rows[1:] - rows[0]).T / inward
+
+    for _ in range(STEPS):
+        J = slope()
         gradient = J.T @ rest[0]
         at_edge = ((theta <= low) & (gradient > 0)) | ((theta >= high) & (gradient < 0))
         J[:, at_edge], gradient[at_edge] = 0.0, 0.0
@@ -352,7 +373,9 @@ def _least(mechanism: Mechanism, plan: Plan, data: Recordings, departure: float,
         theta, rest, told, best, damp = new, tried, told_there, sum_there, max(damp / 8, 1e-6)
         if small >= 2:
             break
-    return best, theta, 0.0 if told.air is None else float(told.air.max())
+    J = slope()
+    volume = float(np.linalg.slogdet(np.eye(theta.size) + J.T @ J / (2 * np.pi))[1])
+    return best, theta, 0.0 if told.air is None else float(told.air.max()), volume
 
 
 def _bumps(plan: Plan, rng: np.random.Generator) -> Array:
@@ -360,8 +383,9 @@ def _bumps(plan: Plan, rng: np.random.Generator) -> Array:
     hz, at = np.unique(plan.frequency_hz, return_inverse=True)
     apart = np.log(hz)[:, None] - np.log(hz)
     root = np.linalg.cholesky(np.exp(-0.5 * (apart / WIDTH) ** 2) + 1e-9 * np.eye(hz.size))
-    z = rng.standard_normal((2, hz.size, len(ADDED_KG)))
-    return (root @ (z[0] + 1j * z[1]))[at, np.searchsorted(ADDED_KG, plan.added_kg)] / np.sqrt(2)
+    loads, load = np.unique(plan.added_kg, return_inverse=True)
+    z = rng.standard_normal((2, hz.size, loads.size))
+    return (root @ (z[0] + 1j * z[1]))[at, load] / np.sqrt(2)
 
 
 def measured(subject: Subject, plan: Plan, rng: np.random.Generator, departure: float = DEPARTURE) -> Recordings:
@@ -380,12 +404,12 @@ def measured(subject: Subject, plan: Plan, rng: np.random.Generator, departure: 
                       noisy(true.second, NOISE + NOISE * np.abs(true.second)), true.air, true.repeats)  # fmt: skip
 
 
-def draw(rival: str, rng: np.random.Generator, choice: int = CHOICE) -> Subject:
-    """A virtual subject: of some draws of the rival's space the one that looks most like the thesis.
+def draw(rival: str, rng: np.random.Generator, choice: int = CHOICE, body_kg: float = BODY_KG) -> Subject:
+    """A virtual subject of some body mass: of some draws of the rival's space the one that looks most like the thesis.
 
     Rivals with a pad that cannot pull must lose contact in some recording of the thesis.
     """
-    mechanism = named(rival)
+    mechanism = named(rival).of(body_kg)
     u = rng.random((choice, len(mechanism.constants)))
     values = mechanism.values(u)
     told = predict(mechanism, values, THESIS)

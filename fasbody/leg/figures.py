@@ -8,11 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fasbody.leg.statements import ADDED_KG, RANGES_HZ
-from fasbody.presentation import COLOURS
+from fasbody.presentation import COLOURS, MARKS
 
 if TYPE_CHECKING:
     from fasbody.leg.decide import Confusion
     from fasbody.leg.mechanisms import Searched
+    from fasbody.leg.naming import Naming
     from fasbody.leg.peaks import Peaks
 
 #: One line a load, so that a print without colour tells them apart.
@@ -103,4 +104,36 @@ def confusion(found: "Sequence[Confusion]") -> Figure:
         ax.set_title(known.get(each.plan, each.plan), fontsize=9, loc="left")
         ax.set_xlabel("named", fontsize=9)
     panels[0].set_ylabel("truth", fontsize=9)
+    return figure
+
+
+def naming(result: "Naming") -> Figure:
+    """|MB| and |TB| as recorded (marks, hollow for a smaller amplitude) and of the best mechanism's fit (lines)."""
+    seen, best = result.seen, result.fits[0]
+    kept = seen.recordings.repeats
+    plan = seen.plan.only(kept)
+    pairs = ("MB", "TB") if plan.tuberosity else ("MB",)
+    figure = Figure(figsize=(3.5 * len(pairs) + 0.4, 3.0), layout="constrained")
+    panels = figure.subplots(1, len(pairs), squeeze=False)[0]
+    smaller = plan.partner >= 0
+    for ax, pair in zip(panels, pairs, strict=True):
+        read, fitted = (np.abs(part) for part in (getattr(seen.recordings, pair)[kept], getattr(best, pair)))
+        for added, colour, mark in zip(np.unique(plan.added_kg), COLOURS, MARKS, strict=False):
+            for some, hollow in (
+                ((plan.added_kg == added) & ~smaller, False),
+                ((plan.added_kg == added) & smaller, True),
+            ):
+                if not some.any():
+                    continue
+                at = np.flatnonzero(some)[np.argsort(plan.frequency_hz[some])]
+                label = f"{added:g} kg added" + (", smaller amplitude" if hollow else "")
+                face = "none" if hollow else colour
+                ax.plot(plan.frequency_hz[at], read[at], mark, color=colour, mfc=face, ms=4.5, label=label)
+                ax.plot(plan.frequency_hz[at], fitted[at], color=colour, lw=1, ls=":" if hollow else "-")
+        ax.set_title(f"{pair}: recorded (marks), {best.rival} (lines)", fontsize=9, loc="left")
+        ax.set_xlabel("frequency [Hz]")
+        ax.set_ylim(bottom=0)
+        _plain(ax)
+    panels[0].set_ylabel("transmissibility [1]")
+    panels[-1].legend(fontsize=8, frameon=False)
     return figure

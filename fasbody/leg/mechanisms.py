@@ -4,8 +4,8 @@ Bounds are those of the sources named; where there is none they are wide and cal
 for many draws at once. MB and TM are the fundamentals of malleolus and of tuberosity over malleolus.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from fasbody.transmissibility.findings import FREQUENCIES_HZ
 Array = np.ndarray
 #: Mean body mass of Chapter 2 [kg].
 BODY_KG = 70.7
+#: Constants that are masses: the body mass scales them.
+MASSES = ("m", "m_F", "m_S", "m_H")
 #: Soft tissue that moves with the added mass [kg], nominal, as in mjcf/leg.xml.
 TISSUE_KG = 0.2
 #: Grid on which the highest MB is sought [Hz].
@@ -48,13 +50,21 @@ class Mechanism:
 
     Attributes:
         name: a word. says: a sentence. constants: what is drawn.
-        response: frequencies [Hz] and constants (d, c) -> MB and TM, complex, (d, 3, f); NaN TM if it has no tibia.
+        response: frequencies [Hz], constants (d,) by name and added masses [kg] (l,), those of Chapter 2 by default
+            -> MB and TM, complex, (d, l, f); NaN TM if it has no tibia.
     """
 
     name: str
     says: str
     constants: tuple[Constant, ...]
-    response: Callable[[Array, dict[str, Array]], tuple[Array, Array]]
+    response: Callable[..., tuple[Array, Array]]
+
+    def of(self, body_kg: float) -> "Mechanism":
+        """The same for a person of another body mass than the mean of Chapter 2: segments in proportion."""
+        scale = body_kg / BODY_KG
+        own = (replace(c, lower=c.lower * scale, upper=c.upper * scale) if c.name in MASSES else c
+               for c in self.constants)  # fmt: skip
+        return replace(self, constants=tuple(own))
 
     def values(self, shares: Array) -> dict[str, Array]:
         """Constants by name, each (d,), from shares (d, c)."""
@@ -95,15 +105,18 @@ def _column(values: dict[str, Array]) -> dict[str, Array]:
     return {name: value[:, None, None] for name, value in values.items()}
 
 
-_ADDED = np.array(ADDED_KG)[None, :, None]
+def _loads(added_kg: Sequence[float] | Array) -> Array:
+    return np.asarray(added_kg)[None, :, None]
 
 
-def two_masses(frequency_hz: Array, values: dict[str, Array]) -> tuple[Array, Array]:
+def two_masses(
+    frequency_hz: Array, values: dict[str, Array], added_kg: Sequence[float] | Array = ADDED_KG
+) -> tuple[Array, Array]:
     """Foot and shank on two springs (Eq. 4.29, linear), the added mass on the shank, springs times (1 + M/m)^p."""
-    v, s = _column(values), _w(frequency_hz)
-    stiffer = ((v["m_F"] + v["m_S"] + _ADDED) / (v["m_F"] + v["m_S"])) ** v.get("p", 0.0)
+    v, s, added = _column(values), _w(frequency_hz), _loads(added_kg)
+    stiffer = ((v["m_F"] + v["m_S"] + added) / (v["m_F"] + v["m_S"])) ** v.get("p", 0.0)
     z_F, z_T = stiffer * v["k_F"] + s * v["c_F"], stiffer * v["k_T"] + s * v["c_T"]
-    top = s**2 * (v["m_S"] + _ADDED)
+    top = s**2 * (v["m_S"] + added)
     to_shank = z_T / (z_T + top)
     hung = z_T * top / (z_T + top)
     MB = z_F / (z_F + s**2 * v["m_F"] + hung) * to_shank
@@ -133,21 +146,27 @@ def chain(frequency_hz: Array, values: Mapping[str, Array], added_kg: Array) -> 
     return v["m_F"] + MF * malleolus / s**2, MF, TM
 
 
-def second_mode(frequency_hz: Array, values: dict[str, Array]) -> tuple[Array, Array]:
+def second_mode(
+    frequency_hz: Array, values: dict[str, Array], added_kg: Sequence[float] | Array = ADDED_KG
+) -> tuple[Array, Array]:
     """The chain on a fat pad with one stiffness and one damper."""
     v, s = _column(values), _w(frequency_hz)
-    mass, MF, TM = chain(frequency_hz, v, _ADDED)
+    mass, MF, TM = chain(frequency_hz, v, _loads(added_kg))
     z_F = v["k_F"] + s * v["c_F"]
     return z_F / (z_F + s**2 * mass) * MF, TM + 0 * MF
 
 
-def both(frequency_hz: Array, values: dict[str, Array], table: float = TABLE_M_S2) -> tuple[Array, Array]:
+def both(
+    frequency_hz: Array, values: dict[str, Array], added_kg: Sequence[float] | Array = ADDED_KG,
+    table: float = TABLE_M_S2,
+) -> tuple[Array, Array]:  # fmt: skip
     """The chain on a pad that cannot pull, pressed by its weight and the load; motions that repeat every period.
 
     MB is NaN where no such motion was found.
     """
-    mass, MF, TM = above(frequency_hz, values, np.array(ADDED_KG)[None, :, None])
-    systems = pressed(frequency_hz, values, mass, np.array(ADDED_KG)[None, :, None], table)
+    added = _loads(added_kg)
+    mass, MF, TM = above(frequency_hz, values, added)
+    systems = pressed(frequency_hz, values, mass, added, table)
     x, found = balance.solve(systems)
     a = np.where(found, systems.acceleration(x)[:, 0], np.nan).reshape(MF.shape[:-1])
     return a / table * MF[..., 0], TM[..., 0]
@@ -180,11 +199,14 @@ def pressed(
                            flat(drawn("k")), flat(drawn("exponent")), flat(drawn("c")), flat(table))  # fmt: skip
 
 
-def lift_off(frequency_hz: Array, values: dict[str, Array]) -> tuple[Array, Array]:
+def lift_off(
+    frequency_hz: Array, values: dict[str, Array], added_kg: Sequence[float] | Array = ADDED_KG
+) -> tuple[Array, Array]:
     """One mass on a pad that cannot pull; the load presses and does not move with it, but for a share of it."""
     share = values.get("share", np.zeros_like(values["m"]))
-    static = values["rest"][:, None] + G * np.array(ADDED_KG)  # its weight presses in either case
-    mass = values["m"][:, None] + share[:, None] * np.array(ADDED_KG)
+    added = np.asarray(added_kg)
+    static = values["rest"][:, None] + G * added  # its weight presses in either case
+    mass = values["m"][:, None] + share[:, None] * added
     k, exponent, c = (np.broadcast_to(values[n][:, None], static.shape).ravel() for n in ("k", "exponent", "c"))
     found = steady(frequency_hz, mass.ravel(), static.ravel(), k, exponent, c)
     MB = found.response.reshape(*static.shape, -1)

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from fasbody.leg.lift_off import REFERENCE_N, G
-from fasbody.leg.mechanisms import TISSUE_KG
+from fasbody.leg.mechanisms import MASSES, TISSUE_KG
 
 Array = np.ndarray
 #: What is assumed of a recording: scatter of a response and of a second harmonic [1], of a sensor's gain [1], of the
@@ -20,8 +20,6 @@ Array = np.ndarray
 NOISE, GAIN, MASS, MOUNT_HZ, MOUNT_ZETA = 0.02, 0.015, 0.05, (80.0, 200.0), (0.1, 0.3)
 #: Periods and seconds before the motion is read, periods read, longest step [s], what still counts as repeated.
 SETTLING, SETTLED_S, READ, LONGEST, SAME = 16, 2.0, 3, 1.3e-4, 0.03
-#: Constants that are masses: the body mass scales them.
-MASSES = ("m", "m_F", "m_S", "m_H")
 
 
 @dataclass(frozen=True)

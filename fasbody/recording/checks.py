@@ -40,6 +40,9 @@ _ABOVE = 0.6
 #: The third harmonic, over the fundamental, of tops that a saturated sensor flattens, and over the base's.
 _FLAT_TOPS, _MORE_THAN_BASE = 0.025, 3.0
 _SUSPECT_TOPS = 0.01
+#: Share of all harmonics that the third one has where both sides are flattened; less is one side, which gravity and a
+#: pad that cannot pull make, too.
+_BOTH_SIDES = 0.5
 #: From where on distortion, drift, uneven level and coherence are told (of a sine, and broadband).
 _DISTORTED, _DRIFTS, _UNSTEADY = 0.1, 0.3, 0.1
 _COHERENT = {True: 0.95, False: 0.5}
@@ -345,16 +348,21 @@ def _quality(recording: Recording, found: Quality, frequency: float | None, warn
         )
     for name, channel in found.channels.items():
         flat, own = channel.flat_tops, base.distortion
-        if name != "base" and flat > max(_FLAT_TOPS, _MORE_THAN_BASE * own):
+        one_sided = flat < _BOTH_SIDES * channel.distortion
+        if name != "base" and flat > max(_FLAT_TOPS, _MORE_THAN_BASE * own) and not one_sided:
             raise _fail(
                 recording,
                 f"{name}_m_s2 has flattened tops {at} (a third harmonic of {100 * flat:.1f} % in phase with them, base "
                 f"{100 * own:.1f} %): its sensor saturates; record with a larger range",
             )
         if name != "base" and flat > max(_SUSPECT_TOPS, _MORE_THAN_BASE * own):
+            tops = f"(a third harmonic of {100 * flat:.1f} % in phase with them)"
             warnings.append(
-                f"{recording.file}: {name}_m_s2 has slightly flattened tops {at} (a third harmonic of "
-                f"{100 * flat:.1f} % in phase with them); a sensor that begins to saturate reads too little."
+                f"{recording.file}: {name}_m_s2 has flattened tops on one side {at} {tops}; a foot that leaves the "
+                "plate makes them, and so does a sensor that saturates on one side."
+                if one_sided and flat > _FLAT_TOPS
+                else f"{recording.file}: {name}_m_s2 has slightly flattened tops {at} {tops}; a sensor that begins to "
+                "saturate reads too little."
             )
         if channel.distortion > _DISTORTED:
             warnings.append(
