@@ -174,6 +174,11 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Which mechanism made a recording: how often an analysis of virtual subjects names the right one.",
         ),
         Command(
+            "leg name", "fasbody.leg", "name",
+            "Name the mechanism that made a person's recordings: a second mode, stiffening, lift-off, both, or none of "
+            "these.",
+        ),
+        Command(
             "load effect", "fasbody.load_effect", "",
             "Which mechanisms can raise the resonance with the load, in how much of what the literature allows them.",
         ),

@@ -132,7 +132,7 @@ def naming(result: "Naming") -> Figure:
                 ax.plot(plan.frequency_hz[at], fitted[at], color=colour, lw=1, ls=":" if hollow else "-")
         ax.set_title(f"{pair}: recorded (marks), {best.rival} (lines)", fontsize=9, loc="left")
         ax.set_xlabel("frequency [Hz]")
-        ax.set_ylim(bottom=0)
+        ax.set_ylim(0, 1.1 * max(1.0, read.max(), fitted.max()))
         _plain(ax)
     panels[0].set_ylabel("transmissibility [1]")
     panels[-1].legend(fontsize=8, frameon=False)
