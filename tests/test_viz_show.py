@@ -88,6 +88,18 @@ def test_recording_drives_the_table_and_is_shown_beside(tmp_path: Path) -> None:
     assert drawn["bodies"] == ["base", "shank"]
 
 
+def test_ring_goes_around_the_shank_whichever_body_carries_the_accelerometer(monkeypatch: pytest.MonkeyPatch) -> None:
+    rings: dict[str, tuple[list[float], float]] = {}
+    for model in ("two_dof", "leg"):  # on the shank itself; on a malleolus below it
+
+        def keep(visualizer: object, name: str, centre: Any, radius: float, *rest: object, of: str = model) -> None:
+            rings[of] = centre.tolist(), radius
+
+        monkeypatch.setattr("viz.scene.add_ring", keep)
+        Show([model], Excitation.recorded(RECORDED, 0.5))
+    assert rings["leg"] == (pytest.approx(rings["two_dof"][0], abs=2e-3), pytest.approx(rings["two_dof"][1], abs=2e-3))
+
+
 def test_foot_with_names_of_its_own_is_drawn_by_its_geoms(tmp_path: Path) -> None:
     text = mjcf.path("two_dof").read_text()
     file = tmp_path / "own.xml"

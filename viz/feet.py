@@ -128,9 +128,11 @@ class Show:
         site = foot.model.site("malleolus")
         centre, radius = np.array(site.pos), 0.04
         shank = None if segments is None else segments["tibia"]
-        if shank is not None and shank.body == self._shank(foot):
+        carrier = frames(foot.model)[self._shank(foot)]
+        if shank is not None and np.allclose(shank.rest.quaternion, carrier.quaternion):
             vertices = np.vstack([part.vertices for part in self._parts if part.segment == "tibia"])
-            vertices = vertices - shank.bind.position
+            # in the frame of the body with the accelerometer, the shank's own or a malleolus' below it
+            vertices = vertices - shank.bind.position + shank.rest.position - carrier.position
             level = np.abs(vertices[:, 1] - (centre[1] + 0.03)) < SLICE
             if level.any():
                 low, high = vertices[level].min(0), vertices[level].max(0)
