@@ -137,13 +137,16 @@ class PulseBench:
         wave = np.concatenate([still, motion.acceleration(t) / SHAKER_M_S2, still]).astype("<f4")
         words = ["--raw", "--format=float32le", f"--rate={CARD_HZ}", "--channels=1", "--latency-msec=1000"]
         subprocess.run(
-            ["pacat", "-d", "shaker", *words], env=self.environment, input=wave.tobytes(), timeout=motion.duration + 60
+            ahead(["pacat", "-d", "shaker", *words]),
+            env=self.environment,
+            input=wave.tobytes(),
+            timeout=motion.duration + 60,
         )
 
     def silence(self, way: str, latency_s: float) -> dict[str, float]:
         """What `silence` finds, in a program that has this daemon's card."""
         words = [sys.executable, "-m", "benchmarks.pulse", f"silence-{way}", "--latency", f"{latency_s:g}"]
-        done = subprocess.run(words, env=self.environment, capture_output=True, text=True)
+        done = subprocess.run(ahead(words), env=self.environment, capture_output=True, text=True)
         if done.returncode:
             raise AcquisitionError(f"the card did not play: {done.stderr}")
         found: dict[str, float] = json.loads(done.stdout)
