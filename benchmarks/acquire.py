@@ -483,7 +483,7 @@ def main(
                 rows += beside.result() if beside and name == "long" else works[name]()
             except FasError as error:  # such as samples lost on busy cores: the other topics keep their rows
                 console.print(str(error), markup=False)
-                rows.append(Check(f"{name}: measured", 0, 1, said="no, samples were lost", beside="to its end"))
+                rows.append(Check(f"{name}: measured", 0, 1, said=f"no: {str(error)[:90]}", beside="to its end"))
     report("acquisition", rows, json_)
 
 
