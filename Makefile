@@ -2,7 +2,9 @@
 PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/python
-# no bytecode of files that nothing will import: Python makes it of the others when it first does
+# no bytecode of files that nothing will import: Python makes it of the others when it first does, if it may keep it;
+# where it may not, each of the many processes of the tests takes 5 s to import the packages instead of 2
+unexport PYTHONDONTWRITEBYTECODE
 PIP := $(RUN) -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 COMPILED := fasbody/foot/two_dof.py fasbody/foot/damper.py fasbody/foot/engine.py identification/engines/compiled.py
 

@@ -34,6 +34,7 @@ NOT_RUN = {
     r"-m benchmarks|benchmarks/": "takes minutes",
     r"-m reproduction\b(?!.*--only \"?(Eq|Table))|-m identification\.study chapter4": "takes minutes",
     r"-m identification\.study .*--(mode|scheduler)": "takes minutes or a scheduler; tests/test_study_*.py do it",
+    r"cell modes calcaneus": "takes as long as any bone's modes; those of the smallest one are computed",
     r"cell verify": "takes a minute; tests/test_cell_verification.py does it",
 }
 SHORTER = {
