@@ -131,6 +131,7 @@ def planned(foot: Virtual) -> tuple[tuple[Step, ...], dict[str, float]]:
 
     person = Person(load("two_dof"), foot.body_kg, Known().told(MASS_STD, exclude=("all",)), "made")
     director = Director(person, Shaker(), seed=foot.seed)
+    director.aim(director.as_thesis())
     steps = director.session(len(thesis()) // 3, sum(step.seconds for step in thesis()))
     return steps, dict(director.outlook(steps).half_width)
 

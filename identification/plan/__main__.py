@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 
 from fasbody.console import command_line, console, make_folder, print_json, results
-from fasbody.exceptions import AcquisitionError, SettingError, Stopped
+from fasbody.exceptions import AcquisitionError, SettingError, Stopped, unknown
 from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.presentation import write_figure
 
@@ -29,7 +29,14 @@ _Data = Annotated[
 ]
 _Model = Annotated[str, typer.Option(help="two-mass model, or its file")]
 _BodyMass = Annotated[float | None, typer.Option(help="body mass in kg (72.57 if nothing says it)")]
-_Ask = Annotated[list[str] | None, typer.Option(help="NAME=SHARE, half-width of an interval; repeat for several")]
+_Ask = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="NAME=SHARE, half-width of a 95 % interval, for example k_T=0.05; repeat for several. What is not named "
+        "is not asked for. thesis: all as narrow as its three loads would make them here",
+        show_default="k_T=0.03, k_F=0.03, c_11=0.06, c_21=0.06",
+    ),
+]
 
 
 def _finite(minutes: float) -> float:
@@ -62,6 +69,8 @@ _Draws = Annotated[int, typer.Option(help="feet to average over (default 32, aft
 _Seed = Annotated[int, typer.Option(min=0, help="of the feet that are drawn")]
 _Json = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
 
+#: --ask with this word asks for what the thesis' three loads would leave.
+_AS_THESIS = "thesis"
 #: A third of the thesis' recordings, and as long as it shook [min].
 RECORDINGS, MINUTES = 9, 4.5
 #: The body mass where nobody says one: that of the laboratory's subject 16 [kg].
@@ -105,6 +114,8 @@ def propose(
       python -m identification.plan --body-mass 80
 
       python -m identification.plan my_study --ask k_T=0.05 --ask k_F=0.05 --out next
+
+      python -m identification.plan --ask thesis --out as_thesis
 
       python -m identification.plan --frequencies 15:40:5 --loads 0,5 --displacement 0.004 --protocol steps.json
 
@@ -215,13 +226,14 @@ def run(
     )
     earlier = _earlier([out] if (out / "recordings.csv").is_file() else None, None)
     person = _person(model, body_mass, earlier, allow, mass_std, gain_std, delay_std, subject)
+    asked = _director(person, shaker, ask, (), seed, draws).asked if ask == [_AS_THESIS] else _asked(ask)
     safety = Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=displacement)
     ports = None if simulate else (port or "", baud, generator or "", generator_baud)
     with ExitStack() as stack:
         stack.enter_context(terminated())
         laboratory = stack.enter_context(Laboratory(out, person, safety, ports))
         session = Session(
-            person, shaker, _asked(ask), recordings, 60 * minutes, seed, draws, laboratory.record, Offer(auto), earlier,
+            person, shaker, asked, recordings, 60 * minutes, seed, draws, laboratory.record, Offer(auto), earlier,
             load_change,
         )  # fmt: skip
         result = session.run()
@@ -272,11 +284,16 @@ def _numbers(text: str | None, option: str) -> tuple[float, ...]:
 
 
 def _asked(texts: Sequence[str] | None) -> dict[str, float]:
-    found = {}
+    """Half-widths by constant; none where nobody asks."""
+    found: dict[str, float] = {}
     for text in texts or ():
-        name, _, share = text.partition("=")
+        name, _, share = (part.strip() for part in text.partition("="))
+        if text.strip() == _AS_THESIS:
+            raise SettingError(f"--ask {_AS_THESIS} asks for all intervals; leave out the other --ask.")
+        if name in found:
+            raise SettingError(f"--ask names {name} twice, {found[name]:g} and {share}; give it once.")
         try:
-            found[name.strip()] = float(share)
+            found[name] = float(share)
         except ValueError:
             raise SettingError(f"--ask {text!r} is not NAME=SHARE, for example k_T=0.05.") from None
     return found
@@ -312,7 +329,8 @@ def _person(
 
     allowed = set(names(allow) or ())
     known = Known.of_all([recording.known for recording in earlier])
-    known.told(exclude=allowed)  # refuses what there is not
+    for name in sorted(allowed - {*DEPARTURES, "all"}):
+        raise SettingError(f"--allow: {unknown('departure', name, (*DEPARTURES, 'all'))}.")
     excluded = () if "all" in allowed else tuple(set(DEPARTURES) - allowed)
     known = known.told(mass_std, gain_std, delay_std, excluded)
     if earlier:
@@ -335,7 +353,11 @@ def _director(
 ) -> "Director":
     from identification.plan.director import Director
 
-    return Director(person, shaker, _asked(ask), earlier, seed, draws)
+    if ask != [_AS_THESIS]:
+        return Director(person, shaker, _asked(ask), earlier, seed, draws)
+    director = Director(person, shaker, {}, earlier, seed, draws)
+    director.aim(director.as_thesis())
+    return director
 
 
 def show(result: "Presented") -> None:

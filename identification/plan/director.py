@@ -28,14 +28,22 @@ from identification.sensors import MALLEOLUS
 DRAWS, FEWER = 32, 12
 #: A branch counts as decided for a plan where so large a share of the feet is.
 SHARE = 0.9
-#: What is not asked for is to be as narrow as the thesis' three loads make it, within this factor:
-#: 15 % are allowed for feet that are not the population's, and the rest is room for the difference.
+#: Half-widths of the 95 % intervals that are asked for where nobody asks, whatever the rig and the person: what the
+#: thesis' three loads leave of most feet with the usual noise, and rounder.
+GOAL = {"k_T": 0.03, "k_F": 0.03, "c_11": 0.06, "c_21": 0.06}
+#: As narrow as the thesis' three loads means within this factor: 15 % are allowed for feet that are not the
+#: population's, and the rest is room for the difference.
 AS_THESIS = 1.05
 #: Rounds of exchange of a whole session, and the gain in nats that is worth one.
-_ROUNDS, _WORTH = 3, 1e-3
+_ROUNDS, _WORTH = 5, 1e-3
+#: How often some recordings of a session are drawn anew, at least and at most, until so many looks have been taken at
+#: all candidates; and by how many feet these sessions are exchanged.
+_LEAST, _RESTARTS, _LOOKS, _FEW = 2, 8, 60, 8
 #: A protocol that goes on for ever has every candidate so often, and oftener until the noise of all of them together
 #: is that of a sample with this rms [m/s^2], far below that of any sensor.
 _FOR_EVER, _SILENT = 1e4, 1e-3
+#: From this share of a constant's variance on, what it comes from is told.
+_TOLD = 0.1
 #: Draws of feet that have no steady motion before it is given up.
 _TRIES = 10
 
@@ -44,11 +52,14 @@ class Director:
     """Scores recordings that could be made of a person, and proposes.
 
     Args:
-        person: on the shaker. shaker: its limits. ask: half-widths that are asked for, by constant, as a share; those
-            that are not named are as narrow as the thesis' three loads are expected to make them, within 5 %.
+        person: on the shaker. shaker: its limits. ask: half-widths that are asked for, by constant, as a share; a
+            constant that is not named is not asked for, and where none is named `GOAL` is.
         earlier: recordings that exist, as steps that were done and what they said. seed: of the draws.
         draws: how many feet, 0 for the usual. believed: what earlier recordings were taken for before, to go on from.
-        compares: the thesis' protocol is looked at, too; it must be where not all intervals are asked for.
+        compares: the thesis' protocol is looked at, too.
+
+    Attributes:
+        asked: half-widths by constant.
     """
 
     def __init__(
@@ -63,11 +74,7 @@ class Director:
         compares: bool = True,
     ) -> None:
         self.person, self.shaker, self.seed = person, shaker, seed
-        for name, share in (ask or {}).items():
-            if name not in EXCHANGED:
-                raise SettingError(f"{unknown('constant to ask for', name, EXCHANGED)}.")
-            if not 0 < share < 10:
-                raise SettingError(f"the half-width asked for {name} is {share:g}; give a share, 0.05 for +-5 %.")
+        _refuse(ask or {})
         draws = draws or (FEWER if earlier else DRAWS)
         there = [name for name in person.foot.sensors if name != "base"]
         for name in shaker.sensors:
@@ -91,7 +98,7 @@ class Director:
             shaker = replace(shaker, noise_m_s2=float(np.clip(np.sqrt(np.mean(np.square(sigma))), 1e-6, 10.0)))
             self.shaker = shaker
         order, starts, feet = np.random.SeedSequence([seed, len(earlier)]).spawn(3)
-        compared = thesis() if compares or set(ask or {}) != set(EXCHANGED) else ()
+        compared = thesis() if compares else ()
         every = tuple(dict.fromkeys(map(self._unit, [*self.candidates, *compared, *self.done])))
         self._place = {step: i for i, step in enumerate(every)}
         allowed = person.allowed(every, earlier, shaker.rate_hz)
@@ -100,16 +107,24 @@ class Director:
         self._sight = Sight(person, every, shaker, allowed, np.random.default_rng(order), middle)
         self.belief = believe(person, earlier, allowed, middle, starts, believed) if earlier else None
         self._feet = Feet(self._draws(draws, feet), self._sight.space, len(self.candidates))
-        self._gained: dict[tuple[int, ...], np.ndarray] = {}
-        given = dict(ask or {})
-        usual = self.outlook(thesis(), fresh=True).half_width if compared else given
-        self.asked = {name: given.get(name, AS_THESIS * usual[name]) for name in EXCHANGED}
-        self._feet.asked, self.told = self.asked, tuple(given)
+        self._draw = feet
+        self._gained: dict[tuple[tuple[tuple[int, int], ...], int, int], np.ndarray] = {}
+        self.asked: dict[str, float] = {}
+        self.aim(ask or GOAL)
 
     @property
     def feet(self) -> int:
         """Over how many feet the scores are averaged."""
         return len(self._feet.seen)
+
+    def aim(self, ask: Mapping[str, float]) -> None:
+        """Ask for other half-widths, by constant, and for no others."""
+        _refuse(ask)
+        self._feet.asked = self.asked = {name: ask[name] for name in EXCHANGED if name in ask}
+
+    def as_thesis(self) -> dict[str, float]:
+        """Half-widths as the thesis' three loads would leave them here, within 5 %; to ask another director for."""
+        return {n: AS_THESIS * width for n, width in self.outlook(thesis(), fresh=True).half_width.items()}
 
     @property
     def allowed(self) -> tuple[str, ...]:
@@ -177,7 +192,18 @@ class Director:
 
     def for_ever(self) -> Outlook:
         """What is expected if every candidate were recorded until no noise is left: what stays is not in the motion."""
-        return self._feet.outlook(self._counts((), False) + self._longest * self._counts(self.candidates, True))
+        return self._feet.outlook(self._for_ever)
+
+    def causes(self) -> dict[str, str]:
+        """What keeps each constant uncertain then, in words: shares of its variance by what is not known beforehand."""
+        return {
+            name: ", ".join(f"{what} {100 * share:.0f} %" for what, share in shares.items() if share >= _TOLD)
+            for name, shares in self._feet.causes(self._for_ever).items()
+        }
+
+    @property
+    def _for_ever(self) -> np.ndarray:
+        return self._counts((), False) + self._longest * self._counts(self.candidates, True)
 
     @property
     def _longest(self) -> float:
@@ -225,14 +251,15 @@ class Director:
 
     def met(self, outlook: Outlook) -> bool:
         """The branch is expected to be decided and the asked intervals are met."""
-        narrow = all(outlook.half_width[name] <= self.asked[name] for name in EXCHANGED)
+        narrow = all(outlook.half_width[name] <= share for name, share in self.asked.items())
         return narrow and outlook.decided >= SHARE
 
     def session(self, most: int, seconds: float) -> tuple[Step, ...]:
         """A whole session, in the order of its loads.
 
-        Pieces of the usual length are added one by one until what is asked is expected to be met, then exchanged while
-        that gains. Pieces that are alike make one longer recording.
+        Pieces of the usual length are added one by one until what is asked is expected to be met. Then whole recordings
+        are swapped, and pieces moved from one to another, while that gains; then some recordings are made anew and all
+        is done again, several times, and the best session is kept. Pieces that are alike make one longer recording.
 
         Args:
             most: recordings. seconds: of shaking in all.
@@ -246,43 +273,87 @@ class Director:
                 f"{most} recordings in {seconds:g} s leave no room for {self.shaker.seconds:g} s; "
                 "give more or shorter ones."
             )
-        chosen: list[int] = []
         self._gained.clear()
-        for _ in range(_ROUNDS):
-            while len(chosen) < pieces and not (chosen and self.met(self.outlook(self._steps(chosen)))):
-                chosen.append(self._best(chosen, most)[0])
-            if not self._exchange(chosen, most):
+        first = best = self._polished(self._grown(Counter(), most, pieces, self.feet), most, pieces, self.feet)
+        rng = np.random.default_rng(stream(self._draw, "restarts"))
+        for number in range(_RESTARTS):
+            if number >= _LEAST and sum(feet for *_, feet in self._gained) > _LOOKS * self.feet:
                 break
-        while len(chosen) < pieces and not self.met(self.outlook(self._steps(chosen))):
-            chosen.append(self._best(chosen, most)[0])
-        steps = [replace(self.candidates[i], seconds=n * self.shaker.seconds) for i, n in Counter(chosen).items()]
+            other = best.copy()
+            for i in rng.permutation(sorted(best))[: rng.integers(1, len(best) + 1)]:
+                other[int(rng.integers(len(self.candidates)))] += other.pop(int(i))
+            other = self._polished(other, most, pieces, _FEW)
+            best = max(best, other, key=self._worth)
+        if best != first:
+            best = max(best, self._polished(best, most, pieces, self.feet), key=self._worth)
+        steps = [replace(self.candidates[i], seconds=n * self.shaker.seconds) for i, n in best.items()]
         return tuple(sorted(steps, key=lambda s: (s.added_mass_kg, s.frequency_hz, -s.amplitude_m_s2, s.kind)))
 
-    def _exchange(self, chosen: list[int], most: int) -> bool:
-        """Replace each piece by what adds more beside all the others; whether any was."""
-        changed = False
-        for number, now in enumerate(chosen):
-            best, gains = self._best(chosen[:number] + chosen[number + 1 :], most)
-            if gains[best] > gains[now] + _WORTH:
-                chosen[number], changed = best, True
-        return changed
+    def _polished(self, plan: Counter[int], most: int, pieces: int, feet: int) -> Counter[int]:
+        """The best session near one by the first feet, without pieces that the goal does not need."""
+        for _ in range(_ROUNDS):
+            before = plan.copy()
+            for i in sorted(plan, key=lambda i: plan[i]):  # whole recordings
+                plan = self._moved(plan, i, plan[i], most, feet)
+            if plan != before:
+                continue
+            for i in sorted(plan):  # one piece of each
+                plan = self._moved(plan, i, 1, most, feet)
+            plan = self._grown(plan, most, pieces, feet)
+            if plan == before:
+                break
+        while self._met(plan):
+            fewer = [plan - Counter([i]) for i in plan]
+            fewer = [each for each in fewer if each and self._met(each)]
+            if not fewer:
+                break
+            plan = max(fewer, key=self._worth)
+        return plan
 
-    def _steps(self, chosen: Sequence[int]) -> list[Step]:
-        return [self.candidates[i] for i in chosen]
+    def _grown(self, plan: Counter[int], most: int, pieces: int, feet: int) -> Counter[int]:
+        """With more pieces, one by one, until what is asked is expected to be met."""
+        while plan.total() < pieces and not (plan and self._met(plan)):
+            plan = plan + Counter([self._best(plan, 1, most, feet)[0]])
+        return plan
 
-    def _best(self, chosen: Sequence[int], most: int) -> tuple[int, np.ndarray]:
-        """The candidate that adds most to those chosen, of so many different ones, and what each adds (C,)."""
-        key = tuple(sorted(chosen))
-        if key not in self._gained:  # pieces of one recording are alike
-            self._gained[key] = self._feet.gains(self._counts(self._steps(chosen), False)).sum(1)
-        gains, there = self._gained[key], sorted(set(chosen))
+    def _moved(self, plan: Counter[int], i: int, pieces: int, most: int, feet: int) -> Counter[int]:
+        """With so many pieces of recording i where they add most."""
+        if not plan[i]:
+            return plan
+        rest = plan - Counter({i: pieces})
+        best, gains = self._best(rest, pieces, most, feet)
+        return rest + Counter({best: pieces}) if gains[best] > gains[i] + _WORTH else plan
+
+    def _met(self, plan: Counter[int]) -> bool:
+        return self.met(self.outlook(self._steps(plan)))
+
+    def _worth(self, plan: Counter[int]) -> tuple[bool, int, float]:
+        """What makes one session better than another: the goal is met, by less shaking; else the score."""
+        outlook = self.outlook(self._steps(plan))
+        met = self.met(outlook)
+        return met, -plan.total() if met else 0, float(outlook.utility.sum())
+
+    def _steps(self, plan: Counter[int]) -> list[Step]:
+        return [replace(self.candidates[i], seconds=n * self.shaker.seconds) for i, n in plan.items()]
+
+    def _best(self, plan: Counter[int], pieces: int, most: int, feet: int) -> tuple[int, np.ndarray]:
+        """The candidate whose pieces add most to a session, of so many recordings, and what each one's add (K,)."""
+        key = (tuple(sorted(plan.items())), pieces, feet)
+        if key not in self._gained:
+            self._gained[key] = self._feet.gains(self._counts(self._steps(plan), False), pieces, feet).sum(1)
+        gains, there = self._gained[key], sorted(plan)
         if len(there) < most:
             return int(np.argmax(gains)), gains
         return there[int(np.argmax(gains[there]))], gains
 
 
-def _solved(M: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.asarray(np.linalg.solve(M, b[..., None]))[..., 0]
+def _refuse(ask: Mapping[str, float]) -> None:
+    """Raise SettingError if a constant or a half-width cannot be meant."""
+    for name, share in ask.items():
+        if name not in EXCHANGED:
+            raise SettingError(f"{unknown('constant to ask for', name, EXCHANGED)}.")
+        if not 0 < share < 10:
+            raise SettingError(f"the half-width asked for {name} is {share:g}; give a share, 0.05 for +-5 %.")
 
 
 def step_of(recording: Recording) -> Step:

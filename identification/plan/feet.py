@@ -2,7 +2,7 @@
 
 The score is in nats, and a mean over the feet:
 
-- information: half the log det that the asked constants' information gains, whatever else may be true integrated out;
+- information: half the log det that the asked constants' information gains, everything else integrated out;
 - branch: how much nearer the expected log-odds between the foot and its mirror image come to 1000 to 1, as a share;
 - rivals: the same for the departures that are not excluded, each of the size that its prior expects;
 - widest: the logarithm by which the widest asked interval comes nearer to what was asked.
@@ -83,7 +83,7 @@ class Feet:
         true, image = (np.stack([getattr(f, which) for f in seen]) - mean for which in ("q", "image"))
         self._pp, self._p_image = (self._P * true**2).sum(1), self._P * image
         self._pp_image = (self._P * image**2).sum(1)
-        self._rivals = _sizes(space.index)
+        self._rivals, self._names = _sizes(space.index), list(space.index)
         # derivatives (D, m, n) of the logarithms of the main constants, the prior's slope, and units of the rivals
         L = np.stack([space.logarithms(foot.q, EXCHANGED) for foot in seen])
         units = np.eye(mean.size)[[i for group in self._rivals for i in group]]
@@ -101,11 +101,24 @@ class Feet:
             utility[0],
         )
 
-    def gains(self, counts: np.ndarray) -> np.ndarray:
-        """What each candidate adds to a protocol (C,): (K, 4) in the order of `Score`."""
-        now = [x[:, None] for x in self._summed(counts)]
-        after = [s + x for s, x in zip(now, self._each, strict=True)]
+    def gains(self, counts: np.ndarray, times: float = 1.0, feet: int | None = None) -> np.ndarray:
+        """What each candidate, so many times, adds to a protocol (C,) by the first feet: (K, 4) as in `Score`."""
+        now = [x[:feet, None] for x in self._summed(counts)]
+        after = [s + times * x[:feet] for s, x in zip(now, self._each, strict=True)]
         return self._judge(*after)[2] - self._judge(*now)[2]
+
+    def causes(self, counts: np.ndarray) -> dict[str, dict[str, float]]:
+        """What keeps each constant uncertain after a protocol (C,): by constant, shares of its variance by what is not
+        known beforehand, the mean over the feet, the largest first; the noise has the rest.
+        """
+        A = self._summed(counts)[0]
+        C, L = np.linalg.inv(A + np.diag(self._P)), self._rows[:, 0, : len(EXCHANGED)]
+        moved = L @ C
+        share = (moved**2 * self._P / (moved * L).sum(-1, keepdims=True)).mean(0)
+        return {
+            name: {self._names[i]: float(own[i]) for i in np.argsort(-own)}
+            for name, own in zip(EXCHANGED, share, strict=True)
+        }
 
     def _summed(self, counts: np.ndarray) -> list[np.ndarray]:
         at = np.flatnonzero(counts)
@@ -119,27 +132,30 @@ class Feet:
         Args:
             A, B: (D, K, n, n). b: (D, K, n). c: (D, K).
         """
-        m, prior = len(EXCHANGED), np.diag(self._P)
-        right = np.linalg.solve(A + prior, np.swapaxes(self._rows, -1, -2))
-        known = self._rows @ right  # covariances of the rows' products with the variables
+        m, prior, D = len(EXCHANGED), np.diag(self._P), len(A)
+        rows = self._rows[:D]
+        right = np.linalg.solve(A + prior, np.swapaxes(rows, -1, -2))
+        known = rows @ right  # covariances of the rows' products with the variables
         own = known[..., :m, :m]
         std = np.sqrt(np.einsum("dkmm->dkm", own))
-        information = -0.5 * np.linalg.slogdet(own)[1].mean(0)
+        at = [EXCHANGED.index(name) for name in self.asked] or list(range(m))
+        information = -0.5 * np.linalg.slogdet(own[..., at, :][..., at])[1].mean(0)
         # of the branch: what the best foot near the mirror image misses, less what the prior costs the foot itself
-        bent = b + self._p_image[:, None]
-        missed = c + self._pp_image[:, None] - (bent * np.linalg.solve(B + prior, bent[..., None])[..., 0]).sum(-1)
-        odds = 0.5 * (missed - self._pp[:, None] + known[..., m, m])
+        bent = b + self._p_image[:D, None]
+        missed = c + self._pp_image[:D, None] - (bent * np.linalg.solve(B + prior, bent[..., None])[..., 0]).sum(-1)
+        odds = 0.5 * (missed - self._pp[:D, None] + known[..., m, m])
         branch = np.clip(odds / _DECISIVE, 0.0, 1.0).mean(0)
         rivals, first = np.zeros(A.shape[1]), m + 1
         for group in self._rivals:
-            rows = slice(first, first + group.size)
-            block = np.linalg.inv(known[..., rows, rows]) - np.diag(self._P[group])
+            place = slice(first, first + group.size)
+            block = np.linalg.inv(known[..., place, place]) - np.diag(self._P[group])
             rivals += np.clip(0.5 * block.sum((-1, -2)) / _DECISIVE, 0.0, 1.0).mean(0) / len(self._rivals)
-            first = rows.stop
+            first = place.stop
         over = np.zeros(std.shape[1])
         if self.asked:
-            wanted = np.array([self.asked[name] for name in EXCHANGED])
-            over = np.maximum(0.0, np.log(np.sinh(np.minimum(_Z95 * std, 50.0)) / wanted).max(-1)).mean(0)
+            wanted = np.array(list(self.asked.values()))
+            half = np.sinh(np.minimum(_Z95 * std[..., at], 50.0))
+            over = np.maximum(0.0, np.log(half / wanted).max(-1)).mean(0)
         return std, odds, np.stack([information, branch, rivals, -over], axis=1)
 
 

@@ -11,7 +11,7 @@ from fasbody.console import to_json, write_whole
 from fasbody.presentation import Presented, Sheet, readable
 from identification.branches import EXCHANGED
 from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Step, thesis
-from identification.plan.director import SHARE, Director
+from identification.plan.director import GOAL, SHARE, Director
 from identification.plan.feet import Outlook, Score
 from identification.plan.protocol import Protocol, shaking_s
 
@@ -118,8 +118,9 @@ class Planned(Presented):
     Attributes:
         model, subject, body_mass_kg, posture, seed: whose plan, and of which draws. feet: how many draws.
         steps: to record, in order. adds: what each adds to all the others. expected: by protocol.
-        asked: half-widths by constant; told: those of them that were asked for in words.
+        asked: half-widths by constant; those that are not asked for are left out.
         reached: half-widths if every candidate were recorded until no noise is left, and the share decided then.
+        causes: what keeps each constant uncertain then, in words.
         longer: what it takes to meet what the noise is in the way of; None where nothing is.
         offers: sensors that could be worn besides. allowed: departures of the world that are allowed for.
         earlier: how many recordings there are. places: the map. said: what they say. seconds: that the planning took.
@@ -138,8 +139,8 @@ class Planned(Presented):
     adds: tuple[Score, ...]
     expected: dict[str, Expected]
     asked: dict[str, float]
-    told: tuple[str, ...]
     reached: Expected
+    causes: dict[str, str]
     longer: Longer | None
     offers: tuple[Offer, ...]
     allowed: tuple[str, ...]
@@ -152,7 +153,7 @@ class Planned(Presented):
     def missed(self) -> tuple[str, ...]:
         """Constants whose interval the plan is not expected to bring down to what is asked."""
         mine = self.expected[PLANNED].half_width
-        return tuple(name for name in EXCHANGED if mine[name] > self.asked[name])
+        return tuple(name for name, share in self.asked.items() if mine[name] > share)
 
     @property
     def never(self) -> tuple[str, ...]:
@@ -195,15 +196,14 @@ class Planned(Presented):
             return "What is asked is met."
         mine = self.expected[PLANNED].half_width
         parts = [
-            f"{name} stays at +-{_percent(mine[name])} ({_percent(self.asked[name])} asked)"
+            f"{name} stays at +-{_percent(mine[name])} (+-{_percent(self.asked[name])} asked)"
             for name in self.missed
             if name not in self.never
         ]
         if not self.decides and self.reached.decided >= SHARE:
             parts.append("the branch may stay open")
         never = [
-            f"{name} below +-{_percent(self.reached.half_width[name])} ({_percent(self.asked[name])} asked)"
-            for name in self.never
+            unreachable(name, self.reached.half_width[name], self.asked[name], self.causes[name]) for name in self.never
         ]
         if self.reached.decided < SHARE:
             never.append(f"the branch for more than {100 * self.reached.decided:.0f} % of such feet")
@@ -213,9 +213,9 @@ class Planned(Presented):
             text += f"{self.longer} " if self.longer else ""
         if never:
             text += (
-                f"No protocol of these candidates ever brings {', nor '.join(never)}, however little noise there is: "
-                "what stays uncertain is not in the vibration. Weigh the segments, calibrate the channels, or add a "
-                "load or a sensor on the foot."
+                f"No protocol of these candidates is expected to bring {', nor '.join(never)}, with unlimited minutes "
+                "of every candidate: what stays uncertain is not in the vibration. Weigh the segments, calibrate the "
+                "channels, or add a load or a sensor on the foot."
             )
         return text.strip()
 
@@ -231,7 +231,7 @@ class Planned(Presented):
         columns = (
             "step", "kind", "Hz", "kg", "m/s^2", "s", "information [nat]", "widest [nat]", "branch",
         )  # fmt: skip
-        notes = [self.sentence()]
+        notes = [self.sentence(), goal(self.asked)]
         for name, e in self.expected.items():
             widths = ", ".join(f"{n} +-{_percent(w)}" for n, w in e.half_width.items())
             notes.append(
@@ -256,26 +256,29 @@ class Planned(Presented):
 
     def records(self) -> list[dict[str, Any]]:
         """One row a step."""
-        return [_row(step) | asdict(score) for step, score in zip(self.steps, self.adds, strict=True)]
+        return [
+            asdict(step) | {"sensors": ",".join(step.sensors)} | asdict(score)
+            for step, score in zip(self.steps, self.adds, strict=True)
+        ]
 
     def document(self) -> dict[str, Any]:
         """The plan as plain data."""
         return {
             **self.protocol.document(), "model": self.model, "feet": self.feet,
-            "next": _row(self.steps[0]) if self.steps else None,
+            "next": asdict(self.steps[0]) if self.steps else None,
             "scores": [asdict(score) | {"total": score.total} for score in self.adds],
             "expected": {name: e.document() for name, e in self.expected.items()},
-            "asked": self.asked, "met": self.met,
+            "asked": {name: self.asked.get(name) for name in EXCHANGED}, "met": self.met,
             "never": {
                 "constants": list(self.never), "relative_half_width": self.reached.half_width,
-                "decided_share": self.reached.decided,
+                "decided_share": self.reached.decided, "variance": {name: self.causes[name] for name in self.never},
             },
             "longer": None if self.longer is None else asdict(self.longer),
             "offers": [offer.document() for offer in self.offers],
             "allowed": list(self.allowed), "earlier_recordings": self.earlier,
             "information": [
                 {
-                    **_row(p.step), "first_nat": p.first.information, "more_nat": p.more.information,
+                    **asdict(p.step), "first_nat": p.first.information, "more_nat": p.more.information,
                     "first_total": p.first.total, "more_total": p.more.total,
                 }
                 for p in self.places
@@ -316,7 +319,7 @@ def planned(director: Director, most: int, seconds: float, took_s: float = 0.0) 
     person, reached = director.person, Expected.of((), director.for_ever())
     return Planned(
         person.foot.name, person.name, person.body_mass_kg, person.posture, director.seed, director.feet, steps,
-        tuple(adds), expected, dict(director.asked), director.told, reached,
+        tuple(adds), expected, dict(director.asked), reached, director.causes(),
         _longer(director, steps, expected[PLANNED], reached),
         tuple(_offer(director, name, steps, whole) for name in director.offers), director.allowed, len(director.done),
         tuple(Place(s, a, b) for s, a, b in zip(director.candidates, first, more, strict=True)),
@@ -332,7 +335,7 @@ def _offer(director: Director, sensor: str, steps: Sequence[Step], without: np.n
 def _longer(director: Director, steps: Sequence[Step], mine: Expected, reached: Expected) -> Longer | None:
     """What it takes to meet what can be met and is not."""
     asked, branch = director.asked, mine.decided < SHARE <= reached.decided
-    names = [name for name in EXCHANGED if mine.half_width[name] > asked[name] >= reached.half_width[name]]
+    names = [name for name, share in asked.items() if mine.half_width[name] > share >= reached.half_width[name]]
     if not names and not branch:
         return None
     return Longer.of(director, {"the plan": steps, EVERY: director.candidates}, names, branch)
@@ -355,10 +358,18 @@ def believed(director: Director) -> str:
     return f"After {_many(len(director.done), 'recording')}: {told}; {bands}.{lost}"
 
 
-def _row(step: Step) -> dict[str, Any]:
-    row = asdict(step)
-    row["sensors"] = ",".join(step.sensors)
-    return row
+def goal(asked: Mapping[str, float]) -> str:
+    """What is asked for, in full."""
+    wide = ", ".join(f"{name} +-{_percent(share)}" for name, share in asked.items())
+    rest = ", ".join(name for name in EXCHANGED if name not in asked)
+    usual = " (the usual goal, whatever the rig)" if asked == GOAL else ""
+    return f"Asked: {wide}{usual}, and the branch.{f' Not asked: {rest}.' if rest else ''}"
+
+
+def unreachable(name: str, reached: float, asked: float, cause: str) -> str:
+    """A constant that no protocol brings down to what is asked, and why."""
+    why = f"; its variance: {cause}" if cause else ""
+    return f"{name} below +-{_percent(reached)} (+-{_percent(asked)} asked{why})"
 
 
 def _many(count: int, what: str) -> str:

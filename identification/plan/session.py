@@ -15,11 +15,12 @@ from fasbody.recording.recording import Recording
 from identification.branches import EXCHANGED
 from identification.plan.belief import Band, Belief
 from identification.plan.candidates import Step
-from identification.plan.director import SHARE, Director
+from identification.plan.director import GOAL, SHARE, Director
+from identification.plan.feet import Outlook
 from identification.plan.heard import Heard, heard
 from identification.plan.prior import Person
 from identification.plan.protocol import shaking_s
-from identification.plan.result import EVERY, Longer, believed
+from identification.plan.result import EVERY, Longer, believed, goal, unreachable
 from identification.plan.shaker import Shaker
 
 #: Why a session ended.
@@ -30,6 +31,8 @@ _FAILURES = 3
 #: Laying another load on the knee costs as much as so long a shaking under this one [s]: two hands lay it in half a
 #: minute, and the person stands as before after as long again. An assumption, not a measurement.
 CHANGE_S = 60.0
+#: Within this factor of what unlimited minutes leave, an interval is as narrow as it gets.
+_NEARLY = 1.1
 #: A step lasts at most so many of the usual lengths, as the next one may be worth more by then.
 _LONGEST = 3
 #: A base whose harmonics are larger than this share of its fundamental, or whose coherence is lower than that, is told.
@@ -126,7 +129,7 @@ class Shaken(Presented):
         last = self.left if self.ended in (STOPPED, INTERRUPTED, BROKEN) else ()
         left = [f"Planned and not recorded: {'; '.join(map(str, last))}."] if last else []
         failed = [f"Step {i} failed: {t.why}" for i, t in enumerate(self.taken, start=1) if t.why]
-        return Sheet("A session on the shaker", columns, rows, [self.sentence(), *failed, *left])
+        return Sheet("A session on the shaker", columns, rows, [self.sentence(), goal(self.asked), *failed, *left])
 
     def records(self) -> list[dict[str, Any]]:
         """One row a step."""
@@ -145,7 +148,8 @@ class Shaken(Presented):
         """The session as plain data."""
         return {
             "steps": self.records(), "ended": self.ended, "reason": self.reason, "sentence": self.sentence(),
-            "shaking_s": shaking_s([t.step for t in self.good]), "recordings": len(self.good), "asked": self.asked,
+            "shaking_s": shaking_s([t.step for t in self.good]), "recordings": len(self.good),
+            "asked": {name: self.asked.get(name) for name in EXCHANGED},
             "fit": {name: asdict(band) for name, band in self.bands.items()}, "said": self.said,
             "left": [asdict(step) for step in self.left],
         }  # fmt: skip
@@ -155,8 +159,9 @@ class Session:
     """Recordings one by one, each chosen after the last.
 
     Args:
-        person: on the shaker. shaker: its limits. ask: half-widths that are asked for. most: recordings. seconds: of
-            shaking in all. seed, draws: of the director. record: makes a recording. offering: tells and asks.
+        person: on the shaker. shaker: its limits. ask: half-widths that are asked for, and no others; none for the
+            usual goal. most: recordings. seconds: of shaking in all. seed, draws: of the director. record: makes a
+            recording. offering: tells and asks.
         earlier: recordings that exist, checked. change_s: what laying another load costs, in seconds of shaking.
     """
 
@@ -178,7 +183,7 @@ class Session:
             raise SettingError(f"a change of load that costs as much as {change_s:g} s of shaking; valid: 0 to 3600.")
         if most < 1 or seconds < shaker.seconds:
             raise SettingError(f"{most} recordings in {seconds:g} s leave no room for one of {shaker.seconds:g} s.")
-        self._person, self._shaker, self._ask = person, shaker, dict(ask)
+        self._person, self._shaker, self._ask = person, shaker, dict(ask or GOAL)
         self._most, self._seconds, self._seed, self._draws = most, seconds, seed, draws
         self._record, self._offering = record, offering or Offering()
         self._recordings = list(earlier)
@@ -195,6 +200,7 @@ class Session:
 
         Ctrl-C, or what can neither be recorded nor fitted, ends it with what there is.
         """
+        self._offering.told(goal(self._ask))
         try:
             while True:
                 with heeded():  # compiled code makes something else of Ctrl-C
@@ -234,16 +240,16 @@ class Session:
         count, spent = len(self._recordings) - self._before, shaking_s([t.step for t in self._taken if t.heard])
         if belief is not None:
             bands = belief.open_bands(EXCHANGED)
-            wide = [name for name in EXCHANGED if bands[name].half_width > director.asked[name]]
+            wide = [name for name, share in director.asked.items() if bands[name].half_width > share]
             if belief.decided and not wide:
                 return MET, "What is asked is met."
             ever = director.for_ever()
             never = [name for name in wide if ever.half_width[name] > director.asked[name]]
-            open_ = not belief.decided and ever.decided < SHARE
-            if (never or open_) and len(never) == len(wide) and (open_ or belief.decided):
-                what = [f"{n} below +-{100 * ever.half_width[n]:.2g} %" for n in never] + ["the branch"] * open_
-                text = f"No protocol of these candidates will ever bring {', nor '.join(what)}"
-                return NEVER, f"{text}: what stays uncertain is not in the vibration."
+            open_ = not belief.decided and ever.decided <= 1 - SHARE
+            # it goes on while anything that is asked for comes nearer with more minutes
+            near = [n for n in never if bands[n].half_width <= _NEARLY * ever.half_width[n]]
+            if len(near) == len(wide) and (belief.decided or open_):
+                return NEVER, _unreachable(director, ever, never, open_)
         if count >= self._most or spent + self._shaker.seconds > self._seconds + 1e-9:
             return SPENT, f"The recordings or minutes that were given are spent. {self._missing(director)}".strip()
         if len(self._taken) >= _FAILURES and all(t.heard is None for t in self._taken[-_FAILURES:]):
@@ -256,13 +262,18 @@ class Session:
         if belief is None or not good:
             return ""
         ever, bands = director.for_ever(), belief.open_bands(EXCHANGED)
-        names = [n for n in EXCHANGED if bands[n].half_width > director.asked[n] >= ever.half_width[n]]
+        wide = [n for n, share in director.asked.items() if bands[n].half_width > share]
+        names = [n for n in wide if director.asked[n] >= ever.half_width[n]]
         branch = not belief.decided and ever.decided >= SHARE
+        never, open_ = [n for n in wide if n not in names], not belief.decided and not branch
+        text = _unreachable(director, ever, never, open_) if never or open_ else ""
         done = [replace(step, seconds=self._shaker.seconds) for step in good]
         again = [step for step in done if step in director.candidates]
         steps = {"these recordings": again, EVERY: director.candidates}
         longer = Longer.of(director, steps, names, branch) if names or branch else None
-        return f"Noise is in the way of {', '.join([*names, *['the branch'] * branch])}. {longer}" if longer else ""
+        if longer:
+            text = f"Noise is in the way of {', '.join([*names, *['the branch'] * branch])}. {longer} {text}"
+        return text.strip()
 
     def _next(self, director: Director) -> Step | None:
         """The step of a plan for what is left of the time that adds most.
@@ -317,9 +328,20 @@ class Session:
         belief = None if director is None else director.belief
         return Shaken(
             tuple(self._taken), ended, reason, "Nothing is recorded yet." if director is None else believed(director),
-            self._ask if director is None else dict(director.asked), tuple(self._recordings),
+            self._ask, tuple(self._recordings),
             {} if belief is None else belief.open_bands(EXCHANGED), self._left,
         )  # fmt: skip
+
+
+def _unreachable(director: Director, ever: Outlook, never: Sequence[str], open_: bool) -> str:
+    """What no protocol does, how far it is reached with unlimited minutes, and why not further."""
+    causes = director.causes()
+    what = [unreachable(n, ever.half_width[n], director.asked[n], causes[n]) for n in never]
+    what += [f"a decision between the mirror feet (but for {100 * ever.decided:.0f} % of such feet)"] * open_
+    return (
+        f"No protocol of these candidates is expected to bring {', nor '.join(what)}, with unlimited minutes of every "
+        "candidate: what stays uncertain is not in the vibration."
+    )
 
 
 def _after(taken: Taken, belief: Belief | None) -> Taken:
