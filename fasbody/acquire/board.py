@@ -20,6 +20,8 @@ WINDOW_S = 2.0
 STALLED_S = 3.0
 #: So long without a sample ends the excitation [s]: nobody watches the base any more.
 BLIND_S = 1.0
+#: After a stall samples are of now when in this time [s] no more come than so many times what is taken in it.
+_CALM_S, _HURRY = 0.5, 1.5
 #: A board whose own test fails says so in its name.
 FAILED = "FAILED"
 
@@ -85,7 +87,7 @@ class Board:
         self._recent: deque[np.ndarray] = deque()
         self._kept = 0
         self._lateness = Lateness()
-        self._since = 0.0  # samples taken before this time of the host's clock are not kept
+        self._since, self._older = 0.0, 0  # samples taken before this time of the host's clock are counted, not kept
         self._last = time.monotonic()  # of the last sample, or of the first hello
         self._bytes = 0  # that had come by then
 
@@ -142,6 +144,8 @@ class Board:
             for block in blocks:
                 if arrival.host - self._lateness.of(block.time_us, arrival.host) >= self._since:
                     self._keep(block.samples)
+                else:
+                    self._older += len(block.samples)
         if self.watch is not None:
             self._look([message for message in messages if isinstance(message, Block)], self.watch)
         if self.listener is not None:
@@ -183,7 +187,9 @@ class Board:
             self._kept -= len(self._recent.popleft())
 
     def revive(self) -> None:
-        """After a stall: wait for the next sample as long as for a replug.
+        """After a stall: wait for the next sample as long as for a replug, and until they come no faster than taken.
+
+        What a board or a computer held back comes in a hurry and shows the base as it was.
 
         Raises:
             Stalled: none came.
@@ -201,6 +207,15 @@ class Board:
                     f"{self.reader.port_name}: {'unplugged, and ' if self._away else ''}no sample came for another "
                     f"{self.reader.patience:g} s; switch the board off and on, check its supply and firmware."
                 )
+        rate = self.decoder.hello.rate_hz if self.decoder.hello else np.inf
+        self._since = 0.0
+        while time.monotonic() < deadline:
+            self.forget()
+            with contextlib.suppress(Stalled):
+                self.watch_for(_CALM_S)
+            if self._kept <= _HURRY * rate * _CALM_S:
+                break
+        self._lateness.forget()
 
     @property
     def patience(self) -> float:
@@ -233,7 +248,7 @@ class Board:
         """
         hello = self.decoder.hello
         assert hello is not None
-        self._since = time.monotonic()  # what comes late on a busy computer was taken before
+        self._since, self._older = time.monotonic(), 0  # what comes late on a busy computer was taken before
         self.forget()
         count = round(seconds * hello.rate_hz)
         patience = 2 * seconds + STALLED_S
@@ -243,9 +258,13 @@ class Board:
             if self._lateness.still:
                 raise AcquisitionError(f"{hello.board}: its time stamps do not advance; see docs/acquisition.md.")
             if time.monotonic() > deadline:
+                silent = time.monotonic() - self._last
+                if silent > BLIND_S:
+                    raise Stalled(f"{hello.board}: stalled, no samples for {silent:.2g} s; check supply and firmware.")
+                older = f" and {counted(self._older, 'older one')}" if self._older else ""
                 raise Stalled(
-                    f"{hello.board}: {counted(self._kept, 'sample')} in {patience:g} s at {hello.rate_hz:g} Hz, by its "
-                    "time stamps; are they as docs/acquisition.md says?"
+                    f"{hello.board}: {counted(self._kept, 'sample')}{older} in {patience:g} s at {hello.rate_hz:g} Hz, "
+                    "by its time stamps; is it late after a stall, or are they not as docs/acquisition.md says?"
                 )
         return self.recent()[:count]
 

@@ -37,28 +37,31 @@ class Safety:
             if not 0 < limit < np.inf:
                 raise SettingError(f"the safety limit {name} is {limit:g}; it must be a positive number.")
         travel = peak_to_peak / (2 * np.pi * frequency_hz) ** 2
-        if not travel <= self.displacement_m:
+        if not travel <= COMMANDED * self.displacement_m:
+            most = f"{1e3 * COMMANDED * self.displacement_m:.3g} mm"
             raise SettingError(
                 f"{peak_to_peak:g} m/s^2 peak to peak at {frequency_hz:g} Hz move the base by {1e3 * travel:.3g} mm, "
-                f"more than {1e3 * self.displacement_m:g} mm; choose a higher frequency or a lower acceleration."
+                f"more than {most}, which leave room to the limit of {1e3 * self.displacement_m:g} mm; choose a higher "
+                "frequency or a lower acceleration."
             )
-        if not 0.5 * peak_to_peak <= self.peak_m_s2:
+        if not 0.5 * peak_to_peak <= COMMANDED * self.peak_m_s2:
             raise SettingError(
-                f"{peak_to_peak:g} m/s^2 peak to peak exceed the limit of +-{self.peak_m_s2:g} m/s^2; choose less."
+                f"{peak_to_peak:g} m/s^2 peak to peak are more than +-{COMMANDED * self.peak_m_s2:.4g} m/s^2, which "
+                f"leave room to the limit of +-{self.peak_m_s2:g} m/s^2; choose less."
             )
 
     def peak(self, frequency_hz: float, noise: float = 0.0) -> float:
-        """Highest acceleration sample [m/s^2] that both limits allow at a frequency.
+        """Acceleration sample [m/s^2] beyond which the output goes off at a frequency, below both limits.
 
-        A sine of the largest displacement d peaks at d/2 w^2. What a sample shows beyond that moves the base little:
-        the tolerance of the level, the second harmonic (the others shift no peak by more), and the sensor's noise.
+        A sine of the largest displacement d peaks at d/2 w^2. The room below that is for what a shaker whose gain grows
+        still adds until its next peak is seen and it is at rest. The sensor's noise moves no base.
 
         Args:
             frequency_hz: of the sine.
             noise: of the base at rest [m/s^2 rms].
         """
         moving = 0.5 * self.displacement_m * (2 * np.pi * frequency_hz) ** 2
-        return float(min(self.peak_m_s2, (1 + TOLERANCE) * (1 + _DISTORTION) * moving + _NOISE_PEAK * noise))
+        return float(min(TRIPPED * self.peak_m_s2, moving, TRIPPED * moving + _NOISE_PEAK * noise))
 
 
 @dataclass(frozen=True)
@@ -76,11 +79,16 @@ class Level:
     steps: int
 
 
+#: The output goes off at this share of a limit: a gain that grows by a fifth a second grows by 1.5 % from one peak of
+#: a sine of 10 Hz to the next one, the end of the block that shows it, and the shaker's rest.
+TRIPPED = 0.97
 #: How close is close enough (share), how many steps at most, harmonics of the shaker that count for peak to peak.
 TOLERANCE, _STEPS, _HARMONICS = 0.02, 30, 3
 #: Second harmonic that a sound shaker stays below (share), and how many standard deviations noise reaches: 5.5 once in
 #: 2.6e7 samples, seven hours at 1 kHz.
 _DISTORTION, _NOISE_PEAK = 0.10, 5.5
+#: Largest level that is commanded, as a share of a limit: its tolerance and a sound shaker's harmonic trip nothing.
+COMMANDED = TRIPPED / (1 + TOLERANCE) / (1 + _DISTORTION)
 #: A base that moves by more before the output is on [m/s^2 rms] has another source, or a bad sensor.
 _REST = 0.5
 #: A shaker rings down after the last frequency: so often is the rest measured at most, for so long [s], until it falls
@@ -177,12 +185,6 @@ def reach(
         if board.unplugs > unplugs:  # what it shows since then may belong to no amplitude, or to none that was set
             raise Stalled(f"{board.reader.port_name}: unplugged while the shaker was on; output off.")
         found = peak_to_peak(values, hello.rate_hz, frequency_hz)
-        travel = found / (2 * np.pi * frequency_hz) ** 2
-        if not travel <= (1 + TOLERANCE) * safety.displacement_m:
-            raise AcquisitionError(
-                f"the base moves by {1e3 * travel:.3g} mm at {frequency_hz:g} Hz, more than "
-                f"{1e3 * safety.displacement_m:g} mm; output off."
-            )
         if found >= max(_ANSWER, _HEARD * noise):
             if found < _LINEAR * gain * volts:
                 raise AcquisitionError(

@@ -199,7 +199,7 @@ def run(
 
       python -m identification.plan run --port /dev/ttyACM0 --generator /dev/ttyUSB0 --body-mass 72 --out my_study
     """
-    from fasbody.acquire.level import Safety
+    from fasbody.acquire.level import COMMANDED, Safety
     from fasbody.acquire.session import terminated
     from identification.plan.record import Laboratory, Offer
     from identification.plan.session import BROKEN, INTERRUPTED, Session
@@ -216,10 +216,10 @@ def run(
         raise SettingError("give --port and --generator (python -m fasbody.acquire --list shows them), or --simulate.")
     if not auto and not sys.stdin.isatty():
         raise SettingError("nobody is at the terminal to take a step: give --auto.")
-    if amplitude > max_acceleration:
+    if amplitude > COMMANDED * max_acceleration:
         raise SettingError(
-            f"an amplitude of {amplitude:g} m/s² exceeds --max-acceleration {max_acceleration:g}; give --amplitude "
-            f"{max_acceleration:g} or less."
+            f"an amplitude of {amplitude:g} m/s² leaves no room to --max-acceleration {max_acceleration:g}; give "
+            f"--amplitude {int(1000 * COMMANDED * max_acceleration) / 1000:g} or less."
         )
     shaker = _shaker(
         frequencies, loads, amplitude, amplitudes, displacement, force, table_mass, "sine", "malleolus", seconds, noise
@@ -362,12 +362,13 @@ def _director(
 
 def show(result: "Presented") -> None:
     """Print a plan, or a session, for a person."""
+    from rich import box
     from rich.table import Table
 
     sheet = result.sheet()
-    table = Table(title=sheet.title, title_justify="left")
+    table = Table(title=escape(sheet.title), title_justify="left", box=box.SIMPLE_HEAD, show_edge=False, padding=0)
     for number, column in enumerate(sheet.columns):
-        table.add_column(column, justify="left" if number == 1 else "right")
+        table.add_column(escape(column), justify="left" if number == 1 else "right")
     for row in sheet.rows:
         table.add_row(*map(escape, row))
     results.print(table)

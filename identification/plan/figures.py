@@ -19,6 +19,8 @@ _LOOKS = {
     PLANNED: ("planned", COLOURS[0], ""), THESIS: ("thesis, three loads", "#8c8c8c", ""),
     UNLOADED: ("thesis, unloaded", "#d9d9d9", "//"),
 }  # fmt: skip
+#: Room above the highest mark.
+_ROOM = 1.06
 _LABELS = {"k_T": "$k_T$", "k_F": "$k_F$", "c_11": "$c_{11}$", "c_21": "$c_{21}$"}
 
 
@@ -33,6 +35,8 @@ def information(result: "Planned") -> Figure:
     axes[0, 0].set_title("the first recording", fontsize=9)
     axes[0, 1].set_title("one more after the plan", fontsize=9)
     axes[0, 0].set_ylabel("information [nat]")
+    for axis in axes[0]:
+        axis.set_xlabel("frequency [Hz]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=8, frameon=False)
     return figure
@@ -71,9 +75,10 @@ def _curves(result: "Planned", axis: Axes, after: bool) -> None:
         x = np.array([s.frequency_hz for s in mine])
         size = np.array([3.0 * s.seconds for s in mine])
         axis.scatter(
-            x, np.interp(x, f, values), size, facecolor="none", edgecolor=colour, lw=1.2, marker=mark, zorder=3
-        )
-    axis.set_ylim(bottom=0)
+            x, np.interp(x, f, values), size, facecolor="none", edgecolor=colour, lw=1.2, marker=mark, zorder=3,
+            clip_on=False,
+        )  # fmt: skip
+    axis.set_ylim(0, _ROOM * axis.get_ylim()[1])
 
 
 def _times(result: "Planned", axis: Axes) -> None:

@@ -8,7 +8,7 @@ from typing import Any, Self
 import typer
 
 from fasbody.acquire.bench import Bench
-from fasbody.acquire.board import Board
+from fasbody.acquire.board import Board, Stalled
 from fasbody.acquire.display import Display
 from fasbody.acquire.generator import Generator
 from fasbody.acquire.level import Safety
@@ -37,6 +37,7 @@ class Laboratory:
         self._stack = ExitStack()
         self._load: float | None = None
         self._session: Session | None = None
+        self._stalled = False
 
     def __enter__(self) -> Self:
         return self
@@ -48,7 +49,8 @@ class Laboratory:
         """Bring the base to its level and record.
 
         Raises:
-            AcquisitionError: it did not succeed; the output is off.
+            Stalled: the board gave no samples, also when it was repeated. AcquisitionError: it did not succeed. The
+                output is off.
         """
         if step.kind != SINE:
             raise SettingError(f"a generator makes sines only, no {step.kind}.")
@@ -57,7 +59,14 @@ class Laboratory:
         session = self._at(step.added_mass_kg, plan)
         session.plan = plan
         before = len(session.made)
-        session.run()
+        try:
+            if self._stalled:
+                session.board.revive()
+                self._stalled = False
+            session.run()
+        except Stalled:
+            self._stalled = True
+            raise
         good = [one for one in session.made[before:] if not one.problems]
         if not good:
             why = "; ".join(problem for one in session.made[before:] for problem in one.problems) or "nothing was made"
@@ -94,7 +103,7 @@ class Laboratory:
             board.wait_for_hello()
             generator = self._stack.enter_context(Generator(ports[2], ports[3]))
             self._stack.enter_context(Display(board))
-            self._session = Session(plan, board, generator)
+            self._session, self._stalled = Session(plan, board, generator), False
         self._load = load_kg
         return self._session
 

@@ -229,7 +229,7 @@ class Planned(Presented):
             for i, (step, score) in enumerate(zip(self.steps, self.adds, strict=True), start=1)
         ]  # fmt: skip
         columns = (
-            "step", "kind", "Hz", "kg", "m/s^2", "s", "information [nat]", "widest [nat]", "branch",
+            "step", "kind", "Hz", "kg", "m/s^2", "s", "information [nat]", "widest [nat]", "branch [nat]",
         )  # fmt: skip
         notes = [self.sentence(), goal(self.asked)]
         for name, e in self.expected.items():
@@ -368,7 +368,7 @@ def goal(asked: Mapping[str, float]) -> str:
 
 def unreachable(name: str, reached: float, asked: float, cause: str) -> str:
     """A constant that no protocol brings down to what is asked, and why."""
-    why = f"; its variance: {cause}" if cause else ""
+    why = f"; its variance comes from {cause}" if cause else ""
     return f"{name} below +-{_percent(reached)} (+-{_percent(asked)} asked{why})"
 
 

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from fasbody.acquire.board import Stalled
 from fasbody.console import heeded, to_json, write_whole
 from fasbody.exceptions import AcquisitionError, FasError, RecordingError, SettingError, SimulationError
 from fasbody.presentation import Presented, Sheet
@@ -60,6 +61,7 @@ class Taken:
     Attributes:
         step: as proposed. heard: what it was, None where it failed. why: it failed. bands: of the constants after it.
         log_odds: of the likelier branch after it. branch: its name. decided: whether that is beyond 1000 to 1.
+        stalled: it was the board that failed, not the step.
     """
 
     step: Step
@@ -69,6 +71,7 @@ class Taken:
     log_odds: float
     branch: str
     decided: bool
+    stalled: bool = False
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,20 +119,23 @@ class Shaken(Presented):
             rows.append(
                 (
                     str(number), f"{t.step.frequency_hz:g}", f"{t.step.added_mass_kg:g}", f"{t.step.seconds:g}",
-                    f"{h.level_m_s2:.3g}" if h else "failed", f"{100 * h.distortion:.2g} %" if h else "–",
-                    f"{h.coherence:.4f}" if h else "–",
-                    f"{h.transmissibility:.3g} +- {0.5 * (h.upper - h.lower):.2g}" if h else "–",
-                    *(f"+-{100 * t.bands[n].half_width:.3g} %" if n in t.bands else "–" for n in EXCHANGED),
+                    f"{h.level_m_s2:.3g}" if h else "stalled" if t.stalled else "failed",
+                    f"{100 * h.distortion:.2g}" if h else "–", f"{h.coherence:.4f}" if h else "–",
+                    f"{h.transmissibility:.3g}" if h else "–",
+                    *(f"{100 * t.bands[n].half_width:.3g}" if n in t.bands else "–" for n in EXCHANGED),
                     f"{t.branch}{'' if t.decided else '?'}" if t.branch else "–",
                 )
             )  # fmt: skip
-        columns = (
-            "step", "Hz", "kg", "s", "m/s^2", "distortion", "coherence", "transmissibility", *EXCHANGED, "branch"
-        )  # fmt: skip
+        columns = ("step", "Hz", "kg", "s", "m/s^2", "dist.", "coher.", "ratio", *EXCHANGED, "branch")
         last = self.left if self.ended in (STOPPED, INTERRUPTED, BROKEN) else ()
         left = [f"Planned and not recorded: {'; '.join(map(str, last))}."] if last else []
-        failed = [f"Step {i} failed: {t.why}" for i, t in enumerate(self.taken, start=1) if t.why]
-        return Sheet("A session on the shaker", columns, rows, [self.sentence(), goal(self.asked), *failed, *left])
+        failed = [
+            f"Step {i} {'stalled' if t.stalled else 'failed'}: {t.why}"
+            for i, t in enumerate(self.taken, start=1)
+            if t.why
+        ]
+        title = "A session on the shaker (distortion and half-widths in %)"
+        return Sheet(title, columns, rows, [self.sentence(), goal(self.asked), *failed, *left])
 
     def records(self) -> list[dict[str, Any]]:
         """One row a step."""
@@ -137,7 +143,13 @@ class Shaken(Presented):
         for t in self.taken:
             row: dict[str, Any] = {**asdict(t.step), "sensors": ",".join(t.step.sensors)}
             row |= asdict(t.heard) if t.heard else {}
-            row |= {"why": t.why, "branch": t.branch, "log_odds": t.log_odds, "decided": t.decided}
+            row |= {
+                "why": t.why,
+                "stalled": t.stalled,
+                "branch": t.branch,
+                "log_odds": t.log_odds,
+                "decided": t.decided,
+            }
             for name in EXCHANGED:
                 if name in t.bands:
                     row |= {f"{name}_{end}": getattr(t.bands[name], end) for end in ("value", "lower", "upper")}
@@ -190,6 +202,7 @@ class Session:
         self._before = len(self._recordings)
         self._taken: list[Taken] = []
         self._failed: set[tuple[float, float]] = set()
+        self._again: Step | None = None
         self._director: Director | None = None
         self._change_s = change_s
         self._load: float | None = None
@@ -206,12 +219,13 @@ class Session:
                 with heeded():  # compiled code makes something else of Ctrl-C
                     director = self._direct()
                     ended = self._over(director)
-                    step = None if ended else self._next(director)
+                    step = None if ended else self._again or self._next(director)
                 if ended:
                     return self._end(*ended)
                 if step is None:
                     return self._end(FAILING, "Every step that is left has failed.")
                 why = f"adds most to what {len(self._recordings)} recordings say"
+                why = "again, as the board stalled" if self._again else why
                 chosen = self._offering.step(step, why)
                 if chosen is None:
                     return self._end(STOPPED, "Nobody took the next step.")
@@ -252,7 +266,10 @@ class Session:
                 return NEVER, _unreachable(director, ever, never, open_)
         if count >= self._most or spent + self._shaker.seconds > self._seconds + 1e-9:
             return SPENT, f"The recordings or minutes that were given are spent. {self._missing(director)}".strip()
-        if len(self._taken) >= _FAILURES and all(t.heard is None for t in self._taken[-_FAILURES:]):
+        last = self._taken[-_FAILURES:]
+        if len(last) == _FAILURES and all(t.heard is None for t in last):
+            if all(t.stalled for t in last):
+                return FAILING, f"The board has stalled {_FAILURES} times in a row: {last[-1].why}"
             return FAILING, f"{_FAILURES} steps in a row have failed."
         return None
 
@@ -304,10 +321,15 @@ class Session:
         return rest[int(np.argmax(director.gains(rest)))]
 
     def _take(self, step: Step) -> None:
-        self._load = step.added_mass_kg
+        self._load, self._again = step.added_mass_kg, None
         try:
             recording = checked(self._record(step))
             found = heard(recording)
+        except Stalled as error:
+            self._again = step
+            self._taken.append(Taken(step, None, str(error), {}, 0.0, "", False, stalled=True))
+            self._offering.told(f"{step}: the board stalled, {error}")
+            return
         except (AcquisitionError, RecordingError, SimulationError) as error:
             self._failed.add((step.frequency_hz, step.added_mass_kg))
             self._taken.append(Taken(step, None, str(error), {}, 0.0, "", False))

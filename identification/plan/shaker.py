@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fasbody.acquire.level import COMMANDED
 from fasbody.exceptions import SettingError
 from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.recording.condition import ADDED_MASSES_KG
@@ -84,12 +85,12 @@ class Shaker:
         return tuple(sorted({*map(float, np.round(grid, 6)), self.highest_hz}))
 
     def allowed(self, frequency_hz: float, moving_kg: float) -> float:
-        """The largest amplitude at a frequency [m/s^2]: by acceleration, displacement and force.
+        """The largest amplitude at a frequency [m/s^2]: by acceleration, force, and displacement with acquire's room.
 
         Args:
             frequency_hz: the lowest of the excitation. moving_kg: what the shaker feels of foot and load.
         """
-        by_travel = 0.5 * self.displacement_m * (2 * np.pi * frequency_hz) ** 2
+        by_travel = 0.5 * COMMANDED * self.displacement_m * (2 * np.pi * frequency_hz) ** 2
         by_force = np.inf if self.force_n is None else self.force_n / max(self.table_kg + moving_kg, 1e-9)
         return float(min(self.amplitude_m_s2, by_travel, by_force))
 

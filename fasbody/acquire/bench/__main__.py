@@ -56,8 +56,10 @@ def board(
     chunk = max(1, round(0.016 * rate / n))  # frames a step: 16 ms
     while True:
         due = start + (sent + chunk) * n / rate
-        while (wait := due - time.monotonic()) > 0:
-            for ready in select.select([listener, sys.stdin], [], [], wait)[0]:
+        wait = 1.0
+        while wait > 0:  # once at least, for the generator is heard also by a board that is behind
+            wait = due - time.monotonic()
+            for ready in select.select([listener, sys.stdin], [], [], max(0.0, wait))[0]:
                 if ready is sys.stdin:
                     return _leave(link, cable)
                 order = json.loads(listener.recv(4096))
