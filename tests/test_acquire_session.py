@@ -284,6 +284,26 @@ def test_board_that_trickles_samples_ends_at_the_deadline(
     board.close()
 
 
+def test_what_was_held_back_in_a_stall_shows_the_base_as_it_was(feeder: Feeder, board: Board) -> None:
+    """A second of a shaking base comes in a hurry once the base is at rest."""
+    send, held, holding = feeder.line.send, list[bytes](), True
+
+    def hold(data: bytes) -> None:
+        held.append(data)
+        if not holding:
+            send(b"".join(held))
+            held.clear()
+
+    board.collect(0.1)
+    feeder.amplitude = 20_000
+    feeder.line.send = hold  # type: ignore[method-assign]
+    time.sleep(1.2)
+    feeder.amplitude, holding = 0, False
+    board.revive()
+    scale = 20_000 / feeder.hello.channels[0].counts_per_m_s2
+    assert np.abs(board.collect(0.3)).max() < 0.5 * scale
+
+
 def test_board_that_stays_silent_keeps_what_came_and_lists_nothing(
     tmp_path: Path, feeder: Feeder, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

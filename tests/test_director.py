@@ -1,17 +1,22 @@
 """The experiment director against closed forms, finite differences, its own limits, and acquire's virtual bench."""
 
+import io
 import json
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import combinations, product
 from pathlib import Path
 
 import numpy as np
 import pytest
 import typer
+from rich.console import Console
 from typer.testing import CliRunner
 
 from benchmarks.director import COUNTED, SHORTER, Rig, recorded, virtual
+from fasbody.acquire.board import Stalled
 from fasbody.acquire.commands import app as acquire
+from fasbody.acquire.level import COMMANDED, Safety
 from fasbody.acquire.plan import PROTOCOL
 from fasbody.exceptions import FasError, InputFileError, SettingError
 from fasbody.foot.model import load
@@ -22,16 +27,17 @@ from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study
 from identification.branches import EXCHANGED
 from identification.periodic import PeriodicProblem
-from identification.plan.__main__ import app
+from identification.plan.__main__ import app, show
+from identification.plan.belief import Band
 from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Candidates, Step, thesis
-from identification.plan.director import Director
-from identification.plan.heard import coherence, heard
+from identification.plan.director import GOAL, Director
+from identification.plan.heard import Heard, coherence, heard
 from identification.plan.information import Sight
 from identification.plan.prior import Person
-from identification.plan.protocol import Protocol
+from identification.plan.protocol import Protocol, shaking_s
 from identification.plan.record import Offer
 from identification.plan.result import Planned, planned
-from identification.plan.session import FAILING, INTERRUPTED, Offering, Session
+from identification.plan.session import FAILING, INTERRUPTED, NEVER, SPENT, Offering, Session, Shaken, Taken
 from identification.plan.shaker import Shaker
 
 ALONE = Known().told(exclude=("all",))
@@ -43,9 +49,16 @@ def person(body_mass_kg: float = 72.0, known: Known = ALONE) -> Person:
     return Person(load("two_dof"), body_mass_kg, known)
 
 
+def as_thesis(seed: int = 0) -> Director:
+    """A director that is asked for the intervals of the thesis' three loads."""
+    director = Director(person(), SHAKER, draws=6, seed=seed)
+    director.aim(director.as_thesis())
+    return director
+
+
 @pytest.fixture(scope="module")
 def director() -> Director:
-    return Director(person(), SHAKER, draws=6)
+    return as_thesis()
 
 
 @pytest.fixture(scope="module")
@@ -143,11 +156,27 @@ def test_third_of_the_recordings_leaves_the_intervals_of_the_thesis(plan: Planne
 
 
 def test_plan_follows_from_its_seed(plan: Planned) -> None:
-    again = planned(Director(person(), SHAKER, draws=6), 9, 270.0)
+    again = planned(as_thesis(), 9, 270.0)
     assert {**again.document(), "seconds": 0} == {**plan.document(), "seconds": 0}
-    assert (
-        Director(person(), SHAKER, draws=6, seed=1).outlook(plan.steps).half_width != again.expected[PLANNED].half_width
-    )
+    assert as_thesis(seed=1).outlook(plan.steps).half_width != again.expected[PLANNED].half_width
+
+
+@pytest.mark.parametrize("most", [2, 3])
+def test_plan_of_few_recordings_is_the_best_of_all(most: int) -> None:
+    """Of all choices of so many recordings, and all shares of the time, by their number of pieces."""
+    shaker = Shaker(every_hz=10.0, loads_kg=(0.0, 4.5))
+    who = Director(person(), shaker, dict.fromkeys(EXCHANGED, 1e-3), draws=4)
+    pieces, places = 8, range(len(who.candidates))
+    shares = [s for s in product(range(1, pieces), repeat=most) if sum(s) == pieces]
+    scores = [
+        who.outlook([replace(who.candidates[i], seconds=10.0 * n) for i, n in zip(chosen, share, strict=True)])
+        for chosen in combinations(places, most)
+        for share in shares
+    ]
+    best = max(outlook.utility.sum() for outlook in scores)
+    mine = who.session(most, 10.0 * pieces)
+    assert len(mine) == most and sum(step.seconds for step in mine) == 10.0 * pieces
+    assert who.outlook(mine).utility.sum() == pytest.approx(best, abs=0.01)
 
 
 def test_same_seed_draws_the_same_feet_whatever_the_candidates(director: Director) -> None:
@@ -186,15 +215,46 @@ def test_document_has_what_was_asked(plan: Planned) -> None:
 
 def test_figures_are_drawn(plan: Planned) -> None:
     for kind in plan.plots:
-        assert plan.plot(kind).axes
+        axes = plan.plot(kind).axes
+        assert all(axis.get_xlabel() for axis in axes[:2])
+        for axis in axes[:2]:  # no mark at the edge
+            highest = max(float(np.max(line.get_ydata())) for line in axis.get_lines())  # type: ignore[arg-type]
+            assert axis.get_ylim()[1] > 1.05 * highest
+
+
+def test_tables_fit_a_terminal_of_eighty_columns(plan: Planned, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Headings, cells and units are whole."""
+    end = Band(1.0, 0.1051, 1.9)
+    step = Step("sine", 12.5, 4.5, 8.95, 30.0)
+    found = Heard(8.951, 0.0991, 0.9999, 2.399, 2.3, 2.5, -45.5, 0.5)
+    bad = Taken(step, None, "no samples.", {}, 0.0, "", False, stalled=True)
+    good = Taken(step, found, "", dict.fromkeys(EXCHANGED, end), 0.1, "stiff ankle", False)
+    shaken = Shaken((bad, good), INTERRUPTED, "Interrupted.", "", {"k_T": 0.1}, (), {}, (step,))
+    for result in (plan, shaken):
+        wide = Console(width=80, file=io.StringIO())
+        monkeypatch.setattr("identification.plan.__main__.results", wide)
+        show(result)
+        text = wide.file.getvalue()  # type: ignore[attr-defined]
+        assert "…" not in text
+        for column in result.sheet().columns:
+            assert column in text.splitlines()[1]
+        for row in result.sheet().rows:
+            assert any(all(cell in line for cell in row) for line in text.splitlines())
+    assert "stalled" in text and "Not asked: k_F, c_11, c_21." in text
 
 
 def test_what_shaking_cannot_tell_is_said() -> None:
     """One load leaves every constant as uncertain as the mass of the leg."""
     shaker = Shaker(every_hz=10.0, loads_kg=(0.0,))
     result = planned(Director(person(), shaker, dict.fromkeys(EXCHANGED, 0.01), draws=4), 4, 40.0)
-    assert set(result.never) == set(EXCHANGED) and "No protocol of these candidates ever" in result.sentence()
-    assert all(result.reached.half_width[n] > 0.1 for n in EXCHANGED)
+    assert set(result.never) == set(EXCHANGED)
+    for name in EXCHANGED:  # what is asked, what can be reached, and what is in the way
+        reached = 100 * result.reached.half_width[name]
+        assert reached > 10 and f"{name} below +-{reached:.2g} % (+-1 % asked; its variance" in result.sentence()
+        assert "shank mass" in result.causes[name] and "foot mass" in result.causes[name]
+    # an unlimited plan is as wide as that, and exact masses leave nothing of it
+    known = Known().told(exclude=("all",), mass_std=0.0)
+    assert Director(person(known=known), shaker, draws=4).for_ever().half_width["k_T"] < 0.02
 
 
 def test_noise_is_told_from_what_shaking_cannot_tell(director: Director) -> None:
@@ -216,6 +276,35 @@ def test_noise_is_told_from_what_shaking_cannot_tell(director: Director) -> None
     assert all(silent[name] == pytest.approx(other[name], rel=1e-3) for name in EXCHANGED)
 
 
+def test_usual_goal_is_the_same_on_every_rig() -> None:
+    goals, shaking = [], []
+    for noise in (1.0, 0.1):
+        who = Director(person(), replace(SHAKER, noise_m_s2=noise), draws=6)
+        goals.append(who.asked)
+        shaking.append(sum(step.seconds for step in who.session(9, 270.0)))
+    assert goals == [GOAL, GOAL] and shaking[1] < shaking[0]
+
+
+def test_what_is_not_named_is_not_asked_for() -> None:
+    """k_T alone: it is met with the other intervals as wide as they may be, and said to be all that is asked."""
+    who = Director(person(), SHAKER, {"k_T": 0.05}, draws=6)
+    result = planned(who, 9, 270.0)
+    mine = result.expected[PLANNED].half_width
+    assert result.met and mine["k_T"] <= 0.05
+    all_four = Director(person(), SHAKER, dict.fromkeys(EXCHANGED, 0.05), draws=6).session(9, 270.0)
+    assert shaking_s(result.steps) < shaking_s(all_four)
+    assert result.document()["asked"] == {"k_T": 0.05, "k_F": None, "c_11": None, "c_21": None}
+    assert "Asked: k_T +-5 %, and the branch. Not asked: k_F, c_11, c_21." in result.sheet().notes
+    usual = planned(Director(person(), SHAKER, draws=2), 1, 10.0).sheet().notes[1]
+    assert usual.startswith("Asked: k_T +-3 %, k_F +-3 %, c_11 +-6 %, c_21 +-6 % (the usual goal")
+    everything = who.candidates[0]
+    for name in EXCHANGED:  # information is that on what is asked
+        who.aim({name: 0.05})
+        gained = who.outlook([everything]).utility[0] - who.outlook(()).utility[0]
+        widths = [np.arcsinh(who.outlook(steps).half_width[name]) for steps in ((), [everything])]
+        assert gained > 0 and widths[1] < widths[0]
+
+
 def test_asked_intervals_end_a_plan_early(director: Director) -> None:
     easy = Director(person(), SHAKER, dict.fromkeys(EXCHANGED, 0.5), draws=6)
     steps = easy.session(9, 270.0)
@@ -227,7 +316,7 @@ def test_asked_intervals_end_a_plan_early(director: Director) -> None:
 
 @pytest.mark.parametrize("shaker", [Shaker(displacement_m=1e-3), Shaker(force_n=60.0), Shaker(amplitude_m_s2=3.0)])
 def test_no_candidate_exceeds_a_limit(shaker: Shaker) -> None:
-    leg = person().leg_kg
+    leg, safety = person().leg_kg, Safety(displacement_m=shaker.displacement_m)
     steps = Candidates(replace(shaker, kinds=("sine", "multisine")), leg).steps
     for step in steps:
         U = step.base(step.count(1000.0))
@@ -235,7 +324,9 @@ def test_no_candidate_exceeds_a_limit(shaker: Shaker) -> None:
         w = 2 * np.pi * step.frequency_hz * np.arange(1, U.size + 1)
         travel = np.real(np.exp(2j * np.pi * np.outer(np.arange(4096) / 4096, np.arange(1, U.size + 1))) @ (U / w**2))
         assert np.abs(wave).max() <= shaker.amplitude_m_s2 * 1.001
-        assert np.ptp(travel) <= shaker.displacement_m * 1.001
+        assert np.ptp(travel) <= COMMANDED * shaker.displacement_m * 1.001
+        if step.kind == "sine":
+            safety.check(step.frequency_hz, 2 * step.amplitude_m_s2)
         if shaker.force_n is not None:
             assert (shaker.table_kg + leg + step.added_mass_kg) * np.abs(wave).max() <= shaker.force_n
     assert {step.kind for step in steps} == {"sine", "multisine"}
@@ -272,11 +363,28 @@ def test_command_refuses_in_a_sentence(words: list[str]) -> None:
     assert isinstance(result.exception, FasError) and str(result.exception).endswith(".")
 
 
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--ask", "k_T=0.05", "--ask", "k_T=0.5"], "names k_T twice, 0.05 and 0.5"),
+        (["--ask", "thesis", "--ask", "k_T=0.1"], "asks for all intervals"),
+        (["--allow", "wobble"], "--allow: unknown departure 'wobble'"),
+        (["--allow", "mount,wobble"], "valid: mount, relaxation, load, rocking, drift, all"),
+    ],
+)
+def test_command_says_what_was_wrong(words: list[str], says: str) -> None:
+    result = CliRunner().invoke(app, ["propose", *words])
+    assert isinstance(result.exception, SettingError) and says in str(result.exception)
+
+
 def test_command_writes_what_it_says(tmp_path: Path) -> None:
     words = ["--frequencies", "10:50:10", "--loads", "0,4.5", "--draws", "3", "--recordings", "3", "--minutes", "0.5"]
     file = tmp_path / "steps.json"
     result = CliRunner().invoke(app, ["propose", *words, "--json", "--protocol", str(file)])
     document = json.loads(result.stdout)
+    assert {type(row["sensors"]) for row in (*document["protocol"], document["next"], *document["information"])} == {
+        list
+    }
     assert [vars_of(s) for s in Protocol.read(file).steps] == [
         {**s, "sensors": tuple(s["sensors"])} for s in document["protocol"]
     ]
@@ -328,7 +436,8 @@ def test_acquire_runs_a_plan_on_the_virtual_bench(tmp_path: Path) -> None:
         ({}, ["--frequency", "20"], "leave out"),
         ({}, ["--added-mass", "9"], "no step has 9 kg"),
         ({"amplitude_m_s2": 40.0}, [], "limit"),
-        ({"frequency_hz": 4.0}, [], "more than 8 mm"),
+        ({"body_mass_kg": 80.0}, [], "is planned for 80 kg, and the virtual bench's subject has 72.57 kg"),
+        ({"frequency_hz": 4.0}, [], "more than 6.92 mm, which leave room to the limit of 8 mm"),
     ],
 )
 def test_acquire_refuses_a_plan_that_it_cannot_run(
@@ -336,7 +445,8 @@ def test_acquire_refuses_a_plan_that_it_cannot_run(
 ) -> None:
     row = {"kind": "sine", "frequency_hz": 30.0, "added_mass_kg": 0.0, "amplitude_m_s2": 5.0, "seconds": 1.0, **step}
     file = tmp_path / "steps.json"
-    file.write_text(json.dumps({"format": PROTOCOL, "body_mass_kg": 70.0, "protocol": [row]}))
+    mass = row.pop("body_mass_kg", 72.57)
+    file.write_text(json.dumps({"format": PROTOCOL, "body_mass_kg": mass, "protocol": [row]}))
     line = ["record", "--simulate", "--plan", str(file), "--out", str(tmp_path / "s"), *words]
     result = CliRunner().invoke(acquire, line)
     assert isinstance(result.exception, FasError) and says in str(result.exception)
@@ -472,6 +582,51 @@ def test_strangeness_takes_several_recordings(half_way: tuple[Director, list[Rec
     assert not once.strange and not once.follows and not once.decided
     few = replace(bad, ends=(replace(first, chi_square=3.0, dof=1), other))
     assert not few.strange  # chance once in twelve
+
+
+def test_session_goes_on_while_more_minutes_narrow_what_can_never_be_met() -> None:
+    """One load leaves 14 % whatever is recorded: twice as wide it goes on, there it ends and says why."""
+    shaker, ask = Shaker(every_hz=20.0, loads_kg=(0.0,)), dict.fromkeys(EXCHANGED, 0.02)
+    ends = []
+    for seed, noise, ratio in ((11, 0.2, 2.0), (7, 0.05, 1.0)):
+        foot = replace(virtual(seed), noise_m_s2=noise)
+        who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
+        data = [checked(r) for r in recorded(foot, thesis((0.0,), 10.0)[::2], 5)]
+        director = Director(who, shaker, ask, data, draws=4)
+        session = Session(who, shaker, ask, 4, 40.0, 0, 4, lambda step: recorded(foot, [step], 5)[0], None, data)  # noqa: B023
+        ever, belief = director.for_ever().half_width, director.belief
+        assert belief is not None and belief.decided and ever["k_T"] > 0.1
+        assert belief.bands(EXCHANGED)["k_T"].half_width / ever["k_T"] == pytest.approx(ratio, rel=0.1)
+        ends.append(session._over(director))
+    on, over = ends
+    assert on is None and over is not None and over[0] == NEVER
+    assert f"k_T below +-{100 * ever['k_T']:.2g} % (+-2 % asked; its variance comes from" in over[1]
+    assert "shank mass" in over[1] and "with unlimited minutes" in over[1]
+
+
+def test_step_whose_board_stalls_is_tried_again() -> None:
+    foot = virtual(3)
+    who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
+    shaker, tried = Shaker(every_hz=20.0, loads_kg=(0.0, 4.5), seconds=5.0), list[Step]()
+
+    def stalling(times: int) -> Shaken:
+        tried.clear()
+
+        def record(step: Step) -> Recording:
+            tried.append(step)
+            if len(tried) <= times:
+                raise Stalled("no samples for 3 s.")
+            return recorded(foot, [step], 5)[0]
+
+        return Session(who, shaker, dict.fromkeys(EXCHANGED, 0.02), 1, 5.0, 0, 2, record).run()
+
+    done = stalling(2)
+    assert done.ended == SPENT and tried == [tried[0]] * 3 and len(done.good) == 1
+    assert [t.stalled for t in done.taken] == [True, True, False]
+    assert "Step 1 stalled: no samples for 3 s." in done.sheet().notes
+    dead = stalling(99)
+    assert dead.ended == FAILING and len(tried) == 3
+    assert dead.reason == "The board has stalled 3 times in a row: no samples for 3 s."
 
 
 def test_session_on_a_dead_shaker_gives_up() -> None:

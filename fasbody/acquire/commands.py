@@ -136,15 +136,17 @@ def record(
         option = "--sweep" if sweep else "--plan"
         raise SettingError(f"{option} needs a function generator: give --generator PORT, or --frequency one by one.")
     steps: Mapping[int, PlannedStep] | None = None
+    planned_kg: float | None = None
     if first > 1 and plan_ is None:
         raise SettingError("--first belongs to --plan: give both, or leave it out.")
     if plan_ is not None:
         if sweep or frequency is not None:
             raise SettingError("--plan has its own frequencies: leave out --frequency and --sweep.")
         document, steps = _planned(plan_, added_mass, simulate, first)
+        planned_kg = float(document["body_mass_kg"])
         if not simulate:
             subject = subject or str(document.get("subject", "1"))
-            body_mass = float(document["body_mass_kg"]) if body_mass is None else body_mass
+            body_mass = planned_kg if body_mass is None else body_mass
     truth: dict[str, Any] | None = None
     if simulate:
         ignored = {"--port": port, "--generator": generator, "--subject": subject, "--body-mass": body_mass}
@@ -156,6 +158,12 @@ def record(
 
         subject, body_mass = str(foot.SUBJECT), foot.BODY_MASS_KG
         truth = {"origin": "synthetic", "parameters": TRUTH, "instrument": {"delay_s": 0.0}}
+    if planned_kg is not None and body_mass is not None and not math.isclose(planned_kg, body_mass):
+        whose = "the virtual bench's subject has" if simulate else "--body-mass is"
+        raise SettingError(
+            f"{plan_} is planned for {planned_kg:g} kg, and {whose} {body_mass:g} kg; plan anew with --body-mass "
+            f"{body_mass:g}{'' if simulate else ', or leave it out here'}."
+        )
     subject = subject or "1"
     mass = body_mass if body_mass is not None else folder.body_mass(out, subject)
     if mass is None:
