@@ -185,7 +185,7 @@ class Planned(Presented):
         ratio = {name: mine.half_width[name] / theirs.half_width[name] for name in EXCHANGED}
         worst = max(ratio, key=lambda name: ratio[name])
         text += (
-            f"intervals of {min(ratio.values()):.2g} to {ratio[worst]:.2g} times those of the thesis' three loads, and "
+            f"intervals of {min(ratio.values()):.3g} to {ratio[worst]:.3g} times those of the thesis' three loads, and "
             f"the branch decided for {100 * mine.decided:.0f} % of such feet."
         )
         return f"{text} {self.stop()}"
