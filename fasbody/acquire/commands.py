@@ -59,7 +59,9 @@ def record(
     posture: Annotated[str, typer.Option(help="posture of the foot")] = "midstance",
     peak_to_peak: Annotated[float, typer.Option(help="wanted base acceleration in m/s^2")] = PEAK_TO_PEAK,
     max_volts: Annotated[float, typer.Option(help="highest generator amplitude in V peak to peak")] = Safety.volts,
-    max_acceleration: Annotated[float, typer.Option(help="highest base acceleration in m/s^2")] = Safety.peak_m_s2,
+    max_acceleration: Annotated[
+        float, typer.Option(help="highest base acceleration in m/s^2; at most 0.86 of it is wanted")
+    ] = Safety.peak_m_s2,
     max_displacement: Annotated[
         float, typer.Option(help="largest base motion in m, peak to peak")
     ] = Safety.displacement_m,
