@@ -224,7 +224,8 @@ class Session:
                     return self._end(*ended)
                 if step is None:
                     return self._end(FAILING, "Every step that is left has failed.")
-                why = f"adds most to what {len(self._recordings)} recordings say"
+                count = len(self._recordings)
+                why = f"adds most to what {count} recordings say" if count != 1 else "adds most to one recording"
                 why = "again, as the board stalled" if self._again else why
                 chosen = self._offering.step(step, why)
                 if chosen is None:
