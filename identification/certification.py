@@ -300,7 +300,7 @@ def replay(
         h, n, stride = shape
         batch = Batch(foot, len(group), threads)
         batch.set({name: np.array([full[i][name] for i in group]) for name in foot.parameters if name in full[0]})
-        controls = np.stack([whole[i].motion.controls(h, n) for i in group])
+        controls = np.stack([whole[i].controls[:n] for i in group])
         out = batch.run(controls, h, *coordinates.unpack(np.stack([starts[i] for i in group])))
         base_error = max(base_error, out.base_error)
         for row, i in enumerate(group):
@@ -313,12 +313,17 @@ def replay(
                 difference = max(difference, float(apart))
                 read = other if part[i] else read
             t = recordings[i].time_s - recordings[i].time_s[0]
-            traces[i] = CubicSpline(t, read[MALLEOLUS[0]])(t - full[i].get(DELAY.name, 0.0))
+            traces[i] = _late(t, read[MALLEOLUS[0]], full[i].get(DELAY.name, 0.0))
             for name in sensors:
                 if name in recordings[i].sensors and name not in MALLEOLUS:
-                    others[i][name] = CubicSpline(t, read[name])(t - full[i].get(delay_of(name).name, 0.0))
+                    others[i][name] = _late(t, read[name], full[i].get(delay_of(name).name, 0.0))
     fits = [fit_percent(r.malleolus_m_s2, y) for r, y in zip(recordings, traces, strict=True)]
     return Replay(traces, fits, base_error, difference if twin else None, others)
+
+
+def _late(t: np.ndarray, y: np.ndarray, delay: float) -> np.ndarray:
+    """A trace (n,) at times (n,) [s] as a channel that is late [s] has it."""
+    return CubicSpline(t, y)(t - delay) if delay else y
 
 
 def _period(whole: Whole) -> int:

@@ -260,9 +260,7 @@ def _twin_curve(values: Mapping[str, float], f: np.ndarray, size: np.ndarray) ->
     for x in grid:
         U = float(np.interp(x, f[order], size[order]))
         e = Excitation(float(x), np.array([U + 0j]), {}, LONGEST_STEP)
-        Y, _, start, _, gap = periodic(
-            start, foot.theta, foot.m_S, foot.m_F, e.motion.half_steps(e.step, e.steps), e.step, _GAP, 30
-        )
+        Y, _, start, _, gap = periodic(start, foot.theta, foot.m_S, foot.m_F, e.half_steps, e.step, _GAP, 30)
         if gap < _GAP:
             found.append((float(x), complex(2 / Y.size * np.fft.rfft(Y)[1] / U)))
         else:

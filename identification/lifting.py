@@ -58,7 +58,7 @@ def table_force(foot: Foot, values: Mapping[str, float], drive: Excitation, x0: 
     """
     tuned = foot.with_values({name: value for name, value in values.items() if name in foot.parameters})
     model, base = tuned.model, int(tuned.model.jnt_bodyid[tuned.model.joint("base").id])
-    controls = drive.motion.controls(drive.step, drive.steps)[None]
+    controls = drive.controls[None]
     run = Batch(tuned, 1, 1).run(controls, drive.step, *Coordinates(tuned).unpack(x0[None]))
     stands = [b for b in range(1, model.nbody) if model.body_parentid[b] == base]
     mass, data = model.body_subtreemass[stands], mujoco.MjData(model)

@@ -6,6 +6,7 @@ does. Within each time step a(t) is a cubic, evaluated by the native callback at
 may drift, and a constant offset of an accelerometer is taken out of a recording beforehand.
 """
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -23,6 +24,8 @@ CLOCK = 2.0**-10
 #: Samples finer than this need no band-limited curve [Hz]; its filter reaches so far [samples]; so large a difference
 #: from the spline counts, as a share of the motion.
 _FINE_HZ, _REACH, _ALIKE = 4000.0, 64, 1e-3
+#: Exponentials of a motion that are kept: those of a period, not those of a whole recording.
+_KEPT = 20_000
 
 
 @dataclass(frozen=True)
@@ -62,13 +65,18 @@ class BaseMotion(Tabled):
 
     def half_steps(self, step: float, count: int, start: float = 0.0) -> np.ndarray:
         """The same cubics at the stage times of Runge-Kutta: (2 count + 1,) values half a step apart [m/s^2]."""
-        _, a0, a1, a2, a3 = self.controls(step, count, start).T
-        whole = step / CLOCK
-        half = 0.5 * whole
-        values = np.empty(2 * count + 1)
-        values[:-1:2], values[1::2] = a0, a0 + half * (a1 + half * (a2 + half * a3))
-        values[-1] = a0[-1] + whole * (a1[-1] + whole * (a2[-1] + whole * a3[-1]))
-        return values
+        return at_half_steps(self.controls(step, count, start), step)
+
+
+def at_half_steps(controls: np.ndarray, step: float) -> np.ndarray:
+    """What controls (n, 5) of steps [s] ask for at the stage times of Runge-Kutta: (2 n + 1,) values [m/s^2]."""
+    _, a0, a1, a2, a3 = controls.T
+    whole = step / CLOCK
+    half = 0.5 * whole
+    values = np.empty(2 * len(controls) + 1)
+    values[:-1:2], values[1::2] = a0, a0 + half * (a1 + half * (a2 + half * a3))
+    values[-1] = a0[-1] + whole * (a1[-1] + whole * (a2[-1] + whole * a3[-1]))
+    return values
 
 
 def harmonics(
@@ -88,12 +96,24 @@ def _lines(name: str, duration: float, omega: np.ndarray, U: np.ndarray) -> Base
     """Sum of Re(U exp(omega t)) over lines (n,) at imaginary omega [1/s]."""
 
     def acceleration(t: np.ndarray) -> np.ndarray:
-        return (np.exp(np.multiply.outer(t, omega)) @ U).real
+        return (_turning(t, omega) @ U).real
 
     def jerk(t: np.ndarray) -> np.ndarray:
-        return (np.exp(np.multiply.outer(t, omega)) @ (omega * U)).real
+        return (_turning(t, omega) @ (omega * U)).real
 
     return BaseMotion(name, duration, acceleration, jerk)
+
+
+def _turning(t: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """exp(omega t) of times (n,) and lines (k,): (n, k); those of a period are kept, as a fit asks for the same again."""
+    if t.size * omega.size > _KEPT:
+        return np.exp(np.multiply.outer(t, omega))
+    return _kept_turning(t.tobytes(), omega.tobytes())
+
+
+@functools.lru_cache(maxsize=16)
+def _kept_turning(t: bytes, omega: bytes) -> np.ndarray:
+    return np.exp(np.multiply.outer(np.frombuffer(t), np.frombuffer(omega, complex)))
 
 
 def sine(frequency: float, duration: float, peak_to_peak: float = PEAK_TO_PEAK) -> BaseMotion:

@@ -22,6 +22,8 @@ STATES = 4
 _COLUMNS = STATES + len(NAMES)
 #: Columns of all sensitivities, those to the masses among them.
 WITH_MASSES = _COLUMNS + len(MASSES)
+#: Columns that are computed: registers take several at once, and a loop of a length that is known has no loose ends.
+_ROW = 16
 
 
 @dataclass(frozen=True)
@@ -103,32 +105,6 @@ class TwoDof:
         )  # fmt: skip
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
-def _rates(x, p, m_S, m_F, u, f, A, B):  # type: ignore[no-untyped-def]
-    """Rates f (4,), and d(z1'', z2'')/dx in A (2, 4), d(z1'', z2'')/dp in B (2, 8); returns F_T."""
-    g_T, g_F = np.exp(-p[3] * x[0]), np.exp(-p[6] * x[1])
-    cos_T, sin_T = np.cos(p[4] * x[0]), np.sin(p[4] * x[0])
-    cos_F, sin_F = np.cos(p[7] * x[1]), np.sin(p[7] * x[1])
-    c_T, c_F = p[2] * g_T * cos_T, p[5] * g_F * cos_F  # Eq. (4.32)
-    f_T, f_F = c_T * x[2] + p[0] * x[0], c_F * x[3] + p[1] * x[1]
-    f[0], f[1] = x[2], x[3]
-    f[2], f[3] = (f_F - f_T) / m_F - f_T / m_S, (f_T - f_F) / m_F - u  # Eq. (4.29)
-    # dF_T/d(z1, k_T, c_11, c_12, c_13) and dF_F/d(z2, k_F, c_21, c_22, c_23)
-    T0 = p[0] - x[2] * p[2] * g_T * (p[3] * cos_T + p[4] * sin_T)
-    F1 = p[1] - x[3] * p[5] * g_F * (p[6] * cos_F + p[7] * sin_F)
-    a_T, a_F = 1.0 / m_F + 1.0 / m_S, 1.0 / m_F
-    A[0, 0], A[0, 1], A[0, 2], A[0, 3] = -a_T * T0, a_F * F1, -a_T * c_T, a_F * c_F
-    A[1, 0], A[1, 1], A[1, 2], A[1, 3] = a_F * T0, -a_F * F1, a_F * c_T, -a_F * c_F
-    dT = (x[0], g_T * cos_T * x[2], -x[0] * c_T * x[2], -x[0] * p[2] * g_T * sin_T * x[2])
-    dF = (x[1], g_F * cos_F * x[3], -x[1] * c_F * x[3], -x[1] * p[5] * g_F * sin_F * x[3])
-    B[0, 0], B[0, 2], B[0, 3], B[0, 4] = -a_T * dT[0], -a_T * dT[1], -a_T * dT[2], -a_T * dT[3]
-    B[1, 0], B[1, 2], B[1, 3], B[1, 4] = a_F * dT[0], a_F * dT[1], a_F * dT[2], a_F * dT[3]
-    B[0, 1], B[0, 5], B[0, 6], B[0, 7] = a_F * dF[0], a_F * dF[1], a_F * dF[2], a_F * dF[3]
-    B[1, 1], B[1, 5], B[1, 6], B[1, 7] = -a_F * dF[0], -a_F * dF[1], -a_F * dF[2], -a_F * dF[3]
-    B[0, 8], B[0, 9], B[1, 9] = f_T / m_S**2, (f_T - f_F) / m_F**2, (f_F - f_T) / m_F**2
-    return f_T
-
-
 def trajectory(
     x0: np.ndarray, p: np.ndarray, m_S: float, m_F: float, u: np.ndarray, h: float, stride: int, columns: int
 ) -> tuple[np.ndarray, ...]:
@@ -165,46 +141,83 @@ def both(x0, p, m_S, m_F, u, h, stride, columns, feet):  # type: ignore[no-untyp
     Y, DY = np.empty(n // stride), np.zeros((n // stride, width))
     rows = n // stride if feet else 0
     Z, DZ = np.empty(rows), np.zeros((rows, width))
-    x, S = x0.copy(), np.zeros((STATES, width))
+    k_T, k_F, c_11, c_12, c_13, c_21, c_22, c_23 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]
+    a_T, a_F = 1.0 / m_F + 1.0 / m_S, 1.0 / m_F
+    x_0, x_1, x_2, x_3 = x0[0], x0[1], x0[2], x0[3]
+    f_0, f_1, f_2, f_3 = 0.0, 0.0, 0.0, 0.0
+    # Rows of sensitivities in one array: 0 to 3 of the states, 6 to 9 of the rates, 10 to 13 what a step adds, 14 and
+    # 15 what z1'' and z2'' have of the parameters themselves.
+    W = np.zeros(16 * _ROW)
     for i in range(STATES):
-        S[i, i] = 1.0
-    A, B, f, fS = np.zeros((2, 4)), np.zeros((2, 10)), np.zeros(4), np.zeros((4, width))
-    xt, St = np.empty(4), np.empty((4, width))
-    sum_f, sum_S = np.empty(4), np.empty((4, width))  # of the four stages' rates
+        W[i * _ROW + i] = 1.0
+    a, b = 14 * _ROW + STATES, 15 * _ROW + STATES
+    row, skipped = 0, 0
     for k in range(n):
-        sum_f[:], sum_S[:] = 0.0, 0.0
+        s_0, s_1, s_2, s_3 = 0.0, 0.0, 0.0, 0.0  # of the four stages' rates
         for stage in range(4):
             w = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
             share = 1.0 if stage == 0 or stage == 3 else 2.0
-            for i in range(4):
-                xt[i] = x[i] + w * f[i]
-                for j in range(columns):
-                    St[i, j] = S[i, j] + w * fS[i, j]
-            f_T = _rates(xt, p, m_S, m_F, u[2 * k + (stage + 1) // 2], f, A, B)
-            for j in range(columns):
-                fS[0, j], fS[1, j] = St[2, j], St[3, j]
-            for r in range(2):
-                a, b, c, d = A[r, 0], A[r, 1], A[r, 2], A[r, 3]
-                for j in range(columns):
-                    fS[2 + r, j] = a * St[0, j] + b * St[1, j] + c * St[2, j] + d * St[3, j]
-                for j in range(columns - STATES):
-                    fS[2 + r, STATES + j] += B[r, j]
-            if stage == 0 and k % stride == 0 and k // stride < Y.size:
-                Y[k // stride] = -f_T / m_S  # Eq. (4.31)
+            z_0, z_1, z_2, z_3 = x_0 + w * f_0, x_1 + w * f_1, x_2 + w * f_2, x_3 + w * f_3
+            g_T, g_F = np.exp(-c_12 * z_0), np.exp(-c_22 * z_1)
+            cos_T, cos_F = np.cos(c_13 * z_0), np.cos(c_23 * z_1)
+            c_T, c_F = c_11 * g_T * cos_T, c_21 * g_F * cos_F  # Eq. (4.32)
+            f_T, f_F = c_T * z_2 + k_T * z_0, c_F * z_3 + k_F * z_1
+            shank, between = f_T / m_S, (f_F - f_T) / m_F
+            f_0, f_1, f_2, f_3 = z_2, z_3, between - shank, -between - u[2 * k + (stage + 1) // 2]  # Eq. (4.29)
+            s_0, s_1, s_2, s_3 = s_0 + share * f_0, s_1 + share * f_1, s_2 + share * f_2, s_3 + share * f_3
+            if columns > 0:
+                sin_T, sin_F = np.sin(c_13 * z_0), np.sin(c_23 * z_1)
+                T, F = (  # dF_T/dz1 and dF_F/dz2
+                    k_T - z_2 * c_11 * g_T * (c_12 * cos_T + c_13 * sin_T),
+                    k_F - z_3 * c_21 * g_F * (c_22 * cos_F + c_23 * sin_F),
+                )
+                A_00, A_01, A_02, A_03 = -a_T * T, a_F * F, -a_T * c_T, a_F * c_F
+                A_10, A_11, A_12, A_13 = a_F * T, -a_F * F, a_F * c_T, -a_F * c_F
+                if columns > STATES:
+                    # dF_T/d(k_T, c_11, c_12, c_13) and dF_F/d(k_F, c_21, c_22, c_23), then the masses
+                    d_0, d_1 = z_0, g_T * cos_T * z_2
+                    d_2, d_3 = -z_0 * c_T * z_2, -z_0 * c_11 * g_T * sin_T * z_2
+                    W[a], W[a + 2], W[a + 3], W[a + 4] = -a_T * d_0, -a_T * d_1, -a_T * d_2, -a_T * d_3
+                    W[b], W[b + 2], W[b + 3], W[b + 4] = a_F * d_0, a_F * d_1, a_F * d_2, a_F * d_3
+                    d_0, d_1 = z_1, g_F * cos_F * z_3
+                    d_2, d_3 = -z_1 * c_F * z_3, -z_1 * c_21 * g_F * sin_F * z_3
+                    W[a + 1], W[a + 5], W[a + 6], W[a + 7] = a_F * d_0, a_F * d_1, a_F * d_2, a_F * d_3
+                    W[b + 1], W[b + 5], W[b + 6], W[b + 7] = -a_F * d_0, -a_F * d_1, -a_F * d_2, -a_F * d_3
+                if columns > _COLUMNS:
+                    W[a + 8], W[a + 9], W[b + 9] = f_T / m_S**2, (f_T - f_F) / m_F**2, (f_F - f_T) / m_F**2
+                for j in range(_ROW):
+                    v_0, v_1 = W[j] + w * W[6 * _ROW + j], W[_ROW + j] + w * W[7 * _ROW + j]
+                    v_2, v_3 = W[2 * _ROW + j] + w * W[8 * _ROW + j], W[3 * _ROW + j] + w * W[9 * _ROW + j]
+                    y_2 = A_00 * v_0 + A_01 * v_1 + A_02 * v_2 + A_03 * v_3 + W[14 * _ROW + j]
+                    y_3 = A_10 * v_0 + A_11 * v_1 + A_12 * v_2 + A_13 * v_3 + W[15 * _ROW + j]
+                    W[6 * _ROW + j], W[7 * _ROW + j], W[8 * _ROW + j], W[9 * _ROW + j] = v_2, v_3, y_2, y_3
+                    W[10 * _ROW + j] += share * v_2
+                    W[11 * _ROW + j] += share * v_3
+                    W[12 * _ROW + j] += share * y_2
+                    W[13 * _ROW + j] += share * y_3
+            if stage == 0 and skipped == 0 and row < Y.size:
+                Y[row] = -shank  # Eq. (4.31)
                 for j in range(columns):  # y = z1'' + z2'' + u, so its derivative is the sum of two rows
-                    DY[k // stride, j] = fS[2, j] + fS[3, j]
+                    DY[row, j] = W[8 * _ROW + j] + W[9 * _ROW + j]
                 if feet:
-                    Z[k // stride] = f[3] + u[2 * k]  # z2'' + u
+                    Z[row] = f_3 + u[2 * k]  # z2'' + u
                     for j in range(columns):
-                        DZ[k // stride, j] = fS[3, j]
-            for i in range(4):
-                sum_f[i] += share * f[i]
-                for j in range(columns):
-                    sum_S[i, j] += share * fS[i, j]
-        for i in range(4):
-            x[i] += h / 6.0 * sum_f[i]
-            for j in range(columns):
-                S[i, j] += h / 6.0 * sum_S[i, j]
+                        DZ[row, j] = W[9 * _ROW + j]
+                row += 1
+        skipped += 1
+        if skipped == stride:
+            skipped = 0
+        sixth = h / 6.0
+        x_0, x_1, x_2, x_3 = x_0 + sixth * s_0, x_1 + sixth * s_1, x_2 + sixth * s_2, x_3 + sixth * s_3
+        if columns > 0:
+            for j in range(STATES * _ROW):
+                W[j] += sixth * W[10 * _ROW + j]
+                W[10 * _ROW + j] = 0.0
+    x, S = np.empty(STATES), np.zeros((STATES, width))
+    x[0], x[1], x[2], x[3] = x_0, x_1, x_2, x_3
+    for i in range(STATES):
+        for j in range(columns):
+            S[i, j] = W[i * _ROW + j]
     return Y, DY, x, S, Z, DZ
 
 

@@ -34,7 +34,7 @@ class CertifiedRollouts(Orbits[D]):
         self.state_scale, self._order = self.twin.state_scale, self.twin.order
         super().__init__(foot, drives, STATES, sensors)
         self._batch, self._coordinates = Batch(foot, 1, 1), Coordinates(foot)
-        self._controls = [d.motion.controls(d.step, d.steps) for d in self.drives]
+        self._controls = [d.controls for d in self.drives]
         self.base_error = 0.0
         self._runs: dict[int, tuple[bytes, np.ndarray, tuple[str, ...], np.ndarray]] = {}
 

@@ -6,15 +6,17 @@ along its derivative. A small gap is accepted with a first-order correction, so 
 simulation for each evaluation.
 """
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Generic, Protocol, Self, TypeVar
 
 import numpy as np
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
-from fasbody.foot.shaker import BaseMotion, harmonics, samples
+from fasbody.foot.shaker import BaseMotion, at_half_steps, harmonics, samples
 from fasbody.recording.recording import Recording
 from identification.sensors import MALLEOLUS as MALLEOLUS
 
@@ -32,8 +34,12 @@ class Drive(Protocol):
     """What moves the base of a foot, and the masses on it."""
 
     @property
-    def motion(self) -> BaseMotion:
-        """The base motion."""
+    def controls(self) -> np.ndarray:
+        """(n, 5) of the steps, for MuJoCo (`BaseMotion.controls`)."""
+
+    @property
+    def half_steps(self) -> np.ndarray:
+        """(2 n + 1,) base acceleration at half steps [m/s^2], for the twin (`BaseMotion.half_steps`)."""
 
     @property
     def masses(self) -> Mapping[str, float]:
@@ -81,6 +87,16 @@ class Excitation:
         """The base motion over one period."""
         return harmonics(self.frequency_hz, self.amplitudes, 1.0 / self.frequency_hz)
 
+    @cached_property
+    def controls(self) -> np.ndarray:
+        """See `Drive`."""
+        return self.motion.controls(self.step, self.steps)
+
+    @cached_property
+    def half_steps(self) -> np.ndarray:
+        """See `Drive`."""
+        return at_half_steps(self.controls, self.step)
+
     def __str__(self) -> str:
         return f"{self.frequency_hz:g} Hz"
 
@@ -100,7 +116,7 @@ class Whole:
     def of(cls, recording: Recording, foot: Foot) -> "Whole":
         """A recording that drives a foot; the step is the model's own where that is finer than LONGEST_STEP."""
         interval = 1.0 / recording.rate_hz
-        return cls(recording, max(1, int(np.ceil(interval / min(LONGEST_STEP, foot.step) - 1e-6))))
+        return _driven(recording, max(1, int(np.ceil(interval / min(LONGEST_STEP, foot.step) - 1e-6))))
 
     @property
     def step(self) -> float:
@@ -120,10 +136,30 @@ class Whole:
     @property
     def motion(self) -> BaseMotion:
         """The base motion over the recording."""
-        return samples(self.recording.time_s, self.recording.base_m_s2)
+        return _moved(self.recording)
+
+    @cached_property
+    def controls(self) -> np.ndarray:
+        """See `Drive`."""
+        return self.motion.controls(self.step, self.steps)
+
+    @cached_property
+    def half_steps(self) -> np.ndarray:
+        """See `Drive`."""
+        return at_half_steps(self.controls, self.step)
 
     def __str__(self) -> str:
         return self.recording.file
+
+
+@functools.lru_cache(maxsize=2)  # both branches of a fit are run under the same motion
+def _driven(recording: Recording, stride: int) -> Whole:
+    return Whole(recording, stride)
+
+
+@functools.lru_cache(maxsize=2)  # and with a finer step under the same spline
+def _moved(recording: Recording) -> BaseMotion:
+    return samples(recording.time_s, recording.base_m_s2)
 
 
 D = TypeVar("D", bound=Drive)

@@ -123,7 +123,7 @@ class Rollouts(Orbits[D]):
         self.columns, self._threads = Columns(foot, names, threads, sensors), threads
         self.state_scale = self.columns.scale
         super().__init__(foot, drives, self.columns.states, sensors)
-        self._controls = [d.motion.controls(d.step, d.steps) for d in self.drives]
+        self._controls = [d.controls for d in self.drives]
 
     def forget(self) -> None:
         """Start the next orbits from rest."""
@@ -191,7 +191,7 @@ class Rollouts(Orbits[D]):
         monodromy, by_state = self._frozen[number]
         found = []
         for drive in drives:
-            y, end = self.columns.alone(drive.motion.controls(drive.step, drive.steps), drive.step, full, x)
+            y, end = self.columns.alone(drive.controls, drive.step, full, x)
             found.append(y + by_state @ np.linalg.solve(monodromy, end - x))
         return found
 

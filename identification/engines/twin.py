@@ -30,7 +30,7 @@ class Twin(Orbits[D]):
         self.on_foot = tuple(name != "malleolus" and carriers(foot)[name] == FOOT for name in sensors)
         self.feet = any(self.on_foot)
         self.order, self.state_scale = twin_order(foot), np.array([1e-3, 1e-3, 0.1, 0.1])
-        self.inputs = [d.motion.half_steps(d.step, d.steps) for d in self.drives]
+        self.inputs = [d.half_steps for d in self.drives]
 
     def on(self, drives: Sequence[D], foot: Foot | None = None) -> "Twin[D]":
         """See `Engine`."""
@@ -88,8 +88,7 @@ class Twin(Orbits[D]):
         by_state, monodromy = self.stacked(DY, DZ)[:, :STATES], np.eye(STATES) - S[:, :STATES]
         found = []
         for drive in drives:
-            u = drive.motion.half_steps(drive.step, drive.steps)
-            Y, _, end, _, Z, _ = both(*given, u, drive.step, 1, 0, self.feet)
+            Y, _, end, _, Z, _ = both(*given, drive.half_steps, drive.step, 1, 0, self.feet)
             found.append(self.stacked(Y, Z) + by_state @ np.linalg.solve(monodromy, end - x))
         return found
 

@@ -109,7 +109,7 @@ def cycle(foot: Foot, excitation: Excitation, values: Mapping[str, float], twin:
 
 def _twin_cycle(e: Excitation, values: Mapping[str, float]) -> Cycle:
     foot = TwoDof.from_values({**values, **e.masses})
-    model = (foot.theta, foot.m_S, foot.m_F, e.motion.half_steps(e.step, e.steps), e.step)
+    model = (foot.theta, foot.m_S, foot.m_F, e.half_steps, e.step)
     malleolus, _, start, _, gap = periodic(np.zeros(4), *model, CLOSED, _PASSES)
     if not gap < CLOSED:
         raise SimulationError(f"no periodic motion at {e.frequency_hz:g} Hz for {foot}.")
@@ -173,7 +173,7 @@ def _run(foot: Foot, e: Excitation, values: Mapping[str, float]) -> Cycle:
     parts = {part: _elements(foot, part) for part in PARTS}
     engine = Rollouts(foot, [e], ())
     malleolus, _ = engine.orbit(0, values, (), CLOSED)
-    controls = e.motion.controls(e.step, e.steps)
+    controls = e.controls
     declared = {k: v for k, v in {**values, **e.masses}.items() if k in foot.parameters}
     tuned = foot.with_values(declared, e.step)
     run = Batch(tuned, 1).run(controls[None], e.step, *Coordinates(foot).unpack(engine.start(0)[None]))
