@@ -135,19 +135,20 @@ def print_json(document: Any) -> None:
 
 def to_json(document: Any) -> str:
     """JSON text of `document`; numpy scalars and arrays become numbers and lists, non-finite numbers null."""
-    return json.dumps(_plain(document), indent=2, allow_nan=False)
+    return json.dumps(plain(document), indent=2, allow_nan=False)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """A document as JSON knows it: dictionaries, lists, texts, finite numbers, True, False and None."""
+    if type(value) is float:
+        return value if -float("inf") < value < float("inf") else None
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if hasattr(value, "tolist"):  # numpy scalar or array
-        return _plain(value.tolist())
-    if isinstance(value, float) and not (-float("inf") < value < float("inf")):
-        return None
-    return value if isinstance(value, str | int | float | bool | None) else str(value)
+        return plain(value.tolist())
+    return value if isinstance(value, str | int | bool | None) else str(value)
 
 
 def write_whole(path: Path, content: str | bytes) -> Path:

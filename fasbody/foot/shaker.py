@@ -105,7 +105,7 @@ def _lines(name: str, duration: float, omega: np.ndarray, U: np.ndarray) -> Base
 
 
 def _turning(t: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """exp(omega t) of times (n,) and lines (k,): (n, k); those of a period are kept, as a fit asks for the same again."""
+    """exp(omega t) of times (n,) and lines (k,): (n, k); a period's are kept, as a fit asks for them again."""
     if t.size * omega.size > _KEPT:
         return np.exp(np.multiply.outer(t, omega))
     return _kept_turning(t.tobytes(), omega.tobytes())

@@ -7,6 +7,7 @@ import codecs
 import csv
 import gzip
 import re
+import sys
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from io import BytesIO, StringIO
@@ -31,12 +32,15 @@ UNNAMED = "column {}"
 #: A line that begins so is a comment.
 COMMENT = re.compile(r"\s*(#|%|//)")
 _BINARY = re.compile(r"[\x00-\x08\x0e-\x1f]")
+_CONTROL = bytes([*range(0x09), *range(0x0E, 0x20)])  # the same, before they are letters
+#: A line of measured numbers, which is no header.
+_SAMPLES = re.compile(r"[\s\d.,;|eE+-]*\.[\s\d.,;|eE+-]*")
 _MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 #: Columns that a recording itself has.
 _OWN = ("time", "time_s", *(f"{name}_m_s2" for name in NAMES))
 #: A time of the day, with or without its date before it.
 _STAMP = re.compile(r"(?:[\d./-]{8,10}[T ]+)?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d)?")
-#: Longer texts are parsed by pandas, three times as fast as numpy's parser; importing it costs what this long takes.
+#: Longer texts are parsed by pandas, several times as fast as numpy's parser; importing it costs what this long takes.
 _LONG = 5_000_000
 _QUOTE = "opens a quotation mark that nothing closes"
 
@@ -68,7 +72,8 @@ def read_text(file: Path) -> str:
             text = data.decode(encoding)
         except UnicodeDecodeError:
             continue
-        if not _BINARY.search(text):
+        clear = not encoding.startswith("utf-16") and len(data.translate(None, _CONTROL)) == len(data)
+        if clear or not _BINARY.search(text):
             return text.replace("\r\n", "\n").replace("\r", "\n")
     raise InputFileError(file, "is not a text file", "a CSV file with a header line is needed")
 
@@ -102,6 +107,8 @@ def header(text: str, score: Callable[[Sequence[str]], int]) -> tuple[int, str, 
     """
     best, found = 0, (1, ",", [""])
     for number, line in enumerate(islice(lines(text), 200), 1):
+        if best and _SAMPLES.fullmatch(line):
+            continue
         bare = re.sub(r"^\s*(#|%|//)\s*", "", line)  # some programs write the header as a comment
         for separator in SEPARATORS:
             if separator not in bare:
@@ -273,7 +280,8 @@ def _numbers(
     decimal = "," if any("," in sample[i] for i in wanted.values() if i < len(sample)) else "."
     _no_wider(file, text, separator, len(names), first)
     body = text[offset(text, first) :]
-    if COMMENT.match(body) or re.search(rf"\n{COMMENT.pattern}", body):
+    marked = any(mark in body for mark in ("#", "%", "//"))  # a search by pattern takes as long as the parser
+    if marked and (COMMENT.match(body) or re.search(rf"\n{COMMENT.pattern}", body)):
         body = "\n".join(line for line in body.split("\n") if not COMMENT.match(line))
     order = list(wanted.values())
     try:
@@ -297,7 +305,7 @@ def _parsed(body: str, separator: str, decimal: str, order: Sequence[int], width
     """
     if not body.strip():
         return np.empty((0, len(order)))
-    if len(body) < _LONG:
+    if len(body) < _LONG and "pandas" not in sys.modules:
         body = body.replace(",", ".") if decimal == "," else body
         delimiter = None if separator == " " else separator
         return np.loadtxt(StringIO(body), delimiter=delimiter, usecols=order, ndmin=2, comments=None, quotechar='"')
@@ -306,9 +314,14 @@ def _parsed(body: str, separator: str, decimal: str, order: Sequence[int], width
     frame = pd.read_csv(
         BytesIO(body.encode()), sep=r"\s+" if separator == " " else separator, decimal=decimal, header=None,
         names=list(range(width)), usecols=sorted(order), index_col=False, skipinitialspace=True,
-        float_precision="round_trip",
+        float_precision=None if _exact(pd.__version__) else "round_trip",
     )  # fmt: skip
     return np.column_stack([frame[index].to_numpy(float) for index in order])
+
+
+def _exact(version: str) -> bool:
+    """Whether pandas reads every digit by itself, as it does from 3.1 on."""
+    return tuple(map(int, version.split(".")[:2])) >= (3, 1)
 
 
 def _seconds(file: Path, text: str, separator: str, index: int, first: int) -> np.ndarray:
@@ -327,13 +340,21 @@ def _seconds(file: Path, text: str, separator: str, index: int, first: int) -> n
 
 def _no_wider(file: Path, text: str, separator: str, width: int, first: int) -> None:
     """Refuse a row with more cells than the header: its numbers would get into wrong columns."""
-    body = text[offset(text, first) :].split("\n")
-    if max(len(line.split()) if separator == " " else line.count(separator) + 1 for line in body) <= width:
+    if _widest(text[offset(text, first) :], separator) <= width:
         return
     for line, cells in rows(file, text, separator, first):
         if any(cells[width:]):
             hint = "if its decimals have commas, separate the columns by ;" if separator == "," else ""
             raise InputFileError(file, f"has {len(cells)} cells, and the header {width}", hint, line)
+
+
+def _widest(body: str, separator: str) -> int:
+    """Cells of the line with most of them, those in quotes counted apart."""
+    if separator == " ":
+        return max(len(line.split()) for line in body.split("\n"))
+    letters = np.frombuffer(f"{body}\n".encode(), np.uint8)
+    ends, cuts = (np.flatnonzero(letters == ord(letter)) for letter in ("\n", separator))
+    return int(np.diff(np.searchsorted(cuts, ends), prepend=0).max()) + 1
 
 
 def _cell(file: Path, name: str, cells: Sequence[str], index: int, line: int) -> float:

@@ -105,24 +105,27 @@ def main(
     began = time.perf_counter()
     try:
         computed = complete(plan.work, jobs, fits, scheduler, workers, to_compile(plan) if scheduler is None else "")
-        found = {job.trials: fits.read(job.key)[0] for job in jobs}
+        kept = fits.documents(job.key for job in jobs)  # read and verified once: a study has hundreds
+        found = {job.trials: kept.get(job.key) for job in jobs}
         checking = [job for job in checking if job.kind == "validation" or _done(found[job.trials])]
         checked = complete(lambda job: plan.work(job, found.get(job.trials)), checking, checks, scheduler, workers)
     except KeyboardInterrupt:
-        kept = len(fits.documents(job.key for job in jobs)) + len(checks.documents(job.key for job in checking))
+        count = len(fits.documents(job.key for job in jobs)) + len(checks.documents(job.key for job in checking))
         raise Stopped(
-            f"stopped with {kept} of {len(jobs) + len(checking)} fits and checks in {out}; the same command goes on "
+            f"stopped with {count} of {len(jobs) + len(checking)} fits and checks in {out}; the same command goes on "
             "from there."
         ) from None
     seconds = time.perf_counter() - began
-    documents = [d for each in MODES for d in fits.documents(job.key for job in plan.jobs(each))]
+    modes = [kept if each == mode else fits.documents(job.key for job in plan.jobs(each)) for each in MODES]
+    documents = [d for each in modes for d in each.values()]
     every = [(kind, "") for kind in KINDS[2:]] + [("profile", item.name) for item in space.free]
-    made = [d for each in MODES for what in every for d in checks.documents(job.key for job in plan.jobs(each, *what))]
+    keys = (job.key for each in MODES for what in every for job in plan.jobs(each, *what))
+    made = list(checks.documents(keys).values())
     unshown = fits.others(d["key"] for d in documents) + checks.others(d["key"] for d in made)
     findings = replace(gather(documents, made, believed, ", ".join(prior or ())), unshown=unshown)
     if page:
         report.write(out, documents, folder.name, folder.origin, Truth.read(study), findings)
-    done = sum(map(_done, fits.documents(job.key for job in jobs)))
+    done = sum(map(_done, kept.values()))
     run = {"out": out, "computed": computed, "checked": checked, "wanted": len(jobs), "done": done, "seconds": seconds}
     show(documents, findings, run, json_)
     if page:

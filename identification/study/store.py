@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from fasbody import runner
-from fasbody.console import to_json
+from fasbody.console import plain
 
 #: What a document must hold to be believed.
 _NEEDED = {"digest", "key", "mode", "subject", "posture", "files", "status", "error", "result", "cycles"}
@@ -15,9 +15,9 @@ _KEY = re.compile("[0-9a-f]{24}")
 
 
 def _digest(document: dict[str, Any]) -> str:
-    """What a document's digest must be: of all that it says besides, but for the time that it took."""
+    """What a plain document's digest must be: of all that it says besides, but for the time that it took."""
     said = {**document, "result": _timeless(document["result"] or {})}
-    return runner.key(json.dumps(json.loads(to_json(_timeless(said))), sort_keys=True))
+    return runner.key(json.dumps(_timeless(said), sort_keys=True))
 
 
 def _timeless(said: dict[str, Any]) -> dict[str, Any]:
@@ -28,8 +28,10 @@ class Store(runner.Store):
     """The folder `fits` of a study's results, or `checks`."""
 
     def write(self, document: dict[str, Any]) -> None:
-        """Keep a document under its key."""
-        self.save(f"{document['key']}.json", to_json({**document, "digest": _digest(document)}) + "\n")
+        """Keep a document under its key, a line for each thing that it says."""
+        said = plain(document)
+        told = ",\n".join(f"{json.dumps(k)}: {json.dumps(v)}" for k, v in {**said, "digest": _digest(said)}.items())
+        self.save(f"{document['key']}.json", f"{{\n{told}\n}}\n")
 
     def read(self, key: str) -> tuple[dict[str, Any] | None, str]:
         """The document of a key, None if there is none; and a sentence if a file is there that is not it."""
@@ -51,7 +53,7 @@ class Store(runner.Store):
         known = set(keys)
         return sum(bool(_KEY.fullmatch(file.stem)) and file.stem not in known for file in self.folder.glob("*.json"))
 
-    def documents(self, keys: Iterable[str]) -> list[dict[str, Any]]:
-        """The documents of those keys that are there."""
-        found = (self.read(key)[0] for key in keys)
-        return [document for document in found if document is not None]
+    def documents(self, keys: Iterable[str]) -> dict[str, dict[str, Any]]:
+        """The documents of those keys that are there, by key."""
+        found = {key: self.read(key)[0] for key in keys}
+        return {key: document for key, document in found.items() if document is not None}
