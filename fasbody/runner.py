@@ -184,10 +184,12 @@ def sources(module: str) -> list[Path]:
 def _imported(file: Path) -> tuple[Path, ...]:
     """Files of ours that a file imports, for types alone not; of one that imports by name all that lie beside it."""
     text, names = file.read_text(encoding="utf-8"), set()
-    tree = ast.parse(text)
-    checks = (node for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test))
+    nodes = list(ast.walk(ast.parse(text)))
+    checks = (node for node in nodes if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test))
     typed = {node for check in checks for line in check.body for node in ast.walk(line)}
-    for node in (node for node in ast.walk(tree) if node not in typed):
+    for node in nodes:
+        if node in typed:
+            continue
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:

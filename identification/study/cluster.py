@@ -29,6 +29,8 @@ _AHEAD = 2
 _PATIENCE_S = 15
 _GONE = "the connection to the scheduler is lost; the same command goes on from here."
 _QUIET = {"distributed.worker.daemon": True, "distributed.comm.timeouts.connect": f"{_PATIENCE_S}s"}
+#: A worker that looks at its own stack a hundred times a second does less else.
+_PLAIN = {"distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1, "distributed.worker.profile.enabled": False}
 
 
 @contextlib.contextmanager
@@ -53,7 +55,7 @@ def local(processes: int) -> Iterator[Crew]:
     distributed = _distributed()
     import dask
 
-    with dask.config.set({**_QUIET, "distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1}):
+    with dask.config.set({**_QUIET, **_PLAIN}):
         with held():  # by the thread that starts processes, and so by these, now and in the place of lost ones
             cluster = distributed.LocalCluster(
                 n_workers=processes, threads_per_worker=1, processes=True, host="127.0.0.1",
