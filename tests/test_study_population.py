@@ -12,7 +12,7 @@ from scipy.stats import t as student
 from fasbody.exceptions import RecordingError
 from identification.study import figures, report, tables
 from identification.study.findings import Findings
-from identification.study.population import constant, populations, spread_interval
+from identification.study.population import chances, constant, populations, spread_interval, without
 
 LOGS = np.array([0.0, 0.1, 0.3, 0.5, 0.9])
 NAMES = list("abcde")
@@ -121,6 +121,59 @@ def test_who_is_left_out_is_named_with_the_reason() -> None:
     assert "1 (c_11 rests on a bound)" in " ".join(figures.persons(found, "synthetic").get_supxlabel().split())
     table = tables.population(Findings(populations=found))
     assert table["persons left out"].tolist().count(one.dropped()) == 1  # of c_11 alone
+
+
+def test_who_does_not_belong_is_named_and_kept(tmp_path: Path) -> None:
+    """Of equal errors the chance is Student's, of the residual to the others' mean; here one person is ten times off."""
+    logs, error = np.array([0.0, 0.1, -0.1, 0.05, 2.3]), np.full(5, 0.01)
+    others = logs[:-1]
+    off = (logs[-1] - others.mean()) / (others.std(ddof=1) * np.sqrt(1 + 1 / 4))
+    assert chances(logs, error)[-1] == pytest.approx(5 * 2 * student.sf(off, 3), rel=1e-6)
+    assert chances(logs, error)[:-1].min() > 0.5  # the outlier makes room for the others
+    fits = study(20.0)
+    for d, y in zip(fits, (0.0, 0.1, -0.1, 0.05, 2.3), strict=True):
+        d["result"]["branches"][0]["parameters"]["k_T_n_per_m"] |= {"value": 1e5 * np.exp(y), "std_error": 1e3}
+    found = populations(fits)
+    k_T, k_F, *_ = found[0].constants
+    assert [p.subject for p in k_T.odd] == ["4"] and not k_F.odd and len(k_T.persons) == 5
+    assert k_T.mean == pytest.approx(1e5 * np.exp(0.47), rel=0.02)  # it is in the mean
+    (said,) = found[0].odd()
+    assert said.startswith("midstance, 0 kg, stiff ankle: k_T of subject 4 is") and "it is kept" in said
+    assert found[0].document()["constants"][0]["does_not_belong"] == ["4"]
+    assert tables.population(Findings(populations=found))["does not belong (kept)"].tolist() == ["4", *["nobody"] * 3]
+    assert "persons' (4)" in " ".join(figures.persons(found, "synthetic").get_supxlabel().split())
+    report.write(tmp_path, [{**d, "cycles": []} for d in fits], "five persons", "synthetic")
+    assert said.replace("'", "&#39;") in (tmp_path / "report.html").read_text()
+
+
+@pytest.mark.parametrize(("persons", "tau", "errors"), [(5, 0.15, 0.05), (5, 0.05, 0.15), (12, 0.3, 0.1)])
+def test_persons_of_one_population_are_rarely_called_odd(persons: int, tau: float, errors: float) -> None:
+    """In at most one population of twenty, but for chance (400 draws: a standard error of 1.1 %)."""
+    rng = np.random.default_rng(persons)
+    s = errors * np.exp(rng.uniform(-0.5, 0.5, (400, persons)))
+    drawn = tau * rng.normal(size=s.shape) + s * rng.normal(size=s.shape)
+    assert np.mean([chances(y, e).min() < 0.05 for y, e in zip(drawn, s, strict=True)]) < 0.085
+
+
+def test_why_there_is_no_population_is_said() -> None:
+    fits = study(20.0, persons=3)
+    assert without(fits) == ["midstance, 0 kg: no population, as 3 persons remain and at least 4 are needed."]
+    (said,) = without([*study(20.0, persons=4)[:3], failed("lost", "s.csv: is too short.") | {"mode": "pooled"}])
+    assert said.endswith("at least 4 are needed; left out: lost (the fit failed).")
+    assert without(study(20.0)) == without(fits[:1]) == []
+    twice = [*study(20.0), study(20.0)[0]]
+    assert populations(twice) == [] and "subject 0 is there twice" in without(twice)[0]
+    with pytest.raises(RecordingError, match="subject a is there twice"):
+        constant("k_T", [*"aabcd"], LOGS, np.full(5, 0.1))
+
+
+def test_an_error_of_zero_is_no_estimate() -> None:
+    fits = study(20.0)
+    fits[2]["result"]["branches"][0]["parameters"]["k_T_n_per_m"]["std_error"] = 0.0
+    (one,) = populations(fits)
+    assert one.dropped(one.constants[0]) == "2 (k_T has a standard error of zero)"
+    with pytest.raises(RecordingError, match="k_T of subject a has a standard error of 0"):
+        constant("k_T", NAMES, LOGS, np.array([0.0, 0.1, 0.1, 0.1, 0.1]))
 
 
 def test_the_page_tells_persons_and_population(tmp_path: Path) -> None:

@@ -241,6 +241,8 @@ def show(documents: "Sequence[Document]", findings: "Findings", run: Mapping[str
         console.print(said, style="yellow", markup=False, soft_wrap=True)
     if said := one_set(documents):
         console.print(said, markup=False, soft_wrap=True)
+    for sentence in (*findings.no_population, *(text for p in findings.populations for text in p.odd())):
+        console.print(sentence, style="yellow", markup=False, soft_wrap=True)
     if findings.elsewhere:
         console.print(findings.elsewhere, style="yellow", markup=False, soft_wrap=True)
     for sentence in failures_said(failed):

@@ -27,7 +27,7 @@ from identification.figures import label_of, of_loads, panels
 from identification.study.means import BAND, FEWEST, POSITIVE, mean_curve
 from identification.study.summary import FEWEST as FEWEST_OF_A_BOX
 from identification.study.summary import OPEN, POOR_FIT, follows, measured, nominal, quartiles
-from identification.study.tables import left_out
+from identification.study.tables import circled, left_out
 
 if TYPE_CHECKING:
     from identification.study.population import Population
@@ -491,6 +491,10 @@ def persons(populations: Sequence["Population"], origin: str) -> Figure:
                               alpha=_FAINT)  # fmt: skip
                 own = [scale * q.value for q in c.persons]
                 axis.plot(x, own, "_", ms=5, color=GREY)
+                for q, at, y in zip(c.persons, x, own, strict=True):
+                    if q in c.odd:
+                        axis.plot(at, y, "o", ms=9, mfc="none", color=MODEL)
+                        axis.annotate(q.subject, (at, y), (7, -2), textcoords="offset points", fontsize=8, color=MODEL)
                 ends = [[scale * (c.mean - c.lower)], [scale * (c.upper - c.mean)]]
                 axis.errorbar([place + 0.3], [scale * c.mean], yerr=ends, fmt=mark, ms=6, capsize=3, color=colour,
                               elinewidth=1 if open_ else 2, mfc="none" if open_ else colour,
@@ -505,5 +509,5 @@ def persons(populations: Sequence["Population"], origin: str) -> Figure:
     return noted(
         figure,
         f"{origin} data; faint: each person, shrunk, with 95 %; dashes: as the fit alone has it; large: geometric mean "
-        f"with 95 %, open where the branch is not decided. {left_out(populations)}",
+        f"with 95 %, open where the branch is not decided. {circled(populations)}{left_out(populations)}",
     )

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from fasbody.exceptions import SettingError
-from identification.study.population import Population, populations
+from identification.study.population import Population, populations, without
 from identification.study.tracking import Fit, Prior, Tracking, track
 
 _TRACKED_MODES = ("per-recording", "pooled")
@@ -29,7 +29,7 @@ class Findings:
 
     Attributes:
         subjects: tracked ones. checks: documents of the checks that are done. prior: that the tracking had, in words.
-        populations: of the pooled fits. unshown: documents in the folder that are of other settings or recordings.
+        populations: of the pooled fits. no_population: why some persons make none. unshown: documents in the folder that are of other settings or recordings.
     """
 
     subjects: Sequence[Subject] = ()
@@ -37,6 +37,7 @@ class Findings:
     prior: str = ""
     unshown: int = 0
     populations: Sequence[Population] = ()
+    no_population: Sequence[str] = ()
 
     @property
     def elsewhere(self) -> str:
@@ -70,7 +71,7 @@ class Findings:
             "tracking": [{**asdict(s), "tracking": s.tracking and s.tracking.document()} for s in self.subjects],
             "prior": self.prior, "profiles": listed("profile"), "validation": listed("validation"),
             "agreement": listed("agreement"), "unshown": self.unshown,
-            "populations": [p.document() for p in self.populations],
+            "populations": [p.document() for p in self.populations], "no_population": list(self.no_population),
         }  # fmt: skip
 
 
@@ -87,7 +88,7 @@ def gather(
         if d["status"] == "done" and d["mode"] in _TRACKED_MODES:
             subjects.setdefault((d["mode"], d["subject"], d["posture"]), []).append(d)
     tracked = [_tracked(*who, mine, prior) for who, mine in subjects.items()]
-    return Findings(tracked, checks, said, populations=populations(documents))
+    return Findings(tracked, checks, said, populations=populations(documents), no_population=without(documents))
 
 
 def _tracked(mode: str, subject: str, posture: str, documents: Sequence[Document], prior: Prior | None) -> Subject:

@@ -7,6 +7,10 @@ Cochran's Q, which is chi-square distributed at the true tau. A person's own val
 leaves open. What all persons have in common, such as a wrong gain of one laboratory's sensor, no number of persons
 takes away: it is not in these intervals.
 
+A person whose value does not belong to the others' is named: the other persons foretell the value, with the spread
+between them, and it lies further off than chance would have it in one population of twenty (the chance is multiplied by
+the number of persons, any of whom might have been the odd one). That person stays in the estimate.
+
 The odds of the branches multiply over persons whose errors are their own. Gain and mass tables are one laboratory's:
 what a branch needs of them it may need once, and not once a person. So the odds are told twice, with what each fit pays
 for departing from the stated gain, masses and so on summed over persons, and with its mean (what all would pay who
@@ -23,6 +27,7 @@ from scipy.optimize import brentq
 from scipy.special import chdtri
 from scipy.stats import t as student
 
+from fasbody.exceptions import RecordingError
 from fasbody.presentation import Tabled, readable
 from identification.advice import POOR_FIT
 from identification.branches import DECISIVE_ODDS, EXCHANGED, STIFF_ANKLE, STIFF_PAD
@@ -30,6 +35,8 @@ from identification.heel.population import FEWEST, Observed, estimate
 from identification.study.summary import follows
 
 _LEVEL = 0.95
+#: Chance, times the number of persons, below which a value does not belong to the others'.
+_ODD = 0.05
 #: Largest spread of logarithms that is looked for.
 _MOST = 10.0
 
@@ -44,7 +51,11 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Person:
-    """One person's constant: as its fit has it, with the relative standard error, and shrunk to the population."""
+    """One person's constant: as its fit has it, with the relative standard error, and shrunk to the population.
+
+    Attributes:
+        chance: that any of the persons lies so far from what the others foretell.
+    """
 
     subject: str
     value: float
@@ -52,6 +63,7 @@ class Person:
     shrunk: float
     lower: float
     upper: float
+    chance: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -73,6 +85,11 @@ class Constant(Tabled):
     spread_upper: float
     persons: tuple[Person, ...]
     left_out: tuple[LeftOut, ...] = ()
+
+    @property
+    def odd(self) -> tuple[Person, ...]:
+        """Persons whose value does not belong to the others', the oddest first."""
+        return tuple(sorted((p for p in self.persons if p.chance < _ODD), key=lambda p: p.chance))
 
 
 @dataclass(frozen=True)
@@ -110,9 +127,21 @@ class Population(Tabled):
             reasons.setdefault(each.why, []).append(each.subject)
         return ", ".join(f"{' and '.join(who)} ({why})" for why, who in reasons.items())
 
+    def odd(self) -> list[str]:
+        """Who does not belong to the others, and in what, a sentence each."""
+        where = f"{self.posture}, {self.added_mass_kg:g} kg, {self.branch}"
+        return [
+            f"{where}: {c.name} of subject {p.subject} is {readable(p.value / c.mean)} times the mean and does not belong "
+            f"to the other persons' (chance {readable(p.chance, 2)}, corrected for {len(c.persons)} persons); it is kept "
+            "in the estimate, so look at its recordings."
+            for c in self.constants
+            for p in c.odd
+        ]
+
     def document(self) -> dict[str, Any]:
         """As plain data."""
-        return asdict(self)
+        constants = [asdict(c) | {"does_not_belong": [p.subject for p in c.odd]} for c in self.constants]
+        return asdict(self) | {"constants": constants}
 
 
 def _to_one(odds_log: float) -> str:
@@ -133,8 +162,16 @@ def constant(name: str, subjects: Sequence[str], logs: np.ndarray, errors: np.nd
         name: of it. subjects: (n,) names. logs: (n,) logarithms of its values. errors: (n,) their standard errors.
 
     Raises:
-        RecordingError: fewer than four persons.
+        RecordingError: fewer than four persons, one of them twice, or an error that is not a positive number.
     """
+    if len(set(subjects)) < len(subjects):
+        twice = next(who for who in subjects if subjects.count(who) > 1)
+        raise RecordingError(f"subject {twice} is there twice; one person counts once in a population.")
+    for who, s in zip(subjects, errors, strict=True):
+        if not (np.isfinite(s) and s > 0):
+            raise RecordingError(
+                f"{name} of subject {who} has a standard error of {s:g}; it must be a positive number."
+            )
     given = zip(subjects, logs, errors, strict=True)
     found = estimate((name,), [Observed(who, "", np.array([y]), np.array([[s**2]])) for who, y, s in given])
     mu, tau = float(found.mu[0, 0]), float(np.sqrt(found.between[0, 0]))
@@ -148,10 +185,41 @@ def constant(name: str, subjects: Sequence[str], logs: np.ndarray, errors: np.nd
     normal, few = (float(student.ppf(0.5 + 0.5 * _LEVEL, dof)) for dof in (np.inf, len(subjects) - 1))
     width = np.sqrt(normal**2 * share * errors**2 + few**2 * (rests * found.covariance[0, 0] + doubt))
     people = tuple(
-        Person(who, float(np.exp(y)), float(s), *(float(np.exp(x)) for x in (z, z - w, z + w)))
-        for who, y, s, z, w in zip(subjects, logs, errors, shrunk, width, strict=True)
+        Person(who, float(np.exp(y)), float(s), *(float(np.exp(x)) for x in (z, z - w, z + w)), chance=float(odd))
+        for who, y, s, z, w, odd in zip(subjects, logs, errors, shrunk, width, chances(logs, errors), strict=True)
     )
     return Constant(name, mean, low, high, tau, *ends, people)
+
+
+def chances(logs: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Chance that any of n persons lies as far as each (n,) from what the others foretell.
+
+    The others' mean and spread (at which their Q is what chi-square is on average: Paule and Mandel 1982) foretell a
+    value with the variance tau^2 + s_i^2 + that of their mean, and Student's t with the others less one.
+
+    Args:
+        logs: (n,) logarithms. errors: (n,) their standard errors.
+    """
+    found = []
+    for i in range(logs.size):
+        y, s = np.delete(logs, i), np.delete(errors, i)
+        tau = _spread(y, s, y.size - 1.0)
+        w = 1 / (tau**2 + s**2)
+        off = (logs[i] - w @ y / w.sum()) / np.sqrt(tau**2 + errors[i] ** 2 + 1 / w.sum())
+        found.append(2 * student.sf(abs(off), y.size - 1))
+    return np.minimum(1.0, logs.size * np.array(found))
+
+
+def _spread(logs: np.ndarray, errors: np.ndarray, wanted: float) -> float:
+    """The spread at which Cochran's Q has a value, between 0 and the largest that is looked for."""
+
+    def Q(tau: float) -> float:
+        w = 1 / (tau**2 + errors**2)
+        return float(w @ (logs - w @ logs / w.sum()) ** 2)
+
+    if Q(0.0) <= wanted:
+        return 0.0
+    return _MOST if Q(_MOST) >= wanted else float(brentq(lambda tau: Q(tau) - wanted, 0.0, _MOST))
 
 
 def spread_interval(logs: np.ndarray, errors: np.ndarray) -> tuple[float, float]:
@@ -160,19 +228,9 @@ def spread_interval(logs: np.ndarray, errors: np.ndarray) -> tuple[float, float]
     Args:
         logs: (n,) logarithms. errors: (n,) their standard errors.
     """
-
-    def Q(tau: float) -> float:
-        w = 1 / (tau**2 + errors**2)
-        return float(w @ (logs - w @ logs / w.sum()) ** 2)
-
-    ends = []
-    for chance in (0.5 - 0.5 * _LEVEL, 0.5 + 0.5 * _LEVEL):
-        wanted = float(chdtri(logs.size - 1, chance))
-        if Q(0.0) <= wanted:
-            ends.append(0.0)
-        else:
-            ends.append(_MOST if Q(_MOST) >= wanted else float(brentq(lambda tau, w=wanted: Q(tau) - w, 0.0, _MOST)))
-    return ends[0], ends[1]
+    chi = (float(chdtri(logs.size - 1, chance)) for chance in (0.5 - 0.5 * _LEVEL, 0.5 + 0.5 * _LEVEL))
+    low, high = (_spread(logs, errors, wanted) for wanted in chi)
+    return low, high
 
 
 def populations(documents: Sequence[Mapping[str, Any]]) -> list[Population]:
@@ -181,12 +239,10 @@ def populations(documents: Sequence[Mapping[str, Any]]) -> list[Population]:
     Args:
         documents: fits; those that are not pooled are passed over.
     """
-    groups: dict[tuple[str, float], list[Mapping[str, Any]]] = {}
-    for d in documents:
-        if d["mode"] == "pooled":
-            groups.setdefault((d["posture"], d["added_mass_kg"]), []).append(d)
     found: list[Population] = []
-    for (posture, load), fits in sorted(groups.items()):
+    for (posture, load), fits in _groups(documents):
+        if _twice(fits):
+            continue
         unfit = {id(d): why for d in fits if (why := _unfit(d))}
         out = tuple(LeftOut(str(d["subject"]), unfit[id(d)]) for d in fits if id(d) in unfit)
         fits = [d for d in fits if id(d) not in unfit]
@@ -201,6 +257,47 @@ def populations(documents: Sequence[Mapping[str, Any]]) -> list[Population]:
                 odds = (alone, common) if name == STIFF_ANKLE else (-alone, -common)
                 found.append(Population(posture, load, name, word, *odds, constants, (*out, *left_out)))
     return found
+
+
+def without(documents: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Why several persons in one posture under one load make no population, a sentence each; one person is none."""
+    made = {(p.posture, p.added_mass_kg) for p in populations(documents)}
+    said = []
+    for (posture, load), fits in _groups(documents):
+        people, where = (
+            list(dict.fromkeys(str(d["subject"]) for d in fits)),
+            f"{posture}, {load:g} kg: no population, as",
+        )
+        if twice := _twice(fits):
+            said.append(
+                f"{where} subject {twice} is there twice; give the two persons different names in subjects.csv."
+            )
+        elif len(people) > 1 and (posture, load) not in made:
+            unfit = [f"{d['subject']} ({why})" for d in fits if (why := _unfit(d))]
+            out = f"; left out: {', '.join(unfit)}" if unfit else ""
+            few = len(people) - len(unfit) < FEWEST
+            why = (
+                f"{len(people) - len(unfit)} persons remain"
+                if few
+                else "too few persons have an estimate of a constant"
+            )
+            said.append(f"{where} {why} and at least {FEWEST} are needed{out}.")
+    return said
+
+
+def _groups(documents: Sequence[Mapping[str, Any]]) -> list[tuple[tuple[str, float], list[Mapping[str, Any]]]]:
+    """The pooled fits of each posture and load, in order."""
+    groups: dict[tuple[str, float], list[Mapping[str, Any]]] = {}
+    for d in documents:
+        if d["mode"] == "pooled":
+            groups.setdefault((d["posture"], d["added_mass_kg"]), []).append(d)
+    return sorted(groups.items())
+
+
+def _twice(fits: Sequence[Mapping[str, Any]]) -> str:
+    """A subject of several fits; empty where there is none."""
+    names = [str(d["subject"]) for d in fits]
+    return next((name for name in names if names.count(name) > 1), "")
 
 
 def _unfit(document: Mapping[str, Any]) -> str:
@@ -245,14 +342,16 @@ def _constants(fits: Sequence[Mapping[str, Any]], name: str) -> tuple[tuple[Cons
             symbol = key.split("_n_")[0]
             if symbol not in told:
                 continue
-            if e["at_bound"] or e["std_error"] is None or not np.isfinite(e["std_error"]):
-                why = f"{symbol} {'rests on a bound' if e['at_bound'] else 'has no standard error'}"
+            error = e["std_error"]
+            if e["at_bound"] or error is None or not np.isfinite(error) or error <= 0:
+                none = "has no standard error" if error is None or error != 0 else "has a standard error of zero"
+                why = f"{symbol} {'rests on a bound' if e['at_bound'] else none}"
                 unknown[symbol].append(LeftOut(who, why))
             else:
-                told[symbol].append((who, float(np.log(e["value"])), float(e["std_error"] / e["value"])))
+                told[symbol].append((who, float(np.log(e["value"])), float(error / e["value"])))
     made = []
     for symbol, rows in told.items():
-        if len({who for who, *_ in rows}) == len(rows) >= FEWEST:
+        if len(rows) >= FEWEST:
             people, logs, errors = zip(*rows, strict=True)
             one = constant(symbol, people, np.array(logs), np.array(errors))
             made.append(replace(one, left_out=tuple(unknown[symbol])))

@@ -194,11 +194,11 @@ def population(findings: Findings) -> pd.DataFrame:
                 f"{scale * c.mean:.3g}", f"{scale * c.lower:.3g} to {scale * c.upper:.3g}", _percent(c.spread),
                 f"{_percent(c.spread_lower)} to {_percent(c.spread_upper)}",
                 f"{_percent(float(np.std(own, ddof=1)))} to {_percent(float(np.std(shrunk, ddof=1)))}",
-                p.dropped(c) or "nobody",
+                p.dropped(c) or "nobody", " and ".join(q.subject for q in c.odd) or "nobody",
             ])  # fmt: skip
     header = ["condition", "branch", "constant", "persons", "mean", "95 % of the mean", "spread between persons",
               "95 % of the spread", "scatter of the estimates, before and after shrinking",
-              "persons left out"]  # fmt: skip
+              "persons left out", "does not belong (kept)"]  # fmt: skip
     return pd.DataFrame(rows, columns=header)
 
 
@@ -208,10 +208,17 @@ def left_out(populations: Sequence[Population]) -> str:
     return f"Persons left out: {'. '.join(said)}." if said else "No person is left out."
 
 
+def circled(populations: Sequence[Population]) -> str:
+    """Whom the figure circles, in a sentence; empty where all belong together."""
+    odd = dict.fromkeys(q.subject for p in populations for c in p.constants for q in c.odd)
+    return f"Circled, kept in the means: what does not belong to the other persons' ({', '.join(odd)}). " if odd else ""
+
+
 def odds(populations: Sequence[Population]) -> list[str]:
-    """How far all persons together speak for a branch, a sentence a condition."""
+    """How far all persons together speak for a branch, a sentence a condition; then who does not belong."""
     first = {(p.posture, p.added_mass_kg): p for p in reversed(populations)}
-    return [f"{posture}, {load:g} kg: {p.odds_said}." for (posture, load), p in sorted(first.items())]
+    said = [f"{posture}, {load:g} kg: {p.odds_said}." for (posture, load), p in sorted(first.items())]
+    return [*said, *(sentence for p in populations for sentence in p.odd())]
 
 
 def tracking(findings: Findings) -> pd.DataFrame:
