@@ -124,7 +124,7 @@ def test_who_is_left_out_is_named_with_the_reason() -> None:
 
 
 def test_who_does_not_belong_is_named_and_kept(tmp_path: Path) -> None:
-    """Of equal errors the chance is Student's, of the residual to the others' mean; here one person is ten times off."""
+    """Of equal errors the chance is Student's, of the residual to the others' mean; here one is ten times off."""
     logs, error = np.array([0.0, 0.1, -0.1, 0.05, 2.3]), np.full(5, 0.01)
     others = logs[:-1]
     off = (logs[-1] - others.mean()) / (others.std(ddof=1) * np.sqrt(1 + 1 / 4))

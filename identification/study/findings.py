@@ -29,7 +29,8 @@ class Findings:
 
     Attributes:
         subjects: tracked ones. checks: documents of the checks that are done. prior: that the tracking had, in words.
-        populations: of the pooled fits. no_population: why some persons make none. unshown: documents in the folder that are of other settings or recordings.
+        populations: of the pooled fits. no_population: why some persons make none.
+        unshown: documents in the folder that are of other settings or recordings.
     """
 
     subjects: Sequence[Subject] = ()

@@ -131,9 +131,9 @@ class Population(Tabled):
         """Who does not belong to the others, and in what, a sentence each."""
         where = f"{self.posture}, {self.added_mass_kg:g} kg, {self.branch}"
         return [
-            f"{where}: {c.name} of subject {p.subject} is {readable(p.value / c.mean)} times the mean and does not belong "
-            f"to the other persons' (chance {readable(p.chance, 2)}, corrected for {len(c.persons)} persons); it is kept "
-            "in the estimate, so look at its recordings."
+            f"{where}: {c.name} of subject {p.subject} is {readable(p.value / c.mean)} times the mean and does not "
+            f"belong to the other persons' (chance {readable(p.chance, 2)}, corrected for {len(c.persons)} persons); "
+            "it is kept in the estimate, so look at its recordings."
             for c in self.constants
             for p in c.odd
         ]
