@@ -148,6 +148,29 @@ def test_a_number_of_triangles_and_of_tetrahedra(tmp_path: Path) -> None:
         read_body(tmp_path / "shared.msh").held("region", "heel")
 
 
+def test_a_group_that_is_named_by_a_number(tmp_path: Path) -> None:
+    """`--held 7` is the group of that name; where another has the number, the user says which."""
+    mesh = box(*[np.linspace(0, 2, 3)] * 3)
+    region = 3 + 4 * (mesh.corners[:, :, 0].mean(axis=1) > 1)  # 3 and 7
+    marks = [region, np.full(len(mesh.base), 5)]
+    content = meshio.Mesh(
+        mesh.points_um, [("tetra", mesh.tets), ("triangle", mesh.base)],
+        cell_data={"gmsh:physical": marks, "gmsh:geometrical": marks},
+        field_data={"9": np.array([5, 2]), "7": np.array([3, 3])},
+    )  # fmt: skip
+    content.write(tmp_path / "named.msh", file_format="gmsh22")
+    body = read_body(tmp_path / "named.msh")
+    assert np.array_equal(body.held("region", "9"), body.faces[5])
+    with pytest.raises(SettingError, match=r"7 in .* name of group 3 .* say tetrahedra:3 or tetrahedra:7"):
+        body.held("region", "7")
+    for part in ("tetrahedra:3", "tetrahedra:7"):
+        tag = int(part[-1])
+        assert len(body.held("region", part)) == 4 * (region == tag).sum()
+    found = body_modes(body, {None: STIFF}, "region", part="9", count=1)
+    assert found.document()["held"] == {"number": 5, "name": "9", "kind": "triangles"}
+    assert "held at triangles 5 (9): " in str(found)
+
+
 def test_each_unsound_body_gets_its_sentence(tmp_path: Path) -> None:
     mesh = box(*[np.linspace(0, 1, 2)] * 3)
     file = tmp_path / "body.vtu"

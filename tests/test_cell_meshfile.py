@@ -1,6 +1,7 @@
 """Meshes in and out: the same frequencies from a written file, regions by tag, and clear refusals."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import meshio
@@ -12,7 +13,7 @@ from cell_cases import block, cell
 from fasbody.cell.analysis import Analysis, analyse
 from fasbody.cell.assembly import assemble
 from fasbody.cell.materials import preset
-from fasbody.cell.mesh import MeshSize
+from fasbody.cell.mesh import MeshSize, TetMesh
 from fasbody.cell.meshfile import read_mesh, write_browser, write_vtu
 from fasbody.exceptions import InputFileError, SettingError
 
@@ -48,7 +49,7 @@ def test_browser_file_holds_surface_modes_and_document(tmp_path: Path, analysis:
 
 @pytest.mark.parametrize("suffix", ["msh", "vtu"])
 def test_linear_tetrahedra_with_tags(tmp_path: Path, suffix: str) -> None:
-    mesh = block((2, 4, 2), nucleus_below=1.0)
+    mesh = cored()
     name = "gmsh:physical" if suffix == "msh" else "region"
     data = {name: [mesh.region + 4]}
     if suffix == "msh":
@@ -60,21 +61,56 @@ def test_linear_tetrahedra_with_tags(tmp_path: Path, suffix: str) -> None:
     assert np.ptp(again.points_um, axis=0) == pytest.approx(2.0)
 
 
+def cored(low: float = 0.5, high: float = 1.5, parts: int = 4) -> TetMesh:
+    """A cube of 2 um with a cubic nucleus of region 1 between two heights and 0.5 um off the sides."""
+    mesh = block((parts, parts, parts))
+    middle = mesh.corners.mean(axis=1)
+    inside = (abs(middle[:, [0, 2]] - 1) < 0.5).all(axis=1) & (middle[:, 1] > low) & (middle[:, 1] < high)
+    return replace(mesh, region=inside.astype(np.int64))
+
+
 def test_the_nucleus_is_a_region_of_the_file(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Another part, or none, gave a cell with other frequencies and not a word."""
-    mesh = block((2, 4, 2), nucleus_below=0.5)
+    mesh = cored()
     file = tmp_path / "own.vtu"
     meshio.Mesh(mesh.points_um, [("tetra", mesh.tets)], cell_data={"region": [mesh.region + 4]}).write(file)
     assert read_mesh(file, nucleus_tag=5).region.sum() == mesh.region.sum()
-    assert "regions of" in (said := capfd.readouterr().err) and "4 (6 um^3), 5 (2 um^3)" in said.replace("\n", " ")
-    with pytest.raises(InputFileError, match=r"has no region 1; --nucleus-tag is one of its regions: 4 \(6 um"):
+    assert "regions of" in (
+        said := capfd.readouterr().err
+    ) and "4 (7 um^3, 88 %), 5 (1 um^3, 12 %); nucleus: 5" in said.replace("\n", " ")
+    with pytest.raises(InputFileError, match=r"has no region 1; --nucleus-tag is one of its regions: 4 \(7 um"):
         read_mesh(file)
     with pytest.raises(InputFileError, match="in region 4, which is larger than all the rest"):
         read_mesh(file, nucleus_tag=4)
+    assert "warning: " + str(file) not in " ".join(said.split())
     meshio.Mesh(mesh.points_um / 1000, [("tetra", mesh.tets)]).write(file)
     assert not read_mesh(file).region.any()
     said = " ".join(capfd.readouterr().err.split())
     assert "a cell without a nucleus" in said and "--um-per-unit 1000 (mm) would make it one" in said
+
+
+def test_a_nucleus_lies_inside_and_has_a_nucleus_size(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """A quarter of the cell at its bottom is none, one that stands on the base is told, and so is one of a crumb."""
+    file = tmp_path / "own.vtu"
+
+    def said(mesh: TetMesh) -> str:
+        meshio.Mesh(mesh.points_um, [("tetra", mesh.tets)], cell_data={"region": [mesh.region]}).write(file)
+        read_mesh(file)
+        return " ".join(capfd.readouterr().err.split())
+
+    # a slab of 2 x 0.5 x 2: 8 of its 12 um^2 are outside
+    with pytest.raises(InputFileError, match="67 % of that region's surface is the cell's own"):
+        said(block((4, 4, 4), nucleus_below=0.5))
+    assert "17 % of the nucleus' surface is the cell's own, and a nucleus lies inside" in said(cored(low=0.0, high=1.0))
+    one = block((8, 8, 8))
+    crumb = replace(one, region=(np.arange(len(one.tets)) == _innermost(one)).astype(np.int64))
+    assert (
+        "its nucleus is 0.03" in (told := said(crumb)) and "% of the cell's volume, and nuclei are 0.2 to 40 %" in told
+    )
+
+
+def _innermost(mesh: TetMesh) -> int:
+    return int(np.argmin(np.linalg.norm(mesh.corners.mean(axis=1) - 1, axis=1)))
 
 
 def test_closed_stl_is_filled_and_open_stl_is_refused(tmp_path: Path) -> None:

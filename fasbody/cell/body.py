@@ -4,7 +4,7 @@ Elements, matrices and solver are those of the cell. `python -m fasbody.cell mod
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -31,6 +31,18 @@ _CALLED = {kind: word for word, kind in KINDS.items()}
 GRAIN_UM = 10.0
 #: Share of the kinetic energy from which a direction is named.
 NAMED = 0.05
+
+
+@dataclass(frozen=True)
+class Held:
+    """A region that is held: its number, its name in the file (empty without), and whether triangles or tetrahedra."""
+
+    number: int
+    name: str
+    kind: str
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.number}" + (f" ({self.name})" if self.name else "")
 
 
 @dataclass(frozen=True)
@@ -67,8 +79,15 @@ class Body(Tabled):
         word, _, rest = text.partition(":")
         if word in KINDS and text not in self.names:
             kinds, text = tuple({KINDS[word]} & set(kinds)), rest
+            if rest.isdigit() and int(rest) in (self.faces if word == _CALLED[SURFACE] else self.tags):
+                return int(rest), tuple(kinds)  # a number that is also a name
         if text in self.names:
             number, kind = self.names[text]
+            if text.isdigit() and int(text) != number and int(text) in {*self.faces, *self.tags}:
+                raise SettingError(
+                    f"{text} in {self.name} is the name of group {number} and the number of another: say "
+                    f"{' or '.join(f'{word}:{each}' for each in (number, text) for word in self._kinds(int(each)))}."
+                )
             if kind == BOTH:
                 either = " or ".join(f"{word}:NUMBER" for word in KINDS)
                 raise SettingError(
@@ -83,8 +102,17 @@ class Body(Tabled):
             have = ", ".join(name for name, (_, kind) in self.names.items() if kind in kinds) or "none"
             raise SettingError(f"{text!r} is no number and no name in {self.name}, whose names are: {have}.") from None
 
+    def _kinds(self, number: int) -> list[str]:
+        """What of the file has a number: triangles, tetrahedra or both."""
+        there = {SURFACE: number in self.faces, VOLUME: number in self.tags}
+        return [_CALLED[kind] for kind, has in there.items() if has]
+
     def held(self, support: str, part: str | None = None) -> NDArray[np.int64]:
-        """Corners (f, 3) of the faces that a support holds still.
+        """Corners (f, 3) of the faces that a support holds still; see `holding`."""
+        return self.holding(support, part)[0]
+
+    def holding(self, support: str, part: str | None = None) -> "tuple[NDArray[np.int64], Held | None]":
+        """Corners (f, 3) of the faces that a support holds still, and of a region what that is.
 
         Args:
             support: "free"; "base", every face flat on the lowest plane; or "region".
@@ -97,10 +125,10 @@ class Body(Tabled):
         if support not in SUPPORTS:
             raise SettingError(unknown("support", support, SUPPORTS) + ".")
         if support == "free":
-            return FREE
+            return FREE, None
         if support == "base":
             try:
-                return self.mesh.base
+                return self.mesh.base, None
             except MeshError as error:
                 hint = "hold it by --support region, or leave it free by --support free; --up says which axis points up"
                 raise InputFileError(Path(self.name), str(error).rstrip("."), hint) from error
@@ -114,12 +142,14 @@ class Body(Tabled):
             raise SettingError(f"{tag} in {self.name} is a group of triangles and one of tetrahedra: --held {either}.")
         if not there:
             raise SettingError(f"{self.name} has no region {tag} to hold; it has {have}.")
+        name = next((name for name, group in self.names.items() if group == (tag, there[0])), "")
+        what = Held(tag, name, _CALLED[there[0]])
         if there == [SURFACE]:
-            return self.faces[tag]
+            return self.faces[tag], what
         if len(self.tags) == 1:
             raise SettingError(f"all of {self.name} is region {tag}: held, nothing of it could move.")
         tets = self.mesh.tets[self.mesh.region == self.tags.index(tag)]
-        return np.asarray(tets[:, :4][:, np.array(FACES)].reshape(-1, 3))
+        return np.asarray(tets[:, :4][:, np.array(FACES)].reshape(-1, 3)), what
 
     def materials(self, given: Mapping[str | None, Material]) -> tuple[Material, ...]:
         """One material for each region.
@@ -228,6 +258,7 @@ class BodyModes(Presented):
         model: matrices.
         modes: frequencies and shapes, without the rigid motions of a free body.
         descriptions: one for each mode.
+        held: the region that is, None for another support.
     """
 
     body: Body
@@ -235,6 +266,7 @@ class BodyModes(Presented):
     model: CellModel
     modes: Modes
     descriptions: tuple[BodyMode, ...]
+    held: Held | None = None
 
     figures: ClassVar[str] = "fasbody.cell.figures"
     plots: ClassVar[tuple[str, ...]] = ("mode_shapes",)
@@ -250,7 +282,7 @@ class BodyModes(Presented):
     def title(self) -> str:
         """Name, size and support."""
         size = np.ptp(self.model.assembly.nodes_um, axis=0) / UNITS[self.body.unit]
-        held = {"free": "free", "base": "held at its base", "region": "held at a region"}[self.support]
+        held = {"free": "free", "base": "held at its base", "region": f"held at {self.held}"}[self.support]
         return f"{Path(self.body.name).name}, {size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g} {self.body.unit}, {held}"
 
     @property
@@ -287,6 +319,7 @@ class BodyModes(Presented):
         return {
             "body": self.body.name,
             "support": self.support,
+            "held": None if self.held is None else asdict(self.held),
             "size_m": np.ptp(self.model.assembly.nodes_um, axis=0) * 1e-6,
             "volume_m3": self.model.assembly.volume_um3 * 1e-18,
             "mass_kg": self.model.mass_kg,
@@ -335,7 +368,8 @@ def body_modes(
     """
     chosen = body.materials(materials)
     try:
-        model = CellModel(assemble(body.mesh, held=body.held(support, part)), chosen)
+        faces, held = body.holding(support, part)
+        model = CellModel(assemble(body.mesh, held=faces), chosen)
     except MeshError as error:
         raise InputFileError(Path(body.name), str(error).rstrip(".")) from error
     modes = solve(model, count, way=way)
@@ -347,4 +381,4 @@ def body_modes(
         BodyMode((float(x), float(y), float(z)), tuple(map(float, shares)))
         for (x, y, z), shares in zip(along, parts, strict=True)
     )
-    return BodyModes(body, support, model, modes, found)
+    return BodyModes(body, support, model, modes, found, held)
