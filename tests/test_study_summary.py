@@ -130,6 +130,10 @@ def test_band_is_students_interval_of_the_subjects() -> None:
     # four subjects are left at 10 Hz: Student's factor there is that of four
     assert gap.upper[0] - gap.mean[0] > stats.t.ppf(0.975, 3) * 0.8 * stats.sem(OFFSETS[1:])
     assert mean_curve(wild).mean.size == 0
+    hole = mean_curve(rows[rows["frequency_hz"] != 40], F)  # recorded at 40 Hz, and no estimate there
+    inside = (hole.frequency_hz > 35) & (hole.frequency_hz < 45)
+    assert np.isnan(hole.mean[inside]).all() and np.isfinite(hole.mean[~inside]).all()
+    assert np.isfinite(mean_curve(rows[rows["frequency_hz"] != 40]).mean).all()
 
 
 def test_what_cannot_be_negative_has_the_curve_of_its_logarithm() -> None:

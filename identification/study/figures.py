@@ -45,7 +45,7 @@ _SAME, _TOLD_APART = 1e-2, round(2 * float(np.log(DECISIVE_ODDS)), 1)
 #: Fewer fits than this have no quantiles: each is drawn.
 _MANY = 20
 #: How dark an estimate is whose branch is decided, and one whose branch is not.
-_DECIDED, _FAINT = 0.8, 0.35
+_DECIDED, _OPEN, _FAINT = 0.8, 0.65, 0.35
 #: Line of a model that does not follow its recording.
 _POOR = ":"
 _SCALE = {"N/m": (1e-3, "kN/m"), "s": (1e3, "ms")}
@@ -104,13 +104,13 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
             axis.plot(mean.index, scale * mean, lw=1.3, ls=(0, (4, 2)), color=colour, label="truth")
             dots = at[~at["outlier"] & measured(at)]
             told = ~dots["decided_by"].isin(OPEN)
-            c = mean_curve(dots[told])
+            c = mean_curve(dots[told], at["frequency_hz"])
             axis.fill_between(c.frequency_hz, scale * c.lower, scale * c.upper, color=colour, alpha=0.18, lw=0)
             axis.plot(c.frequency_hz, scale * c.mean, lw=2, color=colour, label="mean")
             f = dots["frequency_hz"] + 0.7 * (i - (len(loads) - 1) / 2)  # so that loads do not hide each other
             value = scale * dots["value"]
             axis.plot(f[told], value[told], mark, ms=2.8, mew=0, color=colour, alpha=_DECIDED)
-            axis.plot(f[~told], value[~told], mark, ms=2.8, mew=0.5, mfc="none", mec=colour, alpha=_FAINT)
+            axis.plot(f[~told], value[~told], mark, ms=3.2, mew=0.8, mfc="none", mec=colour, alpha=_OPEN)
             ends += [*value, *(scale * mean), *(scale * c.mean)]
         _limit(axis, np.array(ends, float), name)
     for axis in axes[-1]:
@@ -141,8 +141,15 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
         f"{origin} data of {_number(rows['subject'].nunique(), 'subject')}; {rests}: of an open one ankle and pad may "
         f"have changed places, and its value is that of the likelier branch; {text}"
         f"{'; truth: the mean over these subjects' if rows['truth'].notna().any() else ''}; in the titles how many "
-        "estimates have a standard error, and are drawn",
+        f"estimates have a standard error, and are drawn{_nowhere(rows)}",
     )
+
+
+def _nowhere(rows: pd.DataFrame) -> str:
+    """Frequencies at which nothing could be drawn, in a clause."""
+    there = set(rows.loc[measured(rows) & ~rows["outlier"], "frequency_hz"])
+    none = [f for f in distinct(rows["frequency_hz"]) if f not in there]
+    return f"; at {', '.join(f'{f:g}' for f in none)} Hz none has one" if none else ""
 
 
 def _limit(axis: Axes, values: np.ndarray, name: str) -> None:
@@ -356,8 +363,13 @@ def transmissibility(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure
 
 
 def _whose(cycles: Sequence[Mapping[str, Any]]) -> str:
-    """Of which subject cycles are, where they say so."""
-    return f" of subject {cycles[0]['subject']}" if cycles and "subject" in cycles[0] else ""
+    """Of which subject cycles are, of how many, and how many fits of that subject failed, where they say so."""
+    if not cycles or "subject" not in cycles[0]:
+        return ""
+    first = cycles[0]
+    alone = f", one of {first['subjects']}" if first.get("subjects", 1) > 1 else ""
+    failed = f" ({_number(first['failed'], 'fit')} failed, not drawn)" if first.get("failed") else ""
+    return f" of subject {first['subject']}{alone}{failed}"
 
 
 def _mode(cycles: Sequence[Mapping[str, Any]]) -> str:
@@ -440,10 +452,13 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
             )  # fmt: skip
             medians = medians or bool(mine.any())
             dark = _FAINT if mine.any() else _DECIDED  # behind a median, or alone
-            for each, face, alpha in ((at & known, colour, dark), (at & ~known, "none", _FAINT)):
-                axis.plot(rows.loc[each, "frequency_hz"] + shift, values[each], mark, ms=2.8, mfc=face, mew=0.5,
+            for each, face, alpha in ((at & known, colour, dark), (at & ~known, "none", _OPEN)):
+                axis.plot(rows.loc[each, "frequency_hz"] + shift, values[each], mark, ms=3.0, mfc=face, mew=0.7,
                           mec=colour, alpha=alpha)  # fmt: skip
     left.set_yscale("log")
+    left.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    left.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    left.yaxis.set_minor_formatter(NullFormatter())
     right.set_ylim(-4, 104)
     for axis, title in ((left, "energy a cycle [mJ]"), (right, "fat pad's share [%]")):
         axis.set_title(title)

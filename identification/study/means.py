@@ -1,5 +1,7 @@
 """Parameters over frequency: a spline through the estimates of all subjects, with its confidence band."""
 
+import itertools
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,7 +53,7 @@ def spline(f: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
     return out
 
 
-def mean_curve(rows: pd.DataFrame) -> MeanCurve:
+def mean_curve(rows: pd.DataFrame, recorded: Iterable[float] = ()) -> MeanCurve:
     """The curve of rows of the tidy table that share parameter and condition.
 
     Estimates at a bound or without a standard error, and of fits that do not follow their recordings, say nothing of
@@ -61,6 +63,7 @@ def mean_curve(rows: pd.DataFrame) -> MeanCurve:
 
     Args:
         rows: with subject, parameter, frequency_hz, value, std_error and outlier.
+        recorded: further frequencies of the study [Hz]. Across one without a mean no curve leads: it is NaN there.
     """
     kept = rows[~rows["outlier"] & measured(rows) & rows["frequency_hz"].notna()]
     count = kept.groupby("frequency_hz")["subject"].nunique()
@@ -80,5 +83,9 @@ def mean_curve(rows: pd.DataFrame) -> MeanCurve:
     n = count.to_numpy()
     factor = np.where(n >= BAND, student.ppf(0.975, np.maximum(n, BAND) - 1), np.nan)
     half = np.interp(at, places, factor) * spread
+    missed = np.setdiff1d([*rows["frequency_hz"].dropna(), *recorded], places)
+    for low, high in itertools.pairwise(places):
+        if ((missed > low) & (missed < high)).any():
+            mean[(at > low) & (at < high)] = np.nan
     back = np.exp if logarithmic else np.asarray
     return MeanCurve(at, back(mean), back(mean - half), back(mean + half))

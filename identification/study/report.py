@@ -98,20 +98,22 @@ def pictures(
     for (mode, posture), rows in over.groupby(["mode", "posture"], sort=False):
         name = f"curves_{mode}_{posture}"
         text = f"Estimates over frequency, {mode}, {posture} (in the manner of Figures 4.18 to 4.25). "
-        text += tables.drawn(rows)
+        text += f"{tables.drawn(rows)}{_failed(documents, mode, posture)}"
         out[name] = (partial(figures.curves, rows, origin), text)
     for place, mode in enumerate(m for m in _TRUSTED if m in set(energy["mode"])):
         posture = energy.loc[energy["mode"] == mode, "posture"].iloc[0]
         subject, cycles = example(documents, mode, posture, tracked)
-        said = f"subject {subject}, {mode}, {posture}"
+        others = cycles[0]["subjects"] - 1 if cycles else 0
+        said = f"subject {subject}{f', whose recordings stand for those of {others} more' if others else ''}, {mode}"
+        said, lost = f"{said}, {posture}", _failed(documents, mode, posture, subject)
         out[f"transmissibility_{mode}"] = (
             partial(figures.transmissibility, cycles, origin),
-            f"Malleolus over base, data and model: {said} (what Figures 4.6 to 4.14 show as traces).",
+            f"Malleolus over base, data and model: {said} (what Figures 4.6 to 4.14 show as traces).{lost}",
         )
         if place == 0:
             out[f"loops_{mode}"] = (
                 partial(figures.loops, cycles, origin),
-                f"Force against relative displacement: {said} (in the manner of Figures 4.15 to 4.17).",
+                f"Force against relative displacement: {said} (in the manner of Figures 4.15 to 4.17).{lost}",
             )
             rows = energy[(energy["mode"] == mode) & (energy["posture"] == posture)]
             text = f"Energy dissipated in one cycle, and the fat pad's share: {mode}, {posture}. {tables.drawn(rows)}"
@@ -122,24 +124,36 @@ def pictures(
     return out
 
 
+def _failed(documents: Sequence[Mapping[str, Any]], mode: str, posture: str, subject: str | None = None) -> str:
+    """How many fits of a mode and posture failed, of one subject or of all, in a sentence; empty where none did."""
+    lost = [d for d in documents if (d["mode"], d["posture"], d["status"]) == (mode, posture, "failed")]
+    count = sum(subject in (None, str(d["subject"])) for d in lost)
+    return f" {count} failed fit{' is' if count == 1 else 's are'} not drawn." if count else ""
+
+
 def example(
     documents: Sequence[Mapping[str, Any]], mode: str, posture: str, tracked: Mapping[str, str]
 ) -> tuple[str, list[Mapping[str, Any]]]:
     """One subject's cycles of the branch shown: subject 16, else the fullest.
 
-    Each entry says whether its branch is decided, and whether it follows its recordings.
+    Each entry says whether its branch is decided, whether it follows its recordings, of how many subjects this is one,
+    and how many of its fits failed.
     """
     mine = [d for d in documents if (d["mode"], d["posture"], d["status"]) == (mode, posture, "done")]
     counts = {d["subject"]: 0 for d in mine}
     for d in mine:
         counts[d["subject"]] += len({c["file"] for c in d["cycles"]})
     subject = _EXAMPLE if counts.get(_EXAMPLE) else max(counts, key=lambda s: counts[s])
+    lost = [d for d in documents if (d["mode"], d["posture"], d["status"]) == (mode, posture, "failed")]
+    failed = sum(d["subject"] == subject for d in lost)
     cycles: list[Mapping[str, Any]] = []
     for d in mine:
         if d["subject"] == subject:
             name, by = summary.shown(d, tracked)
             marks = {
                 "subject": subject,
+                "subjects": len(counts),
+                "failed": failed,
                 "mode": mode,
                 "decided": by not in summary.OPEN,
                 "follows": bool(summary.follows(summary.shown_fit(d, tracked))),
