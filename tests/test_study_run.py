@@ -244,9 +244,14 @@ def test_what_other_settings_left_is_said_and_its_figures_go(study: Path, tmp_pa
     assert (figures / "loops_per-recording.svg").is_file()
     other = fitted(study, tmp_path, *narrow, "--bounds", "k_T=1e4:1e7", "--mode", "pooled", "--report")
     assert other["unshown"] == 2
-    said = "2 documents in this folder were made with other settings, recordings or program, and are not shown."
+    assert other["unshown_by_mode"] == {"per-recording": 2}
+    said = "2 per-recording documents in this folder, a mode that was not asked for, were made with other settings, "
+    said += "recordings or program, and are not shown."
     assert said in other["said"] and said in (tmp_path / "report.html").read_text()
     assert not list(figures.glob("*_per-recording*"))
+    again = fitted(study, tmp_path, *narrow, "--starts", "3")["said"]
+    assert "2 per-recording documents in this folder were made with other settings, recordings or program" in again
+    assert "2 pooled documents in this folder, a mode that was not asked for, were made" in again
     assert (figures / "mine.png").is_file() and (figures / "loops_pooled.png").is_file()
 
 

@@ -122,7 +122,7 @@ def main(
     keys = (job.key for each in MODES for what in every for job in plan.jobs(each, *what))
     made = list(checks.documents(keys).values())
     unshown = fits.others(d["key"] for d in documents) + checks.others(d["key"] for d in made)
-    findings = replace(gather(documents, made, believed, ", ".join(prior or ())), unshown=unshown)
+    findings = replace(gather(documents, made, believed, ", ".join(prior or ())), unshown=unshown, asked=mode)
     if page:
         report.write(out, documents, folder.name, folder.origin, Truth.read(study), findings)
     done = sum(map(_done, kept.values()))

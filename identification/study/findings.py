@@ -1,7 +1,7 @@
 """What a study's checks found, and the branches tracked over its subjects: for the report, summary.csv and --json."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from fasbody.exceptions import SettingError
@@ -30,23 +30,31 @@ class Findings:
     Attributes:
         subjects: tracked ones. checks: documents of the checks that are done. prior: that the tracking had, in words.
         populations: of the pooled fits. no_population: why some persons make none.
-        unshown: documents in the folder that are of other settings or recordings.
+        unshown: how many documents of each mode in the folder are of other settings or recordings. asked: the mode that
+        the command was asked for.
     """
 
     subjects: Sequence[Subject] = ()
     checks: Sequence[Document] = ()
     prior: str = ""
-    unshown: int = 0
+    unshown: Mapping[str, int] = field(default_factory=dict)
+    asked: str = ""
     populations: Sequence[Population] = ()
     no_population: Sequence[str] = ()
 
     @property
     def elsewhere(self) -> str:
         """What is in the folder and not shown, in a sentence; empty where nothing is."""
-        one = self.unshown == 1
-        made = f"{self.unshown} document{'' if one else 's'} in this folder {'was' if one else 'were'} made with"
-        text = f"{made} other settings, recordings or program, and {'is' if one else 'are'} not shown."
-        return text if self.unshown else ""
+        said = []
+        for mode, count in sorted(self.unshown.items()):
+            one = count == 1
+            asked = "" if mode == self.asked else ", a mode that was not asked for"
+            said.append(
+                f"{count} {mode} document{'' if one else 's'} in this folder{asked}, "
+                f"{'was' if one else 'were'} made with other settings, recordings or program, and "
+                f"{'is' if one else 'are'} not shown."
+            )
+        return " ".join(said).replace("folder, w", "folder w")
 
     @property
     def tracked(self) -> dict[str, str]:
@@ -71,7 +79,7 @@ class Findings:
         return {
             "tracking": [{**asdict(s), "tracking": s.tracking and s.tracking.document()} for s in self.subjects],
             "prior": self.prior, "profiles": listed("profile"), "validation": listed("validation"),
-            "agreement": listed("agreement"), "unshown": self.unshown,
+            "agreement": listed("agreement"), "unshown": sum(self.unshown.values()), "unshown_by_mode": dict(self.unshown),
             "populations": [p.document() for p in self.populations], "no_population": list(self.no_population),
         }  # fmt: skip
 

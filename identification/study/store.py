@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
@@ -48,10 +49,14 @@ class Store(runner.Store):
             return None, f"{file}: was changed after it was written and is computed again."
         return found, ""
 
-    def others(self, keys: Iterable[str]) -> int:
-        """How many documents are there that are not of these keys: made with other settings, recordings or program."""
-        known = set(keys)
-        return sum(bool(_KEY.fullmatch(file.stem)) and file.stem not in known for file in self.folder.glob("*.json"))
+    def others(self, keys: Iterable[str]) -> Counter[str]:
+        """Modes of the documents that are not of these keys, made with other settings, recordings or program."""
+        known, found = set(keys), Counter[str]()
+        for file in sorted(self.folder.glob("*.json")):
+            if _KEY.fullmatch(file.stem) and file.stem not in known:
+                said = self.load(file.name, json.loads)[0]
+                found[str(said.get("mode")) if isinstance(said, dict) else "unknown"] += 1
+        return found
 
     def documents(self, keys: Iterable[str]) -> dict[str, dict[str, Any]]:
         """The documents of those keys that are there, by key."""
