@@ -79,8 +79,10 @@ class Findings:
         return {
             "tracking": [{**asdict(s), "tracking": s.tracking and s.tracking.document()} for s in self.subjects],
             "prior": self.prior, "profiles": listed("profile"), "validation": listed("validation"),
-            "agreement": listed("agreement"), "unshown": sum(self.unshown.values()), "unshown_by_mode": dict(self.unshown),
-            "populations": [p.document() for p in self.populations], "no_population": list(self.no_population),
+            "agreement": listed("agreement"), "unshown": sum(self.unshown.values()),
+            "unshown_by_mode": dict(self.unshown),
+            "populations": [p.document() for p in self.populations],
+            "no_population": list(self.no_population),
         }  # fmt: skip
 
 
