@@ -185,7 +185,9 @@ def constant(name: str, subjects: Sequence[str], logs: np.ndarray, errors: np.nd
     normal, few = (float(student.ppf(0.5 + 0.5 * _LEVEL, dof)) for dof in (np.inf, len(subjects) - 1))
     width = np.sqrt(normal**2 * share * errors**2 + few**2 * (rests * found.covariance[0, 0] + doubt))
     people = tuple(
-        Person(who, float(np.exp(y)), float(s), *np.exp([z, z - w, z + w]).tolist(), float(odd))
+        Person(
+            who, float(np.exp(y)), float(s), float(np.exp(z)), float(np.exp(z - w)), float(np.exp(z + w)), float(odd)
+        )
         for who, y, s, z, w, odd in zip(subjects, logs, errors, shrunk, width, chances(logs, errors), strict=True)
     )
     return Constant(name, mean, low, high, tau, *ends, people)
