@@ -192,11 +192,12 @@ def make_folder(path: Path) -> Path:
 
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
-    """A progress bar on stderr, drawn only on a terminal."""
+    """A progress bar on stderr, drawn only on a terminal: into a pipe it writes nothing, even where colours are forced."""
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
     )  # fmt: skip
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    drawn = console.is_terminal and console.file.isatty()
+    with Progress(*columns, console=console, transient=True, disable=not drawn) as progress:
         yield progress
 
 

@@ -1,4 +1,4 @@
-"""The front page says what the rest of the project says: benchmark rows, verdicts, citation, version."""
+"""The front page and the pages of numbers say what the rest of the project says: benchmarks, verdicts, citation, version."""
 
 import re
 import tomllib
@@ -8,6 +8,7 @@ import yaml
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
+CREDIBILITY = (ROOT / "docs" / "credibility.md").read_text()
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
@@ -33,14 +34,16 @@ def test_numbers_are_those_of_the_results() -> None:
 
 
 def test_coverage_is_that_of_the_pages() -> None:
-    section = README.split("How far the intervals can be trusted")[1].split("\n\n")[1]
+    section = CREDIBILITY.split("How far the intervals can be trusted")[1].split("\n\n")[1]
     seeds = re.findall(
         r"interval of \w+ holds the truth, 200 seeds \| ([\d.]+) %", (ROOT / "benchmarks" / "RESULTS.md").read_text()
     )
     low, high = (float(number) for number in re.findall(r"in (\d+) to (\d+) %", section)[0])
     assert (low, high) == (min(map(float, seeds)), max(map(float, seeds)))
-    for share, page in re.findall(r"three standard errors in (\d+) % \| \[[^]]*\]\((\S+)\)", section):
-        assert f"({share} %" in (ROOT / page).read_text(), f"{share} % is not in {page}"
+    (share, page) = re.findall(r"two standard errors in (\d+) % [^|]*\| \[[^]]*\]\((\S+)\)", section)[0]
+    assert re.search(rf"\b{share} %", (ROOT / "docs" / page).read_text()), f"{share} % is not in {page}"
+    (held,) = re.findall(r"within (\d+ of \d+) intervals", section)
+    assert f"| {held} (" in CREDIBILITY.split("## Uncertainty")[1]
 
 
 def test_verdicts_are_those_of_the_reproduction() -> None:
@@ -54,7 +57,7 @@ def test_verdicts_are_those_of_the_reproduction() -> None:
         assert len(counts) > 1
         said.append(f"of {sum(int(n) for n, _ in counts)} {what}: {', '.join(map(' '.join, counts))}")
     line = "; ".join(said).replace("of", "Of", 1)
-    assert line in " ".join(README.split()), f"README.md should say: {line}"
+    assert line in " ".join(CREDIBILITY.split()), f"docs/credibility.md should say: {line}"
 
 
 def test_citation_is_complete_and_agrees_with_the_package() -> None:
