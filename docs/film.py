@@ -3,7 +3,8 @@
     python docs/film.py
 
 It drives a headless Chromium and needs the extras view and film, and Pillow. The film shows what the page draws; only
-the waiting for the fit is cut.
+the waiting for the fit is cut. The study and the settings are those of the README, so the result is, too: its sentence
+is kept as the comment of the GIF, and a test compares it with the README.
 """
 
 import json
@@ -22,15 +23,31 @@ from fasbody.recording.study import BUNDLED
 from viz.exported import CHROMIUM, chromium
 
 FILM = Path(__file__).parent / "figures" / "workbench.gif"
-SIZE = {"width": 1180, "height": 680}
-SHOWN = 860  # pixels wide in the README
-COLOURS, PERIOD_FRAMES, FRAME_MS = 160, 12, 80
-#: Files dropped on the page, as the desktop's file manager would.
-DROP = """files => {
-  const data = new DataTransfer();
-  for (const [name, text] of files) data.items.add(new File([text], name, { type: "text/csv" }));
-  const about = { dataTransfer: data, bubbles: true, cancelable: true };
-  for (const type of ["dragover", "drop"]) document.body.dispatchEvent(new DragEvent(type, about));
+SIZE = {"width": 1000, "height": 450}
+SHOWN = 720  # pixels wide in the README
+#: What could not be read at that size is left out: the plots and the cameras' buttons. The foot has their place.
+SMALL = """
+footer, header nav { display: none !important }
+body { grid-template-rows: minmax(0, 1fr) }
+main { display: grid; grid-template: auto auto minmax(0, 1fr) auto auto / minmax(0, 1fr) }
+#pane { position: relative; inset: auto; grid-row: 3; min-height: 0 }
+header, #error, #legend, #timeline { position: static }
+header { grid-row: 1; padding: 8px 14px 6px 20px; background: #0d131a; border-bottom: 1px solid var(--line) }
+#state { max-width: none }
+#legend { grid-row: 4; display: none }
+#timeline { grid-row: 5; padding: 8px 14px; background: #0d131a }
+"""
+COLOURS, PERIOD_FRAMES, FRAME_MS = 256, 12, 80
+#: A folder that is dragged over the page, and let go there: what the desktop's file manager would hand over.
+OVER = """document.body.dispatchEvent(new DragEvent("dragover", { bubbles: true, cancelable: true }))"""
+DROP = """([folder, files]) => {
+  document.body.classList.remove("dropping");
+  const file = (name, text) => ({ isFile: true, name, file: done => done(new File([text], name, { type: "text/csv" })) });
+  const directory = (name, inside) => ({ isFile: false, name, createReader: () => ({ readEntries: done => done(inside.splice(0)) }) });
+  const at = inside => files.filter(([path]) => inside ? path.startsWith(inside) : !path.includes("/"))
+    .map(([path, text]) => file(path.split("/").pop(), text));
+  const study = directory(folder, [...at(""), directory("recordings", at("recordings/"))]);
+  dropped([{ webkitGetAsEntry: () => study }]);
 }"""
 
 
@@ -41,6 +58,7 @@ class Camera:
         self.page = page
         self.frames: list[Image.Image] = []
         self.stay: list[int] = []
+        self.sentence = ""  # what the fit says
 
     def take(self, ms: int = FRAME_MS) -> None:
         """One frame."""
@@ -69,9 +87,11 @@ class Camera:
         sheet = Image.new("RGB", (SHOWN, sum(f.height for f in every)))
         for i, frame in enumerate(every):
             sheet.paste(frame, (0, i * frame.height))
-        palette = sheet.quantize(COLOURS, dither=Image.Dither.NONE)
+        palette = sheet.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
         first, *others = (f.quantize(palette=palette, dither=Image.Dither.NONE) for f in self.frames)
-        first.save(file, save_all=True, append_images=others, duration=self.stay, loop=0, optimize=True)
+        first.save(
+            file, save_all=True, append_images=others, duration=self.stay, loop=0, optimize=True, comment=self.sentence
+        )
 
 
 def shoot(page: Any, url: str) -> Camera:
@@ -80,16 +100,23 @@ def shoot(page: Any, url: str) -> Camera:
     camera = Camera(page)
     camera.until("window.stats && stats.motions > 0")
     page.evaluate("play(false)")
+    page.add_style_tag(content=SMALL)
+    page.wait_for_timeout(500)
     camera.take(1200)
-    recordings = sorted((BUNDLED / "recordings").glob("*_0kg.csv"))
-    page.evaluate(DROP, [[file.name, file.read_text()] for file in recordings])
-    camera.until("model.recorded && motion && motion.feet.measured && !busy")
-    camera.periods()
-    page.locator("#starts").fill("2")
+    page.evaluate(OVER)
+    camera.take(700)
+    files = [file for file in sorted(BUNDLED.rglob("*")) if file.is_file()]
+    page.evaluate(DROP, [BUNDLED.name, [[str(file.relative_to(BUNDLED)), file.read_text()] for file in files]])
+    camera.until("model.recorded && motion && motion.feet.measured && !busy && bench.rows.length === 12")
+    camera.periods(1)
+    page.locator("#start_fit").scroll_into_view_if_needed()
+    camera.periods(1)
     page.locator("#start_fit").click()
     camera.take(600)
     camera.until("bench.found || complaints")
     camera.until("!busy && !wanted && motion")
+    page.evaluate("byId('sentence').scrollIntoView()")
+    camera.sentence = page.locator("#sentence").inner_text()
     camera.periods()
     camera.take(1500)
     other = page.evaluate("bench.fit.branches.map(b => b.name)")[1]

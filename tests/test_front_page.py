@@ -5,6 +5,7 @@ import tomllib
 from pathlib import Path
 
 import yaml
+from PIL import Image
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
@@ -78,5 +79,12 @@ def test_changelog_has_the_version_and_its_date() -> None:
 
 
 def test_example_is_fifteen_lines() -> None:
-    example = README.split("The same from Python:")[1].split("```python\n")[1].split("```")[0]
+    example = README.split("```python\n")[1].split("```")[0]
     assert len([line for line in example.splitlines() if line.strip()]) <= 15
+
+
+def test_film_shows_the_fit_of_the_page() -> None:
+    """docs/film.py keeps what the page said of the fit as the comment of the film."""
+    with Image.open(ROOT / "docs" / "figures" / "workbench.gif") as film:
+        said = film.info["comment"].decode()
+    assert said.startswith("k_T = ") and " ".join(said.split()) in " ".join(README.split())
