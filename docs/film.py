@@ -37,13 +37,16 @@ header { grid-row: 1; padding: 8px 14px 6px 20px; background: #0d131a; border-bo
 #legend { grid-row: 4; display: none }
 #timeline { grid-row: 5; padding: 8px 14px; background: #0d131a }
 """
-COLOURS, PERIOD_FRAMES, FRAME_MS = 256, 12, 80
+COMMON, RARE = 200, 56  # colours: of large parts such as the sky, and of small ones such as the rings
+PERIOD_FRAMES, FRAME_MS = 12, 80
 #: A folder that is dragged over the page, and let go there: what the desktop's file manager would hand over.
 OVER = """document.body.dispatchEvent(new DragEvent("dragover", { bubbles: true, cancelable: true }))"""
 DROP = """([folder, files]) => {
   document.body.classList.remove("dropping");
-  const file = (name, text) => ({ isFile: true, name, file: done => done(new File([text], name, { type: "text/csv" })) });
-  const directory = (name, inside) => ({ isFile: false, name, createReader: () => ({ readEntries: done => done(inside.splice(0)) }) });
+  const file = (name, text) =>
+    ({ isFile: true, name, file: done => done(new File([text], name, { type: "text/csv" })) });
+  const directory = (name, inside) =>
+    ({ isFile: false, name, createReader: () => ({ readEntries: done => done(inside.splice(0)) }) });
   const at = inside => files.filter(([path]) => inside ? path.startsWith(inside) : !path.includes("/"))
     .map(([path, text]) => file(path.split("/").pop(), text));
   const study = directory(folder, [...at(""), directory("recordings", at("recordings/"))]);
@@ -87,7 +90,9 @@ class Camera:
         sheet = Image.new("RGB", (SHOWN, sum(f.height for f in every)))
         for i, frame in enumerate(every):
             sheet.paste(frame, (0, i * frame.height))
-        palette = sheet.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+        common, rare = sheet.quantize(COMMON), sheet.quantize(RARE, Image.Quantize.MAXCOVERAGE)
+        palette = Image.new("P", (1, 1))
+        palette.putpalette([*(common.getpalette() or [])[: 3 * COMMON], *(rare.getpalette() or [])[: 3 * RARE]])
         first, *others = (f.quantize(palette=palette, dither=Image.Dither.NONE) for f in self.frames)
         first.save(
             file, save_all=True, append_images=others, duration=self.stay, loop=0, optimize=True, comment=self.sentence

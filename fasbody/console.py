@@ -192,7 +192,7 @@ def make_folder(path: Path) -> Path:
 
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
-    """A progress bar on stderr, drawn only on a terminal: into a pipe it writes nothing, even where colours are forced."""
+    """A progress bar on stderr; into a pipe it writes nothing, even where colours are forced."""
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
     )  # fmt: skip

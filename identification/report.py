@@ -16,7 +16,7 @@ from fasbody import console
 from fasbody.recording.condition import FOOT_MASS_FRACTION, SHANK_MASS_FRACTION
 from identification import figures
 from identification.derived import Row, derived
-from identification.result import Allowance, Estimate, FitResult, chance, label
+from identification.result import RULE, Allowance, Estimate, FitResult, chance, label
 from identification.space import DELAY
 
 #: Parts of chi-square that the page lists.
@@ -45,7 +45,7 @@ def html(result: FitResult, drawn: dict[str, str] | None = None, folder: Path | 
     worst = sorted((row for row in found.chi_square if row[key] is not None), key=lambda row: -row[key])
     return environment.get_template("report.html").render(
         result=result, label=label, chance=chance, interval=interval, allowed=allowed, energies=_energies(result),
-        day=date.today().isoformat(), found=found, key=key,
+        day=date.today().isoformat(), found=found, key=key, rule=RULE,
         pictures={name: {"svg": Markup(drawn[name][drawn[name].index("<svg") :]), "caption": texts[name]}
                   for name in texts},
         worst=worst[:_WORST],

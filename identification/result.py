@@ -35,6 +35,12 @@ UNLIKELY = 1e-3
 #: Standard error up to which a parameter counts as identified, and as weakly identified: as a share of its value, or
 #: of a tenth of its range for parameters that may be zero.
 IDENTIFIED, WEAK = 0.1, 0.5
+#: The same in words, as every report and page has them.
+RULE = (
+    f"Identified means a standard error of up to {100 * IDENTIFIED:.0f} % of the value, weak means up to "
+    f"{100 * WEAK:.0f} %, and not identifiable means more, or that the constant rests on a bound. A constant that may "
+    "be zero, such as the bend of a damper, is compared with a tenth of its range where that is larger than its value."
+)
 #: Share of a mass's standard deviation that the recordings must take away to have weighed it.
 WEIGHED = 0.3
 #: Chi-square per degree of freedom beyond which what the model alone says of forces is no more than a hint.

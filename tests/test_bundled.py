@@ -15,6 +15,7 @@ from test_report import Balanced
 
 from fasbody.foot.parameters import symbol_and_unit
 from identification.branches import ratio
+from identification.result import RULE
 
 TRUTH = {name: float(value) for name, value in oracle.TRUTH.items()}
 KEYS = {"k_T_n_per_m": "k_T", "k_F_n_per_m": "k_F", "c_11_n_s_per_m": "c_11", "c_21_n_s_per_m": "c_21"}
@@ -137,6 +138,7 @@ def test_bundled_report_shows_the_fit(bundled: tuple) -> None:
         assert digest in text
     assert "identification.fit --json --out" in document["provenance"]["command"] in unescape(text)
     assert document["source"] in text
+    assert RULE in unescape(text)
 
 
 def test_table_of_the_readme_is_what_the_fit_finds(bundled: tuple) -> None:

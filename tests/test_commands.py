@@ -1,6 +1,7 @@
 """`python -m fasbody` knows every command, and says what its own help says."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -162,3 +163,11 @@ def test_map_needs_no_extra_and_is_json_when_asked() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert {entry["module"] for entry in json.loads(done.stdout)} == set(HOMES)
+
+
+@pytest.mark.parametrize("forced", [{}, {"FORCE_COLOR": "1"}, {"TTY_COMPATIBLE": "1"}], ids=str)
+def test_progress_writes_nothing_into_a_pipe(forced: dict[str, str]) -> None:
+    script = "from fasbody.console import progress_bar\nwith progress_bar() as p: list(p.track(range(3)))"
+    told = {**{k: v for k, v in os.environ.items() if not k.startswith(("FORCE", "TTY"))}, **forced}
+    done = subprocess.run([sys.executable, "-c", script], env=told, cwd=ROOT, capture_output=True, check=True)
+    assert (done.stdout, done.stderr) == (b"", b"")

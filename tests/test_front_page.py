@@ -1,4 +1,4 @@
-"""The front page and the pages of numbers say what the rest of the project says: benchmarks, verdicts, citation, version."""
+"""The front page and the pages of numbers say what the rest of the project says: rows, verdicts, version."""
 
 import re
 import tomllib

@@ -2,14 +2,16 @@
 
 import csv
 import io
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fasbody import console
 from fasbody.foot.parameters import symbol_and_unit
-from identification.result import Branch, Estimate, FitResult, RecordingFit, identifiability
+from identification.result import RULE, Branch, Estimate, FitResult, RecordingFit, identifiability
 
 
 def estimate(value: float, half: float, at_bound: bool = False) -> Estimate:
@@ -41,6 +43,15 @@ def result(**changes: object) -> FitResult:
 )
 def test_numbers_are_rounded_to_what_is_known(value: float, half: float, text: str) -> None:
     assert estimate(value, half).interval() == text
+
+
+def test_the_rule_is_said_in_the_same_words_everywhere() -> None:
+    """On the page as in the reports; the numbers in it are those that decide."""
+    page = " ".join((Path(__file__).parent.parent / "docs" / "identification.md").read_text().split())
+    assert RULE in page
+    (one, other) = (float(share) / 100 for share in re.findall(r"up to (\d+) %", RULE))
+    words = [identifiability(1.0, std, 0.0, False) for std in (one, one + 1e-9, other, other + 1e-9)]
+    assert words == ["identified", "weak", "weak", "not identifiable"]
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from made_fits import failed, plain
 
+from identification.result import RULE
 from identification.study import figures, report, summary, tables
 from identification.study.findings import gather
 from identification.study.tracking import Prior
@@ -62,6 +63,7 @@ def bare(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_page_needs_nothing_from_outside(written: Path) -> None:
     page = (written / "report.html").read_text()
+    assert RULE in page  # what "identified" means, in the words of all reports
     addresses = set(re.findall(r"https?://[^\"'\s<>)]+", page))
     # names of XML vocabularies and of licence terms within SVG, which nothing fetches
     assert all(

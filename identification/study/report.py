@@ -12,6 +12,7 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 
 from fasbody import console
+from identification.result import RULE
 from identification.study import summary, tables
 from identification.study.findings import Findings, gather
 from identification.study.population import Population
@@ -181,7 +182,7 @@ def _page(
     failed += [f"Left out ({d['mode']}): {text}" for d in documents for text in d.get("left_out", ())]
     return environment.get_template("study.html").render(
         sections=tables.sections(findings), odds=tables.odds(findings.populations), findings=findings,
-        listed=tables.LISTED,
+        listed=tables.LISTED, rule=RULE,
         pictures=inline, limits=LIMITS, day=date.today().isoformat(),
         subjects=len({d["subject"] for d in documents}),
         recordings=len({file for d in documents for file in d["files"]}),
