@@ -5,6 +5,8 @@ from typing import Any
 
 import griffe
 
+from fasbody.presentation import unit_of
+
 _HEAD = re.compile(r"^(Args|Attributes):\n((?:    .*\n?|\n(?=    ))+)", re.MULTILINE)
 
 
@@ -19,6 +21,8 @@ class OneArgumentALine(griffe.Extension):
             start = cls.members.get("__init__")
             taken = [p.name for p in start.parameters] if isinstance(start, griffe.Function) else []
             cls.docstring.value = split(cls.docstring.value, [*cls.attributes, *taken], own if made else set())
+            if made:
+                cls.docstring.value = completed(cls.docstring.value, _fields(cls))
 
     def on_function(self, *, func: griffe.Function, **_: Any) -> None:
         """Functions and methods."""
@@ -48,6 +52,41 @@ def split(text: str, names: list[str], fields: set[str]) -> str:
         return f"{head}:\n" + "\n".join(lines) + "\n" + ("\n" if match[2].endswith("\n\n") else "")
 
     return _HEAD.sub(listed, text)
+
+
+def _fields(cls: griffe.Class) -> dict[str, str]:
+    """Name of each field that the constructor takes -> what its line in the source says, else its name in words."""
+    found = {}
+    for name, attribute in cls.attributes.items():
+        about = str(attribute.annotation)
+        if attribute.annotation is None or "ClassVar" in about or "init=False" in str(attribute.value):
+            continue
+        _, _, said = (attribute.source or "").partition("  # ")
+        said = "" if said.startswith(("type:", "fmt:", "noqa")) else said.strip()
+        found[name] = said or in_words(name)
+    return found
+
+
+def in_words(name: str) -> str:
+    """`added_mass_kg` is the added mass; a symbol such as `k_T` stays as it is."""
+    parts, unit = name.split("_"), unit_of(name)
+    ends = [i for i in range(1, len(parts)) if unit and unit_of("_".join(["", *parts[i:]])) == unit]
+    kept = parts[: ends[-1]] if ends else parts
+    symbol = any(len(part) == 1 or part != part.lower() for part in kept)
+    return f"`{'_'.join(kept)}`" if symbol else " ".join(kept)
+
+
+def completed(text: str, fields: dict[str, str]) -> str:
+    """A docstring whose arguments are all of the `fields`: what it leaves out follows, with types from the signature."""
+    head = re.search(r"^Args:\n((?:    .*\n?)+)", text, re.MULTILINE)
+    has = set(re.findall(r"^    (\w+): ", head[1], re.MULTILINE)) if head else set()
+    rows = "".join(f"    {name}: {said}\n" for name, said in fields.items() if name not in has)
+    if not rows:
+        return text
+    if not head:
+        return f"{text.rstrip()}\n\nArgs:\n{rows}"
+    before, after = text[: head.end()].rstrip("\n"), text[head.end() :]
+    return f"{before}\n{rows}{after}"
 
 
 def one_a_line(code: str, _: int) -> str:

@@ -154,7 +154,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "arch validate", "fasbody.arch", "validate",
-            "Published numbers of feet, each foreseen by an arch under a leg fitted to the others; and what cannot be "
+            "Published numbers of feet, each predicted by an arch under a leg fitted to the others; and what cannot be "
             "met.",
         ),
         Command(

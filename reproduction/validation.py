@@ -262,8 +262,8 @@ def shipped() -> Outcome:
     )
 
 
-@ROWS("Validation 13", "the same, each number foreseen by legs fitted to the others", ARCH)
-def foreseen() -> Outcome:
+@ROWS("Validation 13", "the same, each number predicted by legs fitted to the others", ARCH)
+def predicted() -> Outcome:
     checks, words = [], []
     for prediction in validate().predictions:
         checks += _checks(prediction.number, prediction.middle)

@@ -135,10 +135,10 @@ def test_legs_walk_downhill_and_know_their_misfit(statics: Statics) -> None:
     assert np.median(cost) < 0.6 * np.median(np.sort(misfit(first))[:24])
 
 
-def test_every_number_is_foreseen_without_itself() -> None:
+def test_every_number_is_predicted_without_itself() -> None:
     result = validate(walkers=8, steps=20, draws=300, points=12)
     assert len(result.predictions) == len(NUMBERS)
-    assert {p.verdict for p in result.predictions} <= {"foreseen", "open", "missed"}
+    assert {p.verdict for p in result.predictions} <= {"predicted", "open", "missed"}
     assert [p.basis for p in result.predictions if "heel's share" in p.number.name] == ["geometry"]
     assert [p.basis for p in result.predictions if "failure load" in p.number.name] == ["tissue"]
     assert [row[0] for row in result.sheet().rows] == [f"{n.name} ({n.source})" for n in NUMBERS]
@@ -150,7 +150,7 @@ def test_verdicts() -> None:
     number = replace(NUMBERS[6], low=(10.0,), high=(20.0,))
     at = {"number": number, "before": 0.3, "shipped": np.array([15.0])}
     cases = (
-        (12, 15, 18, 0.9, "foreseen"),
+        (12, 15, 18, 0.9, "predicted"),
         (5, 15, 40, 0.3, "open"),
         (18, 25, 30, 0.1, "open"),
         (21, 25, 30, 0.0, "missed"),

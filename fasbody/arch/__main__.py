@@ -250,7 +250,7 @@ def print_validation(
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Published numbers of feet, each foreseen by an arch under a leg fitted to the others; and what cannot be met.
+    """Published numbers of feet, each predicted by an arch under a leg fitted to the others; and what cannot be met.
 
     A minute or two.
 

@@ -216,7 +216,7 @@ def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Fig
 
 
 #: How a verdict is drawn: colour, mark and whether that is filled, so that neither colour alone tells it.
-VERDICTS = {"foreseen": (COLOURS[2], "o", True), "open": ("0.35", "o", False), "missed": (COLOURS[1], "X", True)}
+VERDICTS = {"predicted": (COLOURS[2], "o", True), "open": ("0.35", "o", False), "missed": (COLOURS[1], "X", True)}
 
 
 #: Behind what was measured, and behind what other people's models say.

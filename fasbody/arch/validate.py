@@ -1,6 +1,6 @@
-"""Each published number in turn left out: does an arch under a leg that was fitted to the others foresee it?
+"""Each published number in turn left out: does an arch under a leg that was fitted to the others predict it?
 
-The rule: a number is met independently if a model that never saw it foresees it. The 13 constants that nobody measured
+The rule: a number is met independently if a model that never saw it predicts it. The 13 constants that nobody measured
 are fitted to all measured numbers but one, within the bounds of the literature, and the one left out is read from those
 legs. Numbers that came from other people's models, or from people who stand, are fitted to in no case.
 """
@@ -23,7 +23,7 @@ WALKERS, STEPS, DRAWS = 64, 800, 20000
 
 @dataclass(frozen=True)
 class Prediction:
-    """One number, foreseen by legs that were fitted to the others.
+    """One number, predicted by legs that were fitted to the others.
 
     Attributes:
         number: which.
@@ -43,9 +43,9 @@ class Prediction:
 
     @property
     def verdict(self) -> str:
-        """foreseen: the middle and half of the legs lie within the limits. open: some of the 95 % do. missed: none."""
+        """predicted: the middle and half of the legs lie within the limits. open: some of the 95 % do. missed: none."""
         if self.number.holds(self.middle) and self.inside >= 0.5:
-            return "foreseen"
+            return "predicted"
         overlap = (self.high >= self.number.low) & (self.low <= self.number.high)
         return "open" if overlap.all() else "missed"
 
@@ -65,7 +65,7 @@ class Prediction:
 
 @dataclass(frozen=True, repr=False)
 class Validation(Presented):
-    """All published numbers, each foreseen without itself.
+    """All published numbers, each predicted without itself.
 
     Attributes:
         predictions: in the order of `NUMBERS`. legs: of each fit.
@@ -91,16 +91,16 @@ class Validation(Presented):
         ]  # fmt: skip
 
     def sheet(self) -> Sheet:
-        """Published, foreseen, shipped."""
+        """Published, predicted, shipped."""
         rows = [
             (f"{p.number.name} ({p.number.source})", _range(p.number.low, p.number.high, p.number.unit),
              f"{_some(p.middle)} ({_range(p.low, p.high)})", f"{p.inside:.2f} ({p.before:.2f})", p.verdict,
              f"{_some(p.shipped)}{'' if p.shipped_meets else ' NOT'}{', fitted' if p.number.fitted else ''}")
             for p in self.predictions
         ]  # fmt: skip
-        columns = ("number", "published", "foreseen without it (95 %)", "inside (unfitted)", "verdict", "shipped")
+        columns = ("number", "published", "predicted without it (95 %)", "inside (unfitted)", "verdict", "shipped")
         words = [p.verdict for p in self.predictions if p.basis == "independent"]
-        counts = ", ".join(f"{words.count(word)} {word}" for word in ("foreseen", "open", "missed"))
+        counts = ", ".join(f"{words.count(word)} {word}" for word in ("predicted", "open", "missed"))
         without = [f"{p.number.name} ({p.verdict})" for p in self.predictions if p.basis != "independent"]
         notes = [f"Independent: {counts}.", f"Given without a free constant: {'; '.join(without)}."]
         return Sheet(f"Each number without itself, {self.legs} legs a fit", columns, rows, notes)

@@ -1,0 +1,29 @@
+"""The reference shows every argument of every constructor: name, type, default and unit, from the signature."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("griffe", reason="pip install 'fasbody[dev]'")
+sys.path.append(str(Path(__file__).parent.parent / "docs"))
+
+import arguments  # noqa: E402
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [("added_mass_kg", "added mass"), ("k_T_n_per_m", "`k_T`"), ("file", "file"), ("gain_std", "gain std"), ("A", "`A`")],
+)
+def test_a_field_without_words_is_called_by_its_name(name: str, says: str) -> None:
+    assert arguments.in_words(name) == says
+
+
+def test_what_a_docstring_leaves_out_is_added() -> None:
+    fields = {"file": "file", "mass_kg": "of the body"}
+    bare = arguments.completed("One row.\n", fields)
+    assert bare == "One row.\n\nArgs:\n    file: file\n    mass_kg: of the body\n"
+    assert arguments.completed(bare, fields) == bare
+    half = "One row.\n\nArgs:\n    file: where it lies.\n\nRaises:\n    Error: never.\n"
+    added = half.replace("lies.\n", "lies.\n    mass_kg: of the body\n")
+    assert arguments.completed(half, fields) == added
