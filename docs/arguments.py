@@ -77,7 +77,7 @@ def in_words(name: str) -> str:
 
 
 def completed(text: str, fields: dict[str, str]) -> str:
-    """A docstring whose arguments are all of the `fields`: what it leaves out follows, with types from the signature."""
+    """A docstring whose arguments are all of the `fields`: those that it leaves out follow."""
     head = re.search(r"^Args:\n((?:    .*\n?)+)", text, re.MULTILINE)
     has = set(re.findall(r"^    (\w+): ", head[1], re.MULTILINE)) if head else set()
     rows = "".join(f"    {name}: {said}\n" for name, said in fields.items() if name not in has)

@@ -41,6 +41,9 @@ ELSEWHERE = {
 PAGES = {file: page for page, file in ELSEWHERE.items()}
 #: Pages of wide tables: no contents beside them.
 WIDE = ("reproduction.md", "benchmarks.md")
+#: Pages that the search puts before others that have the same word, and words that it shall find them by.
+BOOST = {"install.md": 3.0, "mirror.md": 3.0, "tutorial.md": 2.0, "identification.md": 2.0, "cell.md": 3.0}
+WORDS = {"symbols.md": ["k_T", "k_F", "c_T", "c_F", "m_S", "m_T", "m_F", "z_T", "z_F", "L_1", "c_11", "theta_20"]}
 #: Modules that have a place in the reference.
 REFERENCE = {module for modules in reference.listed().values() for module in modules}
 #: A picture of the gallery, and the example that draws it.
@@ -120,6 +123,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     """Turn links between files of the repository into links between pages; give wide tables the whole page."""
+    if page.file.src_uri in BOOST:
+        page.meta["search"] = {"boost": BOOST[page.file.src_uri]}
+    if page.file.src_uri.startswith("paper/"):
+        page.meta["search"] = {"exclude": True}
+    page.meta |= {"tags": words} if (words := WORDS.get(page.file.src_uri)) else {}
     if page.file.src_uri in WIDE:
         page.meta["hide"] = ["toc"]
         for title in re.findall(r"^## (.+)$", markdown, re.MULTILINE):  # the table at the top leads to its chapters

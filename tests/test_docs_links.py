@@ -73,6 +73,8 @@ def has_every_document_and_every_module(site: Path) -> None:
         assert f'id="{name}"' in reference, name
     mass = reference.split("<code>body_mass_kg</code>")[1].split("</tr>")[0]
     assert "<td>kg</td>" in mass  # each argument has its unit
+    delay = reference.split('id="viz.settings.Settings"')[1].split("<code>delay_s</code>\n")[1].split("</tr>")[0]
+    assert "<td>s</td>" in delay and "<code>0.0</code>" in delay  # though the docstring has no list of arguments
     commands = re.sub(r"<[^>]+>", "", (site / "commands.html").read_text(encoding="utf-8"))
     assert "python -m identification.fit my_study --starts 20" in commands
 
@@ -120,6 +122,13 @@ def pages_have_navigation_and_fit_at_every_width(site: Path, page: Any) -> None:
         assert 0 < page.evaluate(shown) < every / 10, wanted
     heights = "[...document.querySelectorAll('.rows .md-typeset__scrollwrap')].map(t => t.offsetHeight)"
     assert all(height == 0 or height > 40 for height in page.evaluate(heights))  # no frames without rows
+    page.goto((site / "index.html").as_uri())
+    for word, first in (("Settings", "Fit a foot"), ("k_T", "Symbols")):
+        page.locator(".md-search__input").fill("")
+        page.locator(".md-search__input").press_sequentially(word)
+        page.wait_for_function(
+            f"document.querySelector('.md-search-result__item h1')?.textContent.trim() === {first!r}"
+        )
     assert not complaints
     assert [url for url in asked if not url.startswith("file:")] == []
 

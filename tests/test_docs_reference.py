@@ -8,12 +8,18 @@ import pytest
 pytest.importorskip("griffe", reason="pip install 'fasbody[dev]'")
 sys.path.append(str(Path(__file__).parent.parent / "docs"))
 
-import arguments  # noqa: E402
+import arguments
 
 
 @pytest.mark.parametrize(
     ("name", "says"),
-    [("added_mass_kg", "added mass"), ("k_T_n_per_m", "`k_T`"), ("file", "file"), ("gain_std", "gain std"), ("A", "`A`")],
+    [
+        ("added_mass_kg", "added mass"),
+        ("k_T_n_per_m", "`k_T`"),
+        ("file", "file"),
+        ("gain_std", "gain std"),
+        ("A", "`A`"),
+    ],
 )
 def test_a_field_without_words_is_called_by_its_name(name: str, says: str) -> None:
     assert arguments.in_words(name) == says
