@@ -39,8 +39,8 @@ ELSEWHERE = {
     "changelog.md": "CHANGELOG.md",
 } | {f"{file.stem}.md": f"docs/notebooks/{file.name}" for file in cells.notebooks()}
 PAGES = {file: page for page, file in ELSEWHERE.items()}
-#: Pages of wide tables: no contents beside them.
-WIDE = ("reproduction.md", "benchmarks.md")
+#: Pages of wide tables, and of pictures beside code: no contents beside them.
+WIDE = ("reproduction.md", "benchmarks.md", "examples.md")
 #: Pages that the search puts before others that have the same word, and words that it shall find them by.
 BOOST = {"install.md": 3.0, "mirror.md": 3.0, "tutorial.md": 2.0, "identification.md": 2.0, "cell.md": 3.0}
 WORDS = {"symbols.md": ["k_T", "k_F", "c_T", "c_F", "m_S", "m_T", "m_F", "z_T", "z_F", "L_1", "c_11", "theta_20"]}

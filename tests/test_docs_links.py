@@ -107,6 +107,12 @@ def pages_have_navigation_and_fit_at_every_width(site: Path, page: Any) -> None:
     page.locator("label.md-header__button[for=__drawer]").click()  # what the narrow pages show opens the navigation
     page.get_by_role("link", name="Tutorial", exact=True).wait_for()
 
+    for width, least in ((420, 700), (1400, 700)):  # a wide figure scrolls rather than shrink beyond reading
+        page.set_viewport_size({"width": width, "height": 900})
+        page.goto((site / "cell.html").as_uri())
+        widths = "[...document.querySelectorAll('.md-content p > img')].map(i => i.getBoundingClientRect().width)"
+        assert min(page.evaluate(widths)) > least
+
     page.goto((site / "equations.html").as_uri())
     assert page.evaluate("document.fonts.ready.then(() => document.fonts.check('16px \"Fasbody Formulas\"'))")
     sizes = page.evaluate(
