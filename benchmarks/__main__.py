@@ -88,7 +88,7 @@ def main(
     ] = False,
     json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout instead of a table")] = False,
 ) -> None:
-    """Measure everything that the documentation states, into one table. Takes about an hour.
+    """Measure everything that the documentation states, and write one table. Takes about an hour.
 
     Coverage and verdicts are counted over a part of their seeds; --full counts all.
 

@@ -468,7 +468,7 @@ def main(
     minutes: Annotated[float, typer.Option(help="length of the long recording by the sound card")] = 30.0,
     json_: Annotated[bool, typer.Option("--json", help="print the rows on stdout")] = False,
 ) -> None:
-    """Measure acquisition; as long as the long recording, which runs beside the others, but at least ten minutes.
+    """Measure acquisition. Takes as long as the long recording, and at least ten minutes.
 
     Examples:
       python -m benchmarks.acquire --minutes 2

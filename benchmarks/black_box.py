@@ -172,7 +172,7 @@ def main(
     timeout: Annotated[float, typer.Option(help="seconds for each peer")] = 400.0,
     json_: JsonOption = False,
 ) -> None:
-    """Black-box estimators against the truth, the plain way and their peers; some minutes.
+    """Compare black-box estimators with the truth and with other packages. Takes some minutes.
 
     Examples:
       OMP_NUM_THREADS=1 python -m benchmarks.black_box --no-peers

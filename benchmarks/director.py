@@ -536,7 +536,7 @@ def main(
     state: Annotated[Path, typer.Option(help="what is done, to go on from")] = Path("director.jsonl"),
     json_: JsonOption = False,
 ) -> None:
-    """The planned session against the thesis' on feet that the plan did not know, and sessions by themselves.
+    """Compare planned sessions with that of the thesis, on feet that the plan did not know.
 
     Examples:
       python -m benchmarks.director --feet 10

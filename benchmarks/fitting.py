@@ -176,7 +176,7 @@ def main(
     scipy_limit: Annotated[int, typer.Option(help="trial points allowed to scipy (at most what our fit took)")] = 200,
     json_: JsonOption = False,
 ) -> None:
-    """Fits side by side; scipy takes minutes.
+    """Compare fits with those of scipy, which take minutes.
 
     Examples:
       python -m benchmarks.fitting --scipy-limit 3

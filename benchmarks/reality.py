@@ -271,7 +271,7 @@ def main(
     state: Annotated[Path, typer.Option(help="what is done, to go on from")] = Path("reality.jsonl"),
     json_: JsonOption = False,
 ) -> None:
-    """Verdicts and intervals in worlds that depart from the model, by its own simulator.
+    """Verdicts and intervals in worlds that depart from the model, made by a separate simulator.
 
     Examples:
       python -m benchmarks.reality --seeds 6

@@ -254,7 +254,7 @@ def main(
     keep: Annotated[Path | None, typer.Option(help="JSON file that keeps each case, to resume a run")] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Frequency responses of known answer by every kind of excitation, beside the estimates of before.
+    """Frequency responses with a known answer, for every kind of excitation, beside the earlier estimates.
 
     Examples:
       python -m benchmarks.responses --only sine --keep responses.json

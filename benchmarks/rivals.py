@@ -211,7 +211,7 @@ def main(
     state: Annotated[Path, typer.Option(help="what is done, to go on from")] = Path("rivals.jsonl"),
     json_: JsonOption = False,
 ) -> None:
-    """Which rival is named in worlds that depart from the model, by its own simulator.
+    """Which rival is named in worlds that depart from the model, made by a separate simulator.
 
     Examples:
       python -m benchmarks.rivals --seeds 6

@@ -163,7 +163,7 @@ def main(
     state: Annotated[Path, typer.Option(help="what is done, to go on from")] = Path("sensors.jsonl"),
     json_: JsonOption = False,
 ) -> None:
-    """What a second sensor on the foot decides, by a simulator of its own.
+    """What a second sensor on the foot decides, on legs made by a separate simulator.
 
     Examples:
       python -m benchmarks.sensors --feet 5

@@ -157,7 +157,7 @@ def main(
     scipy_points: Annotated[int, typer.Option(min=1, help="trial points of scipy on each")] = 2,
     json_: JsonOption = False,
 ) -> None:
-    """Speed of a study from its first to its last fit; some ten minutes on two idle cores.
+    """Speed of a study from its first to its last fit. Takes about ten minutes on two idle cores.
 
     Examples:
       python -m benchmarks.study --subjects 1 --count-time 4 --scipy-points 1

@@ -120,7 +120,7 @@ def main(
     people: Annotated[int, typer.Option(min=4, help="persons of each")] = 5,
     json_: JsonOption = False,
 ) -> None:
-    """Coverage of a population's intervals, drawn and fitted; some ten minutes.
+    """Coverage of a population's intervals, drawn and fitted. Takes about ten minutes.
 
     Examples:
       python -m benchmarks.study_population --seeds 20 --count 1

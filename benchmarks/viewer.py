@@ -207,7 +207,7 @@ def main(
     minutes: Annotated[float, typer.Option(help="length of the memory run")] = 0.5,
     json_: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
-    """Frames a second, slider to picture, memory.
+    """Frames per second, time from slider to picture, and memory.
 
     Examples:
       python -m benchmarks.viewer --minutes 30

@@ -12,6 +12,8 @@ import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -99,6 +101,12 @@ class Camera:
         )
 
 
+def drop(page: Any) -> None:
+    """Drop the bundled study on a page."""
+    files = [file for file in sorted(BUNDLED.rglob("*")) if file.is_file()]
+    page.evaluate(DROP, [BUNDLED.name, [[str(file.relative_to(BUNDLED)), file.read_text()] for file in files]])
+
+
 def shoot(page: Any, url: str) -> Camera:
     """The whole film."""
     page.goto(url)
@@ -110,8 +118,7 @@ def shoot(page: Any, url: str) -> Camera:
     camera.take(1200)
     page.evaluate(OVER)
     camera.take(700)
-    files = [file for file in sorted(BUNDLED.rglob("*")) if file.is_file()]
-    page.evaluate(DROP, [BUNDLED.name, [[str(file.relative_to(BUNDLED)), file.read_text()] for file in files]])
+    drop(page)
     camera.until("model.recorded && motion && motion.feet.measured && !busy && bench.rows.length === 12")
     camera.periods(1)
     page.locator("#start_fit").scroll_into_view_if_needed()
@@ -132,22 +139,29 @@ def shoot(page: Any, url: str) -> Camera:
     return camera
 
 
-def main() -> None:
-    """Serve a copy of the two-mass foot, and film it."""
-    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        command = [sys.executable, "-m", "viz.foot", "--model", "two_dof", "--no-browser", "--json"]
+@contextmanager
+def served(*options: str) -> Iterator[str]:
+    """The address of a foot's page while it is served from an empty folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "viz.foot", *options, "--no-browser", "--json"]
         process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True)
         try:
             assert process.stdout is not None
             text = ""
             while "}" not in text:
                 text += process.stdout.readline()
-            browser = playwright.chromium.launch(executable_path=chromium(), args=list(CHROMIUM))
-            shoot(browser.new_page(viewport=SIZE), json.loads(text)["url"]).save(FILM)
-            browser.close()
+            yield json.loads(text)["url"]
         finally:
             process.send_signal(signal.SIGINT)
             process.wait(60)
+
+
+def main() -> None:
+    """Serve the two-mass foot, and film it."""
+    with sync_playwright() as playwright, served("--model", "two_dof") as url:
+        browser = playwright.chromium.launch(executable_path=chromium(), args=list(CHROMIUM))
+        shoot(browser.new_page(viewport=SIZE), url).save(FILM)
+        browser.close()
     print(f"{FILM}: {FILM.stat().st_size / 1e6:.2f} MB")
 
 

@@ -118,7 +118,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "recover", "fasbody.acquire", "recover",
-            "Make a recording from a capture file, as after a crash; several captures make one each.",
+            "Make a recording from a capture file, for example after a crash; several captures make one each.",
             "fasbody.acquire.commands",
         ),
         Command(
@@ -154,8 +154,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "arch validate", "fasbody.arch", "validate",
-            "Published numbers of feet, each predicted by an arch under a leg fitted to the others; and what cannot be "
-            "met.",
+            "Predict each published number of feet from the others, and show which numbers no arch can meet.",
         ),
         Command(
             "leg peaks", "fasbody.leg", "peaks",
@@ -180,12 +179,12 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "load effect", "fasbody.load_effect", "",
-            "Which mechanisms can raise the resonance with the load, in how much of what the literature allows them.",
+            "Find which mechanisms can raise the resonance with the load, and for what share of the values in the "
+            "literature.",
         ),
         Command(
             "arch crosscheck", "fasbody.arch", "crosscheck",
-            "Mass matrix and velocity terms of the arch from the equations, Pinocchio and MuJoCo; "
-            "exit 1 on disagreement.",
+            "Compare mass matrix and velocity terms of the arch: equations, Pinocchio, MuJoCo; exit 1 on disagreement.",
         ),
         Command(
             "cell", "fasbody.cell", "",
@@ -217,26 +216,25 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Make the meshes of the foot from their shapes, check that they are closed, and write them as assets.",
         ),
     ),
-    "What holds it together": (
+    "Checks and benchmarks": (
         Command("", "fasbody", "", "Show what there is: every command of the project, and what it does."),
         Command(
             "reproduce", "reproduction", "",
-            "Run every equation, table, figure and statement of the thesis and say what came of it. Some minutes.",
+            "Run every equation, table, figure and statement of the thesis, and say what came out. Takes some minutes.",
         ),
         Command(
             "bench", "benchmarks", "",
-            "Measure everything that the documentation states, into one table. Takes about an hour.",
+            "Measure everything that the documentation states, and write one table. Takes about an hour.",
         ),
         Command("bench accuracy", "benchmarks.accuracy", "", "Errors of MuJoCo and twin against DOP853."),
         Command(
             "bench acquire", "benchmarks.acquire", "",
-            "Measure acquisition; as long as the long recording, which runs beside the others, but at least "
-            "ten minutes.",
+            "Measure acquisition. Takes as long as the long recording, and at least ten minutes.",
         ),
         Command("bench arch", "benchmarks.arch", "", "Error, cost and stability of the stepped arch."),
         Command(
             "bench black-box", "benchmarks.black_box", "",
-            "Black-box estimators against the truth, the plain way and their peers; some minutes.",
+            "Compare black-box estimators with the truth and with other packages. Takes some minutes.",
         ),
         Command("bench callbacks", "benchmarks.callbacks", "", "Cost of the callbacks and gain of a second thread."),
         Command("bench cell", "benchmarks.cell", "", "Time and memory of the cell's modes, solver by solver."),
@@ -245,10 +243,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Coverage of the confidence intervals, distribution of chi-square, and verdicts.",
         ),
         Command("bench findings-by-seed", "benchmarks.findings_by_seed", "", "Print how often each finding holds."),
-        Command("bench fitting", "benchmarks.fitting", "", "Fits side by side; scipy takes minutes."),
+        Command("bench fitting", "benchmarks.fitting", "", "Compare fits with those of scipy, which take minutes."),
         Command(
             "bench responses", "benchmarks.responses", "",
-            "Frequency responses of known answer by every kind of excitation, beside the estimates of before.",
+            "Frequency responses with a known answer, for every kind of excitation, beside the earlier estimates.",
         ),
         Command(
             "bench peak-to-peak", "benchmarks.peak_to_peak", "",
@@ -256,15 +254,15 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "bench reality", "benchmarks.reality", "",
-            "Verdicts and intervals in worlds that depart from the model, by its own simulator.",
+            "Verdicts and intervals in worlds that depart from the model, made by a separate simulator.",
         ),
         Command(
             "bench director", "benchmarks.director", "",
-            "The planned session against the thesis' on feet that the plan did not know, and sessions by themselves.",
+            "Compare planned sessions with that of the thesis, on feet that the plan did not know.",
         ),
         Command(
             "bench rivals", "benchmarks.rivals", "",
-            "Which rival is named in worlds that depart from the model, by its own simulator.",
+            "Which rival is named in worlds that depart from the model, made by a separate simulator.",
         ),
         Command(
             "bench heel", "benchmarks.heel", "",
@@ -272,11 +270,11 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "bench sensors", "benchmarks.sensors", "",
-            "What a second sensor on the foot decides, by a simulator of its own.",
+            "What a second sensor on the foot decides, on legs made by a separate simulator.",
         ),
         Command(
             "bench study", "benchmarks.study", "",
-            "Speed of a study from its first to its last fit; some ten minutes on two idle cores.",
+            "Speed of a study from its first to its last fit. Takes about ten minutes on two idle cores.",
         ),
         Command(
             "bench study-end-to-end", "benchmarks.study_end_to_end", "",
@@ -284,9 +282,9 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "bench study-population", "benchmarks.study_population", "",
-            "Coverage of a population's intervals, drawn and fitted; some ten minutes.",
+            "Coverage of a population's intervals, drawn and fitted. Takes about ten minutes.",
         ),
-        Command("bench viewer", "benchmarks.viewer", "", "Frames a second, slider to picture, memory."),
+        Command("bench viewer", "benchmarks.viewer", "", "Frames per second, time from slider to picture, and memory."),
     ),
 }  # fmt: skip
 

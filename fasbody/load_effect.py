@@ -25,7 +25,7 @@ def print_load_effect(
     figures: Annotated[Path | None, typer.Option(help="folder for leg-mechanisms, as SVG and PNG")] = None,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Which mechanisms can raise the resonance with the load, in how much of what the literature allows them.
+    """Find which mechanisms can raise the resonance with the load, and for what share of the values in the literature.
 
     Some minutes, most of them for lift-off.
 

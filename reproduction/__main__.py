@@ -56,7 +56,7 @@ def main(
     list_: Annotated[bool, typer.Option("--list", help="Print the ids and what they are; run nothing.")] = False,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Run every equation, table, figure and statement of the thesis and say what came of it. Some minutes.
+    """Run every equation, table, figure and statement of the thesis, and say what came out. Takes some minutes.
 
     Results are kept one by one: stop it and start it again, it goes on where it was; rows whose code has changed since
     run again. Exit code 1 if a row failed.

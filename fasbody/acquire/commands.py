@@ -247,7 +247,7 @@ def recover(
     ] = False,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Make a recording from a capture file, as after a crash; several captures make one each.
+    """Make a recording from a capture file, for example after a crash; several captures make one each.
 
     Examples:
       python -m fasbody.acquire recover study/captures/20hz_0kg.fascap

@@ -250,7 +250,7 @@ def print_validation(
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Published numbers of feet, each predicted by an arch under a leg fitted to the others; and what cannot be met.
+    """Predict each published number of feet from the others, and show which numbers no arch can meet.
 
     A minute or two.
 
@@ -317,7 +317,7 @@ def print_crosscheck(
     ] = False,
     json: JsonOption = False,
 ) -> None:
-    """Mass matrix and velocity terms of the arch from the equations, Pinocchio and MuJoCo; exit 1 on disagreement.
+    """Compare mass matrix and velocity terms of the arch: equations, Pinocchio, MuJoCo; exit 1 on disagreement.
 
     Examples:
       python -m fasbody.arch crosscheck --model my_arch.xml --samples 200
