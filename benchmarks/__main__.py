@@ -80,7 +80,7 @@ def committed(page: Mapping[str, Topic], now: Mapping[str, Topic], where: str) -
 @app.command()
 def main(
     only: Annotated[list[str] | None, typer.Argument(help=f"some of {', '.join(TOPICS)} (default: all)")] = None,
-    full: Annotated[bool, typer.Option("--full", help="every study at its full size, some four hours")] = False,
+    full: Annotated[bool, typer.Option("--full", help="every study at its full size, about four hours")] = False,
     with_peers: Annotated[bool, typer.Option("--peers/--no-peers", help="install and run SIPPY and pysib, too")] = True,
     out: Annotated[Path | None, typer.Option(help="page to write", show_default="results/benchmarks/HOST.md")] = None,
     commit: Annotated[

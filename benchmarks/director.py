@@ -532,8 +532,8 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def main(
     feet: Annotated[int, typer.Option(help="virtual feet; the statement takes 100")] = 100,
-    sessions: Annotated[int, typer.Option(help="sessions by themselves; the statement takes 50")] = 50,
-    state: Annotated[Path, typer.Option(help="what is done, to go on from")] = Path("director.jsonl"),
+    sessions: Annotated[int, typer.Option(help="automatic sessions; the statement takes 50")] = 50,
+    state: Annotated[Path, typer.Option(help="file that keeps what is done, to go on from")] = Path("director.jsonl"),
     json_: JsonOption = False,
 ) -> None:
     """Compare planned sessions with that of the thesis, on feet that the plan did not know.

@@ -131,7 +131,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def main(
-    persons: Annotated[int, typer.Option(help="synthetic people a law")] = 40,
+    persons: Annotated[int, typer.Option(help="synthetic people per law")] = 40,
     jobs: Annotated[int, typer.Option(help="processes, 0 for all cores")] = 0,
     json_: JsonOption = False,
 ) -> None:

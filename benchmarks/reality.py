@@ -262,13 +262,17 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def main(
-    seeds: Annotated[int, typer.Option(help="legs a world; the study takes 24")] = 24,
+    seeds: Annotated[int, typer.Option(help="legs per world; the study takes 24")] = 24,
     jobs: Annotated[int, typer.Option(help="processes")] = 2,
     world: Annotated[list[str] | None, typer.Option(help="only this world; repeat it for more")] = None,
-    first: Annotated[int, typer.Option(help="first seed: other ones judge what was mended after a look at these")] = 0,
-    exclude: Annotated[str | None, typer.Option(help="what the laboratory has excluded, as identification.fit")] = None,
+    first: Annotated[
+        int, typer.Option(help="first seed; use others to judge what was changed after a look at these")
+    ] = 0,
+    exclude: Annotated[
+        str | None, typer.Option(help="what the laboratory has excluded, as in identification.fit")
+    ] = None,
     strong: Annotated[bool, typer.Option("--strong", help="only legs whose dampers are strongly nonlinear")] = False,
-    state: Annotated[Path, typer.Option(help="what is done, to go on from")] = Path("reality.jsonl"),
+    state: Annotated[Path, typer.Option(help="file that keeps what is done, to go on from")] = Path("reality.jsonl"),
     json_: JsonOption = False,
 ) -> None:
     """Verdicts and intervals in worlds that depart from the model, made by a separate simulator.

@@ -249,7 +249,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def main(
-    seeds: Annotated[int, typer.Option(min=2, help="broadband recordings a case; eight times as many sines")] = 25,
+    seeds: Annotated[int, typer.Option(min=2, help="broadband recordings per case; eight times as many sines")] = 25,
     only: Annotated[str, typer.Option(help="part of the names of the cases wanted, such as 'sine'")] = "",
     keep: Annotated[Path | None, typer.Option(help="JSON file that keeps each case, to resume a run")] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,

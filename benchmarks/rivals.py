@@ -206,9 +206,9 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def main(
-    seeds: Annotated[int, typer.Option(help="legs a world; 20 take about half an hour")] = 20,
+    seeds: Annotated[int, typer.Option(help="legs per world; 20 take about half an hour")] = 20,
     world: Annotated[list[str] | None, typer.Option(help="only this world; repeat it for more")] = None,
-    state: Annotated[Path, typer.Option(help="what is done, to go on from")] = Path("rivals.jsonl"),
+    state: Annotated[Path, typer.Option(help="file that keeps what is done, to go on from")] = Path("rivals.jsonl"),
     json_: JsonOption = False,
 ) -> None:
     """Which rival is named in worlds that depart from the model, made by a separate simulator.

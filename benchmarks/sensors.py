@@ -159,8 +159,8 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def main(
-    feet: Annotated[int, typer.Option(min=1, help="legs; 50 for the real one")] = 50,
-    state: Annotated[Path, typer.Option(help="what is done, to go on from")] = Path("sensors.jsonl"),
+    feet: Annotated[int, typer.Option(min=1, help="legs; the page uses 50")] = 50,
+    state: Annotated[Path, typer.Option(help="file that keeps what is done, to go on from")] = Path("sensors.jsonl"),
     json_: JsonOption = False,
 ) -> None:
     """What a second sensor on the foot decides, on legs made by a separate simulator.

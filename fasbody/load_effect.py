@@ -17,17 +17,17 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def print_load_effect(
-    draws: Annotated[int, typer.Option(help="even draws of each linear mechanism's space", min=20)] = 20000,
+    draws: Annotated[int, typer.Option(help="draws from each linear mechanism's space", min=20)] = 20000,
     lift_off_draws: Annotated[
-        int, typer.Option(help="of those with a pad that cannot pull, at a tenth of a second", min=20)
+        int, typer.Option(help="draws of each mechanism whose pad cannot pull, a tenth of a second each", min=20)
     ] = 400,
-    seed: Annotated[int, typer.Option(help="of the random numbers", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="seed of the random numbers", min=0)] = 0,
     figures: Annotated[Path | None, typer.Option(help="folder for leg-mechanisms, as SVG and PNG")] = None,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Find which mechanisms can raise the resonance with the load, and for what share of the values in the literature.
 
-    Some minutes, most of them for lift-off.
+    Takes some minutes, most of them for lift-off.
 
     Examples:
       python -m fasbody.load_effect --draws 2000 --lift-off-draws 50

@@ -37,16 +37,18 @@ Mapping = Annotated[
 MassStd = Annotated[
     float | None,
     typer.Option(
-        parser=number, metavar="SHARE", help="what the segment masses may be off, as a share (default 0.1; 0: exact)"
+        parser=number, metavar="SHARE", help="how far the segment masses may be off, as a share (default 0.1; 0: exact)"
     ),
 ]
 GainStd = Annotated[
     float | None,
-    typer.Option(parser=number, metavar="SHARE", help="what the gain may be off, as a share (default 0.01)"),
+    typer.Option(parser=number, metavar="SHARE", help="how far the gain may be off, as a share (default 0.01)"),
 ]
 DelayStd = Annotated[
     float | None,
     typer.Option(
-        parser=number, metavar="S", help="what the delay between channels may be, in s (default a tenth of a sample)"
+        parser=number,
+        metavar="S",
+        help="standard deviation of the delay between channels, in s (default a tenth of a sample)",
     ),
 ]

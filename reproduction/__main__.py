@@ -58,7 +58,7 @@ def main(
 ) -> None:
     """Run every equation, table, figure and statement of the thesis, and say what came out. Takes some minutes.
 
-    Results are kept one by one: stop it and start it again, it goes on where it was; rows whose code has changed since
+    Results are kept one by one, so a stopped run goes on where it was; rows whose code has changed since
     run again. Exit code 1 if a row failed.
 
     Examples:

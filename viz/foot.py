@@ -23,29 +23,33 @@ def main(
         ),
     ] = None,
     compare: Annotated[str, typer.Option(help="a second model, shown as a ghost")] = "",
-    frequency: Annotated[float | None, typer.Option(help="of the shaker [Hz]; 20 unless given")] = None,
+    frequency: Annotated[float | None, typer.Option(help="frequency of the shaker [Hz] (default 20)")] = None,
     peak_to_peak: Annotated[
-        float | None, typer.Option(help=r"acceleration of the table \[m/s^2]; 17.9 unless given")
+        float | None, typer.Option(help=r"acceleration of the table \[m/s^2] (default 17.9)")
     ] = None,
-    added_mass: Annotated[float, typer.Option(help=r"on the knee \[kg]")] = 0.0,
+    added_mass: Annotated[float, typer.Option(help=r"mass on the knee \[kg]")] = 0.0,
     sweep: Annotated[bool, typer.Option(help="a swept sine, 5 to 50 Hz in 4 s, in place of the sine")] = False,
-    recording: Annotated[Path | None, typer.Option(help="drive the table by it; its ankle is a ghost")] = None,
+    recording: Annotated[
+        Path | None, typer.Option(help="recording that drives the table; its ankle is shown as a ghost")
+    ] = None,
     seconds: Annotated[
-        float | None, typer.Option(help=r"how much of the recording, or length of the sweep, 4 unless given \[s]")
+        float | None, typer.Option(help=r"length of what is shown of the recording, or of the sweep \[s] (default 4)")
     ] = None,
     study: Annotated[Path | None, typer.Option(help="study.toml that says what the recording's columns are")] = None,
     result: Annotated[
-        Path | None, typer.Option(help="parameters of a fit, result.json; its model, unless --model names another")
+        Path | None,
+        typer.Option(help="result.json of a fit: its parameters, and its model unless --model names another"),
     ] = None,
-    slow: Annotated[float, typer.Option(help="how many times slower than real")] = 20.0,
+    slow: Annotated[float, typer.Option(help="how many times slower than in reality")] = 20.0,
     amplify: Annotated[
         float | None, typer.Option(help="factor by which motion is enlarged (default: so that the deformation is seen)")
     ] = None,
     watch: Annotated[
-        bool | None, typer.Option(help="load the model again whenever its file is saved; a file of one's own is")
+        bool | None,
+        typer.Option(help="load the model again whenever its file is saved (the default for your own files)"),
     ] = None,
-    export: Annotated[Path | None, typer.Option(help="write .html, .png, .gif or .mp4 and end")] = None,
-    port: Annotated[int, typer.Option(help="0 takes a free one")] = 0,
+    export: Annotated[Path | None, typer.Option(help="write a .html, .png, .gif or .mp4 file, and end")] = None,
+    port: Annotated[int, typer.Option(help="port of the server; 0 takes a free one")] = 0,
     browser: Annotated[bool, typer.Option(help="open the browser")] = True,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:

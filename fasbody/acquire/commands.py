@@ -75,7 +75,7 @@ def record(
     probe_: Annotated[bool, typer.Option("--probe", help="say what answers on --port (or on all) and stop")] = False,
     board_: Annotated[str, typer.Option("--board", help="serial, or audio: a sound card plays and records")] = "serial",
     calibration: Annotated[
-        Path, typer.Option(help="of the sound card; python -m fasbody.acquire calibrate writes it")
+        Path, typer.Option(help="calibration of the sound card, written by python -m fasbody.acquire calibrate")
     ] = SOUND_CARD,
     firmware_: Annotated[
         Path | None, typer.Option("--firmware", help="write the firmware for an Arduino into this folder and stop")
@@ -240,7 +240,9 @@ def record(
 
 @app.command()
 def recover(
-    captures: Annotated[list[Path], typer.Argument(help="capture files, and the rest of one whose disk became full")],
+    captures: Annotated[
+        list[Path], typer.Argument(help="capture files; also the rest of a file whose disk became full")
+    ],
     out: Annotated[Path | None, typer.Option(help="study folder (default: the one around captures/)")] = None,
     longest: Annotated[
         bool, typer.Option("--longest", help="keep only the longest stretch without a gap, however short")
@@ -382,14 +384,16 @@ def _open_card(
 def calibrate(
     what: Annotated[str, typer.Argument(help="loopback, calibrator or flip")],
     role: Annotated[str, typer.Argument(help="base or malleolus, for calibrator and flip")] = "",
-    device: Annotated[str | None, typer.Option(help="sound card, by a part of its name; for loopback")] = None,
+    device: Annotated[str | None, typer.Option(help="sound card, by part of its name; for loopback")] = None,
     calibration: Annotated[Path, typer.Option(help="file to write, or to add to")] = SOUND_CARD,
     seconds: Annotated[float, typer.Option(help="how long to listen to a calibrator or a flip")] = 9.0,
     hz: Annotated[float, typer.Option(help="of the hand calibrator")] = 159.155,
     rms: Annotated[float, typer.Option(help="of the hand calibrator in m/s^2")] = 10.0,
     latency: Annotated[float, typer.Option(help="buffer of the card's output in s; for loopback")] = 0.5,
-    output: Annotated[int, typer.Option(min=1, max=2, help="that plays, here and in recordings; for loopback")] = 1,
-    full_scale_volts: Annotated[float, typer.Option(help="of the output at full scale, peak to peak")] = 2.0,
+    output: Annotated[
+        int, typer.Option(min=1, max=2, help="output that plays, here and in recordings; for loopback")
+    ] = 1,
+    full_scale_volts: Annotated[float, typer.Option(help="voltage of the output at full scale, peak to peak")] = 2.0,
     yes: Annotated[bool, typer.Option("--yes", help="the amplifier is off: play the loopback without asking")] = False,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
@@ -397,7 +401,7 @@ def calibrate(
 
     The loopback plays noise, so the amplifier must be off or the shaker unplugged: it says so and asks first.
 
-    For a flip, hold the sensor still as it is worn for three seconds, turn it upside down, hold it still again.
+    For a flip, hold the sensor still as it is worn for three seconds, turn it upside down, and hold it still again.
 
     Examples:
       python -m fasbody.acquire --board audio --list

@@ -34,14 +34,16 @@ if TYPE_CHECKING:
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 ModelOption = Annotated[str, typer.Option(help="shipped arch or MJCF file")]
-SeedOption = Annotated[int, typer.Option(help="of the random numbers", min=0)]
+SeedOption = Annotated[int, typer.Option(help="seed of the random numbers", min=0)]
 JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
 
 
 @app.command("sensitivity")
 def print_sensitivity(
     model: ModelOption = "foot_arch",
-    this: Annotated[bool, typer.Option("--this", help="only about the model's own constants, no random draws")] = False,
+    this: Annotated[
+        bool, typer.Option("--this", help="only around the model's own constants, without random draws")
+    ] = False,
     draws: Annotated[int, typer.Option(help="random arches from Table 4.2, on the model's bones", min=1)] = 30,
     seed: SeedOption = 0,
     lever_arm: Annotated[
@@ -56,7 +58,7 @@ def print_sensitivity(
 ) -> None:
     """Do only k_T, c_T, k_F, c_F matter? Relative sensitivity of the five-body arch to all 13 constants.
 
-    First about the model's own constants, then about random ones of Table 4.2, which replace all 13 and keep its bones.
+    First around the model's own constants, then around random ones of Table 4.2, which replace all 13 of them.
 
     Examples:
       python -m fasbody.arch sensitivity --model my_arch.xml --this
@@ -252,7 +254,7 @@ def print_validation(
 ) -> None:
     """Predict each published number of feet from the others, and show which numbers no arch can meet.
 
-    A minute or two.
+    Takes a minute or two.
 
     Examples:
       python -m fasbody.arch validate --figure docs/figures/validation.svg

@@ -22,9 +22,9 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def main(
     study: Annotated[Path, typer.Argument(help="folder to write")],
     subjects: Annotated[
-        int | None, typer.Option(help="a whole study of so many virtual subjects, with tuberosity and scatter")
+        int | None, typer.Option(help="make a whole study of this many virtual subjects, with tuberosity and scatter")
     ] = None,
-    subject: Annotated[int, typer.Option(help="else: subject of Table 2.1 whose body mass one foot has")] = 16,
+    subject: Annotated[int, typer.Option(help="for one foot: the subject of Table 2.1 whose body mass it has")] = 16,
     added_mass: Annotated[
         list[float] | None, typer.Option(help="mass on the knee in kg; repeat (default 0, for studies 0, 2.3, 4.5)")
     ] = None,
@@ -36,7 +36,7 @@ def main(
     ] = None,
     loaded_frequency: Annotated[
         list[float] | None,
-        typer.Option(help="of one foot: excitation in Hz under its second and further added masses; repeat"),
+        typer.Option(help="for one foot: excitation in Hz under its second and further added masses; repeat"),
     ] = None,
     excitation: Annotated[str, typer.Option(help=f"{', '.join(EXCITATIONS)} (studies)")] = "sine",
     peak_to_peak: Annotated[float, typer.Option(help="base acceleration in m/s^2 (studies)")] = 17.9,

@@ -121,15 +121,19 @@ def print_drop(
 def print_decide(
     subjects: Annotated[int, typer.Option(help="virtual subjects of each of the five mechanisms", min=1)] = 40,
     plans: Annotated[str, typer.Option(help="two (the thesis' protocol, the better one) or all six")] = "two",
-    folder: Annotated[Path, typer.Option(help="of results; what is there is not computed again")] = Path("decide"),
-    departure: Annotated[float, typer.Option(help="how far a foot is off every mechanism [1]", min=0, max=0.5)] = 0.08,
-    seed: Annotated[int, typer.Option(help="of the subjects", min=0)] = 0,
+    folder: Annotated[Path, typer.Option(help="folder of results; what is there is not computed again")] = Path(
+        "decide"
+    ),
+    departure: Annotated[
+        float, typer.Option(help="how far a foot departs from every mechanism [1]", min=0, max=0.5)
+    ] = 0.08,
+    seed: Annotated[int, typer.Option(help="seed of the subjects", min=0)] = 0,
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: JsonOption = False,
 ) -> None:
     """Which mechanism made a recording: how often an analysis of virtual subjects names the right one.
 
-    Two seconds a subject and plan; Ctrl-C stops, the same command goes on.
+    Takes two seconds per subject and plan. Ctrl-C stops it, and the same command goes on.
 
     Examples:
       python -m fasbody.leg decide --subjects 2 --folder results/decide

@@ -24,7 +24,7 @@ _MANY = 100
 app: typer.Typer = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
 
 _Columns = Annotated[
-    str | None, typer.Option("--columns", help="names of the columns of a text file without a header, by commas")
+    str | None, typer.Option("--columns", help="columns of a text file without a header, separated by commas")
 ]
 _Study = Annotated[Path | None, typer.Option("--study", help="study.toml that maps channels, units and sensitivities")]
 
@@ -50,7 +50,7 @@ def check(
 ) -> None:
     """Say what was understood of a recording or a study, and what is wrong with it.
 
-    Exit code 2 if any recording cannot serve.
+    Exit code 2 if any recording cannot be used.
 
     Examples:
       python -m fasbody.recording check measured.tdms --study study.toml --json
@@ -161,7 +161,7 @@ def convert(
 ) -> None:
     """Write a recording in another format, in m/s^2, signs, sensitivities and delays applied.
 
-    A recording that no analysis would use is converted all the same, and it is said what is wrong with it.
+    A recording that no analysis could use is still converted, and the command says what is wrong with it.
 
     Examples:
       python -m fasbody.recording convert measured.tdms measured.csv --study study.toml
@@ -192,7 +192,7 @@ def merge(
     table: Annotated[Path, typer.Argument(help="recording of the logger on the shaker's table")],
     foot: Annotated[Path, typer.Argument(help="recording of the logger on the foot, made at the same time")],
     target: Annotated[
-        Path, typer.Argument(help="file to write: .csv; what is known about the delay goes beside it as .json")
+        Path, typer.Argument(help="file to write (.csv); what is known of the delay is written beside it, as .json")
     ],
     base: Annotated[str, typer.Option(help="column of the table's file (default: the one named base)")] = "",
     malleolus: Annotated[str, typer.Option(help="column of the foot's file (default: the one named malleolus)")] = "",
@@ -232,9 +232,10 @@ def merge(
 
 @app.command()
 def init(
-    folder: Annotated[Path, typer.Argument(help="the folder that holds the recordings, also in subfolders")],
+    folder: Annotated[Path, typer.Argument(help="folder of the recordings, which may lie in subfolders")],
     pattern: Annotated[
-        str | None, typer.Option(help="of the file names, with {subject}, {posture}, {load}, {frequency}, {any}")
+        str | None,
+        typer.Option(help="pattern of the file names, with {subject}, {posture}, {load}, {frequency}, {any}"),
     ] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:

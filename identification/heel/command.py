@@ -26,14 +26,14 @@ def main(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="folder for documents and figures; resumes what is there")] = None,
     mjcf: Annotated[Path | None, typer.Option(help="write two_dof.xml with the population's law as its pad")] = None,
-    load_n: Annotated[float, typer.Option(min=1.0, help="load under which that pad rests [N]")] = 43.0,
+    load_n: Annotated[float, typer.Option(min=1.0, help="load under which the pad rests [N]")] = 43.0,
     sample: Annotated[bool, typer.Option("--sample", help="sample the population, too (extra: population)")] = False,
     workers: Annotated[int, typer.Option(min=0, help="processes; 0 for one per core, 1 for this one")] = 0,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Compare laws of the heel pad with measured heel strikes of people.
 
-    The compression is the travel of a heel point fixed to the shank, so everything between skin and shank is in it.
+    The compression is the travel of a heel point fixed to the shank, so it includes everything between skin and shank.
 
     Examples:
       python -m identification.heel

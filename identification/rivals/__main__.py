@@ -21,11 +21,11 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def main(
     data: Data = None,
-    model: Annotated[str, typer.Option(help="two-mass model that rivals are edits of, or its file")] = "two_dof",
-    rival: Annotated[list[Path] | None, typer.Option(help="an edited MJCF to compare, too; repeat for more")] = None,
+    model: Annotated[str, typer.Option(help="two-mass model that the rivals are edits of, or its file")] = "two_dof",
+    rival: Annotated[list[Path] | None, typer.Option(help="an edited MJCF to compare as well; repeat for more")] = None,
     rungs: Annotated[
         str | None,
-        typer.Option(help="of exponential, polynomial, relaxing, mount, third, load; with commas (default: all)"),
+        typer.Option(help="exponential, polynomial, relaxing, mount, third, load, separated by commas (default: all)"),
     ] = None,
     body_mass: BodyMass = None,
     added_mass: AddedMass = None,
@@ -33,7 +33,7 @@ def main(
     mass_std: MassStd = None,
     gain_std: GainStd = None,
     delay_std: DelayStd = None,
-    write_model: Annotated[Path | None, typer.Option(help="folder for every fitted rival as MJCF")] = None,
+    write_model: Annotated[Path | None, typer.Option(help="folder for every fitted rival, as MJCF")] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
     out: Annotated[Path | None, typer.Option(help="folder for rivals.csv, rivals.json and figures")] = None,
 ) -> None:

@@ -136,7 +136,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def main(
-    folder: Annotated[Path, typer.Option(help="for the assets", show_default="mjcf/assets")] = mjcf.asset(""),
+    folder: Annotated[Path, typer.Option(help="folder for the assets", show_default="mjcf/assets")] = mjcf.asset(""),
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Make the meshes of the foot from their shapes, check that they are closed, and write them as assets.
