@@ -638,7 +638,7 @@ def test_the_page_lists_every_file() -> None:
     assert [line for line in page.splitlines() if line.startswith("| `")] == [told(case) for case in CASES]
     read = [case for case in CASES if not case.refused]
     alone = sum(not case.toml for case in read)
-    assert f"{len(CASES)} files: {alone} at once, {len(read) - alone} with a study.toml" in page
+    assert f"{len(CASES)} files: {alone} are read at once, {len(read) - alone} with a study.toml" in page
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
