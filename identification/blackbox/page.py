@@ -48,7 +48,7 @@ def _answer(report: Report) -> str:
     if not np.isfinite(best.fit_percent):
         best = max(report.models.values(), key=lambda found: found.best.one_step_percent).best
         return (
-            f"{best.model.label} foretells {best.one_step_percent:.1f} % one step ahead; none can be simulated freely."
+            f"{best.model.label} predicts {best.one_step_percent:.1f} % one step ahead; none can be simulated freely."
         )
     return f"{best.model.label} simulates {best.fit_percent:.1f} % of the held-out output freely."
 

@@ -7,7 +7,7 @@ Cochran's Q, which is chi-square distributed at the true tau. A person's own val
 leaves open. What all persons have in common, such as a wrong gain of one laboratory's sensor, no number of persons
 takes away: it is not in these intervals.
 
-A person whose value does not belong to the others' is named: the other persons foretell the value, with the spread
+A person whose value does not belong to the others' is named: the other persons predict the value, with the spread
 between them, and it lies further off than chance would have it in one population of twenty (the chance is multiplied by
 the number of persons, any of whom might have been the odd one). That person stays in the estimate.
 
