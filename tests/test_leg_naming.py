@@ -1,6 +1,7 @@
 """Naming a mechanism from recordings: motions that are stepped or solved here, as files and at a prompt."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -139,6 +140,35 @@ def test_few_sines_are_no_verdict_and_a_doubled_period_is_left_out(linked: list[
     doubled = replace(linked[3], malleolus_m_s2=linked[3].malleolus_m_s2 + 1.0 * np.sin(np.pi * 25.0 * t))
     (seen,) = read([*linked[:3], doubled, *linked[4:]])
     assert (~seen.recordings.repeats).sum() == 1
+    assert "25hz_0kg_8.95.csv does not repeat" in seen.notes[0]
+    alone = next(name(seen))  # one alone excludes no linear mechanism
+    assert alone.named == "second mode"
+    shaken = linked[3].base_m_s2 + 0.06 * 8.95 * np.sin(np.pi * 25.0 * t)
+    answered = linked[3].malleolus_m_s2 + 0.06 * 8.95 * np.sin(np.pi * 25.0 * t - 0.3)
+    linear = replace(linked[3], base_m_s2=shaken, malleolus_m_s2=answered)  # the table's own subharmonic
+    assert read([linear])[0].recordings.repeats.all()
+
+
+def test_a_pad_that_stiffens_in_contact_is_not_called_lift_off() -> None:
+    hz, added, table = map(np.array, zip(*SINES, strict=True))
+    base, moved = pressed(hz, added, 0.35 * table)  # a third of the amplitude: pressed all the time, and nonlinear
+    quiet = [(f, kg, 0.35 * a) for f, kg, a in SINES]
+    result = named(recorded(base, moved, sines=quiet))
+    assert result.named == "undecided"
+    assert result.fits[0].air == 0
+    assert "never leaves the plate" in result.sentence
+
+
+def test_a_richer_mechanism_that_stays_open_is_said(linked: list[Recording]) -> None:
+    result = named(linked)
+    assert result.sentence.startswith("Second mode for subject 7, if it is one of these: at more than 1000 to 1")
+    assert re.search(r", but for both, which contains it \(\d+ to 1 against\)\.$", result.sentence)
+
+
+def test_a_repeated_sine_counts_once(linked: list[Recording]) -> None:
+    (once,), (twice,) = read(linked), read([*linked, *linked])
+    np.testing.assert_allclose(twice.recordings.MB, once.recordings.MB)
+    np.testing.assert_allclose(twice.plan.frequency_hz, once.plan.frequency_hz)
 
 
 def test_what_cannot_serve_is_said(linked: list[Recording]) -> None:

@@ -8,7 +8,7 @@ import typer
 from rich.table import Table
 
 from fasbody.console import command_line, console, make_folder, print_json, progress_bar, results
-from fasbody.exceptions import InputFileError, SettingError
+from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
 from fasbody.presentation import write_figure
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -209,22 +209,40 @@ def print_name(
         if figure.is_dir():
             raise InputFileError(figure, "is a folder", "name an SVG or PNG file")
     from fasbody.leg.decide import RIVALS
-    from fasbody.leg.naming import name, read
-    from fasbody.recording.study import Study, read_file
+    from fasbody.leg.naming import Naming, name, read
+    from fasbody.recording.study import StudyFolder, read_file
 
     if any(p.is_dir() for p in data) and (len(data) > 1 or layout is not None):
         raise SettingError("give one study folder, which has a study.toml of its own, or recordings.")
-    people = read(Study.read(data[0]).recordings if data[0].is_dir() else [read_file(p, layout) for p in data])
+    unreadable: list[str] = []
+    if data[0].is_dir():
+        study, recordings = StudyFolder.open(data[0]), []
+        for trial in study.trials:
+            try:
+                recordings.append(study.read(trial))
+            except FasError as error:
+                unreadable.append(str(error))  # the others may still name a mechanism
+    else:
+        recordings = [read_file(p, layout) for p in data]
+    people = read(recordings)
     if figure is not None and len(people) > 1:
         raise SettingError(f"--figure shows one person in one posture, and {len(people)} were recorded.")
-    found = []
+    found: list[Naming] = []
     for seen in people:
-        with progress_bar() as progress:
-            bar = progress.add_task("virtual subjects", total=max(1, subjects * len(RIVALS)))
-            for at, result in enumerate(name(seen, subjects, seed)):  # noqa: B007 - the last one is shown
-                progress.update(bar, completed=at)
+        try:
+            with progress_bar() as progress:
+                bar = progress.add_task("mechanisms, then virtual subjects", total=1 + subjects * len(RIVALS))
+                for at, result in enumerate(name(seen, subjects, seed), 1):  # noqa: B007 - the last one is shown
+                    progress.update(bar, completed=at)
+        except RecordingError as error:
+            unreadable.append(str(error))
+            continue
         found.append(result)
         results.print(str(result.sheet()), highlight=False, markup=False)
+    for text in unreadable:
+        console.print(f"not used: {text}", markup=False, soft_wrap=True)
+    if not found:
+        raise RecordingError(unreadable[0] if unreadable else f"{data[0]} lists no recording.")
     if figure is not None:
         console.print(f"written: {write_figure(found[0].plot(), figure)[0]}")
     if json:

@@ -249,7 +249,7 @@ class Analysis:
         """The verdict, and the fit of each rival to the recordings that repeat, the best one first."""
         kept = measured.repeats
         plan = self.plan.only(kept)
-        data = Recordings(*(getattr(measured, k)[kept] for k in ("MB", "TB", "second", "air", "repeats")))
+        data = measured.only(kept)
         fits: list[Fitted] = []
         for name in sorted(self.rivals, key=lambda name: name in ("lift-off", "both")):  # quick ones set the goal
             fits.append(self._fit(name, plan, data, kept, min((f.chi2 for f in fits), default=np.inf)))
@@ -438,9 +438,8 @@ def one(rival: str, number: int, analyses: Sequence[Analysis], seed: int = 0,
     found = {}
     for analysis in analyses:
         plan = analysis.plan
-        rows = [place[row] for row in zip(plan.frequency_hz, plan.added_kg, plan.table, strict=True)]
-        part = Recordings(*(getattr(whole, k)[rows] for k in ("MB", "TB", "second", "air", "repeats")))
-        found[plan.name] = analysis.verdict(part)
+        rows = np.array([place[row] for row in zip(plan.frequency_hz, plan.added_kg, plan.table, strict=True)])
+        found[plan.name] = analysis.verdict(whole.only(rows))
     return found
 
 

@@ -12,8 +12,11 @@ import numpy as np
 
 from fasbody.exceptions import RecordingError
 from fasbody.leg.decide import (
+    AIR,
     DECIDED,
+    HIGHER,
     NONE,
+    RICHER,
     RIVALS,
     UNDECIDED,
     Analysis,
@@ -22,8 +25,10 @@ from fasbody.leg.decide import (
     Plan,
     Verdict,
     draw,
+    is_pressed,
     measured,
 )
+from fasbody.leg.decide import named as named_mechanism
 from fasbody.leg.mechanisms import BODY_KG
 from fasbody.leg.virtual import NOISE, Recordings
 from fasbody.presentation import Presented, Sheet
@@ -36,8 +41,9 @@ Array = np.ndarray
 #: Share of the table's own second harmonic above which the malleolus' second one says nothing about the foot.
 CLEAN = 0.01
 #: Share of the malleolus' acceleration at half and one and a half times the frequency beyond which a motion does not
-#: repeat after one period, and standard deviations of the noise that it must exceed.
-DOUBLED, BEYOND = 0.03, 4.0
+#: repeat after one period, how much of it the table may bring by itself (times its own share; a leg amplifies some
+#: threefold), and standard deviations of the noise that it must exceed.
+DOUBLED, BROUGHT, BEYOND = 0.03, 5.0, 4.0
 #: Numbers (real and imaginary parts) that a verdict takes at least, for each constant of the richest mechanism.
 ENOUGH = 2.0
 
@@ -57,6 +63,7 @@ class Seen:
     plan: Plan
     recordings: Recordings
     left_out: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
 def read(recordings: Sequence[Recording]) -> list[Seen]:
@@ -83,13 +90,25 @@ def _read(subject: str, posture: str, recordings: Sequence[Recording]) -> Seen:
         except RecordingError as error:
             left_out.append(str(error))
     tuberosity = bool(rows) and all(np.isfinite(row.TB) for row in rows)
-    harmonics = bool(rows) and all(row.distortion < CLEAN for row in rows)
+    worst = max(rows, key=lambda row: row.distortion, default=None)
+    harmonics = worst is not None and worst.distortion < CLEAN
+    notes = [f"{row.file} does not repeat after one period and is not fitted." for row in rows if not row.repeats]
+    if worst is not None and not harmonics:
+        why = "is sampled too slowly" if np.isinf(worst.distortion) else "has a table with more than 1 % of its own"
+        notes.append(f"Second harmonics are not used: {worst.file} {why}.")
+    if rows and not tuberosity:
+        without = next(row.file for row in rows if not np.isfinite(row.TB))
+        notes.append(f"Only the malleolus is used: {without} has no tuberosity.")
+    rows = _merged(rows)
     hz, added, table = (np.array([getattr(row, k) for row in rows]) for k in ("frequency_hz", "added_kg", "table"))
-    plan = Plan("these recordings", np.round(hz, 1), added, table, tuberosity, harmonics)
+    plan = Plan("these recordings", hz, added, table, tuberosity, harmonics)
     MB, TB, second = (np.array([getattr(row, k) for row in rows], complex) for k in ("MB", "TB", "second"))
     repeats = np.array([row.repeats for row in rows], bool)
     made = Recordings(MB, TB if tuberosity else MB, second, np.full(len(rows), np.nan), repeats)
-    return Seen(subject, posture, recordings[0].condition.body_mass_kg, plan, made, tuple(left_out))
+    masses = {r.condition.body_mass_kg for r in recordings}
+    if len(masses) > 1:
+        raise RecordingError(f"Subject {subject} has several body masses; give one.")
+    return Seen(subject, posture, masses.pop(), plan, made, tuple(left_out), tuple(notes))
 
 
 @dataclass(frozen=True)
@@ -102,6 +121,25 @@ class _Row:
     second: complex
     distortion: float
     repeats: bool
+    file: str
+
+
+def _merged(rows: Sequence[_Row]) -> list[_Row]:
+    """Sines that were repeated, as their mean: how far a foot departs from a mechanism does not scatter anew."""
+    groups: list[list[_Row]] = []
+    for row in sorted(rows, key=lambda row: (row.frequency_hz, row.added_kg, row.repeats, row.table)):
+        last = groups[-1][0] if groups else None
+        alike = last and (last.frequency_hz, last.added_kg, last.repeats) == (
+            row.frequency_hz,
+            row.added_kg,
+            row.repeats,
+        )
+        if last and alike and row.table < HIGHER * last.table:
+            groups[-1].append(row)
+        else:
+            groups.append([row])
+    means = ("table", "MB", "TB", "second")
+    return [replace(g[0], **{k: sum(getattr(row, k) for row in g) / len(g) for k in means}) for g in groups]
 
 
 def _sines(recording: Recording) -> Iterator[_Row]:
@@ -127,17 +165,21 @@ def _sines(recording: Recording) -> Iterator[_Row]:
         turn = 1j * first / abs(first)
         second = malleolus.amplitudes[1] / moved / turn if two == 2 else complex(np.nan)
         distortion = abs(base.amplitudes[1] / first) if two == 2 else np.inf
-        yield _Row(hz, good.condition.added_mass_kg, abs(first), moved / first, TB, second, distortion,
-                   _repeats(t, good.malleolus_m_s2[part], hz))  # fmt: skip
+        yield _Row(round(hz, 1), good.condition.added_mass_kg, abs(first), moved / first, TB, second, distortion,
+                   _repeats(t, good.base_m_s2[part], good.malleolus_m_s2[part], hz), good.file)  # fmt: skip
 
 
-def _repeats(time_s: Array, signal: Array, frequency_hz: float) -> bool:
-    """Whether a motion repeats after one period: it has nothing at half and at one and a half times the frequency."""
+def _repeats(time_s: Array, base: Array, malleolus: Array, frequency_hz: float) -> bool:
+    """Whether a motion repeats after one period, but for what the table itself brings at half the frequency."""
     if (time_s[-1] - time_s[0]) * frequency_hz < 6:
         return True  # too short to see
-    found = fit_harmonics(time_s, signal, frequency_hz / 2, 3)
-    size = abs(found.amplitudes[1])
-    return all(abs(found.amplitudes[h]) < max(DOUBLED * size, BEYOND * found.std[h]) for h in (0, 2))
+    moved, shaken = (fit_harmonics(time_s, x, frequency_hz / 2, 3) for x in (malleolus, base))
+    size, table = abs(moved.amplitudes[1]), abs(shaken.amplitudes[1])
+    return all(
+        abs(moved.amplitudes[h])
+        < max(DOUBLED * size, BROUGHT * size * abs(shaken.amplitudes[h]) / table, BEYOND * moved.std[h])
+        for h in (0, 2)
+    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -162,41 +204,49 @@ class Naming(Presented):
     @property
     def named(self) -> str:
         """The mechanism, "undecided" or "none of these"."""
-        return self.verdict.named if self.enough else UNDECIDED
+        return self.verdict.named if self.enough and not self.stays else UNDECIDED
+
+    @property
+    def stays(self) -> bool:
+        """Whether a mechanism would be named for leaving the plate whose fit never does: it only stiffens."""
+        best = self.fits[0]
+        return self.verdict.named == best.rival and is_pressed(named_mechanism(best.rival)) and best.air < AIR
 
     @property
     def sentence(self) -> str:
         """The result."""
         who = f"subject {self.seen.subject}" if self.seen.subject else "this person"
+        best = self.verdict.best
         if not self.enough:
-            count = self.seen.plan.frequency_hz.size
+            count = int(self.seen.recordings.repeats.sum())
             return f"Undecided for {who}: {count} sines are too few to tell {len(self.fits)} mechanisms apart."
+        if self.stays:
+            return (
+                f"Undecided for {who}: {best} is nearest, but its fit never leaves the plate; a pad that stiffens in "
+                "contact does the same."
+            )
         if self.named == NONE:
-            return f"None of these for {who}: even {self.verdict.best} misses ({self.verdict.per_dof:.1f} per number)."
+            return f"None of these for {who}: even {best} misses ({self.verdict.per_dof:.1f} per number)."
         if self.named == UNDECIDED:
-            return f"Undecided for {who}: {self.verdict.best} is nearest, but below odds of 1000 to 1."
-        return f"{self.named.capitalize()} for {who}, at odds of more than 1000 to 1, if it is one of these mechanisms."
+            return f"Undecided for {who}: {best} is nearest, but below odds of 1000 to 1."
+        first = self.fits[0].criterion
+        open_ = [f for f in self.fits if f.rival in RICHER.get(best, ()) and f.criterion - first < DECIDED]
+        said = f"{best.capitalize()} for {who}, if it is one of these: at more than 1000 to 1 against the others"
+        if not open_:
+            return f"{said}."
+        return f"{said}, but for {open_[0].rival}, which contains it ({_against(open_[0].criterion - first)})."
 
     @property
     def notes(self) -> list[str]:
         """What the reader has to know beside it."""
         plan, seen = self.seen.plan, self.seen
-        said = [f"Left out: {text}" for text in seen.left_out]
-        if self.verdict.lost:
-            said.append(f"{self.verdict.lost} recordings do not repeat after one period and are not fitted.")
+        said = [*(f"Left out: {text}" for text in seen.left_out), *seen.notes]
         if seen.body_kg is None:
             said.append(f"No body mass is stated; {BODY_KG:g} kg is taken.")
         if np.ptp(plan.added_kg) == 0:
             said.append("All recordings have one load: what a load does cannot tell mechanisms apart here.")
-        if not plan.tuberosity:
-            said.append("Without the tuberosity in each recording only the malleolus is used.")
-        if not plan.harmonics:
-            said.append(f"Second harmonics are not used: the table has more than {100 * CLEAN:g} % of its own, "
-                        "or the sampling is too slow.")  # fmt: skip
         if not (plan.partner >= 0).any():
-            said.append(
-                "No frequency was shaken at two amplitudes, which shows best whether the foot leaves the plate."
-            )
+            said.append("No frequency was shaken at two amplitudes, the best sign of a foot that leaves the plate.")
         said.append(f"Assumed, not measured: scatter of {100 * NOISE:g} % and a foot within 8 % of one mechanism.")
         if self.tried is not None:
             t = self.tried
@@ -225,21 +275,19 @@ class Naming(Presented):
         """The mechanisms, the best one first."""
         rows = []
         for row in self.records():
-            over = row["criterion_over_best"]
-            odds = "best" if over == 0 else "excluded" if over >= DECIDED else f"{np.exp(over / 2):.0f} to 1 against"
-            air = f"{100 * row['in_the_air']:.0f} %" if row["in_the_air"] else ""
-            rows.append(
-                (
-                    row["mechanism"],
-                    odds,
-                    f"{over:.1f}" if np.isfinite(over) else "",
-                    f"{row['sum_of_squares']:.0f}",
-                    air,
-                )
-            )
+            over, pressed = row["criterion_over_best"], is_pressed(named_mechanism(row["mechanism"]))
+            odds = "" if not self.enough else "misses" if self.named == NONE else _against(over)
+            air = f"{100 * row['in_the_air']:.0f} %" if pressed else "cannot"
+            size = f"{over:.1f}" if np.isfinite(over) else ""
+            rows.append((row["mechanism"], odds, size, f"{row['sum_of_squares']:.0f}", air))
         columns = ("mechanism", "odds", "criterion over the best", "sum of squares", "in the air")
         count = self.seen.plan.frequency_hz.size
         return Sheet(f"{count} sines, {self.seen.posture}", columns, rows, (self.sentence, *self.notes))
+
+
+def _against(over: float) -> str:
+    """Odds of a criterion that lies so far above the best, in words."""
+    return "best" if over == 0 else "excluded" if over >= DECIDED else f"{np.exp(over / 2):.0f} to 1 against"
 
 
 def name(seen: Seen, subjects: int = 0, seed: int = 0) -> Iterator[Naming]:
@@ -259,8 +307,10 @@ def name(seen: Seen, subjects: int = 0, seed: int = 0) -> Iterator[Naming]:
     plan, data = seen.plan, seen.recordings
     if not data.repeats.any():
         who = f"subject {seen.subject}" if seen.subject else "this person"
-        why = seen.left_out[0] if seen.left_out else "no motion repeats after one period."
+        why = "no motion repeats after one period." if data.repeats.size else seen.left_out[0]
         raise RecordingError(f"No recording of {who} can be used: {why}")
+    if (~data.repeats).sum() == 1:  # one alone may have another reason, and would exclude every linear mechanism
+        plan, data = plan.only(data.repeats), data.only(data.repeats)
     analysis = Analysis(plan, body_kg=seen.body_kg or BODY_KG)
     verdict, fits = analysis.judged(data)
     numbers = 2 * int(data.repeats.sum()) * (1 + plan.tuberosity)

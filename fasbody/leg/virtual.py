@@ -38,6 +38,10 @@ class Recordings:
     air: Array
     repeats: Array
 
+    def only(self, rows: Array) -> "Recordings":
+        """Those recordings alone, (n,) bool or places."""
+        return Recordings(self.MB[rows], self.TB[rows], self.second[rows], self.air[rows], self.repeats[rows])
+
 
 @dataclass(frozen=True)
 class Subject:

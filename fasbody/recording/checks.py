@@ -42,7 +42,7 @@ _FLAT_TOPS, _MORE_THAN_BASE = 0.025, 3.0
 _SUSPECT_TOPS = 0.01
 #: Share of all harmonics that the third one has where both sides are flattened; less is one side, which gravity and a
 #: pad that cannot pull make, too.
-_BOTH_SIDES = 0.5
+_BOTH_SIDES = 0.8
 #: From where on distortion, drift, uneven level and coherence are told (of a sine, and broadband).
 _DISTORTED, _DRIFTS, _UNSTEADY = 0.1, 0.3, 0.1
 _COHERENT = {True: 0.95, False: 0.5}

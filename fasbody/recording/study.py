@@ -162,6 +162,8 @@ def read_file(file: Path, study: Path | None = None) -> Recording:
     Raises:
         InputFileError: it, or the study around it, cannot be read.
     """
+    if not file.exists():
+        raise InputFileError(file, "no such file", "give a recording or a study folder that exists")
     if study is not None:
         return Recording.read(file, layout=describe(study)[1])
     for folder in file.resolve().parents[:2]:
