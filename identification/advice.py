@@ -62,8 +62,8 @@ def advice(
         )
     if rank < len(space.free):
         texts.append(
-            f"The excitation has rank {rank}, fewer than the {len(space.free)} free parameters: only distortion by the "
-            f"nonlinear dampers tells more. {more}."
+            f"The excitation has rank {rank}, fewer than the {len(space.free)} free parameters: the rest can only be "
+            f"learned from the distortion by nonlinear dampers, so no interval that trusts the model is shown. {more}."
         )
     bound = [key for key, e in best.parameters.items() if e.at_bound]
     zero = [key for key in bound if best.parameters[key].value == 0.0]
@@ -71,7 +71,7 @@ def advice(
     if zero and follows:
         bends = [key for key in zero if key.endswith("_per_m") and not key.endswith(("_n_per_m", "_s_per_m"))]
         if bends:
-            texts.append(f"At zero: {', '.join(bends)}. The recordings show no such bend of the damper's law.")
+            texts.append(f"At zero: {', '.join(bends)}. The recordings cannot tell this bend of the damper from none.")
         if rest := ", ".join(key for key in zero if key not in bends):
             texts.append(f"At zero, its bound: {rest}. The recordings do not tell it from zero.")
     if set(bound) - set(zero):

@@ -55,7 +55,7 @@ def main(
 
       python -m identification.fit my_study --starts 20 --out results
 
-      python -m identification.fit 20hz.csv 30hz.csv --body-mass 72.5 --added-mass 2.3
+      python -m identification.fit loaded/*.csv --body-mass 72.5 --added-mass 2.3
 
       python -m identification.fit 20hz.tdms 30hz.tdms --study study.toml --body-mass 72.5
 

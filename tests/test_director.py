@@ -305,6 +305,27 @@ def test_what_is_not_named_is_not_asked_for() -> None:
         assert gained > 0 and widths[1] < widths[0]
 
 
+@pytest.mark.parametrize("minutes", [0.5, 1.0])
+def test_no_plan_exceeds_its_minutes(minutes: float) -> None:
+    """Few candidates and a goal out of reach: restarts often draw the recording that they move."""
+    for seed in range(4):
+        narrow = Shaker(every_hz=10.0, loads_kg=(0.0,))
+        who = Director(person(), narrow, dict.fromkeys(EXCHANGED, 1e-3), draws=3, seed=seed)
+        steps = who.session(9, 60.0 * minutes)
+        assert sum(step.seconds for step in steps) <= 60.0 * minutes
+
+
+def test_what_is_met_in_the_mean_is_said_to_be_met_for_so_many() -> None:
+    easy = Director(person(), SHAKER, dict.fromkeys(EXCHANGED, 0.2), draws=6)
+    result = planned(easy, 9, 270.0)
+    mine = result.expected[PLANNED]
+    share, least, most = mine.met, mine.least, mine.most
+    assert (share == 1.0) == all(most[name] <= 0.2 for name in EXCHANGED)
+    assert result.met
+    assert all(least[name] < 0.2 for name in EXCHANGED)
+    assert f"for {100 * share:.0f} % of them in every interval" in result.sentence()
+
+
 def test_asked_intervals_end_a_plan_early(director: Director) -> None:
     easy = Director(person(), SHAKER, dict.fromkeys(EXCHANGED, 0.5), draws=6)
     steps = easy.session(9, 270.0)
@@ -353,7 +374,8 @@ def test_what_cannot_be_meant_is_refused() -> None:
     [
         ["--ask", "k_T"], ["--ask", "k_X=0.1"], ["--frequencies", "50:10:2"], ["--frequencies", "a"], ["--loads", "x"],
         ["--kinds", "noise"], ["--amplitude", "0"], ["--body-mass", "5"], ["--allow", "ghosts"], ["--recordings", "0"],
-        ["--minutes", "0"], ["--draws", "1"], ["no_such_study"], ["--sensors", "malleolus,nose"], ["run"],
+        ["--minutes", "0"], ["--draws", "1"], ["--body-mass", "0"],
+        ["--sensors", "malleolus,malleolus"], ["no_such_study"], ["--sensors", "malleolus,nose"], ["run"],
         ["run", "--out", "s"], ["run", "--simulate", "--port", "x", "--out", "s"],
     ],
 )  # fmt: skip

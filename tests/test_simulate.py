@@ -156,3 +156,14 @@ def test_an_unstable_step_is_an_error_not_a_number(foot: Foot) -> None:
 
 def test_result_prints_itself(foot: Foot) -> None:
     assert "1 x 200 steps" in str(simulate(foot, shaker.sine(30.0, 0.1)))
+
+
+@pytest.mark.parametrize("values", [{"k_F": [1e5, -1.0]}, {"k_F": -1.0}, {"c_11": float("nan")}])
+def test_values_that_a_foot_cannot_have_are_refused_as_elsewhere(foot: Foot, values: dict[str, float]) -> None:
+    with pytest.raises(SettingError, match="it must be a number of zero or more"):
+        simulate(foot, shaker.sine(20, 0.1), values=values)
+
+
+def test_a_name_is_no_model() -> None:
+    with pytest.raises(SettingError, match=r"load it first: load\('two_dof'\)"):
+        simulate("two_dof", shaker.sine(20, 0.1))  # type: ignore[arg-type]

@@ -40,6 +40,23 @@ def test_what_is_known_badly_is_shrunk_most() -> None:
         assert p.lower < p.shrunk < p.upper
 
 
+def test_one_badly_known_person_widens_nobody_elses_interval() -> None:
+    def width(worst: float) -> float:
+        first = constant("k_T", NAMES, LOGS, np.array([0.05, 0.05, 0.05, 0.05, worst])).persons[0]
+        return float(np.log(first.upper / first.lower))
+
+    without = constant("k_T", NAMES[:4], LOGS[:4], np.full(4, 0.05)).persons[0]
+    assert width(10.0) < 1.1 * width(1.0)
+    assert width(10.0) < 1.1 * np.log(without.upper / without.lower)
+
+
+def test_a_spread_lies_in_its_interval() -> None:
+    logs = np.array([0.0, 0.1, 0.2, 0.3, 0.4])
+    for errors in (np.full(5, 0.02), np.full(5, 3.0), np.array([0.05, 0.05, 0.05, 0.05, 9.0])):
+        c = constant("k_T", NAMES, logs, errors)
+        assert c.spread_lower <= c.spread <= c.spread_upper
+
+
 def test_persons_alike_may_have_no_spread() -> None:
     low, high = spread_interval(np.array([1.0, 1.01, 0.99, 1.0]), np.full(4, 0.1))
     assert low == high == 0.0

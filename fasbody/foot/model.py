@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 import mjcf
-from fasbody.exceptions import InputFileError, ModelError, SettingError, unknown
+from fasbody.exceptions import InputFileError, ModelError, unknown
 from fasbody.foot import damper
 from fasbody.foot.engine import SHAKER, SHAKER_CONTROLS, quiet
 from fasbody.foot.model_fields import check_fields
@@ -100,9 +100,7 @@ class Foot(Tabled):
         changed = copy.copy(self.model)
         for name, value in self.parameters.named(values).items():
             item = self.parameters[name]
-            if not np.isfinite(value) or (value < 0 and item.lower >= 0):
-                wanted = "a number of zero or more" if item.lower >= 0 else "a finite number"
-                raise SettingError(f"{name} is {value}; it must be {wanted} {item.unit}".rstrip() + ".")
+            item.check(value)
             item.write({field: getattr(changed, field).reshape(-1) for field in item.fields}, value)
         if step is not None:
             changed.opt.timestep = step

@@ -133,6 +133,20 @@ class Parameter(Tabled):
         """Value in the model, from its first place."""
         return self.places[0].read(model)
 
+    def check(self, value: Any) -> None:
+        """Refuse values that it cannot have, one or an array of them.
+
+        Raises:
+            SettingError: one is not finite, or below zero where none may be.
+        """
+        given = np.atleast_1d(np.asarray(value, float))
+        bad = given[~np.isfinite(given) | ((given < 0) & (self.lower >= 0))]
+        if bad.size:
+            wanted = "a number of zero or more" if self.lower >= 0 else "a finite number"
+            raise SettingError(
+                f"{self.name} is {bad[0]:g}; it must be {wanted}{f', in {self.unit}' if self.unit else ''}."
+            )
+
     def write(self, target: Mapping[str, np.ndarray], value: np.ndarray | float) -> None:
         """Write values into arrays by field name, each (nsim, size) or (size,)."""
         for place in self.places:

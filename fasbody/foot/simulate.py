@@ -210,11 +210,15 @@ def simulate(
         threads: 0 for all cores.
 
     Raises:
-        SettingError: an unknown parameter, or sizes that do not fit. SimulationError: unstable.
+        SettingError: an unknown parameter or value, or sizes that do not fit. SimulationError: unstable.
     """
+    if not isinstance(foot, Foot):
+        raise SettingError(f"simulate takes a model, not {foot!r}; load it first: load({str(foot)!r}).")
     step = step or foot.step
     listed = [motions] if isinstance(motions, BaseMotion) else list(motions)
     given = {name: np.asarray(value) for name, value in foot.parameters.named({} if values is None else values).items()}
+    for name, value in given.items():
+        foot.parameters[name].check(value)
     sizes = {len(listed), *(value.size for value in given.values())} - {1}
     if len(sizes) > 1:
         raise SettingError(f"base motions and parameter values must be as many as each other, not {sorted(sizes)}.")

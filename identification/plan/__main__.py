@@ -306,7 +306,7 @@ def _earlier(data: Sequence[Path] | None, body_mass: float | None) -> "list[Reco
     from fasbody.recording.checks import checked
     from fasbody.recording.sources import gather
 
-    found = [checked(recording) for recording in gather(data, [body_mass] if body_mass else None, None)[1]]
+    found = [checked(recording) for recording in gather(data, None if body_mass is None else [body_mass], None)[1]]
     if other := [r.file for r in found if r.condition.frequency_hz is None]:
         raise SettingError(f"{other[0]} is no sine; the director goes on from settled sines.")
     return found
@@ -335,12 +335,12 @@ def _person(
     known = known.told(mass_std, gain_std, delay_std, excluded)
     if earlier:
         first = earlier[0].condition
-        body_mass, subject = body_mass or first.body_mass_kg, first.subject or subject
+        body_mass, subject = first.body_mass_kg if body_mass is None else body_mass, first.subject or subject
         people = {(r.condition.subject, r.condition.posture, r.condition.body_mass_kg) for r in earlier}
         if len(people) > 1:
             raise SettingError("the earlier recordings are of several people or postures; plan for one.")
-        return Person(load(model), body_mass or BODY_MASS_KG, known, subject, first.posture)
-    return Person(load(model), body_mass or BODY_MASS_KG, known, subject)
+        return Person(load(model), BODY_MASS_KG if body_mass is None else body_mass, known, subject, first.posture)
+    return Person(load(model), BODY_MASS_KG if body_mass is None else body_mass, known, subject)
 
 
 def _director(

@@ -82,6 +82,8 @@ class Director:
                 raise SettingError(f"{unknown('sensor', name, there)} in model {person.foot.name}.")
         if shaker.sensors[:1] != MALLEOLUS:
             raise SettingError("the malleolus is always worn; name it first, malleolus,foot for example.")
+        if len(set(shaker.sensors)) < len(shaker.sensors):
+            raise SettingError(f"the sensors {', '.join(shaker.sensors)} have one twice; name each once.")
         if draws < 2:
             raise SettingError(f"{draws} feet are no average; give 2 or more.")
         self.candidates = Candidates(shaker, person.leg_kg).steps
@@ -281,7 +283,8 @@ class Director:
                 break
             other = best.copy()
             for i in rng.permutation(sorted(best))[: rng.integers(1, len(best) + 1)]:
-                other[int(rng.integers(len(self.candidates)))] += other.pop(int(i))
+                moved = other.pop(int(i))  # before the sum is looked up: the one drawn may be this one
+                other[int(rng.integers(len(self.candidates)))] += moved
             other = self._polished(other, most, pieces, _FEW)
             best = max(best, other, key=self._worth)
         if best != first:

@@ -48,12 +48,14 @@ class Outlook:
 
     Attributes:
         half_width: by constant, the geometric mean over the feet: half of the 95 % interval as a share of the value.
-        spread: by constant, least and largest over the feet. log_odds: (D,) of each foot over its mirror image.
+        spread: by constant, least and largest over the feet. met: share of the feet for whom all that is asked of
+            intervals is met. log_odds: (D,) of each foot over its mirror image.
         utility: (4,) in the order of `Score`, to take differences of.
     """
 
     half_width: Mapping[str, float]
     spread: Mapping[str, tuple[float, float]]
+    met: float
     log_odds: np.ndarray
     utility: np.ndarray
 
@@ -97,6 +99,7 @@ class Feet:
         return Outlook(
             {name: float(np.exp(np.log(half[:, i]).mean())) for i, name in enumerate(EXCHANGED)},
             {name: (float(half[:, i].min()), float(half[:, i].max())) for i, name in enumerate(EXCHANGED)},
+            float(np.mean([all(row[EXCHANGED.index(n)] <= share for n, share in self.asked.items()) for row in half])),
             odds[:, 0],
             utility[0],
         )

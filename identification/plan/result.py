@@ -24,27 +24,29 @@ class Expected:
 
     Attributes:
         steps: of it. half_width: half of the 95 % interval as a share of the value, by constant; the geometric mean
-            over the feet. least, most: over the feet. decided: share of the feet whose branch is decided.
+            over the feet. least, most: over the feet. met: share of the feet for whom all that is asked is met.
+            decided: share of the feet whose branch is decided.
     """
 
     steps: tuple[Step, ...]
     half_width: dict[str, float]
     least: dict[str, float]
     most: dict[str, float]
+    met: float
     decided: float
 
     @classmethod
     def of(cls, steps: Sequence[Step], outlook: Outlook) -> "Expected":
         """Of an outlook."""
         low, high = ({name: ends[i] for name, ends in outlook.spread.items()} for i in (0, 1))
-        return cls(tuple(steps), dict(outlook.half_width), low, high, outlook.decided)
+        return cls(tuple(steps), dict(outlook.half_width), low, high, outlook.met, outlook.decided)
 
     def document(self) -> dict[str, Any]:
         """As plain data."""
         return {
             "recordings": len(self.steps), "shaking_s": shaking_s(self.steps), "relative_half_width": self.half_width,
             "relative_half_width_least": self.least, "relative_half_width_most": self.most,
-            "decided_share": self.decided,
+            "met_share": self.met, "decided_share": self.decided,
         }  # fmt: skip
 
 
@@ -193,7 +195,10 @@ class Planned(Presented):
     def stop(self) -> str:
         """Whether what is asked is met, will be, or never is."""
         if self.met:
-            return "What is asked is met."
+            return (
+                f"What is asked is met in the mean over the {self.feet} feet that the plan was made for, and for "
+                f"{100 * self.expected[PLANNED].met:.0f} % of them in every interval; other feet come out wider."
+            )
         mine = self.expected[PLANNED].half_width
         parts = [
             f"{name} stays at +-{_percent(mine[name])} (+-{_percent(self.asked[name])} asked)"

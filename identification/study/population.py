@@ -176,12 +176,14 @@ def constant(name: str, subjects: Sequence[str], logs: np.ndarray, errors: np.nd
     found = estimate((name,), [Observed(who, "", np.array([y]), np.array([[s**2]])) for who, y, s in given])
     mu, tau = float(found.mu[0, 0]), float(np.sqrt(found.between[0, 0]))
     mean, low, high = found.interval("", name)
-    ends = spread_interval(logs, errors)
+    least, most = spread_interval(logs, errors)
+    ends = min(least, tau), max(most, tau)  # where the values scatter less than their errors say, Q is no judge
     share = tau**2 / (tau**2 + errors**2)
     shrunk = mu + share * (logs - mu)
-    # what the fit leaves open, the mean as far as the value rests on it, and how uncertain the share is (Morris 1983)
-    rests = (1 - share) ** 2
-    doubt = 2 / (logs.size - 3) * rests * np.mean(errors**2 + tau**2) / (errors**2 + tau**2) * (logs - mu) ** 2
+    # what the fit leaves open, the mean as far as the value rests on it, and how uncertain the share is (Morris 1983,
+    # with the harmonic mean of the variances: one badly known person says nothing of the others)
+    rests, variance = (1 - share) ** 2, errors**2 + tau**2
+    doubt = 2 / (logs.size - 3) * rests / np.mean(1 / variance) / variance * (logs - mu) ** 2
     normal, few = (float(student.ppf(0.5 + 0.5 * _LEVEL, dof)) for dof in (np.inf, len(subjects) - 1))
     width = np.sqrt(normal**2 * share * errors**2 + few**2 * (rests * found.covariance[0, 0] + doubt))
     people = tuple(
