@@ -232,6 +232,9 @@ def test_fit_is_what_a_script_finds() -> None:
             fit["branches"]
         ) == 2
         assert fit["reason"] and fit["sentence"] and fit["odds"]
+        # what was held stays where it was held, in both branches
+        assert [branch["values"]["c_12"] for branch in fit["branches"]] == [40, 40]
+        assert [set(branch["values"]) for branch in fit["branches"]] == 2 * [{*said["free"], "c_12"}]
         assert any(d["type"] == "progress" and d["running"] for d in told.heard)
         code = answer["script"].replace('result.write("results")', "print(result.best['k_T'].interval())")
         code += "import json; print(json.dumps(result.values()))\n"

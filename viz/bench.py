@@ -441,7 +441,7 @@ class Bench:
             found = self._rivals[1]
         else:
             parameters = (self.show.feet[MODEL] if here else load_foot(question.model)).parameters
-            fit = fitted(document["document"], parameters, document["sentence"])
+            fit = fitted(document["document"], parameters, document["sentence"], question.values)
             fit["warnings"] = [self.words(text) for text in fit["warnings"]]
             found = {key: document[key] for key in ("data", "curves", "chi_square", "traces", "seconds")}
             self._fits += 1

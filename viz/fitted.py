@@ -20,12 +20,16 @@ _VALID = "give the result.json of python -m identification.fit"
 _SURE = math.log(1e6)
 
 
-def fitted(document: Mapping[str, Any], parameters: Mapping[str, Parameter], sentence: str = "") -> dict[str, Any]:
+def fitted(
+    document: Mapping[str, Any], parameters: Mapping[str, Parameter], sentence: str = "",
+    held: Mapping[str, float] | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """A result's document as the page shows it.
 
     Args:
         document: `FitResult.document()`, or what was read from its file. parameters: of the model.
         sentence: the result in one sentence, where it is at hand.
+        held: constants that the fit had at other values than the model's, and did not change.
 
     Raises:
         KeyError, TypeError, ValueError: it is no such document.
@@ -40,7 +44,7 @@ def fitted(document: Mapping[str, Any], parameters: Mapping[str, Parameter], sen
         "reason": str(document.get("verdict_reason", "")),
         "warnings": [str(text) for text in document.get("warnings", [])],
         "odds": _odds(document),
-        "branches": [_branch(branch, parameters) for branch in branches],
+        "branches": [_branch(branch, parameters, held or {}) for branch in branches],
         "recordings": [
             {name: r.get(name) for name in ("file", "frequency_hz", "added_mass_kg", "fit_percent")}
             for r in document.get("recordings", [])
@@ -56,9 +60,12 @@ def _odds(document: Mapping[str, Any]) -> str:
     return "more than a million to 1" if ratio > _SURE else f"{readable(math.exp(ratio))} to 1"
 
 
-def _branch(branch: Mapping[str, Any], parameters: Mapping[str, Parameter]) -> dict[str, Any]:
+def _branch(
+    branch: Mapping[str, Any], parameters: Mapping[str, Parameter], held: Mapping[str, float]
+) -> dict[str, Any]:
     """One branch. Its values hold with the masses as stated; its intervals allow for what the result allows for."""
-    rows, values, delay = [], {}, 0.0
+    rows, delay = [], 0.0
+    values = dict(held)  # the foot that was fitted has them
     symbols = {p.key: name for name, p in parameters.items()}
     for key, entry in branch["parameters"].items():
         narrow = entry.get("if_model_true") or entry
