@@ -194,6 +194,38 @@ def test_fit_belongs_to_its_model_and_recordings(bench: Bench) -> None:
     assert document in bench.choose("two_dof") and bench.show.fit == document["fit"]
 
 
+def test_fit_is_out_of_date_when_an_included_file_changes(tmp_path: Path) -> None:
+    text = mjcf.path("two_dof").read_text()
+    start, end = text.index("<worldbody>"), text.index("</worldbody>") + len("</worldbody>")
+    (tmp_path / "body.xml").write_text(f"<mujoco>{text[start:end]}</mujoco>")
+    own = tmp_path / "own.xml"
+    own.write_text(f'{text[:start]}<include file="body.xml"/>{text[end:]}')
+    bench = Bench(Show([str(own)]))
+    bench._ready = lambda: None  # type: ignore[method-assign]
+    try:
+        bench.keep("20hz.csv", ONE.read_bytes())
+        bench.open(["20hz.csv"])
+        bench._fit = bench._question([0], {}), {"type": "fitted", "number": 1, "fit": {"branches": []}}
+        assert bench.document()["stale"] == ""
+        (tmp_path / "body.xml").write_text(f"<mujoco>{text[start:end]}<!-- another --></mujoco>")
+        assert "the model's file was changed" in bench.document()["stale"]
+    finally:
+        bench.close()
+
+
+def test_report_that_fails_leaves_a_running_fit(bench: Bench) -> None:
+    told: list[dict[str, Any]] = []
+    bench.told = told.append
+    bench._state |= {"running": True, "what": "exploring starts"}
+    bench._reporting = True
+    bench._heard({"type": "problem", "of": "report", "text": "no room"})
+    assert bench.progress()["running"] and not bench._reporting
+    assert told[0] == {"type": "complaint", "of": "report", "text": "no room"}
+    bench._reporting = True
+    bench._heard({"type": "problem", "of": "fit", "text": "no end"})
+    assert not bench.progress()["running"] and bench._reporting  # which the process does next
+
+
 def test_sentences_of_the_command_line_are_those_of_the_form(bench: Bench) -> None:
     assert bench.words(f"{bench.folder}/labview.txt: no; give --body-mass.") == "labview.txt: no; give it with “…”."
 

@@ -33,7 +33,7 @@ from identification.engines.twin import twin_applies
 from viz.excitation import Excitation
 from viz.feet import MODEL, Show
 from viz.fitted import fitted
-from viz.load import load_foot
+from viz.load import files_of, load_foot
 from viz.question import Question
 from viz.settings import settings_from
 from viz.source import Source, study_files
@@ -298,7 +298,7 @@ class Bench:
 
     def document(self) -> Document:
         """The recordings, as the page lists them."""
-        stale = self._fit[0].stale(self.sources, self._digest) if self._fit else ""
+        stale = self._fit[0].stale(self.sources, self._whole) if self._fit else ""
         rows = list(self._rows.values())
         return {"type": "data", "session": self.session, "rows": rows, "shown": self.shown, "stale": stale}
 
@@ -355,7 +355,7 @@ class Bench:
         for name, value in values.items():
             if not math.isfinite(value):
                 raise SettingError(f"{name} is {value}; give a number.")
-        return Question(sources, self._called, self._digest, values)
+        return Question(sources, self._called, self._whole, values)
 
     def stop(self) -> list[Document]:
         """End the running fit; a report that waits for the process is asked for again."""
@@ -420,14 +420,17 @@ class Bench:
             self._results, self._reporting = None, False
             self.told({"type": "reported"})
         elif kind == "problem":
-            self._failed(self.words(document["text"]))
+            self._failed(self.words(document["text"]), document.get("of", ""))
         elif kind == "ended" and self._worker is not None and not self._worker.alive and self._waited_for:
             self._failed("the fitting process was ended by the system; memory may be short.")
 
-    def _failed(self, sentence: str) -> None:
-        self._idle()
-        self._reporting = False
-        self.told({"type": "complaint", "text": sentence})
+    def _failed(self, sentence: str, of: str = "") -> None:
+        """Say that a fit or a report failed; without `of`, whatever was waited for. The other one goes on."""
+        if of != "report":
+            self._idle()
+        if of in ("report", ""):
+            self._reporting = False
+        self.told({"type": "complaint", "text": sentence, "of": of})
         self.told(self.progress())
 
     def _found(self, kind: str, document: Document) -> None:
@@ -479,6 +482,14 @@ class Bench:
     @property
     def _digest(self) -> str:
         return hashlib.sha256(self._text.encode()).hexdigest()
+
+    @property
+    def _whole(self) -> str:
+        """Digest of the model's text with all files that it includes: what a fit is of."""
+        found = hashlib.sha256(self._text.encode())
+        for file in sorted(files_of(self._called)) if self._file is not None else []:
+            found.update(f"\0{file}\0".encode() + (file.read_bytes() if file.is_file() else b""))
+        return found.hexdigest()
 
     def models(self) -> Document:
         """What the chooser offers, and the text of the model that is shown."""

@@ -97,9 +97,11 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
             else:
                 found = _fit(asked, tell)
         except FasError as error:
-            tell({"type": "problem", "text": str(error)})
+            tell({"type": "problem", "of": asked["do"], "text": str(error)})
         except Exception as error:
-            tell({"type": "problem", "text": f"the fit failed ({type(error).__name__}: {error})."})
+            what = {"report": "report", "rivals": "comparison"}.get(asked["do"], "fit")
+            text = f"the {what} failed ({type(error).__name__}: {error})."
+            tell({"type": "problem", "of": asked["do"], "text": text})
 
 
 def _warm() -> None:
