@@ -22,6 +22,7 @@ from fasbody.recording.formats import READ
 from fasbody.recording.study import BUNDLED, read_file
 from viz.bench import Bench
 from viz.feet import Show
+from viz.fitted import fitted
 from viz.server import Server
 from viz.shown import said
 
@@ -228,6 +229,35 @@ def test_report_that_fails_leaves_a_running_fit(bench: Bench) -> None:
 
 def test_sentences_of_the_command_line_are_those_of_the_form(bench: Bench) -> None:
     assert bench.words(f"{bench.folder}/labview.txt: no; give --body-mass.") == "labview.txt: no; give it with “…”."
+
+
+def test_tables_that_cannot_be_read_are_told_what_the_page_can_do(bench: Bench) -> None:
+    """Each is refused by the reader itself, and nothing of study.toml or of a command is left in its sentence."""
+    numbers = [line.split(",") for line in ONE.read_text().splitlines()[1:]]
+    rows = "\n".join(",".join(row[:3]) for row in numbers)
+    heads = {
+        "none": "", "strange": "a,b,c\n", "timeless": "t,base_m_s2,malleolus_m_s2\n",
+        "bare": "time,base_m_s2,malleolus_m_s2\n", "half": "time_s,base_m_s2,c\n",
+        "volts": "time_s,base [V],malleolus_m_s2\n", "unitless": "time_s,base,malleolus_m_s2\n",
+    }  # fmt: skip
+    for name, head in heads.items():
+        bench.keep(f"{name}.csv", (head + rows).encode())
+    turned = "\n".join(f"{t},{a},{-float(b)}" for t, a, b, *_ in numbers)
+    bench.keep("turned.csv", f"time_s,base_m_s2,malleolus_m_s2\n{turned}".encode())
+    (listed, *_) = bench.open([f"{name}.csv" for name in (*heads, "turned")])
+    for row in listed["rows"]:
+        sentences = [row["unread"], row["problem"], *row["warnings"]]
+        assert any(sentences), row["file"]
+        assert not [s for s in sentences if "study.toml" in s or "--" in s or "python -m" in s], sentences
+    assert "“…”" in listed["rows"][1]["unread"]
+
+
+def test_fit_calls_parameters_as_its_table_does(bench: Bench) -> None:
+    row = {"value": 0.0, "identifiability": ""}
+    document = {"parameters": {"c_13_per_m": row}, "warnings": ["At zero: c_13_per_m, c_13_per_mm."]}
+    fit = fitted(document, bench.show.feet["a"].parameters)
+    assert fit["warnings"] == ["At zero: c_13, c_13_per_mm."]
+    assert fit["branches"][0]["rows"][0]["name"] == "c_13"
 
 
 def test_session_holds_only_so_much(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

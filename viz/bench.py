@@ -50,14 +50,30 @@ DEEP = 4
 _BESIDE = {"study.toml", "subjects.csv", "recordings.csv", "truth.json"}
 #: Longest part of a dropped file's name [bytes], and what some systems do not take in one.
 _LONGEST, _REFUSED = 200, re.compile(r'[<>:"|?*]')
-#: What sentences for the command line say, and what the page's form calls it.
-_FORM = (
-    ("leave --model out and give this file as --rival", "choose two_dof"), ("give --body-mass", "give it with “…”"),
-    ("--body-mass narrows it", "the body mass, given with “…”, narrows it"), ("--body-mass", "the body mass"),
-    ("--mass-std", "mass_std in Python"), ("--added-mass", "the mass on the knee"),
-    ("or --columns time_s,base_g,... (study.toml:", "or name the columns with “…” (study.toml:"),
-    ("use --domain time", "fit it in Python with domain='time'"),
-)  # fmt: skip
+#: What sentences say of options and of study.toml, as patterns, and what the page's form calls it.
+_FORM = tuple((re.compile(said), words) for said, words in (
+    (r"leave --model out and give this file as --rival", "choose two_dof"),
+    (r"give --body-mass", "give it with “…”"),
+    (r"--body-mass narrows it", "the body mass, given with “…”, narrows it"), (r"--body-mass", "the body mass"),
+    (r"--mass-std", "mass_std in Python"), (r"--added-mass", "the mass on the knee"),
+    (r", or --columns \S+ \(study\.toml: columns\) must name its columns", "; write it above the numbers"),
+    (r"use --domain time", "fit it in Python with domain='time'"),
+    (r"\(--free\)", "(untick their boxes)"), (r"\(--bounds\)", "(the small numbers under a slider)"),
+    (r"\(--exclude, \[known\] in study\.toml\)", "([known] in the study.toml of a study folder)"),
+    (r"one study\.toml is for files of one kind; python -m fasbody\.recording convert makes them one",
+     "name its columns with “…”"),
+    (r"or say in study\.toml which is which: .*\.\.\.\"", "or say with “…” which is which"),
+    (r"study\.toml can name it \(\[channels\.\w+\] column = \.\.\.\), or give sampling_rate_hz",
+     "“…” can name it, or give the rate"),
+    (r"study\.toml can name the column \(\[channels\.\w+\] column = \.\.\.\)", "“…” can name the column"),
+    (r"give study\.toml \[channels\.\w+\] unit = \"\S+\"", "give its unit with “…”"),
+    (r"study\.toml must give channels\.\w+\.sensitivity = \"100 mV/g\"",
+     "give its sensitivity with “…”"),
+    (r"give sampling_rate_hz in study\.toml", "give the rate with “…”"),
+    (r"\(study\.toml: column, delay_s; delay_std_s says how sure that is\)", "(“…” names the columns)"),
+    (r"\(study\.toml: sign, delay_s\)", "(“…” names columns and signs)"),
+    (r"\(study\.toml: sign\)", "(“…” changes it)"),
+))  # fmt: skip
 #: What a fit may be told, and how it is read.
 _STARTS = (1, 64)
 
@@ -240,8 +256,8 @@ class Bench:
     def words(self, sentence: str) -> str:
         """A sentence as the page says it: files by their own names, a command's options as the form calls them."""
         sentence = sentence.replace(f"{self.folder}/", "").replace(f"{BUNDLED}/", "")
-        for option, words in _FORM:
-            sentence = sentence.replace(option, words)
+        for said, words in _FORM:
+            sentence = said.sub(words, sentence)
         return sentence
 
     def correct(self, number: int, said: Mapping[str, Any]) -> list[Document]:
@@ -445,7 +461,7 @@ class Bench:
         else:
             parameters = (self.show.feet[MODEL] if here else load_foot(question.model)).parameters
             fit = fitted(document["document"], parameters, document["sentence"], question.values)
-            fit["warnings"] = [self.words(text) for text in fit["warnings"]]
+            fit |= {"reason": self.words(fit["reason"]), "warnings": [self.words(text) for text in fit["warnings"]]}
             found = {key: document[key] for key in ("data", "curves", "chi_square", "traces", "seconds")}
             self._fits += 1
             found |= {"type": "fitted", "number": self._fits, "fit": fit, "script": question.script}

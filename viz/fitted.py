@@ -5,6 +5,7 @@ The words are those of the report: they come from the result, or from the result
 
 import json
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -41,8 +42,8 @@ def fitted(
         "sentence": sentence,
         "fit_percent": document.get("fit_percent"),
         "verdict": str(document.get("verdict", "")),
-        "reason": str(document.get("verdict_reason", "")),
-        "warnings": [str(text) for text in document.get("warnings", [])],
+        "reason": _named(str(document.get("verdict_reason", "")), parameters),
+        "warnings": [_named(str(text), parameters) for text in document.get("warnings", [])],
         "odds": _odds(document),
         "branches": [_branch(branch, parameters, held or {}) for branch in branches],
         "recordings": [
@@ -50,6 +51,12 @@ def fitted(
             for r in document.get("recordings", [])
         ],
     }
+
+
+def _named(sentence: str, parameters: Mapping[str, Parameter]) -> str:
+    """A sentence that calls parameters as the table beside it does: c_13 and not c_13_per_m."""
+    names = {p.key: name for name, p in parameters.items()}
+    return re.sub(r"\w+", lambda word: names.get(word[0], word[0]), sentence)
 
 
 def _odds(document: Mapping[str, Any]) -> str:
