@@ -209,6 +209,62 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         assert [a for a in page.addresses if not a.startswith(allowed)] == []
 
 
+#: What may be typed, and what it is; None where a sentence says what is wrong.
+TYPED = {
+    "150000": 150000, "150\u202f000": 150000, "150\u2009000": 150000, "150 000,5": 150000.5, "150'000": 150000,
+    "1,500,000": 1.5e6, "1,500.5": 1500.5, "2,5": 2.5, "0,125": 0.125, "1500,125": 1500.125, ".5": 0.5, "-5": -5,
+    "\u22125": -5, "1e5": 1e5, "1,5e3": 1500, " 12 ": 12,
+    "150,000": None, "abc": None, "1 50": None, "1e999": None, "12 Hz": None, "--5": None, "1.2.3": None, "": None,
+}  # fmt: skip
+
+
+def test_typed_numbers_are_taken_as_meant_or_a_sentence_says_why_not(opened: Any, tmp_path: Path) -> None:
+    with served("--model", "two_dof", folder=tmp_path) as url:
+        page = Watched(opened, url)
+        found = page("texts => texts.map(typedNumber)", list(TYPED))
+        for (text, meant), value in zip(TYPED.items(), found, strict=True):
+            assert isinstance(value, str) if meant is None else value == meant, text
+
+        def typed(text: str, place: str = "output") -> str:
+            page.page.locator(f"label:has(#parameter_k_F) {place}").click()
+            page.page.locator("#parameters input[type=text]").fill(text)
+            page.page.keyboard.press("Enter")
+            return str(page("byId('error').textContent"))
+
+        low, high = page("(p => [p.lower, p.upper])(model.parameters.find(p => p.name === 'k_F'))")
+        assert typed("80\u202f000") == "" and page("state.values.k_F") == 80000
+        assert "bound" in typed("1e99") and page("state.values.k_F") == high
+        page.until("motion && !busy && !wanted")
+        assert "bound" in page("byId('error').textContent")  # the motion that follows does not take it away
+        assert "bound" in typed("-5") and page("state.values.k_F") == low
+        assert "may mean 150000 or 150.000" in typed("150,000") and page("state.values.k_F") == low
+        assert '"abc" is not a number' in typed("abc")
+        assert typed("70000") == ""
+        before = []
+        for _ in range(4):  # one step for each that was taken
+            before.append(page("state.values.k_F"))
+            page.page.locator("#undo").click()
+        assert before == [70000, low, high, 80000] and page("state.values") == {}
+
+        # a fit's bound stands apart from the slider's end; the two cannot cross
+        assert typed("20000", ".ends > :first-child") == ""
+        assert page("byId('parameter_k_F').parentElement.querySelector('.ends').textContent").startswith("fit ≥ 20")
+        assert page("bench.bounds.k_F") == [20000, high]
+        assert "lower bound below its upper one" in typed("20000", ".ends > :last-child")
+        assert page("bench.bounds.k_F") == [20000, high]
+
+        # the band is where the thumb would be
+        page("rows.k_F.set(1e5), rows.k_F.band([9e4, 1.1e5], '')")
+        left, width = page(
+            "(([a, b]) => [b.left + b.width / 2 - a.left, a.width])"
+            "([byId('parameter_k_F'), byId('parameter_k_F').parentElement.querySelector('.band')]"
+            ".map(e => e.getBoundingClientRect()))"
+        )
+        share = (np.log(9e4 / low) + np.log(1.1e5 / low)) / 2 / np.log(high / low)
+        assert left == pytest.approx(8 + (width - 16) * share, abs=1.0)
+        assert page.complaints == []
+
+
 def taken(page: Watched, name: str) -> tuple[str, bytes]:
     """Name and content of what a button of "Take away" gives."""
     with page.page.expect_download() as saved:

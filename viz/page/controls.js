@@ -28,17 +28,19 @@ function slider(parent, key, label, unit, low, high, value, changed, { log = fal
     row.classList.toggle("moved", v !== nominal);
   };
   row.set = v => { row.value = v; input.value = toInput(v); write(v); };
-  row.home = () => { row.set(nominal); changed(nominal); };
-  input.oninput = () => { const v = snapped(+input.value); row.value = v; write(v); changed(v); };
+  row.home = () => { note(""); row.set(nominal); changed(nominal); };
+  input.oninput = () => { if (noted) note(""); const v = snapped(+input.value); row.value = v; write(v); changed(v); };
   row.ondblclick = back.onclick = event => { event.preventDefault(); row.home(); };
   shown.title = "click to type a value";
-  editable(shown, () => row.value, v => { const held = Math.min(high, Math.max(low, v)); row.set(held); changed(held); });
+  const inside = v => Math.min(high, Math.max(low, v)), bound = v => `${label}: ${number(v)} ${unit} was typed, and ${number(inside(v))} ${unit} is the bound.`;
+  editable(shown, label, () => row.value, v => { row.set(inside(v)); changed(inside(v), true); return inside(v) === v ? "" : bound(v); });
   // The interval of a fit, as a band along the slider.
   row.band = (limits, text = "") => {
     band.hidden = !limits;
     if (!limits) return;
     const [a, b] = limits.map(v => Math.min(1, Math.max(0, (toInput(Math.min(high, Math.max(low, v))) - +input.min) / (+input.max - +input.min))));
-    Object.assign(band.style, { marginLeft: `${100 * a}%`, width: `${Math.max(1, 100 * (b - a))}%` });
+    // the middle of the thumb, 16 px wide, goes from 8 px to 8 px before the end
+    Object.assign(band.style, { marginLeft: `calc(8px + (100% - 16px) * ${a})`, width: `max(3px, (100% - 16px) * ${b - a})` });
     band.title = `95 %: ${text}`;
   };
   if (fitted) {
@@ -48,33 +50,59 @@ function slider(parent, key, label, unit, low, high, value, changed, { log = fal
     free.onchange = () => fitted.release(free.checked);
     name.prepend(free);
     const limits = [...fitted.bounds], both = [bounds.firstChild, bounds.lastChild];
+    // The slider keeps its scale; bounds that are narrower say that they are those of the fit.
+    const ends_ = () => both.forEach((end, k) => {
+      const own = limits[k] === [low, high][k];
+      end.textContent = own ? number(limits[k]) : `fit ${k ? "≤" : "≥"} ${number(limits[k])}`;
+      end.classList.toggle("narrowed", !own);
+    });
     both.forEach((end, k) => {
       end.title = "bound of the fit; click to type another";
       end.tabIndex = 0;
       end.setAttribute("role", "button");
-      end.textContent = number(limits[k]);
-      editable(end, () => limits[k], v => { limits[k] = Math.min(high, Math.max(low, v)); end.textContent = number(limits[k]); fitted.bound(...limits); });
+      editable(end, `bound of ${label}`, () => limits[k], v => {
+        if (k ? inside(v) <= limits[0] : inside(v) >= limits[1]) return `${label}: a fit needs a lower bound below its upper one; ${number(v)} is not taken.`;
+        limits[k] = inside(v);
+        ends_();
+        fitted.bound(...limits);
+        return inside(v) === v ? "" : bound(v);
+      });
     });
+    ends_();
   }
   row.set(value);
   parent.append(row);
   return row;
 }
 
-// A number that becomes a field when it is clicked, or reached and entered; Enter takes it, Escape leaves it.
-function editable(shown, value, taken) {
+// What was typed, as a number; a sentence where it is none, or may be either of two. Groups of three digits may be apart
+// by a space of any width or by an apostrophe, and a comma is a decimal one where no group of thousands can be meant.
+function typedNumber(text) {
+  const plain = text.trim().replace(/^[−–]/, "-").replace(/(e)[−–]/i, "$1-"), [, sign, digits, power] = /^([+-]?)([^eE]*)([eE][+-]?\d+)?$/.exec(plain) || [null, "", "", ""];
+  const one = String.raw`\d+(?:[.,]\d*)?|[.,]\d+|\d{1,3}(?:[\s'’]\d{3})+(?:[.,]\d*)?|\d{1,3}(?:,\d{3}){2,}(?:\.\d*)?|\d{1,3},\d{3}\.\d*`;
+  if (!plain || !new RegExp(`^(?:${one})$`).test(digits)) return `${JSON.stringify(text.trim())} is not a number.`;
+  if (/^[1-9]\d{0,2},\d{3}$/.test(digits)) return `${text.trim()} may mean ${digits.replace(",", "")} or ${digits.replace(",", ".")}; type one of them.`;
+  const grouped = /,.*[,.]/.test(digits) ? digits.replaceAll(",", "") : digits;
+  const found = Number(sign + grouped.replace(/[\s'’]/g, "").replace(",", ".") + (power || ""));
+  return Number.isFinite(found) ? found : `${text.trim()} is too large.`;
+}
+
+// A number that becomes a field when it is clicked, or reached and entered; Enter takes it, Escape leaves it. `taken`
+// answers with a sentence where it could not be taken as typed.
+function editable(shown, label, value, taken) {
   const open = event => {
     if (shown.querySelector("input")) return;
     event.preventDefault();
     event.stopPropagation();
     const field = document.createElement("input"), text = shown.textContent;
-    Object.assign(field, { type: "text", inputMode: "decimal", value: String(+(+value()).toPrecision(7)) });
+    const was = String(+(+value()).toPrecision(7));
+    Object.assign(field, { type: "text", inputMode: "decimal", value: was });
     field.setAttribute("aria-label", "value");
     const close = keep => {
-      const v = Number(field.value.replace(",", "."));
+      const v = typedNumber(field.value);
       field.onblur = null;
       shown.textContent = text;
-      if (keep && field.value.trim() && Number.isFinite(v)) taken(v);
+      if (keep && field.value !== was && field.value.trim()) note(typeof v === "number" ? taken(v) : `${label}: ${v}`);
       shown.focus();
     };
     field.onkeydown = e => { e.stopPropagation(); if (e.key === "Enter") { e.preventDefault(); close(true); } else if (e.key === "Escape") close(false); };
@@ -105,10 +133,14 @@ function rowIn(parent) {
   return row;
 }
 
+let said = "", noted = "";
 function say(text) {
-  byId("error").textContent = text || "";
-  byId("error").hidden = !text;
+  said = text || "";
+  byId("error").textContent = [said, noted].filter(Boolean).join("\n");
+  byId("error").hidden = !(said || noted);
 }
+// What was wrong with a number that was typed; it stays until the next one is typed or a slider is moved.
+function note(text) { noted = text || ""; say(said); }
 
 // The line under the title breaks between its parts, not within them.
 function tell(parts) {

@@ -49,8 +49,8 @@ function buildControls(offered) {
   for (const p of model.parameters) {
     const value = p.name in s.values ? s.values[p.name] : offered ? p.value : p.nominal;
     if (value !== p.nominal) s.values[p.name] = value;
-    rows[p.name] = slider(list, `parameter_${p.name}`, p.words ? `${p.words} ${p.name}` : p.name, p.unit, p.lower, p.upper, value, v => {
-      remember(p.name);
+    rows[p.name] = slider(list, `parameter_${p.name}`, p.words ? `${p.words} ${p.name}` : p.name, p.unit, p.lower, p.upper, value, (v, typed) => {
+      remember(typed ? "" : p.name);
       if (v === p.nominal) delete s.values[p.name]; else s.values[p.name] = v;
       ask();
     }, { log: p.logarithmic, nominal: p.nominal, ends: true, hint: `${p.name} [${p.unit}], ${p.lower} to ${p.upper}; ${p.source}`, fitted: fitting(p) });
@@ -86,7 +86,7 @@ function undo() {
   for (const p of model.parameters) rows[p.name].set(p.name in state.values ? state.values[p.name] : p.nominal);
   ask();
 }
-byId("undo").onclick = undo;
+byId("undo").onclick = () => { note(""); undo(); };
 addEventListener("keydown", event => {
   if ((event.ctrlKey || event.metaKey) && event.key === "z" && !event.target.closest("#editor, input:not([type=range]), textarea")) { event.preventDefault(); undo(); }
 });
