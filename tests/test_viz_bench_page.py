@@ -265,6 +265,81 @@ def test_typed_numbers_are_taken_as_meant_or_a_sentence_says_why_not(opened: Any
         assert page.complaints == []
 
 
+#: What the server tells of a fit of two recordings under two loads with both branches; three are on the page.
+FITTED = {
+    "type": "fitted", "number": 1, "script": "",
+    "fit": {
+        "sentence": "", "reason": "", "warnings": [], "odds": "3 to 1",
+        "branches": [
+            {"name": name, "fit_percent": 99, "values": {"k_T": k}, "delay_s": 0,
+             "rows": [{"name": "k_T", "unit": "N/m", "key": "k_T_n_per_m", "value": k, "known": ""}]}
+            for name, k in (("stiff ankle", 1.2e5), ("stiff pad", 9e4))
+        ],
+        "recordings": [],
+    },
+    "data": [
+        {"file": f"{f}.csv", "frequency_hz": f, "added_mass_kg": m, "transmissibility": 1.5, "lower": 1.4,
+         "upper": 1.6, "phase_lag_deg": 179.6 + f / 100}
+        for m in (0, 2.3) for f in (10, 50)
+    ],
+    "curves": [
+        {"branch": b, "added_mass_kg": m, "frequency_hz": f, "transmissibility": 1.5, "phase_lag_deg": 179.6 + f / 100}
+        for b in ("stiff ankle", "stiff pad") for m in (0, 2.3) for f in (10, 20, 30, 40, 50)
+    ],
+    "chi_square": [{"frequency_hz": 20, "harmonic": h, "chi_square_if_model_true": 2.0} for h in (1, 2)],
+    "traces": [
+        {"file": file, "time_s": [0, 0.01, 0.02], "measured": [0, y, 0], "model": [0, y, 0.1], "fit_percent": 99}
+        for file, y in (("here/20hz.csv", 1.0), ("25hz.csv", 2.0))
+    ],
+}  # fmt: skip
+
+
+def listed(page: Watched, *files: str, shown: int, **more: Any) -> None:
+    """Recordings on the page, as the server lists them."""
+    rows = [
+        {"id": k, "file": file, "label": file, "unread": "", "problem": "", "warnings": [], "frequency_hz": 20 + k,
+         "added_mass_kg": 0, "body_mass_kg": 70, **more}
+        for k, file in enumerate(files)
+    ]  # fmt: skip
+    page("d => listData({ ...d, session: bench.session })", {"rows": rows, "shown": shown, "stale": ""})
+
+
+def test_plots_of_a_fit_say_whose_they_are(opened: Any, tmp_path: Path) -> None:
+    with served("--model", "two_dof", folder=tmp_path) as url:
+        page = Watched(opened, url, (1600, 900))
+        files = ["here/20hz.csv", "25hz.csv", "20hz.csv", "35hz.csv"]
+        listed(page, *files, shown=1)
+        page("d => fitted(d)", FITTED)
+        titles = "['trace', 'left', 'chi'].map(k => bench.plots[k].title)"
+        assert all(title.endswith(" · stiff ankle") for title in page(titles))
+        assert page("bench.plots.trace.series[0].y") == [0, 2, 0]
+        page.page.get_by_role("button", name="stiff pad").click()
+        page.until("!busy && !wanted && state.values.k_T === 9e4")
+        assert all(title.endswith("stiff ankle, not the branch shown") for title in page(titles))
+        assert page("byId('matrix').caption.textContent").endswith("stiff ankle, not the branch shown")
+        page.page.locator("#undo").click()
+        assert all(title.endswith(" · stiff ankle") for title in page(titles))
+
+        # the same name in another folder is another recording: none is shown, and a sentence says so
+        listed(page, *files, shown=2)
+        page("drawTrace()")
+        assert page("[bench.plots.trace.series, bench.plots.left.series]") == [[], []]
+        assert (
+            page("[...byId('fit_plots').querySelectorAll('p:not([hidden])')].map(p => p.textContent)")
+            == ["20hz.csv is not in this fit."] * 2
+        )
+        listed(page, *files, shown=0)
+        page("drawTrace()")
+        assert page("bench.plots.trace.series[0].y") == [0, 1, 0]
+        assert page("byId('fit_plots').querySelectorAll('p:not([hidden])').length") == 0
+
+        # the mirror's dashes lie over the solid curves, and in colours of their own
+        inks = page("bench.plots.size.series.map(s => [Boolean(s.dashed), s.colour])")
+        assert [dashed for dashed, _ in inks] == sorted(dashed for dashed, _ in inks)
+        assert not {ink for dashed, ink in inks if dashed} & {ink for dashed, ink in inks if not dashed}
+        assert page.complaints == []
+
+
 def taken(page: Watched, name: str) -> tuple[str, bytes]:
     """Name and content of what a button of "Take away" gives."""
     with page.page.expect_download() as saved:

@@ -18,15 +18,29 @@ class Plot {
     this.pane.setAttribute("role", "img");
     this.pane.setAttribute("aria-label", `${title} over ${x}`);
     this.head.lastChild.onclick = () => download(`${title.replace(/\W+/g, "_")}.csv`, this.csv());
+    this.instead = Object.assign(document.createElement("p"), { hidden: true });
+    this.pane.append(this.instead);
     parent.append(this.box);
     Plot.all.push(this);
     new ResizeObserver(() => this.fit()).observe(this.pane);
+  }
+
+  // Another title, and a sentence in place of curves, which are none then.
+  retitle(title) {
+    this.title = this.head.firstChild.textContent = this.head.firstChild.title = title;
+    this.pane.setAttribute("aria-label", `${title} over ${this.x}`);
+  }
+  none(sentence) {
+    this.set([]);
+    this.instead.textContent = sentence;
+    this.instead.hidden = false;
   }
 
   // Series: { label, colour, x, y, points, dashed, low, high }; `range` of the ordinate, or null for what the data need.
   set(series, range = null) {
     const key = JSON.stringify(series.map(s => [s.label, s.colour, s.points, s.dashed]));
     Object.assign(this, { series, range });
+    this.instead.hidden = true;
     if (key !== this.key || !this.plot) this.make();
     this.key = key;
     this.plot.setData(this.data());

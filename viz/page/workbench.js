@@ -153,6 +153,7 @@ function matrix() {
     }));
     return tr;
   }));
+  whose();
 }
 
 const number_ = v => number(+v);
@@ -278,6 +279,7 @@ function bands() {
   const branch = bench.fit && bench.fit.branches[bench.branch];
   for (const row of branch ? branch.rows : []) if (row.name in rows && "lower" in row) rows[row.name].band([row.lower, row.upper], row.interval);
   byId("branches").querySelectorAll("button").forEach((b, k) => b.setAttribute("aria-pressed", k === bench.branch));
+  whose();
 }
 
 // The foot gets a branch's constants; flipping between the two shows what the data cannot tell apart.
@@ -297,7 +299,9 @@ function showBranch(k) {
   ask();
 }
 
-const LOADS = ["#6cb6ff", "#ffb454", "#7ee0a1", "#e58fc4", "#f3e37c"];
+// Colours of the loads, and paler ones for the mirror's dashes, which lie over them.
+const LOADS = ["#6cb6ff", "#ffb454", "#7ee0a1", "#e58fc4", "#f3e37c"], PALE = ["#cfe6ff", "#ffe6c4", "#d4f5df", "#f6d6ea", "#fbf5cf"];
+const FOUND = { trace: "malleolus [m/s²]", left: "residual [m/s²]", chi: "chi-square of each harmonic, if the model is true" };
 function drawFit() {
   const found = bench.found;
   if (!found || !found.data) return;
@@ -306,10 +310,9 @@ function drawFit() {
     tab("fit");
     const into = byId("fit_plots");
     bench.plots = { size: new Plot(into, "transmissibility, fitted", "frequency [Hz]", "", { wide: true }), lag: new Plot(into, "phase lag behind the base [°]", "frequency [Hz]", ""),
-      trace: new Plot(into, "malleolus [m/s²]", "time [ms]", ""), left: new Plot(into, "residual [m/s²]", "time [ms]", ""), chi: new Plot(into, "chi-square of each harmonic, if the model is true", "frequency [Hz]", "") };
+      trace: new Plot(into, FOUND.trace, "time [ms]", ""), left: new Plot(into, FOUND.left, "time [ms]", ""), chi: new Plot(into, FOUND.chi, "frequency [Hz]", "") };
   }
-  const loads = [...new Set(found.data.map(r => r.added_mass_kg))].sort((a, b) => a - b), size = [], lag = [];
-  const mirror = loads.length > 1 ? null : "#e58fc4";  // of one load each branch has a colour of its own
+  const loads = [...new Set(found.data.map(r => r.added_mass_kg))].sort((a, b) => a - b), size = [], lag = [], over = [[], []];
   const by = key => (a, b) => a[key] - b[key];
   loads.forEach((load, k) => {
     const colour = LOADS[k % LOADS.length], mine = found.data.filter(r => r.added_mass_kg === load).sort(by("frequency_hz"));
@@ -318,11 +321,13 @@ function drawFit() {
     lag.push({ label: "", colour, x, y: unwrapped(mine.map(r => r.phase_lag_deg)), points: true });
     bench.fit.branches.forEach((branch, b) => {
       const curve = found.curves.filter(r => r.added_mass_kg === load && r.branch === branch.name).sort(by("frequency_hz")), u = curve.map(r => r.frequency_hz);
-      const ink = (b && mirror) || colour;
-      size.push({ label: k ? "" : `${branch.name}${b && ink === colour ? " (dashed)" : ""}`, colour: ink, x: u, y: curve.map(r => r.transmissibility), dashed: b > 0 });
-      lag.push({ label: "", colour: ink, x: u, y: unwrapped(curve.map(r => r.phase_lag_deg)), dashed: b > 0 });
+      const ink = b ? (loads.length > 1 ? PALE[k % PALE.length] : "#e58fc4") : colour, [sizes, lags] = b ? over : [size, lag];  // of one load each has a colour of its own
+      sizes.push({ label: k ? "" : `${branch.name}${b ? " (dashed)" : ""}`, colour: ink, x: u, y: curve.map(r => r.transmissibility), dashed: b > 0 });
+      lags.push({ label: "", colour: ink, x: u, y: unwrapped(curve.map(r => r.phase_lag_deg)), dashed: b > 0 });
     });
   });
+  size.push(...over[0]);
+  lag.push(...over[1]);
   bench.plots.size.set(size, [0, 1.1 * Math.max(1, ...size.map(s => largestOf(s.y)))]);
   bench.plots.lag.set(lag);
   const chi = found.chi_square.filter(r => r.chi_square_if_model_true !== null);
@@ -330,13 +335,27 @@ function drawFit() {
   bench.plots.chi.box.hidden = !chi.length;
   bench.plots.chi.set([{ label: "", colour: "#ffb454", x: order.map(r => r.frequency_hz * r.harmonic), y: order.map(r => r.chi_square_if_model_true), points: 5 }]);
   drawTrace();
+  whose();
 }
 
-// Measured and modelled malleolus of the recording that is shown, and what the model leaves.
+// Traces, residuals, chi-square and the matrix are of the likelier branch; where there are two they say so.
+function whose() {
+  const branches = bench.fit ? bench.fit.branches : [], of = branches.length > 1 ? ` · ${branches[0].name}${bench.branch ? ", not the branch shown" : ""}` : "";
+  if (bench.plots) for (const [key, title] of Object.entries(FOUND)) bench.plots[key].retitle(title + of);
+  const caption = byId("matrix").querySelector("caption");
+  if (caption) caption.textContent = `fit of each recording [%]${of}`;
+}
+
+// Measured and modelled malleolus of the recording that is shown, and what the model leaves; of no other one.
 function drawTrace() {
   if (!bench.plots || !bench.found) return;
-  const file = (bench.rows.find(row => row.id === bench.shown) || { file: "" }).file, all = bench.found.traces;
-  const trace = all.find(t => t.file === file || t.file.endsWith(`/${file.split("/").pop()}`)) || all[0], x = trace.time_s.map(t => 1e3 * t);
+  const row = bench.rows.find(r => r.id === bench.shown), trace = row && bench.found.traces.find(t => t.file === (row.label || row.file));
+  if (!trace) {
+    const sentence = row ? `${row.file.split("/").pop()} is not in this fit.` : "Click a recording of this fit to see it.";
+    for (const key of ["trace", "left"]) bench.plots[key].none(sentence);
+    return;
+  }
+  const x = trace.time_s.map(t => 1e3 * t);
   bench.plots.trace.set([{ label: "measured", colour: SEEN, x, y: trace.measured, points: 3 }, { label: `model, ${trace.fit_percent.toFixed(1)} %`, colour: ANKLE, x, y: trace.model }]);
   bench.plots.left.set([{ label: "", colour: ANKLE, x, y: trace.measured.map((v, k) => v - trace.model[k]) }]);
 }
