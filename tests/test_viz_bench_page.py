@@ -340,6 +340,51 @@ def test_plots_of_a_fit_say_whose_they_are(opened: Any, tmp_path: Path) -> None:
         assert page.complaints == []
 
 
+#: Texts of legends and titles that reach out of their plot, and columns that reach out of the matrix.
+CUT = """() => {
+  const out = [];
+  for (const plot of Plot.seen()) {
+    const box = plot.box.getBoundingClientRect();
+    for (const text of [plot.head.firstChild, ...plot.head.lastChild.children]) {
+      const r = text.getBoundingClientRect(), low = plot.pane.getBoundingClientRect().top;
+      const cut = text.clientWidth && text.scrollWidth > text.clientWidth + 1;
+      if (!r.width || r.right > box.right + 1 || r.bottom > low + 1 || cut) out.push(text.textContent);
+    }
+    if (plot.pane.clientHeight < 60) out.push(`${plot.title}: ${plot.pane.clientHeight} px`);
+  }
+  const matrix = byId("matrix");
+  return [...out, ...(matrix.scrollWidth > matrix.clientWidth ? ["matrix"] : [])];
+}"""
+
+
+def test_no_legend_column_or_point_is_cut(opened: Any, tmp_path: Path) -> None:
+    with served("--model", "two_dof", folder=tmp_path) as url:
+        page = Watched(opened, url, (1600, 900))
+        listed(page, *(f"{k}.csv" for k in range(9)), shown=1, subject="16", added_mass_kg=2.3)
+        page("d => fitted(d)", FITTED)
+        for width in (1600, 1200, 800, 420):
+            page.page.set_viewport_size({"width": width, "height": 900})
+            for pane in ("fit", "motion"):
+                page(f"tab('{pane}')")
+                page.page.wait_for_timeout(150)
+                assert page(CUT) == [], (width, pane)
+
+        # ticks that differ are told apart, and the points at the ends are whole
+        page("tab('fit')")
+        assert page("distinct([179.71, 179.72, 179.73])") == ["179.71", "179.72", "179.73"]
+        assert page("distinct([0, 0.5, 1])") == ["0", "0.5", "1"]
+        page.page.wait_for_timeout(100)
+        ends = page("(p => [p.valToPos(10, 'x'), p.over.clientWidth - p.valToPos(50, 'x')])(bench.plots.size.plot)")
+        assert min(ends) >= 3  # half a point
+
+        # values under the mouse lie over the curves, and move nothing
+        tall = "bench.plots.size.pane.clientHeight"
+        before = page(tall)
+        page("bench.plots.size.plot.setCursor({ left: bench.plots.size.plot.valToPos(10, 'x'), top: 20 })")
+        assert "1.5" in page("bench.plots.size.tip.textContent") and page(tall) == before
+        assert page.complaints == []
+
+
 def taken(page: Watched, name: str) -> tuple[str, bytes]:
     """Name and content of what a button of "Take away" gives."""
     with page.page.expect_download() as saved:

@@ -12,14 +12,15 @@ class Plot {
     Object.assign(this, { title, x, y, loop, whole, series: [], dots: [], range: null });
     this.box = document.createElement("figure");
     this.box.className = wide ? "wide" : "";
-    this.box.innerHTML = "<figcaption><b></b><span></span><button type=button title='the numbers as CSV' aria-label='save the numbers as CSV'>⤓</button></figcaption><div></div>";
+    this.box.innerHTML = "<figcaption><b></b><button type=button title='the numbers as CSV' aria-label='save the numbers as CSV'>⤓</button><span></span></figcaption><div></div>";
     [this.head, this.pane] = this.box.children;
     this.head.firstChild.textContent = this.head.firstChild.title = title;
     this.pane.setAttribute("role", "img");
     this.pane.setAttribute("aria-label", `${title} over ${x}`);
-    this.head.lastChild.onclick = () => download(`${title.replace(/\W+/g, "_")}.csv`, this.csv());
+    this.head.children[1].onclick = () => download(`${title.replace(/\W+/g, "_")}.csv`, this.csv());
     this.instead = Object.assign(document.createElement("p"), { hidden: true });
-    this.pane.append(this.instead);
+    this.tip = Object.assign(document.createElement("div"), { className: "tip", hidden: true });
+    this.pane.append(this.instead, this.tip);
     parent.append(this.box);
     Plot.all.push(this);
     new ResizeObserver(() => this.fit()).observe(this.pane);
@@ -61,16 +62,21 @@ class Plot {
   make() {
     if (this.plot) this.plot.destroy();
     const axis = (label, size) => ({ stroke: INK, grid: { stroke: GRID, width: 1 }, ticks: { show: false }, font: "11px system-ui", labelFont: "11px system-ui",
-      label: label || undefined, labelSize: label ? 15 : 0, labelGap: 0, gap: 3, size, space: size > 30 ? 22 : 30, values: (u, marks) => marks.map(mark) });
+      label: label || undefined, labelSize: label ? 15 : 0, labelGap: 0, gap: 3, size, space: size > 30 ? 22 : 30, values: (u, marks) => distinct(marks) });
     const extent = () => {
       if (this.range) return this.range;
       if (this.loop) { const tall = 1.1 * Math.max(1e-12, ...this.series.map(s => largestOf(s.y))); return [-tall, tall]; }
       return null;
     };
     const shown = (u, low, high) => extent() || (low === null ? [0, 1] : uPlot.rangeNum(low, high, 0.08, true));
+    // a point at the end is a whole point
+    const across = (u, low, high) => {
+      const room = this.whole ? 0.5 : this.series.some(s => s.points && s.x.length > 1) ? 0.025 * (high - low) : 0;
+      return low === null ? [0, 1] : high > low || this.whole ? [low - room, high + room] : [low - 1, high + 1];
+    };
     this.plot = new uPlot({
       ...this.size(), legend: { show: false }, padding: [6, 14, 0, 0], cursor: { y: false, points: { size: 6 }, drag: { x: !this.loop, y: this.loop } },
-      scales: { x: { time: false, ...(this.whole ? { range: (u, low, high) => [low - 0.5, high + 0.5] } : {}) }, y: { range: shown } },
+      scales: { x: { time: false, range: across }, y: { range: shown } },
       axes: [{ ...axis(this.x, 20), ...(this.whole ? { incrs: [1, 2, 5, 10, 20, 50, 100] } : {}) }, axis(this.y, 38)],
       series: [{}, ...this.series.map(s => ({
         stroke: s.colour, width: 1.6, dash: s.dashed ? [4, 3] : undefined, spanGaps: true,
@@ -101,15 +107,18 @@ class Plot {
     ink.restore();
   }
 
-  // Names of the series beside the title, with their values under the mouse.
+  // Names of the series under the title; their values under the mouse lie over the curves, so that nothing moves.
   tell(u) {
-    const at = u.cursor.idx, told = this.head.children[1];
-    told.replaceChildren(...this.series.filter(s => s.label).map((s, i) => {
-      const item = document.createElement("span"), value = at === null || at === undefined || this.loop ? null : this.plot.data[this.series.indexOf(s) + 1][at];
-      item.style.color = s.colour;
-      item.textContent = value === null || value === undefined ? s.label : `${s.label} ${mark(value)} at ${mark(this.plot.data[0][at])}`;
-      return item;
-    }));
+    const at = u.cursor.idx, known = at !== null && at !== undefined && !this.loop, item = (s, textContent) => {
+      const span = Object.assign(document.createElement("span"), { textContent });
+      span.style.color = s.colour;
+      return span;
+    };
+    const names = this.series.filter(s => s.label), value = s => this.plot.data[this.series.indexOf(s) + 1][at];
+    if (!known) this.head.lastChild.replaceChildren(...names.map(s => item(s, s.label)));
+    const under = known ? this.series.filter(s => Number.isFinite(value(s))) : [];
+    this.tip.hidden = !under.length;
+    if (under.length) this.tip.replaceChildren(`at ${mark(this.plot.data[0][at])}: `, ...under.map(s => item(s, `${s.label} ${mark(value(s))}`)));
   }
 
   // Dots [x, y, colour] that move with time; the canvas is not drawn again for them.
@@ -141,7 +150,16 @@ class Plot {
 }
 
 function largestOf(values) { return values.reduce((m, v) => Math.max(m, Math.abs(v)), 0); }
-function mark(v) { return v === null ? "" : Math.abs(v) >= 1e5 ? v.toExponential(0) : String(+v.toPrecision(3)).replace("-", "−"); }
+function mark(v, digits = 3) { return v === null ? "" : Math.abs(v) >= 1e5 ? v.toExponential(Math.max(0, digits - 3)) : String(+v.toPrecision(digits)).replace("-", "−"); }
+
+// Ticks with as many digits as tell them apart.
+function distinct(values) {
+  for (let digits = 3; digits < 9; digits++) {
+    const texts = values.map(v => mark(v, digits));
+    if (new Set(texts).size === texts.length) return texts;
+  }
+  return values.map(v => mark(v));
+}
 
 function download(name, content, kind = "text/plain") {
   const address = URL.createObjectURL(content instanceof Blob ? content : new Blob([content], { type: kind }));
