@@ -75,6 +75,21 @@ def test_result_brings_mirror_intervals_verdict_and_delay(tmp_path: Path) -> Non
     json.dumps(show.description(), allow_nan=False)
 
 
+def test_foot_of_a_result_has_the_masses_and_the_load_of_its_fit(tmp_path: Path) -> None:
+    """A bare file says neither: the page once showed 88 % where the fit said 99, for another body mass alone."""
+    bare, file = tmp_path / "loose.csv", tmp_path / "result.json"
+    bare.write_text(RECORDED.read_text())
+    masses = [{"name": "m_S", "stated": 3.162}, {"name": "m_F", "stated": 0.986}]
+    found = {"parameters": {"k_T_n_per_m": estimate(2e5, 2e4)}, "masses": masses, "verdict": "decided"}
+    found["recordings"] = [{"file": "elsewhere/loose.csv", "added_mass_kg": 2.3}]
+    file.write_text(json.dumps(found))
+    show = command._show("two_dof", "", None, None, 0.0, False, (bare, None), None, file, {})
+    assert show.settings.values == {"k_T": 2e5, "m_S": 3.162, "m_F": 0.986}
+    assert show.settings.added_mass == 2.3
+    foot = show.settings.apply(show.feet[MODEL])
+    assert (foot.values()["m_S"], foot.values()["m_F"]) == (pytest.approx(5.462), pytest.approx(0.986))
+
+
 def test_recording_drives_the_table_and_is_shown_beside(tmp_path: Path) -> None:
     show = Show(["two_dof"], Excitation.recorded(RECORDED, 0.5))
     answer = show.answer(show.settings)

@@ -36,6 +36,7 @@ def fitted(
         KeyError, TypeError, ValueError: it is no such document.
     """
     branches = document.get("branches") or [{"name": "best", "parameters": document["parameters"]}]
+    stated = {m["name"]: float(m["stated"]) for m in document.get("masses") or [] if m["name"] in parameters}
     return {
         "source": str(document.get("source", "")),
         "model": str(document.get("model", "")),
@@ -45,7 +46,7 @@ def fitted(
         "reason": _named(str(document.get("verdict_reason", "")), parameters),
         "warnings": [_named(str(text), parameters) for text in document.get("warnings", [])],
         "odds": _odds(document),
-        "branches": [_branch(branch, parameters, held or {}) for branch in branches],
+        "branches": [_branch(branch, parameters, stated | dict(held or {})) for branch in branches],
         "recordings": [
             {name: r.get(name) for name in ("file", "frequency_hz", "added_mass_kg", "fit_percent")}
             for r in document.get("recordings", [])

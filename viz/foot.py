@@ -139,7 +139,9 @@ def _show(
     best: dict[str, Any] = fit["branches"][0] if fit else {"values": {}, "delay_s": 0.0}
     if recording is not None and not added_mass and excitation.recording is not None:
         made = excitation.recording.condition
-        added_mass = made.added_mass_kg if made.body_mass_kg else 0.0
+        fitted_under = {Path(r["file"]).name: r["added_mass_kg"] for r in fit.get("recordings", [])}
+        loose = fitted_under.get(recording.name) or 0.0  # a file that lies in no study says nothing of its load
+        added_mass = made.added_mass_kg if made.body_mass_kg else loose
     settings = Settings(
         Settings.frequency if frequency is None else frequency,
         Settings.peak_to_peak if peak_to_peak is None else peak_to_peak,
