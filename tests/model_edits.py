@@ -786,10 +786,14 @@ def section() -> str:
         equations = "arch" if "arch" in model else "leg"
         own = [(edit, {k: v for k, v in edit.refused.items() if usual.get(k) != v}) for edit in mine]
         lines += [f"**{model}.xml, {len(mine)} edits.**", ""]
-        lines += [f"- Followed by all: {_list(edit for edit, refused in own if not refused)}.",
-                  f"- Left to MuJoCo, refused by `fasbody.{equations}`: "
-                  f"{_list(edit for edit, refused in own if refused and 'load' not in refused and 'viewer' not in refused)}.",
-                  f"- Refused by all: {_list(edit for edit, refused in own if 'load' in refused)}."]  # fmt: skip
+        kinds = {
+            "Followed by all": _list(edit for edit, refused in own if not refused),
+            f"Left to MuJoCo, refused by `fasbody.{equations}`": _list(
+                edit for edit, refused in own if refused and "load" not in refused and "viewer" not in refused
+            ),
+            "Refused by all": _list(edit for edit, refused in own if "load" in refused),
+        }
+        lines += [f"- {kind}: {edits}." for kind, edits in kinds.items() if edits]
         turned = [edit for edit, refused in own if "viewer" in refused]
         lines += [f"- Followed, but not drawn: {_list(turned)}.", ""] if turned else [""]
     return "\n".join(lines)
