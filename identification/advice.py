@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import chdtrc
 
+from fasbody.foot.parameters import symbol_and_unit
 from fasbody.recording.recording import Recording
 from identification.certification import Replay
 from identification.periodic import Line
@@ -71,17 +72,26 @@ def advice(
     if zero and follows:
         bends = [key for key in zero if key.endswith("_per_m") and not key.endswith(("_n_per_m", "_s_per_m"))]
         if bends:
-            texts.append(f"At zero: {', '.join(bends)}. The recordings cannot tell this bend of the damper from none.")
-        if rest := ", ".join(key for key in zero if key not in bends):
+            texts.append(
+                f"At zero: {', '.join(map(_symbol, bends))}. The recordings cannot tell this bend of the damper from none."
+            )
+        if rest := ", ".join(_symbol(key) for key in zero if key not in bends):
             texts.append(f"At zero, its bound: {rest}. The recordings do not tell it from zero.")
     if set(bound) - set(zero):
-        rest = ", ".join(key for key in bound if key not in zero)
+        rest = ", ".join(_symbol(key) for key in bound if key not in zero)
         texts.append(f"At its bound: {rest}. The value says where the bound is, not where the foot is.")
     weak = [key for key, e in best.parameters.items() if e.identifiability == "not identifiable" and not e.at_bound]
     if weak and follows:
-        texts.append(f"Not identifiable from these recordings: {', '.join(weak)} (standard error too large).")
+        texts.append(
+            f"Not identifiable from these recordings: {', '.join(map(_symbol, weak))} (standard error too large)."
+        )
     loads = len({recording.condition.added_mass_kg for recording in data})
     return [*texts, *(departures(best.world, others, loads) if best.world else [])]
+
+
+def _symbol(key: str) -> str:
+    """A parameter as the table calls it."""
+    return symbol_and_unit(key)[0]
 
 
 #: Standard deviations of a prior, or standard errors, beyond which something else is named.
@@ -111,10 +121,10 @@ def departures(world: World, others: Sequence[World] = (), loads: int = 1) -> li
         usual = any(mass.prior_std == MASS_STD for mass in world.masses)
         better = "; --body-mass narrows it" if assumed else "; --mass-std if you know them better" if usual else ""
         texts.append(
-            "The recordings do not weigh the leg, and all stiffness and damping scale with its mass: they are known "
+            "The recordings do not determine the mass of the leg, and all stiffness and damping scale with its mass: they are known "
             f"about as well as the masses that were {'assumed' if assumed else 'stated'} (standard deviation "
             f"{100 * max(m.prior_std for m in world.masses):.3g} % each{better}). "
-            f"A {'second' if loads == 1 else 'heavier'} load may weigh it."
+            f"A {'second' if loads == 1 else 'heavier'} load may determine it."
         )
     told = {each.name for other in others for each in other.nuisances if not _shows(each)}
     texts += [_sign(each) for each in world.nuisances if _shows(each) and each.name not in told]
@@ -144,10 +154,10 @@ def _loads(world: World) -> list[str]:
     gain = f"the sum of squares falls by {falls:.3g} for {len(follow)} more constants, {chance(p)}"
     if p < UNLIKELY:
         return [
-            f"The recordings want stiffness and damping that follow the load ({gain}); these are values without it."
+            f"The recordings ask for stiffness and damping that change with the load ({gain}); these are values without it."
         ]
     return [
-        f"The loads agree with stiffness and damping that do not follow them ({gain}). Intervals and odds allow for "
+        f"Stiffness and damping need not change with the load to explain the recordings ({gain}). Intervals and odds allow for "
         "what the recordings do not exclude."
     ]
 

@@ -80,15 +80,15 @@ class Contact:
         text = (
             f"The foot would leave the table for {100 * self.share:.0f} % of the cycle at "
             f"{self.frequency_hz:.4g} Hz under {self.added_mass_kg:g} kg ({self.file}): the force of {self.element} "
-            f"pulls, and something else must press the foot down with at least {self.missing_n:.3g} N beside "
-            f"{self.static_force_n:.3g} N, {source}."
+            f"pulls, and something else must press the foot down with at least {self.missing_n:.3g} N in addition "
+            f"to {source} ({self.static_force_n:.3g} N)."
         )
         if self.harmonics:
             added, found = 100 * (self.added or 0.0), 100 * (self.found or 0.0)
-            word = {"for": "they speak for it", "against": "they speak against it", "neither": "they leave it open"}
+            word = {"for": "so it probably did", "against": "so it probably did not", "neither": "which leaves it open"}
             text += (
-                f" Lifting would add harmonics of about {added:.2g} % of the first at the malleolus; {found:.2g} % are "
-                f"beyond the model's: {word[self.harmonics]}."
+                f" A foot that lifts would add harmonics of about {added:.2g} % of the first at the malleolus. {found:.2g} % "
+                f"were found beyond the model's, {word[self.harmonics]}."
             )
         return text
 
@@ -100,4 +100,4 @@ def summary(contacts: Sequence[Contact]) -> str:
         return ""
     worst = max(lifted, key=lambda contact: contact.missing_n)
     text = worst.sentence()
-    return text + (f" It is so in {len(lifted)} of {len(contacts)} recordings." if len(contacts) > 1 else "")
+    return text + (f" This concerns {len(lifted)} of {len(contacts)} recordings." if len(contacts) > 1 else "")

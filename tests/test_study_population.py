@@ -174,7 +174,9 @@ def test_persons_of_one_population_are_rarely_called_odd(persons: int, tau: floa
 
 def test_why_there_is_no_population_is_said() -> None:
     fits = study(20.0, persons=3)
-    assert without(fits) == ["midstance, 0 kg: no population, as 3 persons remain and at least 4 are needed."]
+    assert without(fits) == [
+        "midstance, 0 kg: no population, as only 3 of 3 persons can be used and at least 4 are needed."
+    ]
     (said,) = without([*study(20.0, persons=4)[:3], failed("lost", "s.csv: is too short.") | {"mode": "pooled"}])
     assert said.endswith("at least 4 are needed; left out: lost (the fit failed).")
     assert without(study(20.0)) == without(fits[:1]) == []

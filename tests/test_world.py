@@ -148,7 +148,7 @@ def test_with_one_load_intervals_are_as_wide_as_the_mass_is_known(one: FitResult
         assert e.std_error > 0.06 * e.value > 3 * e.if_model_true.std_error
         assert e.lower < TRUTH[name] < e.upper
     assert all(mass.learned < 0.3 for mass in one.wide.masses)
-    assert any("do not weigh the leg" in text for text in one.warnings)
+    assert any("do not determine the mass of the leg" in text for text in one.warnings)
     assert "whatever else may be true." in one.sentence()
 
 
@@ -277,7 +277,7 @@ def test_constants_that_follow_the_load_are_wanted_where_they_do(foot: Foot, tri
     leg = sum(oracle.MASSES[name] for name in ("m_S", "m_F"))
     p, low, high = result.wide.exponents["k_T"]
     assert low < np.log(1.2) / np.log((leg + 2.3) / leg) < high and low < p < high
-    assert any("want stiffness and damping that follow the load" in text for text in result.warnings)
+    assert any("ask for stiffness and damping that change with the load" in text for text in result.warnings)
     assert any("agree with stiffness and damping that do not follow" in text for text in heavy.warnings)
 
 

@@ -281,7 +281,7 @@ def without(documents: Sequence[Mapping[str, Any]]) -> list[str]:
             out = f"; left out: {', '.join(unfit)}" if unfit else ""
             few = len(people) - len(unfit) < FEWEST
             why = (
-                f"{len(people) - len(unfit)} persons remain"
+                f"only {len(people) - len(unfit)} of {len(people)} persons can be used"
                 if few
                 else "too few persons have an estimate of a constant"
             )
