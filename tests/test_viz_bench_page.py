@@ -385,6 +385,18 @@ def test_no_legend_column_or_point_is_cut(opened: Any, tmp_path: Path) -> None:
         assert page.complaints == []
 
 
+def test_recording_with_warnings_is_marked_while_another_is_shown(opened: Any, tmp_path: Path) -> None:
+    marks = "[...document.querySelectorAll('#recordings .mark')].map(m => [m.closest('li').className, m.title])"
+    with served("--model", "two_dof", folder=tmp_path) as url:
+        page = Watched(opened, url)
+        listed(page, "a.csv", "b.csv", shown=0)
+        assert page(marks) == []
+        listed(page, "a.csv", "b.csv", shown=0, warnings=["b.csv: coherence 0.10.", "more"])
+        assert page(marks) == [["warned", "b.csv: coherence 0.10."]] * 2
+        assert page("document.querySelectorAll('#recordings .mark')[1].getClientRects().length") == 1
+        assert page.complaints == []
+
+
 def taken(page: Watched, name: str) -> tuple[str, bytes]:
     """Name and content of what a button of "Take away" gives."""
     with page.page.expect_download() as saved:

@@ -114,13 +114,15 @@ function item(row) {
   name.setAttribute("aria-pressed", shown);
   name.onclick = () => tellServer("use", { number });
   const about = [at, row.added_mass_kg ? `+ ${number_(row.added_mass_kg)} kg` : "", wrong || row.body_mass_kg ? "" : "mass unknown"];
+  const small = element("small", about.filter(Boolean).join(" · "));
+  if (!wrong && row.warnings.length) small.append(about.some(Boolean) ? " · " : "", element("span", `⚠ ${row.warnings.length} warning${row.warnings.length > 1 ? "s" : ""}`, { title: row.warnings[0], className: "mark" }));
   const more = element("button", "…", { title: `channels, units and masses of ${row.file}`, className: "more" });
   more.setAttribute("aria-label", more.title);
   more.onclick = () => { const open = li.querySelector("form"); if (open) open.remove(); else tellServer("columns", { number }); };
   const away = element("button", "×", { title: `remove ${row.file}`, className: "more" });
   away.setAttribute("aria-label", away.title);
   away.onclick = () => tellServer("remove", { numbers: [number] });
-  li.append(pick, name, element("small", about.filter(Boolean).join(" · ")), more, away);
+  li.append(pick, name, small, more, away);
   for (const text of [row.unread, row.problem, ...(shown ? row.warnings : [])].filter(Boolean)) li.append(element("p", text));
   return li;
 }
