@@ -397,6 +397,22 @@ def test_recording_with_warnings_is_marked_while_another_is_shown(opened: Any, t
         assert page.complaints == []
 
 
+def test_draft_of_another_page_is_called_a_draft(opened: Any, tmp_path: Path) -> None:
+    names = "[byId('model_choice').selectedOptions[0].textContent, byId('state').textContent]"
+    with served("--model", "two_dof", folder=tmp_path) as url:
+        page = Watched(opened, url)
+        assert not [text for text in page(names) if "draft" in text]
+        page("tellServer('check', { text: editor.text.replace('1.0e5', '0.6e5') })")
+        page.until("bench.draft && motion && !busy && !wanted")
+        other = Watched(opened, url)  # a fresh browser
+        other.until("byId('state').textContent.includes('(draft, not saved)')")
+        assert other(names)[0] == "two_dof (draft, not saved)"
+        other("tellServer('check', { text: editor.text })")
+        other.until("!bench.draft && motion && !busy && !byId('state').textContent.includes('draft')")
+        assert other(names)[0] == "two_dof"
+        assert other.complaints == []
+
+
 def taken(page: Watched, name: str) -> tuple[str, bytes]:
     """Name and content of what a button of "Take away" gives."""
     with page.page.expect_download() as saved:

@@ -147,6 +147,8 @@ class Bench:
 
     def followed(self) -> list[Document]:
         """What pages have to know when a file of the model was changed by another program."""
+        if not self.show.error:
+            self._draft = False  # the file is shown again
         return [self.models(), self.document()]
 
     def act(self, message: Mapping[str, Any]) -> list[Document]:
@@ -512,7 +514,7 @@ class Bench:
         names = [name for name in mjcf.names() if _can_be_shown(name)]
         names += [name for name in self._own if name not in names]
         about = {"names": names, "now": self._called, "file": str(self._file or ""), "copy": str(self._copy())}
-        return {"type": "models", **about, "text": self._text, "digest": self._digest}
+        return {"type": "models", **about, "text": self._text, "digest": self._digest, "draft": self._draft}
 
     def choose(self, name: str) -> list[Document]:
         """Show another model, a shipped one or a file of one's own, with what was found with it."""
@@ -549,7 +551,7 @@ class Bench:
             return [{"type": "checked", "text": said, "line": int(line[1]) if line else None}]
         finally:
             draft.unlink(missing_ok=True)
-        return [{"type": "checked", "text": "", "line": None}, self.show.description()]
+        return [{"type": "checked", "text": "", "line": None}, self.show.description() | {"draft": self._draft}]
 
     def _place(self, name: str) -> Path:
         """The folder whose files a model may include."""

@@ -5,10 +5,18 @@
 const editor = { view: null, name: "", file: "", text: "", digest: "", theirs: null, sent: "", quiet: false, timer: 0, drafts: new Map() };
 const typedText = () => (editor.view ? editor.view.state.doc.toString() : editor.text);
 
-function listModels({ names, now, file, copy, text, digest }) {
+// What is shown was typed, here or in another page, and is in no file: its name says so.
+function drafted(on) {
+  bench.draft = on;
+  for (const option of byId("model_choice").options) option.textContent = option.value.split("/").pop() + (on && option.selected ? " (draft, not saved)" : "");
+  fresh = true;
+}
+
+function listModels({ names, now, file, copy, text, digest, draft: shownDraft }) {
   const select = byId("model_choice"), known = names.includes(now) ? names : [...names, now];
   select.replaceChildren(...known.map(name => element("option", name.split("/").pop(), { value: name, title: name })));
   select.value = now;
+  drafted(shownDraft);
   byId("save_model").title = file ? `to ${file}` : `to ${copy}, a copy in the folder that the command was started in`;
   const mine = typedText(), unsaved = mine !== editor.text;
   if (now !== editor.name) {

@@ -128,6 +128,7 @@ function receive(document_) {
     let offered = other;
     model = document_;
     motion = null;  // of another model
+    if ("draft" in model) drafted(model.draft);
     stage.setModel(model);
     if (first) { Object.assign(state, model.settings, model.look); offered = !recall(); }
     else if (other) {  // values of the same name are not its own
@@ -251,7 +252,7 @@ function report() {
     `malleolus ${behind(foot.phase)}${also(f => `${Math.abs(f.phase).toFixed(0)}°`)}`];
   const fit = seen && seen.fit_percent !== null ? `fit of this recording ${seen.fit_percent.toFixed(1)} %` : "";
   const base = foot.periodic && !model.recorded ? `${number(state.frequency)} Hz` : model.excitation;
-  tell([`${model.feet.a.title}, ${base}`, ...numbers, fit, model.about, shown]);
+  tell([`${model.feet.a.title}${bench.draft ? " (draft, not saved)" : ""}, ${base}`, ...numbers, fit, model.about, shown]);
 }
 
 // Show one share (0 to 1) of the motion and draw it now: for pictures and films.
