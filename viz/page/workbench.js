@@ -342,7 +342,7 @@ function drawFit() {
 
 // Traces, residuals, chi-square and the matrix are of the likelier branch; where there are two they say so.
 function whose() {
-  const branches = bench.fit ? bench.fit.branches : [], of = branches.length > 1 ? ` · ${branches[0].name}${bench.branch ? ", not the branch shown" : ""}` : "";
+  const branches = (bench.fit && bench.fit.branches) || [], of = branches.length > 1 ? ` · ${branches[0].name}${bench.branch ? ", not the branch shown" : ""}` : "";
   if (bench.plots) for (const [key, title] of Object.entries(FOUND)) bench.plots[key].retitle(title + of);
   const caption = byId("matrix").querySelector("caption");
   if (caption) caption.textContent = `fit of each recording [%]${of}`;
