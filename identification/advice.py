@@ -73,7 +73,8 @@ def advice(
         bends = [key for key in zero if key.endswith("_per_m") and not key.endswith(("_n_per_m", "_s_per_m"))]
         if bends:
             texts.append(
-                f"At zero: {', '.join(map(_symbol, bends))}. The recordings cannot tell this bend of the damper from none."
+                f"At zero: {', '.join(map(_symbol, bends))}. "
+                "The recordings cannot tell this bend of the damper from none."
             )
         if rest := ", ".join(_symbol(key) for key in zero if key not in bends):
             texts.append(f"At zero, its bound: {rest}. The recordings do not tell it from zero.")
@@ -121,8 +122,8 @@ def departures(world: World, others: Sequence[World] = (), loads: int = 1) -> li
         usual = any(mass.prior_std == MASS_STD for mass in world.masses)
         better = "; --body-mass narrows it" if assumed else "; --mass-std if you know them better" if usual else ""
         texts.append(
-            "The recordings do not determine the mass of the leg, and all stiffness and damping scale with its mass: they are known "
-            f"about as well as the masses that were {'assumed' if assumed else 'stated'} (standard deviation "
+            "The recordings do not determine the mass of the leg, and all stiffness and damping scale with it: they are "
+            f"known about as well as the masses that were {'assumed' if assumed else 'stated'} (standard deviation "
             f"{100 * max(m.prior_std for m in world.masses):.3g} % each{better}). "
             f"A {'second' if loads == 1 else 'heavier'} load may determine it."
         )
@@ -154,11 +155,11 @@ def _loads(world: World) -> list[str]:
     gain = f"the sum of squares falls by {falls:.3g} for {len(follow)} more constants, {chance(p)}"
     if p < UNLIKELY:
         return [
-            f"The recordings ask for stiffness and damping that change with the load ({gain}); these are values without it."
+            f"The recordings ask for stiffness and damping that change with the load ({gain}); these values do not."
         ]
     return [
-        f"Stiffness and damping need not change with the load to explain the recordings ({gain}). Intervals and odds allow for "
-        "what the recordings do not exclude."
+        f"Stiffness and damping need not change with the load to explain the recordings ({gain}). Intervals and odds "
+        "allow for what the recordings do not exclude."
     ]
 
 
