@@ -122,7 +122,7 @@ def departures(world: World, others: Sequence[World] = (), loads: int = 1) -> li
         usual = any(mass.prior_std == MASS_STD for mass in world.masses)
         better = "; --body-mass narrows it" if assumed else "; --mass-std if you know them better" if usual else ""
         texts.append(
-            "The recordings do not determine the mass of the leg, and all stiffness and damping scale with it: they are "
+            "The recordings do not determine the leg's mass, and all stiffness and damping scale with it: they are "
             f"known about as well as the masses that were {'assumed' if assumed else 'stated'} (standard deviation "
             f"{100 * max(m.prior_std for m in world.masses):.3g} % each{better}). "
             f"A {'second' if loads == 1 else 'heavier'} load may determine it."
