@@ -120,6 +120,7 @@ class SimulatedBoard:
     def end(self) -> None:
         """Switch it off and read its report."""
         if not self.report:
+            self.pause(False)  # where a test left it standing still
             told, _ = self._process.communicate("")
             self.report = json.loads(told)
 

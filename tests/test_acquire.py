@@ -92,7 +92,8 @@ def test_full_disk_mid_run_loses_nothing(tmp_path: Path, feeder: Feeder) -> None
     limited += "runpy.run_module('fasbody.acquire', run_name='__main__')"
     words = ["--port", feeder.port, "--out", str(study), "--body-mass", "72.57", "--seconds", "60"]
     done = subprocess.run(
-        [sys.executable, "-c", limited, *words], env={**ENVIRONMENT, "TMPDIR": str(tmp_path)}, capture_output=True,
+        [sys.executable, "-B", "-c", limited, *words],  # bytecode that meets the limit would be kept cut off
+        env={**ENVIRONMENT, "TMPDIR": str(tmp_path)}, capture_output=True,
         text=True,
     )  # fmt: skip
     assert done.returncode == 2 and "cannot be written" in done.stderr and "recover" in done.stderr

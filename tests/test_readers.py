@@ -182,3 +182,12 @@ def test_tables(tmp_path: Path) -> None:
     np.testing.assert_array_equal(column(file, good, "mass_kg", optional=True), [70, np.nan])
     with pytest.raises(InputFileError, match="not a number"):
         column(file, good, "mass_kg")
+
+
+def test_what_a_number_is_does_not_depend_on_what_was_imported(tmp_path: Path) -> None:
+    """pandas, which parses where it is loaded already, would take 1_0 for 10 and NA for no number."""
+    import pandas  # noqa: F401
+
+    for cell in ("1_0", "NA"):
+        with pytest.raises(InputFileError, match=f"line 5: base_m_s2 is '{cell}', not a number"):
+            read_csv(write(tmp_path, table() + f"0.003,{cell},1\n"))

@@ -146,3 +146,9 @@ def test_harmonics_are_complex_amplitudes(frequency: float, size: float, phase: 
 def test_impossible_motions_get_a_sentence(call, word: str) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(SettingError, match=word):
         call()
+
+
+def test_a_sine_is_known_at_one_moment_too() -> None:
+    motion = shaker.sine(20.0, 1.0)
+    at = motion.acceleration(np.array([0.0125]))[0]
+    assert float(motion.acceleration(0.0125)) == float(motion.acceleration(np.float64(0.0125))) == at  # type: ignore[arg-type]

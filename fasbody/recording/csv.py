@@ -42,6 +42,7 @@ _OWN = ("time", "time_s", *(f"{name}_m_s2" for name in NAMES))
 _STAMP = re.compile(r"(?:[\d./-]{8,10}[T ]+)?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d)?")
 #: Longer texts are parsed by pandas, several times as fast as numpy's parser; importing it costs what this long takes.
 _LONG = 5_000_000
+_PLAIN = b"0123456789+-.eE,;|\t\n "
 _QUOTE = "opens a quotation mark that nothing closes"
 
 
@@ -305,7 +306,9 @@ def _parsed(body: str, separator: str, decimal: str, order: Sequence[int], width
     """
     if not body.strip():
         return np.empty((0, len(order)))
-    if len(body) < _LONG and "pandas" not in sys.modules:
+    # pandas takes for numbers, or for none, what numpy refuses: 1_0, NA; where it is not needed it gets plain numbers
+    plain = "pandas" in sys.modules and not body.encode().translate(None, _PLAIN)
+    if len(body) < _LONG and not plain:
         body = body.replace(",", ".") if decimal == "," else body
         delimiter = None if separator == " " else separator
         return np.loadtxt(StringIO(body), delimiter=delimiter, usecols=order, ndmin=2, comments=None, quotechar='"')
