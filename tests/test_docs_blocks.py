@@ -70,6 +70,9 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         hz = name.removesuffix(".csv")
         shutil.copy(study / "recordings" / f"{hz}_0kg.csv", folder / name)
         shutil.copy(study / "recordings" / f"{hz}_2.3kg.csv", folder / f"{hz}_loaded.csv")
+    (folder / "my_recordings").mkdir()
+    for name in INPUTS:
+        shutil.copy(folder / name, folder / "my_recordings")
     shutil.copy(folder / INPUTS[0], folder / "recording.csv")
     shutil.copy(study / "study.toml", folder / "study.toml")
     shutil.copytree(study, folder / "study")
@@ -84,7 +87,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(arguments: list[str]) -> None:
-    """`python -m module ...` in this process."""
+    """`python -m module ...` in this process, with names that have a * in them as a shell gives them."""
+    arguments = [a for word in arguments for a in (map(str, sorted(Path().glob(word))) if "*" in word else [word])]
     command, rest = resolve(arguments[1], arguments[2:])
     with contextlib.redirect_stdout(io.StringIO()):
         command.main(rest, prog_name=arguments[1], standalone_mode=False)
