@@ -17,6 +17,14 @@ ModelOption = Annotated[str, typer.Option(help="shipped leg or MJCF file")]
 JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
 
 
+def _ready(figure: Path | None) -> None:
+    """Make the folder of a figure before the work that it shows; refuse a folder in its place."""
+    if figure is not None:
+        make_folder(figure.parent)
+        if figure.is_dir():
+            raise InputFileError(figure, "is a folder", "name an SVG or PNG file")
+
+
 @app.command("peaks")
 def print_peaks(
     model: ModelOption = "leg",
@@ -30,10 +38,7 @@ def print_peaks(
 
       python -m fasbody.leg peaks --model my_leg.xml --json
     """
-    if figure is not None:
-        make_folder(figure.parent)
-        if figure.is_dir():
-            raise InputFileError(figure, "is a folder", "name an SVG or PNG file")
+    _ready(figure)
     from fasbody.foot.model import load
     from fasbody.leg.chain import Leg
     from fasbody.leg.peaks import peaks
@@ -142,10 +147,7 @@ def print_decide(
     """
     if plans not in ("two", "all"):
         raise SettingError(f"--plans is {plans!r}, but must be two or all.")
-    if figure is not None:
-        make_folder(figure.parent)
-        if figure.is_dir():
-            raise InputFileError(figure, "is a folder", "name an SVG or PNG file")
+    _ready(figure)
     from fasbody.leg.decide import ALL, NONE, PLANS, RIVALS, THESIS, UNDECIDED, Confusion, study
 
     found: list[Confusion] = []
@@ -204,10 +206,7 @@ def print_name(
 
       python -m fasbody.leg name my_study --subjects 0 --json
     """
-    if figure is not None:
-        make_folder(figure.parent)
-        if figure.is_dir():
-            raise InputFileError(figure, "is a folder", "name an SVG or PNG file")
+    _ready(figure)
     from fasbody.leg.decide import RIVALS
     from fasbody.leg.naming import Naming, name, read
     from fasbody.recording.study import StudyFolder, read_file

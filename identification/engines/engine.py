@@ -7,6 +7,7 @@ simulation for each evaluation.
 """
 
 import functools
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -58,8 +59,37 @@ class Drive(Protocol):
         """Steps from one sample of the output of a run to the next."""
 
 
+class _Moving(ABC):
+    """A drive that moves the base as a motion says; its controls are made once."""
+
+    @property
+    @abstractmethod
+    def motion(self) -> BaseMotion:
+        """The base motion."""
+
+    @property
+    @abstractmethod
+    def step(self) -> float:
+        """Time step [s]."""
+
+    @property
+    @abstractmethod
+    def steps(self) -> int:
+        """How many."""
+
+    @cached_property
+    def controls(self) -> np.ndarray:
+        """See `Drive`."""
+        return self.motion.controls(self.step, self.steps)
+
+    @cached_property
+    def half_steps(self) -> np.ndarray:
+        """See `Drive`."""
+        return at_half_steps(self.controls, self.step)
+
+
 @dataclass(frozen=True, eq=False)
-class Excitation:
+class Excitation(_Moving):
     """One period of base motion: frequency [Hz], complex harmonics (H,) [m/s^2], and the masses on it [kg]."""
 
     frequency_hz: float
@@ -87,22 +117,12 @@ class Excitation:
         """The base motion over one period."""
         return harmonics(self.frequency_hz, self.amplitudes, 1.0 / self.frequency_hz)
 
-    @cached_property
-    def controls(self) -> np.ndarray:
-        """See `Drive`."""
-        return self.motion.controls(self.step, self.steps)
-
-    @cached_property
-    def half_steps(self) -> np.ndarray:
-        """See `Drive`."""
-        return at_half_steps(self.controls, self.step)
-
     def __str__(self) -> str:
         return f"{self.frequency_hz:g} Hz"
 
 
 @dataclass(frozen=True, eq=False)
-class Whole:
+class Whole(_Moving):
     """A whole recording: its base motion as the spline through its samples, each interval divided into whole steps.
 
     Attributes:
@@ -137,16 +157,6 @@ class Whole:
     def motion(self) -> BaseMotion:
         """The base motion over the recording."""
         return _moved(self.recording)
-
-    @cached_property
-    def controls(self) -> np.ndarray:
-        """See `Drive`."""
-        return self.motion.controls(self.step, self.steps)
-
-    @cached_property
-    def half_steps(self) -> np.ndarray:
-        """See `Drive`."""
-        return at_half_steps(self.controls, self.step)
 
     def __str__(self) -> str:
         return self.recording.file
