@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -53,7 +54,8 @@ def once() -> Iterator[None]:
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        if signal.getsignal(signal.SIGINT) is _press:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @contextmanager
@@ -117,15 +119,24 @@ def command_line(app: Callable[[], object]) -> None:
             console.print(f"[bold red]error:[/] {_escape(str(error))}", soft_wrap=True)
             sys.exit(2)
         except Stopped as stop:
+            _leave_in_peace()
             console.print(str(stop), markup=False, soft_wrap=True)
             sys.exit(130)
         except KeyboardInterrupt:
+            _leave_in_peace()
             console.print("interrupted")
             sys.exit(130)
         except SystemExit as stop:
             if stop.code == 130:  # what Typer makes of Ctrl-C
+                _leave_in_peace()
                 console.print("interrupted")
             raise
+
+
+def _leave_in_peace() -> None:
+    """Ignore Ctrl-C from here on: the second signal of a press that comes late would end the exit with another code."""
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def print_json(document: Any) -> None:

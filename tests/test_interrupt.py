@@ -120,6 +120,31 @@ def test_a_pool_ends_with_its_workers(tmp_path: Path, presses: int) -> None:
     assert not [pid for pid in {int(note.name.split(".")[0]) for note in notes.iterdir()} if alive(pid)]
 
 
+LEAVING = """
+import atexit, os, signal, time
+from fasbody.console import command_line
+
+def late():
+    time.sleep(0.6)
+    os.kill(os.getpid(), signal.SIGINT)
+
+def main():
+    atexit.register(late)
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(60)
+
+command_line(main)
+"""
+
+
+def test_a_signal_that_comes_while_the_process_ends_changes_nothing(tmp_path: Path) -> None:
+    """Of two signals the second may be late, where the machine is busy; 130 is what was promised."""
+    script = tmp_path / "script.py"
+    script.write_text(LEAVING)
+    done = subprocess.run([sys.executable, str(script)], check=False, env=ENVIRONMENT, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "interrupted\n")
+
+
 def alive(pid: int) -> bool:
     """Whether a process runs; one that has ended and is not waited for does not."""
     status = Path(f"/proc/{pid}/status")
