@@ -19,8 +19,9 @@ view: $(VENV)/view.stamp  ## the vibrating foot in the browser; add ARGS="..." f
 wheel: $(VENV)/python.stamp  ## one file for another machine, with models and data inside: dist/*.whl
 	$(RUN) -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
 
-test: $(VENV)/dev.stamp  ## the whole test suite; ARGS="-k name" selects
-	$(MAKE) --no-print-directory --jobs=2 lint $(VENV)/compiled.stamp
+test: $(VENV)/core.stamp  ## the whole test suite; ARGS="-k name" selects
+	$(MAKE) --no-print-directory --jobs=2 $(VENV)/compiled.stamp $(VENV)/dev.stamp
+	$(MAKE) --no-print-directory --jobs=2 lint $(VENV)/collected.stamp
 	$(RUN) -m pytest $(ARGS)
 
 lint: $(VENV)/dev.stamp
@@ -48,13 +49,18 @@ $(VENV)/view.stamp: $(VENV)/python.stamp pyproject.toml constraints.txt
 	$(PIP) --editable '.[view]'
 	touch $@ $(VENV)/core.stamp
 
-$(VENV)/dev.stamp: $(VENV)/python.stamp pyproject.toml constraints.txt
+$(VENV)/dev.stamp: $(VENV)/core.stamp pyproject.toml constraints.txt
 	$(PIP) --editable '.[dev]'
-	touch $@ $(VENV)/core.stamp $(VENV)/view.stamp
+	touch $@ $(VENV)/view.stamp
 
-# what a fit compiles, beside the lint: each process of the tests would do it by itself
-$(VENV)/compiled.stamp: $(VENV)/dev.stamp $(COMPILED)
+# what a fit compiles, while the packages of the tests arrive: each process of the tests would do it by itself
+$(VENV)/compiled.stamp: $(VENV)/core.stamp $(COMPILED)
 	$(RUN) -m identification.fit --starts 1 --json --out $(VENV)/fit > /dev/null
+	touch $@
+
+# bytecode of all that the tests import, beside the lint: each process of the tests would make it by itself
+$(VENV)/collected.stamp: $(VENV)/dev.stamp
+	$(RUN) -m pytest --collect-only --quiet -n 0 > /dev/null || true  # what is wrong the tests will say
 	touch $@
 
 clean:
