@@ -11,7 +11,7 @@ import xarray
 from matplotlib.figure import Figure
 from scipy import stats
 from statsmodels.stats.multitest import multipletests
-from transmissibility_cases import five_subjects, recording
+from transmissibility_cases import recording, virtual_study
 
 from fasbody.exceptions import SettingError
 from fasbody.laboratory.study import Plan, make
@@ -54,7 +54,7 @@ def test_unwrapping_passes_over_gaps() -> None:
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return five_subjects(tmp_path_factory.mktemp("made"))
+    return virtual_study(tmp_path_factory.mktemp("made"), subjects=5)
 
 
 @pytest.fixture(scope="module")

@@ -27,6 +27,6 @@ def recording(f: float = 20.0, seed: int = 0, noise: float = 0.02, second: float
     return Recording(t, **channels, condition=Condition("7", "midstance", 2.3, 70.0, f), file=f"{f:g}.csv")
 
 
-def five_subjects(folder: Path) -> Path:
-    """Five virtual subjects under every condition of Chapter 2, 1 s each."""
-    return make(folder / "study", Plan(subjects=5, seconds=1.0, file_format="h5"), processes=1)
+def virtual_study(folder: Path, subjects: int) -> Path:
+    """Virtual subjects under every condition of Chapter 2, 1 s each."""
+    return make(folder / "study", Plan(subjects=subjects, seconds=1.0, file_format="h5"), processes=1)
