@@ -21,6 +21,7 @@ from identification.advice import advice, excitation_rank
 from identification.branches import STIFF_ANKLE, STIFF_PAD, Had, Verdict
 from identification.certification import Certified, branch_of, certify_first
 from identification.domains import Domain, PeriodicDomain, TimeDomain, choose_domain, steady
+from identification.engines.engine import stated
 from identification.engines.twin import twin_applies
 from identification.evidence import Evidence, provenance
 from identification.lifting import contacts
@@ -288,7 +289,7 @@ def explore(question: Question, settings: Settings, advance: Advance, interrupti
     """Descend from all starts on the fastest engine, weighed by the noise alone.
 
     Raises:
-        SimulationError: every start was unstable.
+        SimulationError: no start has a steady motion.
     """
     space, foot = question.space, question.domain.foot
     scout = _scout(question.domain)
@@ -311,7 +312,7 @@ def explore(question: Question, settings: Settings, advance: Advance, interrupti
     if interrupted:
         warnings = (f"Interrupted after {len(descents)} of {len(starts)} starts; the result rests on those.",)
     if descents[0].unstable:
-        raise SimulationError(f"{foot.name}: every start was unstable; check the bounds and the model's parameters.")
+        raise search.lost(foot, space, descents)
     return Explored(descents, _a_branch_each(question, scout, descents), warnings)
 
 
@@ -402,7 +403,10 @@ def certify(question: Question, explored: Explored, advance: Advance) -> Answer:
         if skipped:
             warnings.append((_PASSED_OVER if found else _LEFT_OUT).format(name=name))
     if not certified:
-        raise SimulationError(f"{domain.foot.name}: the best parameter sets are all unstable over the recordings.")
+        best = stated(domain.foot, domain.space.values(explored.descents[0].theta))
+        raise SimulationError(
+            f"{domain.foot.name}: the best parameter sets are all unstable over the recordings (the best: {best})."
+        )
     return Answer(sorted(certified, key=lambda c: c.deviance), tuple(left_out), tuple(warnings))
 
 

@@ -368,8 +368,13 @@ class PeriodicProblem:
         return self.engine.start(number)
 
     def reweigh(self, q: np.ndarray) -> None:
-        """Exact whitening at q (p,): the input's noise through the derivative of the orbit to each input harmonic."""
+        """Exact whitening at q (p,): the input's noise through the derivative of the orbit to each input harmonic.
+
+        Raises:
+            SimulationError: there is no such motion; the weights stay what they were.
+        """
         kinds = self.engine.sensors
+        whiten = []
         for i, line in enumerate(self.lines):
             foot, U = self.space.values(self.space.at(i, q)[0]), line.base.amplitudes
             nudge = 1e-4 * abs(U[0])
@@ -389,6 +394,6 @@ class PeriodicProblem:
             G = np.column_stack(columns)
             own = np.concatenate([self._std(channel) for channel in line.sensors.values()])
             S = np.diag(np.tile(own**2, 2)) + (G * np.tile(self._std(line.base) ** 2, 2)) @ G.T
-            self._whiten[i] = np.linalg.inv(np.linalg.cholesky(S))
-        self._shared = self._shared_errors(self.predict(q))
+            whiten.append(np.linalg.inv(np.linalg.cholesky(S)))
+        self._shared, self._whiten[:] = self._shared_errors(self.predict(q)), whiten
         self._cache = None

@@ -1,12 +1,14 @@
 """Multi-start search: descents of a problem from many starts by the trust-region-reflective method."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
+from identification.engines.engine import stated
 from identification.space import SearchSpace
 
 if TYPE_CHECKING:
@@ -147,6 +149,16 @@ def descend(
         evaluations=evaluations,
         converged=bool(converged),
         unstable=unstable,
+    )
+
+
+def lost(foot: Foot, space: SearchSpace, descents: Sequence[Descent]) -> SimulationError:
+    """What to raise where no start came to a steady motion; one of them is named."""
+    first = descents[0]
+    values = dict(zip(space.names, first.theta0, strict=False))  # a delay comes last
+    return SimulationError(
+        f"{foot.name}: none of {len(descents)} starts has a steady motion (the start {first.label!r}: "
+        f"{stated(foot, values)}); check the bounds and the model's parameters."
     )
 
 

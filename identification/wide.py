@@ -4,13 +4,15 @@ What is said of a foot follows this fit: its intervals, whether a constant is id
 Where not even that follows the recordings, no constant and no branch is offered.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 from scipy.special import chdtri
 
+from fasbody.exceptions import SimulationError
 from fasbody.recording.known import Known
 from identification.branches import EXCHANGED, STIFF_ANKLE, STIFF_PAD
 from identification.certification import Certified, size_that_matters
@@ -20,7 +22,7 @@ from identification.engines.mujoco import Rollouts
 from identification.engines.twin import Twin
 from identification.periodic import Line, PeriodicProblem
 from identification.result import WEIGHED, Allowance, Branch, Estimate, Mass, World, identifiability
-from identification.search import inverse_of_gram
+from identification.search import UNSTABLE, inverse_of_gram
 from identification.settle import settle
 from identification.space import MASSES, Space
 from identification.world import WorldProblem, WorldSpace, assumed, nuisances, under
@@ -116,15 +118,29 @@ def widest(
             heavier = world.heavier(end.q, share)
             ends.enter(end.name, heavier)
             ends.enter(_other(end.name), world.image(heavier))
-    if misled:  # the weights rest on the model, and that was a wrong one
-        problem.reweigh(min(ends.found.values(), key=_objective).q)
+    if misled and _reweighed(problem, ends.found.values()):
         ends = _Ends(problem, both, most, ends.found)
     for name, end in list(ends.found.items()):  # the odds are between ends, not between places on the way
         if not end.converged:
             ends.enter(name, end.q)
-    best, *others = sorted(ends.found.values(), key=_objective)
+    moving = [end for end in ends.found.values() if end.objective < UNSTABLE**2]
+    if not moving:
+        return []
+    best, *others = sorted(moving, key=_objective)
     constants = [constant for end in (best, *others) if (constant := _constant(end, most)) is not None]
     return [replace(best, constant=min(constants, default=None)), *others]
+
+
+def _reweighed(problem: WorldProblem, ends: Iterable[End]) -> bool:
+    """Whether a problem whose weights rest on a wrong model has others now: those of the best end that has a motion.
+
+    An end may rest where an orbit is barely found, and not found again by the stricter search that weights need.
+    """
+    for end in sorted(ends, key=_objective):
+        with suppress(SimulationError):
+            problem.reweigh(end.q)
+            return True
+    return False
 
 
 def _constant(end: End, most: int) -> float | None:

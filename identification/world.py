@@ -23,7 +23,7 @@ from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording, gain_and_delay
 from identification.branches import EXCHANGED
 from identification.engines.compiled import Orbits
-from identification.engines.engine import MALLEOLUS, Engine, Excitation
+from identification.engines.engine import MALLEOLUS, Engine, Excitation, stated
 from identification.engines.twin import Twin
 from identification.periodic import Line, PeriodicProblem
 from identification.search import UNSTABLE
@@ -778,7 +778,8 @@ class WorldProblem(PeriodicProblem):
         theta, slope = self.world.all_of(z)
         found = self._orbits(theta)
         if found is None:
-            raise SimulationError(f"no periodic motion for {z}.")
+            first = dict(zip(self.world.names, self.world.at(0, z)[0], strict=True))
+            raise SimulationError(f"no periodic motion with {stated(self.engine.foot, first)}.")
         Y, J = found[0], np.einsum("sij,ijk->sik", found[1], np.repeat(slope, counts, axis=0))
         if "relaxation time" in self.world.index:
             Y, J = self._relaxed(z, Y, J)

@@ -7,14 +7,16 @@ import oracle
 import pytest
 from scipy.stats import chi2
 
-from fasbody.exceptions import RecordingError
+from fasbody.exceptions import RecordingError, SimulationError
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
 from identification.engines.twin import Twin
+from identification.estimate import fit_foot
 from identification.periodic import Line, PeriodicProblem, split
-from identification.search import inverse_of_gram
+from identification.search import explore, inverse_of_gram
 from identification.space import space_of
+from identification.wide import End, _reweighed
 
 FREQUENCIES = (10.0, 20.0, 30.0, 50.0)
 LINEAR = {**oracle.TRUTH, "c_12": 0.0, "c_13": 0.0, "c_22": 0.0, "c_23": 0.0}
@@ -121,6 +123,46 @@ def test_an_unstable_foot_has_a_large_residual_not_an_exception(foot: Foot, tria
         r = made.residual(q)
     assert np.isfinite(r).all()
     assert r @ r > 1e6
+
+
+#: A foot whose ankle is too stiff for the integrator's stability at its usual step.
+WITHOUT_MOTION = {
+    "k_T": 8e7, "k_F": 1.5e4, "c_11": 1e3, "c_12": 0.0, "c_13": 0.1, "c_21": 700.0, "c_22": 100.0, "c_23": 400.0,
+}  # fmt: skip
+
+
+def test_a_point_without_a_motion_gives_no_weights_and_the_next_end_does(
+    foot: Foot, trial: Callable[..., Recording]
+) -> None:
+    """A pooled fit whose best end had lost its orbit ended there; the weights are now those of the next end."""
+    found = lines(trial)
+    engine, space = Twin(foot, [line.excitation for line in found]), space_of(foot, None, {"k_T": (1e4, 1e8)})
+    made, want = (PeriodicProblem(found, engine, space) for _ in range(2))
+    lost, good = (space.to_q(space.theta(p)) for p in (WITHOUT_MOTION, oracle.TRUTH))
+    before = [W.copy() for W in made._whiten]
+    with pytest.raises(SimulationError, match=r"no periodic motion at 10 Hz with k_T = 8e\+07 N/m, k_F = "):
+        made.reweigh(lost)
+    assert all(np.array_equal(a, b) for a, b in zip(before, made._whiten, strict=True))  # none of some recordings only
+    ends = [End("stiff ankle", q, made, objective, True) for q, objective in ((good, 2.0), (lost, 1.0))]
+    assert _reweighed(made, ends) and not _reweighed(made, ends[1:])
+    want.reweigh(good)
+    for a, b in zip(made._whiten, want._whiten, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-9 * np.abs(b).max())
+
+
+def test_only_where_every_start_is_lost_is_there_no_fit(foot: Foot, trial: Callable[..., Recording]) -> None:
+    """A lost start is passed over; where none is left the sentence names constants, and not a vector."""
+    recording = trial(oracle.TRUTH, 10.0)
+    bounds = {name: (0.9 * value, 1.1 * value + 1e-9) for name, value in WITHOUT_MOTION.items()}
+    with pytest.raises(SimulationError, match=r"none of 3 starts has a steady motion \(.*: k_T = ") as told:
+        fit_foot([recording], foot, starts=3, bounds=bounds, threads=1)
+    assert "c_23 = " in str(told.value) and "[" not in str(told.value)
+    wider = bounds | {"k_T": (1e4, 1e8)}
+    made = PeriodicProblem([Line.of(checked(recording))], Twin(foot, [Line.of(checked(recording)).excitation]),
+                           space_of(foot, None, wider))  # fmt: skip
+    starts = [made.space.to_q(made.space.theta(WITHOUT_MOTION | {"k_T": k_T})) for k_T in (8e7, 1e5)]
+    descents, _ = explore(made, [("lost", starts[0]), ("good", starts[1])])
+    assert [d.unstable for d in descents] == [False, True]
 
 
 def test_split_and_inverse() -> None:

@@ -68,7 +68,7 @@ class CertifiedRollouts(Orbits[D]):
                 break
         D = self.twin.stacked(DY, DZ)
         by_state, dx = D[:, :STATES], np.linalg.solve(monodromy, S[:, STATES:])
-        self._keep(number, x[order], dx[order], theta, gap)
+        self._keep(number, x[order], dx[order], theta, NAMES, gap)
         by_parameter = D[:, STATES:] + by_state @ dx
         return y + by_state @ step, by_parameter[:, [NAMES.index(name) for name in names]]
 

@@ -263,9 +263,18 @@ class Orbits(Generic[D]):
         last = self._last[number]
         return np.zeros(self._states) if last is None else last.predict(theta)
 
-    def _keep(self, number: int, x: np.ndarray, dx: np.ndarray, theta: np.ndarray, gap: float) -> None:
-        """Remember an orbit, or say that there is none."""
+    def _keep(
+        self, number: int, x: np.ndarray, dx: np.ndarray, theta: np.ndarray, names: Sequence[str], gap: float
+    ) -> None:
+        """Remember an orbit of the values theta (p,) of the named parameters, or say that there is none."""
         if not gap < LOST:
             self._last[number] = None
-            raise SimulationError(f"{self.foot.name}: no periodic motion at {self.drives[number]} for {theta}.")
+            said = stated(self.foot, dict(zip(names, theta, strict=True)))
+            raise SimulationError(f"{self.foot.name}: no periodic motion at {self.drives[number]} with {said}.")
         self._last[number] = _Last(x, dx, theta)
+
+
+def stated(foot: Foot, values: Mapping[str, float]) -> str:
+    """Parameters of a foot by name and unit, for a sentence."""
+    units = {name: item.unit for name, item in foot.parameters.items()}
+    return ", ".join(f"{name} = {value:.3g} {units.get(name, '')}".strip() for name, value in values.items())

@@ -144,17 +144,20 @@ class Rollouts(Orbits[D]):
         x = self._guess(number, theta)
         if number in self._frozen:
             x = self._near(controls, e.step, full, x, self._frozen[number][0], tolerance)
-        for _ in range(PASSES):
-            d = self.columns.run(controls, e.step, full, x)
-            monodromy = np.eye(x.size) - d.x_by_state
-            step = np.linalg.solve(monodromy, d.x - x)
-            x = x + step
-            gap = np.abs(step).max() / max(1e-12, np.abs(x).max())
-            if gap < tolerance:
-                break
-            x = self._near(controls, e.step, full, x, monodromy, tolerance)
-        dx = np.linalg.solve(monodromy, d.x_by_parameter)
-        self._keep(number, x, dx, theta, gap)
+        try:
+            for _ in range(PASSES):
+                d = self.columns.run(controls, e.step, full, x)
+                monodromy = np.eye(x.size) - d.x_by_state
+                step = np.linalg.solve(monodromy, d.x - x)
+                x = x + step
+                gap = np.abs(step).max() / max(1e-12, np.abs(x).max())
+                if gap < tolerance:
+                    break
+                x = self._near(controls, e.step, full, x, monodromy, tolerance)
+            dx = np.linalg.solve(monodromy, d.x_by_parameter)
+        except np.linalg.LinAlgError:  # neutral: any start is an orbit, or none
+            gap, dx = np.inf, np.empty(0)
+        self._keep(number, x, dx, theta, self.columns.names, gap)
         self._frozen[number] = monodromy, d.y_by_state
         return d.y + d.y_by_state @ step, d.y_by_parameter + d.y_by_state @ dx
 

@@ -61,7 +61,7 @@ class Twin(Orbits[D]):
         except np.linalg.LinAlgError:  # neutral: any start is an orbit, or none
             gap, Y, DY, x, dx = np.inf, np.empty(0), np.empty((0, 0)), np.empty(0), np.empty((0, 0))
             Z, DZ = Y, DY
-        self._keep(number, x, dx, theta, gap)
+        self._keep(number, x, dx, theta, order, gap)
         wanted = [order.index(name) for name in names]
         return self.stacked(Y, Z), self.stacked(DY, DZ)[:, wanted]
 

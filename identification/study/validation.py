@@ -22,7 +22,7 @@ from identification.engines.mujoco import Rollouts
 from identification.engines.twin import Twin, twin_applies
 from identification.estimate import Settings
 from identification.periodic import Line, split
-from identification.search import explore
+from identification.search import explore, lost
 from identification.space import DELAY, Space, space_of
 from identification.study.filters import MODES
 
@@ -142,7 +142,7 @@ def quick_fit(recordings: Sequence[Recording], foot: Foot, settings: Settings, t
     """Fit checked recordings with constants, from the model's values and random starts, weights settled.
 
     Raises:
-        SimulationError: every start was unstable.
+        SimulationError: no start has a steady motion.
     """
     several = len({round(r.condition.frequency_hz or 0.0, 1) for r in recordings}) > 1
     space = space_of(foot, settings.free, settings.bounds, several if settings.delay is None else settings.delay)
@@ -152,7 +152,7 @@ def quick_fit(recordings: Sequence[Recording], foot: Foot, settings: Settings, t
     starts += [(f"random {i}", space.random(rng)) for i in range(1, settings.starts)]
     descents, _ = explore(replace(domain, excess=np.inf).problem(), starts)
     if descents[0].unstable:
-        raise SimulationError(f"{foot.name}: every start was unstable; check the bounds and the model's parameters.")
+        raise lost(foot, space, descents)
     problem, d = settle(domain.weighed(descents[0].z), descents[0])
     return QuickFit(space, d.z, d.cost, d.cost + problem.log_determinant, problem.size)
 
