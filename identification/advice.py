@@ -1,6 +1,7 @@
 """What a careful colleague would say about a fit, and how much its excitation can tell."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtrc
@@ -17,6 +18,14 @@ from identification.world import MASS_STD
 POOR_FIT, _BASE_ERROR = 85.0, 1e-4
 #: A line counts if its amplitude exceeds this share of the largest one, and five times its noise.
 _SHARE, _NOISE = 1e-3, 5.0
+
+
+def follows(fit_percent: Any) -> Any:
+    """Whether a fit follows its recordings, by its fit percentage, the mean over them: the one rule of the project.
+
+    One that does not fails to fit, and says nothing of the foot. A percentage that is not known (NaN) fails nothing.
+    """
+    return ~np.less(fit_percent, POOR_FIT)
 
 
 def advice(
@@ -42,7 +51,7 @@ def advice(
             f"The model does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
             f"{best.dof} degrees of freedom, {chance(best.p_value)}); the standard errors are widened accordingly."
         )
-    poor = [(fit, r.file) for fit, r in zip(run.fits, data, strict=True) if fit < POOR_FIT]
+    poor = [(fit, r.file) for fit, r in zip(run.fits, data, strict=True) if not follows(fit)]
     if poor:
         fit, file = min(poor)
         texts.append(

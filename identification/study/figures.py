@@ -1,8 +1,7 @@
 """Figures of a whole study; every function returns a matplotlib Figure.
 
 Of the feet: constants over frequency (4.18 to 4.25), their distributions (D.1 to D.3), and the persons behind them. Of
-the fits: verdicts, and where the starts ended. Of the motion: transmissibility (in place of the traces 4.6 to 4.14),
-hysteresis loops (4.15 to 4.17) and energies.
+the motion: transmissibility (in place of the traces 4.6 to 4.14), hysteresis loops (4.15 to 4.17) and energies.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,15 +17,15 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
 from fasbody.presentation import STYLE, picture
-from identification.branches import DECISIVE_ODDS, EXCHANGED
+from identification.advice import POOR_FIT, follows
+from identification.branches import EXCHANGED
 from identification.figures import label_of, of_loads, panels
 from identification.study.means import BAND, FEWEST, POSITIVE, mean_curve
 from identification.study.summary import FEWEST as FEWEST_OF_A_BOX
-from identification.study.summary import OPEN, POOR_FIT, follows, measured, nominal, quartiles
+from identification.study.summary import OPEN, measured, nominal, quartiles
 from identification.study.tables import circled, left_out
 
 if TYPE_CHECKING:
@@ -38,12 +37,6 @@ CONSTANTS = ("k_T", "c_11", "c_12", "c_13", "k_F", "c_21", "c_22", "c_23")
 _LETTERS = 17
 #: Constants that differ by powers of ten, and get such an axis.
 _WIDE = ("k_T", "k_F", "c_11", "c_21")
-_VERDICTS = {"identified": "#2e86ab", "weak": "#edae49", "not identifiable": "#c9c9c9"}
-_BLUE = _VERDICTS["identified"]
-#: Difference in the sum of squares that is none, and that 1000 to 1 odds need.
-_SAME, _TOLD_APART = 1e-2, round(2 * float(np.log(DECISIVE_ODDS)), 1)
-#: Fewer fits than this have no quantiles: each is drawn.
-_MANY = 20
 #: How dark an estimate is whose branch is decided, and one whose branch is not.
 _DECIDED, _OPEN, _FAINT = 0.8, 0.65, 0.35
 #: Line of a model that does not follow its recording.
@@ -84,7 +77,7 @@ def distinct(values: Iterable[float]) -> list[float]:
 
 @styled
 def curves(table: pd.DataFrame, origin: str) -> Figure:
-    """Figures 4.18 to 4.25: estimates over frequency by load; means and bands of those whose branch is decided alone.
+    """Figures 4.18 to 4.25: estimates over frequency by load; means and bands of those whose branch is decided.
 
     Args:
         table: tidy rows of one mode and posture. origin: of the data.
@@ -230,101 +223,14 @@ def _box(rows: pd.DataFrame, scale: float) -> dict[str, Any]:
             "whishi": max(inside.max(), high), "fliers": values[rows["outlier"].to_numpy()]}  # fmt: skip
 
 
-@styled
-def waterfall(documents: Sequence[Mapping[str, Any]]) -> Figure:
-    """How far the starts ended above the best of their fit, best first, by mode: quantiles over fits, or each of few.
-
-    Below, the share of these starts that ended on the other branch than the best start. A fit that was hard to start
-    has more starts than the others; those that fewer than half of the fits have are not drawn.
-    """
-    shown = [d for d in documents if d["status"] == "done" and d["result"].get("starts")]
-    modes = list(dict.fromkeys(d["mode"] for d in shown))
-    width = max(4.6, 3.0 * len(modes) + 0.6)
-    figure, axes = panels(2, max(1, len(modes)), width, 3.9, sharex="col", sharey="row", height_ratios=[2.6, 1])
-    for column, mode in zip(axes.T, modes, strict=False):
-        fits = [d for d in shown if d["mode"] == mode]
-        mine = [d["result"]["starts"] for d in fits]
-        ranks = range(sorted(map(len, mine))[len(mine) // 2])
-        above = [np.array([max(s[k]["cost"] - s[0]["cost"], _SAME) for s in mine if len(s) > k]) for k in ranks]
-        other = [np.mean([s[k]["branch"] != s[0]["branch"] for s in mine if len(s) > k]) for k in ranks]
-        at = np.array(ranks) + 1
-        low, lower, middle, upper, high = np.array([np.quantile(a, (0.05, 0.25, 0.5, 0.75, 0.95)) for a in above]).T
-        if len(mine) < _MANY:
-            for starts in mine:
-                each = [max(s["cost"] - starts[0]["cost"], _SAME) for s in starts[: len(at)]]
-                column[0].plot(at[: len(each)], each, "o-", lw=0.8, ms=2.5, color=_BLUE, alpha=_FAINT)
-        else:
-            column[0].fill_between(at, low, high, color=_BLUE, alpha=0.18, lw=0)
-            column[0].fill_between(at, lower, upper, color=_BLUE, alpha=0.35, lw=0)
-        column[0].plot(at, middle, "o-", lw=1.8, ms=3.5, color=_BLUE)
-        column[0].axhline(_TOLD_APART, lw=0.9, ls="--", color=GREY)
-        column[0].set_yscale("log")
-        column[0].set_title(f"{mode}: {_counted(fits)}")
-        column[1].bar(at, 100 * np.array(other), width=0.6, color=MODEL)
-        column[1].set_ylim(0, 100)
-        column[1].set_xlabel("start, best first")
-        column[1].xaxis.get_major_locator().set_params(integer=True)
-    axes[0, 0].set_ylabel("sum of squares\nabove the best")
-    axes[1, 0].set_ylabel("on the other\nbranch [%]")
-    sizes = [sum(d["mode"] == mode for d in shown) for mode in modes]
-    handles: list[Any] = [Line2D([], [], marker="o", lw=1.8, ms=3.5, color=_BLUE, label="median")]
-    if any(size < _MANY for size in sizes):
-        handles.append(Line2D([], [], marker="o", lw=0.8, ms=2.5, color=_BLUE, alpha=_FAINT, label="each fit"))
-    if any(size >= _MANY for size in sizes):
-        handles += [Patch(color=_BLUE, alpha=0.45, lw=0, label="half of the fits"),
-                    Patch(color=_BLUE, alpha=0.18, lw=0, label="90 % of them")]  # fmt: skip
-    handles.append(Line2D([], [], lw=0.9, ls="--", color=GREY, label="1000 to 1"))
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=8, columnspacing=1.2)
-    return noted(
-        figure,
-        f"below the dashed line ({_TOLD_APART:g}) the data do not tell two ends apart; {_SAME:g} or less is drawn as "
-        f"{_SAME:g}; bars: starts that ended on the other branch than the best one",
-    )
-
-
-def _counted(fits: Sequence[Mapping[str, Any]]) -> str:
-    """How many fits, and of how many subjects."""
-    return f"{_number(len(fits), 'fit')} of {_number(len({d['subject'] for d in fits}), 'subject')}"
-
-
 def _number(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
-
-
-@styled
-def verdicts(table: pd.DataFrame) -> Figure:
-    """How many estimates of each parameter are identified, weak and not identifiable, by mode."""
-    rows = table[table["shown"]]
-    modes = list(dict.fromkeys(rows["mode"]))
-    found = list(dict.fromkeys(rows["parameter"]))
-    names = [n for n in CONSTANTS if n in found] + [n for n in found if n not in CONSTANTS]
-    figure, axes = panels(1, max(1, len(modes)), 2.9 * max(1, len(modes)) + 0.8, 0.27 * len(names) + 1.2, sharey=True)
-    for axis, mode in zip(axes[0], modes, strict=False):
-        own = rows[rows["mode"] == mode]
-        counts = pd.crosstab(own["parameter"], own["verdict"]).reindex(
-            index=names, columns=list(_VERDICTS), fill_value=0
-        )
-        share = 100 * counts.div(counts.sum(axis=1).replace(0, 1), axis=0)
-        left = np.zeros(len(names))
-        for verdict, colour in _VERDICTS.items():
-            axis.barh(range(len(names)), share[verdict], left=left, color=colour, label=verdict, height=0.72)
-            left = left + share[verdict].to_numpy()
-        fits = own.drop_duplicates("key")
-        axis.set_title(f"{mode}: {_counted(fits.to_dict('records'))}")
-        axis.set_xlabel("share of estimates [%]")
-        axis.set_xlim(0, 100)
-        axis.grid(axis="y", visible=False)
-    axes[0, 0].set_yticks(range(len(names)), [label_of(n) for n in names])
-    axes[0, 0].invert_yaxis()
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=3, fontsize=8.5)
-    return figure
 
 
 def _poor(cycles: Sequence[Mapping[str, Any]]) -> str:
     """What the dotted lines are, where there are any."""
     some = not all(c.get("follows", True) for c in cycles)
-    return f"; dotted: the model follows its recording to less than {POOR_FIT:g} %" if some else ""
+    return f"; dotted: the fit follows its recordings to less than {POOR_FIT:g} % in the mean" if some else ""
 
 
 @styled
@@ -359,7 +265,8 @@ def transmissibility(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure
     fitted = {"per-recording": ", fitted to each recording alone", "pooled": ", fitted to all frequencies of a load"}
     text = f"marks: {origin} data{_whose(cycles)}; dots, joined by lines: the model{fitted.get(_mode(cycles), '')}"
     some = not all(c.get("follows", True) for c in cycles)
-    return noted(figure, text + (f"; crosses: it follows the recording to less than {POOR_FIT:g} %" if some else ""))
+    poor = f"; crosses: the fit follows its recordings to less than {POOR_FIT:g} % in the mean"
+    return noted(figure, text + (poor if some else ""))
 
 
 def _whose(cycles: Sequence[Mapping[str, Any]]) -> str:

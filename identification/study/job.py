@@ -10,7 +10,7 @@ from fasbody.exceptions import FasError, RecordingError, SimulationError
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
-from identification.advice import POOR_FIT
+from identification.advice import follows
 from identification.estimate import Settings, fit_foot
 from identification.result import FitResult
 from identification.study.checks import check
@@ -69,7 +69,7 @@ def _done(work: Work, left_out: list[str]) -> Document:
 def _fitted(recordings: Sequence[Recording], foot: Foot, settings: Settings) -> FitResult:
     """A fit, with whatever else may be true where the model alone comes near: no allowance mends a gross misfit."""
     alone = fit_foot(recordings, foot, settings, wide=False, interruptible=False)
-    if not settings.wide or alone.fit_percent < POOR_FIT:
+    if not settings.wide or not follows(alone.fit_percent):
         return alone
     return fit_foot(recordings, foot, settings, interruptible=False)
 

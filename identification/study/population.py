@@ -29,10 +29,9 @@ from scipy.stats import t as student
 
 from fasbody.exceptions import RecordingError
 from fasbody.presentation import Tabled, readable
-from identification.advice import POOR_FIT
+from identification.advice import POOR_FIT, follows
 from identification.branches import DECISIVE_ODDS, EXCHANGED, STIFF_ANKLE, STIFF_PAD
 from identification.heel.population import FEWEST, Observed, estimate
-from identification.study.summary import follows
 
 _LEVEL = 0.95
 #: Chance, times the number of persons, below which a value does not belong to the others'.
@@ -311,7 +310,7 @@ def _unfit(document: Mapping[str, Any]) -> str:
     branches = document["result"]["branches"]
     if all(b.get("world") for b in branches):
         return ""
-    if not follows(max(b["fit_percent"] for b in branches)):
+    if not follows(branches[0]["fit_percent"]):  # the likeliest: job.py asks the same
         return f"the fit follows the recordings to less than {POOR_FIT:g} %"
     return "the fit allows for nothing but the model"
 

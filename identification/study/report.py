@@ -12,6 +12,7 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 
 from fasbody import console
+from identification.advice import POOR_FIT, follows
 from identification.result import RULE
 from identification.study import summary, tables
 from identification.study.findings import Findings, gather
@@ -21,7 +22,11 @@ from identification.study.truth import LIMITS, Truth, recovery
 #: The subject whose motion and loops are shown where there is one of that name, as in the thesis.
 _EXAMPLE = "16"
 _LISTED = 20
-#: Names of the figures that `pictures` gives.
+_NONE_FOLLOWS = (
+    f" No fit of any subject here follows its recordings to {POOR_FIT:g} %, so what the model does between foot and "
+    "ground is not shown."
+)
+#: Names of the figures that `pictures` gives, or gave before.
 _OURS = re.compile(r"(verdicts|waterfall|(curves|boxes|traces|transmissibility|loops|energies|persons)_.+)\.(svg|png)")
 _MODES = {
     "per-recording": "each recording alone, as in the thesis",
@@ -90,7 +95,6 @@ def pictures(
     out: dict[str, tuple[Callable[[], Any], str]] = {}
     if table.empty:
         return out
-    out["verdicts"] = (partial(figures.verdicts, table), "Verdict on each parameter, on the branch shown.")
     for posture in dict.fromkeys(p.posture for p in populations):
         own = [p for p in populations if p.posture == posture]
         text = f"Each person's constants and the mean of all, pooled fits, {posture}. {tables.left_out(own)}"
@@ -107,21 +111,21 @@ def pictures(
         others = cycles[0]["subjects"] - 1 if cycles else 0
         said = f"subject {subject}{f', whose recordings stand for those of {others} more' if others else ''}, {mode}"
         said, lost = f"{said}, {posture}", _failed(documents, mode, posture, subject)
+        none = "" if any(c["follows"] for c in cycles) else _NONE_FOLLOWS
         out[f"transmissibility_{mode}"] = (
             partial(figures.transmissibility, cycles, origin),
-            f"Malleolus over base, data and model: {said} (what Figures 4.6 to 4.14 show as traces).{lost}",
+            f"Malleolus over base, data and model: {said} (what Figures 4.6 to 4.14 show as traces).{lost}{none}",
         )
         if place == 0:
-            out[f"loops_{mode}"] = (
-                partial(figures.loops, cycles, origin),
-                f"Force against relative displacement: {said} (in the manner of Figures 4.15 to 4.17).{lost}",
-            )
+            if any(c["follows"] for c in cycles):
+                out[f"loops_{mode}"] = (
+                    partial(figures.loops, cycles, origin),
+                    f"Force against relative displacement: {said} (in the manner of Figures 4.15 to 4.17).{lost}",
+                )
             rows = energy[(energy["mode"] == mode) & (energy["posture"] == posture)]
             text = f"Energy dissipated in one cycle, and the fat pad's share: {mode}, {posture}. {tables.drawn(rows)}"
-            if summary.follows(rows.loc[rows["shown"], "fit_percent"]).any():
+            if follows(rows.loc[rows["shown"], "fit_percent"]).any():
                 out[f"energies_{mode}"] = (partial(figures.energies, rows, origin), text)
-    if any(d["status"] == "done" and d["result"].get("starts") for d in documents):
-        out["waterfall"] = (partial(figures.waterfall, documents), "Where every start of every fit ended.")
     return out
 
 
@@ -135,16 +139,20 @@ def _failed(documents: Sequence[Mapping[str, Any]], mode: str, posture: str, sub
 def example(
     documents: Sequence[Mapping[str, Any]], mode: str, posture: str, tracked: Mapping[str, str]
 ) -> tuple[str, list[Mapping[str, Any]]]:
-    """One subject's cycles of the branch shown: subject 16, else the fullest.
+    """One subject's cycles of the branch shown: of whom the model follows most, subject 16 before others, the fullest.
 
     Each entry says whether its branch is decided, whether it follows its recordings, of how many subjects this is one,
     and how many of its fits failed.
     """
     mine = [d for d in documents if (d["mode"], d["posture"], d["status"]) == (mode, posture, "done")]
     counts = {d["subject"]: 0 for d in mine}
+    poor = dict.fromkeys(counts, 0)
     for d in mine:
-        counts[d["subject"]] += len({c["file"] for c in d["cycles"]})
-    subject = _EXAMPLE if counts.get(_EXAMPLE) else max(counts, key=lambda s: counts[s])
+        files = len({c["file"] for c in d["cycles"]})
+        counts[d["subject"]] += files
+        poor[d["subject"]] += 0 if follows(summary.shown_fit(d, tracked)) else files
+    followed = {s: (count - poor[s]) / max(1, count) for s, count in counts.items()}
+    subject = max(counts, key=lambda s: (counts[s] > 0, followed[s], s == _EXAMPLE, counts[s]))
     lost = [d for d in documents if (d["mode"], d["posture"], d["status"]) == (mode, posture, "failed")]
     failed = sum(d["subject"] == subject for d in lost)
     cycles: list[Mapping[str, Any]] = []
@@ -157,7 +165,7 @@ def example(
                 "failed": failed,
                 "mode": mode,
                 "decided": by not in summary.OPEN,
-                "follows": bool(summary.follows(summary.shown_fit(d, tracked))),
+                "follows": bool(follows(summary.shown_fit(d, tracked))),
             }
             cycles += [{**c, **marks} for c in d["cycles"] if c["branch"] == name]
     return str(subject), cycles
@@ -190,7 +198,7 @@ def _page(
         modes_text=" ".join(f"Mode {m}: {_MODES[m]}." for m in modes if m in _MODES),
         counts=tables.counts(documents, findings.tracked),
         failures=failed[:_LISTED], more_failures=max(0, len(failed) - _LISTED),
-        verdicts=tables.verdicts(table), branches=tables.branches(table), outliers=tables.outliers(table),
+        verdicts=tables.verdicts(table), branches=tables.branches(documents, table), outliers=tables.outliers(table),
         recovery=tables.recovery(found) if len(found) else None, energies=tables.energies(_trusted(energy)),
         balance=tables.balance(energy),
         named=lambda start: [name for name in inline if name.startswith(start)], **more,

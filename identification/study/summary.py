@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from fasbody.foot.parameters import symbol_and_unit
-from identification.advice import POOR_FIT
+from identification.advice import POOR_FIT, follows
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.study.truth import Truth
 
@@ -26,6 +26,8 @@ OPEN = ("undecided", "not compared")
 VERDICTS = ("identified", "weak", "not identifiable")
 #: Fewest values that make a box, and how many interquartile ranges its whiskers reach.
 FEWEST, _WHISKER = 4, 1.5
+#: Difference of two costs that is none, in itself and as a share.
+_SAME, _SAME_SHARE = 1e-2, 1e-6
 #: Poor fits that are named, and the mode that is expected to have some.
 _LISTED, _POOLED = 10, "pooled"
 
@@ -57,11 +59,6 @@ def measured(rows: pd.DataFrame) -> pd.Series:
     Without one are those at a bound, and those that the recording does not determine.
     """
     return rows["value"].notna() & np.isfinite(rows["std_error"]) & follows(rows["fit_percent"])
-
-
-def follows(fit_percent: Any) -> Any:
-    """Whether a fit follows its recordings; one that does not fails to fit, and says nothing of the foot."""
-    return ~np.less(fit_percent, POOR_FIT)
 
 
 def tidy(
@@ -188,7 +185,7 @@ def poor_sentence(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, 
     poor, done = poor_fits(documents, tracked), sum(d["status"] == "done" for d in documents)
     if not poor:
         return ""
-    listed = "; ".join(f"{d['mode']}, {place(d)}: {fit:.0f} %" for d, fit in poor[:_LISTED])
+    listed = "; ".join(f"{d['mode']}, {place(d)}: {fit:.1f} %" for d, fit in poor[:_LISTED])
     more = f"; and {len(poor) - _LISTED} more" if len(poor) > _LISTED else ""
     return (
         f"{len(poor)} of {done} fits follow their recordings to less than {POOR_FIT:g} % ({listed}{more}). They are "
@@ -249,18 +246,31 @@ def csv(table: pd.DataFrame) -> str:
 
 
 def counts(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
-    """One row a mode: fits, done, failed, recordings, mean fit [%] of the branch shown, verdicts alone, seconds."""
+    """One row a mode: fits, done, failed, recordings, mean fit [%] of the branch shown, verdicts alone, seconds.
+
+    `again` of `again_of` fits with several starts met their best end from a second start: the others may have missed a
+    better one.
+    """
     rows = []
     for mode in dict.fromkeys(d["mode"] for d in documents):
         mine = [d for d in documents if d["mode"] == mode]
         done = [d["result"] for d in mine if d["status"] == "done"]
         verdicts = [r.get("verdict", "") for r in done]
         fits = [shown_fit(d, tracked) for d in mine if d["status"] == "done"]
+        started = [r["starts"] for r in done if len(r.get("starts") or ()) > 1]
         rows.append({
             "mode": mode, "fits": len(mine), "done": len(done), "failed": len(mine) - len(done),
             "recordings": sum(len(r["recordings"]) for r in done),
             "fit_percent": float(np.mean(fits)) if fits else None,
             "decided": verdicts.count("decided"), "undecided": verdicts.count("undecided"),
+            "again": sum(map(_met_again, started)), "again_of": len(started),
             "seconds": sum(d.get("seconds") or 0.0 for d in mine),
         })  # fmt: skip
     return pd.DataFrame(rows)
+
+
+def _met_again(starts: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether the second best start, or a later one, ended where the best did: on its branch, at its cost."""
+    best, *others = sorted(starts, key=lambda s: s["cost"])
+    near = max(_SAME, _SAME_SHARE * best["cost"])
+    return any(s["branch"] == best["branch"] and s["cost"] - best["cost"] <= near for s in others)

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from fasbody.presentation import readable
+from identification.advice import follows
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.result import symbol_and_unit
 from identification.study import summary
@@ -60,7 +61,7 @@ def drawn(rows: pd.DataFrame) -> str:
     parts = {
         "tracking": "on the branch that all fits of a subject together decide"
         + (f" ({turned} of them against their own choice)" if turned else ""),
-        "likelihood": "on the one that its data decide alone",
+        "likelihood": "not tracked and on the one that its data decide alone",
         "undecided": "undecided and on their own likelier branch",
         "not compared": "with one branch only",
         "no mirror": "of a model without a known mirror",
@@ -96,7 +97,9 @@ def counts(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | 
     found = summary.counts(documents, tracked)
     fit = [f"{f:.2f}" if done else "–" for f, done in zip(found["fit_percent"], found["done"], strict=True)]
     made = found[["mode", "fits", "done", "failed", "recordings"]]
-    return made.assign(**{"mean fit [%]": fit, "computing time [s]": found["seconds"].map("{:.0f}".format)})
+    again = [f"{_of(row, 'again')}" for row in found.to_dict("records")]
+    more = {"mean fit [%]": fit, "best end met by a second start": again}
+    return made.assign(**more, **{"computing time [s]": found["seconds"].map("{:.0f}".format)})
 
 
 def verdicts(table: pd.DataFrame) -> pd.DataFrame:
@@ -120,13 +123,17 @@ def outliers(table: pd.DataFrame) -> pd.DataFrame:
     return said.rename_axis("outliers").reset_index()
 
 
-def branches(table: pd.DataFrame) -> pd.DataFrame:
-    """What chose the branches, and which they are, a row a mode."""
+def branches(documents: Sequence[Mapping[str, Any]], table: pd.DataFrame) -> pd.DataFrame:
+    """How many fits decide alone, what chose the branch that is shown, and which it is, a row a mode.
+
+    "Decided alone" is of every fit, whatever tracking says of it then; the columns after it add up to the fits.
+    """
+    alone = {row["mode"]: row["decided"] for row in summary.counts(documents).to_dict("records")}
     fits = table[table["shown"]].drop_duplicates("key")
-    header = ["mode", "decided by tracking", "by its data alone", *summary.DECIDED_BY[2:]]
-    header += [f"shown: {STIFF_ANKLE}", f"shown: {STIFF_PAD}"]
+    header = ["mode", "fits", "decided alone", "shown as tracking decides", "shown as it decides alone, not tracked"]
+    header += [*summary.DECIDED_BY[2:], f"shown: {STIFF_ANKLE}", f"shown: {STIFF_PAD}"]
     rows = [
-        [mode, *((own["decided_by"] == word).sum() for word in summary.DECIDED_BY),
+        [mode, len(own), alone[mode], *((own["decided_by"] == word).sum() for word in summary.DECIDED_BY),
          *((own["branch"] == name).sum() for name in (STIFF_ANKLE, STIFF_PAD))]
         for mode, own in fits.groupby("mode", sort=False)
     ]  # fmt: skip
@@ -161,7 +168,7 @@ def energies(energy: pd.DataFrame) -> pd.DataFrame:
     """Median energies of the branch shown, a row a condition."""
     header = ["mode", "posture", "added mass [kg]", "frequency [Hz]", "cycles", "median ankle [mJ]",
               "median fat pad [mJ]", "median shaker [mJ]"]  # fmt: skip
-    shown = energy[energy["shown"] & summary.follows(energy["fit_percent"])]
+    shown = energy[energy["shown"] & follows(energy["fit_percent"])]
     rows = [
         [mode, posture, f"{load:g}", f"{f:g}", len(g),
          *(f"{1e3 * g[column].median():.3g}" for column in ("ankle_j", "fat_pad_j", "shaker_work_j"))]
