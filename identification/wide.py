@@ -118,7 +118,7 @@ def widest(
             heavier = world.heavier(end.q, share)
             ends.enter(end.name, heavier)
             ends.enter(_other(end.name), world.image(heavier))
-    if misled and _reweighed(problem, ends.found.values()):
+    if misled and reweighed(problem, [end.q for end in sorted(ends.found.values(), key=_objective)]):
         ends = _Ends(problem, both, most, ends.found)
     for name, end in list(ends.found.items()):  # the odds are between ends, not between places on the way
         if not end.converged:
@@ -131,14 +131,14 @@ def widest(
     return [replace(best, constant=min(constants, default=None)), *others]
 
 
-def _reweighed(problem: WorldProblem, ends: Iterable[End]) -> bool:
-    """Whether a problem whose weights rest on a wrong model has others now: those of the best end that has a motion.
+def reweighed(problem: PeriodicProblem, places: Iterable[np.ndarray]) -> bool:
+    """Whether a problem has the weights of the first of some places (n,) that has a motion; else it keeps its own.
 
     An end may rest where an orbit is barely found, and not found again by the stricter search that weights need.
     """
-    for end in sorted(ends, key=_objective):
+    for q in places:
         with suppress(SimulationError):
-            problem.reweigh(end.q)
+            problem.reweigh(q)
             return True
     return False
 

@@ -16,7 +16,7 @@ from identification.estimate import fit_foot
 from identification.periodic import Line, PeriodicProblem, split
 from identification.search import explore, inverse_of_gram
 from identification.space import space_of
-from identification.wide import End, _reweighed
+from identification.wide import reweighed
 
 FREQUENCIES = (10.0, 20.0, 30.0, 50.0)
 LINEAR = {**oracle.TRUTH, "c_12": 0.0, "c_13": 0.0, "c_22": 0.0, "c_23": 0.0}
@@ -143,8 +143,7 @@ def test_a_point_without_a_motion_gives_no_weights_and_the_next_end_does(
     with pytest.raises(SimulationError, match=r"no periodic motion at 10 Hz with k_T = 8e\+07 N/m, k_F = "):
         made.reweigh(lost)
     assert all(np.array_equal(a, b) for a, b in zip(before, made._whiten, strict=True))  # none of some recordings only
-    ends = [End("stiff ankle", q, made, objective, True) for q, objective in ((good, 2.0), (lost, 1.0))]
-    assert _reweighed(made, ends) and not _reweighed(made, ends[1:])
+    assert reweighed(made, [lost, good]) and not reweighed(made, [lost])
     want.reweigh(good)
     for a, b in zip(made._whiten, want._whiten, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-9 * np.abs(b).max())

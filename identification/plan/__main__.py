@@ -27,6 +27,10 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 _Data = Annotated[
     list[Path] | None, typer.Argument(help="earlier recordings: study folder, or CSV files", show_default="none")
 ]
+_Whose = Annotated[
+    str | None, typer.Option("--subject", help="whose recordings of an earlier study of several people count")
+]
+_Posture = Annotated[str | None, typer.Option(help="in which posture, of several")]
 _Model = Annotated[str, typer.Option(help="two-mass model, or its file")]
 _BodyMass = Annotated[float | None, typer.Option(help="body mass in kg (72.57 if nothing says it)")]
 _Ask = Annotated[
@@ -80,6 +84,8 @@ BODY_MASS_KG = 72.57
 @app.command()
 def propose(
     data: _Data = None,
+    subject: _Whose = None,
+    posture: _Posture = None,
     model: _Model = "two_dof",
     body_mass: _BodyMass = None,
     ask: _Ask = None,
@@ -115,6 +121,8 @@ def propose(
 
       python -m identification.plan my_study --ask k_T=0.05 --ask k_F=0.05 --out next
 
+      python -m identification.plan my_study --subject 3 --posture midstance
+
       python -m identification.plan --ask thesis --out as_thesis
 
       python -m identification.plan --frequencies 15:40:5 --loads 0,5 --displacement 0.004 --protocol steps.json
@@ -124,6 +132,7 @@ def propose(
       python -m identification.plan run --simulate --auto --out my_study
     """
     from identification.plan.result import planned
+    from identification.plan.words import many
 
     began = time.perf_counter()
     shaker = _shaker(
@@ -131,9 +140,11 @@ def propose(
     )
     if recordings < 1 or 60 * minutes < seconds:
         raise SettingError(
-            f"{recordings} recordings in {minutes:g} minutes leave no room for one of {seconds:g} s; give more."
+            f"{minutes:g} min for {many(recordings, 'recording')} leave no room for one of {seconds:g} s; give more."
         )
-    earlier = _earlier(data, body_mass)
+    if (subject or posture) and not data:
+        raise SettingError("--subject and --posture choose among earlier recordings; name their study.")
+    earlier = _of(_earlier(data, body_mass), subject, posture)
     person = _person(model, body_mass, earlier, allow, mass_std, gain_std, delay_std)
     director = _director(person, shaker, ask, earlier, seed, draws)
     if out is not None:
@@ -225,6 +236,8 @@ def run(
         frequencies, loads, amplitude, amplitudes, displacement, force, table_mass, "sine", "malleolus", seconds, noise
     )
     earlier = _earlier([out] if (out / "recordings.csv").is_file() else None, None)
+    if len({r.condition.subject for r in earlier}) > 1:  # a study of several people: those of this one count
+        earlier = [r for r in earlier if r.condition.subject == subject]
     person = _person(model, body_mass, earlier, allow, mass_std, gain_std, delay_std, subject)
     asked = _director(person, shaker, ask, (), seed, draws).asked if ask == [_AS_THESIS] else _asked(ask)
     safety = Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=displacement)
@@ -310,6 +323,25 @@ def _earlier(data: Sequence[Path] | None, body_mass: float | None) -> "list[Reco
     if other := [r.file for r in found if r.condition.frequency_hz is None]:
         raise SettingError(f"{other[0]} is no sine; the director goes on from settled sines.")
     return found
+
+
+def _of(earlier: "list[Recording]", subject: str | None, posture: str | None) -> "list[Recording]":
+    """Those of one person in one posture.
+
+    Raises:
+        SettingError: nobody is called so, or they are of several people or postures.
+    """
+    for option, wanted, name in (("--subject", subject, "subject"), ("--posture", posture, "posture")):
+        there = list(dict.fromkeys(str(getattr(r.condition, name)) for r in earlier))
+        if wanted is not None and wanted not in there:
+            raise SettingError(f"{option}: {unknown(name, wanted, there)}.")
+        if wanted is None and len(there) > 1:
+            raise SettingError(
+                f"the earlier recordings are of several {'people' if name == 'subject' else 'postures'} "
+                f"({', '.join(there)}); choose one with {option}."
+            )
+        earlier = [r for r in earlier if wanted is None or str(getattr(r.condition, name)) == wanted]
+    return earlier
 
 
 def _person(

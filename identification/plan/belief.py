@@ -19,6 +19,7 @@ from identification.periodic import Line, PeriodicProblem, excitations
 from identification.plan.prior import Person, PlanSpace, stream
 from identification.search import inverse_of_gram
 from identification.settle import settle
+from identification.wide import reweighed
 from identification.world import Nuisance, WorldProblem
 
 #: Starts of a first descent on each branch, and evaluations of a descent.
@@ -168,7 +169,7 @@ def believe(
     engine = Twin(person.foot, drives)
     problem = WorldProblem(lines, engine, space, PeriodicProblem(lines, engine, space))
     ends = _ends(problem, space, seed, before)
-    problem.reweigh(min(ends, key=lambda e: e.objective).q)
+    reweighed(problem, [e.q for e in sorted(ends, key=lambda e: e.objective)])
     again = [_descend(problem, space, e.name, e.q) for e in ends]
     if len(again) < 2 or not all(np.isfinite(e.objective) for e in again):
         raise SimulationError("no foot of the population moves as these recordings do; check masses and units.")

@@ -1,6 +1,7 @@
 """The recordings that could be made, and those that the thesis made."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -90,6 +91,20 @@ class Candidates:
                 for a in s.amplitudes(f, moving) if MULTISINE in s.kinds and tones > 1 else ():
                     found.append(Step(MULTISINE, f, load, a, s.seconds, tones, s.sensors))
         return tuple(found)
+
+
+def within(shaker: Shaker, leg_kg: float, steps: Sequence[Step]) -> tuple[Step, ...]:
+    """Sines as far as a shaker can make them: without frequencies beyond its own, and no stronger than it allows.
+
+    Args:
+        shaker: its limits. leg_kg: shank and foot of the person. steps: of a protocol made for another shaker.
+    """
+    found = []
+    for step in steps:
+        if shaker.lowest_hz <= step.frequency_hz <= shaker.highest_hz:
+            most = shaker.allowed(step.frequency_hz, weight(leg_kg, step.added_mass_kg))
+            found.append(replace(step, amplitude_m_s2=min(step.amplitude_m_s2, most)))
+    return tuple(found)
 
 
 def thesis(loads_kg: tuple[float, ...] = ADDED_MASSES_KG, seconds: float = THESIS_S) -> tuple[Step, ...]:

@@ -17,11 +17,12 @@ from identification.branches import EXCHANGED
 from identification.engines.twin import carriers
 from identification.periodic import Line
 from identification.plan.belief import Belief, believe
-from identification.plan.candidates import Candidates, Step, thesis
+from identification.plan.candidates import ADDED_MASSES_KG, Candidates, Step, thesis, within
 from identification.plan.feet import Feet, Outlook, Score
 from identification.plan.information import Seen, Sight
 from identification.plan.prior import Person, stream
 from identification.plan.shaker import SINE, Shaker
+from identification.plan.words import many
 from identification.sensors import MALLEOLUS
 
 #: Feet over which scores are averaged: of the prior, and of what recordings leave possible, where they are more alike.
@@ -44,6 +45,8 @@ _LEAST, _RESTARTS, _LOOKS, _FEW = 2, 8, 60, 8
 _FOR_EVER, _SILENT = 1e4, 1e-3
 #: From this share of a constant's variance on, what it comes from is told.
 _TOLD = 0.1
+#: What is uncertain of every session, unless it is told to be exact.
+_INSTRUMENT = ("masses", "gain", "delay")
 #: Draws of feet that have no steady motion before it is given up.
 _TRIES = 10
 
@@ -59,7 +62,7 @@ class Director:
         compares: the thesis' protocol is looked at, too.
 
     Attributes:
-        asked: half-widths by constant.
+        asked: half-widths by constant. uncertain: groups of what is not known beforehand, beside the foot's constants.
     """
 
     def __init__(
@@ -85,7 +88,7 @@ class Director:
         if len(set(shaker.sensors)) < len(shaker.sensors):
             raise SettingError(f"the sensors {', '.join(shaker.sensors)} have one twice; name each once.")
         if draws < 2:
-            raise SettingError(f"{draws} feet are no average; give 2 or more.")
+            raise SettingError(f"{many(draws, 'foot', 'feet')} would be no average; give 2 or more.")
         self.candidates = Candidates(shaker, person.leg_kg).steps
         self.done = tuple(step_of(recording) for recording in earlier)
         for recording in earlier:
@@ -100,11 +103,13 @@ class Director:
             shaker = replace(shaker, noise_m_s2=float(np.clip(np.sqrt(np.mean(np.square(sigma))), 1e-6, 10.0)))
             self.shaker = shaker
         order, starts, feet = np.random.SeedSequence([seed, len(earlier)]).spawn(3)
-        compared = thesis() if compares else ()
+        compared = self.thesis() if compares else ()
         every = tuple(dict.fromkeys(map(self._unit, [*self.candidates, *compared, *self.done])))
         self._place = {step: i for i, step in enumerate(every)}
         allowed = person.allowed(every, earlier, shaker.rate_hz)
         middle = float(np.sqrt(shaker.lowest_hz * shaker.highest_hz))
+        groups = {each.group for each in allowed}
+        self.uncertain = tuple(name for name in (*_INSTRUMENT, *DEPARTURES) if name in groups)
         self._earlier, self._order = tuple(earlier), order
         self._sight = Sight(person, every, shaker, allowed, np.random.default_rng(order), middle)
         self.belief = believe(person, earlier, allowed, middle, starts, believed) if earlier else None
@@ -124,9 +129,20 @@ class Director:
         _refuse(ask)
         self._feet.asked = self.asked = {name: ask[name] for name in EXCHANGED if name in ask}
 
+    def thesis(self, loads_kg: tuple[float, ...] = ADDED_MASSES_KG) -> tuple[Step, ...]:
+        """The thesis' protocol as far as this shaker can do it."""
+        return within(self.shaker, self.person.leg_kg, thesis(loads_kg))
+
     def as_thesis(self) -> dict[str, float]:
-        """Half-widths as the thesis' three loads would leave them here, within 5 %; to ask another director for."""
-        return {n: AS_THESIS * width for n, width in self.outlook(thesis(), fresh=True).half_width.items()}
+        """Half-widths as the thesis' three loads would leave them here, within 5 %; to ask another director for.
+
+        Raises:
+            SettingError: this shaker makes none of its sines.
+        """
+        steps = self.thesis()
+        if not steps:
+            raise SettingError("this shaker makes none of the thesis' sines of 10 to 50 Hz; ask for intervals by name.")
+        return {n: AS_THESIS * width for n, width in self.outlook(steps, fresh=True).half_width.items()}
 
     @property
     def allowed(self) -> tuple[str, ...]:
@@ -272,8 +288,8 @@ class Director:
         pieces = int(seconds / self.shaker.seconds + 1e-9)
         if most < 1 or pieces < 1:
             raise SettingError(
-                f"{most} recordings in {seconds:g} s leave no room for {self.shaker.seconds:g} s; "
-                "give more or shorter ones."
+                f"{seconds:g} s for {many(most, 'recording')} leave no room for one of {self.shaker.seconds:g} s; give "
+                "more time, or shorter ones."
             )
         self._gained.clear()
         first = best = self._polished(self._grown(Counter(), most, pieces, self.feet), most, pieces, self.feet)

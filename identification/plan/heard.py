@@ -7,6 +7,7 @@ import numpy as np
 from fasbody.recording.recording import Recording
 from fasbody.transmissibility.sines import by_segments
 from identification.periodic import Line
+from identification.plan.words import percent
 
 _Z95 = 1.959963984540054
 #: Segments that the coherence compares.
@@ -35,7 +36,7 @@ class Heard:
 
     def __str__(self) -> str:
         return (
-            f"level {self.level_m_s2:.3g} m/s^2, distortion {100 * self.distortion:.2g} %, coherence "
+            f"level {self.level_m_s2:.3g} m/s^2, distortion {percent(self.distortion)}, coherence "
             f"{self.coherence:.4f}, transmissibility {self.transmissibility:.4g} ({self.lower:.4g} to "
             f"{self.upper:.4g}), phase {self.phase_deg:.3g} deg"
         )

@@ -10,10 +10,11 @@ import numpy as np
 from fasbody.console import to_json, write_whole
 from fasbody.presentation import Presented, Sheet, readable
 from identification.branches import EXCHANGED
-from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Step, thesis
+from identification.plan.candidates import PLANNED, THESIS, THESIS_AMPLITUDE, UNLOADED, Step, thesis
 from identification.plan.director import GOAL, SHARE, Director
 from identification.plan.feet import Outlook, Score
 from identification.plan.protocol import Protocol, shaking_s
+from identification.plan.words import listed, many, minutes, percent, plain, span, whole
 
 _TITLES = {PLANNED: "planned", THESIS: "the thesis, three loads", UNLOADED: "the thesis, unloaded"}
 
@@ -60,29 +61,34 @@ class Longer:
 
     Attributes:
         times: how often the steps must be recorded, once for as they are planned. shaking_s: that takes.
-        steps: "the plan", or every candidate where that is quicker.
+        steps: "the plan", or every candidate where that is quicker. given_s: of shaking, that there was.
     """
 
     times: float
     shaking_s: float
     steps: str
+    given_s: float
 
     def __str__(self) -> str:
-        if self.steps == EVERY:
-            return f"It would take {span(self.shaking_s)} of shaking, spread over {EVERY}."
-        count = f"{self.times:.2g}" if self.times < 10 else f"{self.times:.0f}"
-        return f"It would take {self.steps} {count} times over, {span(self.shaking_s)} of shaking."
+        if self.steps != EVERY:
+            return f"It would take {self.steps} {plain(self.times)} times over, {span(self.shaking_s)} of shaking."
+        if self.shaking_s <= self.given_s:
+            return (
+                f"The number of recordings is the limit: spread over {EVERY}, {span(self.shaking_s)} of shaking would "
+                "do."
+            )
+        return f"It would take more recordings, and {span(self.shaking_s)} of shaking spread over {EVERY}."
 
     @classmethod
     def of(
-        cls, director: Director, steps: Mapping[str, Sequence[Step]], names: Sequence[str], branch: bool
+        cls, director: Director, steps: Mapping[str, Sequence[Step]], names: Sequence[str], branch: bool, given_s: float
     ) -> "Longer | None":
         """The quickest of some protocols, by what they are called; None where none ever does."""
         found = []
         for what, each in steps.items():
             times = director.times(each, names, branch)
             if np.isfinite(times):
-                found.append(cls(times, times * shaking_s(each), what))
+                found.append(cls(times, times * shaking_s(each), what, given_s))
         return min(found, key=lambda x: x.shaking_s, default=None)
 
 
@@ -126,6 +132,7 @@ class Planned(Presented):
         longer: what it takes to meet what the noise is in the way of; None where nothing is.
         offers: sensors that could be worn besides. allowed: departures of the world that are allowed for.
         earlier: how many recordings there are. places: the map. said: what they say. seconds: that the planning took.
+        uncertain: what is not known beforehand, beside the constants.
     """
 
     figures: ClassVar[str] = "identification.plan.figures"
@@ -150,6 +157,22 @@ class Planned(Presented):
     places: tuple[Place, ...]
     said: str
     seconds: float
+    uncertain: tuple[str, ...] = ()
+
+    @property
+    def limited(self) -> str:
+        """What of the thesis' protocol this shaker cannot do, in a sentence; empty where it can do it all."""
+        theirs = self.expected[THESIS].steps
+        lost = sorted({s.frequency_hz for s in thesis()} - {s.frequency_hz for s in theirs})
+        weaker = [s for s in theirs if s.amplitude_m_s2 < THESIS_AMPLITUDE]
+        parts = [f"without {listed([f'{f:g}' for f in lost])} Hz"] if lost else []
+        if weaker:
+            f, least = [s.frequency_hz for s in weaker], min(s.amplitude_m_s2 for s in weaker)
+            where = f"at {min(f):g} to {max(f):g} Hz" if max(f) > min(f) else f"at {f[0]:g} Hz"
+            parts.append(f"weaker {where}, down to {least:.3g} in place of {THESIS_AMPLITUDE:g} m/s^2")
+        if not theirs:
+            return "This shaker makes none of the thesis' sines, so nothing is compared with its protocol."
+        return f"The thesis' protocol is taken as this shaker can do it: {', and '.join(parts)}." if parts else ""
 
     @property
     def missed(self) -> tuple[str, ...]:
@@ -180,28 +203,29 @@ class Planned(Presented):
     def sentence(self) -> str:
         """What to expect."""
         mine, theirs = self.expected[PLANNED], self.expected[THESIS]
-        text = (
-            f"{_many(len(self.steps), 'recording')} and {shaking_s(self.steps) / 60:.2g} minutes of shaking in place "
-            f"of {len(theirs.steps)} and {shaking_s(theirs.steps) / 60:.2g}: "
-        )
-        ratio = {name: mine.half_width[name] / theirs.half_width[name] for name in EXCHANGED}
-        worst = max(ratio, key=lambda name: ratio[name])
-        text += (
-            f"intervals of {min(ratio.values()):.3g} to {ratio[worst]:.3g} times those of the thesis' three loads, and "
-            f"the branch decided for {100 * mine.decided:.0f} % of such feet."
-        )
+        text = f"{many(len(self.steps), 'recording')} and {minutes(shaking_s(self.steps))} of shaking"
+        if theirs.steps:
+            ratio = [mine.half_width[name] / theirs.half_width[name] for name in EXCHANGED]
+            low, high = (plain(x, 3) for x in (min(ratio), max(ratio)))
+            text += (
+                f" in place of {len(theirs.steps)} and {plain(shaking_s(theirs.steps) / 60)}: intervals of {low} to "
+                f"{high} times those of the thesis' three loads, and"
+            )
+        else:
+            text += ":"
+        text += f" the branch decided for {whole(mine.decided)} of such feet."
         return f"{text} {self.stop()}"
 
     def stop(self) -> str:
         """Whether what is asked is met, will be, or never is."""
         if self.met:
             return (
-                f"What is asked is met in the mean over the {self.feet} feet that the plan was made for, and for "
-                f"{100 * self.expected[PLANNED].met:.0f} % of them in every interval; other feet come out wider."
+                f"What is asked is met in the mean over the {many(self.feet, 'foot', 'feet')} that the plan was made for, "
+                f"and for {whole(self.expected[PLANNED].met)} of them in every interval; other feet come out wider."
             )
         mine = self.expected[PLANNED].half_width
         parts = [
-            f"{name} stays at +-{_percent(mine[name])} (+-{_percent(self.asked[name])} asked)"
+            f"{name} stays at +-{percent(mine[name])} (+-{percent(self.asked[name])} asked)"
             for name in self.missed
             if name not in self.never
         ]
@@ -211,10 +235,10 @@ class Planned(Presented):
             unreachable(name, self.reached.half_width[name], self.asked[name], self.causes[name]) for name in self.never
         ]
         if self.reached.decided < SHARE:
-            never.append(f"the branch for more than {100 * self.reached.decided:.0f} % of such feet")
+            never.append(f"the branch for more than {whole(self.reached.decided)} of such feet")
         text = ""
         if parts:
-            text = f"More recordings or minutes are needed, as noise is in the way: {', '.join(parts)}. "
+            text = f"More is needed, as noise is in the way: {', '.join(parts)}. "
             text += f"{self.longer} " if self.longer else ""
         if never:
             text += (
@@ -237,23 +261,31 @@ class Planned(Presented):
             "step", "kind", "Hz", "kg", "m/s^2", "s", "information [nat]", "widest [nat]", "branch [nat]",
         )  # fmt: skip
         notes = [self.sentence(), goal(self.asked)]
+        notes += [self.limited] if self.limited else []
         for name, e in self.expected.items():
-            widths = ", ".join(f"{n} +-{_percent(w)}" for n, w in e.half_width.items())
+            if not e.steps:
+                continue
+            widths = ", ".join(f"{n} +-{percent(w)}" for n, w in e.half_width.items())
             notes.append(
-                f"{_TITLES[name]}: {_many(len(e.steps), 'recording')}, {shaking_s(e.steps) / 60:.2g} min, {widths}, "
-                f"decided {100 * e.decided:.0f} %."
+                f"{_TITLES[name]}: {many(len(e.steps), 'recording')}, {minutes(shaking_s(e.steps))}, {widths}, "
+                f"decided {whole(e.decided)}."
             )
         for offer in self.offers:
             mine, e = self.expected[PLANNED], offer.expected
-            widths = ", ".join(f"{n} +-{_percent(e.half_width[n])} ({_percent(mine.half_width[n])})" for n in EXCHANGED)
+            widths = ", ".join(f"{n} +-{percent(e.half_width[n])} ({percent(mine.half_width[n])})" for n in EXCHANGED)
             notes.append(
-                f"With a sensor {offer.sensor!r} besides (without it): {widths}, decided {100 * e.decided:.0f} % "
-                f"({100 * mine.decided:.0f} %)."
+                f"With a sensor {offer.sensor!r} besides (without it): {widths}, decided {whole(e.decided)} "
+                f"({whole(mine.decided)})."
             )
-        also = f", {', '.join(self.allowed)}" if self.allowed else ""
+        one = len(self.uncertain) == 1 and self.uncertain != ("masses",)
+        also = (
+            f"{listed(self.uncertain)} {'is' if one else 'are'} uncertain as in a fit"
+            if self.uncertain
+            else "nothing beside their constants is uncertain"
+        )
         notes.append(
-            f"Averages over {self.feet} feet of {self.body_mass_kg:g} kg persons; masses, gain, delay{also} are "
-            f"uncertain as in a fit. Seed {self.seed}."
+            f"Averages over {many(self.feet, 'foot', 'feet')} of persons of {self.body_mass_kg:g} kg; {also}. Seed "
+            f"{self.seed}."
         )
         if self.said:
             notes.append(self.said)
@@ -280,7 +312,8 @@ class Planned(Presented):
             },
             "longer": None if self.longer is None else asdict(self.longer),
             "offers": [offer.document() for offer in self.offers],
-            "allowed": list(self.allowed), "earlier_recordings": self.earlier,
+            "allowed": list(self.allowed), "uncertain": list(self.uncertain),
+            "limited": self.limited, "earlier_recordings": self.earlier,
             "information": [
                 {
                     **asdict(p.step), "first_nat": p.first.information, "more_nat": p.more.information,
@@ -311,7 +344,11 @@ def planned(director: Director, most: int, seconds: float, took_s: float = 0.0) 
 
     began = time.perf_counter()
     steps = director.session(most, seconds)
-    protocols: dict[str, Sequence[Step]] = {PLANNED: steps, THESIS: thesis(), UNLOADED: thesis((0.0,))}
+    protocols: dict[str, Sequence[Step]] = {
+        PLANNED: steps,
+        THESIS: director.thesis(),
+        UNLOADED: director.thesis((0.0,)),
+    }
     expected = {
         name: Expected.of(each, director.outlook(each, fresh=name != PLANNED)) for name, each in protocols.items()
     }
@@ -325,10 +362,11 @@ def planned(director: Director, most: int, seconds: float, took_s: float = 0.0) 
     return Planned(
         person.foot.name, person.name, person.body_mass_kg, person.posture, director.seed, director.feet, steps,
         tuple(adds), expected, dict(director.asked), reached, director.causes(),
-        _longer(director, steps, expected[PLANNED], reached),
+        _longer(director, steps, expected[PLANNED], reached, seconds),
         tuple(_offer(director, name, steps, whole) for name in director.offers), director.allowed, len(director.done),
         tuple(Place(s, a, b) for s, a, b in zip(director.candidates, first, more, strict=True)),
         "" if director.belief is None else believed(director), took_s + time.perf_counter() - began,
+        director.uncertain,
     )  # fmt: skip
 
 
@@ -337,13 +375,15 @@ def _offer(director: Director, sensor: str, steps: Sequence[Step], without: np.n
     return Offer(sensor, Expected.of(steps, outlook), Score(*map(float, outlook.utility - without)))
 
 
-def _longer(director: Director, steps: Sequence[Step], mine: Expected, reached: Expected) -> Longer | None:
+def _longer(
+    director: Director, steps: Sequence[Step], mine: Expected, reached: Expected, given_s: float
+) -> Longer | None:
     """What it takes to meet what can be met and is not."""
     asked, branch = director.asked, mine.decided < SHARE <= reached.decided
     names = [name for name, share in asked.items() if mine.half_width[name] > share >= reached.half_width[name]]
     if not names and not branch:
         return None
-    return Longer.of(director, {"the plan": steps, EVERY: director.candidates}, names, branch)
+    return Longer.of(director, {"the plan": steps, EVERY: director.candidates}, names, branch, given_s)
 
 
 def believed(director: Director) -> str:
@@ -360,12 +400,12 @@ def believed(director: Director) -> str:
         lost = f" Such a foot does not move like this (chi-square {belief.per_dof:.3g} a dof)."
     elif not belief.follows:
         lost = f" Too little is recorded to say whether such a foot moves like this (chi-square {belief.per_dof:.3g})."
-    return f"After {_many(len(director.done), 'recording')}: {told}; {bands}.{lost}"
+    return f"After {many(len(director.done), 'recording')}: {told}; {bands}.{lost}"
 
 
 def goal(asked: Mapping[str, float]) -> str:
     """What is asked for, in full."""
-    wide = ", ".join(f"{name} +-{_percent(share)}" for name, share in asked.items())
+    wide = ", ".join(f"{name} +-{percent(share)}" for name, share in asked.items())
     rest = ", ".join(name for name in EXCHANGED if name not in asked)
     usual = " (the usual goal, whatever the rig)" if asked == GOAL else ""
     return f"Asked: {wide}{usual}, and the branch.{f' Not asked: {rest}.' if rest else ''}"
@@ -374,19 +414,4 @@ def goal(asked: Mapping[str, float]) -> str:
 def unreachable(name: str, reached: float, asked: float, cause: str) -> str:
     """A constant that no protocol brings down to what is asked, and why."""
     why = f"; its variance comes from {cause}" if cause else ""
-    return f"{name} below +-{_percent(reached)} (+-{_percent(asked)} asked{why})"
-
-
-def _many(count: int, what: str) -> str:
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"
-
-
-def span(seconds: float) -> str:
-    """A time in words."""
-    if seconds < 5400:
-        return f"{seconds / 60:.2g} minutes"
-    return f"{seconds / 3600:.2g} hours" if seconds < 48 * 3600 else f"{seconds / 86400:.0f} days"
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.0f} %"
+    return f"{name} below +-{percent(reached)} (+-{percent(asked)} asked{why})"

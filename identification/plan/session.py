@@ -23,6 +23,7 @@ from identification.plan.prior import Person
 from identification.plan.protocol import shaking_s
 from identification.plan.result import EVERY, Longer, believed, goal, unreachable
 from identification.plan.shaker import Shaker
+from identification.plan.words import many, minutes, plain, whole
 
 #: Why a session ended.
 MET, NEVER, SPENT, FAILING, STOPPED = "met", "never", "spent", "failing", "stopped"
@@ -107,9 +108,8 @@ class Shaken(Presented):
 
     def sentence(self) -> str:
         """How it ended, and with what."""
-        minutes = shaking_s([t.step for t in self.good]) / 60
-        count = f"{len(self.good)} recording{'' if len(self.good) == 1 else 's'}"
-        return f"{self.reason} {count}, {minutes:.2g} minutes of shaking. {self.said}"
+        shaken = minutes(shaking_s([t.step for t in self.good]))
+        return f"{self.reason} {many(len(self.good), 'recording')}, {shaken} of shaking. {self.said}"
 
     def sheet(self) -> Sheet:
         """Step by step, with the bands that narrow."""
@@ -120,9 +120,9 @@ class Shaken(Presented):
                 (
                     str(number), f"{t.step.frequency_hz:g}", f"{t.step.added_mass_kg:g}", f"{t.step.seconds:g}",
                     f"{h.level_m_s2:.3g}" if h else "stalled" if t.stalled else "failed",
-                    f"{100 * h.distortion:.2g}" if h else "–", f"{h.coherence:.4f}" if h else "–",
+                    plain(100 * h.distortion) if h else "–", f"{h.coherence:.4f}" if h else "–",
                     f"{h.transmissibility:.3g}" if h else "–",
-                    *(f"{100 * t.bands[n].half_width:.3g}" if n in t.bands else "–" for n in EXCHANGED),
+                    *(plain(100 * t.bands[n].half_width, 3) if n in t.bands else "–" for n in EXCHANGED),
                     f"{t.branch}{'' if t.decided else '?'}" if t.branch else "–",
                 )
             )  # fmt: skip
@@ -194,7 +194,9 @@ class Session:
         if not 0 <= change_s <= 3600:
             raise SettingError(f"a change of load that costs as much as {change_s:g} s of shaking; valid: 0 to 3600.")
         if most < 1 or seconds < shaker.seconds:
-            raise SettingError(f"{most} recordings in {seconds:g} s leave no room for one of {shaker.seconds:g} s.")
+            raise SettingError(
+                f"{seconds:g} s for {many(most, 'recording')} leave no room for one of {shaker.seconds:g} s."
+            )
         self._person, self._shaker, self._ask = person, shaker, dict(ask or GOAL)
         self._most, self._seconds, self._seed, self._draws = most, seconds, seed, draws
         self._record, self._offering = record, offering or Offering()
@@ -288,7 +290,7 @@ class Session:
         done = [replace(step, seconds=self._shaker.seconds) for step in good]
         again = [step for step in done if step in director.candidates]
         steps = {"these recordings": again, EVERY: director.candidates}
-        longer = Longer.of(director, steps, names, branch) if names or branch else None
+        longer = Longer.of(director, steps, names, branch, self._seconds) if names or branch else None
         if longer:
             text = f"Noise is in the way of {', '.join([*names, *['the branch'] * branch])}. {longer} {text}"
         return text.strip()
@@ -360,7 +362,7 @@ def _unreachable(director: Director, ever: Outlook, never: Sequence[str], open_:
     """What no protocol does, how far it is reached with unlimited minutes, and why not further."""
     causes = director.causes()
     what = [unreachable(n, ever.half_width[n], director.asked[n], causes[n]) for n in never]
-    what += [f"a decision between the mirror feet (but for {100 * ever.decided:.0f} % of such feet)"] * open_
+    what += [f"a decision between the mirror feet (but for {whole(ever.decided)} of such feet)"] * open_
     return (
         f"No protocol of these candidates is expected to bring {', nor '.join(what)}, with unlimited minutes of every "
         "candidate: what stays uncertain is not in the vibration."

@@ -265,8 +265,8 @@ def transmissibility(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure
     fitted = {"per-recording": ", fitted to each recording alone", "pooled": ", fitted to all frequencies of a load"}
     text = f"marks: {origin} data{_whose(cycles)}; dots, joined by lines: the model{fitted.get(_mode(cycles), '')}"
     some = not all(c.get("follows", True) for c in cycles)
-    poor = f"; crosses: the fit follows its recordings to less than {POOR_FIT:g} % in the mean"
-    return noted(figure, text + (poor if some else ""))
+    crosses = f"; crosses: the fit follows its recordings to less than {POOR_FIT:g} % in the mean"
+    return noted(figure, text + (crosses if some else ""))
 
 
 def _whose(cycles: Sequence[Mapping[str, Any]]) -> str:

@@ -1,0 +1,47 @@
+"""Numbers with their nouns, as the sentences of a plan and a session have them."""
+
+from collections.abc import Sequence
+
+from fasbody.presentation import readable
+
+
+def many(count: int, one: str, more: str = "") -> str:
+    """A count with its noun: 1 foot, 12 feet."""
+    return f"{count} {one if count == 1 else more or one + 's'}"
+
+
+def percent(share: float) -> str:
+    """A share in percent, of two digits."""
+    if share > 10:
+        return "over 1000 %"
+    return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.0f} %"
+
+
+def whole(share: float) -> str:
+    """A share of counted things in percent, without a decimal."""
+    return f"{100 * share:.0f} %"
+
+
+def plain(value: float, digits: int = 2) -> str:
+    """A number of so many digits that never needs an exponent: all of a whole part are written."""
+    return f"{value:.0f}" if abs(value) >= 10**digits - 0.5 else readable(value, digits)
+
+
+def minutes(seconds: float) -> str:
+    """A time in minutes: 1 minute, 4.5 minutes, 120 minutes."""
+    text = plain(seconds / 60)
+    return f"{text} minute{'' if text == '1' else 's'}"
+
+
+def span(seconds: float) -> str:
+    """A time in the unit that suits it."""
+    if seconds < 5400:
+        return minutes(seconds)
+    size, unit = (3600, "hour") if seconds < 48 * 3600 else (86400, "day")
+    text = plain(seconds / size)
+    return f"{text} {unit}{'' if text == '1' else 's'}"
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words with commas and an `and`."""
+    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
