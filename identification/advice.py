@@ -77,8 +77,8 @@ def advice(
         )
     bound = [key for key, e in best.parameters.items() if e.at_bound]
     zero = [key for key in bound if best.parameters[key].value == 0.0]
-    follows = best.world is None or best.world.follows
-    if zero and follows:
+    may_trust = best.world is None or best.world.follows
+    if zero and may_trust:
         bends = [key for key in zero if key.endswith("_per_m") and not key.endswith(("_n_per_m", "_s_per_m"))]
         if bends:
             texts.append(
@@ -91,7 +91,7 @@ def advice(
         rest = ", ".join(_symbol(key) for key in bound if key not in zero)
         texts.append(f"At its bound: {rest}. The value says where the bound is, not where the foot is.")
     weak = [key for key, e in best.parameters.items() if e.identifiability == "not identifiable" and not e.at_bound]
-    if weak and follows:
+    if weak and may_trust:
         texts.append(
             f"Not identifiable from these recordings: {', '.join(map(_symbol, weak))} (standard error too large)."
         )

@@ -219,9 +219,10 @@ class Planned(Presented):
     def stop(self) -> str:
         """Whether what is asked is met, will be, or never is."""
         if self.met:
+            feet, share = many(self.feet, "foot", "feet"), whole(self.expected[PLANNED].met)
             return (
-                f"What is asked is met in the mean over the {many(self.feet, 'foot', 'feet')} that the plan was made for, "
-                f"and for {whole(self.expected[PLANNED].met)} of them in every interval; other feet come out wider."
+                f"What is asked is met in the mean over the {feet} that the plan was made for, and for {share} of them "
+                "in every interval; other feet come out wider."
             )
         mine = self.expected[PLANNED].half_width
         parts = [

@@ -229,10 +229,11 @@ def show(documents: "Sequence[Document]", findings: "Findings", run: Mapping[str
         from rich.table import Table
 
         table = Table(title=title, title_justify="left")
-        for name in counted[0]:
+        names = [name for name in counted[0] if not name.startswith("again")]  # the page says those in words
+        for name in names:
             table.add_column(name.replace("_", " "), justify="left" if name == "mode" else "right")
         for row in counted:
-            table.add_row(*(f"{v:.4g}" if isinstance(v, float) else str(v) for v in row.values()))
+            table.add_row(*(f"{v:.4g}" if isinstance(v, float) else str(v) for v in (row[n] for n in names)))
         results.print(table)
         for subject in findings.subjects:
             results.print(f"subject {subject.subject}, {subject.posture}, {subject.mode}: {subject.said}",
