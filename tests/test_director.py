@@ -27,7 +27,7 @@ from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study
 from identification.branches import EXCHANGED
 from identification.periodic import PeriodicProblem
-from identification.plan.__main__ import app, show
+from identification.plan.__main__ import _of, app, show
 from identification.plan.belief import Band
 from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Candidates, Step, thesis
 from identification.plan.director import GOAL, Director
@@ -39,6 +39,7 @@ from identification.plan.record import Offer
 from identification.plan.result import Planned, planned
 from identification.plan.session import FAILING, INTERRUPTED, NEVER, SPENT, Offering, Session, Shaken, Taken
 from identification.plan.shaker import Shaker
+from identification.plan.words import listed, many, minutes, percent, span
 
 ALONE = Known().told(exclude=("all",))
 SHAKER = Shaker(every_hz=5.0, loads_kg=(0.0, 4.5))
@@ -324,6 +325,73 @@ def test_what_is_met_in_the_mean_is_said_to_be_met_for_so_many() -> None:
     assert result.met
     assert all(least[name] < 0.2 for name in EXCHANGED)
     assert f"for {100 * share:.0f} % of them in every interval" in result.sentence()
+
+
+def test_thesis_is_compared_as_far_as_the_shaker_can_do_it() -> None:
+    """2 mm of travel and 15 to 45 Hz: no sine of 10 or 50 Hz, and the slow ones as weak as the travel asks for."""
+    small = Shaker(15.0, 45.0, 10.0, displacement_m=0.002, loads_kg=(0.0, 4.5))
+    result = planned(Director(person(), small, draws=2), 2, 20.0)
+    steps = result.expected[THESIS].steps
+    assert len(steps) == 21 and {s.frequency_hz for s in steps} == {15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0}
+    for s in steps:  # half of the travel that acquire commands, by the square of the angular frequency
+        travel = 0.5 * COMMANDED * 0.002 * (2 * np.pi * s.frequency_hz) ** 2
+        assert s.amplitude_m_s2 == pytest.approx(min(8.95, travel))
+    least = 0.5 * COMMANDED * 0.002 * (30 * np.pi) ** 2
+    said = f"as this shaker can do it: without 10 and 50 Hz, and weaker at 15 Hz, down to {least:.3g} in place of 8.95"
+    assert any(said in note for note in result.sheet().notes) and said in result.document()["limited"]
+    assert planned(Director(person(), SHAKER, draws=2), 1, 10.0).limited == ""
+    fast = Director(person(), Shaker(60.0, 80.0, 10.0), draws=2)
+    alone = planned(fast, 1, 10.0)
+    assert "none of the thesis' sines" in alone.limited and "thesis" not in alone.sentence()
+    assert not any(note.startswith("the thesis") for note in alone.sheet().notes)
+    with pytest.raises(SettingError, match="none of the thesis' sines"):
+        fast.as_thesis()
+
+
+def test_number_of_recordings_is_said_to_be_the_limit_where_it_is() -> None:
+    """Two recordings for 20 minutes: the same shaking spread over more would do; for one minute it would not."""
+    who = Director(person(), SHAKER, GOAL, draws=4)
+    few = planned(who, 1, 1200.0)
+    assert few.longer is not None and few.longer.steps == "every candidate" and few.longer.shaking_s <= 1200.0
+    assert "The number of recordings is the limit: spread over every candidate" in few.stop()
+    spread = [replace(s, seconds=few.longer.times * s.seconds) for s in who.candidates]
+    assert who.met(who.outlook(spread))
+    short = planned(who, 1, 10.0).stop()
+    assert "The number of recordings is the limit" not in short and "It would take more recordings, and" in short
+
+
+def test_what_is_uncertain_is_what_was_said_to_be() -> None:
+    def note(known: Known) -> str:
+        return next(n for n in planned(Director(person(known=known), SHAKER, draws=2), 1, 10.0).sheet().notes
+                    if n.startswith("Averages"))  # fmt: skip
+
+    assert "over 2 feet of persons of 72 kg; masses, gain and delay are uncertain as in a fit" in note(ALONE)
+    exact = Known().told(exclude=("all",), mass_std=0.0, delay_std_s=0.0)
+    assert "; gain is uncertain as in a fit" in note(exact)
+    nothing = Known().told(exclude=("all",), mass_std=0.0, gain_std=0.0, delay_std_s=0.0)
+    assert "; nothing beside their constants is uncertain" in note(nothing)
+
+
+def test_numbers_have_their_nouns() -> None:
+    assert [many(n, "foot", "feet") for n in (1, 2)] == ["1 foot", "2 feet"]
+    assert [minutes(s) for s in (60, 270, 7200)] == ["1 minute", "4.5 minutes", "120 minutes"]
+    assert [span(s) for s in (30, 7200, 86400 * 3)] == ["0.5 minutes", "2 hours", "3 days"]
+    shares = (0.016, 0.996, 1.0, 5.37, 1e9)
+    assert [percent(x) for x in shares] == ["1.6 %", "100 %", "100 %", "537 %", "over 1000 %"]
+    assert [listed(w) for w in ((), ("a",), ("a", "b", "c"))] == ["", "a", "a, b and c"]
+
+
+def test_one_person_of_an_earlier_study_is_chosen() -> None:
+    two, other = (replace(r, condition=replace(r.condition, subject=who, posture=how))
+                  for r in [Recording(np.arange(3.0), np.zeros(3), np.zeros(3))]
+                  for who, how in (("1", "midstance"), ("2", "dorsiflexion")))  # fmt: skip
+    assert _of([two, other], "2", None) == [other] and _of([two], None, None) == [two]
+    with pytest.raises(SettingError, match=r"several people \(1, 2\); choose one with --subject"):
+        _of([two, other], None, None)
+    with pytest.raises(SettingError, match=r"--subject: unknown subject '3' .valid: 1, 2"):
+        _of([two, other], "3", None)
+    with pytest.raises(SettingError, match=r"several postures .*--posture"):
+        _of([two, replace(other, condition=replace(other.condition, subject="1"))], "1", None)
 
 
 def test_asked_intervals_end_a_plan_early(director: Director) -> None:

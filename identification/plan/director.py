@@ -35,11 +35,12 @@ GOAL = {"k_T": 0.03, "k_F": 0.03, "c_11": 0.06, "c_21": 0.06}
 #: As narrow as the thesis' three loads means within this factor: 15 % are allowed for feet that are not the
 #: population's, and the rest is room for the difference.
 AS_THESIS = 1.05
-#: Rounds of exchange of a whole session, and the gain in nats that is worth one.
-_ROUNDS, _WORTH = 5, 1e-3
-#: How often some recordings of a session are drawn anew, at least and at most, until so many looks have been taken at
-#: all candidates; and by how many feet these sessions are exchanged.
-_LEAST, _RESTARTS, _LOOKS, _FEW = 2, 8, 60, 8
+#: The search of a session. Rounds in which its recordings are exchanged, and the gain in nats that is worth a change.
+_ROUNDS, _LEAST_GAIN = 5, 1e-3
+#: How often the search begins again from a session of which some recordings were drawn at random: at least, at most,
+#: and not again once it has scored all candidates so often by all feet (a bound of the time). Sessions after a restart
+#: are exchanged by these few feet; which one is best is judged by all.
+_LEAST_RESTARTS, _MOST_RESTARTS, _MOST_LOOKS, _FEET_OF_RESTARTS = 2, 8, 60, 8
 #: A protocol that goes on for ever has every candidate so often, and oftener until the noise of all of them together
 #: is that of a sample with this rms [m/s^2], far below that of any sensor.
 _FOR_EVER, _SILENT = 1e4, 1e-3
@@ -102,10 +103,11 @@ class Director:
             sigma = [(line.base.sigma, line.malleolus.sigma) for line in map(Line.of, earlier)]
             shaker = replace(shaker, noise_m_s2=float(np.clip(np.sqrt(np.mean(np.square(sigma))), 1e-6, 10.0)))
             self.shaker = shaker
+        # the order of the session, the starts of the belief, and the feet (with the restarts of the search)
         order, starts, feet = np.random.SeedSequence([seed, len(earlier)]).spawn(3)
         compared = self.thesis() if compares else ()
         every = tuple(dict.fromkeys(map(self._unit, [*self.candidates, *compared, *self.done])))
-        self._place = {step: i for i, step in enumerate(every)}
+        self._place = {step: i for i, step in enumerate(every)}  # of each step in counts (C,), the candidates first
         allowed = person.allowed(every, earlier, shaker.rate_hz)
         middle = float(np.sqrt(shaker.lowest_hz * shaker.highest_hz))
         groups = {each.group for each in allowed}
@@ -114,8 +116,8 @@ class Director:
         self._sight = Sight(person, every, shaker, allowed, np.random.default_rng(order), middle)
         self.belief = believe(person, earlier, allowed, middle, starts, believed) if earlier else None
         self._feet = Feet(self._draws(draws, feet), self._sight.space, len(self.candidates))
-        self._draw = feet
-        self._gained: dict[tuple[tuple[tuple[int, int], ...], int, int], np.ndarray] = {}
+        self._stream = feet
+        self._scored: dict[tuple[tuple[tuple[int, int], ...], int, int], np.ndarray] = {}  # see `_best`
         self.asked: dict[str, float] = {}
         self.aim(ask or GOAL)
 
@@ -150,6 +152,7 @@ class Director:
         return tuple(group for group in DEPARTURES if group not in self.person.known.excluded)
 
     def _draws(self, count: int, seed: np.random.SeedSequence) -> list[Seen]:
+        """So many feet that have a steady motion: of either branch in turn, or of what recordings leave possible."""
         feet: list[Seen] = []
         for number in range(_TRIES * count):
             own, sign = stream(seed, str(number)), 1 if number % 2 else -1
@@ -166,7 +169,7 @@ class Director:
         return replace(step, seconds=self.shaker.seconds)
 
     def _counts(self, steps: Sequence[Step], fresh: bool) -> np.ndarray:
-        """How long (C,) each step lasts, in lengths that were looked at."""
+        """How long (C,) each step that was looked at lasts, in usual lengths; with what is done unless fresh."""
         found = np.zeros(len(self._place))
         for step in (*(() if fresh else self.done), *steps):
             place = self._place.get(self._unit(step))
@@ -221,10 +224,12 @@ class Director:
 
     @property
     def _for_ever(self) -> np.ndarray:
+        """Counts (C,) of what is done and of every candidate, recorded as good as for ever."""
         return self._counts((), False) + self._longest * self._counts(self.candidates, True)
 
     @property
     def _longest(self) -> float:
+        """How often every candidate is recorded then."""
         return max(_FOR_EVER, (self.shaker.noise_m_s2 / _SILENT) ** 2)
 
     def times(self, steps: Sequence[Step], names: Sequence[str], branch: bool) -> float:
@@ -275,9 +280,13 @@ class Director:
     def session(self, most: int, seconds: float) -> tuple[Step, ...]:
         """A whole session, in the order of its loads.
 
-        Pieces of the usual length are added one by one until what is asked is expected to be met. Then whole recordings
-        are swapped, and pieces moved from one to another, while that gains; then some recordings are made anew and all
-        is done again, several times, and the best session is kept. Pieces that are alike make one longer recording.
+        The time is divided into pieces of the usual length. While it is searched, a session is a `Counter`: place of a
+        candidate -> its pieces; all pieces of one candidate are one recording, as long as they are together.
+
+        1. Pieces are added one by one, each where it adds most, until what is asked is expected to be met (`_grown`).
+        2. Whole recordings are put elsewhere, and single pieces moved from one to another, while that gains; pieces
+           that the goal does not need are taken out (`_polished`).
+        3. Some recordings of the best session so far are put at random places and step 2 is done again, several times.
 
         Args:
             most: recordings. seconds: of shaking in all.
@@ -291,79 +300,88 @@ class Director:
                 f"{seconds:g} s for {many(most, 'recording')} leave no room for one of {self.shaker.seconds:g} s; give "
                 "more time, or shorter ones."
             )
-        self._gained.clear()
+        self._scored.clear()
         first = best = self._polished(self._grown(Counter(), most, pieces, self.feet), most, pieces, self.feet)
-        rng = np.random.default_rng(stream(self._draw, "restarts"))
-        for number in range(_RESTARTS):
-            if number >= _LEAST and sum(feet for *_, feet in self._gained) > _LOOKS * self.feet:
+        rng = np.random.default_rng(stream(self._stream, "restarts"))
+        for restart in range(_MOST_RESTARTS):
+            if restart >= _LEAST_RESTARTS and sum(feet for *_, feet in self._scored) > _MOST_LOOKS * self.feet:
                 break
             other = best.copy()
-            for i in rng.permutation(sorted(best))[: rng.integers(1, len(best) + 1)]:
-                moved = other.pop(int(i))  # before the sum is looked up: the one drawn may be this one
+            for place in rng.permutation(sorted(best))[: rng.integers(1, len(best) + 1)]:
+                moved = other.pop(int(place))  # before the new place is filled: it may be the same one
                 other[int(rng.integers(len(self.candidates)))] += moved
-            other = self._polished(other, most, pieces, _FEW)
-            best = max(best, other, key=self._worth)
-        if best != first:
-            best = max(best, self._polished(best, most, pieces, self.feet), key=self._worth)
-        steps = [replace(self.candidates[i], seconds=n * self.shaker.seconds) for i, n in best.items()]
-        return tuple(sorted(steps, key=lambda s: (s.added_mass_kg, s.frequency_hz, -s.amplitude_m_s2, s.kind)))
+            other = self._polished(other, most, pieces, _FEET_OF_RESTARTS)
+            best = max(best, other, key=self._rank)
+        if best != first:  # it was exchanged by few feet
+            best = max(best, self._polished(best, most, pieces, self.feet), key=self._rank)
+        return tuple(
+            sorted(self._steps(best), key=lambda s: (s.added_mass_kg, s.frequency_hz, -s.amplitude_m_s2, s.kind))
+        )
+
+    # the search: plans are Counters of pieces by candidate, most is of recordings, feet is by how many is scored
 
     def _polished(self, plan: Counter[int], most: int, pieces: int, feet: int) -> Counter[int]:
-        """The best session near one by the first feet, without pieces that the goal does not need."""
+        """The best session that exchanges lead to from a plan, without pieces that the goal does not need."""
         for _ in range(_ROUNDS):
             before = plan.copy()
-            for i in sorted(plan, key=lambda i: plan[i]):  # whole recordings
-                plan = self._moved(plan, i, plan[i], most, feet)
-            if plan != before:
+            for place in sorted(plan, key=lambda i: plan[i]):  # whole recordings, the shortest first
+                plan = self._exchanged(plan, place, plan[place], most, feet)
+            if plan != before:  # single pieces only once whole recordings have found their places
                 continue
-            for i in sorted(plan):  # one piece of each
-                plan = self._moved(plan, i, 1, most, feet)
+            for place in sorted(plan):
+                plan = self._exchanged(plan, place, 1, most, feet)
             plan = self._grown(plan, most, pieces, feet)
             if plan == before:
                 break
         while self._met(plan):
-            fewer = [plan - Counter([i]) for i in plan]
+            fewer = [plan - Counter([place]) for place in plan]
             fewer = [each for each in fewer if each and self._met(each)]
             if not fewer:
                 break
-            plan = max(fewer, key=self._worth)
+            plan = max(fewer, key=self._rank)
         return plan
 
     def _grown(self, plan: Counter[int], most: int, pieces: int, feet: int) -> Counter[int]:
-        """With more pieces, one by one, until what is asked is expected to be met."""
+        """A plan with more pieces, one by one, until what is asked is expected to be met or no piece is left."""
         while plan.total() < pieces and not (plan and self._met(plan)):
             plan = plan + Counter([self._best(plan, 1, most, feet)[0]])
         return plan
 
-    def _moved(self, plan: Counter[int], i: int, pieces: int, most: int, feet: int) -> Counter[int]:
-        """With so many pieces of recording i where they add most."""
-        if not plan[i]:
+    def _exchanged(self, plan: Counter[int], place: int, pieces: int, most: int, feet: int) -> Counter[int]:
+        """A plan with so many pieces of one recording put where they add most, if that is worth it."""
+        if not plan[place]:  # an exchange before this one has emptied it
             return plan
-        rest = plan - Counter({i: pieces})
+        rest = plan - Counter({place: pieces})
         best, gains = self._best(rest, pieces, most, feet)
-        return rest + Counter({best: pieces}) if gains[best] > gains[i] + _WORTH else plan
+        return rest + Counter({best: pieces}) if gains[best] > gains[place] + _LEAST_GAIN else plan
+
+    def _best(self, plan: Counter[int], pieces: int, most: int, feet: int) -> tuple[int, np.ndarray]:
+        """The candidate to which so many pieces add most to a plan, and what they add at each (K,), in nats.
+
+        Where the plan has all its recordings, only these may become longer. Scores are kept: exchanges come back to
+        the same plans.
+        """
+        key = (tuple(sorted(plan.items())), pieces, feet)
+        if key not in self._scored:
+            self._scored[key] = self._feet.gains(self._counts(self._steps(plan), False), pieces, feet).sum(1)
+        gains, there = self._scored[key], sorted(plan)
+        if len(there) < most:
+            return int(np.argmax(gains)), gains
+        return there[int(np.argmax(gains[there]))], gains
 
     def _met(self, plan: Counter[int]) -> bool:
+        """What is asked is expected to be met, by all feet."""
         return self.met(self.outlook(self._steps(plan)))
 
-    def _worth(self, plan: Counter[int]) -> tuple[bool, int, float]:
-        """What makes one session better than another: the goal is met, by less shaking; else the score."""
+    def _rank(self, plan: Counter[int]) -> tuple[bool, int, float]:
+        """Better sessions rank higher: those that meet the goal, by less shaking; then by the score of all feet."""
         outlook = self.outlook(self._steps(plan))
         met = self.met(outlook)
         return met, -plan.total() if met else 0, float(outlook.utility.sum())
 
     def _steps(self, plan: Counter[int]) -> list[Step]:
+        """The recordings of a plan."""
         return [replace(self.candidates[i], seconds=n * self.shaker.seconds) for i, n in plan.items()]
-
-    def _best(self, plan: Counter[int], pieces: int, most: int, feet: int) -> tuple[int, np.ndarray]:
-        """The candidate whose pieces add most to a session, of so many recordings, and what each one's add (K,)."""
-        key = (tuple(sorted(plan.items())), pieces, feet)
-        if key not in self._gained:
-            self._gained[key] = self._feet.gains(self._counts(self._steps(plan), False), pieces, feet).sum(1)
-        gains, there = self._gained[key], sorted(plan)
-        if len(there) < most:
-            return int(np.argmax(gains)), gains
-        return there[int(np.argmax(gains[there]))], gains
 
 
 def _refuse(ask: Mapping[str, float]) -> None:
