@@ -9,10 +9,13 @@ from made_fits import failed, plain
 from scipy.stats import chi2
 from scipy.stats import t as student
 
-from fasbody.exceptions import RecordingError
+from fasbody.console import make_folder
+from fasbody.exceptions import InputFileError, RecordingError
 from identification.study import figures, report, tables
-from identification.study.findings import Findings
+from identification.study.findings import Findings, gather
+from identification.study.persons import joining
 from identification.study.population import chances, constant, populations, spread_interval, without
+from identification.study.store import Store
 
 LOGS = np.array([0.0, 0.1, 0.3, 0.5, 0.9])
 NAMES = list("abcde")
@@ -202,3 +205,23 @@ def test_the_page_tells_persons_and_population(tmp_path: Path) -> None:
     assert "<td>midstance, 0 kg</td><td>stiff ankle (decided)</td><td>k_T [kN/m]</td><td>5</td>" in page
     assert (tmp_path / "figures" / "persons_midstance.svg").stat().st_size > 1000
     assert "One set of constants serves all frequencies in 5 of 5 pooled fits." in page
+
+
+def test_persons_of_other_results_join_the_population(tmp_path: Path) -> None:
+    """Three persons of this study and two of others are the population that one study of five persons has."""
+    five = study(60.0)
+    for i, d in enumerate(five):
+        d["key"] = f"{i:024x}"
+    mine, other = five[:3], five[3:]
+    for d in (*other, plain("per-recording", "9", 0.0, 20.0, {"stiff ankle": {}})):
+        Store(make_folder(tmp_path / "ben" / "fits")).write(d | {"key": d["key"] if len(d["key"]) == 24 else "f" * 24})
+    joined = joining(tmp_path / "ben")
+    assert [d["subject"] for d in joined] == ["3 of ben", "4 of ben"]
+    (have,), (want,) = gather(mine, others=joined).populations, populations(five)
+    for a, b in zip(have.constants, want.constants, strict=True):
+        assert (a.mean, a.spread, len(a.persons)) == (b.mean, b.spread, 5)
+    assert gather(mine).no_population and not gather(mine).populations
+    again = gather(five, others=joined).populations[0]  # the same fits count once
+    assert [p.subject for p in again.constants[0].persons] == [p.subject for p in want.constants[0].persons]
+    with pytest.raises(InputFileError, match="anna: holds no pooled fits"):
+        joining(tmp_path / "anna")

@@ -58,6 +58,10 @@ def main(
     posture: Annotated[list[str] | None, typer.Option(help="only this posture; repeat")] = None,
     added_mass: Annotated[list[float] | None, typer.Option(help="only this added mass in kg; repeat")] = None,
     frequency: Annotated[list[float] | None, typer.Option(help="only this frequency in Hz; repeat")] = None,
+    persons: Annotated[
+        list[Path] | None,
+        typer.Option("--with", help="results of another study, whose pooled fits join the population; repeat"),
+    ] = None,
     page: Annotated[bool, typer.Option("--report/--no-report", help="write summary, figures and report.html")] = True,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
@@ -72,6 +76,8 @@ def main(
 
       python -m identification.study my_study --profile k_T,k_F --validate --prior "k_T>k_F"
 
+      python -m identification.study anna --mode pooled --with results/ben_study --with results/cleo_study
+
       python -m identification.study my_study --scheduler tcp://127.0.0.1:8786
     """
     from fasbody.foot.model import load
@@ -80,6 +86,7 @@ def main(
     from identification.study import report
     from identification.study.checks import ensure
     from identification.study.findings import gather
+    from identification.study.persons import joining
     from identification.study.plan import Model, Plan
     from identification.study.tracking import Prior
     from identification.study.truth import Truth
@@ -94,6 +101,7 @@ def main(
     profiled = tuple(dict.fromkeys(names(profile) or ()))
     space = ensure(mode, settings, foot, profiled)
     plan = Plan(folder, filters.choose(folder.trials), settings, Model.of(foot))
+    others = [d for each in persons or () for d in joining(each)]
     out = out or Path("results") / f"{study.resolve().name}_study"
     if out.is_file():
         raise InputFileError(out, "is a file", "name a folder")
@@ -122,7 +130,8 @@ def main(
     keys = (job.key for each in MODES for what in every for job in plan.jobs(each, *what))
     made = list(checks.documents(keys).values())
     unshown = fits.others(d["key"] for d in documents) + checks.others(d["key"] for d in made)
-    findings = replace(gather(documents, made, believed, ", ".join(prior or ())), unshown=unshown, asked=mode)
+    found_of_all = gather(documents, made, believed, ", ".join(prior or ()), others)
+    findings = replace(found_of_all, unshown=unshown, asked=mode)
     if page:
         report.write(out, documents, folder.name, folder.origin, Truth.read(study), findings)
     done = sum(map(_done, kept.values()))

@@ -87,19 +87,23 @@ class Findings:
 
 
 def gather(
-    documents: Sequence[Document], checks: Sequence[Document] = (), prior: Prior | None = None, said: str = ""
-) -> Findings:
+    documents: Sequence[Document], checks: Sequence[Document] = (), prior: Prior | None = None, said: str = "",
+    others: Sequence[Document] = (),
+) -> Findings:  # fmt: skip
     """Track the branches of every subject's fits, and take the checks along.
 
     Args:
         documents: the fits. checks: their checks. prior: of the branches. said: the prior in words.
+        others: fits of persons of other studies, who join the population alone.
     """
     subjects: dict[tuple[str, str, str], list[Document]] = {}
     for d in documents:
         if d["status"] == "done" and d["mode"] in _TRACKED_MODES:
             subjects.setdefault((d["mode"], d["subject"], d["posture"]), []).append(d)
     tracked = [_tracked(*who, mine, prior) for who, mine in subjects.items()]
-    return Findings(tracked, checks, said, populations=populations(documents), no_population=without(documents))
+    keys = {d["key"] for d in documents}  # of the recordings, too: nobody counts twice
+    everyone = [*documents, *(d for d in others if d["key"] not in keys)]
+    return Findings(tracked, checks, said, populations=populations(everyone), no_population=without(everyone))
 
 
 def _tracked(mode: str, subject: str, posture: str, documents: Sequence[Document], prior: Prior | None) -> Subject:
