@@ -120,13 +120,14 @@ def widest(
             ends.enter(_other(end.name), world.image(heavier))
     if misled and reweighed(problem, [end.q for end in sorted(ends.found.values(), key=_objective)]):
         ends = _Ends(problem, both, most, ends.found)
+        if any(map(_lost, ends.found.values())):
+            ends.mirror()
     for name, end in list(ends.found.items()):  # the odds are between ends, not between places on the way
         if not end.converged:
             ends.enter(name, end.q)
-    moving = [end for end in ends.found.values() if end.objective < UNSTABLE**2]
-    if not moving:
+    best, *others = sorted(ends.found.values(), key=_objective)
+    if _lost(best):
         return []
-    best, *others = sorted(moving, key=_objective)
     constants = [constant for end in (best, *others) if (constant := _constant(end, most)) is not None]
     return [replace(best, constant=min(constants, default=None)), *others]
 
@@ -222,6 +223,11 @@ def _other(name: str) -> str:
     return STIFF_PAD if name == STIFF_ANKLE else STIFF_ANKLE
 
 
+def _lost(end: End) -> bool:
+    """Whether an end has no periodic motion."""
+    return end.objective >= UNSTABLE**2
+
+
 def _objective(end: End) -> float:
     return end.objective
 
@@ -229,7 +235,8 @@ def _objective(end: End) -> float:
 def _descend(problem: WorldProblem, name: str, q: np.ndarray, low: np.ndarray, high: np.ndarray, most: int) -> End:
     problem.start(q)  # orbits are sought from rest
     found = settle(problem, q, low, high, most)
-    return End(name, found.q, problem, found.objective, found.left < _SETTLED)
+    end = End(name, found.q, problem, found.objective, found.left < _SETTLED)
+    return replace(end, converged=False) if _lost(end) else end  # it rests where nothing moves
 
 
 def widened(end: End, narrow: Branch | None, space: Space, dof: int) -> Branch:
