@@ -28,6 +28,12 @@ SEGMENT_BODIES: dict[str, dict[str, str]] = {
     },
 }  # fmt: skip
 
+#: Models that wear the meshes of another one: name -> the other, segment -> body, and the other's body in whose place a
+#: body rests. The shank of the mounted arch begins at the apex.
+BORROWED: dict[str, tuple[str, dict[str, str], dict[str, str]]] = {
+    "mounted_arch": ("foot_arch", SEGMENT_BODIES["foot_arch"] | {"tibia": "shank"}, {"shank": "apex"}),
+}
+
 #: Geoms (name, body) of other shipped models that the meshes stand for: the lower end of the tibia, in leg.xml.
 _MESHED = {("malleolus", "malleolus")}
 
@@ -62,7 +68,8 @@ def segment_frames(shipped: str) -> dict[str, Frame]:
 def segment_bodies(model: mujoco.MjModel) -> tuple[str, Mapping[str, str]] | None:
     """The shipped model whose body names a model has, with segment -> body; None if it has neither's."""
     there = {model.body(i).name for i in range(model.nbody)}
-    return next(((name, b) for name, b in SEGMENT_BODIES.items() if set(b.values()) <= there), None)
+    known = SEGMENT_BODIES | {name: bodies for name, (_, bodies, _) in BORROWED.items()}
+    return next(((name, b) for name, b in known.items() if set(b.values()) <= there), None)
 
 
 @dataclass(frozen=True)
@@ -92,6 +99,7 @@ def own(model: mujoco.MjModel) -> Own:
     known = {
         (shipped.geom(i).name, shipped.body(shipped.geom_bodyid[i]).name): shipped.geom_rgba[i]
         for i in range(shipped.ngeom)
+        if shipped.body(shipped.geom_bodyid[i]).name in found[1].values()
     }
     tints = {
         body: model.geom_rgba[i, :3].copy()
@@ -126,8 +134,9 @@ def carried(model: mujoco.MjModel) -> dict[str, Carried] | None:
     found = segment_bodies(model)
     if found is None:
         return None
-    made, rest = segment_frames(found[0]), frames(model)
-    segments = {name: Carried(body, made[body], rest[body]) for name, body in found[1].items()}
+    other, _, place = BORROWED.get(found[0], (found[0], {}, {}))
+    made, rest = segment_frames(other), frames(model)
+    segments = {name: Carried(body, made[place.get(body, body)], rest[body]) for name, body in found[1].items()}
     toes, heads = segments["toes"], np.mean([head for _, head, *_ in METATARSALS], 0)[[0, 2, 1]] * (1e-3, 1e-3, -1e-3)
     turn = _rotation(toes.rest) * _rotation(toes.bind).inv()
     moved = toes.rest.position + turn.apply(heads - toes.bind.position) - heads
