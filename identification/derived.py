@@ -173,8 +173,17 @@ def derived(result: FitResult) -> Derived:
         [row for view in views for row in _dampers(evidence, view, cycles)],
         _reached(evidence, views[:1], cycles),
         [row for view in views for row in _energies(evidence, view, cycles)],
-        _chi_square(result, evidence),
+        _chi_square(evidence, result.best.name),
     )
+
+
+def at_a_glance(result: FitResult) -> tuple[list[Row], list[Row], list[Row]]:
+    """What is drawn first, without the seconds of the rest: data and curves, and chi-square of every branch by name."""
+    evidence = result.evidence
+    if evidence is None:
+        return [], [], []
+    parts = [{"branch": b.name, **row} for b in result.branches for row in _chi_square(evidence, b.name)]
+    return _data(evidence), _curves(result, evidence), parts
 
 
 def _views(result: FitResult, evidence: "Evidence") -> list[View]:
@@ -451,18 +460,18 @@ def _energy_spread(evidence: "Evidence", view: View, number: int, energies: np.n
         return view.spread(np.nan_to_num(by_value @ by_q, nan=np.inf))
 
 
-def _chi_square(result: FitResult, evidence: "Evidence") -> list[Row]:
-    """Chi-square of the likelier branch by recording and harmonic: squares of the whitened real and imaginary part.
+def _chi_square(evidence: "Evidence", branch: str) -> list[Row]:
+    """Chi-square of a branch by recording and harmonic: squares of the whitened real and imaginary part.
 
     The whitening takes harmonics one after the other, each less what those before it foretell, so the parts add up.
     """
     residuals: dict[str, np.ndarray] = {}
     lines: Sequence[Line] = ()
     for end in evidence.ends:
-        if end.name == result.best.name:
+        if end.name == branch:
             lines, residuals[WHATEVER] = end.problem.lines, end.problem.residual(end.q)[: end.problem.size]
     for each in evidence.certified:
-        if each.name == result.best.name and isinstance(each.problem, PeriodicProblem):
+        if each.name == branch and isinstance(each.problem, PeriodicProblem):
             lines, residuals[IF_TRUE] = each.problem.lines, each.problem.residual(each.descent.z)
     rows, first = [], 0
     for line in lines:
