@@ -286,10 +286,18 @@ FITTED = {
         {"branch": b, "added_mass_kg": m, "frequency_hz": f, "transmissibility": 1.5, "phase_lag_deg": 179.6 + f / 100}
         for b in ("stiff ankle", "stiff pad") for m in (0, 2.3) for f in (10, 20, 30, 40, 50)
     ],
-    "chi_square": [{"frequency_hz": 20, "harmonic": h, "chi_square_if_model_true": 2.0} for h in (1, 2)],
+    "chi_square": [
+        {"branch": b, "frequency_hz": 20, "harmonic": h, "chi_square_if_model_true": chi}
+        for b, chi in (("stiff ankle", 2.0), ("stiff pad", 3.0)) for h in (1, 2)
+    ],
     "traces": [
-        {"file": file, "time_s": [0, 0.01, 0.02], "measured": [0, y, 0], "model": [0, y, 0.1], "fit_percent": 99}
-        for file, y in (("here/20hz.csv", 1.0), ("25hz.csv", 2.0))
+        {"file": file, "time_s": [0, 0.01, 0.02], "measured": [0, y, 0], "models": {
+            b: {"model": [0, y, left], "fit_percent": fit} for b, left, fit in branches
+        }}
+        for file, y, branches in (
+            ("here/20hz.csv", 1.0, [("stiff ankle", 0.1, 99)]),
+            ("25hz.csv", 2.0, [("stiff ankle", 0.1, 99), ("stiff pad", 0.2, 98)]),
+        )
     ],
 }  # fmt: skip
 
@@ -304,21 +312,38 @@ def listed(page: Watched, *files: str, shown: int, **more: Any) -> None:
     page("d => listData({ ...d, session: bench.session })", {"rows": rows, "shown": shown, "stale": ""})
 
 
-def test_plots_of_a_fit_say_whose_they_are(opened: Any, tmp_path: Path) -> None:
+def test_plots_of_a_fit_follow_the_branch_and_say_whose_they_are(opened: Any, tmp_path: Path) -> None:
     with served("--model", "two_dof", folder=tmp_path) as url:
         page = Watched(opened, url, (1600, 900))
         files = ["here/20hz.csv", "25hz.csv", "20hz.csv", "35hz.csv"]
         listed(page, *files, shown=1)
         page("d => fitted(d)", FITTED)
-        titles = "['trace', 'left', 'chi'].map(k => bench.plots[k].title)"
-        assert all(title.endswith(" · stiff ankle") for title in page(titles))
-        assert page("bench.plots.trace.series[0].y") == [0, 2, 0]
-        page.page.get_by_role("button", name="stiff pad").click()
-        page.until("!busy && !wanted && state.values.k_T === 9e4")
-        assert all(title.endswith("stiff ankle, not the branch shown") for title in page(titles))
-        assert page("byId('matrix').caption.textContent").endswith("stiff ankle, not the branch shown")
+        titles = "[...['trace', 'left', 'chi'].map(k => bench.plots[k].title), byId('matrix').caption.textContent]"
+        drawn = (
+            "[bench.plots.trace.series[1].y[2], bench.plots.trace.series[1].label, bench.plots.left.series[0].y[2],"
+            "bench.plots.chi.series[0].y[0], byId('matrix').querySelector('[aria-pressed=true]').textContent]"
+        )
+        worn = "[plots.pad.series[0].label, plots.ankle.series[0].label, plots.traces.series[1].label]"
+        motions = {}
+        for name, k, left, fit, chi in (("stiff ankle", 1.2e5, 0.1, 99, 2), ("stiff pad", 9e4, 0.2, 98, 3)):
+            page.page.get_by_role("button", name=name).click()
+            page.until(f"motion && !busy && !wanted && state.values.k_T === {k} && drawn === motion")
+            assert all(title.endswith(f" · {name}") for title in page(titles))
+            assert page("bench.plots.trace.series[0].y") == [0, 2, 0]
+            assert page(drawn) == [left, f"model, {fit}.0 %", -left, chi, str(fit)]
+            assert page(worn) == [name, name, f"malleolus · {name}"]
+            motions[name] = page("plots.ankle.series[0].y")
+        assert motions["stiff ankle"] != motions["stiff pad"]
+        listed(page, *files, shown=0)  # not every branch need have a trace
+        page("drawTrace()")
+        assert page("bench.plots.trace.series") == []
+        assert "the model alone has no trace" in page("bench.plots.trace.instead.textContent")
+        listed(page, *files, shown=1)
         page.page.locator("#undo").click()
         assert all(title.endswith(" · stiff ankle") for title in page(titles))
+        page("rows.k_T.set(1e5), state.values.k_T = 1e5, ask()")  # of neither branch
+        page.until("!busy && !wanted && drawn === motion && !plots.pad.series[0].label")
+        assert page("plots.traces.series[1].label") == "malleolus"
 
         # the same name in another folder is another recording: none is shown, and a sentence says so
         listed(page, *files, shown=2)

@@ -114,7 +114,7 @@ def _warm() -> None:
 
 
 def _fit(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) -> Any:
-    from identification.derived import derived
+    from identification.derived import at_a_glance
     from identification.estimate import fit_foot
     from viz.load import load_foot
 
@@ -125,11 +125,15 @@ def _fit(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) ->
     result = fit_foot(recordings, foot, advance=_advance(tell), **settings)
     result = result.with_source(together([r.file for r in recordings]))
     result = replace(result, provenance={**result.provenance, "model": asked["model"]})
-    more = derived(result)
+    data, curves, chi_square = at_a_glance(result)
+    branches = result.evidence.certified if result.evidence else ()
     tell({
         "type": "fitted", "document": result.document(), "sentence": result.sentence(), "seconds": result.seconds,
-        "data": more.data, "curves": more.curves, "chi_square": more.chi_square,
-        "traces": [_trace(recording) for recording in result.recordings],
+        "data": data, "curves": curves, "chi_square": chi_square,
+        "traces": [
+            _trace(recording, {b.name: (b.run.traces[k], b.run.fits[k]) for b in branches})
+            for k, recording in enumerate(result.recordings)
+        ],
     })  # fmt: skip
     return result
 
@@ -155,17 +159,19 @@ def _advance(tell: Callable[[Mapping[str, Any]], None]) -> Callable[[str, int, i
     return advance
 
 
-def _trace(recording: Any) -> dict[str, Any]:
-    """A few periods of a recording and its model, and what is left over; seconds from the start and m/s^2."""
+def _trace(recording: Any, models: Mapping[str, tuple[Any, float]]) -> dict[str, Any]:
+    """A few periods of a recording and its model, by branch with its fit; seconds from the start and m/s^2."""
     time = recording.time_s - recording.time_s[0]
     last = 1.0 if recording.frequency_hz is None else PERIODS / recording.frequency_hz
     shown = time <= last
     every = max(1, int(shown.sum() // POINTS))
     pick = shown.nonzero()[0][::every]
-    measured, model = recording.measured[pick] - recording.measured.mean(), recording.model[pick]
+    measured = recording.measured[pick] - recording.measured.mean()
     return {
         "file": recording.file, "time_s": time[pick].tolist(), "measured": measured.round(4).tolist(),
-        "model": model.round(4).tolist(), "fit_percent": recording.fit_percent,
+        "models": {
+            name: {"model": model[pick].round(4).tolist(), "fit_percent": fit} for name, (model, fit) in models.items()
+        },
     }  # fmt: skip
 
 

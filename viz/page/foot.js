@@ -200,19 +200,20 @@ function draw() {
   const feet = Object.entries(motion.feet), first = lead();
   const times = first.base.map((_, k) => 1e3 * first.duration * k / first.frames);
   const whole = v => (first.periodic ? [...v, v[0]] : v), x = first.periodic ? [...times, 1e3 * first.duration] : times;
-  const seen = motion.feet.measured && motion.feet.measured.points;
+  const seen = motion.feet.measured && motion.feet.measured.points, worn = branchWorn();
+  const whose = n => [model.feet.b ? model.feet[n].title : "", n === "a" ? worn : ""].filter(Boolean).join(" · ");
   plots.traces.set([
     { label: "base", colour: BASE, x, y: whole(first.base) },
-    ...feet.filter(([n]) => n !== "measured" || !seen).map(([n, f]) => ({ label: called(n), colour: colourOf(n), x, y: whole(f.malleolus), dashed: n !== "a" })),
+    ...feet.filter(([n]) => n !== "measured" || !seen).map(([n, f]) => ({ label: n === "a" && worn ? `malleolus · ${worn}` : called(n), colour: colourOf(n), x, y: whole(f.malleolus), dashed: n !== "a" })),
     ...(seen ? [{ label: "measured", colour: SEEN, x: seen.time.map(t => 1e3 * t), y: seen.malleolus, points: 3 }] : []),
   ]);
   const curves = feet.filter(([n]) => n !== "measured");
   const dots = feet.filter(([, f]) => f.ratio !== null).map(([n, f]) => ({ label: "", colour: colourOf(n), x: [at_hz()], y: [f.ratio], points: 9 }));
   const top = 1.1 * Math.max(1.2, ...curves.map(([, f]) => Math.max(...f.transmissibility)), ...dots.map(d => d.y[0]));
-  plots.curve.set([...curves.map(([n, f]) => ({ label: curves.length > 1 ? model.feet[n].title : "", colour: colourOf(n), x: model.curve_hz, y: f.transmissibility })), ...dots], [0, top]);
+  plots.curve.set([...curves.map(([n, f]) => ({ label: whose(n), colour: colourOf(n), x: model.curve_hz, y: f.transmissibility })), ...dots], [0, top]);
   for (const [plot, key] of [[plots.pad, "fat pad"], [plots.ankle, "ankle"]]) {
     plot.box.hidden = !first.loops[key];
-    plot.set(curves.filter(([, f]) => f.loops[key]).map(([n, f]) => ({ label: "", colour: colourOf(n), x: f.loops[key].x.map(v => -1e3 * v), y: f.loops[key].force.map(v => -v) })));
+    plot.set(curves.filter(([, f]) => f.loops[key]).map(([n, f]) => ({ label: whose(n), colour: colourOf(n), x: f.loops[key].x.map(v => -1e3 * v), y: f.loops[key].force.map(v => -v) })));
   }
 }
 const at_hz = () => 1 / lead().duration;

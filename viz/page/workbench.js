@@ -135,7 +135,8 @@ function matrix() {
   box.hidden = good.length < 4;
   if (box.hidden) { box.replaceChildren(); return; }
   const last = file => file.split("/").pop(), fits = new Map(), twice = name => bench.rows.filter(row => last(row.file) === name).length > 1;
-  for (const r of (bench.fit && bench.fit.recordings) || []) fits.set(r.file, r.fit_percent).set(`*/${last(r.file)}`, r.fit_percent);
+  const said = bench.found ? bench.found.traces.map(t => ({ file: t.file, ...t.models[branchName()] })) : (bench.fit && bench.fit.recordings) || [];
+  for (const r of said) fits.set(r.file, r.fit_percent).set(`*/${last(r.file)}`, r.fit_percent);
   const fitOf = row => fits.get(row.label || row.file) ?? (twice(last(row.file)) ? null : fits.get(`*/${last(row.file)}`));  // a result of another place
   const head = element("tr");
   head.append(...["Hz", ...hertz].map(text => element("th", text, { scope: "col" })));
@@ -229,6 +230,7 @@ if (!window.EXPORTED) setInterval(passing, 1000);
 function fitted(document_) {
   const another = document_.number !== bench.number;  // else this page lost its connection and has it again
   Object.assign(bench, { found: document_, number: document_.number });
+  if (another) bench.branch = 0;
   showFit(document_.fit);
   if (document_.script) { byId("script").textContent = document_.script; byId("script_box").hidden = false; }
   drawFit();
@@ -265,7 +267,6 @@ function showFit(fit) {
   });
   byId("estimates").replaceChildren(head, ...body);
   bands();
-  matrix();
 }
 
 // Nothing was found with this model.
@@ -281,7 +282,9 @@ function bands() {
   const branch = bench.fit && bench.fit.branches[bench.branch];
   for (const row of branch ? branch.rows : []) if (row.name in rows && "lower" in row) rows[row.name].band([row.lower, row.upper], row.interval);
   byId("branches").querySelectorAll("button").forEach((b, k) => b.setAttribute("aria-pressed", k === bench.branch));
-  whose();
+  drawChi();
+  drawTrace();
+  matrix();
 }
 
 // The foot gets a branch's constants; flipping between the two shows what the data cannot tell apart.
@@ -332,17 +335,34 @@ function drawFit() {
   lag.push(...over[1]);
   bench.plots.size.set(size, [0, 1.1 * Math.max(1, ...size.map(s => largestOf(s.y)))]);
   bench.plots.lag.set(lag);
-  const chi = found.chi_square.filter(r => r.chi_square_if_model_true !== null);
-  const order = chi.slice().sort((a, b) => a.frequency_hz * a.harmonic - b.frequency_hz * b.harmonic);
-  bench.plots.chi.box.hidden = !chi.length;
-  bench.plots.chi.set([{ label: "", colour: "#ffb454", x: order.map(r => r.frequency_hz * r.harmonic), y: order.map(r => r.chi_square_if_model_true), points: 5 }]);
+  drawChi();
   drawTrace();
   whose();
 }
 
-// Traces, residuals, chi-square and the matrix are of the likelier branch; where there are two they say so.
+// The branch that is shown; the likelier one until another is chosen.
+function branchName() { const all = (bench.fit && bench.fit.branches) || []; return all.length ? (all[bench.branch] || all[0]).name : ""; }
+
+// The branch whose constants the foot has just now; none once a slider was moved, or where there is one only.
+function branchWorn() {
+  const all = (bench.fit && bench.fit.branches) || [], nominal = Object.fromEntries(model.parameters.map(p => [p.name, p.nominal]));
+  const worn = all.length > 1 && all[bench.branch] && Object.entries(all[bench.branch].values).every(([name, v]) => (state.values[name] ?? nominal[name]) === v);
+  return worn ? all[bench.branch].name : "";
+}
+
+function drawChi() {
+  if (!bench.plots || !bench.found) return;
+  const known = r => r.chi_square_if_model_true !== null, chi = bench.found.chi_square.filter(r => known(r) && r.branch === branchName());
+  const order = chi.sort((a, b) => a.frequency_hz * a.harmonic - b.frequency_hz * b.harmonic);
+  bench.plots.chi.box.hidden = !bench.found.chi_square.some(known);
+  if (!chi.length) bench.plots.chi.none(NO_TRACE());
+  else bench.plots.chi.set([{ label: "", colour: ANKLE, x: order.map(r => r.frequency_hz * r.harmonic), y: order.map(r => r.chi_square_if_model_true), points: 5 }]);
+}
+const NO_TRACE = () => `The ${branchName()} was found only with whatever else may be true; the model alone has no trace of it.`;
+
+// Traces, residuals, chi-square and the matrix are of the branch that is shown; where there are two they say so.
 function whose() {
-  const branches = (bench.fit && bench.fit.branches) || [], of = branches.length > 1 ? ` · ${branches[0].name}${bench.branch ? ", not the branch shown" : ""}` : "";
+  const of = ((bench.fit && bench.fit.branches) || []).length > 1 ? ` · ${branchName()}` : "";
   if (bench.plots) for (const [key, title] of Object.entries(FOUND)) bench.plots[key].retitle(title + of);
   const caption = byId("matrix").querySelector("caption");
   if (caption) caption.textContent = `fit of each recording [%]${of}`;
@@ -357,9 +377,14 @@ function drawTrace() {
     for (const key of ["trace", "left"]) bench.plots[key].none(sentence);
     return;
   }
+  const mine = trace.models[branchName()];
+  if (!mine) {
+    for (const key of ["trace", "left"]) bench.plots[key].none(NO_TRACE());
+    return;
+  }
   const x = trace.time_s.map(t => 1e3 * t);
-  bench.plots.trace.set([{ label: "measured", colour: SEEN, x, y: trace.measured, points: 3 }, { label: `model, ${trace.fit_percent.toFixed(1)} %`, colour: ANKLE, x, y: trace.model }]);
-  bench.plots.left.set([{ label: "", colour: ANKLE, x, y: trace.measured.map((v, k) => v - trace.model[k]) }]);
+  bench.plots.trace.set([{ label: "measured", colour: SEEN, x, y: trace.measured, points: 3 }, { label: `model, ${mine.fit_percent.toFixed(1)} %`, colour: ANKLE, x, y: mine.model }]);
+  bench.plots.left.set([{ label: "", colour: ANKLE, x, y: trace.measured.map((v, k) => v - mine.model[k]) }]);
 }
 
 function unwrapped(degrees) {
