@@ -95,6 +95,7 @@ class Bench:
         # Recordings and what was understood of them, by ids that a session gives once.
         self.sources: dict[int, Source] = {}
         self._rows: dict[int, Document] = {}
+        self._latest: tuple[Source, Recording] | None = None  # read last, so that what is long is read once
         self._given_ids = 0
         self.shown = -1
         self._worker: Worker | None = None
@@ -241,6 +242,7 @@ class Bench:
         row: Document = {"id": number, "file": source.file, "unread": "", "problem": "", "warnings": [], "columns": []}
         try:
             recording = source.read()
+            self._latest = source, recording
         except FasError as error:
             row["unread"] = self.words(str(error))
         else:
@@ -287,7 +289,8 @@ class Bench:
         Raises:
             SettingError: it is no longer here, or a channel of it stands still.
         """
-        recording = self._source(number).read()
+        source = self._source(number)
+        recording = self._latest[1] if self._latest and self._latest[0] is source else source.read()
         for name in ("base_m_s2", "malleolus_m_s2"):
             values = recording.channels[name]
             if not (np.isfinite(values).all() and np.ptp(values) > 0):
@@ -351,7 +354,7 @@ class Bench:
         assert self._worker is not None
         self._asked = question
         self._worker.ask(question.job)
-        what = "reading the recordings" if self._warm else "compiling the solver, once in a session"
+        what = "reading the recordings" if self._warm else "loading the solver, which is compiled when it is used for the first time"
         self._state = {"running": True, "what": what, "done": 0, "total": 0}
         return [self.progress()]
 
@@ -438,9 +441,16 @@ class Bench:
             self._results, self._reporting = None, False
             self.told({"type": "reported"})
         elif kind == "problem":
-            self._failed(self.words(document["text"]), document.get("of", ""))
+            of = document.get("of", "")
+            self._failed(self.words(document["text"]) + ("" if of == "report" else self._units()), of)
         elif kind == "ended" and self._worker is not None and not self._worker.alive and self._waited_for:
             self._failed("the fitting process was ended by the system; memory may be short.")
+
+    def _units(self) -> str:
+        """What the checks said of a unit in what was asked for, as a fit of such numbers fails for no other reason."""
+        rows = [self._rows[number] for number in (self._asked.sources if self._asked else ()) if number in self._rows]
+        told = [text for row in rows for text in row["warnings"] if text.endswith("check its unit.")]
+        return f" {told[0]}" if told else ""
 
     def _failed(self, sentence: str, of: str = "") -> None:
         """Say that a fit or a report failed; without `of`, whatever was waited for. The other one goes on."""

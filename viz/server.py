@@ -384,7 +384,8 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
             self.close(1003, "not understood")
             return
         if kind == "simulate":
-            self.send(await self.server.answer(request))
+            with contextlib.suppress(asyncio.CancelledError):  # the server has ended meanwhile
+                self.send(await self.server.answer(request))
         elif self.server.bench is not None:
             await self.server.act(self, request)
 

@@ -164,7 +164,10 @@ function receive(document_) {
       stage.pose(motion, frame(), stage.gain(motion, state.amplify));
       stats.posed.push(performance.now() - asked);
       besides(motion.other);
-    } else say([broken, document_.text].filter(Boolean).join("\n"));
+    } else {
+      say([broken, document_.text, complaints].filter(Boolean).join("\n"));
+      if (!motion) tell([model.feet.a.title, model.recorded ? model.excitation : "", "no motion to show"]);
+    }
     if (wanted) { wanted = false; ask(); }
   }
 }
@@ -265,12 +268,21 @@ function showAt(share) {
   stage.render();
 }
 
+// Where the processor draws, a running fit needs it more, and only a few pictures are drawn [ms between two].
+const CALM = 250, SOFTWARE = drawnBySoftware(stage.renderer.getContext());
+let painted = 0;
+function drawnBySoftware(gl) {
+  const about = gl.getExtension("WEBGL_debug_renderer_info");
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(String(gl.getParameter(about ? about.UNMASKED_RENDERER_WEBGL : gl.RENDERER)));
+}
+
 function tick(now) {
   requestAnimationFrame(tick);
   const passed = Math.min(0.1, (now - last) / 1000);
   last = now;
-  if (motion && model) {
-    if (playing) time += passed / state.slow;
+  if (motion && model && playing) time += passed / state.slow;
+  if (motion && model && !(SOFTWARE && bench.began && !fresh && now - painted < CALM)) {
+    painted = now;
     const started = performance.now();
     if (playing || fresh || stage.viewer.needs_render) {
       stage.pose(motion, frame(), stage.gain(motion, state.amplify));

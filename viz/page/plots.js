@@ -77,7 +77,7 @@ class Plot {
     this.plot = new uPlot({
       ...this.size(), legend: { show: false }, padding: [6, 14, 0, 0], cursor: { y: false, points: { size: 6 }, drag: { x: !this.loop, y: this.loop } },
       scales: { x: { time: false, range: across }, y: { range: shown } },
-      axes: [{ ...axis(this.x, 20), ...(this.whole ? { incrs: [1, 2, 5, 10, 20, 50, 100] } : {}) }, axis(this.y, 38)],
+      axes: [{ ...axis(this.x, 20), ...(this.whole ? { incrs: [1, 2, 5, 10, 20, 50, 100] } : {}) }, { ...axis(this.y, 38), size: (u, texts) => Math.max(38, 8 + 6.3 * Math.max(...(texts || []).map(text => text.length))) }],
       series: [{}, ...this.series.map(s => ({
         stroke: s.colour, width: 1.6, dash: s.dashed ? [4, 3] : undefined, spanGaps: true,
         ...(s.points ? { paths: () => null, points: { show: true, size: s.points === true ? 6 : s.points, fill: s.colour, width: 0 } } : { points: { show: false } }),

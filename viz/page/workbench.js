@@ -9,6 +9,7 @@ function tellServer(type, more = {}) {
   if (socket && socket.readyState === 1) socket.send(JSON.stringify({ type, key: KEY, ...more }));
 }
 const EARLIER = "This page belongs to an earlier session: reload it.";
+const AGAIN = "The command was started again: recordings, ticks and fits of before are gone.";
 
 function element(tag, text = "", more = {}) { return Object.assign(document.createElement(tag), { textContent: text }, more); }
 
@@ -65,7 +66,11 @@ function complain(text) { complaints = text; busyWith(""); say([broken, complain
 // ---- the list of recordings -----------------------------------------------------------------------------------------
 function listData(document_) {
   const { session, rows: listed, shown, stale } = document_;
-  if (bench.session && session !== bench.session) { bench.chosen.clear(); bench.good.clear(); complain(EARLIER); }
+  if (bench.session && session !== bench.session) {
+    for (const kept of [bench.chosen, bench.good, bench.unticked]) kept.clear();
+    bench.lost = true;
+    complain(`${AGAIN} Reload this page, and drop the recordings again.`);
+  }
   Object.assign(bench, { session, rows: listed, shown, stale });
   for (const row of listed) {  // ticked as soon as it can be fitted, and not any longer than that
     const good = !row.unread && !row.problem, before = bench.good.get(row.id);
@@ -262,7 +267,7 @@ function showFit(fit) {
     const tr = element("tr");
     const name = element("th", row.name, { title: row.key }), said = b => ((b.rows[k] || {}).interval || number(row.value)).replace(/ (to|±) /, " $1\u00a0");
     if (row.unit) name.append(" ", element("small", row.unit));
-    tr.append(name, ...fit.branches.map(b => element("td", said(b))), element("td", row.known));
+    tr.append(name, ...fit.branches.map(b => element("td", said(b))), element("td", row.known.replace(/identi(?=fi)/, "identi\u00ad")));
     return tr;
   });
   byId("estimates").replaceChildren(head, ...body);
@@ -452,13 +457,14 @@ function refused({ text, of }) {
 // ---- what a reload keeps: this tab's sliders, branch and ticks, for the session of the command -----------------------
 bench.unticked = new Set();
 function keepState() {
-  if (window.EXPORTED || !model || !bench.session) return;
+  if (window.EXPORTED || !model || !bench.session || bench.lost) return;
   const { number, branch, free, bounds } = bench, off = bench.rows.map(row => row.id).filter(id => !bench.chosen.has(id));
-  try { sessionStorage.setItem("fasbody", JSON.stringify({ key: KEY, name: model.name, state, bench: { number, branch, free, bounds }, off })); } catch { /* no room, or not allowed */ }
+  try { sessionStorage.setItem("fasbody", JSON.stringify({ key: KEY, name: model.name, state, bench: { number, branch, free, bounds }, off, held: bench.rows.length })); } catch { /* no room, or not allowed */ }
 }
 function recall() {
   let kept = null;
   try { kept = JSON.parse(sessionStorage.getItem("fasbody")); } catch { /* not allowed */ }
+  if (kept && kept.key !== KEY && kept.held && !window.EXPORTED) complain(`${AGAIN} Drop the recordings again.`);
   if (window.EXPORTED || !kept || kept.key !== KEY || kept.name !== model.name) return false;
   Object.assign(state, kept.state);
   Object.assign(bench, kept.bench);
