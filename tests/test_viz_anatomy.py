@@ -10,7 +10,7 @@ from fasbody.arch.bones import Arch
 from fasbody.foot.model import load
 from viz.anatomy import assets, bones
 from viz.anatomy.field import ellipsoid, mesh, round_cone, union
-from viz.anatomy.rest import SEGMENT_BODIES, carried, segment_bodies
+from viz.anatomy.rest import SEGMENT_BODIES, carried, own, segment_bodies
 from viz.load import load_foot
 
 trimesh = pytest.importorskip("trimesh", reason="needs the extra: pip install 'fasbody[view]'")
@@ -129,6 +129,21 @@ def test_flat_foot_is_a_model_of_its_own() -> None:
     found = segment_bodies(flat.model)
     assert found is not None
     assert found[0] == "foot_arch"
+
+
+def test_mounted_arch_wears_the_bones_of_the_arch(parts: dict[str, assets.Part]) -> None:
+    """It stands almost as the arch does, so every bone lies within two millimetres of where it was made."""
+    model = load("mounted_arch").model
+    on = carried(model)
+    assert on is not None and {on[name].body for name in on} == {
+        "calcaneus_talus", "navicular", "cuneiforms", "metatarsals", "shank", "base",
+    }  # fmt: skip
+    for name, segment in on.items():
+        made = np.vstack([np.zeros((0, 3)), *(part.vertices for part in parts.values() if part.segment == name)])
+        to, back = (Rotation.from_quat(f.quaternion, scalar_first=True) for f in (segment.rest, segment.bind))
+        moved = segment.rest.position + (to * back.inv()).apply(made - segment.bind.position)
+        assert np.abs(moved - made).max(initial=0) < 2e-3, name
+    assert {model.geom(i).name for i in own(model).geoms} == {"thigh", "load"}
 
 
 def test_toes_of_a_flat_foot_stay_on_the_table(parts: dict[str, assets.Part]) -> None:

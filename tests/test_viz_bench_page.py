@@ -15,7 +15,7 @@ import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
-from viewer import Watched, browser, served, viewer
+from viewer import Watched, bone_share, browser, served, viewer
 
 import mjcf
 from fasbody.recording.study import BUNDLED
@@ -272,7 +272,12 @@ FITTED = {
         "sentence": "", "reason": "", "warnings": [], "odds": "3 to 1",
         "branches": [
             {"name": name, "fit_percent": 99, "values": {"k_T": k}, "delay_s": 0,
-             "rows": [{"name": "k_T", "unit": "N/m", "key": "k_T_n_per_m", "value": k, "known": ""}]}
+             "rows": [
+                 {"name": "k_T", "unit": "N/m", "key": "k_T_n_per_m", "value": k, "known": "not identifiable",
+                  "interval": "10\u202f000 to 10\u202f000\u202f000"},
+                 {"name": "delay", "unit": "s", "key": "delay_s", "value": 0, "known": "identified, if the model is true",
+                  "interval": "0.000192 ± 0.000012"},
+             ]}
             for name, k in (("stiff ankle", 1.2e5), ("stiff pad", 9e4))
         ],
         "recordings": [],
@@ -365,7 +370,7 @@ def test_plots_of_a_fit_follow_the_branch_and_say_whose_they_are(opened: Any, tm
         assert page.complaints == []
 
 
-#: Texts of legends and titles that reach out of their plot, and columns that reach out of the matrix.
+#: Texts of legends and titles that reach out of their plot, and columns that reach out of matrix and estimates.
 CUT = """() => {
   const out = [];
   for (const plot of Plot.seen()) {
@@ -377,8 +382,10 @@ CUT = """() => {
     }
     if (plot.pane.clientHeight < 60) out.push(`${plot.title}: ${plot.pane.clientHeight} px`);
   }
+  const ends = byId("found").getBoundingClientRect().right + 1, cells = [...byId("estimates").querySelectorAll("th, td")];
+  for (const cell of cells) if (cell.getBoundingClientRect().right > ends || cell.scrollWidth > cell.clientWidth) out.push(cell.textContent);
   const matrix = byId("matrix");
-  return [...out, ...(matrix.scrollWidth > matrix.clientWidth ? ["matrix"] : [])];
+  return [...out, ...(cells.length === 12 ? [] : ["no estimates"]), ...(matrix.scrollWidth > matrix.clientWidth ? ["matrix"] : [])];
 }"""
 
 
@@ -387,7 +394,7 @@ def test_no_legend_column_or_point_is_cut(opened: Any, tmp_path: Path) -> None:
         page = Watched(opened, url, (1600, 900))
         listed(page, *(f"{k}.csv" for k in range(9)), shown=1, subject="16", added_mass_kg=2.3)
         page("d => fitted(d)", FITTED)
-        for width in (1600, 1200, 800, 420):
+        for width in (1600, 1100, 800, 420):
             page.page.set_viewport_size({"width": width, "height": 900})
             for pane in ("fit", "motion"):
                 page(f"tab('{pane}')")
@@ -419,6 +426,23 @@ def test_recording_with_warnings_is_marked_while_another_is_shown(opened: Any, t
         listed(page, "a.csv", "b.csv", shown=0, warnings=["b.csv: coherence 0.10.", "more"])
         assert page(marks) == [["warned", "b.csv: coherence 0.10."]] * 2
         assert page("document.querySelectorAll('#recordings .mark')[1].getClientRects().length") == 1
+
+        # numbers in a wrong unit: no motion, a sentence, and nothing of the motion before
+        rows = [line.split(",") for line in ONE.read_text().splitlines()]
+        mm = "\n".join([",".join(rows[0]), *(f"{t},{float(a) * 1e3},{float(b) * 1e3}" for t, a, b, *_ in rows[1:])])
+        page(DROP, ["mm.csv", mm])
+        page.until("byId('state').textContent.endsWith('mm.csv · no motion to show')")
+        assert page("byId('error').textContent").endswith("no motion of two_dof lasts under that; check its unit.")
+        assert page("Object.values(plots).map(p => p.series.length)") == [0, 0, 0, 0]
+        assert bone_share(page.canvas()) > 0.005
+        assert page("ticked().length") == 1
+        page.page.locator("#sine").click()
+        page.until("motion && !model.recorded && plots.pad.series.length")
+
+        # a command that was started again has nothing of what is here
+        page("listData({ session: 'another', rows: [], shown: -1, stale: '' })")
+        assert page("[ticked(), bench.rows]") == [[], []]
+        assert "recordings, ticks and fits of before are gone" in page("byId('error').textContent")
         assert page.complaints == []
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
@@ -17,9 +18,10 @@ import tornado.httpclient
 from page_client import WAIT, documents, leave, status, upgrade
 
 import mjcf
-from fasbody.exceptions import FasError
+from fasbody.exceptions import FasError, SimulationError
 from fasbody.recording.formats import READ
 from fasbody.recording.study import BUNDLED, read_file
+from identification.blackbox.criteria import fit_percent
 from viz.bench import Bench
 from viz.feet import Show
 from viz.fitted import fitted
@@ -171,6 +173,16 @@ def test_dead_channel_is_a_sentence_and_no_motion(bench: Bench) -> None:
     assert listed["rows"][0]["problem"] and listed["shown"] == -1
     with pytest.raises(FasError, match="channel malleolus does not move"):
         bench.use(0)
+    mm = "\n".join([",".join(rows[0]), *(f"{t},{float(a) * 1e3},{float(b) * 1e3}" for t, a, b, *_ in rows[1:])])
+    bench.keep("mm.csv", mm.encode())
+    bench.open(["mm.csv"])
+    with pytest.raises(SimulationError, match="mm.csv: its base moves with 9.1e\\+03 m/s\\^2"):
+        bench.show.answer(bench.show.settings)
+    told: list[dict[str, Any]] = []
+    bench.told, bench._asked = told.append, bench._question([1], {})
+    bench._heard({"type": "problem", "of": "fit", "text": "every start was unstable."})
+    assert told[0]["text"].startswith("every start was unstable. mm.csv: base_m_s2 reaches 9.11e+03")
+    assert told[0]["text"].endswith("check its unit.")
     text = said({"percent": float("nan"), "rows": [1.5, float("inf")]})
     assert json.loads(text, parse_constant=lambda word: pytest.fail(word)) == {"percent": None, "rows": [1.5, None]}
 
@@ -298,6 +310,17 @@ def test_fit_is_what_a_script_finds() -> None:
         assert [branch["values"]["c_12"] for branch in fit["branches"]] == [40, 40]
         assert [set(branch["values"]) for branch in fit["branches"]] == 2 * [{*said["free"], "c_12"}]
         assert any(d["type"] == "progress" and d["running"] for d in told.heard)
+        # both branches have their trace and their harmonics
+        (trace,) = answer["traces"]
+        assert {name: model["fit_percent"] for name, model in trace["models"].items()} == {
+            branch["name"]: pytest.approx(branch["fit_percent"]) for branch in fit["branches"]
+        }
+        measured = np.array(trace["measured"])
+        for branch in fit["branches"]:
+            model = trace["models"][branch["name"]]
+            assert fit_percent(measured, np.array(model["model"])) == pytest.approx(model["fit_percent"], abs=0.3)
+            chi = [r["chi_square_if_model_true"] for r in answer["chi_square"] if r["branch"] == branch["name"]]
+            assert len(chi) >= 2 and min(chi) >= 0
         code = answer["script"].replace('result.write("results")', "print(result.best['k_T'].interval())")
         code += "import json; print(json.dumps(result.values()))\n"
         run = subprocess.run(

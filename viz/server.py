@@ -383,11 +383,11 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
         except (ValueError, TypeError, KeyError, RecursionError):
             self.close(1003, "not understood")
             return
-        if kind == "simulate":
-            with contextlib.suppress(asyncio.CancelledError):  # the server has ended meanwhile
+        with contextlib.suppress(asyncio.CancelledError):  # the server has ended meanwhile
+            if kind == "simulate":
                 self.send(await self.server.answer(request))
-        elif self.server.bench is not None:
-            await self.server.act(self, request)
+            elif self.server.bench is not None:
+                await self.server.act(self, request)
 
     def send(self, message: str | bytes) -> None:
         """Write, and forget a page that has gone."""

@@ -166,7 +166,7 @@ function receive(document_) {
       besides(motion.other);
     } else {
       say([broken, document_.text, complaints].filter(Boolean).join("\n"));
-      if (!motion) tell([model.feet.a.title, model.recorded ? model.excitation : "", "no motion to show"]);
+      if (!motion) rest("no motion to show");
     }
     if (wanted) { wanted = false; ask(); }
   }
@@ -184,8 +184,18 @@ function besides(other) {
   for (const p of model.parameters) if (rows[p.name]) rows[p.name].beside(p.name in other ? `other foot ${number(other[p.name])}` : "");
 }
 
-// Nothing is posed before the scene is whole.
-function forget() { busy = true; motion = null; stage.feet = {}; }
+// Nothing is posed before the scene is whole; a server that was started again does not know what is to be taken away.
+function forget() { busy = true; motion = null; stage.feet = {}; stage.viewer.delete_path(["meshcat", "foot"]); }
+
+// There is no motion: the feet at rest, and nothing of an earlier motion beside them.
+function rest(sentence) {
+  const still = ([name, foot]) => [name, { frames: 1, duration: 1, periodic: true, bodies: foot.bodies.flatMap(() => Array(6).fill(0)), loops: {} }];
+  stage.pose({ feet: Object.fromEntries(Object.entries(model.feet).map(still)) }, 0, 1);
+  tell([model.feet.a.title, model.recorded ? model.excitation : "", sentence]);
+  for (const plot of Object.values(plots)) { plot.none(sentence); plot.marks([]); }
+  byId("legend").replaceChildren();
+  byId("clock").textContent = "";
+}
 
 // ---- drawing --------------------------------------------------------------------------------------------------------
 const FEW = { b: OTHER, measured: SEEN };
@@ -301,7 +311,7 @@ function tick(now) {
     }
     stats.frames += 1;
     stage.adapt(performance.now() - started, passed * 1000);
-  }
+  } else if (model && !motion && !busy && stage.viewer.needs_render) stage.render();
 }
 
 keys(() => motion, key => {

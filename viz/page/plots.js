@@ -50,7 +50,7 @@ class Plot {
 
   data() {
     if (this.loop) {
-      const wide = 1.1 * Math.max(1e-12, ...this.series.map(s => largestOf(s.x)));
+      const wide = 1.1 * Math.max(this.series.length ? 1e-12 : 1, ...this.series.map(s => largestOf(s.x)));
       return [[-wide, 0, wide], ...this.series.map(() => [null, null, null])];
     }
     const all = this.series.filter(s => s.x.length).map(s => [s.x, s.y]);
@@ -65,7 +65,7 @@ class Plot {
       label: label || undefined, labelSize: label ? 15 : 0, labelGap: 0, gap: 3, size, space: size > 30 ? 22 : 30, values: (u, marks) => distinct(marks) });
     const extent = () => {
       if (this.range) return this.range;
-      if (this.loop) { const tall = 1.1 * Math.max(1e-12, ...this.series.map(s => largestOf(s.y))); return [-tall, tall]; }
+      if (this.loop) { const tall = 1.1 * Math.max(this.series.length ? 1e-12 : 1, ...this.series.map(s => largestOf(s.y))); return [-tall, tall]; }
       return null;
     };
     const shown = (u, low, high) => extent() || (low === null ? [0, 1] : uPlot.rangeNum(low, high, 0.08, true));

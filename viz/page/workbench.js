@@ -265,7 +265,7 @@ function showFit(fit) {
   for (const text of ["", ...fit.branches.map(b => b.name), "known"]) head.append(element("th", text));
   const body = fit.branches[0].rows.map((row, k) => {
     const tr = element("tr");
-    const name = element("th", row.name, { title: row.key }), said = b => ((b.rows[k] || {}).interval || number(row.value)).replace(/ (to|±) /, " $1\u00a0");
+    const name = element("th", row.name, { title: row.key }), said = b => ((b.rows[k] || {}).interval || number(row.value)).replace(" ± ", " ±\u00a0").replace(" to ", "\u00a0to ");
     if (row.unit) name.append(" ", element("small", row.unit));
     tr.append(name, ...fit.branches.map(b => element("td", said(b))), element("td", row.known.replace(/identi(?=fi)/, "identi\u00ad")));
     return tr;
