@@ -275,8 +275,8 @@ FITTED = {
              "rows": [
                  {"name": "k_T", "unit": "N/m", "key": "k_T_n_per_m", "value": k, "known": "not identifiable",
                   "interval": "10\u202f000 to 10\u202f000\u202f000"},
-                 {"name": "delay", "unit": "s", "key": "delay_s", "value": 0, "known": "identified, if the model is true",
-                  "interval": "0.000192 ± 0.000012"},
+                 {"name": "delay", "unit": "s", "key": "delay_s", "value": 0,
+                  "known": "identified, if the model is true", "interval": "0.000192 ± 0.000012"},
              ]}
             for name, k in (("stiff ankle", 1.2e5), ("stiff pad", 9e4))
         ],
@@ -382,10 +382,12 @@ CUT = """() => {
     }
     if (plot.pane.clientHeight < 60) out.push(`${plot.title}: ${plot.pane.clientHeight} px`);
   }
-  const ends = byId("found").getBoundingClientRect().right + 1, cells = [...byId("estimates").querySelectorAll("th, td")];
-  for (const cell of cells) if (cell.getBoundingClientRect().right > ends || cell.scrollWidth > cell.clientWidth) out.push(cell.textContent);
-  const matrix = byId("matrix");
-  return [...out, ...(cells.length === 12 ? [] : ["no estimates"]), ...(matrix.scrollWidth > matrix.clientWidth ? ["matrix"] : [])];
+  const ends = byId("found").getBoundingClientRect().right + 1, matrix = byId("matrix");
+  const cells = [...byId("estimates").querySelectorAll("th, td")];
+  if (cells.length !== 12) out.push(`${cells.length} estimates`);
+  for (const cell of cells)
+    if (cell.getBoundingClientRect().right > ends || cell.scrollWidth > cell.clientWidth) out.push(cell.textContent);
+  return [...out, ...(matrix.scrollWidth > matrix.clientWidth ? ["matrix"] : [])];
 }"""
 
 

@@ -354,7 +354,11 @@ class Bench:
         assert self._worker is not None
         self._asked = question
         self._worker.ask(question.job)
-        what = "reading the recordings" if self._warm else "loading the solver, which is compiled when it is used for the first time"
+        what = (
+            "reading the recordings"
+            if self._warm
+            else "loading the solver, which is compiled when it is used for the first time"
+        )
         self._state = {"running": True, "what": what, "done": 0, "total": 0}
         return [self.progress()]
 
