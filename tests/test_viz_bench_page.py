@@ -188,7 +188,7 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
             "unread: '', problem: '', warnings: [], frequency_hz: f, added_mass_kg: m }"
         )
         cells, heads = page(  # at once: the saved model may still come, and clears the fit
-            "() => { bench.fit = { recordings: [{ file: '20hz_0.csv', fit_percent: 98.7 }] };"
+            "() => { bench.found = null; bench.fit = { recordings: [{ file: '20hz_0.csv', fit_percent: 98.7 }] };"
             f"listData({{ session: bench.session, stale: '', shown: 1, "
             f"rows: [0, 2.3].flatMap(m => [10, 20, 30].map(f => ({row}))) }});"
             "return ['td button', 'th'].map(q => [...byId('matrix').querySelectorAll(q)].map(b => b.textContent)); }"
