@@ -135,7 +135,9 @@ class Excitation(Tabled):
         if keep.sum() < LEAST_SAMPLES:
             problem = f"has {keep.sum()} of its {len(keep)} samples within --seconds {seconds:g}"
             raise InputFileError(Path(whole.file), problem, f"at least {LEAST_SAMPLES} are needed")
-        cut = whole.with_channels({name: values[keep] for name, values in whole.channels.items()})
+        cut = whole  # the very same is checked once
+        if not keep.all():
+            cut = whole.with_channels({name: values[keep] for name, values in whole.channels.items()})
         steady = Steady.of(cut)
         if steady is not None:
             return cls(None, whole, steady)
