@@ -11,7 +11,7 @@ import typer
 
 import fasbody
 from fasbody.commands import Command, commands, found
-from fasbody.console import command_line, print_json, results
+from fasbody.console import command_line, print_json, results, run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -105,7 +105,7 @@ def run() -> None:
         sys.argv[1:] = [command.name, *rest] if command.name else rest
         runpy.run_module(command.module, run_name="__main__", alter_sys=True)
     else:
-        app()
+        run_app(app)
 
 
 def start() -> None:

@@ -18,12 +18,16 @@ from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from fasbody.exceptions import FasError, InputFileError, Stopped
+from fasbody.exceptions import FasError, InputFileError, SettingError, Stopped
+from fasbody.usage import sentence
+
+if TYPE_CHECKING:
+    from typer import Typer
 
 #: Signals that come within this time were one key press [s].
 _TOGETHER_S = 0.5
@@ -108,13 +112,47 @@ console = Console(stderr=True, highlight=False)
 results = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
 
 
-def command_line(app: Callable[[], object]) -> None:
-    """Run a Typer app (any callable): exit 0 done, 2 bad input (one sentence, no traceback), 130 interrupted, 1 bug."""
+def run_app(app: "Typer", words: list[str] | None = None, name: str | None = None) -> None:
+    """Run a Typer app to its exit.
+
+    Args:
+        app: the app.
+        words: what follows the name of the command; what was typed unless given.
+        name: the command as its help calls it; as it was started unless given.
+
+    Raises:
+        SettingError: an option or argument does not exist, is missing or has a value that does not fit.
+        SystemExit: it has ended.
+    """
+    import typer
+
+    try:
+        code = typer.main.get_command(app).main(words, prog_name=name, standalone_mode=False)
+    except typer.Abort:
+        console.print("Aborted.", style="red")
+        sys.exit(1)
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # which all have that Typer would show, and no other
+            raise
+        if type(error).__name__ == "NoArgsIsHelpError":  # the help is on the screen
+            sys.exit(2)
+        raise SettingError(sentence(error)) from error
+    sys.exit(code or 0)
+
+
+def command_line(app: "Typer | Callable[[], object]") -> None:
+    """Run a command: exit 0 done, 2 bad input (one sentence, no traceback), 130 interrupted, 1 bug.
+
+    Args:
+        app: a Typer app, or a function that runs one.
+    """
     # thousands of small products: threads of the linear algebra only wait for each other there
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with once():
         try:
-            app()
+            from typer import Typer
+
+            run_app(app) if isinstance(app, Typer) else app()
         except FasError as error:
             console.print(f"[bold red]error:[/] {_escape(str(error))}", soft_wrap=True)
             sys.exit(2)

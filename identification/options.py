@@ -5,49 +5,31 @@ from typing import Annotated
 
 import typer
 
-
-def number(text: str) -> float:
-    """An option's text as a number.
-
-    Raises:
-        typer.BadParameter: it is none.
-    """
-    try:
-        return float(text)
-    except ValueError:
-        near = text.replace(",", ".", 1)
-        hint = f"; write {near}" if near != text and near.replace(".", "", 1).isdigit() else ", such as 72.5 or 1e-4"
-        raise typer.BadParameter(f"{text!r} is no number{hint}.") from None
-
-
 Data = Annotated[
     list[Path] | None, typer.Argument(help="study folder, or CSV recordings", show_default="bundled study")
 ]
 BodyMass = Annotated[
     list[float] | None,
-    typer.Option(parser=number, metavar="KG", help="body mass, for bare files; once, or once per file in their order"),
+    typer.Option(metavar="KG", help="body mass, for bare files; once, or once per file in their order"),
 ]
 AddedMass = Annotated[
     list[float] | None,
-    typer.Option(parser=number, metavar="KG", help="mass on the knee, for bare files; once, or once per file"),
+    typer.Option(metavar="KG", help="mass on the knee, for bare files; once, or once per file"),
 ]
 Mapping = Annotated[
     Path | None, typer.Option("--study", help="study.toml that maps channels, units and sensitivities of files")
 ]
 MassStd = Annotated[
     float | None,
-    typer.Option(
-        parser=number, metavar="SHARE", help="how far the segment masses may be off, as a share (default 0.1; 0: exact)"
-    ),
+    typer.Option(metavar="SHARE", help="how far the segment masses may be off, as a share (default 0.1; 0: exact)"),
 ]
 GainStd = Annotated[
     float | None,
-    typer.Option(parser=number, metavar="SHARE", help="how far the gain may be off, as a share (default 0.01)"),
+    typer.Option(metavar="SHARE", help="how far the gain may be off, as a share (default 0.01)"),
 ]
 DelayStd = Annotated[
     float | None,
     typer.Option(
-        parser=number,
         metavar="S",
         help="standard deviation of the delay between channels, in s (default a tenth of a sample)",
     ),

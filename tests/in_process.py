@@ -11,10 +11,9 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-import typer
 from typer_apps import HOMES
 
-from fasbody.console import command_line, console
+from fasbody.console import command_line, console, run_app
 
 ROOT = Path(__file__).parent.parent
 
@@ -29,6 +28,6 @@ def command(module: str, *words: str, cwd: Path = ROOT) -> "subprocess.Completed
     ):  # fmt: skip
         patch.setattr(console, "_width", 200)
         patch.setattr(sys, "argv", [module, *words])
-        command_line(lambda: typer.main.get_command(app).main(list(words), prog_name=f"python -m {module}"))
+        command_line(lambda: run_app(app, list(words), f"python -m {module}"))
     code = int(ended.value.code or 0)
     return subprocess.CompletedProcess([module, *words], code, printed.getvalue(), said.getvalue())

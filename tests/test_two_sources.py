@@ -6,7 +6,6 @@ import h5py
 import numpy as np
 import pytest
 import pyuff
-import typer
 from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
@@ -15,7 +14,6 @@ from fasbody.recording.channels import Layout
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.recording import Recording
 from fasbody.recording.sources import gather
-from identification.options import number
 
 RATE, N, LATE = 1000.0, 2000, 2e-3
 T = np.arange(N) / RATE
@@ -198,11 +196,3 @@ def test_a_mass_on_the_command_line_does_not_override_a_study(tmp_path: Path) ->
             gather([data], [80.0], None)
     with pytest.raises(RecordingError, match=r"^--body-mass: the body mass is -5 kg; it must lie between"):
         gather([tmp_path], [-5.0], None)
-
-
-def test_an_option_that_is_no_number_is_named_with_what_is_valid() -> None:
-    assert number("1e-4") == 1e-4
-    with pytest.raises(typer.BadParameter, match=r"'72,5' is no number; write 72\.5"):
-        number("72,5")
-    with pytest.raises(typer.BadParameter, match=r"'abc' is no number, such as"):
-        number("abc")

@@ -24,7 +24,7 @@ from fasbody.acquire.port import Unplugged, ports, probe, swapped
 from fasbody.acquire.session import Session, terminated
 from fasbody.acquire.timeline import counted
 from fasbody.acquire.visa import is_visa
-from fasbody.console import console, print_json, results
+from fasbody.console import console, print_json, results, run_app
 from fasbody.exceptions import AcquisitionError, FasError, SettingError
 from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.recording.recording import Condition
@@ -486,4 +486,4 @@ def _frequencies(sweep: str | None, frequency: float | None) -> tuple[float | No
 def run() -> None:
     """Run the command that the arguments name; `record` if none is named."""
     words = sys.argv[1:]
-    app(words if words[:1] in (["recover"], ["record"], ["calibrate"]) else ["record", *words])
+    run_app(app, words if words[:1] in (["recover"], ["record"], ["calibrate"]) else ["record", *words])

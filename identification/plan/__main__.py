@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from fasbody.console import command_line, console, make_folder, print_json, results
+from fasbody.console import command_line, console, make_folder, print_json, results, run_app
 from fasbody.exceptions import AcquisitionError, SettingError, Stopped, unknown
 from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.presentation import write_figure
@@ -413,7 +413,7 @@ def show(result: "Presented") -> None:
 def start() -> None:
     """Run the command that the arguments name; `propose` if none is named."""
     words = sys.argv[1:]
-    app(words if words[:1] in (["run"], ["propose"]) else ["propose", *words])
+    run_app(app, words if words[:1] in (["run"], ["propose"]) else ["propose", *words])
 
 
 if __name__ == "__main__":
