@@ -48,7 +48,7 @@ def advice(
     )
     if best.p_value is not None and best.p_value < UNLIKELY:
         texts.append(
-            f"The model does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
+            f"The model alone does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
             f"{best.dof} degrees of freedom, {chance(best.p_value)}); the standard errors are widened accordingly."
         )
     poor = [(fit, r.file) for fit, r in zip(run.fits, data, strict=True) if not follows(fit)]
@@ -79,7 +79,7 @@ def advice(
     zero = [key for key in bound if best.parameters[key].value == 0.0]
     may_trust = best.world is None or best.world.follows
     if zero and may_trust:
-        bends = [key for key in zero if key.endswith("_per_m") and not key.endswith(("_n_per_m", "_s_per_m"))]
+        bends = [key for key in zero if _bend(key)]
         if bends:
             texts.append(
                 f"At zero: {', '.join(map(_symbol, bends))}. "
@@ -95,8 +95,18 @@ def advice(
         texts.append(
             f"Not identifiable from these recordings: {', '.join(map(_symbol, weak))} (standard error too large)."
         )
+    narrow = {k: e.if_model_true for k, e in best.parameters.items() if _bend(k) and e.if_model_true and e.lower == 0}
+    if trusted := [_symbol(key) for key, e in narrow.items() if e.lower > 0 and rank >= len(space.free) and may_trust]:
+        texts.append(
+            f"Above zero only if the model is true: {', '.join(trusted)}. Otherwise zero is within the interval."
+        )
     loads = len({recording.condition.added_mass_kg for recording in data})
     return [*texts, *(departures(best.world, others, loads) if best.world else [])]
+
+
+def _bend(key: str) -> bool:
+    """Whether it is one of the dampers' constants that bend them."""
+    return key.endswith("_per_m") and not key.endswith(("_n_per_m", "_s_per_m"))
 
 
 def _symbol(key: str) -> str:

@@ -538,6 +538,8 @@ class FitResult(Presented):
         if self.domain == "periodic":
             per = f"chi-square {self.best.chi_square / max(1, self.best.dof):.2f} per degree of freedom"
             found = f", {per}" if self.best.dof else ", no degrees of freedom left"
+        if self.misfit():  # which gives both, of the model alone and with whatever else may be true
+            found = ""
         rests_on = "whatever else may be true" if self.wide else "if the model is true"
         word = self.verdict if self.verdict == "not compared" else f"{self.verdict}, {rests_on}"
         if self.wide and not self.wide.follows:

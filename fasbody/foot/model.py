@@ -90,7 +90,10 @@ class Foot(Tabled):
 
         Args:
             values: what a fit returns, or numbers by thesis symbol, ``k_T``, or as a fit names them, ``k_T_n_per_m`` or
-                ``k_T [N/m]``. A delay is one of the recording's channels, not of the foot, and is left out.
+                ``k_T [N/m]``. Of a fit, the constants that hold if the model is true are written: with the masses as
+                stated, they move the foot as recorded. The masses stay those of the foot, also where others were
+                fitted beside the constants; set m_S and m_F for another body. A delay is one of the recording's
+                channels, not of the foot, and is left out.
             step: time step [s].
 
         Raises:
