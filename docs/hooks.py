@@ -12,6 +12,7 @@ from typing import Any
 
 import arguments  # beside this file
 import cells  # beside this file
+import citations  # beside this file
 import reference  # beside this file
 import typer
 from markdown import Markdown
@@ -127,6 +128,7 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
         page.meta["search"] = {"boost": BOOST[page.file.src_uri]}
     if page.file.src_uri.startswith("paper/"):
         page.meta["search"] = {"exclude": True}
+        return citations.page(markdown, page.meta, ROOT / "docs/paper/paper.bib")
     page.meta |= {"tags": words} if (words := WORDS.get(page.file.src_uri)) else {}
     if page.file.src_uri in WIDE:
         page.meta["hide"] = ["toc"]

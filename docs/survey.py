@@ -44,7 +44,9 @@ def survey(site: Path, names: list[str], pictures: Path | None, widths: Sequence
         page = browser.new_page()
         page.on("request", lambda request: asked.append((page.url, request.url)))
         page.on("pageerror", lambda error: found.append(f"{page.url}: {error}"))
-        files = [site / f"{name}.html" for name in names] or [f for f in sorted(site.glob("*.html")) if f.stem != "404"]
+        files = [site / f"{name}.html" for name in names] or [
+            f for f in sorted(site.rglob("*.html")) if f.stem != "404"
+        ]
         for file in files:
             for width in widths:
                 page.set_viewport_size({"width": width, "height": 900})
