@@ -30,7 +30,7 @@ def page(markdown: str, meta: dict[str, Any], bibliography: Path) -> str:
     listed = [_entry(key, work) for key, work in sorted(used.items(), key=lambda item: item[1]["author"])]
     authors = ", ".join(author["name"] for author in meta["authors"])
     head = f"# {meta['title']}\n\n{authors}, {meta['date']}\n\n"
-    return "\n\n".join([head + chapters.rstrip(), *listed]) + "\n"
+    return "\n\n".join([head + chapters.strip(), *listed]) + "\n"
 
 
 def _authors(work: dict[str, str]) -> list[tuple[str, str]]:

@@ -44,6 +44,7 @@ def survey(site: Path, names: list[str], pictures: Path | None, widths: Sequence
         page = browser.new_page()
         page.on("request", lambda request: asked.append((page.url, request.url)))
         page.on("pageerror", lambda error: found.append(f"{page.url}: {error}"))
+        page.on("console", lambda said: found.append(f"{page.url}: {said.text}") if said.type == "error" else None)
         files = [site / f"{name}.html" for name in names] or [
             f for f in sorted(site.rglob("*.html")) if f.stem != "404"
         ]
