@@ -176,7 +176,7 @@ READERS: Mapping[str, Callable[[Path], dict[str, complex]]] = {
     "leg": as_leg, "arch": as_arch,
 }  # fmt: skip
 #: What no edit of a model changes: it is a chain, or an arch.
-NO_LEG = {"leg": "is no slide along y|is not in the equations of a leg|several joints"}
+NO_LEG = {"leg": "is not a slide along y|is not in the equations of a leg|several joints"}
 NO_ARCH = {"arch": "there is no joint 'apex'|has gravity"}
 NO_TREE = {"arch": "there is no tendon 'heel_pad'"}
 USUAL = {"two_dof": NO_ARCH, "leg": NO_ARCH, "foot_arch": NO_LEG, "mounted_arch": NO_LEG | NO_TREE}
@@ -315,7 +315,7 @@ TWO_DOF = (
           truth=chain(FOOT, SHANK, at=1), leg="joint 'talocrural' has a springref"),
     _edit("two_dof", "up is z", *((f'pos="0 {y} 0"', f'pos="0 0 {y}"') for y in ("-0.03", "0.04", "0.25")),
           ('axis="0 1 0"', 'axis="0 0 1"'), truth=chain(FOOT, SHANK, at=1),
-          viewer="is drawn with y up", curve="is drawn with y up", leg="is no slide along y"),
+          viewer="is drawn with y up", curve="is drawn with y up", leg="is not a slide along y"),
     _edit("two_dof", "only the base goes up", ('<joint name="base" class="base"/>', '<joint name="base" class="base" '
           'axis="0 0 1"/>'), load="joint 'base' moves along 0 0 1"),
     _edit("two_dof", "negative stiffness", ('"1.0e5"', '"-1e5"'), load="joint 'fat_pad' has the stiffness -100000"),
@@ -395,7 +395,7 @@ LEGS = (
           truth=chain(*LEG, at=1, more=((3, 2, S**2),)), leg="joint 'thigh' has an armature"),
     _edit("leg", "a sideways thigh", ('name="thigh" stiffness', 'name="thigh" axis="1 0 0" stiffness'),
           truth=chain(PAD, HINDFOOT, replace(ANKLE, mass=ANKLE.mass + 2.06), replace(TISSUE, on=2), at=1),
-          leg="joint 'thigh' is no slide along y"),
+          leg="joint 'thigh' is not a slide along y"),
     _edit("leg", "under water", ('gravity="0 0 0"', 'gravity="0 0 0" density="1e3"'),
           truth=chain(*LEG, at=1), leg="density"),
     _edit("leg", "geoms that touch", ("  <actuator>", '<contact><pair geom1="foot" geom2="load"/></contact>  <actuator>'),

@@ -89,7 +89,7 @@ class Leg(Tabled):
             if sites.get(site, 0) < 0:
                 on_what = model.body(int(model.site(site).bodyid[0])).name
                 raise ModelError(
-                    f"{name}: site {site!r} is on {on_what!r}, no part of the leg; put it on one of its masses."
+                    f"{name}: site {site!r} is on {on_what!r}, not a part of the leg; put it on one of its masses."
                 )
         for sensor in {*names(model, "sensor")} & {*sites}:
             sensed = body_of(model, model.sensor(sensor).id)
@@ -106,7 +106,7 @@ class Leg(Tabled):
             carrier, added = on[parameters["added_mass"].places[0].index], parameters["added_mass"].read(model)
             if carrier < 0:
                 raise ModelError(
-                    f"{name}: added_mass stands on the table or beside it, where it is no part of the leg."
+                    f"{name}: added_mass stands on the table or beside it, and so is not a part of the leg."
                 )
         return cls(labels, mass, tuple(parent), k, c, sites, carrier, added)
 
@@ -181,7 +181,7 @@ def _slides(model: mujoco.MjModel, name: str) -> int:
     for j in range(model.njnt):
         off = np.abs(data.xaxis[j] - (0, 1, 0)).max()
         if model.jnt_type[j] != mujoco.mjtJoint.mjJNT_SLIDE or off > 1e-9:
-            raise ModelError(f"{name}: joint {model.joint(j).name!r} is no slide along y, and a leg goes up and down.")
+            raise ModelError(f"{name}: joint {model.joint(j).name!r} is not a slide along y; a leg moves only along y.")
         if model.qpos_spring[model.jnt_qposadr[j]] != model.qpos0[model.jnt_qposadr[j]]:
             raise ModelError(
                 f"{name}: joint {model.joint(j).name!r} has a springref that is not its ref, so that its spring pulls "
@@ -194,7 +194,7 @@ def _slides(model: mujoco.MjModel, name: str) -> int:
     for dof in range(model.nv):
         if model.dof_jntid[dof] != base and model.dof_armature[dof]:
             joint = model.joint(model.dof_jntid[dof]).name
-            raise ModelError(f"{name}: joint {joint!r} has an armature, which is no mass; give its body the mass.")
+            raise ModelError(f"{name}: joint {joint!r} has an armature; give its body that mass instead.")
     return base
 
 
