@@ -158,7 +158,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "leg peaks", "fasbody.leg", "peaks",
-            "Where MB, TB and TM of a leg are highest under 0, 2.3 and 4.5 kg, and which statements they meet.",
+            "Where a leg's MB, TB and TM are highest under 0, 2.3 and 4.5 kg; which statements of the thesis hold.",
         ),
         Command(
             "leg crosscheck", "fasbody.leg", "crosscheck",

@@ -24,7 +24,7 @@ def main(
         Path | None, typer.Argument(help="result folder of python -m fasbody.cell, or of its command modes")
     ] = None,
     mode: Annotated[int, typer.Option(help="mode that is shown first")] = 1,
-    export: Annotated[Path | None, typer.Option(help="write a .html, .png, .gif or .mp4 file, and end")] = None,
+    export: Annotated[Path | None, typer.Option(help="write a .html, .png, .gif or .mp4 file, and quit")] = None,
     port: Annotated[int, typer.Option(help="port of the server; 0 takes a free one")] = 0,
     browser: Annotated[bool, typer.Option(help="open the browser")] = True,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,

@@ -42,13 +42,13 @@ def main(
     ] = None,
     slow: Annotated[float, typer.Option(help="how many times slower than in reality")] = 20.0,
     amplify: Annotated[
-        float | None, typer.Option(help="factor by which motion is enlarged (default: so that the deformation is seen)")
+        float | None, typer.Option(help="factor by which motion is enlarged (default: makes the deformation visible)")
     ] = None,
     watch: Annotated[
         bool | None,
         typer.Option(help="load the model again whenever its file is saved (the default for your own files)"),
     ] = None,
-    export: Annotated[Path | None, typer.Option(help="write a .html, .png, .gif or .mp4 file, and end")] = None,
+    export: Annotated[Path | None, typer.Option(help="write a .html, .png, .gif or .mp4 file, and quit")] = None,
     port: Annotated[int, typer.Option(help="port of the server; 0 takes a free one")] = 0,
     browser: Annotated[bool, typer.Option(help="open the browser")] = True,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,

@@ -31,7 +31,7 @@ def print_peaks(
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Where MB, TB and TM of a leg are highest under 0, 2.3 and 4.5 kg, and which statements they meet.
+    """Where a leg's MB, TB and TM are highest under 0, 2.3 and 4.5 kg; which statements of the thesis hold.
 
     Examples:
       python -m fasbody.leg peaks --figure peaks.svg
@@ -192,7 +192,7 @@ def print_name(
     subjects: Annotated[
         int, typer.Option(help="virtual subjects of each of the five mechanisms, shaken in the same way", min=0)
     ] = 4,
-    seed: Annotated[int, typer.Option(help="of the virtual subjects", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="seed of the virtual subjects", min=0)] = 0,
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write, of one person")] = None,
     json: JsonOption = False,
 ) -> None:

@@ -32,7 +32,7 @@ _Whose = Annotated[
 ]
 _Posture = Annotated[str | None, typer.Option(help="in which posture, of several")]
 _Model = Annotated[str, typer.Option(help="two-mass model, or its file")]
-_BodyMass = Annotated[float | None, typer.Option(help="body mass in kg (72.57 if nothing says it)")]
+_BodyMass = Annotated[float | None, typer.Option(help="body mass in kg (72.57 unless a recording gives it)")]
 _Ask = Annotated[
     list[str] | None,
     typer.Option(
@@ -50,27 +50,27 @@ def _finite(minutes: float) -> float:
     return minutes
 
 
-_Minutes = Annotated[float, typer.Option(help="of shaking at most", callback=_finite)]
+_Minutes = Annotated[float, typer.Option(help="most minutes of shaking", callback=_finite)]
 _Recordings = Annotated[int, typer.Option(help="recordings at most")]
 _Frequencies = Annotated[str, typer.Option(help="START:STOP:STEP in Hz")]
-_Loads = Annotated[str, typer.Option(help="masses for the knee in kg, with commas")]
+_Loads = Annotated[str, typer.Option(help="masses for the knee in kg, separated by commas")]
 _Amplitude = Annotated[float, typer.Option(help="largest amplitude of the base in m/s^2, half of peak to peak")]
-_Amplitudes = Annotated[str | None, typer.Option(help="amplitudes to try, with commas (default: the largest)")]
+_Amplitudes = Annotated[str | None, typer.Option(help="amplitudes to try, separated by commas (default: the largest)")]
 _Displacement = Annotated[float, typer.Option(help="largest travel of the base in m, peak to peak")]
 _Force = Annotated[float | None, typer.Option(help="largest force of the shaker in N")]
 _Table = Annotated[float, typer.Option(help="moving mass of the shaker in kg, for --force")]
-_Kinds = Annotated[str, typer.Option(help="sine, multisine; with commas")]
+_Kinds = Annotated[str, typer.Option(help="sine, multisine; separated by commas")]
 _Sensors = Annotated[str, typer.Option(help="accelerometers that are worn, e.g. malleolus,foot")]
 _Seconds = Annotated[float, typer.Option(help="length of a recording in s")]
-_Noise = Annotated[float, typer.Option(help="of a sensor on a person, rms of a sample in m/s^2")]
+_Noise = Annotated[float, typer.Option(help="noise of a sensor on a person, rms of a sample in m/s^2")]
 _Allow = Annotated[
     str | None, typer.Option(help="what else may be true: mount, relaxation, load, rocking, drift, or all")
 ]
-_MassStd = Annotated[float | None, typer.Option(help="what the segment masses may be off, as a share (default 0.1)")]
-_GainStd = Annotated[float | None, typer.Option(help="what the gain may be off, as a share (default 0.01)")]
+_MassStd = Annotated[float | None, typer.Option(help="how far the segment masses may be off, as a share (default 0.1)")]
+_GainStd = Annotated[float | None, typer.Option(help="how far the gain may be off, as a share (default 0.01)")]
 _DelayStd = Annotated[float | None, typer.Option(help="what the delay between channels may be, in s")]
 _Draws = Annotated[int, typer.Option(help="feet to average over (default 32, after recordings 12)")]
-_Seed = Annotated[int, typer.Option(min=0, help="of the feet that are drawn")]
+_Seed = Annotated[int, typer.Option(min=0, help="seed of the drawn feet")]
 _Json = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
 
 #: --ask with this word asks for what the thesis' three loads would leave.

@@ -275,7 +275,7 @@ class Planned(Presented):
             mine, e = self.expected[PLANNED], offer.expected
             widths = ", ".join(f"{n} +-{percent(e.half_width[n])} ({percent(mine.half_width[n])})" for n in EXCHANGED)
             notes.append(
-                f"With a sensor {offer.sensor!r} besides (without it): {widths}, decided {whole(e.decided)} "
+                f"With a second sensor {offer.sensor!r} (without it): {widths}, decided {whole(e.decided)} "
                 f"({whole(mine.decided)})."
             )
         one = len(self.uncertain) == 1 and self.uncertain != ("masses",)
@@ -398,7 +398,7 @@ def believed(director: Director) -> str:
     told = f"{name}, decided" if belief.decided else f"branch open, {name} at {readable(odds)} to 1"
     lost = ""
     if belief.strange:
-        lost = f" Such a foot does not move like this (chi-square {belief.per_dof:.3g} a dof)."
+        lost = f" Such a foot does not move like this (chi-square {belief.per_dof:.3g} per degree of freedom)."
     elif not belief.follows:
         lost = f" Too little is recorded to say whether such a foot moves like this (chi-square {belief.per_dof:.3g})."
     return f"After {many(len(director.done), 'recording')}: {told}; {bands}.{lost}"

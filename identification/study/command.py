@@ -52,7 +52,7 @@ def main(
         bool, typer.Option("--agreement", help="steady state against time domain (slow: fits every sample)")
     ] = False,
     replay: Annotated[
-        int, typer.Option(min=0, help="recordings of each fit that MuJoCo replays throughout (0: of every twentieth)")
+        int, typer.Option(min=0, help="recordings of each fit that MuJoCo replays in full (0: one in twenty)")
     ] = 0,
     subject: Annotated[list[str] | None, typer.Option(help="only this subject; repeat for several")] = None,
     posture: Annotated[list[str] | None, typer.Option(help="only this posture; repeat")] = None,
