@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from fasbody.arch.bones import Arch
+from fasbody.arch.drop import MEASURED as DROP
+from fasbody.arch.drop import falls
 from fasbody.arch.kinematics import Array, arms, deformations, gradients
 from fasbody.arch.load import ARANGIO_CUT, ARANGIO_LOAD, ARANGIO_SAG, MEASURED_HZ, G, poses, tangent
-from fasbody.arch.mounted import SEATED_N, STANDING_N, Mounted, Stance, pad, stance
+from fasbody.arch.mounted import PAD_POWER, SEATED_N, STANDING_N, Mounted, Stance, pad, stance
 from fasbody.arch.tissue import Tissue
 
 
@@ -36,6 +38,8 @@ ARANGIO_ELONGATION = {0.020: (8.6e-3, 9.8e-3), 0.060: (8.4e-3, 11.7e-3)}
 #: Baines 2018, heels of eleven walkers: slope of force over compression [kN/m] for a new person, 95 %, at loads [N].
 #: `python -m identification.heel` prints them; pressed at 0.5 m/s, with all that lies between skin and shank.
 HEEL_N = (43.0, 66.0, 88.0)
+#: Their rate there [m/s], mean of the persons.
+HEEL_M_S = 0.59
 HEEL_SLOPES = (23.4, 36.6, 49.4), (47.2, 75.4, 103.3)
 #: Huang 1993: load [N] under which 12 feet lost 25 % of their stiffness, load over sag, with the fascia.
 HUANG_N = 690.0
@@ -78,6 +82,7 @@ BOUNDS = (
     Bound("lag", 1e-4, 1e-2, "nominal; 2 N m s/rad over 230 N m/rad is 9 ms"),
     Bound("share", 0.05, 0.35, "nominal: part of the shank that moves with the malleolus", even=True),
     Bound("up", 0.0, 1.0, "nominal: anywhere between sole and apex", even=True),
+    Bound("eta", 0.1, 10.0, "nominal; a drop that absorbs 79 % needs 2"),
 )
 
 
@@ -222,8 +227,17 @@ class Feet:
 
     @property
     def pad(self) -> Array:
-        """Stiffness of the fat pad [N/m] at `HEEL_N`, shape (d, 3)."""
-        return np.asarray(pad(np.asarray(self.legs.k_F)[:, None], np.array(HEEL_N)))
+        """Slope of the fat pad [N/m] at `HEEL_N`, pressed at `HEEL_M_S`, shape (d, 3)."""
+        rest = np.asarray(pad(np.asarray(self.legs.k_F)[:, None], np.array(HEEL_N)))
+        return rest * (1 + np.asarray(self.legs.eta)[:, None] * HEEL_M_S) ** (1 - PAD_POWER)
+
+    @cached_property
+    def _drop(self) -> Array:
+        return falls(np.asarray(self.legs.k_F), np.asarray(self.legs.eta))
+
+    def dropped(self, j: int) -> Array:
+        """Peak [g], depth [mm] or energy absorbed [%] of a mass dropped on the heel (j = 0, 1, 2), shape (d, 1)."""
+        return self._drop[:, j : j + 1]
 
     @cached_property
     def _standing(self) -> Any:
@@ -281,6 +295,10 @@ def _numbers() -> tuple[Number, ...]:
         Number("slope of the heel at 43, 66, 88 N", "Baines 2018", "kN/m", HEEL_SLOPES[0], HEEL_SLOPES[1],
                "95 % of walkers", lambda f: 1e-3 * f.pad),
     ]  # fmt: skip
+    drop = (("peak", "g"), ("depth", "mm"), ("energy absorbed", "%"))
+    for j, ((what, unit), (low, _, high)) in enumerate(zip(drop, DROP.values(), strict=True)):
+        found.append(Number(f"5 kg dropped on the heel, {what}", "Kinoshita 1993", unit, (low,), (high,),
+                            "its range" if unit == "%" else "20 % were chosen here", partial(Feet.dropped, j=j)))  # fmt: skip
     for i, (added, (low, high)) in enumerate(MEASURED_HZ.items()):
         found.append(Number(f"resonance with {added:g} kg", "Wee & Voloshin 2013", "Hz", (low,), (high,), "its range",
                             partial(Feet.seated, i=i)))  # fmt: skip
