@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fasbody.arch.bones import Arch
+from fasbody.arch.drop import MEASURED, RANGE, fall, falls
 from fasbody.arch.evidence import (
     BOUNDS,
     HEEL_N,
@@ -24,12 +25,13 @@ from fasbody.arch.evidence import (
 from fasbody.arch.kinematics import arms, deformations
 from fasbody.arch.lagrange import mass_matrix
 from fasbody.arch.load import equilibrium, tangent
-from fasbody.arch.mounted import FOOT_KG, PAD_N, SHANK_KG, STANDING_N, THIGH_KG, TISSUE_KG, Mounted, Stance, stance
-from fasbody.arch.proofs import Proof, drop, linear_drop, proofs, turned
+from fasbody.arch.mounted import FOOT_KG, PAD_N, PAD_POWER, SHANK_KG, SHIPPED, STANDING_N, THIGH_KG, TISSUE_KG, Mounted, Stance, stance
+from fasbody.arch.proofs import Proof, drop, linear_drop, proofs, resting_drop, turned
 from fasbody.arch.tissue import Tissue
 from fasbody.arch.validate import Prediction, fit, ship, validate
 from fasbody.foot.model import load
 from fasbody.leg.chain import Leg
+from fasbody.leg.drop import drop as stepped
 
 ARCH = Arch.nominal()
 LEG = Mounted(
@@ -228,8 +230,27 @@ def test_no_linear_pad_is_deeper_than_the_bound() -> None:
     peak, depth, absorbed = drop(k, zeta)
     meets = (np.abs(peak / 11.6 - 1) <= 0.2) & (absorbed >= 0.75) & (absorbed <= 0.89)
     assert meets.sum() > 50
-    assert 6.2e-3 < depth[meets].max() < linear_drop() < 0.8 * 11.3e-3
+    assert 6.2e-3 < depth[meets].max() < linear_drop() < 1e-3 * MEASURED["depth_mm"][0]
     assert depth[np.abs(peak / 11.6 - 1) <= 0.2].max() > 0.8 * 11.3e-3  # the loss is what excludes it
+
+
+@pytest.mark.parametrize(("k_F", "eta"), [(SHIPPED.k_F, SHIPPED.eta), (1e5, 0.4)])
+def test_the_drop_is_what_mujoco_steps(k_F: float, eta: float) -> None:
+    """MuJoCo's contact law, and the table that the chains look it up in."""
+    found = stepped(f"1 {k_F} {PAD_N} {1 / (1 - PAD_POWER):.12g} {eta} 0 -1", step=5e-5)
+    by_mujoco = [found.peak_g, found.depth_mm, found.absorbed_percent]
+    np.testing.assert_allclose(fall(k_F, eta), by_mujoco, rtol=5e-4)
+    np.testing.assert_allclose(falls(np.array([k_F]), np.array([eta]))[0], by_mujoco, rtol=1e-3)
+
+
+def test_a_resting_pad_with_the_walkers_slopes_falls_too_hard() -> None:
+    """All pads whose slopes lie in the walkers' range, not only the softest, and finer steps."""
+    k_F, eta = (x.ravel() for x in np.meshgrid(np.geomspace(*RANGE[0], 60), np.geomspace(*RANGE[1], 20)))
+    slopes = 1e-3 * k_F[:, None] * (np.array(HEEL_N) / PAD_N) ** PAD_POWER
+    meets = ((slopes >= HEEL_SLOPES[0]) & (slopes <= HEEL_SLOPES[1])).all(axis=-1)
+    assert meets.sum() > 50
+    peak = fall(k_F[meets], eta[meets], steps=300)[:, 0]
+    assert MEASURED["peak_g"][2] < resting_drop() < peak.min() < 1.05 * resting_drop()
 
 
 def test_goggins_two_peaks_are_within_the_model_class() -> None:

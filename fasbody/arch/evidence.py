@@ -36,11 +36,11 @@ KER_POINTS = np.array([3, 5, 7])
 ARANGIO_ELONGATION = {0.020: (8.6e-3, 9.8e-3), 0.060: (8.4e-3, 11.7e-3)}
 
 #: Baines 2018, heels of eleven walkers: slope of force over compression [kN/m] for a new person, 95 %, at loads [N].
-#: `python -m identification.heel` prints them; pressed at 0.5 m/s, with all that lies between skin and shank.
+#: `python -m identification.heel` prints them; with all that lies between skin and shank.
 HEEL_N = (43.0, 66.0, 88.0)
-#: Their rate there [m/s], mean of the persons.
-HEEL_M_S = 0.59
 HEEL_SLOPES = (23.4, 36.6, 49.4), (47.2, 75.4, 103.3)
+#: Rate at which these heels are pressed there, mean of the persons [m/s]: a pad with a damper is stiffer then.
+HEEL_M_S = 0.59
 #: Huang 1993: load [N] under which 12 feet lost 25 % of their stiffness, load over sag, with the fascia.
 HUANG_N = 690.0
 #: Stiffness of the tissue's aponeurosis at half the load at which Kitaoka's 1189 N tore them [N/m]: no free constant.
@@ -325,5 +325,5 @@ NUMBERS = _numbers()
 
 
 def of(shares: Array) -> Array:
-    """Constants (..., 13) from shares (..., 13) of the way between the bounds."""
+    """Constants (..., 14) from shares (..., 14) of the way between the bounds."""
     return np.stack([bound.value(shares[..., i]) for i, bound in enumerate(BOUNDS)], axis=-1)

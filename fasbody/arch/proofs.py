@@ -9,9 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.arch.bones import Arch
-from fasbody.arch.evidence import ARANGIO_ELONGATION, KER_CUT, KER_ELONGATION
+from fasbody.arch.drop import MASS_KG, MEASURED, RANGE, SPEED_M_S, fall
+from fasbody.arch.evidence import ARANGIO_ELONGATION, HEEL_N, HEEL_SLOPES, KER_CUT, KER_ELONGATION
 from fasbody.arch.kinematics import Array
 from fasbody.arch.load import ARANGIO_LOAD, ARANGIO_SAG
+from fasbody.arch.mounted import pad
 
 #: How well Ker's curves can be read off the figure [N].
 READING_N = 20.0
@@ -23,8 +25,6 @@ STEP = 0.0025
 LOWEST = 0.9
 #: Damping of the ankle, Aruin & Zatsiorsky [N s/m]: under vibration with its deviation; under impact, 20 % chosen here.
 ARUIN_VIBRATION, ARUIN_IMPACT = (430.0, 36.0), 811.0
-#: Kinoshita 1993: peak [weights] and depth [m], 20 % chosen for both; least and greatest loss [1], as published.
-KINOSHITA, KINOSHITA_LOSS = (11.6, 11.3e-3), (0.75, 0.89)
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ def after_ker(
     return found
 
 
-def drop(k: Array, zeta: Array, mass: float = 5.0, speed: float = 0.93) -> tuple[Array, Array, Array]:
+def drop(k: Array, zeta: Array, mass: float = MASS_KG, speed: float = SPEED_M_S) -> tuple[Array, Array, Array]:
     """A mass [kg] falling at a speed [m/s] on a linear pad of k [N/m] and any damping ratio zeta but 1, arrays (n,).
 
     Returns:
@@ -187,10 +187,22 @@ def linear_drop() -> float:
             low, high = np.where(hard, low, k), np.where(hard, k, high)
         return high
 
-    _, depth, most = drop(at_peak(0.8 * KINOSHITA[0]), zeta)
-    _, _, least = drop(at_peak(1.2 * KINOSHITA[0]), zeta)
-    possible = (most >= KINOSHITA_LOSS[0] - 0.01) & (least <= KINOSHITA_LOSS[1] + 0.01)
+    (soft, _, hard), (low, _, high) = MEASURED["peak_g"], MEASURED["absorbed_percent"]
+    _, depth, most = drop(at_peak(soft), zeta)
+    _, _, least = drop(at_peak(hard), zeta)
+    possible = (100 * most >= low - 1) & (100 * least <= high + 1)
     return float(depth[possible].max() + np.abs(np.diff(depth[possible])).max())
+
+
+def resting_drop() -> float:
+    """Smallest peak [g] of a pad whose slopes at rest would be those of the walkers' heels, whatever its `eta`.
+
+    The peak rises with the stiffness, and the least stiffness is that of the lowest slopes. The largest step from one
+    `eta` to the next is taken off.
+    """
+    k_F = max(1e3 * low / float(pad(1.0, load)) for low, load in zip(HEEL_SLOPES[0], HEEL_N, strict=True))
+    peak = fall(k_F, np.geomspace(*RANGE[1], 100))[:, 0]
+    return float(peak.min() - np.abs(np.diff(peak)).max())
 
 
 def proofs(arch: Arch | None = None) -> list[Proof]:
@@ -212,7 +224,9 @@ def proofs(arch: Arch | None = None) -> list[Proof]:
         Proof("Aruin & Zatsiorsky: damping of the ankle under impact", "the same under vibration",
               ARUIN_VIBRATION[0] + 2 * ARUIN_VIBRATION[1], 0.8 * ARUIN_IMPACT, "N s/m", "one linear damper"),
         Proof("Kinoshita: depth of the drop", "its peak and its loss, 75 to 89 %", 1e3 * linear_drop(),
-              1e3 * 0.8 * KINOSHITA[1], "mm", "one linear spring and damper under the heel"),
+              MEASURED["depth_mm"][0], "mm", "one linear spring and damper under the heel"),
+        Proof("Kinoshita: peak of the drop", "the heel's slopes, were they those of rest", resting_drop(),
+              MEASURED["peak_g"][2], "g", "force ~ compression^2.56 (1 + eta rate)", above=True),
     ]  # fmt: skip
     return found
 

@@ -1,6 +1,6 @@
 """Each published number in turn left out: does an arch under a leg that was fitted to the others predict it?
 
-The rule: a number is met independently if a model that never saw it predicts it. The 13 constants that nobody measured
+The rule: a number is met independently if a model that never saw it predicts it. The 14 constants that nobody measured
 are fitted to all measured numbers but one, within the bounds of the literature, and the one left out is read from those
 legs. Numbers that came from other people's models, or from people who stand, are fitted to in no case.
 """
@@ -171,7 +171,7 @@ def fit(
         tick: called after each step.
 
     Returns:
-        Legs of each problem, (problems, kept, 13); their half chi-square, (problems, kept); the draws, (draws, 13).
+        Legs of each problem, (problems, kept, 14); their half chi-square, (problems, kept); the draws, (draws, 14).
     """
     rng = np.random.default_rng(seed)
     weight = np.array([[number.fitted and i != out for i, number in enumerate(NUMBERS)] for out in left_out])

@@ -107,7 +107,8 @@ def print_drop(
 
       python -m fasbody.leg drop --law "1 30000 43 2.6 1.5 0 -1" --json
     """
-    from fasbody.leg.drop import MEASURED, checked, drop, drops
+    from fasbody.arch.drop import MEASURED
+    from fasbody.leg.drop import checked, drop, drops
 
     found = {law: drop(checked(law))} if law else drops()
     limits = ", ".join(f"{low:g}-{high:g} ({middle:g})" for low, middle, high in MEASURED.values())

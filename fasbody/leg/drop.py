@@ -8,16 +8,13 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from fasbody.arch.drop import MASS_KG, MEASURED, SPEED_M_S
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.foot import damper
 from fasbody.foot.engine import callbacks
 from fasbody.leg.lift_off import REFERENCE_N, G
 from fasbody.presentation import Tabled
 
-#: Kinoshita 1993: mass [kg], speed at touch [m/s]; what was measured, lowest, mean and highest.
-MASS_KG, SPEED_M_S = 5.0, 0.93
-#: Peak [g] and depth [mm] have no published scatter: 20 % is an assumption. Energy absorbed [%] has its own.
-MEASURED = {"peak_g": (9.3, 11.6, 13.9), "depth_mm": (9.0, 11.3, 13.6), "absorbed_percent": (75.0, 79.0, 89.0)}
 #: Laws 2 and 1 fitted to the three numbers of the drop (three constants each), so no evidence for either.
 DROPPED = "2 4884.3 281.74 2.0158 0 -1"
 DROPPED_POWER = "1 22845.7 43 2.50122 1.97333 0 -1"
