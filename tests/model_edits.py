@@ -743,8 +743,8 @@ def mounted(*heavier: tuple[int, float], **constants: float) -> Truth:
 
 # mounted_arch.xml
 MOUNTS = (
-    _edit("mounted_arch", "stiffer ankle", ('"18300.0"', '"30000.0"'), truth=mounted(k_T=3e4)),
-    _edit("mounted_arch", "weaker damper of the pad", ('"1370.0"', '"500.0"'), truth=mounted(c_F=500.0)),
+    _edit("mounted_arch", "stiffer ankle", ('"17300.0"', '"30000.0"'), truth=mounted(k_T=3e4)),
+    _edit("mounted_arch", "weaker damper of the pad", ('"2990.0"', '"500.0"'), truth=mounted(c_F=500.0)),
     _edit(
         "mounted_arch",
         "heavier shank",

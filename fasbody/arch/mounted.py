@@ -158,8 +158,9 @@ class Response(NamedTuple):
 
 
 #: The set that is shipped, fitted to the numbers of `fasbody.arch.evidence` that are marked as fitted. It meets them;
-#: of sets whose constants are 1 % off at random 99 of 100 do (it was chosen so).
+#: of sets whose constants are 1 % off at random 19 of 20 do. Of all that do so it was also asked that the highest
+#: response is above 1 and above any second one.
 SHIPPED = Mounted(
-    arm=0.0387, slack=2.29e-3, k_F=2.50e4, c_F=1370.0, k_T=1.83e4, c_T=382.0, k_H=1.17e4, c_H=140.0, k_A=7.88e4,
-    c_A=322.0, lag=1.13e-4, share=0.280, up=0.0705, eta=3.13,
+    arm=0.0393, slack=2.28e-3, k_F=2.51e4, c_F=2990.0, k_T=1.73e4, c_T=376.0, k_H=1.04e4, c_H=47.4, k_A=6.47e4,
+    c_A=271.0, lag=1.01e-4, share=0.345, up=0.0047, eta=2.99,
 )  # fmt: skip
