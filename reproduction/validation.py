@@ -258,7 +258,7 @@ def shipped() -> Outcome:
     return Outcome(
         printed=found[False],
         calibrated=found[True],
-        note="Tissue laws from samples, 13 free constants. Those of Arangio and of Kim & Voloshin come from models.",
+        note="Tissue laws from samples, 14 free constants. Those of Arangio and of Kim & Voloshin come from models.",
     )
 
 

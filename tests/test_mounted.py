@@ -253,6 +253,31 @@ def test_a_resting_pad_with_the_walkers_slopes_falls_too_hard() -> None:
     assert MEASURED["peak_g"][2] < resting_drop() < peak.min() < 1.1 * resting_drop()
 
 
+def test_slopes_of_the_heel_and_the_energy_absorbed_predict_peak_and_depth() -> None:
+    """What docs/arch.md says of the heel alone: its two constants on a grid, evenly in their logarithms, no chain."""
+    k_F, eta = (x.ravel() for x in np.meshgrid(np.geomspace(1e4, 3e5, 240), np.geomspace(*RANGE[1], 120)))
+    legs = replace(LEG, **{name: np.full_like(k_F, getattr(LEG, name)) for name in vars(LEG)} | {"k_F": k_F, "eta": eta})
+    feet = Feet.__new__(Feet)  # the heel needs no arch
+    feet.legs = legs
+    numbers = {n.name.split()[-1]: n for n in NUMBERS if n.source in ("Baines 2018", "Kinoshita 1993")}
+    values = {name: n.predict(feet) for name, n in numbers.items()}
+
+    def said(asked: str, *known: str) -> tuple[float, float]:
+        """Median and share inside of one number, where others are known."""
+        w = np.exp(-sum(numbers[name].misfit(values[name]) for name in known))
+        at = np.argsort(values[asked][:, 0])
+        middle = values[asked][at[np.searchsorted(np.cumsum(w[at]), w.sum() / 2)], 0]
+        return float(middle), float(w[numbers[asked].holds(values[asked])].sum() / w.sum())
+
+    slope, peak, depth, energy = "N", "peak", "depth", "absorbed"
+    assert said(peak, slope, energy) == pytest.approx((13.5, 0.68), rel=0.02)
+    assert said(depth, slope, energy) == pytest.approx((9.35, 0.70), rel=0.02)
+    assert said(depth, slope) == pytest.approx((9.33, 0.68), rel=0.02)
+    assert said(peak, slope) == pytest.approx((15.0, 0.35), rel=0.03)
+    assert said(peak, depth, energy) == pytest.approx((11.6, 0.97), rel=0.02)
+    assert said(slope, peak, depth, energy) == pytest.approx((31.4, 0.44), rel=0.03)
+
+
 def test_goggins_two_peaks_are_within_the_model_class() -> None:
     """Found by a search; no bound can exclude them, though this leg misses nearly all else."""
     soft = Mounted(

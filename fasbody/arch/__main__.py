@@ -246,7 +246,7 @@ def _load_table(study: LoadStudy, name: str) -> Table:
 
 @app.command("validate")
 def print_validation(
-    steps: Annotated[int, typer.Option(help="steps of each Markov chain", min=20)] = 800,
+    steps: Annotated[int, typer.Option(help="steps of each Markov chain", min=20)] = 2400,
     walkers: Annotated[int, typer.Option(help="Markov chains that run at once in each fit", min=8)] = 64,
     seed: SeedOption = 0,
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
@@ -254,7 +254,7 @@ def print_validation(
 ) -> None:
     """Predict each published number of feet from the others, and show which numbers no arch can meet.
 
-    Takes a minute or two.
+    Takes two minutes or more.
 
     Examples:
       python -m fasbody.arch validate --figure docs/figures/validation.svg

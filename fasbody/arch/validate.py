@@ -18,7 +18,7 @@ from fasbody.arch.mounted import SHIPPED
 from fasbody.presentation import Presented, Sheet
 
 #: Legs of each fit, their moves, and the draws within the bounds from which they start.
-WALKERS, STEPS, DRAWS = 64, 800, 20000
+WALKERS, STEPS, DRAWS = 64, 2400, 20000
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def validate(
     points: int = 36,
     tick: Callable[[], None] = lambda: None,
 ) -> Validation:
-    """Leave out each number in turn. About a minute of processor time.
+    """Leave out each number in turn. About two minutes of processor time.
 
     Args:
         arch: whose bones; None is `Arch.nominal()`.
