@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.arch.bones import Arch
-from fasbody.arch.drop import MEASURED as DROP
-from fasbody.arch.drop import falls
+from fasbody.arch.drop import LOW, LOW_M_S, MEASURED, SPEED_M_S, falls
 from fasbody.arch.kinematics import Array, arms, deformations, gradients
 from fasbody.arch.load import ARANGIO_CUT, ARANGIO_LOAD, ARANGIO_SAG, MEASURED_HZ, G, poses, tangent
 from fasbody.arch.mounted import PAD_POWER, SEATED_N, STANDING_N, Mounted, Stance, pad, stance
@@ -95,8 +94,8 @@ class Number:
         low, high: limits between which a prediction meets it, shape (n,); in the likelihood two standard deviations.
         limits: where the limits come from, in words.
         predict: values of the legs, shape (d, n), from what `Feet` computes.
-        fitted: legs are fitted to it when it is not left out. Not to other people's models, and not to people who
-            stand, as the leg above the ankle is a seated one.
+        fitted: legs are fitted to it when it is not left out. Not to other people's models, not to people who stand,
+            as the leg above the ankle is a seated one, and not to a second drop.
     """
 
     name: str
@@ -231,13 +230,9 @@ class Feet:
         rest = np.asarray(pad(np.asarray(self.legs.k_F)[:, None], np.array(HEEL_N)))
         return rest * (1 + np.asarray(self.legs.eta)[:, None] * HEEL_M_S) ** (1 - PAD_POWER)
 
-    @cached_property
-    def _drop(self) -> Array:
-        return falls(np.asarray(self.legs.k_F), np.asarray(self.legs.eta))
-
-    def dropped(self, j: int) -> Array:
-        """Peak [g], depth [mm] or energy absorbed [%] of a mass dropped on the heel (j = 0, 1, 2), shape (d, 1)."""
-        return self._drop[:, j : j + 1]
+    def dropped(self, j: int, speed_m_s: float) -> Array:
+        """Peak [g], depth [mm] or energy absorbed [%] of 5 kg dropped on the heel (j = 0, 1, 2), shape (d, 1)."""
+        return falls(np.asarray(self.legs.k_F), np.asarray(self.legs.eta), j, speed_m_s)[:, None]
 
     @cached_property
     def _standing(self) -> Any:
@@ -295,10 +290,13 @@ def _numbers() -> tuple[Number, ...]:
         Number("slope of the heel at 43, 66, 88 N", "Baines 2018", "kN/m", HEEL_SLOPES[0], HEEL_SLOPES[1],
                "95 % of walkers", lambda f: 1e-3 * f.pad),
     ]  # fmt: skip
-    drop = (("peak", "g"), ("depth", "mm"), ("energy absorbed", "%"))
-    for j, ((what, unit), (low, _, high)) in enumerate(zip(drop, DROP.values(), strict=True)):
-        found.append(Number(f"5 kg dropped on the heel, {what}", "Kinoshita 1993", unit, (low,), (high,),
-                            "its range" if unit == "%" else "20 % were chosen here", partial(Feet.dropped, j=j)))  # fmt: skip
+    drops = (("", "Kinoshita 1993", MEASURED, SPEED_M_S), (" from 30 mm", "Descente Sports Science 12", LOW, LOW_M_S))
+    for lower, source, measured, speed in drops:
+        for j, (low, _, high) in enumerate(measured.values()):
+            name, unit = (("peak", "g"), ("depth", "mm"), ("energy absorbed", "%"))[j]
+            found.append(Number(f"5 kg dropped on the heel{lower}, {name}", source, unit, (low,), (high,),
+                                "its range" if unit == "%" else "20 % were chosen here",
+                                partial(Feet.dropped, j=j, speed_m_s=speed), fitted=not lower))  # fmt: skip
     for i, (added, (low, high)) in enumerate(MEASURED_HZ.items()):
         found.append(Number(f"resonance with {added:g} kg", "Wee & Voloshin 2013", "Hz", (low,), (high,), "its range",
                             partial(Feet.seated, i=i)))  # fmt: skip

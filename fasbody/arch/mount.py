@@ -141,9 +141,9 @@ _BONE = """<body name="{name}" pos="0 {place!r} 0" euler="0 0 {turn!r}">
 _HEADS = '<site name="heads" pos="0 {L!r} 0"/>'
 _BONES = """<mujoco model="mounted_arch">
   <!-- The five-body arch under the leg of leg.xml, x towards the toes, y up, about the pose in which it stands under
-       #weight# N; made by fasbody.arch.mount from the shipped set of docs/arch.md (fitted to thirteen measurements,
-       so no evidence for them), bones of Table 4.1. Another leg or load: fasbody.arch.mount.mjcf. The sole stands on the fat
-       pad; two equalities keep heel and metatarsal heads on it. The actuator weight is the static load on the apex, and
+       #weight# N; made by fasbody.arch.mount from the shipped set of docs/arch.md (fitted to thirteen measurements, so
+       no evidence for them), bones of Table 4.1. Another leg or load: fasbody.arch.mount.mjcf. The sole stands on the
+       fat pad; two equalities keep heel and heads on it. The actuator weight is the static load on the apex, and
        each ligament's springref lets it carry that, so that the load's geometry counts. At small loads the aponeurosis
        is slack and is left out. Angles in rad, SI units. Of first order in the step, as foot_arch.xml. -->
   <compiler angle="radian" autolimits="true"/>
@@ -152,7 +152,7 @@ _BONES = """<mujoco model="mounted_arch">
 
   <custom>
     <!-- unit | lower | upper | where the number stands | its source. -->
-    <text name="k_F" data="N/m | 3e3 | 1e6 | joint fat_pad stiffness | fitted; heels of walkers (Baines 2018), a drop (Kinoshita 1993)"/>
+    <text name="k_F" data="N/m | 3e3 | 1e6 | joint fat_pad stiffness | fitted; Baines 2018, Kinoshita 1993"/>
     <text name="c_F" data="N s/m | 1 | 6e3 | joint fat_pad damping | fitted"/>
     <text name="k_T" data="N/m | 3e3 | 1e6 | joint talocrural stiffness | fitted; Aruin 1.49e4 +- 0.35e4"/>
     <text name="c_T" data="N s/m | 1 | 3e3 | joint talocrural damping | fitted; Aruin 430 +- 36"/>

@@ -2,7 +2,8 @@
 
 The rule: a number is met independently if a model that never saw it predicts it. The 14 constants that nobody measured
 are fitted to all measured numbers but one, within the bounds of the literature, and the one left out is read from those
-legs. Numbers that came from other people's models, or from people who stand, are fitted to in no case.
+legs. Numbers that came from other people's models, from people who stand, or from a second drop, are fitted to in no
+case.
 """
 
 from collections.abc import Callable, Sequence
