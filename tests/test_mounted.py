@@ -290,6 +290,12 @@ def test_slopes_of_the_heel_and_the_energy_absorbed_predict_peak_and_depth() -> 
     assert said(peak, slope) == pytest.approx((15.0, 0.35), rel=0.03)
     assert said(peak, depth, energy) == pytest.approx((11.6, 0.97), rel=0.02)
     assert said(slope, peak, depth, energy) == pytest.approx((31.4, 0.44), rel=0.03)
+    low = {f"low {n.name.split()[-1]}": n for n in NUMBERS if "30 mm" in n.name}
+    numbers |= low
+    values |= {name: n.predict(feet) for name, n in low.items()}
+    assert said("low depth", slope) == pytest.approx((8.7, 0.86), rel=0.02)
+    assert said("low peak", slope)[1] == pytest.approx(0.21, rel=0.05)
+    assert said("low absorbed", slope)[1] == pytest.approx(0.15, rel=0.05)
 
 
 def test_goggins_two_peaks_are_within_the_model_class() -> None:

@@ -290,13 +290,13 @@ def _numbers() -> tuple[Number, ...]:
         Number("slope of the heel at 43, 66, 88 N", "Baines 2018", "kN/m", HEEL_SLOPES[0], HEEL_SLOPES[1],
                "95 % of walkers", lambda f: 1e-3 * f.pad),
     ]  # fmt: skip
-    drops = (("", "Kinoshita 1993", MEASURED, SPEED_M_S), (" from 30 mm", "Descente Sports Science 12", LOW, LOW_M_S))
-    for lower, source, measured, speed in drops:
+    first = ("5 kg dropped on the heel", "Kinoshita 1993", MEASURED, SPEED_M_S)
+    for what, source, measured, speed in (first, ("5 kg from 30 mm", "Descente Sports Sci. 12", LOW, LOW_M_S)):
         for j, (low, _, high) in enumerate(measured.values()):
             name, unit = (("peak", "g"), ("depth", "mm"), ("energy absorbed", "%"))[j]
-            found.append(Number(f"5 kg dropped on the heel{lower}, {name}", source, unit, (low,), (high,),
+            found.append(Number(f"{what}, {name}", source, unit, (low,), (high,),
                                 "its range" if unit == "%" else "20 % were chosen here",
-                                partial(Feet.dropped, j=j, speed_m_s=speed), fitted=not lower))  # fmt: skip
+                                partial(Feet.dropped, j=j, speed_m_s=speed), fitted=measured is MEASURED))  # fmt: skip
     for i, (added, (low, high)) in enumerate(MEASURED_HZ.items()):
         found.append(Number(f"resonance with {added:g} kg", "Wee & Voloshin 2013", "Hz", (low,), (high,), "its range",
                             partial(Feet.seated, i=i)))  # fmt: skip

@@ -255,7 +255,7 @@ def validation(result: "Validation") -> Figure:
     ticks = [x for x in (-100, -10, -2, -1, 0, 1, 2, 10, 100, 1000) if ax.get_xlim()[0] < x < ax.get_xlim()[1]]
     ax.set_xticks(ticks, [f"{x:g}".replace("-", "\u2212") for x in ticks], fontsize=8)
     ax.minorticks_off()
-    ax.set_xlabel("distance from the middle of the published range, in half ranges (beyond 2 logarithmic)", fontsize=8)
+    ax.set_xlabel("from the middle of the published range, in half ranges (beyond 2 logarithmic)", fontsize=8)
     ax.grid(axis="x", color="0.92")
     ax.set_axisbelow(True)
     ax.spines[["top", "right"]].set_visible(False)
