@@ -103,7 +103,8 @@ class Validation(Presented):
         words = [p.verdict for p in self.predictions if p.basis == "independent"]
         counts = ", ".join(f"{words.count(word)} {word}" for word in ("predicted", "open", "missed"))
         without = [f"{p.number.name} ({p.verdict})" for p in self.predictions if p.basis != "independent"]
-        notes = [f"Independent: {counts}.", f"Given without a free constant: {'; '.join(without)}."]
+        notes = [f"Independent: {counts}. Numbers of the two drops and of the heel share two constants.",
+                 f"Given without a free constant: {'; '.join(without)}."]  # fmt: skip
         return Sheet(f"Each number without itself, {self.legs} legs a fit", columns, rows, notes)
 
 
