@@ -90,6 +90,7 @@ class Board:
         self._since, self._older = 0.0, 0  # samples taken before this time of the host's clock are counted, not kept
         self._last = time.monotonic()  # of the last sample, or of the first hello
         self._bytes = 0  # that had come by then
+        self._heard = self._last  # of the last byte
 
     def wait_for_hello(self, seconds: float = HELLO_S) -> Hello:
         """The board's description.
@@ -134,6 +135,7 @@ class Board:
                     self.timeline.note(arrival.event)
                 continue
             greeted = self.decoder.hello is not None
+            self._heard = arrival.host
             found = self.decoder.feed(arrival.data)
             blocks = [message for message in found if isinstance(message, Block)]
             if blocks or (self.decoder.hello and not greeted):
@@ -158,7 +160,8 @@ class Board:
         if self.reader.failure is None and stalled:
             came = self.decoder.bytes - self._bytes
             how = "is unplugged" if self._away else "is silent"
-            how = f"sent {counted(came, 'byte')} and no sample" if came else how
+            if came and looked - self._heard < self.patience / 2:  # not the half of a frame after which it fell silent
+                how = f"sent {counted(came, 'byte')} and no sample"
             raise Stalled(
                 f"{self.reader.port_name}: the board {how} for {self.patience:g} s; check its supply and firmware."
             )
