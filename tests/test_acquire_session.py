@@ -245,6 +245,18 @@ def test_shaking_blindly_is_an_error(feeder: Feeder, board: Board) -> None:
         board.collect(0.2)
 
 
+def test_a_board_that_falls_silent_in_a_frame_is_called_silent(
+    feeder: Feeder, board: Board, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    board.collect(0.2)
+    feeder.instead = b"half a frame"
+    _pump_for(board, 0.2)
+    feeder.paused = True
+    monkeypatch.setattr("fasbody.acquire.board.STALLED_S", 1.5)
+    with pytest.raises(AcquisitionError, match=r"the board is silent for 1\.5 s"):
+        _pump_for(board, 6.0)
+
+
 @pytest.mark.parametrize("instead", ["noise", "hello", "text"])
 def test_bytes_without_samples_are_as_blind_as_silence(
     feeder: Feeder, board: Board, instead: str, monkeypatch: pytest.MonkeyPatch
