@@ -178,6 +178,7 @@ def reach(
     generator.on()
     unplugs = board.unplugs
     gain = highest = 0.0  # largest gain [m/s^2 per V] at a new highest amplitude [V]
+    doubted = False
     for step in range(1, _STEPS + 1):
         board.watch_for(generator.latency_s)
         board.collect(max(_SETTLE_S, _SETTLE_PERIODS / frequency_hz))
@@ -187,10 +188,14 @@ def reach(
         found = peak_to_peak(values, hello.rate_hz, frequency_hz)
         if found >= max(_ANSWER, _HEARD * noise):
             if found < _LINEAR * gain * volts:
+                if not doubted:  # measured once more before the shaker is blamed: a busy computer may have played late
+                    doubted = True
+                    continue
                 raise AcquisitionError(
                     f"the base does not follow the amplitude: {found:.3g} m/s^2 peak to peak at {volts:.3g} V, where "
                     f"lower levels predict {gain * volts:.3g}; does its sensor clip, or the amplifier? Output off."
                 )
+            doubted = False
             if volts > highest:  # not on the way down, where a slow shaker still shows what was
                 highest, gain = volts, max(gain, found / volts)
         if abs(found / wanted - 1) <= TOLERANCE:
