@@ -199,7 +199,7 @@ def test_another_sensor_is_offered_and_is_worth_what_a_director_with_it_says(pla
     for name in EXCHANGED:
         assert offer.expected.half_width[name] == pytest.approx(expected.half_width[name], rel=0.05)
         assert offer.expected.half_width[name] < 0.5 * plan.expected[PLANNED].half_width[name]
-    assert any("With a sensor 'foot' besides" in note for note in plan.sheet().notes)
+    assert any("With a second sensor 'foot' (" in note for note in plan.sheet().notes)
     assert plan.document()["offers"][0]["sensor"] == "foot" and offer.adds.information > 0
 
 
@@ -365,9 +365,9 @@ def test_what_is_uncertain_is_what_was_said_to_be() -> None:
         return next(n for n in planned(Director(person(known=known), SHAKER, draws=2), 1, 10.0).sheet().notes
                     if n.startswith("Averages"))  # fmt: skip
 
-    assert "over 2 feet of persons of 72 kg; masses, gain and delay are uncertain as in a fit" in note(ALONE)
+    assert "over 2 feet of persons of 72 kg; masses, gain and delay are uncertain. Seed" in note(ALONE)
     exact = Known().told(exclude=("all",), mass_std=0.0, delay_std_s=0.0)
-    assert "; gain is uncertain as in a fit" in note(exact)
+    assert "; gain is uncertain. Seed" in note(exact)
     nothing = Known().told(exclude=("all",), mass_std=0.0, gain_std=0.0, delay_std_s=0.0)
     assert "; nothing beside their constants is uncertain" in note(nothing)
 

@@ -228,21 +228,24 @@ def test_a_linear_pad_falls_as_the_equation_says(k: float, c: float) -> None:
 
     leaves.terminal, leaves.direction = True, -1  # type: ignore[attr-defined]
     run = solve_ivp(fall, (0, 1.0), [0.0, 0.93], events=leaves, rtol=1e-10, atol=1e-12, max_step=1e-3)
-    away = run.y[1, -1] if run.t_events[0].size else 0.0
+    x, v = run.y
+    again = np.flatnonzero(np.logical_or.accumulate(v < 0) & (v >= 0))  # where it turns down again on the pad
+    end = again[0] if again.size else -1
+    back = v[end] ** 2 / 2 + 9.81 * (x.max() - x[end])
     peak, depth, absorbed = (float(x[0]) for x in drop(np.array([k]), np.array([zeta])))
     assert peak == pytest.approx((k * run.y[0] + c * run.y[1]).max() / 5 / 9.81, rel=1e-3)
     assert depth == pytest.approx(run.y[0].max(), rel=1e-3)
-    assert absorbed == pytest.approx(1 - (away / 0.93) ** 2, abs=4e-3)
+    assert absorbed == pytest.approx(1 - back / (0.93**2 / 2 + 9.81 * x.max()), abs=4e-3)
 
 
 def test_no_linear_pad_is_deeper_than_the_bound() -> None:
-    """All stiffnesses and dampers, not only the softest of each damping ratio; 6.3 mm by an ODE on such a grid."""
+    """All stiffnesses and dampers, not only the softest of each damping ratio."""
     k, c = (x.ravel() for x in np.meshgrid(np.geomspace(2e3, 3e5, 80), np.linspace(5, 720, 72)))
     zeta = c / (2 * np.sqrt(k * 5.0))
     peak, depth, absorbed = drop(k, zeta)
     meets = (np.abs(peak / 11.6 - 1) <= 0.2) & (absorbed >= 0.75) & (absorbed <= 0.89)
     assert meets.sum() > 50
-    assert 6.2e-3 < depth[meets].max() < linear_drop() < 1e-3 * MEASURED["depth_mm"][0]
+    assert 6e-3 < depth[meets].max() < linear_drop() < 1e-3 * MEASURED["depth_mm"][0]
     assert depth[np.abs(peak / 11.6 - 1) <= 0.2].max() > 0.8 * 11.3e-3  # the loss is what excludes it
 
 

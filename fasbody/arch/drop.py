@@ -20,7 +20,7 @@ MEASURED = {"peak_g": (9.3, 11.6, 13.9), "depth_mm": (9.0, 11.3, 13.6), "absorbe
 #: Descente Sports Science 12, the same from 30 mm on the heels of 14 adults (abstract; it gives no speed: free fall).
 LOW_M_S = float(np.sqrt(2 * G * 0.03))
 LOW = {"peak_g": (6.8, 8.5, 10.2), "depth_mm": (8.0, 10.0, 12.0), "absorbed_percent": (72.0, 76.0, 84.0)}
-#: How many times as long as across its depth the mass may take.
+#: Longest drop, in times that the mass needs across its depth without gravity or damper.
 LONGEST = 20
 #: Where `falls` is tabulated: k_F [N/m], eta [s/m].
 RANGE = (1e4, 3e6), (0.1, 10.0)
@@ -29,7 +29,8 @@ RANGE = (1e4, 3e6), (0.1, 10.0)
 def fall(k_F: Any, eta: Any, speed_m_s: float = SPEED_M_S, steps: int = 150) -> Array:
     """Peak [g], depth [mm] and energy absorbed [%] of the drop, shape (..., 3), of pads (...); by Runge-Kutta's steps.
 
-    It ends where the mass leaves the pad, or where it turns down again, or creeps to rest.
+    It ends where the mass leaves the pad, or where it turns down again, or creeps to rest. Absorbed is what the pad
+    does not give back until then, of the work done on it down to the deepest place, weight included: the loop's area.
 
     Args:
         k_F: under `PAD_N` [N/m]. eta: [s/m]. speed_m_s: at touch.
@@ -47,22 +48,22 @@ def fall(k_F: Any, eta: Any, speed_m_s: float = SPEED_M_S, steps: int = 150) -> 
         return v, G - force(x, v) / MASS_KG
 
     x, v = np.zeros_like(h), np.full_like(h, speed_m_s)
-    peak, depth, left = x, x, np.full_like(h, np.nan)
-    for last in range(LONGEST * steps, -1, -1):
+    peak, depth, absorbed = x, x, np.full_like(h, np.nan)
+    for remaining in range(LONGEST * steps, -1, -1):
         a = rate(x, v)
         b = rate(x + h / 2 * a[0], v + h / 2 * a[1])
         c = rate(x + h / 2 * b[0], v + h / 2 * b[1])
         e = rate(x + h * c[0], v + h * c[1])
         x, before = x + h / 6 * (a[0] + 2 * b[0] + 2 * c[0] + e[0]), v
         v = v + h / 6 * (a[1] + 2 * b[1] + 2 * c[1] + e[1])
-        on, push = np.isnan(left), force(x, v)
+        on, push = np.isnan(absorbed), force(x, v)
         peak, depth = np.where(on, np.maximum(peak, push), peak), np.where(on, np.maximum(depth, x), depth)
         work = MASS_KG * (speed_m_s**2 / 2 + G * depth)
-        over = on & ((v < 0) & (push <= 0) | (before < 0) & (v >= 0) | (last == 0))
-        left = np.where(over, 1 - MASS_KG * (v**2 / 2 + G * (depth - x)) / work, left)
-        if not np.isnan(left).any():
+        over = on & ((v < 0) & (push <= 0) | (before < 0) & (v >= 0) | (remaining == 0))
+        absorbed = np.where(over, 1 - MASS_KG * (v**2 / 2 + G * (depth - x)) / work, absorbed)
+        if not np.isnan(absorbed).any():
             break
-    return np.stack([peak / (MASS_KG * G), 1e3 * depth, 100 * left], axis=-1)
+    return np.stack([peak / (MASS_KG * G), 1e3 * depth, 100 * absorbed], axis=-1)
 
 
 @cache

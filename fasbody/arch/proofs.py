@@ -149,33 +149,33 @@ def drop(k: Array, zeta: Array, mass: float = MASS_KG, speed: float = SPEED_M_S)
     """A mass [kg] falling at a speed [m/s] on a linear pad of k [N/m] and any damping ratio zeta but 1, arrays (n,).
 
     Returns:
-        Peak force [weights], depth [m] and share of the speed's energy that is absorbed, each (n,): all of it where the
-        mass does not leave the pad again.
+        Peak force [weights], depth [m] and share of the energy at the deepest place that does not come back, each (n,):
+        until the mass leaves the pad, turns down again or creeps to rest, as in `fasbody.arch.drop`.
     """
     g = 9.81
     w = np.sqrt(k / mass)
     turn, sink = w * np.emath.sqrt(1 - zeta**2 + 0j), mass * g / k
     slowest = np.where(zeta < 1, np.abs(turn), w / (2 * zeta + 1))  # at critical damping and above nothing turns
-    t = np.linspace(0, 1, 401)[:, None] ** 2 * np.minimum(1.3 * np.pi / slowest, 8 * (2 * zeta + 1) / w)
+    t = np.linspace(0, 1, 401)[:, None] ** 2 * np.minimum(2.2 * np.pi / slowest, 8 * (2 * zeta + 1) / w)
     b = (speed - zeta * w * sink) / turn
     decay, c, s = np.exp(-zeta * w * t), np.cos(turn * t), np.sin(turn * t)
     x = (sink + decay * (b * s - sink * c)).real
     v = (decay * ((b * turn + zeta * w * sink) * c + (sink * turn - zeta * w * b) * s)).real
     force = k * x + 2 * zeta * w * mass * v
-    touching = np.logical_and.accumulate((force > 0) | (t == 0))
-    last = touching.sum(axis=0) - 1
-    away = np.where(touching[-1], 0.0, np.take_along_axis(v, last[None], 0)[0])
-    inside = np.where(touching, 1.0, np.nan)
-    peak, depth = np.nanmax(force * inside, axis=0) / (mass * g), np.nanmax(x * inside, axis=0)
-    return peak, depth, 1 - (away / speed) ** 2
+    again = np.logical_or.accumulate(v < 0) & (v >= 0)
+    once = np.logical_and.accumulate(((force > 0) & ~again) | (t == 0))
+    last = once.sum(axis=0)[None] - 1
+    peak, depth = (np.where(once, each, 0).max(axis=0) for each in (force / (mass * g), x))
+    left, high = (np.take_along_axis(each, last, 0)[0] for each in (v, depth - x))
+    return peak, depth, 1 - (left**2 / 2 + g * high) / (speed**2 / 2 + g * depth)
 
 
 def linear_drop() -> float:
     """Greatest depth [m] of a linear pad in Kinoshita's drop that keeps to the limits of its peak and its loss.
 
-    Depth and loss fall with the stiffness and the peak rises. So for each damping ratio the softest pad that is hard
-    enough is the deepest, and loses most; the hardest that is allowed loses least. A ratio counts if the limits of the
-    loss lie between both. The largest step from one ratio to the next is added.
+    Depth falls with the stiffness, the peak rises, and the loss goes one way. So for each damping ratio the softest pad
+    that is hard enough is the deepest; a ratio counts if the limits of the loss reach between those of this pad and of
+    the hardest one that is allowed. The largest step from one ratio to the next is added.
     """
     zeta = np.linspace(0.005, 1.995, 200)  # none is 1
 
@@ -188,9 +188,9 @@ def linear_drop() -> float:
         return high
 
     (soft, _, hard), (low, _, high) = MEASURED["peak_g"], MEASURED["absorbed_percent"]
-    _, depth, most = drop(at_peak(soft), zeta)
-    _, _, least = drop(at_peak(hard), zeta)
-    possible = (100 * most >= low - 1) & (100 * least <= high + 1)
+    _, depth, one = drop(at_peak(soft), zeta)
+    other = drop(at_peak(hard), zeta)[2]
+    possible = (100 * np.maximum(one, other) >= low - 1) & (100 * np.minimum(one, other) <= high + 1)
     return float(depth[possible].max() + np.abs(np.diff(depth[possible])).max())
 
 

@@ -14,7 +14,7 @@ from identification.plan.candidates import PLANNED, THESIS, THESIS_AMPLITUDE, UN
 from identification.plan.director import GOAL, SHARE, Director
 from identification.plan.feet import Outlook, Score
 from identification.plan.protocol import Protocol, shaking_s
-from identification.plan.words import listed, many, minutes, percent, plain, span, whole
+from identification.plan.words import beside, listed, many, minutes, percent, plain, span, whole
 
 _TITLES = {PLANNED: "planned", THESIS: "the thesis, three loads", UNLOADED: "the thesis, unloaded"}
 
@@ -200,11 +200,21 @@ class Planned(Presented):
         """For the file."""
         return Protocol(self.steps, self.subject, self.body_mass_kg, self.posture, self.seed)
 
+    @property
+    def _existing(self) -> str:
+        """The earlier recordings, in words."""
+        return "the recording that exists" if self.earlier == 1 else f"the {self.earlier} recordings that exist"
+
     def sentence(self) -> str:
         """What to expect."""
         mine, theirs = self.expected[PLANNED], self.expected[THESIS]
-        text = f"{many(len(self.steps), 'recording')} and {minutes(shaking_s(self.steps))} of shaking"
-        if theirs.steps:
+        if not self.steps:
+            return f"Nothing more needs to be recorded. {self.stop()}"
+        more = "more " if self.earlier else ""
+        text = f"{many(len(self.steps), f'{more}recording')} and {minutes(shaking_s(self.steps))} of shaking"
+        if self.earlier:
+            text += f" after {self._existing}:"
+        elif theirs.steps:
             ratio = [mine.half_width[name] / theirs.half_width[name] for name in EXCHANGED]
             low, high = (plain(x, 3) for x in (min(ratio), max(ratio)))
             text += (
@@ -218,6 +228,8 @@ class Planned(Presented):
 
     def stop(self) -> str:
         """Whether what is asked is met, will be, or never is."""
+        if self.met and not self.steps:
+            return f"What is asked is met by {self._existing}."
         if self.met:
             feet, share = many(self.feet, "foot", "feet"), whole(self.expected[PLANNED].met)
             return (
@@ -262,13 +274,16 @@ class Planned(Presented):
             "step", "kind", "Hz", "kg", "m/s^2", "s", "information [nat]", "widest [nat]", "branch [nat]",
         )  # fmt: skip
         notes = [self.sentence(), goal(self.asked)]
-        notes += [self.limited] if self.limited else []
+        notes += [text for text in (self.limited, beside(self.allowed)) if text]
         for name, e in self.expected.items():
-            if not e.steps:
+            if not e.steps and not (name == PLANNED and self.earlier):
                 continue
             widths = ", ".join(f"{n} +-{percent(w)}" for n, w in e.half_width.items())
+            title = _TITLES[name]
+            if self.earlier:
+                title += ", with what exists" if name == PLANNED else ", from nothing"
             notes.append(
-                f"{_TITLES[name]}: {many(len(e.steps), 'recording')}, {minutes(shaking_s(e.steps))}, {widths}, "
+                f"{title}: {many(len(e.steps), 'recording')}, {minutes(shaking_s(e.steps))}, {widths}, "
                 f"decided {whole(e.decided)}."
             )
         for offer in self.offers:
@@ -280,7 +295,7 @@ class Planned(Presented):
             )
         one = len(self.uncertain) == 1 and self.uncertain != ("masses",)
         also = (
-            f"{listed(self.uncertain)} {'is' if one else 'are'} uncertain as in a fit"
+            f"{listed(self.uncertain)} {'is' if one else 'are'} uncertain"
             if self.uncertain
             else "nothing beside their constants is uncertain"
         )
@@ -344,7 +359,8 @@ def planned(director: Director, most: int, seconds: float, took_s: float = 0.0) 
     import time
 
     began = time.perf_counter()
-    steps = director.session(most, seconds)
+    known = bool(director.done) and director.met(director.outlook(()))
+    steps = () if known else director.session(most, seconds)
     protocols: dict[str, Sequence[Step]] = {
         PLANNED: steps,
         THESIS: director.thesis(),

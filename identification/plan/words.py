@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from fasbody.presentation import readable
+from fasbody.recording.known import DEPARTURES
 
 
 def many(count: int, one: str, more: str = "") -> str:
@@ -42,6 +43,21 @@ def span(seconds: float) -> str:
     return f"{text} {unit}{'' if text == '1' else 's'}"
 
 
-def listed(words: Sequence[str]) -> str:
-    """Words with commas and an `and`."""
-    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
+def beside(allowed: Sequence[str]) -> str:
+    """What a fit allows for and a plan does not, and what that does to intervals; empty where there is none.
+
+    Args:
+        allowed: departures of the world that are allowed for.
+    """
+    rest = [name for name in DEPARTURES if name not in allowed]
+    if not rest:
+        return ""
+    return (
+        f"These intervals are of a foot without {listed(rest, 'or')}. A fit allows for that unless it is told to "
+        "`--exclude` it, and its intervals can be ten times as wide; plan with `--allow all` for these."
+    )
+
+
+def listed(words: Sequence[str], last: str = "and") -> str:
+    """Words with commas and an `and`, or another last word."""
+    return f" {last} ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
