@@ -54,6 +54,8 @@ def needs_no_outside_address(site: Path) -> None:
     for page in pages:
         text = page.read_text(encoding="utf-8")
         assert not [match[0] for load in LOADS for match in re.finditer(load, text)], page.name
+        swallowed = re.search(r"<p>[^<]*\n- [^\n]*", re.sub(r"<(?!/?p>)[^>]*>", "", text))
+        assert not swallowed, f"{page.name}: a list that is no list: {swallowed[0][-80:]}"
         assert not re.search(r"\]\[(mjcf|fasbody|identification|viz)\.", text), (
             f"{page.name}: a link into the reference"
         )
