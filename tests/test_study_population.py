@@ -223,5 +223,17 @@ def test_persons_of_other_results_join_the_population(tmp_path: Path) -> None:
     assert gather(mine).no_population and not gather(mine).populations
     again = gather(five, others=joined).populations[0]  # the same fits count once
     assert [p.subject for p in again.constants[0].persons] == [p.subject for p in want.constants[0].persons]
+    with pytest.raises(InputFileError, match="anna: is no folder of results; name the --out of another study"):
+        joining(tmp_path / "anna")
+    (tmp_path / "anna" / "fits").mkdir(parents=True)
     with pytest.raises(InputFileError, match="anna: holds no pooled fits"):
         joining(tmp_path / "anna")
+    store = Store(tmp_path / "ben" / "fits")
+    first = next(iter(store.documents(d["key"] for d in five[3:]).values()))
+    store.write({**first, "key": "0" * 24})
+    with pytest.raises(InputFileError, match=r"ben: holds two fits of subject 3, .* of other settings"):
+        joining(tmp_path / "ben")
+    file = store.folder / f"{first['key']}.json"
+    file.write_text(file.read_text().replace('"pooled"', '"pooled "'))
+    with pytest.raises(InputFileError, match=rf"{first['key']}.json: was changed after it was written; run its study"):
+        joining(tmp_path / "ben")

@@ -9,6 +9,8 @@ from typing import Any
 from fasbody import runner
 from fasbody.console import plain
 
+#: What becomes of a document of one's own study that cannot be used.
+AGAIN = " and is computed again."
 #: What a document must hold to be believed.
 _NEEDED = {"digest", "key", "mode", "subject", "posture", "files", "status", "error", "result", "cycles"}
 #: What the name of a document looks like.
@@ -41,12 +43,12 @@ class Store(runner.Store):
         if problem or not file.exists():
             return None, problem
         if not isinstance(found, dict) or not found.keys() >= _NEEDED or found["key"] != key:
-            return None, f"{file}: is not the fit that its name says and is computed again."
+            return None, f"{file}: is not the fit that its name says{AGAIN}"
         kind = dict if found["status"] == "done" else type(None)
         if found["status"] not in ("done", "failed") or not isinstance(found["result"], kind):
-            return None, f"{file}: has no result and is computed again."
+            return None, f"{file}: has no result{AGAIN}"
         if found["digest"] != _digest(found):
-            return None, f"{file}: was changed after it was written and is computed again."
+            return None, f"{file}: was changed after it was written{AGAIN}"
         return found, ""
 
     def others(self, keys: Iterable[str]) -> Counter[str]:
