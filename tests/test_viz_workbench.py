@@ -200,6 +200,7 @@ def test_fit_belongs_to_its_model_and_recordings(bench: Bench) -> None:
     assert "20hz.csv was read in another way" in bench.document()["stale"]
     bench.remove([0])
     assert "20hz.csv was removed" in bench.document()["stale"]
+    assert "20hz.csv was removed" in bench.show.description()["fit"]["stale"]  # and in a page that is taken away
     assert (bench.folder / "20hz.csv").is_file()  # the report of the fit may still read it
     bench.choose("foot_arch")
     assert document not in bench.documents() and bench.show.fit == {}

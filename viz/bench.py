@@ -320,6 +320,8 @@ class Bench:
     def document(self) -> Document:
         """The recordings, as the page lists them."""
         stale = self._fit[0].stale(self.sources, self._whole) if self._fit else ""
+        if self._fit:
+            self._fit[1]["fit"]["stale"] = stale  # what is taken away says so, too
         rows = list(self._rows.values())
         return {"type": "data", "session": self.session, "rows": rows, "shown": self.shown, "stale": stale}
 

@@ -43,6 +43,15 @@ class Question:
         """Why its answer is out of date now, in a sentence; empty where it is not."""
         gone = [s.file for number, s in self.sources.items() if number not in sources]
         other = [s.file for number, s in self.sources.items() if sources.get(number, s) != s]
-        changed = [f"{file} was removed" for file in gone] + [f"{file} was read in another way" for file in other]
+        changed = [_said(gone, "removed")] if gone else []
+        changed += [_said(other, "read in another way")] if other else []
         changed += ["the model's file was changed"] if text != self.text else []
-        return f"Out of date: since this fit {' and '.join(changed[:3])}; fit again." if changed else ""
+        return f"Out of date: since this fit {' and '.join(changed)}; fit again." if changed else ""
+
+
+def _said(files: list[str], what: str) -> str:
+    """What was done with some files, of which the first are named."""
+    if len(files) == 1:
+        return f"{files[0]} was {what}"
+    *some, last = files if len(files) < 4 else [*files[:2], f"{len(files) - 2} more"]
+    return f"{', '.join(some)} and {last} were {what}"

@@ -254,6 +254,7 @@ function showFit(fit) {
   byId("fit").hidden = false;
   byId("sentence").textContent = fit.sentence || (fit.verdict ? `Fit ${(+fit.fit_percent).toFixed(1)} %; ${fit.verdict}.` : "");
   byId("reason").textContent = fit.reason;
+  if (window.EXPORTED) { byId("stale").hidden = !fit.stale; byId("stale").textContent = fit.stale || ""; }
   byId("notes").replaceChildren(...fit.warnings.map(text => element("li", text)));
   byId("branches").replaceChildren(...fit.branches.map((branch, k) => {
     const b = element("button", branch.name, { title: "the foot with this branch's constants" });
