@@ -95,10 +95,11 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         page.page.locator("#parameters output input").fill("41")
         page.page.keyboard.press("Enter")
         page.until("!busy && !wanted && state.values.c_12 === 41")
-        before = page("stats.motions")
-        page("socket.close()")  # a lost connection changes nothing that was set
-        page.until(f"socket.readyState === 1 && bench.rows.length && !busy && motion && stats.motions > {before}")
-        assert page("[state.values.c_12, bench.fit.branches.length, ticked()]") == [41, 2, [0]]
+        for _ in range(3):  # a lost connection changes nothing that was set, however often
+            before = page("stats.motions")
+            page("socket.close()")
+            page.until(f"socket.readyState === 1 && bench.rows.length && !busy && motion && stats.motions > {before}")
+        assert not page.complaints and page("[state.values.c_12, bench.fit.branches.length, ticked()]") == [41, 2, [0]]
         page.page.locator("#undo").click()
         first, other = page("bench.fit.branches.map(b => b.values.k_T)")
         assert page("state.values.k_T") == first

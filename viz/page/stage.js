@@ -30,6 +30,8 @@ class Stage {
     r.toneMapping = THREE.ACESFilmicToneMapping;
     pane.appendChild(r.domElement);
     this.viewer = new MeshCat.Viewer(pane, false, r);
+    // meshcat makes controls for each object, which nobody sees here, and fails where a scene comes a second time
+    Object.getPrototypeOf(this.viewer.scene_tree).create_controls = function () { this.vis_controller = { updateDisplay() {} }; };
     const size = this.viewer.set_3d_pane_size.bind(this.viewer);
     this.viewer.set_3d_pane_size = () => size(pane.clientWidth, pane.clientHeight);
     new ResizeObserver(() => {
