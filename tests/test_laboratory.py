@@ -11,7 +11,7 @@ import oracle
 import pytest
 import thesis
 
-from fasbody.exceptions import SettingError
+from fasbody.exceptions import FasError
 from fasbody.foot import shaker
 from fasbody.foot.two_dof import TwoDof
 from fasbody.laboratory import foot as laboratory
@@ -122,10 +122,16 @@ def test_study_with_two_loads(tmp_path: Path) -> None:
         ),
         ({"frequencies_hz": (float("nan"),)}, "a frequency of nan cannot be recorded"),
         ({"seconds": float("nan")}, "a length of nan is no recording"),
+        ({"added_masses_kg": (float("nan"),)}, "--added-mass: the added mass is nan kg; it must lie between 0 and 100"),
+        ({"added_masses_kg": (0.0, float("inf"))}, "--added-mass: the added mass is inf kg"),
+        ({"added_masses_kg": (-3.0,)}, "--added-mass: the added mass is -3 kg"),
+        ({"added_masses_kg": (2.3, 2.3)}, "--added-mass 2.3 is given twice"),
+        ({"loaded_frequencies_hz": (float("inf"),)}, "--loaded-frequency: a frequency of inf cannot be recorded"),
+        ({"frequencies_hz": (-20.0,)}, "--frequency: a frequency of -20 cannot be recorded"),
     ],
 )
 def test_impossible_studies_get_a_sentence(tmp_path: Path, options: dict, sentence: str) -> None:
-    with pytest.raises(SettingError, match=sentence):
+    with pytest.raises(FasError, match=sentence):
         make_study(tmp_path / "s", **options)
     assert not (tmp_path / "s").exists()
 

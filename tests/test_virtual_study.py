@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
-from fasbody.exceptions import SettingError
+from fasbody.exceptions import FasError
 from fasbody.foot import shaker
 from fasbody.laboratory.instrument import Instrument
 from fasbody.laboratory.recording import moving, steady
@@ -137,10 +137,13 @@ def test_constants_follow_the_stated_trends() -> None:
         ({"peak_to_peak": float("nan")}, r"--peak-to-peak nan makes no study \(valid: 0\.1 to 60 m/s\^2\)"),
         ({"frequencies_hz": (500.0,)}, "0.5 to 100 Hz"),
         ({"conditions": (("midstance", 90.0),)}, "0 to 20 kg"),
+        ({"conditions": (("midstance", float("nan")),)}, "--added-mass: the added mass is nan kg"),
+        ({"conditions": (("midstance", 2.3), ("midstance", 2.3))}, r"--added-mass 2\.3 is given twice"),
+        ({"frequencies_hz": (float("nan"),)}, "--frequency: a frequency of nan makes no recording"),
     ],
 )
 def test_plans_that_make_no_study(wrong: dict, says: str) -> None:
-    with pytest.raises(SettingError, match=says):
+    with pytest.raises(FasError, match=says):
         Plan(**wrong).check()
 
 

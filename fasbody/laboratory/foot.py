@@ -17,8 +17,8 @@ from fasbody.exceptions import SettingError
 from fasbody.foot.shaker import BaseMotion
 from fasbody.foot.two_dof import TwoDof
 from fasbody.laboratory.instrument import STRAPPED, Instrument
-from fasbody.laboratory.study import CONSTANTS, FREQUENCIES_HZ
-from fasbody.recording.condition import SUBJECTS, foot_mass, shank_mass
+from fasbody.laboratory.study import CONSTANTS, FREQUENCIES_HZ, once
+from fasbody.recording.condition import SUBJECTS, foot_mass, plausible, shank_mass
 from fasbody.recording.recording import Condition, Recording
 
 #: A foot with visibly nonlinear dampers: invented, within what chapters 2 and 4 of the thesis describe.
@@ -84,18 +84,27 @@ def make_study(
             as without where none are given. second: a sensor on the foot writes the channel foot.
 
     Raises:
-        SettingError: no such subject, or a length or frequency that makes no recording.
+        SettingError: no such subject, a length or frequency that makes no recording, or a value twice.
+        RecordingError: nobody carries such a mass.
     """
     instrument = instrument or Instrument()
     if subject not in SUBJECTS:
         raise SettingError(f"there is no subject {subject}; Table 2.1 has 1 to {len(SUBJECTS)}.")
-    for f in (*frequencies_hz, *(loaded_frequencies_hz or ())):
-        if not 0.5 <= f <= instrument.rate_hz / 10:
-            raise SettingError(
-                f"a frequency of {f:g} cannot be recorded at {instrument.rate_hz:g} Hz (valid: 0.5 to 100 Hz)."
-            )
-        if not 3 <= seconds * f <= 3600 * f:
-            raise SettingError(f"a length of {seconds:g} is no recording of {f:g} Hz (valid: {3 / f:.3g} to 3600 s).")
+    for added in added_masses_kg:
+        plausible(added, "added", "--added-mass")
+    once("--added-mass", added_masses_kg)
+    for option, values in (("--frequency", frequencies_hz), ("--loaded-frequency", loaded_frequencies_hz or ())):
+        once(option, values)
+        for f in values:
+            if not 0.5 <= f <= instrument.rate_hz / 10:
+                raise SettingError(
+                    f"{option}: a frequency of {f:g} cannot be recorded at {instrument.rate_hz:g} Hz "
+                    f"(valid: 0.5 to {instrument.rate_hz / 10:g} Hz)."
+                )
+            if not 3 <= seconds * f <= 3600 * f:
+                raise SettingError(
+                    f"--seconds: a length of {seconds:g} is no recording of {f:g} Hz (valid: {3 / f:.3g} to 3600 s)."
+                )
     body = SUBJECTS[subject].mass_kg
     rng = np.random.default_rng(seed)
     rows = ["file,subject,posture,added_mass_kg,frequency_hz"]

@@ -4,6 +4,7 @@ Every recording (virtual_recording.py) depends only on the seed and its own plac
 processes.
 """
 
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,7 +18,7 @@ from fasbody.foot.two_dof import NAMES
 from fasbody.laboratory.instrument import EXCITATIONS, Instrument
 from fasbody.laboratory.recording import moving, steady
 from fasbody.laboratory.subject import POSTURES, Tuberosity, VirtualSubject, panel
-from fasbody.recording.condition import ADDED_MASSES_KG, SUBJECTS
+from fasbody.recording.condition import ADDED_MASSES_KG, SUBJECTS, plausible
 from fasbody.recording.formats import ENDINGS
 from fasbody.recording.recording import Condition
 from fasbody.runner import run
@@ -51,15 +52,20 @@ class Plan:
     instrument: Instrument = STUDY_INSTRUMENT
 
     def check(self) -> "Plan":
-        """Itself, complete: without conditions, the loads in midstance and the other postures without load."""
+        """Itself, complete: without conditions, the loads in midstance and the other postures without load.
+
+        Raises:
+            SettingError: it makes no study. RecordingError: nobody carries such a mass.
+        """
         conditions = self.conditions or (
             *(("midstance", m) for m in ADDED_MASSES_KG), *((p, 0.0) for p in POSTURES[1:])
         )  # fmt: skip
         for posture, mass in conditions:
             if posture not in POSTURES:
                 raise SettingError(f"{unknown('posture', posture, POSTURES)}.")
-            if not 0 <= mass <= 20:
-                raise SettingError(f"an added mass of {mass:g} kg is not calibrated (valid: 0 to 20 kg).")
+            plausible(mass, "added", "--added-mass")
+            if mass > 20:
+                raise SettingError(f"--added-mass: an added mass of {mass:g} kg is not calibrated (valid: 0 to 20 kg).")
         if self.excitation not in EXCITATIONS:
             raise SettingError(f"{unknown('excitation', self.excitation, EXCITATIONS)}.")
         if f".{self.file_format}" not in (".csv", *ENDINGS):
@@ -72,10 +78,26 @@ class Plan:
         for f in self.frequencies_hz:
             if not 0.5 <= f <= self.instrument.rate_hz / 10 or self.seconds * f < 3:
                 raise SettingError(
-                    f"a frequency of {f:g} makes no recording (valid: 0.5 to {self.instrument.rate_hz / 10:g} Hz, "
-                    f"at least 3 periods in {self.seconds:g} s)."
+                    f"--frequency: a frequency of {f:g} makes no recording (valid: 0.5 to "
+                    f"{self.instrument.rate_hz / 10:g} Hz, at least 3 periods in {self.seconds:g} s)."
                 )
+        once("--frequency", self.frequencies_hz)
+        for posture in {posture for posture, _ in conditions}:
+            once("--added-mass", [mass for p, mass in conditions if p == posture])
         return replace(self, conditions=tuple(conditions))
+
+
+def once(option: str, values: Iterable[float]) -> None:
+    """Refuse two values of an option that would name one file.
+
+    Raises:
+        SettingError: there are two such.
+    """
+    told: set[str] = set()
+    for value in (f"{each:g}" for each in values):
+        if value in told:
+            raise SettingError(f"{option} {value} is given twice; give it once.")
+        told.add(value)
 
 
 @dataclass(frozen=True)
@@ -94,7 +116,7 @@ def make(folder: Path, plan: Plan, processes: int = 0) -> Path:
     (the foot's constants).
 
     Raises:
-        SettingError: the plan makes no study. InputFileError: the folder cannot be written.
+        SettingError, RecordingError: the plan makes no study. InputFileError: the folder cannot be written.
     """
     plan = plan.check()
     people = panel(plan.subjects, np.random.default_rng(plan.seed))
