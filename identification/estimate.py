@@ -312,7 +312,7 @@ def explore(question: Question, settings: Settings, advance: Advance, interrupti
     if interrupted:
         warnings = (f"Interrupted after {len(descents)} of {len(starts)} starts; the result rests on those.",)
     if descents[0].unstable:
-        raise search.lost(foot, space, descents)
+        raise search.lost(foot, space, descents, question.domain.recordings)
     return Explored(descents, _a_branch_each(question, scout, descents), warnings)
 
 

@@ -8,6 +8,9 @@ import numpy as np
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
+from fasbody.recording.checks import unit_in_doubt
+from fasbody.recording.recording import Recording
+from fasbody.recording.sources import together
 from identification.engines.engine import stated
 from identification.space import SearchSpace
 
@@ -152,13 +155,18 @@ def descend(
     )
 
 
-def lost(foot: Foot, space: SearchSpace, descents: Sequence[Descent]) -> SimulationError:
-    """What to raise where no start came to a steady motion; one of them is named."""
+def lost(
+    foot: Foot, space: SearchSpace, descents: Sequence[Descent], recordings: Sequence[Recording]
+) -> SimulationError:
+    """What to raise where no start came to a steady motion: a unit in doubt is the likeliest reason."""
+    if doubt := unit_in_doubt(recordings):
+        return SimulationError(f"{doubt} As it is, none of {len(descents)} starts of {foot.name} has a steady motion.")
     first = descents[0]
     values = dict(zip(space.names, first.theta0, strict=False))  # a delay comes last
     return SimulationError(
-        f"{foot.name}: none of {len(descents)} starts has a steady motion (the start {first.label!r}: "
-        f"{stated(foot, values)}); check the bounds and the model's parameters."
+        f"{foot.name}: none of {len(descents)} starts has a steady motion under "
+        f"{together([r.file for r in recordings])} (the start {first.label!r}: {stated(foot, values)}); check the bounds "
+        "and the model's parameters."
     )
 
 

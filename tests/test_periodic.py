@@ -1,6 +1,7 @@
 """Harmonic residuals: chi-square at the truth, exact Jacobian, and weights against the linear theory."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import oracle
@@ -153,9 +154,13 @@ def test_only_where_every_start_is_lost_is_there_no_fit(foot: Foot, trial: Calla
     """A lost start is passed over; where none is left the sentence names constants, and not a vector."""
     recording = trial(oracle.TRUTH, 10.0)
     bounds = {name: (0.9 * value, 1.1 * value + 1e-9) for name, value in WITHOUT_MOTION.items()}
-    with pytest.raises(SimulationError, match=r"none of 3 starts has a steady motion \(.*: k_T = ") as told:
+    with pytest.raises(SimulationError, match=r"none of 3 starts has a steady motion under .* \(.*: k_T = ") as told:
         fit_foot([recording], foot, starts=3, bounds=bounds, threads=1)
     assert "c_23 = " in str(told.value) and "[" not in str(told.value)
+    millimetres = {"base_m_s2": 1e3 * recording.base_m_s2, "malleolus_m_s2": 1e3 * recording.malleolus_m_s2}
+    named = replace(recording.with_channels(millimetres), file="mm.csv")
+    with pytest.raises(SimulationError, match=r"^mm\.csv: the base amplitude is 8\.95e\+03 .* check its unit\. As"):
+        fit_foot([named], foot, starts=3, bounds=bounds, threads=1)
     wider = bounds | {"k_T": (1e4, 1e8)}
     made = PeriodicProblem([Line.of(checked(recording))], Twin(foot, [Line.of(checked(recording)).excitation]),
                            space_of(foot, None, wider))  # fmt: skip

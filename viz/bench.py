@@ -448,12 +448,13 @@ class Bench:
             self.told({"type": "reported"})
         elif kind == "problem":
             of = document.get("of", "")
-            self._failed(self.words(document["text"]) + ("" if of == "report" else self._units()), of)
+            text = self.words(document["text"])
+            self._failed(text + ("" if of == "report" or "check its unit" in text else self._units()), of)
         elif kind == "ended" and self._worker is not None and not self._worker.alive and self._waited_for:
             self._failed("the fitting process was ended by the system; memory may be short.")
 
     def _units(self) -> str:
-        """What the checks said of a unit in what was asked for, as a fit of such numbers fails for no other reason."""
+        """What the checks said of a unit in what was asked for, where a failed question does not say it itself."""
         rows = [self._rows[number] for number in (self._asked.sources if self._asked else ()) if number in self._rows]
         told = [text for row in rows for text in row["warnings"] if text.endswith("check its unit.")]
         return f" {told[0]}" if told else ""

@@ -33,6 +33,7 @@ _IMPOSSIBLE = 1e6
 _UNLIKELY = 500.0
 #: What is said of a base between a fifth of a m/s^2 and two.
 _IN_G = "is it in g? Then name the column base_g"
+_UNIT = "check its unit"
 #: A passive foot lags behind its base; it may seem to lead by so much where loggers take channels one by one [deg].
 _LEAD_DEG = 1.0
 #: Where the malleolus moves by less than this share of the base, a foot is above its resonance.
@@ -85,7 +86,7 @@ def _checked(recording: Recording) -> Recording:
         peak = float(np.abs(values).max())
         if peak > _UNLIKELY:
             warnings.append(
-                f"{recording.file}: {name} reaches {peak:.3g} m/s^2, more than a foot on a shaker does; check its unit."
+                f"{recording.file}: {name} reaches {peak:.3g} m/s^2, more than a foot on a shaker does; {_UNIT}."
             )
         if abs(values.mean()) > 0.5:
             kind = "gravity" if abs(abs(values.mean()) - 9.81) < 1 else "an offset"
@@ -115,6 +116,13 @@ def gathered(texts: Sequence[str]) -> list[str]:
         return list(texts)
     first = f"{like_g[0]} The same in {len(like_g) - 1} more recordings."
     return [first if text == like_g[0] else text for text in texts if text == like_g[0] or text not in like_g]
+
+
+def unit_in_doubt(recordings: Sequence[Recording]) -> str:
+    """That the values of checked recordings seem to have another unit, in a sentence; nothing where they do not."""
+    doubts = [[text for text in r.warnings if text.endswith((f"{_IN_G}.", f"{_UNIT}."))] for r in recordings]
+    first, *others = [texts[-1] for texts in doubts if texts] or [""]
+    return f"{first} The same in {len(others)} more recordings." if len(others) > 1 else first
 
 
 def apart(recordings: Sequence[Recording]) -> None:
@@ -466,7 +474,7 @@ def _level(recording: Recording, frequency: float, warnings: list[str]) -> None:
             "check units and sensitivities (m/s^2 are expected, or g with the header malleolus_g)",
         )
     if not 2 < abs(base) < 40:
-        hint = _IN_G if 0.2 < abs(base) <= 2 else "check its unit"
+        hint = _IN_G if 0.2 < abs(base) <= 2 else _UNIT
         warnings.append(
             f"{recording.file}: the base amplitude is {abs(base):.3g} m/s^2 at {frequency:.4g} Hz (the thesis: 8.95); "
             f"{hint}."
