@@ -90,11 +90,12 @@ def advice(
     if set(bound) - set(zero):
         rest = ", ".join(_symbol(key) for key in bound if key not in zero)
         texts.append(f"At its bound: {rest}. The value says where the bound is, not where the foot is.")
-    weak = [key for key, e in best.parameters.items() if e.identifiability == "not identifiable" and not e.at_bound]
+    few = best.world is None and rank < len(space.free)
+    free = {key: e for key, e in best.parameters.items() if not e.at_bound}
+    weak = [key for key, e in free.items() if few or e.identifiability == "not identifiable"]
     if weak and may_trust:
-        texts.append(
-            f"Not identifiable from these recordings: {', '.join(map(_symbol, weak))} (standard error too large)."
-        )
+        why = "rank too small" if few else "standard error too large"
+        texts.append(f"Not identifiable from these recordings: {', '.join(map(_symbol, weak))} ({why}).")
     narrow = {k: e.if_model_true for k, e in best.parameters.items() if _bend(k) and e.if_model_true and e.lower == 0}
     if trusted := [_symbol(key) for key, e in narrow.items() if e.lower > 0 and rank >= len(space.free) and may_trust]:
         texts.append(

@@ -28,7 +28,7 @@ from identification.lifting import contacts
 from identification.result import FitResult, RecordingFit
 from identification.search import ZERO, Descent
 from identification.space import MASSES, Space, space_of
-from identification.wide import End, trusting, widened, widest
+from identification.wide import End, trusting, untold, widened, widest
 
 #: Rounds of as many random starts again, while a recording that the parameters can follow exactly is not followed.
 _MORE_ROUNDS = 3
@@ -50,6 +50,10 @@ _ELSEWHERE = (
 _TRUSTS = (
     "These intervals and odds trust the model, the stated masses and the instrument: whatever else may be true is "
     "allowed for only where all recordings are settled sines, at several frequencies."
+)
+_TRUSTS_NOT = (
+    "The odds trust the model, the stated masses and the instrument: whatever else may be true is allowed for only "
+    "where all recordings are settled sines, at several frequencies."
 )
 _PEOPLE = "The recordings are of {n} people or feet ({names}), and one set of constants is fitted to all of them."
 _PASSED_OVER = "The best end of the {name} branch was passed over: its motion does not last in MuJoCo."
@@ -141,10 +145,12 @@ def fit_foot(
         answer = certify(question, explored, advance)
         ends = widen(question, answer, advance) if settings.wide else []
         result = judge(question, explored, answer, ends)
-    if settings.wide and result.wide is None:
-        result = replace(result, branches=tuple(trusting(branch) for branch in result.branches))
-        if not _can_widen(question):
-            result = replace(result, warnings=(*result.warnings, _TRUSTS))
+    if settings.wide and not result.trusting:
+        result = replace(result, branches=tuple(map(untold, result.branches)))
+    elif settings.wide and result.wide is None:
+        result = replace(result, branches=tuple(map(trusting, result.branches)))
+    if settings.wide and result.wide is None and not _can_widen(question):
+        result = replace(result, warnings=(*result.warnings, _TRUSTS if result.trusting else _TRUSTS_NOT))
     return replace(
         result,
         source=study.name if isinstance(study, Study) else result.source,

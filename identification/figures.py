@@ -361,7 +361,7 @@ def parameters(result: FitResult) -> Figure:
             e = branch.parameters[key]
             error = [[max(0.0, e.value - e.lower)], [max(0.0, e.upper - e.value)]]
             style: Any = {"fmt": "o", "ms": 4, "color": colour, "capsize": 3, "label": branch.name}
-            if e.at_bound:
+            if e.at_bound or np.isnan(e.lower):  # no interval
                 axis.errorbar([place], [e.value], mfc="white", clip_on=False, **style)
             else:
                 axis.errorbar([place], [e.value], yerr=error, **style)

@@ -71,7 +71,7 @@ class Estimate(Tabled):
 
     They allow for whatever else may be true (`World`), and `if_model_true` has those that trust the model, the masses
     and the instrument. Where no such fit was made (time domain, one frequency, all excluded) that is None, and these
-    hold if the model is true.
+    hold if the model is true; where the sines hold fewer numbers than there are parameters, none is offered (NaN).
     """
 
     value: float
@@ -93,6 +93,8 @@ class Estimate(Tabled):
 
     def interval(self) -> str:
         """Value and half width of the 95 % interval, rounded to what is known."""
+        if np.isnan(self.lower):  # of a fit that offers none
+            return "–"
         below, above = self.value - self.lower, self.upper - self.value
         if self.at_bound or not np.isfinite(self.std_error):
             return f"{readable(self.value, 4)} (bound)" if self.at_bound else "unknown"
@@ -369,7 +371,7 @@ class FitResult(Presented):
         Where only distortion tells the rest, a small error of the model moves the constants by far more than these
         intervals are wide (14 of 16 missed the truth of a linear foot with two sines).
         """
-        return bool(self.wide and self.wide.follows and self.excitation_rank >= len(self.parameters))
+        return (self.wide is None or self.wide.follows) and self.excitation_rank >= len(self.parameters)
 
     def values(self) -> dict[str, float]:
         """Key -> value of the likelier branch, as `Foot.with_values` takes them."""
@@ -534,6 +536,9 @@ class FitResult(Presented):
     def sentence(self) -> str:
         """The result in one sentence, with the values of both branches where the data do not decide; a misfit first."""
         values = " or ".join(branch.stiffness(len(self.open) > 1) for branch in self.open)
+        if all(np.isnan(e.lower) for e in self.parameters.values()):
+            count = f"{len(self.parameters)} free parameters"
+            values = f"No constant is offered, as the excitation has rank {self.excitation_rank} for {count}"
         found = ""
         if self.domain == "periodic":
             per = f"chi-square {self.best.chi_square / max(1, self.best.dof):.2f} per degree of freedom"

@@ -165,8 +165,8 @@ def lost(
     values = dict(zip(space.names, first.theta0, strict=False))  # a delay comes last
     return SimulationError(
         f"{foot.name}: none of {len(descents)} starts has a steady motion under "
-        f"{together([r.file for r in recordings])} (the start {first.label!r}: {stated(foot, values)}); check the bounds "
-        "and the model's parameters."
+        f"{together([r.file for r in recordings])} (the start {first.label!r}: {stated(foot, values)}); check the "
+        "bounds and the model's parameters."
     )
 
 

@@ -292,6 +292,18 @@ def trusting(branch: Branch) -> Branch:
     return replace(branch, parameters=told)
 
 
+def untold(branch: Branch) -> Branch:
+    """A branch that offers no interval that trusts the model, and calls no constant known by it."""
+    word = "not identifiable"
+    told = {}
+    for key, e in branch.parameters.items():
+        if branch.world is None:
+            told[key] = replace(e, std_error=np.nan, lower=np.nan, upper=np.nan, identifiability=word)
+        else:
+            told[key] = replace(e, if_model_true=e.if_model_true and replace(e.if_model_true, identifiability=word))
+    return replace(branch, parameters=told)
+
+
 def _percent(y: np.ndarray, line: Line) -> float:
     """Fit percentage of model harmonics, the malleolus' first: Eq. (3.20) of the periodic motion that they make."""
     Y = line.malleolus.amplitudes
