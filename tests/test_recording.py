@@ -98,6 +98,17 @@ def test_delays_are_undone_over_the_common_time_and_nowhere_else(
         np.testing.assert_allclose(values, sine(read.time_s), atol=5e-3)
 
 
+def test_a_folder_of_bare_recordings_gets_a_way_out(tmp_path: Path) -> None:
+    (tmp_path / "my feet").mkdir()
+    (tmp_path / "my feet" / "a.csv").write_text("time_s,base_m_s2,malleolus_m_s2\n")
+    with pytest.raises(InputFileError) as told:
+        StudyFolder.open(tmp_path / "my feet")
+    here = f"'{tmp_path / 'my feet'}'"
+    assert f"init {here} makes them); or name the files, {here}/*.csv." in str(told.value)
+    with pytest.raises(InputFileError, match=r"and recordings\.csv\.$"):
+        StudyFolder.open(tmp_path)  # which holds none
+
+
 def test_a_delay_longer_than_a_tenth_of_the_recording_is_refused(folder: Path) -> None:
     (folder / "study.toml").write_text("[channels.base]\ndelay_s = -0.02\n[channels.malleolus]\ndelay_s = 0.02\n")
     study = StudyFolder.open(folder)

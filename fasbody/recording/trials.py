@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from fasbody.presentation import Tabled
 from fasbody.recording.channels import Layout
 from fasbody.recording.condition import POSTURES, Condition, plausible
 from fasbody.recording.csv import column, read_table
+from fasbody.recording.files import TEXTS
+from fasbody.recording.formats import READ, ending
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,11 +33,24 @@ def describe(file: Path) -> tuple[dict[str, str], Layout]:
         InputFileError: no such file, not TOML, or a table, key or value that does not exist.
     """
     if not file.is_file():
-        raise InputFileError(file, "no such file", "a study folder needs study.toml, subjects.csv and recordings.csv")
+        needs = "a study folder needs study.toml, subjects.csv and recordings.csv"
+        raise InputFileError(file, "no such file", needs + _way_out(file))
     try:
         return parsed(file, file.read_text("utf-8"))
     except UnicodeDecodeError as error:
         raise InputFileError(file, f"is not TOML ({error})") from None
+
+
+def _way_out(file: Path) -> str:
+    """What can be done with a folder of bare recordings whose study.toml is asked for; nothing where it is none."""
+    folder = file.parent
+    if file.name != "study.toml" or (folder / "recordings.csv").exists() or not folder.is_dir():
+        return ""
+    kinds = {path.suffix for path in folder.iterdir() if path.is_file() and ending(path) in (*TEXTS, *READ)}
+    if not kinds:
+        return ""
+    named = " ".join(f"{quote(str(folder))}/*{kind}" for kind in sorted(kinds))
+    return f" (python -m fasbody.recording init {quote(str(folder))} makes them); or name the files, {named}"
 
 
 def parsed(file: Path, text: str) -> tuple[dict[str, str], Layout]:
