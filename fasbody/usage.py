@@ -5,6 +5,9 @@ from typing import Any
 
 from fasbody.exceptions import shown, unknown
 
+#: So many options are listed where one does not exist; of more, the nearest is named.
+_LISTED = 8
+
 
 def sentence(error: Any) -> str:
     """The sentence for an error of click, whose classes Typer keeps to itself.
@@ -43,7 +46,11 @@ def _option(name: str, message: str, command: Any) -> str:
     if "not take" in message:
         return f"{name} takes no value."
     known = [text for p in getattr(command, "params", ()) for text in (*p.opts, *p.secondary_opts) if text[0] == "-"]
-    return f"{unknown('option', shown(name), [*known, '--help'])}."
+    told = unknown("option", shown(name), [*known, "--help"])
+    if len(known) < _LISTED:
+        return f"{told}."
+    near = told.rpartition(" (valid: ")[0]
+    return f"{near} For all options see --help." if near.endswith("?") else f"{near}; for all options see --help."
 
 
 def _value(error: Any, message: str) -> str:
