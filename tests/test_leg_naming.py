@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from fasbody.exceptions import RecordingError
 from fasbody.leg.__main__ import app
+from fasbody.leg.decide import DEPARTURE, Confusion
 from fasbody.leg.naming import Naming, name, read
 from fasbody.recording.condition import Condition
 from fasbody.recording.recording import Recording
@@ -159,6 +160,16 @@ def test_a_pad_that_stiffens_in_contact_is_not_called_lift_off() -> None:
     assert "never leaves the plate" in result.sentence
 
 
+def test_a_foot_far_nearer_than_assumed_is_said(linked: list[Recording]) -> None:
+    result = named(linked)
+    near, usual = (replace(result, verdict=replace(result.verdict, per_dof=x)).notes for x in (1e-3, 1.0))
+    assert [note for note in near if note not in usual] == [
+        "Second mode fits far better than that assumes (0.001 per number, where about 1 is expected): with a smaller "
+        "departure less might stay undecided."
+    ]
+    assert any(f"a foot within {100 * DEPARTURE:g} % of one mechanism" in note for note in usual)
+
+
 def test_a_richer_mechanism_that_stays_open_is_said(linked: list[Recording]) -> None:
     result = named(linked)
     assert result.sentence.startswith("Second mode for subject 7, if it is one of these: at more than 1000 to 1")
@@ -169,6 +180,8 @@ def test_a_repeated_sine_counts_once(linked: list[Recording]) -> None:
     (once,), (twice,) = read(linked), read([*linked, *linked])
     np.testing.assert_allclose(twice.recordings.MB, once.recordings.MB)
     np.testing.assert_allclose(twice.plan.frequency_hz, once.plan.frequency_hz)
+    document = next(name(twice)).document()
+    assert (document["recordings"], document["sines"]) == (2 * len(linked), len(linked))
 
 
 def test_what_cannot_serve_is_said(linked: list[Recording]) -> None:
@@ -191,7 +204,10 @@ def test_virtual_subjects_are_shaken_in_the_same_way(linked: list[Recording]) ->
     *_, last = name(seen, subjects=1)
     assert last.tried is not None
     assert last.tried.subjects == 5
-    assert f"names {last.tried.right} rightly, {last.tried.wrong} wrongly" in " ".join(last.notes)
+    told = f"5, of whom {last.tried.right} were named rightly, {last.tried.wrong} wrongly, "
+    assert told in last.notes[-1] and last.notes[-1].endswith("so few tell no rate (--subjects asks for more).")
+    many = Confusion("p", {truth: 20 * list(each) for truth, each in last.tried.verdicts.items()})
+    assert "rate" not in replace(last, tried=many).notes[-1]
     assert last.tried.right >= 3
     figure = last.plot()
     marks = [line for ax in figure.axes for line in ax.lines if line.get_marker() in ("o", "s")]

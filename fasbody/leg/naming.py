@@ -1,7 +1,7 @@
 """Which mechanism made the recordings of a person: the sines of a study, read and given to the analysis of `decide`.
 
-The same analysis is tried on virtual subjects who are shaken as the person was, so that its answer comes with how often
-it is right for these very recordings.
+The same analysis is tried on virtual subjects who are shaken as the person was, so that its answer comes with how
+many of them it names rightly.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,6 +14,7 @@ from fasbody.exceptions import RecordingError
 from fasbody.leg.decide import (
     AIR,
     DECIDED,
+    DEPARTURE,
     HIGHER,
     NONE,
     RICHER,
@@ -46,6 +47,10 @@ CLEAN = 0.01
 DOUBLED, BROUGHT, BEYOND = 0.03, 5.0, 4.0
 #: Numbers (real and imaginary parts) that a verdict takes at least, for each constant of the richest mechanism.
 ENOUGH = 2.0
+#: Sum of squares per number below which a foot is far nearer to a mechanism than the departure that is assumed.
+CLOSE = 0.1
+#: Virtual subjects from which on the share that is named rightly is known to some 5 %.
+RATE = 100
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,8 @@ class Seen:
 
     Attributes:
         subject: as the study calls the person. posture: of the foot. body_kg: stated body mass, None where it is not.
-        plan: what was shaken. recordings: what was read. left_out: a sentence on each recording that cannot serve.
+        plan: what was shaken. recordings: what was read, a row for each sine; repeated ones are one. used: recordings
+            that they come from. left_out: a sentence on each recording that cannot serve.
     """
 
     subject: str
@@ -62,6 +68,7 @@ class Seen:
     body_kg: float | None
     plan: Plan
     recordings: Recordings
+    used: int
     left_out: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -106,9 +113,10 @@ def _read(subject: str, posture: str, recordings: Sequence[Recording]) -> Seen:
     repeats = np.array([row.repeats for row in rows], bool)
     made = Recordings(MB, TB if tuberosity else MB, second, np.full(len(rows), np.nan), repeats)
     masses = {r.condition.body_mass_kg for r in recordings}
+    used = len(recordings) - len(left_out)
     if len(masses) > 1:
         raise RecordingError(f"Subject {subject} has several body masses; give one.")
-    return Seen(subject, posture, masses.pop(), plan, made, tuple(left_out), tuple(notes))
+    return Seen(subject, posture, masses.pop(), plan, made, used, tuple(left_out), tuple(notes))
 
 
 @dataclass(frozen=True)
@@ -146,7 +154,7 @@ def _sines(recording: Recording) -> Iterator[_Row]:
     """What one recording gives at each of its sines.
 
     Raises:
-        RecordingError: its checks, or it is no sine.
+        RecordingError: it cannot serve, or it is no sine.
     """
     good = checked(recording)
     f = good.condition.frequency_hz
@@ -247,11 +255,21 @@ class Naming(Presented):
             said.append("All recordings have one load: what a load does cannot tell mechanisms apart here.")
         if not (plan.partner >= 0).any():
             said.append("No frequency was shaken at two amplitudes, the best sign of a foot that leaves the plate.")
-        said.append(f"Assumed, not measured: scatter of {100 * NOISE:g} % and a foot within 8 % of one mechanism.")
+        within = f"a foot within {100 * DEPARTURE:g} % of one mechanism"
+        said.append(f"Assumed, not measured: scatter of {100 * NOISE:g} % and {within}.")
+        if self.enough and self.verdict.per_dof < CLOSE:
+            said.append(
+                f"{self.fits[0].rival.capitalize()} fits far better than that assumes ({self.verdict.per_dof:.2g} per "
+                "number, where about 1 is expected): with a smaller departure less might stay undecided."
+            )
         if self.tried is not None:
             t = self.tried
-            likewise = f"Of {t.subjects} virtual subjects who were shaken in the same way"
-            said.append(f"{likewise} the analysis names {t.right} rightly, {t.wrong} wrongly.")
+            others = f"{t.wrong} wrongly, {t.subjects - t.right - t.wrong} not at all"
+            told = (
+                f"Virtual subjects who were shaken in the same way: {t.subjects}, of whom {t.right} were named rightly"
+            )
+            few = "; so few tell no rate (--subjects asks for more)" if t.subjects < RATE else ""
+            said.append(f"{told}, {others}{few}.")
         return said
 
     def records(self) -> list[dict[str, Any]]:
@@ -266,7 +284,8 @@ class Naming(Presented):
         """As JSON has it."""
         return {
             "subject": self.seen.subject, "posture": self.seen.posture, "named": self.named, "sentence": self.sentence,
-            "recordings": self.seen.plan.frequency_hz.size, "per_degree_of_freedom": self.verdict.per_dof,
+            "recordings": self.seen.used, "sines": self.seen.plan.frequency_hz.size,
+            "per_degree_of_freedom": self.verdict.per_dof,
             "mechanisms": self.records(), "constants": {fit.rival: fit.values for fit in self.fits},
             "notes": self.notes, "tried": None if self.tried is None else self.tried.record(),
         }  # fmt: skip
