@@ -152,7 +152,7 @@ def quick_fit(recordings: Sequence[Recording], foot: Foot, settings: Settings, t
     starts += [(f"random {i}", space.random(rng)) for i in range(1, settings.starts)]
     descents, _ = explore(replace(domain, excess=np.inf).problem(), starts)
     if descents[0].unstable:
-        raise lost(foot, space, descents)
+        raise lost(foot, space, descents, recordings)
     problem, d = settle(domain.weighed(descents[0].z), descents[0])
     return QuickFit(space, d.z, d.cost, d.cost + problem.log_determinant, problem.size)
 
