@@ -52,6 +52,11 @@ def grouped(text: str) -> str:
     return _LONG.sub(lambda digits: f"{int(digits[0]):,}".replace(",", "\u202f"), text)
 
 
+def counted(count: int, one: str, more: str = "") -> str:
+    """A count with its noun: 1 foot, 12 feet."""
+    return f"{count} {one if count == 1 else more or one + 's'}"
+
+
 def readable(value: float, digits: int = 3) -> str:
     """A number for people: so many significant digits, no exponent from a ten thousandth to a billion, grouped."""
     if not math.isfinite(value) or value == 0 or not 1e-4 <= abs(value) < 1e9:

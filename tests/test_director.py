@@ -21,6 +21,7 @@ from fasbody.acquire.plan import PROTOCOL
 from fasbody.exceptions import FasError, InputFileError, SettingError
 from fasbody.foot.model import load
 from fasbody.foot.two_dof import TwoDof
+from fasbody.presentation import counted
 from fasbody.recording.checks import checked
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
@@ -39,7 +40,7 @@ from identification.plan.record import Offer
 from identification.plan.result import Planned, planned
 from identification.plan.session import FAILING, INTERRUPTED, NEVER, SPENT, Offering, Session, Shaken, Taken
 from identification.plan.shaker import Shaker
-from identification.plan.words import listed, many, minutes, percent, span
+from identification.plan.words import listed, minutes, percent, span
 
 ALONE = Known().told(exclude=("all",))
 SHAKER = Shaker(every_hz=5.0, loads_kg=(0.0, 4.5))
@@ -373,7 +374,7 @@ def test_what_is_uncertain_is_what_was_said_to_be() -> None:
 
 
 def test_numbers_have_their_nouns() -> None:
-    assert [many(n, "foot", "feet") for n in (1, 2)] == ["1 foot", "2 feet"]
+    assert [counted(n, "foot", "feet") for n in (1, 2)] == ["1 foot", "2 feet"]
     assert [minutes(s) for s in (60, 270, 7200)] == ["1 minute", "4.5 minutes", "120 minutes"]
     assert [span(s) for s in (30, 7200, 86400 * 3)] == ["0.5 minutes", "2 hours", "3 days"]
     shares = (0.016, 0.996, 1.0, 5.37, 1e9)

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from fasbody.recording.sources import together
 from viz.source import Source, script
 from viz.worker import job
 
@@ -50,8 +51,5 @@ class Question:
 
 
 def _said(files: list[str], what: str) -> str:
-    """What was done with some files, of which the first are named."""
-    if len(files) == 1:
-        return f"{files[0]} was {what}"
-    *some, last = files if len(files) < 4 else [*files[:2], f"{len(files) - 2} more"]
-    return f"{', '.join(some)} and {last} were {what}"
+    """What was done with some files."""
+    return f"{together(files)} {'was' if len(files) == 1 else 'were'} {what}"

@@ -23,10 +23,10 @@ import numpy as np
 from fasbody.acquire.board import Board
 from fasbody.acquire.generator import Refused
 from fasbody.acquire.port import WAIT_S, Unplugged
-from fasbody.acquire.timeline import counted
 from fasbody.acquire.wire import Channel, Hello, encode_data, encode_hello, over_range
 from fasbody.console import to_json, write_whole
 from fasbody.exceptions import AcquisitionError, InputFileError, MissingPackageError, SettingError
+from fasbody.presentation import counted
 
 try:
     import sounddevice

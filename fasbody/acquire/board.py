@@ -10,9 +10,10 @@ import numpy as np
 
 from fasbody.acquire.capture import Capture
 from fasbody.acquire.port import HELLO_S, WAIT_S, Opener, Port, Reader
-from fasbody.acquire.timeline import Lateness, Timeline, counted
+from fasbody.acquire.timeline import Lateness, Timeline
 from fasbody.acquire.wire import Block, Decoder, Hello, Message
 from fasbody.exceptions import AcquisitionError
+from fasbody.presentation import counted
 
 #: How much of the signals is kept for the live view and the amplitude loop [s].
 WINDOW_S = 2.0

@@ -22,11 +22,11 @@ from fasbody.acquire.level import Safety
 from fasbody.acquire.plan import Plan, PlannedStep, steps_in
 from fasbody.acquire.port import Unplugged, ports, probe, swapped
 from fasbody.acquire.session import Session, terminated
-from fasbody.acquire.timeline import counted
 from fasbody.acquire.visa import is_visa
 from fasbody.console import console, print_json, results, run_app
 from fasbody.exceptions import AcquisitionError, FasError, SettingError
 from fasbody.foot.shaker import PEAK_TO_PEAK
+from fasbody.presentation import counted
 from fasbody.recording.recording import Condition
 
 #: Where the calibration of the sound card is, unless told otherwise.

@@ -19,10 +19,11 @@ from typing import Any
 import numpy as np
 
 from fasbody.acquire import capture
-from fasbody.acquire.timeline import Limits, Quality, Timeline, counted
+from fasbody.acquire.timeline import Limits, Quality, Timeline
 from fasbody.acquire.wire import Decoder, Hello
 from fasbody.console import to_json, write_whole
 from fasbody.exceptions import AcquisitionError, InputFileError, RecordingError
+from fasbody.presentation import counted
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Condition, Recording
 

@@ -16,6 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from fasbody.acquire.wire import Block, Damage, Hello, Message
+from fasbody.presentation import counted
 
 #: A number is sure within so many standard errors.
 _SURE = 3.0
@@ -50,11 +51,6 @@ _DRIFT = 1e-2
 _STILL_S = 1.0
 #: So many gaps are named in a sentence.
 _NAMED = 5
-
-
-def counted(count: int, noun: str) -> str:
-    """A count with its noun, one gap or two gaps."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,11 @@ from itertools import pairwise
 import numpy as np
 
 from fasbody.exceptions import RecordingError
+from fasbody.presentation import counted
 from fasbody.transmissibility import statistics
 from fasbody.transmissibility.resonance import Resonance
 from fasbody.transmissibility.statistics import one_sample
-from fasbody.transmissibility.table import Condition, Curves, Table, counted
+from fasbody.transmissibility.table import Condition, Curves, Table
 
 #: Frequencies of section 2.2.2 [Hz].
 FREQUENCIES_HZ = tuple(float(f) for f in range(10, 55, 5))

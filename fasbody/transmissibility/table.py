@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from fasbody.exceptions import FasError, RecordingError
-from fasbody.presentation import Presented, Sheet, Tabled
+from fasbody.presentation import Presented, Sheet, Tabled, counted
 from fasbody.recording.channels import Channel, Layout
 from fasbody.recording.condition import POSTURES
 from fasbody.recording.recording import Recording
@@ -232,11 +232,6 @@ class Table(Presented):
             file = Path(folder) / "table.nc"
             data.to_netcdf(file, engine="h5netcdf")
             return file.read_bytes()
-
-
-def counted(count: int, noun: str) -> str:
-    """A number with its noun."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _wide(frame: pd.DataFrame) -> pd.Series:

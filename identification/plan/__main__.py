@@ -131,8 +131,8 @@ def propose(
 
       python -m identification.plan run --simulate --auto --out my_study
     """
+    from fasbody.presentation import counted
     from identification.plan.result import planned
-    from identification.plan.words import many
 
     began = time.perf_counter()
     shaker = _shaker(
@@ -140,7 +140,7 @@ def propose(
     )
     if recordings < 1 or 60 * minutes < seconds:
         raise SettingError(
-            f"{minutes:g} min for {many(recordings, 'recording')} leave no room for one of {seconds:g} s; give more."
+            f"{minutes:g} min for {counted(recordings, 'recording')} leave no room for one of {seconds:g} s; give more."
         )
     if (subject or posture) and not data:
         raise SettingError("--subject and --posture choose among earlier recordings; name their study.")

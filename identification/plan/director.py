@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from fasbody.exceptions import SettingError, SimulationError, unknown
+from fasbody.presentation import counted
 from fasbody.recording.known import DEPARTURES
 from fasbody.recording.recording import Recording
 from identification.branches import EXCHANGED
@@ -22,7 +23,6 @@ from identification.plan.feet import Feet, Outlook, Score
 from identification.plan.information import Seen, Sight
 from identification.plan.prior import Person, stream
 from identification.plan.shaker import SINE, Shaker
-from identification.plan.words import many
 from identification.sensors import MALLEOLUS
 
 #: Feet over which scores are averaged: of the prior, and of what recordings leave possible, where they are more alike.
@@ -89,7 +89,7 @@ class Director:
         if len(set(shaker.sensors)) < len(shaker.sensors):
             raise SettingError(f"the sensors {', '.join(shaker.sensors)} have one twice; name each once.")
         if draws < 2:
-            raise SettingError(f"{many(draws, 'foot', 'feet')} would be no average; give 2 or more.")
+            raise SettingError(f"{counted(draws, 'foot', 'feet')} would be no average; give 2 or more.")
         self.candidates = Candidates(shaker, person.leg_kg).steps
         self.done = tuple(step_of(recording) for recording in earlier)
         for recording in earlier:
@@ -297,8 +297,8 @@ class Director:
         pieces = int(seconds / self.shaker.seconds + 1e-9)
         if most < 1 or pieces < 1:
             raise SettingError(
-                f"{seconds:g} s for {many(most, 'recording')} leave no room for one of {self.shaker.seconds:g} s; give "
-                "more time, or shorter ones."
+                f"{seconds:g} s for {counted(most, 'recording')} leave no room for one of {self.shaker.seconds:g} s; "
+                "give more time, or shorter ones."
             )
         self._scored.clear()
         first = best = self._polished(self._grown(Counter(), most, pieces, self.feet), most, pieces, self.feet)

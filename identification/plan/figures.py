@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fasbody.presentation import COLOURS, MARKS
+from fasbody.presentation import COLOURS, MARKS, counted
 from identification.branches import EXCHANGED
 from identification.figures import panels
 from identification.plan.candidates import PLANNED, THESIS, UNLOADED
 from identification.plan.shaker import SINE
-from identification.plan.words import many, minutes
+from identification.plan.words import minutes
 
 if TYPE_CHECKING:
     from identification.plan.result import Planned
@@ -91,7 +91,7 @@ def _times(result: "Planned", axis: Axes) -> None:
         x = [s.frequency_hz for s in steps]
         y = [loads.index(s.added_mass_kg) + lower for s in steps]
         seconds = sum(s.seconds for s in steps)
-        text = f"{label}: {many(len(steps), 'recording')}, {minutes(seconds)}"
+        text = f"{label}: {counted(len(steps), 'recording')}, {minutes(seconds)}"
         axis.scatter(x, y, [3.0 * s.seconds for s in steps], color=colour, label=text, alpha=0.9)
     axis.set_yticks(range(len(loads)), [f"{load:g} kg" for load in loads])
     axis.set_ylim(-0.5, len(loads) + 0.35)

@@ -8,13 +8,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fasbody.console import to_json, write_whole
-from fasbody.presentation import Presented, Sheet, readable
+from fasbody.presentation import Presented, Sheet, counted, readable
 from identification.branches import EXCHANGED
 from identification.plan.candidates import PLANNED, THESIS, THESIS_AMPLITUDE, UNLOADED, Step, thesis
 from identification.plan.director import GOAL, SHARE, Director
 from identification.plan.feet import Outlook, Score
 from identification.plan.protocol import Protocol, shaking_s
-from identification.plan.words import beside, listed, many, minutes, percent, plain, span, whole
+from identification.plan.words import beside, listed, minutes, percent, plain, span, whole
 
 _TITLES = {PLANNED: "planned", THESIS: "the thesis, three loads", UNLOADED: "the thesis, unloaded"}
 
@@ -211,7 +211,7 @@ class Planned(Presented):
         if not self.steps:
             return f"Nothing more needs to be recorded. {self.stop()}"
         more = "more " if self.earlier else ""
-        text = f"{many(len(self.steps), f'{more}recording')} and {minutes(shaking_s(self.steps))} of shaking"
+        text = f"{counted(len(self.steps), f'{more}recording')} and {minutes(shaking_s(self.steps))} of shaking"
         if self.earlier:
             text += f" after {self._existing}:"
         elif theirs.steps:
@@ -231,7 +231,7 @@ class Planned(Presented):
         if self.met and not self.steps:
             return f"What is asked is met by {self._existing}."
         if self.met:
-            feet, share = many(self.feet, "foot", "feet"), whole(self.expected[PLANNED].met)
+            feet, share = counted(self.feet, "foot", "feet"), whole(self.expected[PLANNED].met)
             return (
                 f"What is asked is met in the mean over the {feet} that the plan was made for, and for {share} of them "
                 "in every interval; other feet come out wider."
@@ -283,7 +283,7 @@ class Planned(Presented):
             if self.earlier:
                 title += ", with what exists" if name == PLANNED else ", from nothing"
             notes.append(
-                f"{title}: {many(len(e.steps), 'recording')}, {minutes(shaking_s(e.steps))}, {widths}, "
+                f"{title}: {counted(len(e.steps), 'recording')}, {minutes(shaking_s(e.steps))}, {widths}, "
                 f"decided {whole(e.decided)}."
             )
         for offer in self.offers:
@@ -300,7 +300,7 @@ class Planned(Presented):
             else "nothing beside their constants is uncertain"
         )
         notes.append(
-            f"Averages over {many(self.feet, 'foot', 'feet')} of persons of {self.body_mass_kg:g} kg; {also}. Seed "
+            f"Averages over {counted(self.feet, 'foot', 'feet')} of persons of {self.body_mass_kg:g} kg; {also}. Seed "
             f"{self.seed}."
         )
         if self.said:
@@ -417,7 +417,7 @@ def believed(director: Director) -> str:
         lost = f" Such a foot does not move like this (chi-square {belief.per_dof:.3g} per degree of freedom)."
     elif not belief.follows:
         lost = f" Too little is recorded to say whether such a foot moves like this (chi-square {belief.per_dof:.3g})."
-    return f"After {many(len(director.done), 'recording')}: {told}; {bands}.{lost}"
+    return f"After {counted(len(director.done), 'recording')}: {told}; {bands}.{lost}"
 
 
 def goal(asked: Mapping[str, float]) -> str:

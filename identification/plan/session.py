@@ -10,7 +10,7 @@ import numpy as np
 from fasbody.acquire.board import Stalled
 from fasbody.console import heeded, to_json, write_whole
 from fasbody.exceptions import AcquisitionError, FasError, RecordingError, SettingError, SimulationError
-from fasbody.presentation import Presented, Sheet
+from fasbody.presentation import Presented, Sheet, counted
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
 from identification.branches import EXCHANGED
@@ -23,7 +23,7 @@ from identification.plan.prior import Person
 from identification.plan.protocol import shaking_s
 from identification.plan.result import EVERY, Longer, believed, goal, unreachable
 from identification.plan.shaker import Shaker
-from identification.plan.words import beside, many, minutes, plain, whole
+from identification.plan.words import beside, minutes, plain, whole
 
 #: Why a session ended.
 MET, NEVER, SPENT, FAILING, STOPPED = "met", "never", "spent", "failing", "stopped"
@@ -109,7 +109,7 @@ class Shaken(Presented):
     def sentence(self) -> str:
         """How it ended, and with what."""
         shaken = minutes(shaking_s([t.step for t in self.good]))
-        return f"{self.reason} {many(len(self.good), 'recording')}, {shaken} of shaking. {self.said}"
+        return f"{self.reason} {counted(len(self.good), 'recording')}, {shaken} of shaking. {self.said}"
 
     def sheet(self) -> Sheet:
         """Step by step, with the bands that narrow."""
@@ -195,7 +195,7 @@ class Session:
             raise SettingError(f"a change of load that costs as much as {change_s:g} s of shaking; valid: 0 to 3600.")
         if most < 1 or seconds < shaker.seconds:
             raise SettingError(
-                f"{seconds:g} s for {many(most, 'recording')} leave no room for one of {shaker.seconds:g} s."
+                f"{seconds:g} s for {counted(most, 'recording')} leave no room for one of {shaker.seconds:g} s."
             )
         self._person, self._shaker, self._ask = person, shaker, dict(ask or GOAL)
         self._most, self._seconds, self._seed, self._draws = most, seconds, seed, draws

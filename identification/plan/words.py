@@ -6,11 +6,6 @@ from fasbody.presentation import readable
 from fasbody.recording.known import DEPARTURES
 
 
-def many(count: int, one: str, more: str = "") -> str:
-    """A count with its noun: 1 foot, 12 feet."""
-    return f"{count} {one if count == 1 else more or one + 's'}"
-
-
 def percent(share: float) -> str:
     """A share in percent, of two digits."""
     if share > 10:

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
-from fasbody.presentation import STYLE, picture
+from fasbody.presentation import STYLE, counted, picture
 from identification.advice import POOR_FIT, follows
 from identification.branches import EXCHANGED
 from identification.figures import label_of, of_loads, panels
@@ -131,7 +131,7 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
     )
     return noted(
         figure,
-        f"{origin} data of {_number(rows['subject'].nunique(), 'subject')}; {rests}: of an open one ankle and pad may "
+        f"{origin} data of {counted(rows['subject'].nunique(), 'subject')}; {rests}: of an open one ankle and pad may "
         f"have changed places, and its value is that of the likelier branch; {text}"
         f"{'; truth: the mean over these subjects' if rows['truth'].notna().any() else ''}; in the titles how many "
         f"estimates have a standard error, and are drawn{_nowhere(rows)}",
@@ -209,7 +209,7 @@ def boxes(table: pd.DataFrame, origin: str) -> Figure:
         f"{FEWEST_OF_A_BOX}; in the titles how many estimates are drawn: those at a bound or without a standard error "
         "are not"
     )
-    return noted(figure, f"{origin} data of {_number(rows['subject'].nunique(), 'subject')}; {text}")
+    return noted(figure, f"{origin} data of {counted(rows['subject'].nunique(), 'subject')}; {text}")
 
 
 def _box(rows: pd.DataFrame, scale: float) -> dict[str, Any]:
@@ -221,10 +221,6 @@ def _box(rows: pd.DataFrame, scale: float) -> dict[str, Any]:
     inside = values[~rows["outlier"].to_numpy()]
     return {"med": np.median(values), "q1": low, "q3": high, "whislo": min(inside.min(), low),
             "whishi": max(inside.max(), high), "fliers": values[rows["outlier"].to_numpy()]}  # fmt: skip
-
-
-def _number(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _poor(cycles: Sequence[Mapping[str, Any]]) -> str:
@@ -275,7 +271,7 @@ def _whose(cycles: Sequence[Mapping[str, Any]]) -> str:
         return ""
     first = cycles[0]
     alone = f", one of {first['subjects']}" if first.get("subjects", 1) > 1 else ""
-    failed = f" ({_number(first['failed'], 'fit')} failed, not drawn)" if first.get("failed") else ""
+    failed = f" ({counted(first['failed'], 'fit')} failed, not drawn)" if first.get("failed") else ""
     return f" of subject {first['subject']}{alone}{failed}"
 
 
@@ -381,7 +377,7 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=8, columnspacing=1.2)
     drawn = f"medians of {FEWEST_OF_A_BOX} or more" if medians else f"no median of fewer than {FEWEST_OF_A_BOX}"
     text = (
-        f"{origin} data of {_number(rows['subject'].nunique(), 'subject')}: a point a subject, frequency and load, "
+        f"{origin} data of {counted(rows['subject'].nunique(), 'subject')}: a point a subject, frequency and load, "
         f"beside it for each load; {drawn}; the energy is the same on both branches, the "
         f"pad's share is not: its branch is decided in {int(told.sum())} of {len(rows)} cycles"
     )
