@@ -117,8 +117,22 @@ class Excitation(_Moving):
         """The base motion over one period."""
         return harmonics(self.frequency_hz, self.amplitudes, 1.0 / self.frequency_hz)
 
+    @cached_property
+    def half_steps(self) -> np.ndarray:
+        """See `Drive`: the sum over the harmonics, as a fit asks for hundreds of motions that differ in these alone."""
+        U = self.amplitudes
+        return _units(self.frequency_hz, self.steps, U.size) @ np.concatenate([U.real, U.imag])
+
     def __str__(self) -> str:
         return f"{self.frequency_hz:g} Hz"
+
+
+@functools.lru_cache(maxsize=32)
+def _units(frequency_hz: float, steps: int, count: int) -> np.ndarray:
+    """At half steps (2 n + 1, 2 count): harmonics of 1 m/s^2, their real parts first."""
+    period = 1.0 / frequency_hz
+    units = np.concatenate([np.eye(count), 1j * np.eye(count)])
+    return np.column_stack([harmonics(frequency_hz, U, period).half_steps(period / steps, steps) for U in units])
 
 
 @dataclass(frozen=True, eq=False)
