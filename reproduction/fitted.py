@@ -13,9 +13,12 @@ from fasbody.foot.model import Foot, load
 from fasbody.laboratory.study import Plan, make
 from fasbody.recording.condition import ADDED_MASSES_KG
 from fasbody.recording.study import StudyFolder
-from identification.estimate import fit_foot
+from identification.estimate import Settings
+from identification.study.job import run
 from identification.study.loops import cycles
 from identification.study.means import mean_curve
+from identification.study.plan import Model
+from identification.study.plan import Plan as Fits
 from identification.study.summary import cycle_table, fit_percents, measured, outliers, tidy
 from identification.study.truth import Truth
 from reproduction.virtual import SECONDS
@@ -52,18 +55,11 @@ def documents() -> tuple[list[dict[str, Any]], Truth]:
         study = StudyFolder.open(make(Path(folder) / "study", plan, processes=1))
         truth = Truth.read(Path(folder) / "study")
         assert truth is not None, "a study just made has its truth"
-        for number, trial in enumerate(study.trials):
-            recording = study.read(trial)
-            result = fit_foot([recording], foot, starts=STARTS, threads=1).document()
-            condition = recording.condition
-            own = {"branches": [{**TRUE, "parameters": exact(foot, truth.constants[trial.file])}]}
-            made.append({
-                "key": str(number), "mode": "per-recording", "subject": condition.subject,
-                "posture": condition.posture, "added_mass_kg": condition.added_mass_kg,
-                "frequency_hz": condition.frequency_hz, "files": [trial.file], "origin": study.origin,
-                "status": "done", "error": None, "seconds": 0.0, "result": result,
-                "cycles": cycles(result, foot, [recording]), "true_cycles": cycles(own, foot, [recording]),
-            })  # fmt: skip
+        fits = Fits(study, study.trials, Settings(starts=STARTS, threads=1), Model.of(foot))
+        for job in fits.jobs("per-recording"):
+            work = fits.work(job)
+            own = {"branches": [{**TRUE, "parameters": exact(foot, truth.constants[job.files[0]])}]}
+            made.append({**run(work), "true_cycles": cycles(own, foot, work.recordings)})
     return made, truth
 
 
