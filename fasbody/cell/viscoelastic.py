@@ -85,7 +85,7 @@ class ReducedCell:
     @classmethod
     def of(cls, model: CellModel, count: int) -> "ReducedCell":
         """Basis of `count` modes, their correction by the nucleus, and the deflection under steady acceleration."""
-        modes = solve(model, count)
+        modes = solve(model, count, way=direct())  # tens of modes, and a factor that the next line needs anyway
         apply = inverse(model.K, direct())
         K_n = model.stiffness(NUCLEUS)
         columns = np.column_stack([K_n @ modes.vectors, model.M @ model.rigid])
