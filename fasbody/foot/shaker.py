@@ -107,7 +107,7 @@ def _lines(name: str, duration: float, omega: np.ndarray, U: np.ndarray) -> Base
 def _turning(t: np.ndarray, omega: np.ndarray) -> np.ndarray:
     """exp(omega t) of times (n,) and lines (k,): (n, k); a period's are kept, as a fit asks for them again."""
     t = np.asarray(t, float)
-    if t.ndim != 1 or t.size * omega.size > _KEPT:
+    if t.ndim != 1 or t.size == 1 or t.size * omega.size > _KEPT:
         return np.exp(np.multiply.outer(t, omega))
     return _kept_turning(t.tobytes(), omega.tobytes())
 

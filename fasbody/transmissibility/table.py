@@ -175,6 +175,17 @@ class Table(Presented):
 
     def curves(self, pair: str, posture: str, added_mass_kg: float) -> Curves:
         """Curves of one pair and condition; repeated recordings of a subject are averaged."""
+        found = self._made.get((pair, posture, added_mass_kg))
+        if found is None:
+            found = self._made[pair, posture, added_mass_kg] = self._curves(pair, posture, added_mass_kg)
+        return found
+
+    @cached_property
+    def _made(self) -> dict[tuple[str, str, float], Curves]:
+        """Curves that were asked for: tests, figures and tables ask again."""
+        return {}
+
+    def _curves(self, pair: str, posture: str, added_mass_kg: float) -> Curves:
         f = self.frame
         part = f[(f["pair"] == pair) & (f["posture"] == posture) & (f["added_mass_kg"] == added_mass_kg)]
         part = part.assign(z=part["transmissibility"] * np.exp(1j * np.radians(part["phase_deg"])))
@@ -197,10 +208,20 @@ class Table(Presented):
         self, pair: str, conditions: Sequence[Condition], frequency_hz: float, quantity: str = "transmissibility"
     ) -> np.ndarray:
         """(subjects, conditions) transmissibility or phase_deg at one frequency, NaN where nothing was measured."""
-        f = self.frame
-        part = f[(f["pair"] == pair) & (f["frequency_hz"] == frequency_hz)]
-        wide = part.pivot_table(index="subject", columns=["posture", "added_mass_kg"], values=quantity)
-        return wide.reindex(columns=pd.MultiIndex.from_tuples(conditions)).to_numpy(float)
+        wide = self._by_condition[quantity]
+        if (pair, frequency_hz) not in wide.index:
+            return np.empty((0, len(conditions)))
+        part = wide.loc[(pair, frequency_hz)]
+        return part.reindex(columns=pd.MultiIndex.from_tuples(conditions)).to_numpy(float)
+
+    @cached_property
+    def _by_condition(self) -> dict[str, pd.DataFrame]:
+        """Transmissibility and phase_deg, one row a pair, frequency and subject, one column a condition."""
+        rows, columns = ["pair", "frequency_hz", "subject"], ["posture", "added_mass_kg"]
+        return {
+            quantity: self.frame.pivot_table(index=rows, columns=columns, values=quantity)
+            for quantity in ("transmissibility", "phase_deg")
+        }
 
     def resolved(self, resolution_hz: float) -> str:
         """A sentence on what the resolution costs broadband estimates, empty where that does not show."""
