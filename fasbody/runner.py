@@ -184,16 +184,16 @@ def sources(module: str) -> list[Path]:
 def _imported(file: Path) -> tuple[Path, ...]:
     """Files of ours that a file imports, for types alone not; of one that imports by name all that lie beside it."""
     text, names = file.read_text(encoding="utf-8"), set()
-    nodes = list(ast.walk(ast.parse(text)))
-    checks = (node for node in nodes if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test))
-    typed = {node for check in checks for line in check.body for node in ast.walk(line)}
-    for node in nodes:
-        if node in typed:
-            continue
+    waiting: list[ast.AST] = [ast.parse(text)]
+    while waiting:  # statements alone: expressions are most of a file, and import nothing
+        node = waiting.pop()
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        typed = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+        for block in ("orelse", "finalbody", "handlers", "cases", *(() if typed else ("body",))):
+            waiting += getattr(node, block, ())
     beside = file.parent.glob("*.py") if "importlib.import_module(" in text else ()
     return (*(found for name in sorted(names) for found in _files(name)), *beside)
 

@@ -166,18 +166,16 @@ def _plain(distribution: str) -> str:
 
 def _imports(tree: ast.Module) -> Iterator[tuple[str, bool]]:
     """Dotted name of all that is imported, and whether that happens as soon as the file is imported."""
-    late = {
-        inner
-        for node in ast.walk(tree)
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Try)
-        or (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test))
-        for inner in ast.walk(node)
-    }
-    for node in ast.walk(tree):
+    waiting: list[tuple[ast.AST, bool]] = [(tree, True)]
+    while waiting:  # statements alone: expressions are most of a file, and import nothing
+        node, at_import = waiting.pop()
         if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
+            yield from ((alias.name, at_import) for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            names = [f"{node.module}", *(f"{node.module}.{alias.name}" for alias in node.names)]
-        else:
-            continue
-        yield from ((name, node not in late) for name in names)
+            yield from (
+                (name, at_import) for name in [f"{node.module}", *(f"{node.module}.{a.name}" for a in node.names)]
+            )
+        waits = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Try)
+        waits |= isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        for block in ("body", "orelse", "finalbody", "handlers", "cases"):
+            waiting += [(inner, at_import and not waits) for inner in getattr(node, block, ())]
