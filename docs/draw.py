@@ -16,14 +16,14 @@ from scipy.optimize import least_squares
 
 import fasbody as fb
 import identification as idn
-from fasbody.foot.parameters import symbol_and_unit
 from fasbody.foot.two_dof import TwoDof
-from fasbody.presentation import STYLE, write_figure
+from fasbody.presentation import COLOURS, PAGE, STYLE, write_figure
 from fasbody.recording.condition import foot_mass, shank_mass
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.study import BUNDLED, read_truth
+from identification.figures import label_of
 
-BLUE, RED, GREY = "#0072B2", "#D55E00", "#8a8a8a"
+BLUE, RED, GREY = *COLOURS[:2], "#8a8a8a"
 #: A linear foot of a person of 70.7 kg.
 FOOT = TwoDof(
     k_T=1.31e5, k_F=9.4e4, c_11=165.0, c_12=0.0, c_13=0.0, c_21=310.0, c_22=0.0, c_23=0.0,
@@ -66,7 +66,7 @@ def chain(ax: Axes, x: float, names: tuple[str, ...], widths: tuple[float, float
 
 def model() -> Figure:
     """The two-mass foot with its coordinates."""
-    figure = Figure(figsize=(3.6, 3.4), layout="constrained")
+    figure = Figure(figsize=(3.35, 2.9), layout="constrained")
     ax = figure.subplots()
     chain(ax, 0.0, ("table", "$k_F$", "$c_F$", "foot  $m_F$", "$k_T$", "$c_T$", "shank  $m_S$"))
     for y, name in ((0.1, "$y_0$"), (1.07, "$y_2$"), (2.35, "$y_1$")):
@@ -75,7 +75,7 @@ def model() -> Figure:
         ax.text(1.38, y + 0.2, name, color=BLUE)
     for y, name, what in ((0.5, "$z_2 = y_2 - y_0$", "fat pad"), (1.65, "$z_1 = y_1 - y_2$", "ankle")):
         ax.text(-1.05, y, f"{what}\n{name}", ha="right", va="center", linespacing=1.6)
-    ax.set(xlim=(-2.6, 1.8), ylim=(-0.25, 2.75), aspect="equal")
+    ax.set(xlim=(-2.5, 1.75), ylim=(-0.25, 2.75), aspect="equal")
     ax.axis("off")
     return figure
 
@@ -83,7 +83,7 @@ def model() -> Figure:
 def harmonics() -> Figure:
     """A bundled recording at 20 Hz: its samples over one period, and what is kept of them."""
     recording = next(r for r in fb.bundled() if r.condition.frequency_hz == 20 and not r.condition.added_mass_kg)
-    figure = Figure(figsize=(7.4, 2.7), layout="constrained")
+    figure = Figure(figsize=(PAGE, 2.7), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(3, 2))
     phase = np.linspace(0, 1, 400)
     for channel, color, name in ((recording.base_m_s2, GREY, "table"), (recording.malleolus_m_s2, BLUE, "malleolus")):
@@ -108,10 +108,10 @@ def harmonics() -> Figure:
         ylabel="acceleration [m/s²]",
         title="samples of four seconds, folded into one period",
     )
-    left.legend(loc="lower left")
+    left.legend(loc="lower left", bbox_to_anchor=(0.12, 0))
     right.set(
         yscale="log",
-        ylim=(1e-4, 50),
+        ylim=(1e-4, 200),
         xlabel="harmonic of 20 Hz",
         ylabel="amplitude [m/s²]",
         title="what is kept: five harmonics a channel",
@@ -145,7 +145,7 @@ def profile(feet: tuple[TwoDof, ...], k_T: np.ndarray) -> np.ndarray:
 
 def residual() -> Figure:
     """The residual of a foot that is a little too stiff, and the sum of its squares over that stiffness."""
-    figure = Figure(figsize=(7.4, 3.0), layout="constrained")
+    figure = Figure(figsize=(PAGE, 3.0), layout="constrained")
     left, right = figure.subplots(1, 2)
     (data,), wrong = measured((FOOT,)), replace(FOOT, k_T=1.4 * FOOT.k_T)
     fine, there = np.linspace(9, 51, 400), wrong.transmissibility(F)
@@ -183,7 +183,7 @@ def residual() -> Figure:
 
 def likelihood() -> Figure:
     """Both valleys of chi-square over k_T: as deep with one load, and not with two."""
-    figure = Figure(figsize=(7.4, 2.9), layout="constrained")
+    figure = Figure(figsize=(PAGE, 2.9), layout="constrained")
     k = np.geomspace(0.4 * FOOT.k_T, 1.6 * FOOT.k_T, 61)
     k = np.sort(np.concatenate([k, [FOOT.k_T, FOOT.mirror().k_T]]))
     heavy = replace(FOOT, m_S=FOOT.m_S + LOAD)
@@ -208,7 +208,7 @@ def likelihood() -> Figure:
 
 def mirror() -> Figure:
     """Two feet, and what each does to malleolus and foot bones."""
-    figure = Figure(figsize=(7.6, 3.3), layout="constrained")
+    figure = Figure(figsize=(PAGE, 3.3), layout="constrained")
     drawing, *axes = figure.subplots(1, 3, width_ratios=(2.2, 1.5, 1.5))
     feet = {"a foot": FOOT, "its mirror": FOOT.mirror()}
     for x, (name, foot) in zip((0.0, 2.5), feet.items(), strict=True):
@@ -235,7 +235,7 @@ def mirror() -> Figure:
 def wide() -> Figure:
     """Both intervals of each constant of the bundled foot, beside the truth."""
     result = idn.fit_foot(fb.bundled(), fb.load("two_dof"), starts=4).with_source("bundled", read_truth(BUNDLED))
-    figure = Figure(figsize=(7.0, 3.0), layout="constrained")
+    figure = Figure(figsize=(PAGE, 3.0), layout="constrained")
     ax = figure.subplots()
     names = [name for name in result.parameters if result.truth_of(name)]
     for row, name in enumerate(reversed(names)):
@@ -256,7 +256,7 @@ def wide() -> Figure:
             )
     ax.axvline(1, color="k", lw=0.8)
     ax.set(xlabel="95 % interval over the true value", yticks=range(len(names)), xlim=(0.3, 1.8))
-    ax.set_yticklabels([symbol_and_unit(name)[0] for name in reversed(names)])
+    ax.set_yticklabels([label_of(name).split("\n")[0] for name in reversed(names)])
     ax.legend(loc="lower right")
     return figure
 
@@ -273,7 +273,7 @@ PICTURES = {
 
 def main(folder: Path = Path(__file__).parent / "figures", names: tuple[str, ...] = tuple(PICTURES)) -> None:
     """Draw pictures into a folder."""
-    with matplotlib.rc_context(STYLE | {"mathtext.fontset": "stix"}):
+    with matplotlib.rc_context(STYLE):
         for name in names:
             write_figure(PICTURES[name](), folder / f"{name}.svg")
 

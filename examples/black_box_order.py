@@ -11,24 +11,27 @@ import numpy as np
 import single_sine
 from matplotlib.figure import Figure
 
+from fasbody.presentation import COLOURS, PAGE, printed, write_figure
 
+
+@printed
 def main(picture: Path = Path("black_box_order.png")) -> tuple[np.ndarray, np.ndarray]:
     """Draw fit and error of each model; return the fits and the errors in percent."""
     rows = single_sine.single()
     labels = [label for label, *_ in rows]
     fits, errors = np.array([fit for _, fit, *_ in rows]), np.array([error for *_, error, _ in rows])
-    figure = Figure(figsize=(8, 4.2), layout="constrained")
+    figure = Figure(figsize=(PAGE, 3.2), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
-    left.barh(labels, fits, color="#4c72b0")
+    left.plot(fits, labels, "o", ms=4, color=COLOURS[0])
     left.set_xlim(0, 100)
     left.set_xlabel("fit to held-out data [%]")
-    left.set_title("what is seen", loc="left", fontsize=10)
-    right.barh(labels, errors, color="#c44e52")
+    left.set_title("what is seen", loc="left")
+    right.plot(errors, labels, "s", ms=4, color=COLOURS[1])
     right.set_xscale("log")
     right.set_xlabel("largest error of the response, 10-50 Hz [%]")
-    right.set_title("what is not", loc="left", fontsize=10)
+    right.set_title("what is not", loc="left")
     left.invert_yaxis()
-    figure.savefig(picture, dpi=160)
+    write_figure(figure, picture)
     return fits, errors
 
 

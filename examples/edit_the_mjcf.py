@@ -16,6 +16,7 @@ import mjcf
 from fasbody.foot.model import Foot, load
 from fasbody.foot.shaker import sine
 from fasbody.foot.simulate import simulate
+from fasbody.presentation import printed, write_figure
 from fasbody.recording.harmonics import fit_harmonics
 
 FREQUENCIES_HZ = np.r_[6:25:0.5, 25:61:2.5]  # finer where the peaks are
@@ -49,20 +50,21 @@ def transmissibility(foot: Foot) -> np.ndarray:
     ])  # fmt: skip
 
 
+@printed
 def main(picture: Path = Path("edit_the_mjcf.png")) -> dict[str, np.ndarray]:
     """Draw both; return their transmissibilities."""
     with tempfile.TemporaryDirectory() as folder:
         curves = {"as shipped": transmissibility(load("two_dof"))}
         curves["in a shoe"] = transmissibility(with_shoe(Path(folder)))
-    figure = Figure(figsize=(6, 3.6), layout="constrained")
+    figure = Figure(figsize=(5, 3), layout="constrained")
     ax = figure.subplots()
-    for name, curve in curves.items():
-        ax.plot(FREQUENCIES_HZ, curve, label=name)
+    for (name, curve), style in zip(curves.items(), ("-", "--"), strict=True):
+        ax.plot(FREQUENCIES_HZ, curve, style, label=name)
     ax.axhline(1, color="0.6", lw=0.8)
     ax.set_xlabel("frequency [Hz]")
     ax.set_ylabel("transmissibility, table to malleolus")
     ax.legend()
-    figure.savefig(picture, dpi=160)
+    write_figure(figure, picture)
     return curves
 
 

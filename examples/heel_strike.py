@@ -7,7 +7,7 @@ compression is the travel of a heel point fixed to the shank, so everything betw
 import sys
 from pathlib import Path
 
-from fasbody.heel.figures import STYLE, corrections
+from fasbody.heel.figures import corrections
 from fasbody.heel.strike import Strike, heel_strike
 from fasbody.heel.study import Person
 from fasbody.presentation import write_figure
@@ -18,7 +18,7 @@ def main(picture: Path = Path("heel_strike.png")) -> Strike:
     person = Person.bundled("05")
     speed, number = person.names()[1]
     strike = heel_strike(person.trial(speed, number), person.plate, person.gain, person.distance_m, person.rate_hz)
-    write_figure(corrections(person.steps(speed, number), strike), picture, style=STYLE)
+    write_figure(corrections(person.steps(speed, number), strike), picture)
     return strike
 
 

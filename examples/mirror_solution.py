@@ -14,6 +14,7 @@ from linear_foot import FOOT
 from matplotlib.figure import Figure
 
 from fasbody.foot.two_dof import TwoDof
+from fasbody.presentation import PAGE, printed, write_figure
 
 F = np.linspace(2, 60, 400)  # Hz
 LOAD = 4.5  # kg
@@ -26,6 +27,7 @@ def foot_bones(foot: TwoDof) -> np.ndarray:
     return shank - w**2 * z_1
 
 
+@printed
 def main(picture: Path = Path("mirror_solution.png")) -> dict[str, float]:
     """Draw the three responses of both feet; return the largest difference of each."""
     feet = {"stiff ankle": FOOT, "stiff pad (mirror)": FOOT.mirror()}
@@ -35,17 +37,16 @@ def main(picture: Path = Path("mirror_solution.png")) -> dict[str, float]:
         "foot bones": [foot_bones(foot) for foot in feet.values()],
         f"malleolus, {LOAD:g} kg on the knee": [foot.transmissibility(F) for foot in loaded.values()],
     }
-    figure = Figure(figsize=(9.5, 3.4), layout="constrained")
+    figure = Figure(figsize=(PAGE, 2.8), layout="constrained")
     for ax, (title, responses) in zip(figure.subplots(1, 3, sharey=True), panels.items(), strict=True):
         for name, style, response in zip(feet, ("-", "--"), responses, strict=True):
-            ax.plot(F, np.abs(response), style, lw=2.2, label=f"{name}, k_T {feet[name].k_T / 1e3:.0f} kN/m")
-        ax.set_title(title, loc="left", fontsize=10)
+            ax.plot(F, np.abs(response), style, lw=1.8, label=f"{name}, $k_T$ {feet[name].k_T / 1e3:.0f} kN/m")
+        ax.set_title(title, loc="left")
         ax.set_xlabel("frequency [Hz]")
-        ax.grid(color="0.92")
     figure.axes[2].set_xlim(8, 22)
     figure.axes[0].set_ylabel("transmissibility")
-    figure.axes[0].legend(fontsize=8)
-    figure.savefig(picture, dpi=160)
+    figure.axes[0].legend()
+    write_figure(figure, picture)
     return {title: float(np.abs(one - other).max()) for title, (one, other) in panels.items()}
 
 

@@ -13,14 +13,16 @@ from matplotlib.figure import Figure
 from fasbody.arch.motion import move
 from fasbody.foot.model import load
 from fasbody.foot.shaker import sine
+from fasbody.presentation import COLOURS, PAGE, printed, write_figure
 
 FREQUENCIES_HZ = (8.0, 20.0, 50.0)
 
 
+@printed
 def main(picture: Path = Path("shake_the_arch.png")) -> dict[float, float]:
     """Draw the last two periods; return the ratio of the peaks, malleolus over table, at each frequency."""
     foot, ratios = load("foot_arch"), {}
-    figure = Figure(figsize=(7.5, 5), layout="constrained")
+    figure = Figure(figsize=(PAGE, 5), layout="constrained")
     for ax, f in zip(figure.subplots(len(FREQUENCIES_HZ), sharey=True), FREQUENCIES_HZ, strict=True):
         table = sine(f, 12 / f)
         run = move(foot, table)
@@ -28,13 +30,13 @@ def main(picture: Path = Path("shake_the_arch.png")) -> dict[float, float]:
         t, base, malleolus = run.time[last], table.acceleration(run.time[last]), run.malleolus[last]
         ratios[f] = float(np.abs(malleolus).max() / np.abs(base).max())
         ax.plot(1e3 * (t - t[0]), base, color="0.5", label="table")
-        ax.plot(1e3 * (t - t[0]), malleolus, color="#c44e52", label="malleolus")
-        ax.set_title(f"{f:g} Hz: malleolus / table {ratios[f]:.2f}", loc="left", fontsize=10)
+        ax.plot(1e3 * (t - t[0]), malleolus, color=COLOURS[1], label="malleolus")
+        ax.set_title(f"{f:g} Hz: malleolus / table {ratios[f]:.2f}", loc="left")
         ax.set_ylabel("m/s$^2$")
         ax.margins(x=0)
     ax.set_xlabel("time [ms]")
     figure.legend(*ax.get_legend_handles_labels(), loc="outside upper right", ncols=2)
-    figure.savefig(picture, dpi=160)
+    write_figure(figure, picture)
     return ratios
 
 

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from fasbody.foot.model import load
 from fasbody.laboratory.foot import record
 from fasbody.laboratory.instrument import Instrument
+from fasbody.presentation import PAGE, printed, write_figure
 from fasbody.recording.recording import Condition, Recording
 from identification.estimate import Settings, fit_foot
 from identification.result import FitResult
@@ -35,6 +36,7 @@ def recordings(added_mass_kg: float) -> list[Recording]:
     return made
 
 
+@printed
 def main(picture: Path = Path("two_loads_decide.png")) -> dict[str, FitResult]:
     """Fit one load and two, draw both branches of each; return the results."""
     bare, heavy = recordings(0.0), recordings(4.5)
@@ -43,18 +45,18 @@ def main(picture: Path = Path("two_loads_decide.png")) -> dict[str, FitResult]:
     settings = Settings(free=("k_T", "k_F", "c_11", "c_21"), starts=2, **sure)  # type: ignore[arg-type]
     foot = load("two_dof").with_values(LINEAR)
     results = {"one load": fit_foot(bare, foot, settings), "two loads": fit_foot(bare + heavy, foot, settings)}
-    figure = Figure(figsize=(7.5, 3.2), layout="constrained")
+    figure = Figure(figsize=(PAGE, 3.2), layout="constrained")
     for ax, (name, result) in zip(figure.subplots(1, 2, sharey=True), results.items(), strict=True):
         misfit = [branch.chi_square / branch.dof for branch in result.branches]
         colours = ["#55a868" if branch in result.open else "0.6" for branch in result.branches]
         bars = ax.bar([branch.name for branch in result.branches], misfit, width=0.6, color=colours)
         ax.bar_label(bars, [f"{value:.3g}" for value in misfit], padding=4)
         ax.axhline(1, color="k", lw=0.8, ls=":")
-        ax.set_title(f"{name}: {result.verdict}", loc="left", fontsize=10)
+        ax.set_title(f"{name}: {result.verdict}", loc="left")
         ax.set_yscale("log")
     figure.axes[0].set_ylabel("chi-square per degree of freedom")
     figure.axes[0].set_ylim(0.3, 3 * max(b.chi_square / b.dof for r in results.values() for b in r.branches))
-    figure.savefig(picture, dpi=160)
+    write_figure(figure, picture)
     return results
 
 

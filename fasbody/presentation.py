@@ -3,14 +3,15 @@
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import wraps
 from html import escape
 from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, ParamSpec, TypeVar, cast
 
 from fasbody.console import to_json, write_whole
 from fasbody.exceptions import SettingError, shown, unknown
@@ -20,14 +21,23 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: What a screen has: characters a line, rows of a table, and notes below it.
-WIDTH, ROWS, NOTES = 100, 20, 6
+WIDTH, ROWS, NOTES = 80, 20, 6
 #: Colours and marks of loads and other series, in this order in every figure; apart for the colour-blind and in grey.
 COLOURS, MARKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"), ("o", "s", "^", "D", "v", "P")
-#: How figures of recordings and of their fits are drawn.
+#: Dashes of a line, in the same order.
+LINES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)))
+#: Widths of a printed figure [inches]: a page of a journal, and one of its two columns (180 and 85 mm).
+PAGE, COLUMN = 7.08, 3.35
+#: How every figure is drawn: nothing is smaller than 7 points when it is printed as wide as it is drawn.
 STYLE: Any = {
-    "font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25,
-    "svg.fonttype": "path", "legend.frameon": False, "axes.titlesize": 9,
+    "axes.prop_cycle": f"cycler(color={list(COLOURS)})",
+    "font.size": 8, "axes.labelsize": 8, "axes.titlesize": 8, "figure.titlesize": 8.5, "figure.labelsize": 7.5,
+    "xtick.labelsize": 7.5, "ytick.labelsize": 7.5, "legend.fontsize": 7.5, "legend.title_fontsize": 7.5,
+    "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True,
+    "grid.alpha": 0.25, "grid.linewidth": 0.5, "axes.linewidth": 0.7, "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7, "lines.linewidth": 1.2, "svg.fonttype": "path", "legend.frameon": False,
 }  # fmt: skip
+_Given, _Drawn = ParamSpec("_Given"), TypeVar("_Drawn")
 
 #: What the ends of names say of units.
 _UNITS = {
@@ -66,21 +76,56 @@ def readable(value: float, digits: int = 3) -> str:
     return grouped(text.rstrip("0").rstrip(".") if "." in text else text)
 
 
-def picture(figure: "Figure", kind: str, style: Any = None, dpi: int = 200) -> bytes:
+def printed(draw: Callable[_Given, _Drawn]) -> Callable[_Given, _Drawn]:
+    """Draw in `STYLE`, and leave matplotlib's own as it is."""
+
+    @wraps(draw)
+    def styled(*args: _Given.args, **options: _Given.kwargs) -> _Drawn:
+        import matplotlib
+
+        with matplotlib.rc_context(STYLE):
+            return draw(*args, **options)
+
+    return styled
+
+
+def picture(figure: "Figure", kind: str, dpi: int = 200) -> bytes:
     """A figure as the content of an .svg, .png or .pdf file: the same bytes whenever it is drawn.
 
     Args:
-        figure: to write.
+        figure: to write; its ticks are only made now, in `STYLE`.
         kind: ending of the file, without its dot.
-        style: it was drawn in; ticks are only made when it is written.
         dpi: dots an inch of a PNG.
     """
     import matplotlib
 
     out, dateless = BytesIO(), {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
-    with matplotlib.rc_context({**(style or {}), "svg.hashsalt": "fasbody"}):
+    with matplotlib.rc_context({**STYLE, "svg.hashsalt": "fasbody"}):
         figure.savefig(out, format=kind, dpi=dpi, metadata=dateless)
     return out.getvalue()
+
+
+def named_lines(axis: Any, x: Any, curves: Sequence[Any], names: Sequence[str], colours: Sequence[str]) -> None:
+    """Write each curve's name on it, all where flat pieces of the curves are farthest apart.
+
+    Args:
+        axis: with its limits set. x: (n,), evenly spaced. curves: (n,) each. names, colours: of each.
+    """
+    import numpy as np
+
+    (left, right), (_, top) = axis.get_xlim(), axis.get_ylim()
+    half = max(1, round(0.08 * (right - left) / (x[1] - x[0])))
+    pieces = np.lib.stride_tricks.sliding_window_view(np.array(curves), 2 * half + 1, axis=1)
+    at = np.arange(half, x.size - half)
+    low, high = pieces.min(axis=2), pieces.max(axis=2)
+    order = np.argsort(low + high, axis=0)
+    above = np.vstack([np.take_along_axis(low, order, 0)[1:], np.full((1, at.size), top)])
+    gap = (above - np.take_along_axis(high, order, 0)).min(axis=0)
+    gap[(x[at] < left + 0.1 * (right - left)) | (x[at] > right - 0.1 * (right - left))] = -np.inf
+    place = at[gap.argmax()]
+    for curve, name, colour in zip(curves, names, colours, strict=True):
+        axis.text(x[place], curve[place], name, color=colour, ha="center", va="center", fontsize=7.5,
+                  bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8})  # fmt: skip
 
 
 def inline(content: bytes) -> str:
@@ -89,14 +134,14 @@ def inline(content: bytes) -> str:
     return text[text.index("<svg") :]
 
 
-def write_figure(figure: "Figure", *files: Path, style: Any = None) -> list[Path]:
+def write_figure(figure: "Figure", *files: Path) -> list[Path]:
     """Write a figure as the ending of each file says (.svg, .png, .pdf), whole or not at all, without a date."""
     written = []
     for file in files:
         kind = file.suffix.lstrip(".").lower() or "png"
         if kind not in figure.canvas.get_supported_filetypes():
             raise SettingError(f"{file} ends in .{kind}, but a figure is written as .svg, .png or .pdf.")
-        written.append(write_whole(file, picture(figure, kind, style)))
+        written.append(write_whole(file, picture(figure, kind)))
     return written
 
 
@@ -229,13 +274,7 @@ class Presented(Tabled, ABC):
         if kind not in self.plots:
             raise SettingError(f"{unknown('plot', kind, self.plots)}.")
         figure = getattr(import_module(self.figures), kind)(self, **options)
-
-        def png() -> bytes:
-            out = BytesIO()
-            figure.savefig(out, format="png", dpi=110)
-            return out.getvalue()
-
-        figure._repr_png_ = png  # a notebook otherwise shows only what pyplot made
+        figure._repr_png_ = lambda: picture(figure, "png", dpi=110)  # a notebook otherwise shows only what pyplot made
         return figure
 
     def write(self, folder: Path | str) -> list[Path]:

@@ -1,7 +1,6 @@
 """The printed figures of a fit, and the rows that each of them draws: one colour a load in all of them."""
 
-from collections.abc import Callable, Iterable, Sequence
-from functools import wraps
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import matplotlib
@@ -9,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fasbody.foot.parameters import symbol_and_unit
-from fasbody.presentation import COLOURS, MARKS, STYLE, inline, picture
+from fasbody.presentation import COLOURS, MARKS, PAGE, inline, picture, printed
 from fasbody.recording.condition import ADDED_MASSES_KG
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.transmissibility.estimate import unwrapped
@@ -25,7 +24,7 @@ _MM, _MJ = 1e3, 1e3
 
 def save(figure: Figure, ending: str) -> bytes:
     """The figure as the content of an .svg or .png file, laid out once for all."""
-    data = picture(figure, ending, STYLE)
+    data = picture(figure, ending)
     figure.set_layout_engine("none")
     return data
 
@@ -35,22 +34,11 @@ def svg(figure: Figure) -> str:
     return inline(save(figure, "svg"))
 
 
-def _styled(draw: Callable[[FitResult], Figure]) -> Callable[[FitResult], Figure]:
-    """Draw with this file's style, and leave matplotlib's own as it is."""
-
-    @wraps(draw)
-    def styled(result: FitResult) -> Figure:
-        with matplotlib.rc_context(STYLE):
-            return draw(result)
-
-    return styled
-
-
+@printed
 def panels(rows: int, columns: int, width: float, height: float, **options: object) -> tuple[Figure, np.ndarray]:
-    """A figure of width x height [inches] and its axes, shape (rows, columns)."""
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        return figure, figure.subplots(rows, columns, squeeze=False, **options)  # type: ignore[call-overload]
+    """A figure of width x height [inches], no wider than a page, and its axes, shape (rows, columns)."""
+    figure = Figure(figsize=(min(width, PAGE), height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)  # type: ignore[call-overload]
 
 
 def of_loads(loads: Iterable[float]) -> dict[float, tuple[str, str]]:
@@ -81,7 +69,7 @@ def _by_recording(result: FitResult, height: float, x: str, y: str, **options: o
 
 def _legend(figure: Figure, axes: np.ndarray) -> None:
     """One legend for all panels, above them."""
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize=8)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
 
 
 def _title(recording: RecordingFit) -> str:
@@ -103,7 +91,7 @@ def trace_rows(result: FitResult) -> list[Row]:
     return rows
 
 
-@_styled
+@printed
 def traces(result: FitResult) -> Figure:
     """Measured and modelled malleolus acceleration, three periods of each recording (or its first second)."""
     figure, axes = _by_recording(result, 2.0, "time [ms]", "malleolus [m/s²]")
@@ -125,7 +113,7 @@ def _window(recording: RecordingFit) -> tuple[float, float]:
     return (float(recording.time_s[0]), length) if recording.frequency_hz is None else (middle, length)
 
 
-@_styled
+@printed
 def transmissibility(result: FitResult) -> Figure:
     """Malleolus over base at the excited frequencies with 95 % limits, and its phase lag; both branches' curves."""
     figure, axes = panels(2, 1, 5.2, 5.2, sharex=True)
@@ -162,7 +150,7 @@ def transmissibility(result: FitResult) -> Figure:
     size.set_ylabel("transmissibility")
     phase.set_ylabel("phase lag [deg]")
     phase.set_xlabel("frequency [Hz]")
-    size.legend(fontsize=7)
+    size.legend()
     return figure
 
 
@@ -182,7 +170,7 @@ def _spectrum_ratio(recording: RecordingFit, trace: np.ndarray) -> tuple[np.ndar
     return estimate.frequency_hz, estimate.H
 
 
-@_styled
+@printed
 def chi_square(result: FitResult) -> Figure:
     """Chi-square of every harmonic of every recording, over the harmonic's frequency."""
     figure, axes = panels(1, 1, 5.2, 3.2)
@@ -202,7 +190,7 @@ def chi_square(result: FitResult) -> Figure:
     axis.set_xlabel("frequency of the harmonic [Hz]")
     axis.set_ylabel("chi-square")
     axis.set_ylim(bottom=0.7 * _LEAST)
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=7)
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 
@@ -210,7 +198,7 @@ def chi_square(result: FitResult) -> Figure:
 _LEAST, _RARE = 1e-2, 13.82
 
 
-@_styled
+@printed
 def modes(result: FitResult) -> Figure:
     """Natural frequencies and damping ratios of small motion under each load, with 95 % limits."""
     rows, loads = derived(result).modes, _loads(result)
@@ -239,11 +227,11 @@ def modes(result: FitResult) -> Figure:
         axis.set_xlim(-0.5, x - 0.25)
         axis.set_title(f"mode {mode}\n{title}")
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=8)
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
 
 
-@_styled
+@printed
 def dampers(result: FitResult) -> Figure:
     """Damping of ankle and fat pad over the displacement that the recordings reached, with bands of 95 %."""
     found, loads = derived(result), _loads(result)
@@ -282,11 +270,11 @@ def dampers(result: FitResult) -> Figure:
         axis.set_xlabel("relative displacement [mm]")
     axes[0, 0].set_ylabel("damping [N s/m]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=8)
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
 
 
-@_styled
+@printed
 def energies(result: FitResult) -> Figure:
     """Energy that ankle and fat pad dissipate in a cycle, by frequency and load, with 95 % limits."""
     rows, loads = derived(result).energies, _loads(result)
@@ -309,7 +297,7 @@ def energies(result: FitResult) -> Figure:
         axis.set_title(joint)
         axis.set_xlabel("frequency [Hz]")
     axes[0, 0].set_ylabel("dissipated a cycle [mJ]")
-    axes[0, 0].legend(fontsize=7)
+    axes[0, 0].legend()
     return figure
 
 
@@ -332,7 +320,7 @@ def residual_rows(result: FitResult) -> list[Row]:
 _HIGHEST_HZ = 160.0
 
 
-@_styled
+@printed
 def residuals(result: FitResult) -> Figure:
     """Amplitude spectrum of what the model leaves, beside that of the recording."""
     figure, axes = _by_recording(result, 1.9, "frequency [Hz]", "amplitude [m/s²]", sharex=True, sharey=True)
@@ -351,12 +339,20 @@ def residuals(result: FitResult) -> Figure:
     return figure
 
 
-@_styled
+#: So many panels stand beside each other.
+_ABREAST = 5
+
+
+@printed
 def parameters(result: FitResult) -> Figure:
     """Estimates with 95 % intervals of both branches, each parameter on its own scale; the truth where it is known."""
     keys = list(result.parameters)
-    figure, axes = panels(1, len(keys), 1.35 * len(keys), 2.6)
-    for axis, key in zip(axes[0], keys, strict=True):
+    rows = 1 if len(keys) <= _ABREAST else 2
+    columns = -(-len(keys) // rows)
+    figure, axes = panels(rows, columns, 1.35 * columns, 0.5 + 1.9 * rows)
+    for axis in axes.flat[len(keys) :]:
+        axis.set_axis_off()
+    for axis, key in zip(axes.flat, keys, strict=False):
         for place, (branch, colour) in enumerate(zip(result.branches, (_DATA, _OTHER), strict=False)):
             e = branch.parameters[key]
             error = [[max(0.0, e.value - e.lower)], [max(0.0, e.upper - e.value)]]
@@ -368,14 +364,13 @@ def parameters(result: FitResult) -> Figure:
         truth = result.truth_of(key)
         if truth is not None:
             axis.axhline(truth, color=_DATA, lw=1, ls=":", label="truth")
-        axis.set_title(label_of(key), fontsize=8)
+        axis.set_title(label_of(key))
         axis.set_xlim(-0.6, len(result.branches) - 0.4)
         axis.set_xticks([])
-        axis.tick_params(labelsize=7)
         axis.ticklabel_format(axis="y", style="sci", scilimits=(-3, 4))
         axis.yaxis.get_offset_text().set_fontsize(7)
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8)
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return figure
 
 
@@ -386,7 +381,7 @@ def label_of(key: str) -> str:
     return (f"${stem}_{{{index}}}$" if index else stem) + (f"\n[{unit}]" if unit else "")
 
 
-@_styled
+@printed
 def waterfall(result: FitResult) -> Figure:
     """Final cost of every start, best first, coloured by the branch it ended in."""
     figure, axes = panels(1, 1, 5.2, 2.6)
@@ -398,11 +393,11 @@ def waterfall(result: FitResult) -> Figure:
     axis.set_xlabel("start, best first")
     axis.set_ylabel("weighted sum of squares")
     axis.xaxis.get_major_locator().set_params(integer=True)
-    axis.legend(fontsize=8)
+    axis.legend()
     return figure
 
 
-@_styled
+@printed
 def correlation(result: FitResult) -> Figure:
     """Correlation matrix of the estimates of the likelier branch."""
     keys = list(result.parameters)
@@ -417,12 +412,12 @@ def correlation(result: FitResult) -> Figure:
     for i, row in enumerate(matrix):
         for j, value in enumerate(row):
             dark = abs(value) > 0.6
-            axis.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=6, color="white" if dark else "black")
+            axis.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7, color="white" if dark else "black")
     figure.colorbar(image, label="correlation", shrink=0.85)
     return figure
 
 
-@_styled
+@printed
 def sensors(result: FitResult) -> Figure:
     """Amplitude and phase lag of each sensor over the base at the excited frequencies: data points, model lines."""
     names = list(dict.fromkeys(sensor.name for r in result.recordings for sensor in r.sensors if sensor.harmonics))
@@ -441,12 +436,12 @@ def sensors(result: FitResult) -> Figure:
                 lag = -np.degrees(np.unwrap(np.angle(H)))
                 column[0].plot(f, np.abs(H), style, ms=4, lw=1.0, color=colour, mfc="none", label=label)
                 column[1].plot(f, lag, style, ms=4, lw=1.0, color=colour, mfc="none")
-        column[0].set_title(name, fontsize=9)
+        column[0].set_title(name)
         column[1].set_xlabel("frequency [Hz]")
     axes[0, 0].set_ylabel("over the base")
     axes[1, 0].set_ylabel("phase lag [deg]")
     if names:
-        axes[0, 0].legend(fontsize=7)
+        axes[0, 0].legend()
     return figure
 
 
@@ -462,30 +457,36 @@ def _over_base(recording: RecordingFit, name: str) -> tuple[float, complex, comp
     return first.frequency_hz, first.measured / base, first.model / base
 
 
-@_styled
+@printed
 def contact(result: FitResult) -> Figure:
     """The force of the table on the foot over a cycle, a panel a load; below zero the table would have to pull."""
     loads = sorted({each.added_mass_kg for each in result.contact})
-    figure = Figure(figsize=(1.0 + 3.2 * max(1, len(loads)), 3.0), layout="constrained")
-    axes = figure.subplots(1, max(1, len(loads)), squeeze=False, sharey=True)[0]
-    colours = matplotlib.colormaps["viridis"]
-    for axis, load in zip(axes, loads, strict=False):
+    there = sorted({round(each.frequency_hz, 1) for each in result.contact})
+    figure, axes = panels(1, max(1, len(loads)), 1.0 + 3.0 * max(1, len(loads)), 2.7, sharey=True)
+    lines = {}
+    for axis, load in zip(axes[0], loads, strict=False):
         rows = sorted((c for c in result.contact if c.added_mass_kg == load), key=lambda c: c.frequency_hz)
-        for number, each in enumerate(rows):
-            closed = np.append(each.force_n, each.force_n[0])
-            colour = colours(0.9 * number / max(1, len(rows) - 1))
-            axis.plot(np.linspace(0, 1, closed.size), closed, lw=1.1, color=colour, label=f"{each.frequency_hz:.4g} Hz")
+        for each in rows:
+            closed, f = np.append(each.force_n, each.force_n[0]), round(each.frequency_hz, 1)
+            colour = matplotlib.colormaps["viridis"](0.9 * there.index(f) / max(1, len(there) - 1))
+            lines[f] = axis.plot(np.linspace(0, 1, closed.size), closed, lw=1.1, color=colour, label=f"{f:g} Hz")[0]
         low = min(min(float(c.force_n.min()) for c in rows), 0.0)
-        axis.axhspan(1.08 * low, 0, color="#c8102e", alpha=0.08, lw=0)
+        if low < 0:
+            axis.axhspan(1.08 * low, 0, color="#c8102e", alpha=0.08, lw=0)
+            axis.text(0.02, 1.04 * low, "the table would have to pull", va="bottom", fontsize=7)
         axis.axhline(0, color="#444444", lw=0.8)
-        axis.axhline(rows[0].static_force_n, color="#444444", lw=0.8, ls="--")
-        axis.set_title(f"{load:g} kg added", fontsize=9)
-        axis.set_xlabel("cycle")
+        rest = axis.axhline(rows[0].static_force_n, color="#444444", lw=0.8, ls="--", label="at rest")
+        axis.set_title(f"{load:g} kg added")
+        axis.set_xlabel("part of the cycle")
         axis.set_xlim(0, 1)
-    axes[0].set_ylabel("force on the table [N]")
+    axes[0, 0].set_ylabel("force on the table [N]")
     if loads:
-        axes[-1].legend(fontsize=7, ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        figure.legend(handles=[rest, *(lines[f] for f in there[:_NAMED])], loc="outside right center")
     return figure
+
+
+#: So many lines are named beside a figure.
+_NAMED = 12
 
 
 def contact_rows(result: FitResult) -> list[Row]:

@@ -15,7 +15,7 @@ from fasbody.arch.bones import PARAMETERS
 from fasbody.arch.kinematics import Array
 from fasbody.arch.load import ARANGIO_LOAD, ARANGIO_SAG, MEASURED_HZ
 from fasbody.arch.sensitivity import CLAIMED, OUTPUTS, Study
-from fasbody.presentation import COLOURS, MARKS
+from fasbody.presentation import COLOURS, LINES, MARKS, PAGE, named_lines, printed
 
 if TYPE_CHECKING:
     from fasbody.arch.evidence import Number
@@ -23,9 +23,7 @@ if TYPE_CHECKING:
     from fasbody.arch.reduction import Reduction
     from fasbody.arch.validate import Validation
 
-KEPT, DROPPED, THIRD = "#c44e52", "#4c72b0", "#55a868"
-#: One line a series, so that a print without colour tells them apart.
-LINES = ("-", "--", "-.")
+KEPT, DROPPED, THIRD = COLOURS[1], COLOURS[0], COLOURS[2]
 #: What Kim & Voloshin computed of the fascia's share [%].
 KIM_SHARE = 14.0
 #: Behind the name of a line that is no measurement either.
@@ -39,35 +37,41 @@ def sensitivity(study: Study) -> Figure:
     return sensitivity_bars([study])
 
 
+@printed
 def sensitivity_bars(studies: Sequence[Study]) -> Figure:
     """Relative sensitivity of the malleolus' acceleration, one panel a study (Figure 4.3).
 
     Args:
         studies: random draws are drawn as median and quartiles, an arch's own constants as they are.
     """
-    figure = Figure(figsize=(7, 0.6 + 2.3 * len(studies)), layout="constrained")
+    figure = Figure(figsize=(PAGE, 0.5 + 1.75 * len(studies)), layout="constrained")
     axes = figure.subplots(len(studies), squeeze=False, sharex=True, sharey=True)[:, 0]
     colours = [KEPT if name in CLAIMED else DROPPED for name in PARAMETERS]
     for ax, study in zip(axes, studies, strict=True):
         low, median, high = np.percentile(study.values[:, OUTPUTS.index("malleolus")], [25, 50, 75], axis=0)
         spread = None if study.own else [median - low, high - median]
-        ax.bar(SYMBOLS, median, color=colours, yerr=spread, capsize=3, ecolor="0.3")
+        bars = ax.bar(SYMBOLS, median, color=colours, yerr=spread, capsize=3, ecolor="0.3")
+        for bar, name in zip(bars, PARAMETERS, strict=True):
+            bar.set_hatch("" if name in CLAIMED else "////")
+            bar.set_edgecolor("white")
+            bar.set_linewidth(0)
         ax.set_yscale("log")
         ax.set_ylabel("relative sensitivity")
-        ax.set_axisbelow(True)
-        ax.grid(axis="y", color="0.9")
-        ax.set_title(_title(study), fontsize=9, loc="left")
-    figure.suptitle("Acceleration of the malleolus: the four constants the thesis keeps are red", fontsize=10)
+        ax.grid(visible=False, axis="x")
+        ax.set_title(_title(study), loc="left")
+    figure.suptitle("Acceleration of the malleolus: plain bars are the four constants that the thesis keeps")
     return figure
 
 
+@printed
 def sensitivity_cases(studies: Sequence[Study]) -> Figure:
     """Relative sensitivity of the malleolus' acceleration draw by draw (Figure C.1), the four largest dotted."""
-    height = max(2.5, 0.11 * len(studies[0].values))
-    figure = Figure(figsize=(7, 0.6 + (height + 0.5) * len(studies)), layout="constrained")
+    height = max(2.2, 0.1 * len(studies[0].values))
+    figure = Figure(figsize=(PAGE, 0.6 + (height + 0.5) * len(studies)), layout="constrained")
     axes = figure.subplots(len(studies), squeeze=False, sharex=True)[:, 0]
     for ax, study in zip(axes, studies, strict=True):
         values = study.values[:, OUTPUTS.index("malleolus")]
+        ax.grid(False)
         image = ax.imshow(np.log10(values), aspect="auto", cmap="viridis", vmin=-6, vmax=0)
         top = np.argsort(values, axis=1)[:, -len(CLAIMED) :]
         rows = np.repeat(np.arange(len(values)), len(CLAIMED))
@@ -76,13 +80,13 @@ def sensitivity_cases(studies: Sequence[Study]) -> Figure:
             ax.scatter(top.ravel()[among], rows[among], s=9, color=colour, edgecolors="black", linewidths=0.4)
         ax.set_xticks(range(len(PARAMETERS)), SYMBOLS)
         ax.set_ylabel("random case")
-        ax.set_title(_title(study), fontsize=9, loc="left")
+        ax.set_title(_title(study), loc="left")
         figure.colorbar(image, ax=ax, label="log$_{10}$ relative sensitivity", pad=0.01)
     dots = [
         Line2D([], [], marker="o", ls="", mfc=colour, mec="black", mew=0.4, label=label)
         for colour, label in (("white", "among the four largest, as claimed"), (KEPT, "the same, against the claim"))
     ]
-    figure.legend(handles=dots, loc="outside upper center", ncols=2, frameon=False, fontsize=9)
+    figure.legend(handles=dots, loc="outside upper center", ncols=2)
     return figure
 
 
@@ -93,33 +97,34 @@ def _title(study: Study) -> str:
     return f"{study.reading}, {study.method}: claim holds in {held} of {len(study.values)} draws"
 
 
+@printed
 def reduction(result: "Reduction") -> Figure:
     """Five-body and two-mass transmissibility of the nominal arch, and the difference over random draws."""
-    figure = Figure(figsize=(7, 6), layout="constrained")
+    figure = Figure(figsize=(PAGE, 5), layout="constrained")
     upper, lower = figure.subplots(2, sharex=True)
     for i, (name, five, two) in enumerate(result.examples):
         colour = (KEPT, DROPPED, THIRD)[i]
         upper.plot(result.frequency_hz, five, color=colour, label=f"{name}, five bodies")
         upper.plot(result.frequency_hz, two, "--", color=colour, label=f"{name}, two masses")
     upper.set_ylabel("transmissibility at the malleolus")
-    upper.legend(fontsize=8)
+    upper.legend()
     for i, (lever_arm_m, difference) in enumerate(result.differences.items()):
         colour = (KEPT, DROPPED, THIRD, "0.4")[i % 4]
         label = "literal" if lever_arm_m is None else f"lever arm {lever_arm_m * 1e3:g} mm"
         low, median, high = np.percentile(100 * difference, [10, 50, 90], axis=0)
-        lower.semilogy(result.frequency_hz, median, color=colour, label=label)
+        lower.semilogy(result.frequency_hz, median, color=colour, ls=LINES[i % 4], label=label)
         lower.fill_between(result.frequency_hz, low, high, color=colour, alpha=0.2, lw=0)
-    lower.set_ylabel("difference [%], median and 10-90 %")
+    lower.set_ylabel("difference [%]\nmedian and 10-90 %")
     lower.set_xlabel("frequency [Hz]")
-    lower.legend(fontsize=8, title="rotational constants of Table 4.2", title_fontsize=8)
+    lower.legend(title="rotational constants of Table 4.2")
     for ax in (upper, lower):
         ax.set_xscale("log")
-        ax.grid(color="0.9")
     lower.set_xticks([1, 2, 5, 10, 20, 50, 100], ["1", "2", "5", "10", "20", "50", "100"])
     lower.set_xlim(1, 100)
     return figure
 
 
+@printed
 def arch_sag(result: "SagStudy", measured: dict[float, tuple[float, float]] | None = None) -> Figure:
     """Sag under a static load against arch height, with and without fascia, and its share of the load.
 
@@ -129,7 +134,7 @@ def arch_sag(result: "SagStudy", measured: dict[float, tuple[float, float]] | No
         result: the model's sag.
         measured: arch height [m] -> sag [m] with and without fascia; Arangio's under his load unless given.
     """
-    figure = Figure(figsize=(7.2, 3.1), layout="constrained")
+    figure = Figure(figsize=(PAGE, 2.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     his = measured is None and result.load == ARANGIO_LOAD
     others = ARANGIO_SAG if his else measured or {}
@@ -152,12 +157,12 @@ def arch_sag(result: "SagStudy", measured: dict[float, tuple[float, float]] | No
         )
     left.set_ylabel(f"sag under {result.load:.0f} N [mm]")
     left.set_ylim(0)
-    left.legend(fontsize=7.5, frameon=False, loc="lower left")
+    left.legend(loc="lower left")
     right.plot(height, 100 * result.share, color=COLOURS[0], lw=1.6, label="this arch")
     right.axhline(KIM_SHARE, color="0.35", ls=":", lw=1.2, label="Kim & Voloshin 1995 (computed)")
     right.set_ylabel("load carried by the fascia [%]")
     right.set_ylim(0)
-    right.legend(fontsize=7.5, frameon=False)
+    right.legend()
     for letter, ax in zip("ab", (left, right), strict=True):
         ax.set_xlabel("arch height [mm]")
         _panel(ax, letter)
@@ -165,16 +170,11 @@ def arch_sag(result: "SagStudy", measured: dict[float, tuple[float, float]] | No
 
 
 def _panel(ax: Axes, letter: str) -> None:
-    """The panel's letter above its left corner, faint lines behind, no box."""
-    ax.set_title(f"({letter})", fontsize=9, loc="left")
-    ax.grid(color="0.92")
-    ax.set_axisbelow(True)
-    ax.spines[["top", "right"]].set_visible(False)
-    ax.xaxis.label.set_fontsize(9)
-    ax.yaxis.label.set_fontsize(9)
-    ax.tick_params(labelsize=8)
+    """The panel's letter above its left corner."""
+    ax.set_title(f"({letter})", loc="left")
 
 
+@printed
 def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Figure:
     """Transmissibility under added mass: constant constants on the left, resonance against the measured on the right.
 
@@ -183,7 +183,7 @@ def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Fig
         measured_hz: for each added mass the range of the resonance [Hz], low and high, shape (n, 2); the measured
             one unless given.
     """
-    figure = Figure(figsize=(7.2, 3.1), layout="constrained")
+    figure = Figure(figsize=(PAGE, 2.8), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.3, 1])
     added = [case.added_mass for case in result.cases]
     if measured_hz is None:
@@ -191,17 +191,17 @@ def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Fig
     right.plot(added, [case.peak_hz for case in result.cases], color="0.35", lw=1, zorder=1, label="this arch")
     for i, (case, (low, high)) in enumerate(zip(result.cases, measured_hz, strict=True)):
         colour, mark = COLOURS[i % len(COLOURS)], MARKS[i % len(MARKS)]
-        left.plot(result.frequency_hz, case.transmissibility, color=colour, ls=LINES[i % len(LINES)], lw=1.6,
-                  label=f"{case.added_mass:g} kg added")  # fmt: skip
+        left.plot(result.frequency_hz, case.transmissibility, color=colour, ls=LINES[i % len(LINES)], lw=1.6)
         left.plot(case.peak_hz, case.transmissibility.max(), mark, color=colour, ms=5)
         right.plot(case.added_mass, case.peak_hz, mark, color=colour, ms=6)
         right.bar(case.added_mass, high - low, 0.55, low, color=colour, alpha=0.3, lw=0,
                   label="range measured (Chapter 2)" if i == 0 else None)  # fmt: skip
     left.set_xlabel("frequency [Hz]")
-    left.set_ylabel("transmissibility at the malleolus [1]")
+    left.set_ylabel("transmissibility at the malleolus")
     left.set_xlim(0, result.frequency_hz[-1])
     left.set_ylim(0)
-    left.legend(fontsize=7.5, frameon=False, title="constants unchanged", title_fontsize=7.5, alignment="left")
+    named_lines(left, result.frequency_hz, [case.transmissibility for case in result.cases],
+                [f"{mass:g} kg added" for mass in added], [COLOURS[i % len(COLOURS)] for i in range(len(added))])  # fmt: skip
     right.set_xticks(added, [f"{mass:g}" for mass in added])
     right.set_xlabel("added mass [kg]")
     right.set_ylabel("resonance [Hz]")
@@ -209,7 +209,7 @@ def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Fig
     handles, labels = right.get_legend_handles_labels()
     shown = [Patch(color="0.4", alpha=0.3, lw=0) if "range" in label else handle
              for handle, label in zip(handles, labels, strict=True)]  # fmt: skip
-    right.legend(shown, labels, fontsize=7.5, frameon=False, loc="upper left")
+    right.legend(shown, labels, loc="upper left")
     for letter, ax in zip("ab", (left, right), strict=True):
         _panel(ax, letter)
     return figure
@@ -226,13 +226,14 @@ PUBLISHED: tuple[dict[str, Any], ...] = (
 )
 
 
+@printed
 def validation(result: "Validation") -> Figure:
     """What legs that never saw a number say of it, on a scale on which every published range reaches from -1 to 1.
 
     The scale is even up to 2 and logarithmic beyond, so that nothing lies off the frame.
     """
     rows = [(p, k) for p in result.predictions for k in range(len(p.middle))]
-    figure = Figure(figsize=(7.2, 1.0 + 0.21 * len(rows)), layout="constrained")
+    figure = Figure(figsize=(PAGE, 1.0 + 0.21 * len(rows)), layout="constrained")
     ax = figure.subplots()
     lowest, highest = -10.0, 10.0
     for y, (p, k) in enumerate(rows):
@@ -244,21 +245,19 @@ def validation(result: "Validation") -> Figure:
         ax.plot(middle, y, mark, color=colour, mfc=colour if filled else "white", ms=5.5)
         ax.plot(shipped, y, "D", mfc="white" if p.number.fitted else COLOURS[0], mec=COLOURS[0], ms=3.6, zorder=3)
         if k == 0:
-            ax.text(1.01, y, p.verdict, fontsize=7, va="center", color=colour, transform=ax.get_yaxis_transform())
+            ax.text(1.01, y, p.verdict, va="center", color=colour, transform=ax.get_yaxis_transform())
         if k == 0 and y and p.number.source != rows[y - 1][0].number.source:
             ax.axhline(y - 0.5, color="0.85", lw=0.6, zorder=0)
         lowest, highest = min(lowest, low, shipped), max(highest, high, shipped)
-    ax.set_yticks(range(len(rows)), [_labelled(p.number, k) for p, k in rows], fontsize=7)
+    ax.set_yticks(range(len(rows)), [_labelled(p.number, k) for p, k in rows])
     ax.set_ylim(len(rows) - 0.4, -0.6)
     ax.set_xscale("symlog", linthresh=2, linscale=0.8)
     ax.set_xlim(1.3 * lowest, 1.3 * highest)
     ticks = [x for x in (-100, -10, -2, -1, 0, 1, 2, 10, 100, 1000) if ax.get_xlim()[0] < x < ax.get_xlim()[1]]
-    ax.set_xticks(ticks, [f"{x:g}".replace("-", "\u2212") for x in ticks], fontsize=8)
+    ax.set_xticks(ticks, [f"{x:g}".replace("-", "\u2212") for x in ticks])
     ax.minorticks_off()
-    ax.set_xlabel("from the middle of the published range, in half ranges (beyond 2 logarithmic)", fontsize=8)
-    ax.grid(axis="x", color="0.92")
-    ax.set_axisbelow(True)
-    ax.spines[["top", "right"]].set_visible(False)
+    ax.set_xlabel("from the middle of the published range, in half ranges (beyond 2 logarithmic)")
+    ax.grid(visible=False, axis="y")
     ax.tick_params(axis="y", length=0)
     shown: list[Artist] = [
         Patch(label=f"{word}, with its limits", **PUBLISHED[computed])
@@ -272,7 +271,7 @@ def validation(result: "Validation") -> Figure:
         Line2D([], [], marker=mark, color=colour, mfc=colour if filled else "white", ms=5.5, label=f"{word}, 95 %")
         for word, (colour, mark, filled) in VERDICTS.items()
     ]
-    figure.legend(handles=shown, loc="outside upper center", ncols=4, fontsize=7, frameon=False)
+    figure.legend(handles=shown, loc="outside upper center", ncols=4)
     return figure
 
 

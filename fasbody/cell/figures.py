@@ -1,13 +1,11 @@
 """Figures 5.3 to 5.11 anew, and those of what lies beyond the thesis."""
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
@@ -16,7 +14,7 @@ from matplotlib.figure import Figure
 from fasbody.cell.mesh import NUCLEUS, TetMesh
 from fasbody.cell.meshfile import displacements, upright
 from fasbody.cell.sweep import YEAST_PA, PowerLaw, Sweep
-from fasbody.console import write_whole
+from fasbody.presentation import COLOURS, COLUMN, LINES, PAGE, printed, write_figure
 
 if TYPE_CHECKING:
     from fasbody.cell.analysis import Analysis
@@ -33,6 +31,7 @@ SHARP = 1.2
 OBLIQUE, ABOVE, FRONT = (-15.0, 40.0), (0.0, 90.0), (0.0, 8.0)
 
 
+@printed
 def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> Figure:
     """The modes (of the cell: Figures 5.5 to 5.8), enlarged over the outline at rest.
 
@@ -51,7 +50,7 @@ def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> F
     length = float(np.ptp(points, axis=0).max())
     wide = 1 if len(u) <= 5 else 2
     rows = -(-len(u) // wide)
-    figure = Figure(figsize=(8.4, 1.0), layout="constrained")
+    figure = Figure(figsize=(PAGE, 1.0), layout="constrained")
     panels = np.atleast_2d(figure.subplots(rows, 2 * wide))
     for axes in panels.flat:
         axes.set_axis_off()
@@ -77,32 +76,33 @@ def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> F
     name, um = analysis.unit
     _scale_bar(panels[0, 1], length, name, um)
     tall = max(axes.get_data_ratio() for axes in panels[0])
-    figure.set_figheight(1.3 + rows * (0.25 + 8.4 * tall / (2 * wide)))
+    figure.set_figheight(1.15 + rows * (0.22 + PAGE * tall / (2 * wide)))
     bar = figure.colorbar(ScalarMappable(Normalize(-1, 1), PHASES), ax=panels, shrink=0.5, aspect=40, location="bottom")
     size = f"{SWELL * length / um:.3g} {name}".replace("um", "µm")
-    bar.set_label(f"displacement along the named axis / largest displacement, which is drawn as {size}", fontsize=8)
-    bar.ax.tick_params(labelsize=8)
+    bar.set_label(f"displacement along the named axis / largest displacement, which is drawn as {size}")
     views = "left: oblique, right: from above; lines: outline at rest; red and blue move against each other"
     head = (analysis.title.replace("um", "µm"), analysis.remark, views)
-    figure.suptitle("\n".join(line for line in head if line), fontsize=8.5)
+    figure.suptitle("\n".join(line for line in head if line).replace(" x ", " × "))
     return figure
 
 
+@printed
 def mesh_views(analysis: "Analysis") -> Figure:
     """Figure 5.4: the surface mesh, and the elements behind the plane z = 0 with the nucleus in another colour."""
     mesh = analysis.model.assembly.mesh
-    figure = Figure(figsize=(7.2, 4.2), layout="constrained")
+    figure = Figure(figsize=(PAGE, 4.2), layout="constrained")
     upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
     _draw(upper, mesh.points_um, np.asarray(mesh.surface.faces), None, OBLIQUE, line=0.3)
-    upper.set_title(f"{_name(analysis)}: {len(mesh.tets)} tetrahedra, quadratic displacements", fontsize=9)
+    upper.set_title(f"{_name(analysis)}: {len(mesh.tets)} tetrahedra, quadratic displacements")
     behind = mesh.corners[:, :, 2].mean(axis=1) < float(np.mean(mesh.surface.bounds[:, 2]))
     cut = np.asarray(TetMesh(mesh.points_um, mesh.tets[behind], mesh.region[behind]).surface.faces)
     nucleus = np.isin(cut, np.unique(mesh.tets[mesh.region == NUCLEUS])).all(axis=1)
     _draw(lower, mesh.points_um, cut, np.where(nucleus, 1.0, 0.35), FRONT, line=0.3)
-    lower.set_title("cut along the long axis, nucleus in yellow", fontsize=9)
+    lower.set_title("cut along the long axis, nucleus in yellow")
     return figure
 
 
+@printed
 def shapes(sweep: Sweep) -> Figure:
     """Figure 5.9: frequencies over the mode number for each base shape."""
     figure, axes = _axes()
@@ -115,6 +115,7 @@ def shapes(sweep: Sweep) -> Figure:
     return figure
 
 
+@printed
 def moduli(sweep: Sweep) -> Figure:
     """Figure 5.10: frequencies over the mode number for each modulus of the cytoplasm."""
     figure, axes = _axes()
@@ -123,10 +124,11 @@ def moduli(sweep: Sweep) -> Figure:
         axes.semilogy(numbers, f, marker=MARKERS[i], label=f"{a.model.materials[0].E:g} Pa")
     axes.set(xlabel="mode number", ylabel="natural frequency [Hz]", xticks=numbers)
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles[::-1], labels[::-1], title="Young's modulus", loc="outside right center", fontsize=8)
+    figure.legend(handles[::-1], labels[::-1], title="Young's modulus", loc="outside right center")
     return figure
 
 
+@printed
 def power_law(sweep: Sweep, laws: Sequence[PowerLaw], direct_hz: float) -> Figure:
     """Figure 5.11: first frequency over the modulus, both fits, and what the model itself gives at their far end."""
     figure, axes = _axes()
@@ -136,41 +138,44 @@ def power_law(sweep: Sweep, laws: Sequence[PowerLaw], direct_hz: float) -> Figur
         text = f"$f_1 = {law.a:.3g}\\,E^{{{law.b:.3f}}}$ ({law.way}): {law(YEAST_PA):.0f} Hz at {YEAST_PA / 1e6:g} MPa"
         axes.loglog(fine, law.a * fine**law.b, style, color="0.4", label=text)
     axes.loglog(E, sweep.frequencies_hz[:, 0], "o", label="model, nucleus 400 Pa")
-    axes.loglog([YEAST_PA], [direct_hz], "s", color="C3", label=f"model at {YEAST_PA / 1e6:g} MPa: {direct_hz:.0f} Hz")
+    axes.loglog(
+        [YEAST_PA], [direct_hz], "s", color=COLOURS[1], label=f"model at {YEAST_PA / 1e6:g} MPa: {direct_hz:.0f} Hz"
+    )
     axes.set(xlabel="Young's modulus of the cytoplasm [Pa]", ylabel="first natural frequency [Hz]")
-    axes.legend(fontsize=8)
+    figure.legend(loc="outside upper center")
     return figure
 
 
+@printed
 def base_response(response: "BaseResponse") -> Figure:
     """Transmissibility from base to top and nucleus over the frequency of the shaking, per direction."""
-    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
+    figure = Figure(figsize=(1.4 * COLUMN, 4.4), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     for i, axis in enumerate("xyz"):
-        upper.loglog(response.frequencies_hz, np.abs(response.top[i]), color=f"C{i}", label=f"top, {axis}")
-        upper.loglog(response.frequencies_hz, np.abs(response.nucleus[i]), ":", color=f"C{i}", label=f"nucleus, {axis}")
-        lower.loglog(response.frequencies_hz, response.relative_m[i], color=f"C{i}", label=axis)
+        look: dict[str, Any] = {"color": COLOURS[i], "ls": LINES[i]}
+        upper.loglog(
+            response.frequencies_hz, np.abs(response.top[i]), lw=1.4, label=f"top, shaken along {axis}", **look
+        )
+        upper.loglog(response.frequencies_hz, np.abs(response.nucleus[i]), lw=0.6, label="its nucleus", **look)
+        lower.loglog(response.frequencies_hz, 1e9 * np.asarray(response.relative_m[i]), lw=1.4, **look)
     for axes in (upper, lower):
-        axes.axvspan(10, 100, color="0.9", zorder=0)
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=8, ncols=3)
+        axes.axvspan(10, 100, color="0.9", lw=0, zorder=0)
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")
+    figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     upper.set(ylabel="motion / motion of the base")
-    lower.set(ylabel="top against base [m] at 1 m/s²", xlabel="frequency of the shaking [Hz] (grey: 10 to 100 Hz)")
+    lower.set(ylabel="top against base [nm] at 1 m/s²", xlabel="frequency [Hz]; grey: 10 to 100 Hz")
     return figure
 
 
 def save(figure: Figure, file: Path) -> Path:
-    """Write a figure as PNG, whole or not at all."""
-    memory = io.BytesIO()
-    FigureCanvasAgg(figure).print_figure(memory, format="png", dpi=200)
-    return write_whole(file, memory.getvalue())
+    """Write a figure, whole or not at all."""
+    return write_figure(figure, file)[0]
 
 
 def _axes() -> tuple[Figure, Any]:
-    figure = Figure(figsize=(5.6, 4.0), layout="constrained")
-    axes = figure.subplots()
-    axes.grid(alpha=0.3)
-    return figure, axes
+    figure = Figure(figsize=(1.3 * COLUMN, 3.2), layout="constrained")
+    return figure, figure.subplots()
 
 
 def _draw(

@@ -4,6 +4,8 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
+from fasbody.presentation import printed
+
 if TYPE_CHECKING:
     from fasbody.foot.simulate import Simulation
 
@@ -11,6 +13,7 @@ if TYPE_CHECKING:
 _MOST = 6
 
 
+@printed
 def motion(result: "Simulation") -> Figure:
     """What each accelerometer reads over time in each simulation, in the first six if there are more."""
     names = list(result.outputs)
@@ -21,9 +24,7 @@ def motion(result: "Simulation") -> Figure:
             axis.plot(result.time[i], values[i], lw=0.9, label=f"simulation {i + 1}")
     for axis, name in zip(axes, ("base", *names), strict=True):
         axis.set_ylabel(f"{name} [m/s²]")
-        axis.grid(color="0.9")
-        axis.spines[["top", "right"]].set_visible(False)
     axes[-1].set_xlabel("time [s]")
     if len(result.time) > 1:
-        axes[0].legend(fontsize=8, frameon=False)
+        axes[0].legend()
     return figure

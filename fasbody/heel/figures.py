@@ -2,30 +2,27 @@
 
 from typing import TYPE_CHECKING, Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from fasbody.presentation import COLOURS
+from fasbody.presentation import COLOURS, PAGE, printed
 
 if TYPE_CHECKING:
     from fasbody.heel.strike import Steps, Strike
 
-STYLE: Any = {
-    "font.size": 8, "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False,
-    "axes.titlesize": 8.5, "axes.titlelocation": "left", "lines.linewidth": 1.2,
-}  # fmt: skip
 
-
+@printed
 def corrections(steps: "Steps", strike: "Strike") -> Figure:
     """The steps of one strike: force, point of application, heel point, force over compression."""
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(7.0, 5.0), layout="constrained")
-        (force, place), (path, loop) = figure.subplots(2, 2)
-        _force(force, steps)
-        _place(place, steps)
-        _path(path, steps)
-        _loop(loop, strike)
+    figure = Figure(figsize=(PAGE, 5.0), layout="constrained")
+    (force, place), (path, loop) = figure.subplots(2, 2)
+    _force(force, steps)
+    _place(place, steps)
+    _path(path, steps)
+    _loop(loop, strike)
+    for ax in figure.axes:
+        ax.set_title(ax.get_title(), loc="left")
+        ax.set_title("")
     return figure
 
 

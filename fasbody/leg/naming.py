@@ -41,10 +41,10 @@ from fasbody.transmissibility.steps import steps_of
 Array = np.ndarray
 #: Share of the table's own second harmonic above which the malleolus' second one says nothing about the foot.
 CLEAN = 0.01
-#: Share of the malleolus' acceleration at half and one and a half times the frequency beyond which a motion does not
-#: repeat after one period, how much of it the table may bring by itself (times its own share; a leg amplifies some
-#: threefold), and standard deviations of the noise that it must exceed.
-DOUBLED, BROUGHT, BEYOND = 0.03, 5.0, 4.0
+#: When a motion does not repeat after one period. Its subharmonics, at half and one and a half times the frequency,
+#: exceed each of these: a share of the malleolus' acceleration at the frequency; what the leg can amplify of the
+#: table's own subharmonics (some threefold); the detection limit, in standard deviations of the noise.
+SUBHARMONIC, AMPLIFIED, DETECTED = 0.03, 5.0, 4.0
 #: Numbers (real and imaginary parts) that a verdict takes at least, for each constant of the richest mechanism.
 ENOUGH = 2.0
 #: Sum of squares per number below which a foot is far nearer to a mechanism than the departure that is assumed.
@@ -185,7 +185,7 @@ def _repeats(time_s: Array, base: Array, malleolus: Array, frequency_hz: float) 
     size, table = abs(moved.amplitudes[1]), abs(shaken.amplitudes[1])
     return all(
         abs(moved.amplitudes[h])
-        < max(DOUBLED * size, BROUGHT * size * abs(shaken.amplitudes[h]) / table, BEYOND * moved.std[h])
+        < max(SUBHARMONIC * size, AMPLIFIED * size * abs(shaken.amplitudes[h]) / table, DETECTED * moved.std[h])
         for h in (0, 2)
     )
 

@@ -1,41 +1,26 @@
 """Figures in the manner of 2.3 to 2.8 and 2.10: all subjects, means, and the plane of the single mass."""
 
-from collections.abc import Callable, Sequence
-from functools import wraps
+from collections.abc import Sequence
 from textwrap import wrap
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.interpolate import Akima1DInterpolator
 
-from fasbody.presentation import COLOURS, MARKS, STYLE, picture
+from fasbody.presentation import COLOURS, MARKS, PAGE, picture, printed
 from fasbody.transmissibility import sdof
 from fasbody.transmissibility.labels import label_lines
 from fasbody.transmissibility.table import Condition, Curves, Table
 
-_STYLE: Any = {**STYLE, "grid.linewidth": 0.5, "axes.labelsize": 9}
-
 
 def save(figure: Figure, ending: str) -> bytes:
     """The figure as the content of an .svg, .png or .pdf file."""
-    return picture(figure, ending, _STYLE)
-
-
-def _styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
-    """Draw with this file's style, and leave matplotlib's own as it is."""
-
-    @wraps(draw)
-    def styled(*args: Any, **options: Any) -> Figure:
-        with matplotlib.rc_context(_STYLE):
-            return draw(*args, **options)
-
-    return styled
+    return picture(figure, ending)
 
 
 def _new(rows: int, columns: int, width: float, height: float, **options: Any) -> tuple[Figure, np.ndarray]:
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(min(width, PAGE), height), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
@@ -56,7 +41,7 @@ def _name(condition: Condition, conditions: Sequence[Condition]) -> str:
     return ", ".join(parts)
 
 
-@_styled
+@printed
 def subjects(table: Table, pair: str, conditions: Sequence[Condition]) -> Figure:
     """Figures 2.3, 2.4, 2.6, 2.7: every subject thin, the mean heavy, the resonance range shaded."""
     figure, axes = _new(2, len(conditions), 2.4 * len(conditions) + 0.6, 4.6, sharex=True, sharey="row")
@@ -95,7 +80,7 @@ def _said(c: Curves) -> str:
     return "no peak or plateau" if c.resonance.kind == "none" else str(c.resonance)
 
 
-@_styled
+@printed
 def means(table: Table, conditions: Sequence[Condition]) -> Figure:
     """Figures 2.5 and 2.8: means with 95 % intervals for every pair, an arrow at each resonance."""
     pairs = table.pairs
@@ -132,9 +117,9 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
     axes[0, 0].set_ylabel("mean transmissibility")
     axes[1, 0].set_ylabel("mean phase lag [deg]")
     if len(conditions) > 1:
-        axes[0, -1].legend(loc="upper right", fontsize=8)
+        axes[0, -1].legend(loc="upper right")
     else:
-        figure.suptitle(_name(conditions[0], conditions) + f", {conditions[0][1]:g} kg", fontsize=9)
+        figure.suptitle(_name(conditions[0], conditions) + f", {conditions[0][1]:g} kg")
     alone = not any(np.isfinite(_half_interval(c.T)).any() for c in table.each())
     bars = "one subject, no intervals" if alone else "bars: 95 % intervals of the mean"
     arrows = (
@@ -161,7 +146,7 @@ def _half_interval(T: np.ndarray) -> np.ndarray:
 _BAND_OF = 10
 
 
-@_styled
+@printed
 def spectrum(table: Table, conditions: Sequence[Condition]) -> Figure:
     """Broadband excitation: mean curves over a fine frequency axis, with the band of subjects, or each of a few."""
     pairs = table.pairs
@@ -185,11 +170,11 @@ def spectrum(table: Table, conditions: Sequence[Condition]) -> Figure:
         axes[1, column].set_xlabel("frequency [Hz]")
     axes[0, 0].set_ylabel("mean transmissibility (H1)")
     axes[1, 0].set_ylabel("mean phase lag [deg]")
-    axes[0, -1].legend(loc="upper right", fontsize=8)
+    axes[0, -1].legend(loc="upper right")
     return _origin(figure, table, "heavy: mean; " + ("thin: subjects" if few else "bands: 80 % of the subjects"))
 
 
-@_styled
+@printed
 def single_mass(
     frequencies_hz: Sequence[float] = (10, 20, 30, 40),
     m: float = sdof.MASS_KG,
@@ -227,12 +212,12 @@ def single_mass(
     for row in axes:
         row[0].set_ylabel("damping c [N s/m]")
     text = f"transmissibility of one mass of {m:g} kg"
-    figure.supxlabel(text + (f"; shaded: agrees with the {origin} (95 %)" if measured else ""), fontsize=7)
+    figure.supxlabel(text + (f"; shaded: agrees with the {origin} (95 %)" if measured else ""))
     return figure
 
 
 def _origin(figure: Figure, table: Table, text: str) -> Figure:
-    # a line of this size holds about 15 characters an inch; what is cut off would be the origin
-    lines = wrap(f"{table.origin} data; {text}", int(15 * figure.get_figwidth()))
-    figure.supxlabel("\n".join(lines), fontsize=7, color="#444444")
+    # a line of this size holds about 17 characters an inch; what is cut off would be the origin
+    lines = wrap(f"{table.origin} data; {text}", int(17 * figure.get_figwidth()))
+    figure.supxlabel("\n".join(lines), color="#444444")
     return figure

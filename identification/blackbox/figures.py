@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from fasbody.presentation import COLOURS as SERIES
-from fasbody.presentation import picture
+from fasbody.presentation import PAGE, picture, printed
 from identification.blackbox.identify import Found, Report
 from identification.blackbox.report import CONFIDENCE
 
@@ -22,13 +22,14 @@ DASHES: dict[str, Any] = {
 
 def all_figures(report: Report) -> dict[str, bytes]:
     """PNG files by name: output, bode, residuals, poles_zeros."""
-    return {name: picture(draw(report), "png", dpi=160) for name, draw in DRAWINGS.items()}
+    return {name: picture(draw(report), "png") for name, draw in DRAWINGS.items()}
 
 
+@printed
 def output(report: Report) -> Figure:
     """Held-out output, measured and freely simulated: the whole record at the left, one cycle and its errors right."""
     series = report.validation[0]
-    figure = Figure(figsize=(10, 4.8), layout="constrained")
+    figure = Figure(figsize=(PAGE, 4.8), layout="constrained")
     places = figure.subplot_mosaic("ab\nac", width_ratios=[1.5, 1], height_ratios=[2, 1])
     whole, cycle, error = places["a"], places["b"], places["c"]
     offset = 0.0 if len(report.estimation) > 1 else len(report.estimation[0]) * series.sample_time
@@ -45,19 +46,17 @@ def output(report: Report) -> Figure:
         label = f"{found.best.model.label}: {found.best.fit_percent:.1f} %"
         cycle.plot(time[part], simulated[part], lw=1.3, label=label, **style)
         error.plot(time[part], (series.y - simulated)[part], lw=1.0, **style)
-    for axes in (whole, cycle, error):
-        axes.grid(alpha=0.3, lw=0.5)
     whole.set_xlabel("time [s]")
     error.set_xlabel("time [s]")
     cycle.sharex(error)
     cycle.tick_params(labelbottom=False)
-    error.set_ylabel("error", fontsize=9)
-    whole.set_ylabel("output, mean removed [unit of the recording]")
-    whole.set_title("held-out part, free simulation", fontsize=10)
-    cycle.set_title("one cycle" if np.isfinite(report.excitation.frequency_hz) else "a short stretch", fontsize=10)
+    error.set_ylabel("error")
+    whole.set_ylabel("output without its mean\n[unit of the recording]")
+    whole.set_title("held-out part, free simulation")
+    cycle.set_title("one cycle" if np.isfinite(report.excitation.frequency_hz) else "a short stretch")
     handles, labels = cycle.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
-    figure.suptitle(f"{report.name} ({series.name})" if len(report.validation) > 1 else report.name, fontsize=11)
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    figure.suptitle(f"{report.name} ({series.name})" if len(report.validation) > 1 else report.name)
     return figure
 
 
@@ -68,6 +67,7 @@ def _one_cycle(report: Report, length: int) -> slice:
     return slice(middle, min(middle + max(count, 10) + 1, length))
 
 
+@printed
 def bode(report: Report) -> Figure:
     """Gain and phase with 95 % bands, drawn only where the input excites and the model determines them."""
     return _points_of_sine(report) if report.excitation.single_sine else _bode_band(report)
@@ -78,7 +78,7 @@ def _responding(report: Report) -> dict[str, Found]:
 
 
 def _bode_band(report: Report) -> Figure:
-    figure = Figure(figsize=(7, 5.6), layout="constrained")
+    figure = Figure(figsize=(PAGE, 5.6), layout="constrained")
     gain, phase = figure.subplots(2, 1, sharex=True)
     lines = report.excitation.lines  # points, for nothing is known between them
     if report.nonparametric is not None:
@@ -124,22 +124,22 @@ def _bode_band(report: Report) -> Figure:
         axis.set_minor_formatter(lambda x, _, few=few: f"{x:g}" if few and f"{x:e}"[0] in "235" else "")
     for axes in (gain, phase):
         axes.grid(alpha=0.3, lw=0.5, which="both")
-    gain.legend(fontsize=8, frameon=False, ncols=2)
+    gain.legend(fontsize=8, ncols=2)
     where = "excited lines only" if lines else "excited band"
-    gain.set_title(f"{report.name}: response with 95 % confidence, {where}", fontsize=10)
+    gain.set_title(f"{report.name}: response with 95 % confidence, {where}")
     return figure
 
 
 def _points_of_sine(report: Report) -> Figure:
     """Gain and phase at the only frequency that a sine identifies, model by model."""
-    figure = Figure(figsize=(7, 4.6), layout="constrained")
+    figure = Figure(figsize=(PAGE, 4.6), layout="constrained")
     gain, phase = figure.subplots(2, 1, sharex=True)
     shown = _responding(report)
     for place, (name, found) in enumerate(shown.items()):
         r = found.response
         style: dict[str, Any] = {"color": COLOURS[name], "fmt": "o", "ms": 5, "capsize": 4, "lw": 1.3}
         if CONFIDENCE * r.gain_std[0] >= abs(r.value[0]):
-            gain.annotate("undetermined", (place, 0.5), xycoords=("data", "axes fraction"), ha="center", fontsize=8)
+            gain.annotate("undetermined", (place, 0.5), xycoords=("data", "axes fraction"), ha="center")
             continue
         gain.errorbar(place, abs(r.value[0]), CONFIDENCE * r.gain_std[0], **style)
         phase.errorbar(place, np.angle(r.value[0], deg=True), CONFIDENCE * r.phase_std_deg[0], **style)
@@ -147,35 +147,34 @@ def _points_of_sine(report: Report) -> Figure:
         found.best.model.label.replace(" ", "\n", 1) + ("\nsmall amplitude" if name == "hw" else "")
         for name, found in shown.items()
     ]
-    phase.set_xticks(range(len(shown)), labels, fontsize=8)
+    phase.set_xticks(range(len(shown)), labels)
     phase.set_xlim(-0.6, len(shown) - 0.4)
     for axes, text in ((gain, "gain [output / input]"), (phase, "phase [deg]")):
         axes.set_ylabel(text)
         axes.ticklabel_format(axis="y", useOffset=False)
-        axes.grid(alpha=0.3, lw=0.5)
     frequency = report.excitation.frequency_hz
     gain.set_title(
         f"{report.name}: response at {frequency:.4g} Hz with 95 % confidence; it tells nothing of other frequencies",
-        fontsize=10,
     )
     return figure
 
 
+@printed
 def residuals(report: Report) -> Figure:
     """Autocorrelation of held-out residuals, and their correlation with past inputs, with 99 % bands."""
     count = len(report.models)
-    figure = Figure(figsize=(9, 1.15 + 1.25 * count), layout="constrained")
+    figure = Figure(figsize=(PAGE, 0.8 + 0.95 * count), layout="constrained")
     rows = figure.subplots(count, 2, sharex="col", squeeze=False)
     for (left, right), (name, found) in zip(rows, report.models.items(), strict=True):
         test = found.test
         _bars(left, test.lags, test.auto, test.bound, COLOURS[name])
         _bars(right, test.cross_lags, test.cross, test.cross_bound, COLOURS[name])
         left.set_ylabel(name.upper(), rotation=0, ha="right", va="center")
-    rows[0][0].set_title("residual autocorrelation", fontsize=10)
-    rows[0][1].set_title("residual(t) with input(t - lag)", fontsize=10)
+    rows[0][0].set_title("residual autocorrelation")
+    rows[0][1].set_title("residual(t) with input(t - lag)")
     rows[-1][0].set_xlabel("lag [samples]")
     rows[-1][1].set_xlabel("lag [samples]; negative: input after output")
-    figure.suptitle(f"{report.name}: residuals of held-out data, shaded: 99 % band of no correlation", fontsize=10)
+    figure.suptitle(f"{report.name}: residuals of held-out data, shaded: 99 % band of no correlation")
     return figure
 
 
@@ -188,9 +187,10 @@ def _bars(axes: Axes, lags: np.ndarray, values: np.ndarray, bound: float, colour
     axes.tick_params(labelsize=7)
 
 
+@printed
 def poles(report: Report) -> Figure:
     """Poles and zeros in the z plane, the part near the unit circle where the models differ enlarged."""
-    figure = Figure(figsize=(9, 4.7), layout="constrained")
+    figure = Figure(figsize=(PAGE, 4.7), layout="constrained")
     plane, near = figure.subplots(1, 2)
     angle = np.linspace(0, 2 * np.pi, 721)
     shown: dict[str, Found] = {name: found for name, found in report.models.items() if len(found.best.model.poles())}
@@ -205,7 +205,6 @@ def poles(report: Report) -> Figure:
             axes.plot(z.real, z.imag, "o", color=COLOURS[name], ms=0.8 * size, mfc="none", mew=1.1)
         axes.set_aspect("equal")
         axes.set_xlabel("Re z")
-        axes.grid(alpha=0.3, lw=0.5)
     plane.set_ylabel("Im z")
     plane.set_xlim(-1.6, 1.6)
     plane.set_ylim(-1.6, 1.6)
@@ -213,14 +212,14 @@ def poles(report: Report) -> Figure:
     reach = float(np.clip(np.sin(2 * np.pi * report.excitation.band_hz[-1] * sample_time) * 2.5, 0.3, 1.1))
     near.set_xlim(1.08 - 2 * reach, 1.08)
     near.set_ylim(-reach, reach)
-    near.set_title("slow modes, enlarged", fontsize=10)
-    plane.set_title("whole plane (zeros beyond are not shown)", fontsize=10)
+    near.set_title("slow modes, enlarged")
+    plane.set_title("whole plane (zeros beyond are not shown)")
     labels = {name: found.best.model.label for name, found in shown.items()}
     marks = [Line2D([], [], color=COLOURS[name], marker="s", ls="", label=label) for name, label in labels.items()]
     marks += [Line2D([], [], color="0.2", marker="x", ls="", label="pole")]
     marks += [Line2D([], [], color="0.2", marker="o", mfc="none", ls="", label="zero")]
-    figure.legend(handles=marks, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
-    figure.suptitle(f"{report.name}: poles and zeros", fontsize=11)
+    figure.legend(handles=marks, loc="outside lower center", ncols=4)
+    figure.suptitle(f"{report.name}: poles and zeros")
     return figure
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fasbody.presentation import COLOURS, MARKS, counted
+from fasbody.presentation import COLOURS, MARKS, counted, printed
 from identification.branches import EXCHANGED
 from identification.figures import panels
 from identification.plan.candidates import PLANNED, THESIS, UNLOADED
@@ -25,6 +25,7 @@ _ROOM = 1.06
 _LABELS = {"k_T": "$k_T$", "k_F": "$k_F$", "c_11": "$c_{11}$", "c_21": "$c_{21}$"}
 
 
+@printed
 def information(result: "Planned") -> Figure:
     """What one recording adds by frequency and load: as the first one, and as one more after the plan.
 
@@ -33,16 +34,17 @@ def information(result: "Planned") -> Figure:
     figure, axes = panels(1, 2, 7.4, 3.0, sharex=True)
     _curves(result, axes[0, 0], after=False)
     _curves(result, axes[0, 1], after=True)
-    axes[0, 0].set_title("the first recording", fontsize=9)
-    axes[0, 1].set_title("one more after the plan", fontsize=9)
+    axes[0, 0].set_title("the first recording")
+    axes[0, 1].set_title("one more after the plan")
     axes[0, 0].set_ylabel("information [nat]")
     for axis in axes[0]:
         axis.set_xlabel("frequency [Hz]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=8, frameon=False)
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     return figure
 
 
+@printed
 def session(result: "Planned") -> Figure:
     """Information by frequency and load, the recordings of both protocols, and the intervals that they leave."""
     figure, axes = panels(2, 2, 7.4, 5.4)
@@ -52,11 +54,11 @@ def session(result: "Planned") -> Figure:
     axes[0, 1].set_ylabel("of one more\nafter the plan [nat]")
     for axis in axes[0]:
         axis.set_xlabel("frequency [Hz]")
-    axes[0, 0].legend(fontsize=7.5, frameon=False)
+    axes[0, 0].legend()
     _times(result, axes[1, 0])
     _widths(result, axes[1, 1])
     for letter, axis in zip("abcd", axes.flat, strict=True):
-        axis.set_title(letter, loc="left", fontsize=9, fontweight="bold")
+        axis.set_title(letter, loc="left", fontweight="bold")
     return figure
 
 
@@ -97,7 +99,7 @@ def _times(result: "Planned", axis: Axes) -> None:
     axis.set_ylim(-0.5, len(loads) + 0.35)
     axis.set_xlabel("frequency [Hz]")
     handles = axis.get_legend_handles_labels()
-    axis.legend(*handles, fontsize=7.5, frameon=False, loc="upper left", markerscale=0.7)
+    axis.legend(*handles, loc="upper left", markerscale=0.7)
 
 
 def _widths(result: "Planned", axis: Axes) -> None:
@@ -116,4 +118,4 @@ def _widths(result: "Planned", axis: Axes) -> None:
     axis.yaxis.set_major_formatter(lambda y, _: f"{y:g}")
     axis.set_xticks(range(len(EXCHANGED)), [_LABELS[c] for c in EXCHANGED])
     axis.set_ylabel("half of the 95 % interval [%]")
-    axis.legend(fontsize=7.5, frameon=False, ncols=2, loc="upper left")
+    axis.legend(ncols=2, loc="upper left")

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from fasbody.presentation import COLOURS
+from fasbody.presentation import COLOURS, printed
 from identification.figures import panels
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ def _colours(result: "Rivals") -> dict[str, tuple[str, str]]:
     return {name: (_COLOURS[i % len(_COLOURS)], _MARKS[i % len(_MARKS)]) for i, name in enumerate(names)}
 
 
+@printed
 def predictions(result: "Rivals") -> Figure:
     """Transmissibility and phase lag as measured, and what the best rivals, the model among them, leave of them.
 
@@ -53,7 +54,7 @@ def predictions(result: "Rivals") -> Figure:
             size.plot(f, np.abs(y / U), color=colour, lw=1.1, label=r.title)
             lag.plot(f, _lag(y / U), color=colour, lw=1.1)
             gap.semilogy(f, 100 * np.abs(y - Y) / np.abs(Y), color=colour, marker=mark, ms=3.5, lw=0.9)
-        size.set_title(f"{load:g} kg on the knee", fontsize=9)
+        size.set_title(f"{load:g} kg on the knee")
         gap.set_xlabel("frequency [Hz]")
     worst = [100 * abs(r.predicted[i][0] / p.malleolus[0] - 1) for r in shown for i, p in enumerate(result.points)]
     axes[2, 0].set_ylim(min(1e-3, 0.5 * float(np.quantile(worst, 0.02))), 2 * max(worst))
@@ -63,8 +64,7 @@ def predictions(result: "Rivals") -> Figure:
     handles, labels = axes[0, 0].get_legend_handles_labels()
     more, said = axes[2, 0].get_legend_handles_labels()
     figure.legend(
-        [*handles, *more], [*labels, *said], loc="outside lower center", ncols=min(3, 1 + len(loads)), fontsize=8,
-        frameon=False,
+        [*handles, *more], [*labels, *said], loc="outside lower center", ncols=min(3, 1 + len(loads)),
     )  # fmt: skip
     return figure
 
@@ -73,6 +73,7 @@ def _lag(H: np.ndarray) -> np.ndarray:
     return np.asarray(-np.degrees(np.unwrap(np.angle(H))))
 
 
+@printed
 def constants(result: "Rivals") -> Figure:
     """k_T and k_F by rival with 95 % intervals, the first at the top; those that are not adequate are pale.
 
@@ -84,7 +85,7 @@ def constants(result: "Rivals") -> Figure:
     for axis, name in zip(axes[0], ("k_T", "k_F"), strict=False):
         values = []
         for place, r in enumerate(rivals):
-            alpha = 1.0 if r in adequate else 0.35
+            alpha = 1.0 if r in adequate else 0.45
             told = [(r.k_T if name == "k_T" else r.k_F, 0.0, "#0072B2", "#0072B2", "likelier branch")]
             if r.other and not r.decided:
                 told.append((r.other[name == "k_F"], 0.24, "#D55E00", "white", "other branch, where it stays open"))
@@ -117,6 +118,6 @@ def constants(result: "Rivals") -> Figure:
     score.xaxis.set_minor_locator(NullLocator())
     score.set_xlabel("above the best")
     figure.legend(
-        list(marks.values()), list(marks), loc="outside lower center", ncols=3, fontsize=8, frameon=False
+        list(marks.values()), list(marks), loc="outside lower center", ncols=3
     )  # fmt: skip
     return figure

@@ -4,12 +4,10 @@ Of the feet: constants over frequency (4.18 to 4.25), their distributions (D.1 t
 the motion: transmissibility (in place of the traces 4.6 to 4.14), hysteresis loops (4.15 to 4.17) and energies.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import wraps
+from collections.abc import Iterable, Mapping, Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
-import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -19,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
-from fasbody.presentation import STYLE, counted, picture
+from fasbody.presentation import PAGE, counted, picture, printed
 from identification.advice import POOR_FIT, follows
 from identification.branches import EXCHANGED
 from identification.figures import label_of, of_loads, panels
@@ -39,34 +37,22 @@ _LETTERS = 17
 _WIDE = ("k_T", "k_F", "c_11", "c_21")
 #: How dark an estimate is whose branch is decided, and one whose branch is not.
 _DECIDED, _OPEN, _FAINT = 0.8, 0.65, 0.35
-#: Line of a model that does not follow its recording.
-_POOR = ":"
+#: Line of a model, and of one that does not follow its recordings.
+_LINE, _POOR = "-", ":"
 _SCALE = {"N/m": (1e-3, "kN/m"), "s": (1e3, "ms")}
 
 
 def save(figure: Figure, ending: str) -> bytes:
     """The figure as the content of an .svg or .png file, the same bytes whenever it is drawn."""
     if figure.get_layout_engine() is not None:  # laid out once, however often it is saved
-        with matplotlib.rc_context(STYLE):
-            figure.draw_without_rendering()
+        printed(figure.draw_without_rendering)()
         figure.set_layout_engine("none")
-    return picture(figure, ending, STYLE, dpi=180)
-
-
-def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
-    """Draw with the reports' style, and leave matplotlib's own as it is."""
-
-    @wraps(draw)
-    def drawn(*args: Any, **options: Any) -> Figure:
-        with matplotlib.rc_context({**STYLE, "axes.titlesize": 9, "axes.labelsize": 9, "grid.linewidth": 0.5}):
-            return draw(*args, **options)
-
-    return drawn
+    return picture(figure, ending)
 
 
 def noted(figure: Figure, text: str) -> Figure:
     """Write a remark below a figure, in as many lines as its width asks for."""
-    figure.supxlabel(fill(text, int(_LETTERS * figure.get_figwidth())), fontsize=7.5, color=GREY)
+    figure.supxlabel(fill(text, int(_LETTERS * figure.get_figwidth())), color=GREY)
     return figure
 
 
@@ -75,7 +61,7 @@ def distinct(values: Iterable[float]) -> list[float]:
     return sorted(set(values))
 
 
-@styled
+@printed
 def curves(table: pd.DataFrame, origin: str) -> Figure:
     """Figures 4.18 to 4.25: estimates over frequency by load; means and bands of those whose branch is decided.
 
@@ -84,7 +70,7 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
     """
     rows = table[table["shown"]]
     loads = of_loads(rows["added_mass_kg"])
-    figure, axes = panels(2, 4, 10.4, 5.4, sharex=True)
+    figure, axes = panels(2, 4, PAGE, 4.3, sharex=True)
     for axis, name in zip(axes.flat, CONSTANTS, strict=True):
         own = rows[rows["parameter"] == name]
         scale = _title(axis, own, name)
@@ -101,14 +87,16 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
             axis.fill_between(c.frequency_hz, scale * c.lower, scale * c.upper, color=colour, alpha=0.18, lw=0)
             axis.plot(c.frequency_hz, scale * c.mean, lw=2, color=colour, label="mean")
             f = dots["frequency_hz"] + 0.7 * (i - (len(loads) - 1) / 2)  # so that loads do not hide each other
-            value = scale * dots["value"]
+            value, low, high = (scale * dots[name] for name in ("value", "lower", "upper"))
+            ends_of = (low.fillna(value), high.fillna(value))
+            axis.vlines(f, *ends_of, color=colour, lw=0.6, alpha=_FAINT)
             axis.plot(f[told], value[told], mark, ms=2.8, mew=0, color=colour, alpha=_DECIDED)
-            axis.plot(f[~told], value[~told], mark, ms=3.2, mew=0.8, mfc="none", mec=colour, alpha=_OPEN)
+            axis.plot(f[~told], value[~told], mark, ms=3.2, mew=0.8, mfc="white", mec=colour, alpha=_OPEN)
             ends += [*value, *(scale * mean), *(scale * c.mean)]
         _limit(axis, np.array(ends, float), name)
     for axis in axes[-1]:
         axis.set_xlabel("frequency [Hz]")
-    handles = [Line2D([], [], marker=mark, ls="", ms=4, mew=0, color=colour, label=f"{load:g} kg added")
+    handles = [Line2D([], [], marker=mark, ls="-", lw=0.6, ms=4, mew=0, color=colour, label=f"{load:g} kg added")
                for load, (colour, mark) in loads.items()]  # fmt: skip
     fits = rows.drop_duplicates("key")
     decided = int((~fits["decided_by"].isin(OPEN)).sum())
@@ -121,20 +109,21 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
         handles.append(Line2D([], [], lw=2, color=GREY, label="mean of the decided"))
     if rows["truth"].notna().any():
         handles.append(Line2D([], [], lw=1.3, ls=(0, (4, 2)), color=GREY, label="truth"))
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=8.5)
-    rests = f"the branch is decided in {decided} of {len(fits)} fits"
-    text = (
-        f"means (geometric, of c_12 and c_22 arithmetic) where {FEWEST} subjects or more are decided, bands: 95 % of "
-        f"the mean, jackknife over {BAND} or more"
+    figure.legend(handles=handles, loc="outside upper center", handletextpad=0.4, columnspacing=1.0,
+                  ncols=len(handles) if len(handles) < 7 else 4)  # fmt: skip
+    truth = "; truth: the mean over these subjects" if rows["truth"].notna().any() else ""
+    means = (
+        f" Means where {FEWEST} subjects or more are decided (geometric, of c_12 and c_22 arithmetic); bands: 95 % of "
+        f"the mean, jackknife over {BAND} or more{truth}."
         if drawn
-        else "no mean is drawn of fewer than three decided subjects"
+        else f" No mean is drawn of fewer than three decided subjects{truth}."
     )
     return noted(
         figure,
-        f"{origin} data of {counted(rows['subject'].nunique(), 'subject')}; {rests}: of an open one ankle and pad may "
-        f"have changed places, and its value is that of the likelier branch; {text}"
-        f"{'; truth: the mean over these subjects' if rows['truth'].notna().any() else ''}; in the titles how many "
-        f"estimates have a standard error, and are drawn{_nowhere(rows)}",
+        f"{origin.capitalize()} data of {counted(rows['subject'].nunique(), 'subject')}. Bars: 95 % of each estimate, "
+        "cut at the frame; in the titles how many estimates have one, and are drawn. The branch is decided in "
+        f"{decided} of {len(fits)} fits; elsewhere ankle and pad may have changed places, and the likelier branch is "
+        f"drawn.{means}{_nowhere(rows)}",
     )
 
 
@@ -142,7 +131,7 @@ def _nowhere(rows: pd.DataFrame) -> str:
     """Frequencies at which nothing could be drawn, in a clause."""
     there = set(rows.loc[measured(rows) & ~rows["outlier"], "frequency_hz"])
     none = [f for f in distinct(rows["frequency_hz"]) if f not in there]
-    return f"; at {', '.join(f'{f:g}' for f in none)} Hz none has one" if none else ""
+    return f" At {', '.join(f'{f:g}' for f in none)} Hz none has one." if none else ""
 
 
 def _limit(axis: Axes, values: np.ndarray, name: str) -> None:
@@ -171,7 +160,7 @@ def _title(axis: Axes, rows: pd.DataFrame, name: str) -> float:
     return scale
 
 
-@styled
+@printed
 def boxes(table: pd.DataFrame, origin: str) -> Figure:
     """Figures D.1 to D.3: estimates of all subjects by frequency, outliers beyond 1.5 interquartile ranges marked.
 
@@ -181,7 +170,7 @@ def boxes(table: pd.DataFrame, origin: str) -> Figure:
     rows = table[table["shown"]]
     f = distinct(rows["frequency_hz"].dropna())
     width = 0.55 * min(np.diff(f)) if len(f) > 1 else 1.0
-    figure, axes = panels(2, 4, 10.4, 5.2, sharex=True)
+    figure, axes = panels(2, 4, PAGE, 4.2, sharex=True)
     for axis, name in zip(axes.flat, CONSTANTS, strict=True):
         own = rows[rows["parameter"] == name]
         scale = _title(axis, own, name)
@@ -203,13 +192,13 @@ def boxes(table: pd.DataFrame, origin: str) -> Figure:
         axis.margins(y=0.12)
     for axis in axes[-1]:
         axis.set_xlabel("frequency [Hz]")
-        axis.set_xticks(f if len(f) < 12 else f[::2])
-    text = (
-        f"boxes: quartiles as medians of the halves; whiskers: farthest within 1.5 IQR; red: beyond; grey: fewer than "
-        f"{FEWEST_OF_A_BOX}; in the titles how many estimates are drawn: those at a bound or without a standard error "
-        "are not"
+        axis.set_xticks(f if len(f) < 6 else f[:: -(-len(f) // 5)])
+    return noted(
+        figure,
+        f"{origin.capitalize()} data of {counted(rows['subject'].nunique(), 'subject')}. Boxes: quartiles (medians of "
+        f"the halves); whiskers: farthest within 1.5 IQR; red: beyond; grey circles: fewer than {FEWEST_OF_A_BOX}. In "
+        "the titles how many estimates are drawn: those at a bound or without a standard error are not.",
     )
-    return noted(figure, f"{origin} data of {counted(rows['subject'].nunique(), 'subject')}; {text}")
 
 
 def _box(rows: pd.DataFrame, scale: float) -> dict[str, Any]:
@@ -226,10 +215,10 @@ def _box(rows: pd.DataFrame, scale: float) -> dict[str, Any]:
 def _poor(cycles: Sequence[Mapping[str, Any]]) -> str:
     """What the dotted lines are, where there are any."""
     some = not all(c.get("follows", True) for c in cycles)
-    return f"; dotted: the fit follows its recordings to less than {POOR_FIT:g} % in the mean" if some else ""
+    return f" Dotted: the fit follows its recordings to less than {POOR_FIT:g} % in the mean." if some else ""
 
 
-@styled
+@printed
 def transmissibility(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
     """Malleolus over base of one subject, measured and by the model fitted: all that a steady sine says, in one figure.
 
@@ -237,32 +226,36 @@ def transmissibility(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure
         cycles: entries of the branch shown. origin: of the data.
     """
     loads = of_loads(c["added_mass_kg"] for c in cycles)
-    figure, axes = panels(1, 2, 7.6, 3.3, sharex=True)
+    figure, axes = panels(1, 2, PAGE, 2.9, sharex=True)
     size, phase = axes[0]
     for load, (colour, mark) in loads.items():
         own = sorted((c for c in cycles if c["added_mass_kg"] == load), key=lambda c: c["frequency_hz"])
         f = [nominal(c["frequency_hz"]) for c in own]
+        line = _LINE if any(c.get("follows", True) for c in own) else _POOR
         for kind, style in (("measured", {"ls": "", "marker": mark, "ms": 4.5, "mfc": "none"}),
-                            ("model", {"lw": 1.2, "marker": ".", "ms": 3})):  # fmt: skip
+                            ("model", {"ls": line})):  # fmt: skip
             H = np.array([complex(*c["transmissibility"][kind]) for c in own])
             label = f"{load:g} kg added" if kind == "measured" else None
-            size.plot(f, np.abs(H), color=colour, label=label, **style)
-            phase.plot(f, -np.degrees(np.unwrap(np.angle(H))), color=colour, **style)
-        poor = [x for x, c in zip(f, own, strict=True) if not c.get("follows", True)]
-        size.plot(poor, [abs(complex(*c["transmissibility"]["model"])) for c in own if not c.get("follows", True)], "x",
-                  ms=7, color=MODEL)  # fmt: skip
+            for axis, y in ((size, np.abs(H)), (phase, -np.degrees(np.unwrap(np.angle(H))))):
+                axis.plot(f, y, color=colour, label=label, **style)
+                if kind == "model" and line == _LINE:
+                    good = [c.get("follows", True) for c in own]
+                    axis.plot(f, np.where(good, y, np.nan), ".", ms=3.5, color=colour)
     size.set_ylabel("malleolus over base")
-    phase.set_ylabel("phase lag [degrees]")
+    phase.set_ylabel("phase lag [deg]")
     for axis in axes[0]:
         axis.set_xlabel("frequency [Hz]")
     handles, _ = size.get_legend_handles_labels()
-    handles.append(Line2D([], [], lw=1.2, marker=".", ms=3, color=GREY, label="model"))
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=8)
+    handles.append(Line2D([], [], color=GREY, marker=".", ms=3.5, label="model"))
+    poor = [c for c in cycles if not c.get("follows", True)]
+    if any(line.get_linestyle() == _POOR for line in size.lines):
+        handles.append(Line2D([], [], ls=_POOR, color=GREY, label="model that does not follow"))
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     fitted = {"per-recording": ", fitted to each recording alone", "pooled": ", fitted to all frequencies of a load"}
-    text = f"marks: {origin} data{_whose(cycles)}; dots, joined by lines: the model{fitted.get(_mode(cycles), '')}"
-    some = not all(c.get("follows", True) for c in cycles)
-    crosses = f"; crosses: the fit follows its recordings to less than {POOR_FIT:g} % in the mean"
-    return noted(figure, text + (crosses if some else ""))
+    text = f"Marks: {origin} data{_whose(cycles)}. Lines: the model{fitted.get(_mode(cycles), '')}."
+    good = f"{len(cycles) - len(poor)} of {len(cycles)} recordings"
+    said = f" A dot: it follows to {POOR_FIT:g} % or more in the mean, {good}."
+    return noted(figure, text + (said if poor else ""))
 
 
 def _whose(cycles: Sequence[Mapping[str, Any]]) -> str:
@@ -285,7 +278,7 @@ def _shades(colour: str) -> LinearSegmentedColormap:
     return LinearSegmentedColormap.from_list("shades", [0.35 * own + 0.65, own, 0.4 * own])
 
 
-@styled
+@printed
 def loops(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
     """Figures 4.15 to 4.17: force against displacement of ankle and fat pad, a loop a frequency, a column a load.
 
@@ -294,7 +287,7 @@ def loops(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
             `follows` is dotted. origin: of the data.
     """
     loads = of_loads(c["added_mass_kg"] for c in cycles)
-    figure, axes = panels(2, len(loads), 2.5 * len(loads) + 1.0, 5.2, sharex="row", sharey="row")
+    figure, axes = panels(2, len(loads), 2.3 * len(loads) + 1.0, 4.6, sharex="row", sharey="row")
     f = [nominal(c["frequency_hz"]) for c in cycles]
     norm = Normalize(min(f), max(f))
     for column, (load, (colour, _)) in zip(axes.T, loads.items(), strict=True):
@@ -319,13 +312,13 @@ def loops(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
     bar.set_ticks(distinct(f) if len(set(f)) < 12 else [])
     every = all(c.get("decided", True) for c in cycles)
     dashed = "" if every else (
-        "; dashed: no branch is decided, and ankle and pad may have changed places: the loops of the likelier branch"
+        " Dashed: no branch is decided, ankle and pad may have changed places, and the likelier branch is drawn."
     )  # fmt: skip
-    text = f"model driven by the base of {origin} recordings{_whose(cycles)}, a loop a frequency; area = energy "
-    return noted(figure, text + "dissipated in one cycle" + dashed + _poor(cycles))
+    text = f"The model driven by the base of {origin} recordings{_whose(cycles)}, a loop a frequency. The area of a "
+    return noted(figure, text + "loop is the energy dissipated in a cycle." + dashed + _poor(cycles))
 
 
-@styled
+@printed
 def energies(table: pd.DataFrame, origin: str) -> Figure:
     """What the foot takes from the shaker in a cycle, which both branches share, and the fat pad's part of it.
 
@@ -340,7 +333,7 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
     share = 1e5 * rows["fat_pad_j"] / whole
     told = ~rows["decided_by"].isin(OPEN)
     group = [rows["added_mass_kg"], rows["frequency_hz"]]
-    figure, axes = panels(1, 2, 7.6, 3.4, sharex=True)
+    figure, axes = panels(1, 2, PAGE, 3.1, sharex=True)
     left, right = axes[0]
     medians = False
     for i, (load, (colour, mark)) in enumerate(loads.items()):
@@ -364,7 +357,7 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
     left.yaxis.set_minor_formatter(NullFormatter())
     right.set_ylim(-4, 104)
     for axis, title in ((left, "energy a cycle [mJ]"), (right, "fat pad's share [%]")):
-        axis.set_title(title)
+        axis.set_ylabel(title)
         axis.set_xlabel("frequency [Hz]")
     handles = [Line2D([], [], marker=mark, ls="", ms=4, mew=0, color=colour, label=f"{load:g} kg added")
                for load, (colour, mark) in loads.items()]  # fmt: skip
@@ -374,17 +367,21 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
         handles.append(open_)
     if medians:
         handles.append(Line2D([], [], marker="o", lw=1.2, ms=3.8, color=GREY, label="median and quartiles"))
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=8, columnspacing=1.2)
-    drawn = f"medians of {FEWEST_OF_A_BOX} or more" if medians else f"no median of fewer than {FEWEST_OF_A_BOX}"
-    text = (
-        f"{origin} data of {counted(rows['subject'].nunique(), 'subject')}: a point a subject, frequency and load, "
-        f"beside it for each load; {drawn}; the energy is the same on both branches, the "
-        f"pad's share is not: its branch is decided in {int(told.sum())} of {len(rows)} cycles"
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), columnspacing=1.0, handletextpad=0.4)
+    drawn = (
+        f"Lines: medians and quartiles of {FEWEST_OF_A_BOX} or more."
+        if medians
+        else f"There is no median of fewer than {FEWEST_OF_A_BOX}."
     )
-    return noted(figure, text)
+    return noted(
+        figure,
+        f"{origin.capitalize()} data of {counted(rows['subject'].nunique(), 'subject')}. A mark is one cycle of one "
+        f"subject; loads stand side by side at each frequency. {drawn} The energy is the same on both branches. The "
+        f"pad's share is not, and its branch is decided in {int(told.sum())} of {len(rows)} cycles.",
+    )
 
 
-@styled
+@printed
 def persons(populations: Sequence["Population"], origin: str) -> Figure:
     """Each person's constants with 95 %, faint, and the population's mean with its own, a panel a constant.
 
@@ -392,7 +389,7 @@ def persons(populations: Sequence["Population"], origin: str) -> Figure:
         populations: of one posture; each constant has a column a load and branch. origin: of the data.
     """
     loads = of_loads(p.added_mass_kg for p in populations)
-    figure, axes = panels(2, 2, 7.6, 5.0)
+    figure, axes = panels(2, 2, PAGE, 4.8)
     for axis, name in zip(axes.flat, EXCHANGED, strict=True):
         scale, unit = (1e-3, "kN/m") if name.startswith("k_") else (1.0, "N s/m")
         ticks = []
@@ -426,6 +423,7 @@ def persons(populations: Sequence["Population"], origin: str) -> Figure:
         axis.yaxis.set_minor_formatter(NullFormatter())
     return noted(
         figure,
-        f"{origin} data; faint: each person, shrunk, with 95 %; dashes: as the fit alone has it; large: geometric mean "
-        f"with 95 %, open where the branch is not decided. {circled(populations)}{left_out(populations)}",
+        f"{origin.capitalize()} data. Faint: each person, shrunk, with 95 %; dashes: as the fit alone has it; large: "
+        "geometric mean with 95 %, open where the branch is not decided. "
+        f"{circled(populations)}{left_out(populations)}",
     )
