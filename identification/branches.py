@@ -83,12 +83,14 @@ class Had:
     """What a fit had to tell mirror images apart.
 
     Attributes:
-        loads, sensors: how many. follow: the constants may change with the load.
+        loads, sensors: how many. follow: the constants may change with the load. enough: the sines hold numbers enough
+        for an interval; if not, odds say nothing either.
     """
 
     loads: int = 1
     sensors: int = 1
     follow: bool = False
+    enough: bool = True
 
     @property
     def may_tell(self) -> str:
@@ -153,7 +155,7 @@ def judge(
     decided = ratio_ > np.log(DECISIVE_ODDS) and not rests
     odds = "more than a million" if ratio_ > np.log(1e6) else readable(float(np.exp(ratio_)))
     both = " and ".join(sorted(names[:2]))
-    for_ = f"odds {odds} to 1 for {names[0]}" if ratio_ >= TIE else "even odds"
+    for_ = f" (odds {odds} to 1 for {names[0]})" if ratio_ >= TIE else " (even odds)"
     if rests and ratio_ > np.log(DECISIVE_ODDS):
         text = (
             f"The {names[0]} branch fits better, but the {names[1]} branch rests on the bound of {', '.join(rests)}: "
@@ -164,7 +166,7 @@ def judge(
         text = f"The {names[0]} branch is favoured by odds of {odds} to 1 over its mirror image ({names[1]})."
     else:
         text = (
-            f"The data do not decide between {both} ({for_}): both parameter sets "
-            f"describe the recordings. {had.may_tell}"
+            f"The data do not decide between {both}{for_ if had.enough else ''}: both parameter sets describe the "
+            f"recordings. {had.may_tell}"
         )
     return Verdict("decided" if decided else "undecided", float(ratio_), text)

@@ -160,11 +160,14 @@ class Derived:
 
 @functools.lru_cache(maxsize=4)
 def derived(result: FitResult) -> Derived:
-    """Everything that figures and tables of a result need beyond its parameters."""
+    """Everything that figures and tables of a result need beyond its parameters.
+
+    Where no parameter has an interval, nothing that follows from them is there either.
+    """
     evidence = result.evidence
     if evidence is None:
         return Derived([], [], [], [], [], [], [])
-    views = _views(result, evidence)
+    views = _views(result, evidence) if result.offered else []
     cycles = {(id(view), i): found for view in views for i, found in _cycles(evidence, view)}
     return Derived(
         _data(evidence),

@@ -149,7 +149,8 @@ def fit_foot(
         result = replace(result, branches=tuple(map(untold, result.branches)))
     elif settings.wide and result.wide is None:
         result = replace(result, branches=tuple(map(trusting, result.branches)))
-    if settings.wide and result.wide is None and not _can_widen(question):
+    told = result.trusting or result.verdict == "decided"  # else neither interval nor odds are
+    if told and settings.wide and result.wide is None and not _can_widen(question):
         result = replace(result, warnings=(*result.warnings, _TRUSTS if result.trusting else _TRUSTS_NOT))
     return replace(
         result,
@@ -442,7 +443,9 @@ def judge(question: Question, explored: Explored, answer: Answer, ends: Sequence
     rests = branches.pinned({key: e.at_bound for key, e in last.items()}, {key: e.value for key, e in last.items()})
     loads = len({recording.condition.added_mass_kg for recording in data})
     follow = bool(ends) and "load" not in question.known.excluded
-    had = Had(loads, len(question.domain.sensors), follow)
+    rank = excitation_rank(data)
+    enough = bool(ends) or rank >= len(question.space.free)
+    had = Had(loads, len(question.domain.sensors), follow, enough)
     verdict = branches.judge([b.name for b in built], deviances, excess, first.dof, rests, had)
     if verdict.tied:
         certified = sorted(certified, key=lambda c: c.name)
@@ -456,7 +459,6 @@ def judge(question: Question, explored: Explored, answer: Answer, ends: Sequence
     if question.why_not or answer.left_out:
         why = question.why_not or _LEFT_OUT.format(name=answer.left_out[0])
         verdict = Verdict("not compared", 0.0, why)
-    rank = excitation_rank(data)
     warnings = (*question.warnings, *explored.warnings, *answer.warnings)
     undecided = str(verdict) == "undecided"
     others = [b.world for b in built[1:] if b.world] if undecided else []

@@ -223,8 +223,8 @@ def modes(result: FitResult) -> Figure:
                     at = np.full(len(mine), x + 0.24 * number)
                     _limits(axis, at, mine, keys, fmt=mark, ms=4.5, mfc=face, color=colour, capsize=3, label=label)
                 x += 1
-        axis.set_xticks(*zip(*ticks, strict=True))
-        axis.set_xlim(-0.5, x - 0.25)
+        axis.set_xticks([place for place, _ in ticks], [text for _, text in ticks])
+        axis.set_xlim(-0.5, max(x, 1.0) - 0.25)
         axis.set_title(f"mode {mode}\n{title}")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2)

@@ -373,6 +373,11 @@ class FitResult(Presented):
         """
         return (self.wide is None or self.wide.follows) and self.excitation_rank >= len(self.parameters)
 
+    @property
+    def offered(self) -> bool:
+        """Whether any constant has an interval; if none has, no number that follows from them is offered either."""
+        return not all(np.isnan(e.lower) for e in self.parameters.values())
+
     def values(self) -> dict[str, float]:
         """Key -> value of the likelier branch, as `Foot.with_values` takes them."""
         return self.best.values()
@@ -536,7 +541,7 @@ class FitResult(Presented):
     def sentence(self) -> str:
         """The result in one sentence, with the values of both branches where the data do not decide; a misfit first."""
         values = " or ".join(branch.stiffness(len(self.open) > 1) for branch in self.open)
-        if all(np.isnan(e.lower) for e in self.parameters.values()):
+        if not self.offered:
             count = f"{len(self.parameters)} free parameters"
             values = f"No constant is offered, as the excitation has rank {self.excitation_rank} for {count}"
         found = ""

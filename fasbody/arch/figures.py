@@ -200,8 +200,9 @@ def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Fig
     left.set_ylabel("transmissibility at the malleolus")
     left.set_xlim(0, result.frequency_hz[-1])
     left.set_ylim(0)
-    named_lines(left, result.frequency_hz, [case.transmissibility for case in result.cases],
-                [f"{mass:g} kg added" for mass in added], [COLOURS[i % len(COLOURS)] for i in range(len(added))])  # fmt: skip
+    curves = [case.transmissibility for case in result.cases]
+    colours = [COLOURS[i % len(COLOURS)] for i in range(len(added))]
+    named_lines(left, result.frequency_hz, curves, [f"{mass:g} kg added" for mass in added], colours)
     right.set_xticks(added, [f"{mass:g}" for mass in added])
     right.set_xlabel("added mass [kg]")
     right.set_ylabel("resonance [Hz]")
