@@ -1,6 +1,7 @@
 """The tidy table, outliers by the thesis' quartiles, energies, and the spline curves with their bands."""
 
 from io import StringIO
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -227,3 +228,17 @@ def test_one_set_of_constants_is_said_first() -> None:
     assert summary.one_set(fits[:2]) == "One set of constants serves all frequencies in 2 of 2 pooled fits."
     assert summary.one_set(fits).startswith("One set of constants serves all frequencies in 2 of 3 pooled fits: in the")
     assert summary.one_set([plain("per-recording", "1", 0.0, 10.0, one(1.0))]) == ""
+
+
+def test_what_matters_first_is_said_alone() -> None:
+    """Constants that change are not said beside advice to search more; a poor fit is where one set serves."""
+
+    def fit(mode: str, percent: float, follows: bool) -> dict[str, Any]:
+        branch = {"name": "stiff ankle", "fit_percent": percent, "parameters": {}, "world": {"follows": follows}}
+        where = {"mode": mode, "subject": "1", "posture": "midstance", "added_mass_kg": 0.0, "frequency_hz": None}
+        return {**where, "status": "done", "key": f"{mode}{percent}", "result": {"branches": [branch], "verdict": ""}}
+
+    changes = summary.first([fit("pooled", 60.0, False), fit("pooled", 99.0, True)])
+    assert "1 of 2 pooled fits" in changes and "--starts" not in changes
+    assert "--starts" in summary.first([fit("pooled", 60.0, True)])
+    assert summary.first([fit("pooled", 99.0, True)]).endswith("1 of 1 pooled fits.")

@@ -223,7 +223,7 @@ def failures_said(failed: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def show(documents: "Sequence[Document]", findings: "Findings", run: Mapping[str, Any], as_json: bool) -> None:
     """What is in the folder now, for people or as JSON: counts by mode, findings, and what failed."""
-    from identification.study.summary import counts, one_set, poor_fits, poor_sentence
+    from identification.study.summary import counts, first, poor_fits
 
     failed = [d for d in (*documents, *findings.checks) if d["status"] == "failed"]
     counted = counts(documents, findings.tracked).to_dict("records")
@@ -247,10 +247,8 @@ def show(documents: "Sequence[Document]", findings: "Findings", run: Mapping[str
         for subject in findings.subjects:
             results.print(f"subject {subject.subject}, {subject.posture}, {subject.mode}: {subject.said}",
                           markup=False, soft_wrap=True)  # fmt: skip
-    if said := poor_sentence(documents, findings.tracked):
+    if said := first(documents, findings.tracked):
         console.print(said, style="yellow", markup=False, soft_wrap=True)
-    if said := one_set(documents):
-        console.print(said, markup=False, soft_wrap=True)
     for sentence in (*findings.no_population, *(text for p in findings.populations for text in p.odd())):
         console.print(sentence, style="yellow", markup=False, soft_wrap=True)
     if findings.elsewhere:

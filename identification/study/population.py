@@ -36,6 +36,10 @@ from identification.heel.population import FEWEST, Observed, estimate
 _LEVEL = 0.95
 #: Chance, times the number of persons, below which a value does not belong to the others'.
 _ODD = 0.05
+#: Spread of logarithms that is none.
+_NO_SPREAD = 5e-3
+#: Logarithm of odds below which they are even.
+_EVEN = 0.05
 #: Largest spread of logarithms that is looked for.
 _MOST = 10.0
 
@@ -86,6 +90,14 @@ class Constant(Tabled):
     left_out: tuple[LeftOut, ...] = ()
 
     @property
+    def spread_said(self) -> tuple[str, str]:
+        """The spread between persons and its 95 % interval, in words where none can be told."""
+        if self.spread < _NO_SPREAD:
+            return f"cannot be told from {len(self.persons)} persons", f"at most {100 * self.spread_upper:.2g} %"
+        ends = f"{100 * self.spread_lower:.2g} to {100 * self.spread_upper:.2g} %"
+        return f"{100 * self.spread:.2g} %", ends
+
+    @property
     def odd(self) -> tuple[Person, ...]:
         """Persons whose value does not belong to the others', the oddest first."""
         return tuple(sorted((p for p in self.persons if p.chance < _ODD), key=lambda p: p.chance))
@@ -116,7 +128,7 @@ class Population(Tabled):
     def odds_said(self) -> str:
         """Both odds, in a clause."""
         alone, common = (_to_one(odds) for odds in (self.odds_log, self.common_odds_log))
-        return f"{self.branch} {alone} if each person errs alone, {common} if gain and masses are off alike in all"
+        return f"{self.branch}: {alone} if each person errs alone, {common} if gain and masses are off alike in all"
 
     def dropped(self, constant: Constant | None = None) -> str:
         """Who is left out and why, of one constant or of all, in a clause; empty where nobody is."""
@@ -145,6 +157,8 @@ class Population(Tabled):
 
 def _to_one(odds_log: float) -> str:
     """Odds in words."""
+    if abs(odds_log) < _EVEN:
+        return "even odds"
     if odds_log < 0:
         return (
             f"1 to {readable(float(np.exp(min(-odds_log, 50.0))))}"
@@ -228,12 +242,22 @@ def _spread(logs: np.ndarray, errors: np.ndarray, wanted: float) -> float:
 def spread_interval(logs: np.ndarray, errors: np.ndarray) -> tuple[float, float]:
     """95 % interval of the standard deviation between persons, where Q is no unlikely chi-square (Viechtbauer 2007).
 
+    Persons who scatter less than their errors say would have an upper end of zero, by luck alone. So it is at least
+    what persons without any spread have on average (a power-constrained limit: Cowan and others 2011).
+
     Args:
         logs: (n,) logarithms. errors: (n,) their standard errors.
     """
     chi = (float(chdtri(logs.size - 1, chance)) for chance in (0.5 - 0.5 * _LEVEL, 0.5 + 0.5 * _LEVEL))
     low, high = (_spread(logs, errors, wanted) for wanted in chi)
-    return low, high
+
+    def without(tau: float) -> float:  # what Q is on average at tau where the persons scatter by their errors alone
+        w = 1 / (tau**2 + errors**2)
+        return float(w @ errors**2 - w**2 @ errors**2 / w.sum())
+
+    wanted = float(chdtri(logs.size - 1, 0.5 + 0.5 * _LEVEL))
+    told = _MOST if without(_MOST) >= wanted else float(brentq(lambda tau: without(tau) - wanted, 0.0, _MOST))
+    return low, max(high, told)
 
 
 def populations(documents: Sequence[Mapping[str, Any]]) -> list[Population]:

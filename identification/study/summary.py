@@ -196,19 +196,33 @@ def poor_sentence(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, 
 _OF_RECORDING = ("file", "added_mass_kg", "frequency_hz", "fit_percent")
 
 
+def _serving(documents: Iterable[Mapping[str, Any]]) -> tuple[int, int]:
+    """In how many pooled fits one set of constants serves all frequencies, and of how many."""
+    fits = [d for d in documents if d["mode"] == _POOLED and d["status"] == "done" and d["frequency_hz"] is None]
+    serves = [d for d in fits if all((b.get("world") or {}).get("follows") for b in d["result"]["branches"][:1])]
+    return len(serves), len(fits)
+
+
 def one_set(documents: Iterable[Mapping[str, Any]]) -> str:
     """Whether one set of constants serves all frequencies, by the pooled fits; empty where there are none."""
-    fits = [d for d in documents if d["mode"] == _POOLED and d["status"] == "done" and d["frequency_hz"] is None]
-    if not fits:
-        return ""
-    serves = [d for d in fits if all((b.get("world") or {}).get("follows") for b in d["result"]["branches"][:1])]
-    said = f"One set of constants serves all frequencies in {len(serves)} of {len(fits)} pooled fits"
-    if len(serves) == len(fits):
-        return f"{said}."
+    serves, count = _serving(documents)
+    said = f"One set of constants serves all frequencies in {serves} of {count} pooled fits"
+    if serves == count:
+        return f"{said}." if count else ""
     return (
         f"{said}: in the others the constants change with frequency, or the model is another one, and such a fit says "
         "nothing of the foot but that."
     )
+
+
+def first(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> str:
+    """What matters first, in one sentence: that constants change, else which fits do not follow their recordings.
+
+    A fit of constants that change follows its recordings badly whatever it starts from, so the two are not said
+    together; nor is that all is well, where something is not.
+    """
+    serves, count = _serving(documents)
+    return (serves == count and poor_sentence(documents, tracked)) or one_set(documents)
 
 
 def cycle_table(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:

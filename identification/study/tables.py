@@ -30,8 +30,7 @@ def short(
     totals = summary.counts(documents, tracked)
     done, failed = int(totals["done"].sum()), int(totals["failed"].sum())
     sentences = [f"{done} of {done + failed} fits done{f', {failed} failed' if failed else ''}."]
-    sentences += [said] if (said := summary.poor_sentence(documents, tracked)) else []
-    sentences += [said] if (said := summary.one_set(documents)) else []
+    sentences += [said] if (said := summary.first(documents, tracked)) else []
     rows = table[table["shown"]]
     for row in totals.to_dict("records"):
         if row["done"]:
@@ -198,8 +197,7 @@ def population(findings: Findings) -> pd.DataFrame:
             own, shrunk = (np.log([getattr(q, n) for q in c.persons]) for n in ("value", "shrunk"))
             rows.append([
                 where, f"{p.branch} ({p.verdict})", f"{c.name} [{unit}]", len(c.persons),
-                f"{scale * c.mean:.3g}", f"{scale * c.lower:.3g} to {scale * c.upper:.3g}", _percent(c.spread),
-                f"{_percent(c.spread_lower)} to {_percent(c.spread_upper)}",
+                f"{scale * c.mean:.3g}", f"{scale * c.lower:.3g} to {scale * c.upper:.3g}", *c.spread_said,
                 f"{_percent(float(np.std(own, ddof=1)))} to {_percent(float(np.std(shrunk, ddof=1)))}",
                 p.dropped(c) or "nobody", " and ".join(q.subject for q in c.odd) or "nobody",
             ])  # fmt: skip
@@ -235,6 +233,7 @@ def tracking(findings: Findings) -> pd.DataFrame:
         names = [c.branch for c in s.tracking.choices] if s.tracking else []
         name, odds = max(s.tracking.overall.items(), key=lambda i: i[1], default=("", 0.0)) if s.tracking else ("", 0)
         said = "–" if not odds else "over a million to 1" if odds > 1e6 else f"{readable(odds)} to 1"
+        said = "even" if 1 <= odds < 1.05 else said
         cells = [names.count(n) for n in (STIFF_ANKLE, STIFF_PAD, "undecided")]
         rows.append([f"{s.mode}, {s.posture}", s.subject, *cells, name, said])
     header = ["mode", "subject", STIFF_ANKLE, STIFF_PAD, "undecided", "if one branch for all"]

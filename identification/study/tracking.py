@@ -371,8 +371,11 @@ def _sentence(choices: Sequence[Choice | None], overall: Mapping[str, float]) ->
     text = f"Of {len(known)} fits together {len(decided)} are decided ({parts})."
     if overall:
         name, odds = max(overall.items(), key=lambda item: item[1])
-        shown = "more than a million" if odds > 1e6 else readable(odds)
-        text += f" If it is one branch throughout: {name}, odds {shown} to 1."
         if odds <= DECISIVE_ODDS:
-            text += " That is undecided: a second load, a prior or a sensor on the foot bones must tell."
+            told = "the odds are even" if odds < 1.05 else f"odds {readable(odds)} to 1 for the {name}"
+            text += f" If it is one branch throughout, {told}, which is undecided: "
+            text += "a second load, a prior or a sensor on the foot bones must tell."
+        else:
+            shown = "more than a million" if odds > 1e6 else readable(odds)
+            text += f" If it is one branch throughout: {name}, odds {shown} to 1."
     return text
