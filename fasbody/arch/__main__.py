@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from fasbody.arch.bones import PARAMETERS, Arch
@@ -291,20 +292,35 @@ def print_validation(
 
 
 def _validation_table(result: "Validation") -> Table:
-    sheet = result.sheet()
-    table = Table(*sheet.columns, title=sheet.title)
-    for row in sheet.rows:
-        table.add_row(*row, end_section=True)
+    """A line for each published value, within 80 columns."""
+    caption = "shipped: the set in foot_arch.xml; * fitted to it; ! outside the published range"
+    table = Table(title=result.sheet().title, caption=caption, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("number")
+    for column in ("published", "predicted", "95 %"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    table.add_column("shipped", justify="right", no_wrap=True)
+    for p in result.predictions:
+        n, mark = p.number, "*" * p.number.fitted + "!" * (not p.shipped_meets)
+        name = f"{n.source.split(',')[0]}: {n.name}" + (f" [{n.unit}]" if n.unit else "")
+        lines = (
+            [f"{low:.3g}\u2013{high:.3g}" for low, high in zip(n.low, n.high, strict=True)],
+            [f"{value:.3g}" for value in p.middle],
+            [f"{low:.3g}\u2013{high:.3g}" for low, high in zip(p.low, p.high, strict=True)],
+            [p.verdict],
+            [f"{value:.3g}{mark}" for value in p.shipped],
+        )
+        table.add_row(name, *("\n".join(cell) for cell in lines))
     return table
 
 
 def _proof_table(bounds: Sequence["Proof"]) -> Table:
-    table = Table(title="What rigid bones cannot do, whatever the springs")
+    table = Table(title="What rigid bones cannot do, whatever the springs", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for column in ("number", "bound", "needed", "excluded by", "for", "proved"):
-        table.add_column(column)
+        table.add_column(column, justify="right" if column == "needed" else "left")
     for proof in bounds:
-        word = "at least" if proof.above else "at most"
-        table.add_row(proof.number, f"{word} {proof.bound:.3g} {proof.unit}", f"{proof.needed:.3g}", proof.against,
+        sign = "\u2265" if proof.above else "\u2264"
+        table.add_row(proof.number, f"{sign} {proof.bound:.3g} {proof.unit}", f"{proof.needed:.3g}", proof.against,
                       proof.holds, "yes" if proof.excluded else "no")  # fmt: skip
     return table
 

@@ -26,11 +26,20 @@ LONGEST = 20
 RANGE = (1e4, 3e6), (0.1, 10.0)
 
 
+def absorbed(touched_m_s: float, depth: Any, x: Any, v: Any) -> Any:
+    """Share of the work done on a pad, weight included, that it does not give back: the area of its loop.
+
+    Args:
+        touched_m_s: speed of the mass at touch. depth: deepest compression [m].
+        x, v: compression [m] and its rate [m/s] where the drop ends.
+    """
+    return 1 - (v**2 / 2 + G * (depth - x)) / (touched_m_s**2 / 2 + G * depth)
+
+
 def fall(k_F: Any, eta: Any, speed_m_s: float = SPEED_M_S, steps: int = 150) -> Array:
     """Peak [g], depth [mm] and energy absorbed [%] of the drop, shape (..., 3), of pads (...); by Runge-Kutta's steps.
 
-    It ends where the mass leaves the pad, or where it turns down again, or creeps to rest. Absorbed is what the pad
-    does not give back until then, of the work done on it down to the deepest place, weight included: the loop's area.
+    It ends where the mass leaves the pad, or where it turns down again, or creeps to rest.
 
     Args:
         k_F: under `PAD_N` [N/m]. eta: [s/m]. speed_m_s: at touch.
@@ -48,7 +57,7 @@ def fall(k_F: Any, eta: Any, speed_m_s: float = SPEED_M_S, steps: int = 150) -> 
         return v, G - force(x, v) / MASS_KG
 
     x, v = np.zeros_like(h), np.full_like(h, speed_m_s)
-    peak, depth, absorbed = x, x, np.full_like(h, np.nan)
+    peak, depth, lost = x, x, np.full_like(h, np.nan)
     for remaining in range(LONGEST * steps, -1, -1):
         a = rate(x, v)
         b = rate(x + h / 2 * a[0], v + h / 2 * a[1])
@@ -56,14 +65,13 @@ def fall(k_F: Any, eta: Any, speed_m_s: float = SPEED_M_S, steps: int = 150) -> 
         e = rate(x + h * c[0], v + h * c[1])
         x, before = x + h / 6 * (a[0] + 2 * b[0] + 2 * c[0] + e[0]), v
         v = v + h / 6 * (a[1] + 2 * b[1] + 2 * c[1] + e[1])
-        on, push = np.isnan(absorbed), force(x, v)
+        on, push = np.isnan(lost), force(x, v)
         peak, depth = np.where(on, np.maximum(peak, push), peak), np.where(on, np.maximum(depth, x), depth)
-        work = MASS_KG * (speed_m_s**2 / 2 + G * depth)
         over = on & ((v < 0) & (push <= 0) | (before < 0) & (v >= 0) | (remaining == 0))
-        absorbed = np.where(over, 1 - MASS_KG * (v**2 / 2 + G * (depth - x)) / work, absorbed)
-        if not np.isnan(absorbed).any():
+        lost = np.where(over, absorbed(speed_m_s, depth, x, v), lost)
+        if not np.isnan(lost).any():
             break
-    return np.stack([peak / (MASS_KG * G), 1e3 * depth, 100 * absorbed], axis=-1)
+    return np.stack([peak / (MASS_KG * G), 1e3 * depth, 100 * lost], axis=-1)
 
 
 @cache

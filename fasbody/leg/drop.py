@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from fasbody.arch.drop import MASS_KG, MEASURED, SPEED_M_S
+from fasbody.arch.drop import MASS_KG, MEASURED, SPEED_M_S, absorbed
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.foot import damper
 from fasbody.foot.engine import callbacks
@@ -86,9 +86,8 @@ def drop(user: str = DROPPED, stiffness: float | str = 0.0, damping: float = 0.0
         else:
             raise SimulationError(f"the mass does not come back within {LONGEST:g} s.")
     F, x = np.array(push), np.array(down)
-    work = float(0.5 * mass_kg * speed_m_s**2 + mass_kg * G * x.max())
-    back = float(0.5 * mass_kg * rate[-1] ** 2 + mass_kg * G * (x.max() - x[-1]))
-    return Drop(float(F.max() / (mass_kg * G)), 1e3 * float(x.max()), 100 * (1 - back / work), _tangent(model) / 1e3)
+    lost = 100 * float(absorbed(speed_m_s, x.max(), x[-1], rate[-1]))
+    return Drop(float(F.max() / (mass_kg * G)), 1e3 * float(x.max()), lost, _tangent(model) / 1e3)
 
 
 def walked(F_5: float, n: float, eta: float = WALKED_ETA) -> str:
