@@ -1,6 +1,7 @@
 """Shared by all tests: the stock foot, edited copies of its MJCF, noisy synthetic recordings, commands."""
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -22,6 +23,10 @@ from identification.estimate import fit_foot
 from identification.result import FitResult
 
 ROOT = Path(__file__).parent.parent
+
+# A shell's background job ignores Ctrl-C, and its children inherit that: not those of the tests, which press it.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # No example is timed: a busy machine is not a failure.
 settings.register_profile("untimed", deadline=None)
@@ -100,6 +105,19 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Acquisition in this process waits for long, and does not compare a simulated board's clock with the computer's.
+
+    On a busy machine a second without a sample is no fault of the board, which falls behind and catches up. A test of
+    patience sets its own afterwards; those of the clocks are in test_acquire_timeline.py.
+    """
+    for name in ("board.BLIND_S", "board.STALLED_S", "board.HELLO_S", "session.STALLED_S", "generator._ANSWER_S"):
+        monkeypatch.setattr(f"fasbody.acquire.{name}", 60.0)
+    monkeypatch.setattr("fasbody.acquire.guard.SILENT_S", 60.0)
+    monkeypatch.setattr("fasbody.acquire.timeline._drift", lambda pairs: (0.0, float("inf")))
+
+
+@pytest.fixture
 def feeder(tmp_path: Path) -> Iterator[Any]:
     """A `feeder.Feeder`, the board made of a thread."""
     from feeder import Feeder
@@ -109,7 +127,7 @@ def feeder(tmp_path: Path) -> Iterator[Any]:
 
 
 @pytest.fixture
-def board(feeder: Any) -> Iterator[Any]:
+def board(feeder: Any, patient: None) -> Iterator[Any]:
     """A `Board` that has heard the feeder's hello."""
     from fasbody.acquire.board import Board
 

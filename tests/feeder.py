@@ -21,8 +21,17 @@ from fasbody.recording.recording import Condition
 
 BAUD = 921600
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
+#: `python -m fasbody.acquire` as a program that waits for long, as `conftest.patient` lets this process.
+PATIENT = """
+import runpy
+from fasbody.acquire import board, generator, guard, session, timeline
+timeline._drift = lambda pairs: (0.0, float("inf"))
+board.BLIND_S = board.STALLED_S = board.HELLO_S = session.STALLED_S = generator._ANSWER_S = guard.SILENT_S = 60.0
+runpy.run_module("fasbody.acquire", run_name="__main__")
+"""
 CONDITION = Condition("16", "midstance", 0.0, BODY_MASS_KG)
 RANGE = 39.2
+LATE_S = 0.1
 COUNTS = 1024.0  # a power of two: nothing is rounded on the way
 
 
@@ -45,7 +54,7 @@ class Device:
 
     def __exit__(self, *error: object) -> None:
         self._end.set()
-        self._thread.join(5)
+        self._thread.join()
         self.line.unplug()
 
 
@@ -66,7 +75,11 @@ def number_of(sample: np.ndarray) -> int:
 
 
 class Feeder(Device):
-    """Sends frames in real time from a thread; `sent` is the number of samples a channel so far."""
+    """Sends frames in real time from a thread; `sent` is the number of samples a channel so far.
+
+    What a busy machine was late for it makes up for up to LATE_S: a whole recording that came at once would leave no
+    moment in its middle.
+    """
 
     def __init__(self, folder: Path, rate_hz: float = 1000.0, channels: int = 2, damage: float = 0.0) -> None:
         super().__init__(folder / "feeder")
@@ -83,7 +96,9 @@ class Feeder(Device):
         start, n, frame = time.monotonic(), FRAME_SAMPLES, 0
         rate = self.hello.rate_hz
         while not self._end.is_set():
-            time.sleep(max(0.0, start + (frame + 1) * n / rate - time.monotonic()))
+            late = time.monotonic() - start - (frame + 1) * n / rate
+            start += max(0.0, late - LATE_S)
+            time.sleep(max(0.0, -late))
             out = b""
             if frame % round(rate / n) == 0 or self.line.receive():
                 out = encode_hello(self.hello)
@@ -92,7 +107,9 @@ class Feeder(Device):
             dirty = corrupt(clean, self._damage, self._rng) if self._damage else clean
             if dirty != clean:
                 self.damaged.add(frame)
-            if not self.paused:
+            if self.paused:
+                self.line.send(b"")  # what the host was too late to fetch
+            else:
                 self.line.send(self._rng.bytes(80) if self.garbage else self.instead or out + dirty)
             frame += 1
             self.sent = frame * n

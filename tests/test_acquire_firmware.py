@@ -1,6 +1,5 @@
 """The firmware as it is flashed, compiled and run on simavr cycle by cycle, recorded through a pseudo-terminal."""
 
-import contextlib
 import json
 import time
 from collections.abc import Callable
@@ -25,6 +24,7 @@ from fasbody.recording.recording import Condition
 from fasbody.recording.study import Study
 
 Rig = Callable[..., SimulatedBoard]
+pytestmark = pytest.mark.usefixtures("patient")
 
 
 @pytest.fixture(scope="module")
@@ -92,24 +92,16 @@ def test_damaged_bytes_are_all_found(rig: Rig) -> None:
 
 @pytest.mark.parametrize("sensor", ["ANALOG", "ADXL355"])
 def test_recorded_by_the_command(rig: Rig, tmp_path: Path, sensor: str) -> None:
-    """The virtual foot's transmissibility, as its sensors felt it: within 1 % and 1 degree from the converter.
-
-    On busy cores the simulator falls behind real time and catches up, and its clock is refused: then once more.
-    """
+    """The virtual foot's transmissibility, as its sensors felt it: within 1 % and 1 degree from the converter."""
     hz = 25.0
     signal, transfer = simavr.foot(hz)
     study = tmp_path / "study"
     with rig(sensor, signal=signal) as board:
         words = ["--port", board.port, "--baud", str(BAUD), "--frequency", f"{hz:g}", "--seconds", "2"]
         words += ["--body-mass", f"{BODY_MASS_KG}", "--out", str(study), "--json"]
-        for _ in range(4):
-            with contextlib.suppress(AcquisitionError):
-                app(["record", *words], standalone_mode=False)
-            newest = max(study.glob("recordings/*.json"), key=lambda file: file.stat().st_mtime_ns)
-            details = json.loads(newest.read_text())
-            if not any("clock runs" in text for text in details["problems"]):
-                break
+        app(["record", *words], standalone_mode=False)
     (one,) = Study.read(study).recordings
+    details = json.loads((tmp_path / one.file).with_suffix(".json").read_text())
     assert details["usable"] and details["quality"]["gaps"] == [] and details["quality"]["damaged"] == 0
     base, malleolus = simavr.lines(np.column_stack([one.base_m_s2, one.malleolus_m_s2]), one.rate_hz, hz)
     found = malleolus / base / transfer
@@ -195,16 +187,17 @@ def test_board_that_goes_away_or_falls_silent(
                 monkeypatch.setattr("fasbody.acquire.board.STALLED_S", 20.0)
 
         board.listener = strike
-        run = Session(Plan(tmp_path, (20.0,), Condition("16", body_mass_kg=BODY_MASS_KG), seconds=0.8), board)
+        # longer than a port holds samples for a busy computer, which may see 0.9 s of them at once
+        run = Session(Plan(tmp_path, (20.0,), Condition("16", body_mass_kg=BODY_MASS_KG), seconds=2.0), board)
         if fault == "unplugged":
             with pytest.raises(AcquisitionError, match="unplugged, and not back after"):
                 run.run()
         else:
             run.run()
-            assert not run.made[-1].problems and run.made[-1].recording.time_s.size == 800
+            assert not run.made[-1].problems and run.made[-1].recording.time_s.size == 2000
         board.close()
     first = run.made[0]
-    assert first.problems and any(text.startswith("usable: 0.") for text in first.remarks)
+    assert first.problems and any(text.startswith("usable: ") for text in first.remarks)
     told = " ".join(capsys.readouterr().err.split())
     assert "--longest" in told and ("the board is silent for" in told) == (fault == "stalled")
 
@@ -219,7 +212,7 @@ def test_commands_and_a_cut_cable(rig: Rig) -> None:
         board.reader.send(b"stop\nstart over\n*IDN?\n")
         ended = _silent(board)
         board.reader.send(b"?\n")
-        deadline = time.monotonic() + 5.0
+        deadline = time.monotonic() + 60.0
         while not any(m == board.decoder.hello for m in board.pump()):
             assert time.monotonic() < deadline
         assert ended and board.decoder.hello is not None and board.decoder.hello.boot == boot
@@ -236,9 +229,9 @@ def test_commands_and_a_cut_cable(rig: Rig) -> None:
 
 
 def _silent(board: Board) -> bool:
-    """Whether the samples end within some seconds, and stay away for half a second."""
+    """Whether the samples end within a minute, and stay away for half a second."""
     last = start = time.monotonic()
-    while time.monotonic() - start < 5.0:
+    while time.monotonic() - start < 60.0:
         if any(isinstance(message, Block) for message in board.pump()):
             last = time.monotonic()
         if time.monotonic() - last > 0.5:

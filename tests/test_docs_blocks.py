@@ -162,7 +162,7 @@ SHELL_BLOCKS = [
 PYTHON_FILES = [file for file in DOCUMENTS if any(block.language == "python" for block in blocks(file))]
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn", "patient")
 @pytest.mark.parametrize("block", SHELL_BLOCKS)
 def test_shell_block(block: Block, desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The lines of a block run one after the other in one folder."""

@@ -2,6 +2,7 @@
 
 import runpy
 from pathlib import Path
+from types import SimpleNamespace
 
 import acquire_virtual_bench
 import another_board
@@ -11,6 +12,7 @@ import edit_the_mjcf
 import fit_a_sweep
 import heel_strike
 import hysteresis
+import in_process
 import mirror_solution
 import numpy as np
 import pytest
@@ -112,13 +114,22 @@ def test_loops_hold_the_energy_that_the_dampers_take(picture: Path) -> None:
     assert drawn(picture)
 
 
-def test_virtual_bench_gives_a_study(picture: Path) -> None:
+@pytest.mark.usefixtures("patient")
+def test_virtual_bench_gives_a_study(picture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command that it runs, in this process."""
+
+    def run(words: list[str], check: bool) -> None:
+        assert words[1] == "-m" and check
+        assert in_process.command(words[2], "record", *words[3:]).returncode == 0
+
+    monkeypatch.setattr(acquire_virtual_bench, "subprocess", SimpleNamespace(run=run))
     study = acquire_virtual_bench.main(picture, seconds=1.0)
     assert [recording.condition.frequency_hz for recording in study.recordings] == [15.0, 30.0]
     assert study.origin == "synthetic"
     assert drawn(picture)
 
 
+@pytest.mark.usefixtures("patient")
 def test_a_board_of_your_own_gives_a_recording(tmp_path: Path) -> None:
     made = another_board.main(tmp_path / "study", seconds=0.5)
     assert made.problems == () and made.quality.frames >= 32

@@ -15,11 +15,29 @@ from study_runs import ENVIRONMENT, arguments, documents, done, elsewhere, fitte
 from fasbody.exceptions import FasError
 from identification.study import cluster
 
-pytest.importorskip("distributed")
+distributed = pytest.importorskip("distributed")
 
 
-#: A scheduler's process, its address, and its workers.
-Cluster = tuple["subprocess.Popen[str]", str, "list[subprocess.Popen[str]]"]
+#: A scheduler's process, its address, its workers, and the folder of each.
+Cluster = tuple["subprocess.Popen[str]", str, "list[subprocess.Popen[str]]", list[Path]]
+#: Before a worker starts: it ends one more fit and never the next once there is a file `hold` in its folder. So no
+#: study is at its end before a test has killed something, however late the test's own process wakes up.
+HOLD = """
+import time
+from pathlib import Path
+from identification.study import job
+
+folder, fit = Path({!r}), job.run
+
+def run(work):
+    if (folder / "held").exists():
+        time.sleep(3600)
+    if (folder / "hold").exists():
+        (folder / "hold").rename(folder / "held")
+    return fit(work)
+
+job.run = run
+"""
 
 
 @pytest.fixture(scope="module")
@@ -35,11 +53,11 @@ def serial(study: Path) -> dict[str, dict[str, object]]:
     return documents(out)
 
 
-def _dask(*words: str) -> "subprocess.Popen[str]":
-    code = "import sys; from distributed.cli import {0}; sys.exit({0}.main())"
+def _dask(program: str, *words: str, before: str = "") -> "subprocess.Popen[str]":
+    code = f"{before}\nimport sys; from distributed.cli import {program}; sys.exit({program}.main())"
     return subprocess.Popen(
-        [sys.executable, "-c", code.format(words[0]), *words[1:]], env=ENVIRONMENT, stderr=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL, text=True, start_new_session=True,
+        [sys.executable, "-c", code, *words], env=ENVIRONMENT, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+        text=True, start_new_session=True,
     )  # fmt: skip
 
 
@@ -48,8 +66,11 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """One for both tests, as each process takes seconds to start: the first leaves a worker, the last kills it all."""
     folder = tmp_path_factory.mktemp("scheduler")
     process, address = _scheduler(folder)
-    workers = [_worker(address, folder / str(i)) for i in range(2)]
-    yield process, address, workers
+    folders = [folder / str(i) for i in range(2)]
+    workers = [_worker(address, each) for each in folders]
+    with distributed.Client(address, timeout=300) as client:
+        client.wait_for_workers(2, timeout=300)
+    yield process, address, workers, folders
     for each in (*workers, process):
         each.kill()
         each.wait()
@@ -67,26 +88,27 @@ def _scheduler(folder: Path) -> "tuple[subprocess.Popen[str], str]":
 
 
 def _worker(scheduler: str, folder: Path) -> "subprocess.Popen[str]":
+    folder.mkdir()
     more = ("--nthreads", "1", "--no-dashboard", "--no-nanny", "--local-directory", str(folder))
-    return _dask("dask_worker", scheduler, "--host", "127.0.0.1", *more)
+    return _dask("dask_worker", scheduler, "--host", "127.0.0.1", *more, before=HOLD.format(str(folder)))
 
 
 def test_a_killed_worker_loses_nothing(
     study: Path, serial: dict[str, dict[str, object]], scheduler: Cluster, tmp_path: Path
 ) -> None:
     """The workers see no file of the study: their working folder is elsewhere, and the study is moved meanwhile."""
-    _, address, workers = scheduler
+    _, address, workers, folders = scheduler
     out = tmp_path / "out"
+    (folders[0] / "hold").touch()
     run = subprocess.Popen(
         arguments(study, out, "--scheduler", address), env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         text=True,
     )  # fmt: skip
-    while len(list((out / "fits").glob("*.json"))) < 2 and run.poll() is None:
+    while len(list((out / "fits").glob("*.json"))) < 2 or not (folders[0] / "held").exists():
+        assert run.poll() is None, run.communicate()[1]
         time.sleep(0.01)
-    early = run.poll() is None
     os.killpg(workers[0].pid, signal.SIGKILL)
     _, said = run.communicate()
-    assert early, f"the study ended before a worker could be killed: {said}"
     assert run.returncode == 0, said
     assert documents(out) == serial
     again = fitted(study, out, "--workers", "1")  # in this process, which finds them all
@@ -95,13 +117,16 @@ def test_a_killed_worker_loses_nothing(
 
 def test_a_lost_scheduler_is_one_sentence(study: Path, scheduler: Cluster, tmp_path: Path) -> None:
     """Killed midway: no traceback of Dask's above the sentence, and what was done is kept."""
-    process, address, _ = scheduler
+    process, address, _, folders = scheduler
     out = tmp_path / "out"
+    for folder in folders:
+        (folder / "hold").touch()
     run = subprocess.Popen(
         arguments(study, out, "--scheduler", address, "--starts", "6"), env=ENVIRONMENT, stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    while not list((out / "fits").glob("[!.]*.json")) and run.poll() is None:
+    while not list((out / "fits").glob("[!.]*.json")):
+        assert run.poll() is None, run.communicate()[1]
         time.sleep(0.01)
     process.kill()
     _, said = run.communicate()

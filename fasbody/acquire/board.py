@@ -21,7 +21,8 @@ WINDOW_S = 2.0
 STALLED_S = 3.0
 #: So long without a sample ends the excitation [s]: nobody watches the base any more.
 BLIND_S = 1.0
-#: After a stall samples are of now when in this time [s] no more come than so many times what is taken in it.
+#: After a stall samples are of now when in this time [s] no more come than so many times what is taken in it; if much
+#: fewer come, the computer itself stood still, and they tell nothing.
 _CALM_S, _HURRY = 0.5, 1.5
 #: A board whose own test fails says so in its name.
 FAILED = "FAILED"
@@ -93,13 +94,13 @@ class Board:
         self._bytes = 0  # that had come by then
         self._heard = self._last  # of the last byte
 
-    def wait_for_hello(self, seconds: float = HELLO_S) -> Hello:
-        """The board's description.
+    def wait_for_hello(self, seconds: float | None = None) -> Hello:
+        """The board's description, waited for so long [s], or as long as usual.
 
         Raises:
             AcquisitionError: it says none, lacks a channel, or its own test fails.
         """
-        deadline = time.monotonic() + seconds
+        deadline = time.monotonic() + (HELLO_S if seconds is None else seconds)
         self.reader.send(b"?\n")  # ask; boards that cannot hear repeat their hello every second
         while self.decoder.hello is None:
             self.pump()
@@ -211,13 +212,14 @@ class Board:
                     f"{self.reader.port_name}: {'unplugged, and ' if self._away else ''}no sample came for another "
                     f"{self.reader.patience:g} s; switch the board off and on, check its supply and firmware."
                 )
-        rate = self.decoder.hello.rate_hz if self.decoder.hello else np.inf
+        assert self.decoder.hello is not None  # without it there are no samples
+        taken = _CALM_S * self.decoder.hello.rate_hz
         self._since = 0.0
         while time.monotonic() < deadline:
             self.forget()
             with contextlib.suppress(Stalled):
                 self.watch_for(_CALM_S)
-            if self._kept <= _HURRY * rate * _CALM_S:
+            if taken / _HURRY <= self._kept <= _HURRY * taken:
                 break
         self._lateness.forget()
 

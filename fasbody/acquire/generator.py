@@ -7,6 +7,7 @@ import sys
 import time
 from typing import Protocol, Self
 
+from fasbody.acquire import guard as guards
 from fasbody.acquire.guard import ALIVE, DONE, OFF
 from fasbody.acquire.port import is_identity
 from fasbody.acquire.visa import opened
@@ -95,7 +96,8 @@ class Generator:
             self.identity = identity
             if guard:
                 self._guard = subprocess.Popen(
-                    [sys.executable, "-m", "fasbody.acquire.guard", name, str(baud), str(self.port.fileno())],
+                    [sys.executable, "-m", "fasbody.acquire.guard", name, str(baud), str(self.port.fileno()),
+                     f"{guards.SILENT_S:g}"],
                     stdin=subprocess.PIPE, bufsize=0, start_new_session=True,
                     pass_fds=[number for number in [self.port.fileno()] if number >= 0],
                 )  # fmt: skip
@@ -137,12 +139,13 @@ class Generator:
                 "the guard that switches the output off after a crash has done so, or has died; start again."
             ) from None
 
-    def query(self, command: str, patience: float = _ANSWER_S) -> str:
-        """Answer to a query, waited for so long [s].
+    def query(self, command: str, patience: float | None = None) -> str:
+        """Answer to a query, waited for so long [s], or as long as usual.
 
         Raises:
             AcquisitionError: no answer.
         """
+        patience = _ANSWER_S if patience is None else patience
         self.port.read()  # a late answer to something earlier is none to this
         answer, whole = self.port.ask(command.encode() + b"\n", patience)
         if not whole:
@@ -152,7 +155,7 @@ class Generator:
             )
         return answer
 
-    def command(self, command: str, patience: float = _ANSWER_S) -> None:
+    def command(self, command: str, patience: float | None = None) -> None:
         """Send a command, and read the instrument's error queue; each answer is waited for so long [s].
 
         Raises:

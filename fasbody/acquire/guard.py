@@ -1,9 +1,10 @@
-"""`python -m fasbody.acquire.guard PORT BAUD FILE`: switches the generator off if the process that drives it is gone.
+"""`python -m fasbody.acquire.guard PORT BAUD FILE SILENT`: switches a generator off whose driver is gone.
 
-Its standard input is a pipe from that process. If it closes without the word that all is done, the driver was killed,
-and no `finally` of its own could run. If it says nothing for SILENT_S while the output is on, the driver is stopped or
-hangs. FILE is the number of the driver's open port, inherited: a driver that still lives does not let it be opened. A
-VISA instrument has none (-1) and is opened anew.
+The driver is the process that has the generator in use; a pipe from it is our standard input. If that closes without
+the word that all is done, the driver was killed, and no `finally` of its own could run. If nothing is said for SILENT
+seconds while the output is on, the driver is stopped or hangs; a computer that stood still as a whole, this process
+with it, is not silent. FILE is the number of the driver's open port, inherited: a driver that still lives does not let
+it be opened. A VISA instrument has none (-1) and is opened anew.
 """
 
 import os
@@ -18,17 +19,19 @@ from fasbody.exceptions import AcquisitionError
 ALIVE, OFF, DONE = b"+", b"-", b"."
 #: Longest silence while the output is on [s].
 SILENT_S = 3.0
+#: It is counted in so many looks, each of which a standstill of the computer ends only once.
+_LOOKS = 30
 _TRIES = 50
 _COMMAND = b"\nOUTP OFF\n"
 
 
 def main() -> None:
     """Wait for the end or the silence of the driver, then act."""
-    name, baud, file = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+    name, baud, file, silent_s = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4])
     word = OFF
     while word != DONE:
-        if not select.select([0], [], [], SILENT_S if word == ALIVE else None)[0]:
-            print(f"{name}: nobody has watched the base for {SILENT_S:g} s; output off.", file=sys.stderr, flush=True)
+        if not _heard(silent_s if word == ALIVE else None):
+            print(f"{name}: nobody has watched the base for {silent_s:g} s; output off.", file=sys.stderr, flush=True)
             break
         said = os.read(0, 4096)
         if not said:
@@ -40,6 +43,12 @@ def main() -> None:
         if _told(file, name, baud):
             return
         time.sleep(0.1)
+
+
+def _heard(silent_s: float | None) -> bool:
+    """Whether the driver says something within so long [s], or ends; None waits for ever."""
+    each = None if silent_s is None else silent_s / _LOOKS
+    return any(select.select([0], [], [], each)[0] for _ in range(_LOOKS))
 
 
 def _told(file: int, name: str, baud: int) -> bool:

@@ -47,6 +47,8 @@ _BACK_US = 1_000_000
 #: The two clocks may drift apart by this share: twice what a recording is refused for. A lateness that lasts is so
 #: forgotten, 0.1 s in ten seconds.
 _DRIFT = 1e-2
+#: A block that the next one follows within this share of the time between them came late.
+_HURRY = 0.5
 #: Stamps that stay the same for longer [s] do not advance.
 _STILL_S = 1.0
 #: So many gaps are named in a sentence.
@@ -480,11 +482,16 @@ def _largest_step(x: np.ndarray, y: np.ndarray, jitter: float) -> tuple[int, int
 def _drift(pairs: list[tuple[float, float]]) -> tuple[float, float]:
     """Device clock against host clock [ppm] and its standard error.
 
-    Bytes may come late by chance, never early: a line through the least late arrival of each section is used.
+    Bytes may come late by chance, never early: a line through the least late arrival of each section is used. What a
+    computer or a board that stood still makes up for comes in a hurry, and is late for certain.
     """
     if len(pairs) < 4 * _SECTIONS:
         return 0.0, float("inf")
     device, host = np.array(pairs).T
+    punctual = np.append(np.diff(host) > _HURRY * np.diff(device), True)  # before the next one came
+    if punctual.sum() < 2 * _SECTIONS:
+        return 0.0, float("inf")
+    device, host = device[punctual], host[punctual]
     late = host - device
     first = [part[np.argmin(late[part])] for part in np.array_split(np.arange(late.size), _SECTIONS)]
     if not np.ptp(host[first]):

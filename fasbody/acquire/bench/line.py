@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import threading
 import time
 import tty
 from pathlib import Path
@@ -10,16 +11,20 @@ import numpy as np
 
 #: How late a host may be [s]: Linux keeps 640 kB of a real port for it, of a pseudo-terminal only some kB, so the
 #: bench keeps the rest. Nothing is kept for a host that is not there.
-LATE_S = 2.0
+LATE_S = 5.0
 
 
 class Line:
-    """The host's end of a serial line: a pseudo-terminal under a name that stays the same when it is replugged."""
+    """The host's end of a serial line: a pseudo-terminal under a name that stays the same when it is replugged.
+
+    One thread may pull the plug while another sends.
+    """
 
     def __init__(self, link: Path) -> None:
         self.link = link
         self.master = self._slave = -1
         self._waiting, self._taken = b"", 0.0
+        self._lock = threading.Lock()  # what is written after a close may go to another file of the same number
 
     def plug(self) -> None:
         """Make the port appear."""
@@ -29,31 +34,33 @@ class Line:
         spare = self.link.with_name(f".{self.link.name}")
         spare.symlink_to(os.ttyname(slave))
         spare.replace(self.link)
-        self._waiting = b""
-        self.master, self._slave = master, slave  # last: another thread may use it at once, and must not block in it
+        with self._lock:
+            self._waiting = b""
+            self.master, self._slave = master, slave
 
     def unplug(self) -> None:
         """Make it vanish."""
         self.link.unlink(missing_ok=True)
-        master, self.master = self.master, -1
-        self._waiting = b""
-        os.close(self._slave)
-        os.close(master)
+        with self._lock:
+            master, self.master = self.master, -1
+            self._waiting = b""
+            os.close(self._slave)
+            os.close(master)
 
     def send(self, data: bytes) -> None:
         """What the host does not begin to fetch within LATE_S is lost, as on a real line."""
-        if self.master < 0:
-            return
         now = time.monotonic()
-        self._waiting = self._waiting + data if now - self._taken < LATE_S else data
-        with contextlib.suppress(OSError):
+        with self._lock, contextlib.suppress(OSError):
+            if self.master < 0:
+                return
+            self._waiting = self._waiting + data if now - self._taken < LATE_S else data
             done = os.write(self.master, self._waiting)
             self._waiting = self._waiting[done:]
             self._taken = now
 
     def receive(self) -> bytes:
         """What the host sent."""
-        with contextlib.suppress(OSError):
+        with self._lock, contextlib.suppress(OSError):
             return os.read(self.master, 4096)
         return b""
 
