@@ -107,7 +107,7 @@ class SimulatedBoard:
         self._process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def __enter__(self) -> Self:
-        deadline = time.monotonic() + 30.0
+        deadline = time.monotonic() + 300.0
         while not Path(self.port).exists():
             if self._process.poll() is not None or time.monotonic() > deadline:
                 raise AcquisitionError("the simulated board did not start.")

@@ -13,7 +13,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: more threads
 import numpy as np
 import oracle
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 import mjcf
 from fasbody.foot.model import Foot, load
@@ -28,8 +28,8 @@ ROOT = Path(__file__).parent.parent
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# No example is timed: a busy machine is not a failure.
-settings.register_profile("untimed", deadline=None)
+# Neither an example nor the making of some is timed: a busy machine is not a failure.
+settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("untimed")
 
 

@@ -42,7 +42,7 @@ def test_every_truncation_leaves_the_records_before_it(tmp_path: Path) -> None:
 
 
 @given(st.data())
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 def test_damage_costs_only_the_records_it_hits(tmp_path: Path, data: st.DataObject) -> None:
     raw = bytearray(MAGIC + b"".join(pack(*record) for record in RECORDS))
     place = data.draw(st.integers(len(MAGIC), len(raw) - 1))
@@ -54,7 +54,7 @@ def test_damage_costs_only_the_records_it_hits(tmp_path: Path, data: st.DataObje
 
 
 @given(st.binary(max_size=3000))
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 def test_any_content_is_survived(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "any.fascap"
     file.write_bytes(MAGIC + content)

@@ -170,14 +170,21 @@ def test_instrument_reports_errors(bench: Bench) -> None:
 
 
 def test_probe_tells_boards_from_generators(bench: Bench, feeder: Feeder, monkeypatch: pytest.MonkeyPatch) -> None:
+
+    def patience(listen_s: float, ask_s: float, hello_s: float) -> None:
+        for name, seconds in (("_LISTEN_S", listen_s), ("_ASK_S", ask_s), ("HELLO_S", hello_s)):
+            monkeypatch.setattr(f"fasbody.acquire.port.{name}", seconds)
+
+    patience(60.0, 0.2, 60.0)
     found = probe(feeder.port, (BAUD,))
     assert found.kind == "board" and "base, malleolus at 1000 Hz, 16-bit frames of 16" in str(found)
     feeder.garbage = True
+    patience(0.2, 0.2, 60.0)
     assert probe(feeder.port, (9600,)).kind == "unknown bytes"
-    monkeypatch.setattr("fasbody.acquire.port._LISTEN_S", 0.2)  # enough to hear nothing
-    monkeypatch.setattr("fasbody.acquire.port.HELLO_S", 0.2)
+    patience(0.2, 60.0, 0.2)
     assert probe(bench.generator_port, (115200,)).kind == "generator"
     feeder.paused = True
+    patience(0.2, 0.2, 0.2)  # enough to hear nothing
     assert "silence" in str(probe(feeder.port, (9600,)))
 
 

@@ -194,7 +194,7 @@ def test_text_board_of_the_bench_at_rest_and_shaken_and_its_end(tmp_path: Path) 
         for process in text._processes:
             assert process.stdin is not None
             process.stdin.close()  # what the end of the starter does
-            process.wait(60)
+            process.wait(300)
         assert not Path(text.board_port).parent.exists()
     assert made.problems == () and made.recording.time_s.size == 400
     assert made.recording.tuberosity_m_s2 is not None and made.recording.tuberosity_m_s2.std() > 1

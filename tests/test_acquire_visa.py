@@ -18,7 +18,10 @@ from fasbody.acquire.visa import VisaPort, is_visa
 from fasbody.exceptions import AcquisitionError
 
 pytest.importorskip("pyvisa_py", reason="VISA generators are not tested: pip install 'fasbody[visa]'")
-pytestmark = pytest.mark.filterwarnings("ignore::UserWarning:pyvisa_py")  # it misses packages that it does not need
+pytestmark = [
+    pytest.mark.usefixtures("patient"),
+    pytest.mark.filterwarnings("ignore::UserWarning:pyvisa_py"),  # it misses packages that it does not need
+]
 
 
 class Scope(socketserver.ThreadingTCPServer):
@@ -79,12 +82,12 @@ def test_nothing_there_is_said() -> None:
 def test_guard_switches_a_socket_off(scope: Scope) -> None:
     """A driver that is killed with the output on cannot do it itself."""
     driver = (
-        "import os, signal, sys; from fasbody.acquire.generator import Generator; "
-        "g = Generator(sys.argv[1], 0); g.sine(20.0, 0.5); g.on(); os.kill(os.getpid(), signal.SIGKILL)"
+        "import os, signal, sys; from fasbody.acquire import generator; generator._ANSWER_S = 60.0; "
+        "g = generator.Generator(sys.argv[1], 0); g.sine(20.0, 0.5); g.on(); os.kill(os.getpid(), signal.SIGKILL)"
     )
     done = subprocess.run([sys.executable, "-c", driver, scope.name], capture_output=True, text=True)
     assert done.returncode == -9, done.stderr
-    deadline = time.monotonic() + 30.0
+    deadline = time.monotonic() + 300.0
     while scope.instrument.on:
         assert time.monotonic() < deadline
         time.sleep(0.05)

@@ -86,7 +86,7 @@ def test_the_viewer_is_beside_the_notebook(fitted: idn.FitResult, foot: fb.Foot,
     viewer = viz.show(foot, result=fitted, browser=False, wait=False)
     try:
         assert viewer.show.settings.values["k_T"] == fitted.values()["k_T_n_per_m"]
-        page = urllib.request.urlopen(viewer.url, timeout=60).read().decode()
+        page = urllib.request.urlopen(viewer.url, timeout=300).read().decode()
         assert "<canvas" in page or "meshcat" in page
         assert re.fullmatch(r"two_dof at http://127\.0\.0\.1:\d+/", repr(viewer))
     finally:

@@ -143,7 +143,7 @@ def test_interrupted(study: Path, tmp_path: Path, workers: str, presses: int) ->
         time.sleep(0.005)
     for _ in range(presses):
         os.killpg(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=120)
+    _, said = process.communicate(timeout=300)
     if process.returncode == 0:
         pytest.skip("it had ended before")
     assert process.returncode == 130

@@ -15,7 +15,7 @@ import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
-from viewer import Watched, bone_share, browser, served, viewer
+from viewer import Watched, bone_share, browser, save, served, viewer
 
 import mjcf
 from fasbody.recording.study import BUNDLED
@@ -159,10 +159,10 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
 
         # another program's work: followed while nothing is unsaved, else somebody must choose
         theirs = own.read_text().replace("0.6e5", "0.7e5")
-        own.write_text(theirs)
+        save(own, theirs)
         page.until("typedText().includes('0.7e5') && motion && !busy")
         page("editor.view.dispatch({ changes: { from: 0, insert: '<!-- mine -->' } })")
-        own.write_text(theirs.replace("0.7e5", "0.8e5"))
+        save(own, theirs.replace("0.7e5", "0.8e5"))
         page.until("!byId('conflict').hidden")
         assert page("save_model.disabled")
         page("saveModel()")
@@ -197,8 +197,7 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         assert cells == ["·", "99", "·", "·", "·", "·"]
         assert heads == ["Hz", "10", "20", "30", "no load", "+ 2.3 kg"]
         for width in (1600, 1100, 800, 420):
-            page.page.set_viewport_size({"width": width, "height": 800})
-            page.page.wait_for_timeout(100)
+            page.resize(width, 800)
             assert page(WIDE) <= width
             inside = page(f"['editor', 'plots'].map(id => {RECTANGLE})")
             assert all(width_ > 200 and height > 80 for _, _, width_, height in inside), width
@@ -398,17 +397,17 @@ def test_no_legend_column_or_point_is_cut(opened: Any, tmp_path: Path) -> None:
         listed(page, *(f"{k}.csv" for k in range(9)), shown=1, subject="16", added_mass_kg=2.3)
         page("d => fitted(d)", FITTED)
         for width in (1600, 1100, 800, 420):
-            page.page.set_viewport_size({"width": width, "height": 900})
+            page.resize(width, 900)
             for pane in ("fit", "motion"):
                 page(f"tab('{pane}')")
-                page.page.wait_for_timeout(150)
+                page.settle()
                 assert page(CUT) == [], (width, pane)
 
         # ticks that differ are told apart, and the points at the ends are whole
         page("tab('fit')")
         assert page("distinct([179.71, 179.72, 179.73])") == ["179.71", "179.72", "179.73"]
         assert page("distinct([0, 0.5, 1])") == ["0", "0.5", "1"]
-        page.page.wait_for_timeout(100)
+        page.settle()
         ends = page("(p => [p.valToPos(10, 'x'), p.over.clientWidth - p.valToPos(50, 'x')])(bench.plots.size.plot)")
         assert min(ends) >= 3  # half a point
 

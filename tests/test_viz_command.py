@@ -13,7 +13,7 @@ psutil = pytest.importorskip("psutil", reason="pip install 'fasbody[dev]'")
 
 from page_client import WAIT, ask, documents, leave  # noqa: E402
 from typer.testing import CliRunner  # noqa: E402
-from viewer import viewer  # noqa: E402
+from viewer import save, viewer  # noqa: E402
 
 from fasbody.exceptions import FasError  # noqa: E402
 from fasbody.recording.study import BUNDLED  # noqa: E402
@@ -45,7 +45,7 @@ def test_without_a_model_a_copy_to_edit_is_opened(tmp_path: Path) -> None:
     async def client(url: str) -> None:
         socket = await ask(url, 1)
         assert (await documents(socket, "motion"))["feet"]["a"]["ratio"] > 0
-        own.write_text(own.read_text().replace('data="N/m | 1e4 | 3e6', 'data="N/m | 2e4 | 3e6'))
+        save(own, own.read_text().replace('data="N/m | 1e4 | 3e6', 'data="N/m | 2e4 | 3e6'))
         assert (await documents(socket, "model"))["parameters"][0]["lower"] == 2e4
         await leave(socket)
 
@@ -86,7 +86,7 @@ def test_closed_browser_ends_the_command_that_opened_it(starting: int) -> None:
         await leave(second)
 
     opener = f"{sys.executable} -c 'import time; time.sleep({starting})' %s"
-    with viewer("--model", "two_dof", opener=opener, grace_s=3.0) as (url, process):
+    with viewer("--model", "two_dof", opener=opener, grace_s=6.0) as (url, process):
         asyncio.run(client(url))
         assert process.wait(WAIT) == 0
 

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
-from viewer import Watched, browser, served
+from viewer import Watched, browser, save, served
 
 import mjcf
 
@@ -150,10 +150,10 @@ def test_included_file_is_watched(opened: Any, tmp_path: Path) -> None:
     shutil.copy(main, tmp_path / "kept.xml")
     with served("--model", str(main), "--watch", "--compare", str(main)) as url:
         page = Watched(opened, url)
-        part.write_text(part.read_text().replace("N/m | 3e3 | 1e6", "N/m | 4e3 | 1e6"))
+        save(part, part.read_text().replace("N/m | 3e3 | 1e6", "N/m | 4e3 | 1e6"))
         page.until("model.parameters.find(p => p.name === 'k_F').lower === 4000 && motion")
         before = page("motion.feet.b.ratio")
-        main.write_text(main.read_text().replace('stiffness="1.0e5"', 'stiffness="2.0e5"'))
+        save(main, main.read_text().replace('stiffness="1.0e5"', 'stiffness="2.0e5"'))
         page.until(f"motion && Math.abs(motion.feet.b.ratio - {before}) > 1e-3")
         assert page("motion.feet.a.ratio") == page("motion.feet.b.ratio")
         assert page.complaints == []

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from viewer import HIDE, Watched, bone_share, browser, changed_share, served
+from viewer import HIDE, Watched, bone_share, browser, changed_share, save, served
 
 import mjcf
 from fasbody.foot.model import load
@@ -171,7 +171,7 @@ def test_edited_model_reloads_and_a_broken_one_is_told(opened: Any, tmp_path: Pa
         before = page("motion.feet.a.ratio")
 
         line = 1 + good[: good.index('<joint name="fat_pad"')].count("\n")
-        file.write_text(good.replace('<joint name="fat_pad"', '<join name="fat_pad"'))
+        save(file, good.replace('<joint name="fat_pad"', '<join name="fat_pad"'))
         page.until("!document.getElementById('error').hidden")
         text = page("document.getElementById('error').textContent")
         assert f"line {line}" in text
@@ -183,7 +183,7 @@ def test_edited_model_reloads_and_a_broken_one_is_told(opened: Any, tmp_path: Pa
         page.page.locator("#frequency").fill("25")
         page.until("Math.abs(motion.feet.a.duration - 1 / 25) < 1e-9 && !busy")
 
-        file.write_text(good.replace('stiffness="1.0e5"', 'stiffness="2.0e5"'))
+        save(file, good.replace('stiffness="1.0e5"', 'stiffness="2.0e5"'))
         page.until("document.getElementById('error').hidden && motion")
         page.until(f"motion && Math.abs(motion.feet.a.ratio - {before}) > 1e-3")
         expected = periodic_motion(load(file), Settings(25.0)).ratio

@@ -149,6 +149,16 @@ class Watched:
             assert time.monotonic() < end, f"never true: {condition}; {self.complaints}"
             time.sleep(0.05)
 
+    def resize(self, width: int, height: int) -> None:
+        """Another size of the window, and wait until everything on the page has taken it up."""
+        self.page.set_viewport_size({"width": width, "height": height})
+        self.until(f"innerWidth === {width} && innerHeight === {height}")
+        self.settle()
+
+    def settle(self) -> None:
+        """Wait for two pictures: before each of them the browser tells the page's parts of their new sizes."""
+        self("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
     def canvas(self) -> np.ndarray:
         """The drawn canvas as (height, width, 3) integers."""
         from PIL import Image
@@ -163,6 +173,13 @@ class Watched:
     def height(self, segment: str) -> float:
         """Height of a segment of the first foot in the scene [dm]."""
         return float(self(f"stage.feet.a.segments.find(s => s.name === '{segment}').node.position.y"))
+
+
+def save(file: Path, text: str) -> None:
+    """As editors do: there whole or not at all, however busy the machine."""
+    spare = file.with_name(f".{file.name}.new")
+    spare.write_text(text)
+    spare.replace(file)
 
 
 def bone_share(picture: np.ndarray) -> float:

@@ -252,4 +252,4 @@ class Generator:
                 with contextlib.suppress(OSError):
                     self._guard.stdin.close()
                 with contextlib.suppress(subprocess.TimeoutExpired):
-                    self._guard.wait(10.0)
+                    self._guard.wait(60.0)  # it may still be starting on a busy computer

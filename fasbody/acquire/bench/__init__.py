@@ -17,7 +17,7 @@ from fasbody.exceptions import AcquisitionError
 
 #: The folder of a bench begins so; its processes remove it if whoever started them is gone.
 FOLDER = "fas_bench_"
-_STARTS_WITHIN_S = 60.0
+_STARTS_WITHIN_S = 300.0
 
 
 class Bench:
