@@ -3,11 +3,12 @@
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
-from viewer import browser
+from viewer import PATIENCE, browser
 
 from docs import DOCUMENTS, ROOT, anchors, links, mentioned_files
 
@@ -87,6 +88,14 @@ def test_a_load_from_outside_would_be_found() -> None:
     assert not any(re.search(load, '<a href="https://a.b">') for load in LOADS)
 
 
+def until(page: Any, condition: str, otherwise: str) -> None:
+    """Wait for what a busy browser does late."""
+    end = time.monotonic() + PATIENCE
+    while not page.evaluate(condition):
+        assert time.monotonic() < end, otherwise
+        time.sleep(0.05)
+
+
 #: Pages of every kind: the first one, formulas, wide tables, rows with a filter, the reference, pictures.
 LOOKED_AT = ("index", "equations", "benchmarks", "reproduction", "python_fit_a_foot", "examples", "credibility")
 
@@ -94,6 +103,7 @@ LOOKED_AT = ("index", "equations", "benchmarks", "reproduction", "python_fit_a_f
 def pages_have_navigation_and_fit_at_every_width(site: Path, page: Any) -> None:
     """In a browser: a way to other pages is seen, nothing is wider than the window or comes from elsewhere."""
     asked, complaints = [], []
+    page.set_default_timeout(1000 * PATIENCE)
     page.on("request", lambda request: asked.append(request.url))
     page.on("pageerror", lambda error: complaints.append(str(error)))
     for name in LOOKED_AT:
@@ -101,9 +111,8 @@ def pages_have_navigation_and_fit_at_every_width(site: Path, page: Any) -> None:
         page.goto((site / f"{name}.html").as_uri())
         for width in (1400, 800, 420):
             page.set_viewport_size({"width": width, "height": 900})
-            wide = page.evaluate("document.documentElement.scrollWidth")
-            assert wide <= width, f"{name} is {wide} px wide in a window of {width}"
-            assert page.evaluate(WAYS), f"{name} shows no navigation at {width} px"
+            until(page, f"document.documentElement.scrollWidth <= {width}", f"{name} is wider than {width} px")
+            until(page, WAYS, f"{name} shows no navigation at {width} px")
         height = page.evaluate("document.documentElement.scrollHeight")  # at 420 px, where it is tallest
         assert name != "reproduction" or height < 15_000, f"reproduction is {height} px tall"
     page.locator("label.md-header__button[for=__drawer]").click()  # what the narrow pages show opens the navigation
@@ -113,7 +122,7 @@ def pages_have_navigation_and_fit_at_every_width(site: Path, page: Any) -> None:
     for width in (420, 1400):  # a wide figure scrolls rather than shrink beyond reading
         page.set_viewport_size({"width": width, "height": 900})
         widths = "[...document.querySelectorAll('.md-content p > img')].map(i => i.getBoundingClientRect().width)"
-        assert min(page.evaluate(widths)) > 700
+        until(page, f"Math.min(...{widths}) > 700", f"a figure is narrow at {width} px")
 
     page.goto((site / "equations.html").as_uri())
     assert page.evaluate("document.fonts.ready.then(() => document.fonts.check('16px \"Fasbody Formulas\"'))")
@@ -127,7 +136,7 @@ def pages_have_navigation_and_fit_at_every_width(site: Path, page: Any) -> None:
     every = page.evaluate(shown)
     for wanted in ("Eq. 2.5", "Eq. 4.28"):  # the second is in a row of 4.26-4.29
         page.get_by_placeholder("Search the rows").fill(wanted)
-        assert 0 < page.evaluate(shown) < every / 10, wanted
+        until(page, f"0 < {shown} && {shown} < {every / 10}", f"{wanted} is found nowhere, or in many rows")
     heights = "[...document.querySelectorAll('.rows .md-typeset__scrollwrap')].map(t => t.offsetHeight)"
     assert all(height == 0 or height > 40 for height in page.evaluate(heights))  # no frames without rows
     page.goto((site / "index.html").as_uri())
