@@ -159,7 +159,7 @@ def lost(
     foot: Foot, space: SearchSpace, descents: Sequence[Descent], recordings: Sequence[Recording]
 ) -> SimulationError:
     """What to raise where no start came to a steady motion: a unit in doubt is the likeliest reason."""
-    if doubt := unit_in_doubt(recordings):
+    if doubt := unit_in_doubt(r.warnings for r in recordings):
         return SimulationError(f"{doubt} As it is, none of {len(descents)} starts of {foot.name} has a steady motion.")
     first = descents[0]
     values = dict(zip(space.names, first.theta0, strict=False))  # a delay comes last

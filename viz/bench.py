@@ -24,7 +24,7 @@ import mjcf
 from fasbody.console import write_whole
 from fasbody.exceptions import FasError, SettingError
 from fasbody.foot.model import Foot
-from fasbody.recording.checks import understood
+from fasbody.recording.checks import judged, unit_in_doubt
 from fasbody.recording.files import TEXTS
 from fasbody.recording.formats import READ, ending
 from fasbody.recording.recording import Recording
@@ -246,7 +246,7 @@ class Bench:
         except FasError as error:
             row["unread"] = self.words(str(error))
         else:
-            found = understood(recording)
+            found = judged(recording)
             condition = recording.condition
             row |= {
                 key: found.get(key) for key in ("problem", "warnings", "frequency_hz", "samples", "rate_hz", "seconds")
@@ -448,16 +448,15 @@ class Bench:
             self.told({"type": "reported"})
         elif kind == "problem":
             of = document.get("of", "")
-            text = self.words(document["text"])
-            self._failed(text + ("" if of == "report" or "check its unit" in text else self._units()), of)
+            text, doubt = self.words(document["text"]), "" if of == "report" else self._unit_in_doubt()
+            self._failed(text if doubt in text else f"{text} {doubt}", of)
         elif kind == "ended" and self._worker is not None and not self._worker.alive and self._waited_for:
             self._failed("the fitting process was ended by the system; memory may be short.")
 
-    def _units(self) -> str:
-        """What the checks said of a unit in what was asked for, where a failed question does not say it itself."""
-        rows = [self._rows[number] for number in (self._asked.sources if self._asked else ()) if number in self._rows]
-        told = [text for row in rows for text in row["warnings"] if text.endswith("check its unit.")]
-        return f" {told[0]}" if told else ""
+    def _unit_in_doubt(self) -> str:
+        """What the checks say of the units of the recordings that were asked about."""
+        asked = self._asked.sources if self._asked else ()
+        return unit_in_doubt(self._rows[number]["warnings"] for number in asked if number in self._rows)
 
     def _failed(self, sentence: str, of: str = "") -> None:
         """Say that a fit or a report failed; without `of`, whatever was waited for. The other one goes on."""

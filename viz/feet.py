@@ -9,6 +9,7 @@ import numpy as np
 
 from fasbody.exceptions import FasError, SimulationError
 from fasbody.foot.model import Foot
+from fasbody.recording.checks import judged, unit_in_doubt
 from identification.blackbox.criteria import fit_percent
 from identification.engines.twin import twin_applies
 from viz import live as sliders
@@ -28,8 +29,6 @@ MODEL, OTHER, MEASURED = "a", "b", "measured"
 RINGS = {MODEL: "#ffb454", OTHER: "#6cb6ff", MEASURED: "#7ee0a1"}
 #: Half the height of the slice of the shank that a ring goes around, its gap to that, and its thickness [m].
 SLICE, GAP, THICK = 0.004, 0.006, 0.0022
-#: Base acceleration that no shaker gives to a foot [m/s^2]; where nothing is stable under it, a unit is wrong.
-STRONG = 200.0
 _STILL = Frame(np.zeros(3), np.array([1.0, 0, 0, 0]))
 
 
@@ -277,13 +276,10 @@ class Show:
             return self._motions(settings)
         except SimulationError as error:
             recording = self.excitation.recording
-            peak = 0.0 if recording is None else float(np.ptp(recording.base_m_s2)) / 2
-            if recording is None or peak < STRONG:
+            doubt = "" if recording is None else unit_in_doubt([judged(recording)["warnings"]])
+            if not doubt:
                 raise
-            raise SimulationError(
-                f"{recording.file}: its base moves with {peak:.3g} m/s^2, and no motion of {self.feet[MODEL].name} "
-                "lasts under that; check its unit."
-            ) from error
+            raise SimulationError(f"{doubt} As it is, no motion of {self.feet[MODEL].name} lasts.") from error
 
     def _motions(self, settings: Settings) -> dict[str, Motion]:
         shown, excitation = {}, self.excitation

@@ -1,7 +1,7 @@
 """Is a recording fit for identification? Each problem gets one sentence: the file, the place and the remedy."""
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any
@@ -118,9 +118,13 @@ def gathered(texts: Sequence[str]) -> list[str]:
     return [first if text == like_g[0] else text for text in texts if text == like_g[0] or text not in like_g]
 
 
-def unit_in_doubt(recordings: Sequence[Recording]) -> str:
-    """That the values of checked recordings seem to have another unit, in a sentence; nothing where they do not."""
-    doubts = [[text for text in r.warnings if text.endswith((f"{_IN_G}.", f"{_UNIT}."))] for r in recordings]
+def unit_in_doubt(warnings: Iterable[Sequence[str]]) -> str:
+    """That the values of recordings seem to have another unit, in a sentence; nothing where they do not.
+
+    Args:
+        warnings: of the checks, for each recording.
+    """
+    doubts = [[text for text in texts if text.endswith((f"{_IN_G}.", f"{_UNIT}."))] for texts in warnings]
     first, *others = [texts[-1] for texts in doubts if texts] or [""]
     return f"{first} The same in {len(others)} more recordings." if len(others) > 1 else first
 
@@ -148,8 +152,8 @@ def quality_of(recording: Recording, frequency_hz: float | None) -> Quality:
     return quality(recording.time_s, channels, frequency_hz)
 
 
-def understood(recording: Recording) -> dict[str, Any]:
-    """Length, rate, excitation, level and quality of each channel; the problem, if any, and the warnings."""
+def judged(recording: Recording) -> dict[str, Any]:
+    """Length, rate and excitation; the problem, if any, and the warnings."""
     row: dict[str, Any] = {"file": recording.file, "problem": "", "warnings": []}
     try:
         good = checked(recording)
@@ -157,11 +161,17 @@ def understood(recording: Recording) -> dict[str, Any]:
         row["frequency_hz"] = good.condition.frequency_hz
     except RecordingError as error:
         row["problem"] = str(error)
-        good = recording
     t = recording.time_s
     row |= {"samples": t.size, "origin": recording.origin}
     if t.size > 1 and np.isfinite(t).all() and t[-1] > t[0]:
         row |= {"rate_hz": recording.rate_hz, "seconds": float(t[-1] - t[0])}
+    return row
+
+
+def understood(recording: Recording) -> dict[str, Any]:
+    """The same, with level and quality of each channel."""
+    row = judged(recording)
+    good = recording if row["problem"] else checked(recording)
     row["rms_m_s2"] = {
         name.removesuffix("_m_s2"): float(np.std(values)) for name, values in good.channels.items() if name != "time_s"
     }

@@ -90,18 +90,20 @@ def find_frequency(time_s: np.ndarray, signal: np.ndarray) -> float:
     spectrum = np.abs(np.fft.rfft(signal * np.hanning(signal.size), 4 * signal.size))
     lowest = int(np.ceil(4 * signal.size * 0.5 / rate))
     peak = (lowest + int(np.argmax(spectrum[lowest:]))) * rate / (4 * signal.size)
-    f = peak
+    f, passed = peak, time_s - time_s.mean()  # from the middle, where phase and frequency hardly share an error
+    half = 0.5 * (time_s[-1] - time_s[0])
     for _ in range(20):  # Gauss-Newton on amplitude, phase and frequency
-        wt = 2 * np.pi * f * time_s
+        wt = 2 * np.pi * f * passed
         cos, sin = np.cos(wt), np.sin(wt)
         P = np.column_stack([np.ones_like(wt), cos, sin])
         c = _Basis(P).solve(signal)
-        slope = 2 * np.pi * time_s * (c[2] * cos - c[1] * sin)
-        full = _Basis(np.column_stack([P, slope])).solve(signal)
-        f += full[3]
+        size = np.hypot(c[1], c[2]) or 1.0
+        slope = passed / half * (c[2] * cos - c[1] * sin) / size
+        step = _Basis(np.column_stack([P, slope])).solve(signal)[3] / (2 * np.pi * half * size)
+        f += step
         if not 0.5 * peak < f < 2 * peak:
             return float(peak)
-        if abs(full[3]) < 1e-9 * peak:
+        if abs(step) < 1e-9 * peak:
             break
     return float(f)
 
