@@ -5,6 +5,7 @@ Everything here is what a script could do: files are read by `fasbody`, judged b
 """
 
 import hashlib
+import importlib
 import io
 import math
 import re
@@ -138,6 +139,12 @@ class Bench:
             self._worker.stop()
         self._folder.cleanup()
 
+    @staticmethod
+    def prepare() -> None:
+        """Load what the first long recording would wait for."""
+        importlib.import_module("pandas")
+        importlib.import_module("scipy.signal")
+
     def documents(self) -> list[Document]:
         """What a page that opens now has to know."""
         return [self.document(), self.models(), self.progress(), *self._results_of_model()]
@@ -219,6 +226,7 @@ class Bench:
     def _add(self, fresh: list[Source]) -> list[Document]:
         if not fresh:
             raise SettingError("none of these files is a recording; drop a .csv, or any format of the readers.")
+        self._ready()  # loads the solver while the recordings are read
         known, shown = {(s.folder, s.file): number for number, s in self.sources.items()}, False
         for source in fresh:
             number = known.get((source.folder, source.file), self._given_ids)
@@ -229,11 +237,9 @@ class Bench:
             if not shown and not row["unread"] and not row["problem"]:
                 documents, shown = self.use(number), True
                 if len(fresh) == 1:
-                    self._ready()
                     return documents
                 for document in documents:  # the foot moves while the others are read
                     self.told(document)
-        self._ready()
         return [self.document()]
 
     def _row(self, number: int) -> Document:

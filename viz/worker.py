@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any, TextIO
 
 from fasbody.recording.sources import together
@@ -73,24 +74,32 @@ def job(sources: list[Source], model: str, values: Mapping[str, float], settings
 
 
 def serve(jobs: TextIO, answers: TextIO) -> None:
-    """The process: make ready, then do what each line says."""
+    """The process: make ready, then do what each line says. What is asked for meanwhile need not wait for all of it."""
+    waiting: SimpleQueue[str] = SimpleQueue()
+    threading.Thread(target=_take_in, args=(jobs, waiting), name="jobs", daemon=True).start()
     from fasbody.console import to_json
     from fasbody.exceptions import FasError
-    from identification.report import write
 
     def tell(document: Mapping[str, Any]) -> None:
         answers.write(json.dumps(json.loads(to_json(document))) + "\n")
         answers.flush()
 
-    _warm()
+    import identification.estimate
+
+    if waiting.empty():
+        _rehearse()
     tell({"type": "ready"})
+    if waiting.empty():
+        import identification.report  # noqa: F401  # with the figures, which no fit waits for
     found: Any = None
-    for line in jobs:
+    while line := waiting.get():
         asked = json.loads(line)
         try:
             if asked["do"] == "rivals":
                 _rivals(asked, tell)
             elif asked["do"] == "report":
+                from identification.report import write
+
                 found = found or _fit(asked, lambda document: None)  # the process that fitted was stopped
                 write(found, Path(asked["folder"]), Path("results"))
                 tell({"type": "reported"})
@@ -104,8 +113,15 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
             tell({"type": "problem", "of": asked["do"], "text": text})
 
 
-def _warm() -> None:
-    """Everything that a first fit would wait for: imports, and the compiled code."""
+def _take_in(jobs: TextIO, waiting: "SimpleQueue[str]") -> None:
+    """Take in what is asked for, in a thread of its own; an empty line is the end."""
+    for line in jobs:
+        waiting.put(line)
+    waiting.put("")
+
+
+def _rehearse() -> None:
+    """A small fit, which loads the compiled code and whatever else the first one would wait for."""
     from fasbody.foot.model import load
     from fasbody.recording.study import BUNDLED, read_file
     from identification.estimate import fit_foot
