@@ -176,7 +176,7 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         page.page.locator("#start_rivals").click()
         page.until("complaints")
         assert "at least three frequencies" in page("complaints")
-        page(f"compared({json.dumps(RIVALS)})")
+        page(f"showRivals({json.dumps(RIVALS)})")
         shown = page("[...byId('rivals').rows].map(r => [r.className, ...[...r.cells].map(c => c.textContent)])")
         assert shown == [["", "rival", "BIC"], ["", "the model", "0"], ["ruled", "linear dampers", "1.6e+05"]]
         assert page("byId('rivals_sentence').textContent") == "The recordings prefer the model."
@@ -188,14 +188,24 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
             "{ file: `${f}hz_${m}.csv`, id: 3 * (m > 0) + f / 10 - 1, "
             "unread: '', problem: '', warnings: [], frequency_hz: f, added_mass_kg: m }"
         )
+        again = (
+            "{ file: 'b/20hz_0b.csv', id: 9, unread: '', problem: '', warnings: [], "
+            "frequency_hz: 20.04, added_mass_kg: 0 }"
+        )
         cells, heads = page(  # at once: the saved model may still come, and clears the fit
-            "() => { bench.found = null; bench.fit = { recordings: [{ file: '20hz_0.csv', fit_percent: 98.7 }] };"
-            f"listData({{ session: bench.session, stale: '', shown: 1, "
-            f"rows: [0, 2.3].flatMap(m => [10, 20, 30].map(f => ({row}))) }});"
+            "() => { bench.found = null; bench.fit = { recordings: ["
+            "{ file: '20hz_0.csv', fit_percent: 98.7 }, { file: 'b/20hz_0b.csv', fit_percent: 97.5 }] };"
+            f"showRecordings({{ session: bench.session, stale: '', shown: 1, "
+            f"rows: [...[0, 2.3].flatMap(m => [10, 20, 30].map(f => ({row}))), {again}] }});"
             "return ['td button', 'th'].map(q => [...byId('matrix').querySelectorAll(q)].map(b => b.textContent)); }"
         )
-        assert cells == ["·", "99", "·", "·", "·", "·"]
-        assert heads == ["Hz", "10", "20", "30", "no load", "+ 2.3 kg"]
+        assert cells == ["·", "99", "98", "·", "·", "·", "·"]
+        assert heads == ["Hz", "10", "20", "30", "no load", "repeat 2", "+ 2.3 kg"]
+        named = "[...byId('matrix').querySelectorAll('button')].map(b => b.title).filter(t => t.includes('20hz_0'))"
+        assert page(named) == [
+            "20hz_0.csv (1 of 2 at 20 Hz): fit 98.7 %",
+            "b/20hz_0b.csv (2 of 2 at 20.04 Hz): fit 97.5 %",
+        ]
         for width in (1600, 1100, 800, 420):
             page.resize(width, 800)
             assert page(WIDE) <= width
@@ -229,20 +239,37 @@ def test_typed_numbers_are_taken_as_meant_or_a_sentence_says_why_not(opened: Any
             page.page.locator(f"label:has(#parameter_k_F) {place}").click()
             page.page.locator("#parameters input[type=text]").fill(text)
             page.page.keyboard.press("Enter")
-            return str(page("byId('error').textContent"))
+            return said()
+
+        def said(row: str = "k_F") -> str:
+            return str(
+                page(f"[...rows.{row}.querySelectorAll('.remark:not([hidden])')].map(r => r.textContent).join()")
+            )
 
         low, high = page("(p => [p.lower, p.upper])(model.parameters.find(p => p.name === 'k_F'))")
         assert typed("80\u202f000") == "" and page("state.values.k_F") == 80000
         assert "bound" in typed("1e99") and page("state.values.k_F") == high
         page.until("motion && !busy && !wanted")
-        assert "bound" in page("byId('error').textContent")  # the motion that follows does not take it away
+        assert "bound" in said()  # the motion that follows does not take it away
         assert "bound" in typed("-5") and page("state.values.k_F") == low
         assert "may mean 150000 or 150.000" in typed("150,000") and page("state.values.k_F") == low
-        assert '"abc" is not a number' in typed("abc")
+        assert typed("abc") == '"abc" is not a number.'
+        page("rows.k_T.querySelector('output').click()")  # another field has its own, and takes none away
+        page.page.locator("#parameters input[type=text]").fill("x")
+        page.page.keyboard.press("Enter")
+        assert (said("k_T"), said()) == ('"x" is not a number.', '"abc" is not a number.')
+        page.page.locator("#parameter_k_T").press("ArrowRight")
+        assert (said("k_T"), said()) == ("", '"abc" is not a number.')
+        page("rows.k_T.home()")
+        page.page.locator("label:has(#parameter_k_F) output").click()  # as it was is right, too
+        page.page.keyboard.press("Enter")
+        assert said() == ""
         assert typed("70000") == ""
+        assert page("byId('error').hidden")
         before = []
-        for _ in range(4):  # one step for each that was taken
-            before.append(page("state.values.k_F"))
+        for _ in range(5):  # one step for each that was taken, and one for k_T
+            if page("state.values.k_F") not in before[-1:]:
+                before.append(page("state.values.k_F"))
             page.page.locator("#undo").click()
         assert before == [70000, low, high, 80000] and page("state.values") == {}
 
@@ -250,8 +277,36 @@ def test_typed_numbers_are_taken_as_meant_or_a_sentence_says_why_not(opened: Any
         assert typed("20000", ".ends > :first-child") == ""
         assert page("byId('parameter_k_F').parentElement.querySelector('.ends').textContent").startswith("fit ≥ 20")
         assert page("bench.bounds.k_F") == [20000, high]
-        assert "lower bound below its upper one" in typed("20000", ".ends > :last-child")
+        assert "an upper bound above its lower one" in typed("20000", ".ends > :last-child")
         assert page("bench.bounds.k_F") == [20000, high]
+        assert typed("90000", ".ends > :last-child") == ""
+
+        # a number of the fit, and those of a recording's form, are refused where they stand
+        page(DROP, ["20hz.csv", ONE.read_text()])
+        page.until("model.recorded && motion && !busy")
+        page.page.locator("#starts").fill("0")
+        page.page.locator("#start_fit").click()
+        refused = "[...document.querySelectorAll('aside .remark:not([hidden])')].map(r => r.textContent)"
+        assert page(refused) == ["A fit has 1 to 64 starts."]
+        page.page.locator("#starts").fill("2")
+        assert page(refused) == [] and not page("bench.fitBegan")
+        page.page.get_by_role("button", name="channels, units and masses of 20hz.csv").click()
+        form = page.page.locator("#recordings form")
+        for name, text in (("body_mass_kg", "heavy"), ("rate_hz", "1,000")):
+            form.locator(f"input[name={name}]").fill(text)
+        form.get_by_role("button").click()
+        assert page(refused) == ["1,000 may mean 1000 or 1.000; type one of them.", '"heavy" is not a number.']
+        form.locator("input[name=rate_hz]").fill("")
+        assert page(refused) == ['"heavy" is not a number.']
+        form.locator("input[name=body_mass_kg]").fill("7000")
+        form.get_by_role("button").click()
+        page.until(f"({refused}).length")
+        assert "the body mass is 7000 kg; it must lie between" in page(refused)[0]
+        assert page("[model.recorded, byId('error').hidden]") == [True, True]  # and the recording is as it was
+        form.locator("input[name=body_mass_kg]").fill("70,5")
+        assert page(refused) == []
+        form.get_by_role("button").click()
+        page.until("bench.rows[0].body_mass_kg === 70.5 && motion && !busy")
 
         # the band is where the thumb would be
         page("rows.k_F.set(1e5), rows.k_F.band([9e4, 1.1e5], '')")
@@ -273,12 +328,12 @@ FITTED = {
         "branches": [
             {"name": name, "fit_percent": 99, "values": {"k_T": k}, "delay_s": 0,
              "rows": [
-                 {"name": "k_T", "unit": "N/m", "key": "k_T_n_per_m", "value": k, "known": "not identifiable",
+                 {"name": "k_T", "unit": "N/m", "key": "k_T_n_per_m", "value": k, "known": known,
                   "interval": "10\u202f000 to 10\u202f000\u202f000"},
                  {"name": "delay", "unit": "s", "key": "delay_s", "value": 0,
                   "known": "identified, if the model is true", "interval": "0.000192 ± 0.000012"},
              ]}
-            for name, k in (("stiff ankle", 1.2e5), ("stiff pad", 9e4))
+            for name, k, known in (("stiff ankle", 1.2e5, "not identifiable"), ("stiff pad", 9e4, "identified"))
         ],
         "recordings": [],
     },
@@ -314,7 +369,7 @@ def listed(page: Watched, *files: str, shown: int, **more: Any) -> None:
          "added_mass_kg": 0, "body_mass_kg": 70, **more}
         for k, file in enumerate(files)
     ]  # fmt: skip
-    page("d => listData({ ...d, session: bench.session })", {"rows": rows, "shown": shown, "stale": ""})
+    page("d => showRecordings({ ...d, session: bench.session })", {"rows": rows, "shown": shown, "stale": ""})
 
 
 def test_plots_of_a_fit_follow_the_branch_and_say_whose_they_are(opened: Any, tmp_path: Path) -> None:
@@ -322,10 +377,10 @@ def test_plots_of_a_fit_follow_the_branch_and_say_whose_they_are(opened: Any, tm
         page = Watched(opened, url, (1600, 900))
         files = ["here/20hz.csv", "25hz.csv", "20hz.csv", "35hz.csv"]
         listed(page, *files, shown=1)
-        page("d => fitted(d)", FITTED)
-        titles = "[...['trace', 'left', 'chi'].map(k => bench.plots[k].title), byId('matrix').caption.textContent]"
+        page("d => receiveFit(d)", FITTED)
+        titles = "[...['trace', 'residual', 'chi'].map(k => bench.plots[k].title), byId('matrix').caption.textContent]"
         drawn = (
-            "[bench.plots.trace.series[1].y[2], bench.plots.trace.series[1].label, bench.plots.left.series[0].y[2],"
+            "[bench.plots.trace.series[1].y[2], bench.plots.trace.series[1].label, bench.plots.residual.series[0].y[2],"
             "bench.plots.chi.series[0].y[0], byId('matrix').querySelector('[aria-pressed=true]').textContent]"
         )
         worn = "[plots.pad.series[0].label, plots.ankle.series[0].label, plots.traces.series[1].label]"
@@ -337,6 +392,10 @@ def test_plots_of_a_fit_follow_the_branch_and_say_whose_they_are(opened: Any, tm
             assert page("bench.plots.trace.series[0].y") == [0, 2, 0]
             assert page(drawn) == [left, f"model, {fit}.0 %", -left, chi, str(fit)]
             assert page(worn) == [name, name, f"malleolus · {name}"]
+            known = "identi\u00adfied" if name == "stiff pad" else "not identi\u00adfiable"
+            assert page("[...byId('estimates').rows].map(r => r.lastChild.textContent)")[1] == known
+            assert page("byId('estimates').querySelector('.shown').textContent") == name
+            assert page("byId('estimates').querySelector('tr').lastChild.title") == f"of the {name}"
             motions[name] = page("plots.ankle.series[0].y")
         assert motions["stiff ankle"] != motions["stiff pad"]
         listed(page, *files, shown=0)  # not every branch need have a trace
@@ -353,7 +412,7 @@ def test_plots_of_a_fit_follow_the_branch_and_say_whose_they_are(opened: Any, tm
         # the same name in another folder is another recording: none is shown, and a sentence says so
         listed(page, *files, shown=2)
         page("drawTrace()")
-        assert page("[bench.plots.trace.series, bench.plots.left.series]") == [[], []]
+        assert page("[bench.plots.trace.series, bench.plots.residual.series]") == [[], []]
         assert (
             page("[...byId('fit_plots').querySelectorAll('p:not([hidden])')].map(p => p.textContent)")
             == ["20hz.csv is not in this fit."] * 2
@@ -382,6 +441,8 @@ CUT = """() => {
     }
     if (plot.pane.clientHeight < 60) out.push(`${plot.title}: ${plot.pane.clientHeight} px`);
   }
+  for (const strip of document.querySelectorAll("#plots > div:not([hidden])"))
+    if (strip.scrollWidth > strip.clientWidth) out.push(`${strip.id}: ${strip.scrollWidth} px in ${strip.clientWidth}`);
   const ends = byId("found").getBoundingClientRect().right + 1, matrix = byId("matrix");
   const cells = [...byId("estimates").querySelectorAll("th, td")];
   if (cells.length !== 12) out.push(`${cells.length} estimates`);
@@ -395,8 +456,8 @@ def test_no_legend_column_or_point_is_cut(opened: Any, tmp_path: Path) -> None:
     with served("--model", "two_dof", folder=tmp_path) as url:
         page = Watched(opened, url, (1600, 900))
         listed(page, *(f"{k}.csv" for k in range(9)), shown=1, subject="16", added_mass_kg=2.3)
-        page("d => fitted(d)", FITTED)
-        for width in (1600, 1100, 800, 420):
+        page("d => receiveFit(d)", FITTED)
+        for width in (1600, 1400, 1100, 1024, 800, 420):
             page.resize(width, 900)
             for pane in ("fit", "motion"):
                 page(f"tab('{pane}')")
@@ -442,7 +503,7 @@ def test_recording_with_warnings_is_marked_while_another_is_shown(opened: Any, t
         page.until("motion && !model.recorded && plots.pad.series.length")
 
         # a command that was started again has nothing of what is here
-        page("listData({ session: 'another', rows: [], shown: -1, stale: '' })")
+        page("showRecordings({ session: 'another', rows: [], shown: -1, stale: '' })")
         assert page("[ticked(), bench.rows]") == [[], []]
         assert "recordings, ticks and fits of before are gone" in page("byId('error').textContent")
         assert page.complaints == []

@@ -10,6 +10,7 @@ from typing import Any
 
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.recording.channels import Layout
+from fasbody.recording.condition import plausible
 from fasbody.recording.csv import headings
 from fasbody.recording.files import TEXTS, beside
 from fasbody.recording.formats import ending
@@ -85,7 +86,7 @@ class Source:
         """The same with what the page's form says.
 
         Raises:
-            SettingError: it says what cannot be.
+            SettingError: it says what cannot be. RecordingError: a mass is not a plausible number.
         """
         channels: dict[str, dict[str, Any]] = {}
         for name, table in dict(said.get("channels") or {}).items():
@@ -100,6 +101,9 @@ class Source:
                 channels[name] = told
         numbers = {key: _said(key, said[key], float) for key in ("rate_hz", "body_mass_kg", "added_mass_kg")
                    if said.get(key) not in ("", None)}  # fmt: skip
+        for name in ("body", "added"):
+            if f"{name}_mass_kg" in numbers:
+                plausible(numbers[f"{name}_mass_kg"], name, self.file)
         return Source(self.file, self.folder, channels, **numbers)
 
 

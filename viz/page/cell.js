@@ -31,9 +31,9 @@ function buildControls() {
   const looks = rowIn(picture);
   meshButton = button(looks, "Mesh", () => showLines(!state.lines), "M");
   meshButton.setAttribute("aria-pressed", state.lines);
-  taking(stage, () => `${(cell.body || "cell").replace(/\.\w+$/, "").replace(/\W+/g, "_")}-mode-${state.mode}`, {
+  takeAwaySection(stage, () => `${(cell.body || "cell").replace(/\.\w+$/, "").replace(/\W+/g, "_")}-mode-${state.mode}`, {
     page: !window.EXPORTED && (() => save("/take", "cell.html")),
-    film: () => ({ ...pace(length() * state.slow, true), drawAt: showAt }),
+    film: () => ({ ...filmPlan(length() * state.slow, true), drawAt: showAt }),
     scene: () => ({ keys: KEYS, seconds: length() * state.slow, periodic: true, unit: (cell.body ? 1e-6 : 1e-3) / cell.scale,
       pose: share => { time = share * length(); pose(); } }),
   });
@@ -150,7 +150,7 @@ function legend() {
   box.append(inner);
 }
 
-function report() {
+function tellState() {
   const mode = chosen(), error = mode.error === null ? "" : ` ± ${(100 * mode.error).toFixed(2)} %`;
   const share = mode.nucleus_share === null ? "" : `nucleus ${(100 * mode.nucleus_share).toFixed(1)} % of the kinetic energy`;
   tell([cell.title, `mode ${state.mode} of ${cell.modes.length}: ${mode.label}, ${hertz(mode.hz)}${error}`, share, `${number(+state.slow.toPrecision(3))}× slower`]);
@@ -163,7 +163,7 @@ function showAt(share) {
   play(false);
   time = share * length();
   pose();
-  report();
+  tellState();
   stage.render();
 }
 
@@ -175,7 +175,7 @@ function tick(now) {
   if (!cell || !parts.length) return;
   const started = performance.now();
   if (playing) time += passed / state.slow;
-  if (playing || fresh) { pose(); report(); }
+  if (playing || fresh) { pose(); tellState(); }
   fresh = false;
   if (stage.viewer.needs_render) stage.render();
   stats.frames += 1;

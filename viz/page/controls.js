@@ -3,11 +3,12 @@
 const byId = id => document.getElementById(id);
 
 // A slider's row. Where its thumb is within half a step of `nominal` the value is exactly that; a double click or the
-// row's ↺ takes it there. `changed` gets each value that the user chooses.
+// row's ↺ takes it there. `changed` gets each value that the user chooses. What was wrong with a typed number stands in
+// the row, and goes when it is another one.
 function slider(parent, key, label, unit, low, high, value, changed, { log = false, step = 0, hint = "", nominal = value, ends = false, fitted = null } = {}) {
   const row = document.createElement("label");
   row.innerHTML = "<span></span><button type=button class=back>↺</button><output tabindex=0 role=button></output><input type=range><i class=band hidden></i><small class=ends hidden><span></span><em></em><span></span></small>";
-  const [name, back, shown, input, band, bounds] = row.children;
+  const [name, back, shown, input, band, bounds] = row.children, remarkValue = remarkIn(row, shown);
   bounds.hidden = !ends;
   [bounds.firstChild.textContent, bounds.lastChild.textContent] = [number(low), number(high)];
   row.beside = text => { bounds.children[1].textContent = text; };
@@ -27,13 +28,14 @@ function slider(parent, key, label, unit, low, high, value, changed, { log = fal
     input.setAttribute("aria-valuetext", `${number(v)} ${unit}`);
     row.classList.toggle("moved", v !== nominal);
   };
-  row.set = v => { row.value = v; input.value = toInput(v); write(v); };
-  row.home = () => { note(""); row.set(nominal); changed(nominal); };
-  input.oninput = () => { if (noted) note(""); const v = snapped(+input.value); row.value = v; write(v); changed(v); };
+  row.remark = remarkValue;
+  row.set = v => { if (v !== row.value) remarkValue(""); row.value = v; input.value = toInput(v); write(v); };
+  row.home = () => { remarkValue(""); row.set(nominal); changed(nominal); };
+  input.oninput = () => { remarkValue(""); const v = snapped(+input.value); row.value = v; write(v); changed(v); };
   row.ondblclick = back.onclick = event => { event.preventDefault(); row.home(); };
   shown.title = "click to type a value";
-  const inside = v => Math.min(high, Math.max(low, v)), bound = v => `${label}: ${number(v)} ${unit} was typed, and ${number(inside(v))} ${unit} is the bound.`;
-  editable(shown, label, () => row.value, v => { row.set(inside(v)); changed(inside(v), true); return inside(v) === v ? "" : bound(v); });
+  const inside = v => Math.min(high, Math.max(low, v)), bound = v => `${v > high ? "Above" : "Below"} the bound; ${number(inside(v))} ${unit} is taken.`;
+  editable(shown, remarkValue, () => row.value, v => { row.set(inside(v)); changed(inside(v), true); return inside(v) === v ? "" : bound(v); });
   // The interval of a fit, as a band along the slider.
   row.band = (limits, text = "") => {
     band.hidden = !limits;
@@ -51,7 +53,7 @@ function slider(parent, key, label, unit, low, high, value, changed, { log = fal
     name.prepend(free);
     const limits = [...fitted.bounds], both = [bounds.firstChild, bounds.lastChild];
     // The slider keeps its scale; bounds that are narrower say that they are those of the fit.
-    const ends_ = () => both.forEach((end, k) => {
+    const writeBounds = () => both.forEach((end, k) => {
       const own = limits[k] === [low, high][k];
       end.textContent = own ? number(limits[k]) : `fit ${k ? "≤" : "≥"} ${number(limits[k])}`;
       end.classList.toggle("narrowed", !own);
@@ -60,15 +62,15 @@ function slider(parent, key, label, unit, low, high, value, changed, { log = fal
       end.title = "bound of the fit; click to type another";
       end.tabIndex = 0;
       end.setAttribute("role", "button");
-      editable(end, `bound of ${label}`, () => limits[k], v => {
-        if (k ? inside(v) <= limits[0] : inside(v) >= limits[1]) return `${label}: a fit needs a lower bound below its upper one; ${number(v)} is not taken.`;
+      editable(end, remarkIn(row, end), () => limits[k], v => {
+        if (k ? inside(v) <= limits[0] : inside(v) >= limits[1]) return `Not taken; a fit needs ${k ? "an upper bound above its lower one" : "a lower bound below its upper one"}.`;
         limits[k] = inside(v);
-        ends_();
+        writeBounds();
         fitted.bound(...limits);
         return inside(v) === v ? "" : bound(v);
       });
     });
-    ends_();
+    writeBounds();
   }
   row.set(value);
   parent.append(row);
@@ -88,8 +90,8 @@ function typedNumber(text) {
 }
 
 // A number that becomes a field when it is clicked, or reached and entered; Enter takes it, Escape leaves it. `taken`
-// answers with a sentence where it could not be taken as typed.
-function editable(shown, label, value, taken) {
+// answers with a sentence where it could not be taken as typed, which `remark` shows.
+function editable(shown, remark, value, taken) {
   const open = event => {
     if (shown.querySelector("input")) return;
     event.preventDefault();
@@ -102,7 +104,8 @@ function editable(shown, label, value, taken) {
       const v = typedNumber(field.value);
       field.onblur = null;
       shown.textContent = text;
-      if (keep && field.value !== was && field.value.trim()) note(typeof v === "number" ? taken(v) : `${label}: ${v}`);
+      const another = keep && field.value !== was && field.value.trim();
+      remark(!another ? "" : typeof v === "number" ? taken(v) : v);
       shown.focus();
     };
     field.onkeydown = e => { e.stopPropagation(); if (e.key === "Enter") { e.preventDefault(); close(true); } else if (e.key === "Escape") close(false); };
@@ -133,14 +136,22 @@ function rowIn(parent) {
   return row;
 }
 
-let said = "", noted = "";
 function say(text) {
-  said = text || "";
-  byId("error").textContent = [said, noted].filter(Boolean).join("\n");
-  byId("error").hidden = !(said || noted);
+  byId("error").textContent = text || "";
+  byId("error").hidden = !text;
 }
-// What was wrong with a number that was typed; it stays until the next one is typed or a slider is moved.
-function note(text) { noted = text || ""; say(said); }
+
+// A line for one sentence on one field, at the end of what holds it; the function that writes it, and takes it away.
+function remarkIn(box, field) {
+  const line = Object.assign(document.createElement("small"), { className: "remark", hidden: true });
+  line.setAttribute("role", "alert");
+  box.append(line);
+  return text => {
+    line.textContent = text;
+    line.hidden = !text;
+    field.classList.toggle("refused", Boolean(text));
+  };
+}
 
 // The line under the title breaks between its parts, not within them.
 function tell(parts) {

@@ -6,7 +6,7 @@ const editor = { view: null, name: "", file: "", text: "", digest: "", theirs: n
 const typedText = () => (editor.view ? editor.view.state.doc.toString() : editor.text);
 
 // What is shown was typed, here or in another page, and is in no file: its name says so.
-function drafted(on) {
+function markDraft(on) {
   bench.draft = on;
   for (const option of byId("model_choice").options) option.textContent = option.value.split("/").pop() + (on && option.selected ? " (draft, not saved)" : "");
   fresh = true;
@@ -16,7 +16,7 @@ function listModels({ names, now, file, copy, text, digest, draft: shownDraft })
   const select = byId("model_choice"), known = names.includes(now) ? names : [...names, now];
   select.replaceChildren(...known.map(name => element("option", name.split("/").pop(), { value: name, title: name })));
   select.value = now;
-  drafted(shownDraft);
+  markDraft(shownDraft);
   byId("save_model").title = file ? `to ${file}` : `to ${copy}, a copy in the folder that the command was started in`;
   const mine = typedText(), unsaved = mine !== editor.text;
   if (now !== editor.name) {
@@ -24,20 +24,20 @@ function listModels({ names, now, file, copy, text, digest, draft: shownDraft })
     const draft = editor.drafts.get(now);
     editor.drafts.delete(now);
     Object.assign(editor, { name: now, file, text, digest });
-    differ(draft && draft.digest !== digest ? { text, digest } : null);
-    put(draft ? draft.text : text);
+    showConflict(draft && draft.digest !== digest ? { text, digest } : null);
+    replaceText(draft ? draft.text : text);
     byId("editor_state").textContent = "";
-    if (draft) typed();
+    if (draft) checkSoon();
   } else if (digest !== editor.digest) {  // by another program, or another page
-    if (unsaved && mine !== text) { differ({ text, digest }); return; }
+    if (unsaved && mine !== text) { showConflict({ text, digest }); return; }
     Object.assign(editor, { text, digest });
-    differ(null);
-    put(text);
+    showConflict(null);
+    replaceText(text);
   }
 }
 
 // The text in the editor, without a check of what the server has just sent.
-function put(text) {
+function replaceText(text) {
   if (!editor.view || typedText() === text) return;
   editor.quiet = true;
   editor.view.dispatch({ changes: { from: 0, to: editor.view.state.doc.length, insert: text } });
@@ -46,16 +46,16 @@ function put(text) {
 }
 
 // The file has another text than the one that was opened, and this page has one that is not saved: somebody must choose.
-function differ(theirs) {
+function showConflict(theirs) {
   editor.theirs = theirs;
   byId("conflict").hidden = !theirs;
   byId("save_model").disabled = Boolean(theirs);
   if (theirs) byId("conflict").firstChild.textContent = `${editor.name.split("/").pop()} was changed by another program, and this text is not saved.`;
 }
-function settle(text) {
+function resolveConflict(text) {
   Object.assign(editor, editor.theirs);
-  differ(null);
-  put(text);
+  showConflict(null);
+  replaceText(text);
   tellServer("check", { text });
 }
 
@@ -75,7 +75,7 @@ function openEditor() {
       extensions: [
         CM.lineNumbers(), CM.history(), CM.drawSelection(), CM.bracketMatching(), CM.highlightActiveLine(), CM.xml(), CM.syntaxHighlighting(tint), CM.lintGutter(), CM.search({ top: true }),
         CM.keymap.of([{ key: "Mod-s", preventDefault: true, run: () => { saveModel(); return true; } }, ...CM.defaultKeymap, ...CM.historyKeymap, ...CM.searchKeymap]),
-        CM.EditorView.updateListener.of(update => { if (update.docChanged && !editor.quiet) typed(); }),
+        CM.EditorView.updateListener.of(update => { if (update.docChanged && !editor.quiet) checkSoon(); }),
         CM.EditorView.contentAttributes.of({ "aria-label": "the model's MJCF" }),
         CM.EditorView.theme({}, { dark: true }),
       ],
@@ -85,7 +85,7 @@ function openEditor() {
 }
 
 // A pause in the typing: the server compiles it; a sound model moves at once, and nothing is saved.
-function typed() {
+function checkSoon() {
   clearTimeout(editor.timer);
   editor.timer = setTimeout(() => {
     const text = typedText();
@@ -94,7 +94,7 @@ function typed() {
   }, 250);
 }
 
-function checked({ text, line }) {
+function showCheck({ text, line }) {
   if (!editor.view) return;
   const doc = editor.view.state.doc, at = line && line <= doc.lines ? doc.line(line) : null;
   const changed = doc.toString() !== editor.text;
@@ -111,7 +111,7 @@ function saveModel() {
   byId("editor_state").textContent = "saving";
   tellServer("save", { text: editor.sent, digest: editor.digest });
 }
-function saved({ file, text, digest }) {
+function showSaved({ file, text, digest }) {
   byId("editor_state").textContent = text || `saved to ${file.split("/").pop()}`;
   byId("editor_state").classList.toggle("wrong", Boolean(text));
   if (file) Object.assign(editor, { name: file, file, text: editor.sent, digest });
@@ -120,5 +120,5 @@ function saved({ file, text, digest }) {
 byId("model_choice").onchange = event => tellServer("choose", { name: event.target.value });
 byId("edit_model").onclick = openEditor;
 byId("save_model").onclick = saveModel;
-byId("take_theirs").onclick = () => settle(editor.theirs.text);
-byId("keep_mine").onclick = () => settle(typedText());
+byId("take_theirs").onclick = () => resolveConflict(editor.theirs.text);
+byId("keep_mine").onclick = () => resolveConflict(typedText());

@@ -35,10 +35,10 @@ function buildControls(offered) {
   ride(stage.riding);
   if (model.feet.b) rows.apart = button(looks, "Side by side", () => apart(!stage.apart));
   if (rows.apart) apart(stage.apart, false);
-  taking(stage, () => "foot", {
+  takeAwaySection(stage, () => "foot", {
     page: !window.EXPORTED && KEY ? takeAway : null,
-    film: () => ({ ...pace(length() * s.slow, lead().periodic), drawAt: showAt }),
-    scene: () => ({ keys: KEYS, seconds: length() * s.slow, periodic: lead().periodic, unit: 1 / SCALE,
+    film: () => ({ ...filmPlan(length() * s.slow, firstFoot().periodic), drawAt: showAt }),
+    scene: () => ({ keys: KEYS, seconds: length() * s.slow, periodic: firstFoot().periodic, unit: 1 / SCALE,
       pose: share => { time = share * length(); stage.pose(motion, frame(), stage.gain(motion, state.amplify)); } }),
   });
   if (window.EXPORTED && !(EXPORTED.live && EXPORTED.live.twin)) {
@@ -86,11 +86,12 @@ function undo() {
   for (const p of model.parameters) rows[p.name].set(p.name in state.values ? state.values[p.name] : p.nominal);
   ask();
 }
-byId("undo").onclick = () => { note(""); undo(); };
+byId("undo").onclick = () => { forgetRemarks(); undo(); };
 addEventListener("keydown", event => {
   if ((event.ctrlKey || event.metaKey) && event.key === "z" && !event.target.closest("#editor, input:not([type=range]), textarea")) { event.preventDefault(); undo(); }
 });
-byId("reset").onclick = () => { remember(); state.values = {}; state.delay_s = 0; for (const p of model.parameters) rows[p.name].set(p.nominal); ask(); };
+byId("reset").onclick = () => { forgetRemarks(); remember(); state.values = {}; state.delay_s = 0; for (const p of model.parameters) rows[p.name].set(p.nominal); ask(); };
+function forgetRemarks() { for (const p of model.parameters) if (rows[p.name]) rows[p.name].remark(""); }
 cameras(stage);
 
 function showSkin(shown) { stage.showSkin(shown); rows.skin.setAttribute("aria-pressed", shown); }
@@ -101,7 +102,7 @@ function apart(on, look = true) {
   rows.apart.setAttribute("aria-pressed", on);
   if (look) stage.view(stage.viewed);
 }
-const lead = () => Object.values(motion.feet)[0], length = () => (motion ? lead().duration : 1), stepping = () => lead().frames;
+const firstFoot = () => Object.values(motion.feet)[0], length = () => (motion ? firstFoot().duration : 1), stepping = () => firstFoot().frames;
 
 // ---- the server -----------------------------------------------------------------------------------------------------
 let busy = false, wanted = false;
@@ -122,13 +123,13 @@ function ask() {
 }
 
 function receive(document_) {
-  if (benchReceives(document_)) return;
+  if (workbenchReceives(document_)) return;
   if (document_.type === "model") {
     const first = model === null, other = first || (document_.name !== model.name && !document_.same);
     let offered = other;
     model = document_;
     motion = null;  // of another model
-    if ("draft" in model) drafted(model.draft);
+    if ("draft" in model) markDraft(model.draft);
     stage.setModel(model);
     if (first) { Object.assign(state, model.settings, model.look); offered = !recall(); }
     else if (other) {  // values of the same name are not its own
@@ -150,6 +151,7 @@ function receive(document_) {
     say([broken, complaints].filter(Boolean).join("\n"));
     busy = false;
     ask();
+    setTimeout(() => { if (busy && !motion) tell([model.feet.a.title, model.recorded ? model.excitation : "", "computing the motion"]); }, 300);
   } else if (document_.type === "broken") {  // the model's file: told until it is mended
     broken = document_.text;
     say(broken);
@@ -160,27 +162,30 @@ function receive(document_) {
       fresh = arrived = true;
       stats.motions += 1;
       stats.seconds.push(document_.seconds);
-      say([broken, complaints, stopped(motion.held)].filter(Boolean).join("\n"));
+      say([broken, complaints].filter(Boolean).join("\n"));
+      hold(motion.held);
       stage.pose(motion, frame(), stage.gain(motion, state.amplify));
       stats.posed.push(performance.now() - asked);
-      besides(motion.other);
+      showOtherValues(motion.other);
     } else {
       say([broken, document_.text, complaints].filter(Boolean).join("\n"));
-      if (!motion) rest("no motion to show");
+      if (!motion) showAtRest("no motion to show");
     }
     if (wanted) { wanted = false; ask(); }
   }
 }
 
-// Parameters that a bound has stopped: their sliders go there, and a sentence says so.
-function stopped(held) {
-  const moved = model.parameters.filter(p => p.name in held);
-  for (const { name } of moved) { state.values[name] = held[name]; rows[name].set(held[name]); }
-  return moved.map(p => `${p.name} is held at the bound that the model declares, ${number(held[p.name])} ${p.unit}.`).join("\n");
+// Parameters that a bound has stopped: their sliders go there, and a sentence at each says so.
+function hold(held) {
+  for (const { name, unit } of model.parameters.filter(p => p.name in held)) {
+    state.values[name] = held[name];
+    rows[name].set(held[name]);
+    rows[name].remark(`${name} is held at the bound that the model declares, ${number(held[name])} ${unit}.`);
+  }
 }
 
 // What the compared foot has where it differs.
-function besides(other) {
+function showOtherValues(other) {
   for (const p of model.parameters) if (rows[p.name]) rows[p.name].beside(p.name in other ? `other foot ${number(other[p.name])}` : "");
 }
 
@@ -188,7 +193,7 @@ function besides(other) {
 function forget() { busy = true; motion = null; stage.feet = {}; stage.viewer.delete_path(["meshcat", "foot"]); }
 
 // There is no motion: the feet at rest, and nothing of an earlier motion beside them.
-function rest(sentence) {
+function showAtRest(sentence) {
   const still = ([name, foot]) => [name, { frames: 1, duration: 1, periodic: true, bodies: foot.bodies.flatMap(() => Array(6).fill(0)), loops: {} }];
   stage.pose({ feet: Object.fromEntries(Object.entries(model.feet).map(still)) }, 0, 1);
   tell([model.feet.a.title, model.recorded ? model.excitation : "", sentence]);
@@ -198,50 +203,50 @@ function rest(sentence) {
 }
 
 // ---- drawing --------------------------------------------------------------------------------------------------------
-const FEW = { b: OTHER, measured: SEEN };
-const colourOf = name => FEW[name] || ANKLE, called = name => ({ a: "malleolus", b: "other", measured: "measured" })[name];
+const COLOURS = { b: OTHER, measured: SEEN };
+const colourOf = name => COLOURS[name] || ANKLE, seriesName = name => ({ a: "malleolus", b: "other", measured: "measured" })[name];
 const plots = {
   traces: new Plot(byId("motion_plots"), "acceleration [m/s²]", "time [ms]", "", { wide: true }),
   curve: new Plot(byId("motion_plots"), "transmissibility", "frequency [Hz]", "", { wide: true }),
   pad: new Plot(byId("motion_plots"), "fat pad, force [N]", "compression [mm]", "", { loop: true }),
   ankle: new Plot(byId("motion_plots"), "ankle, force [N]", "compression [mm]", "", { loop: true }),
 };
-const frame = () => { const foot = lead(); return passedShare() * (foot.periodic ? foot.frames : foot.frames - 1); };
+const frame = () => { const foot = firstFoot(); return passedShare() * (foot.periodic ? foot.frames : foot.frames - 1); };
 
 // A motion's curves; a period ends as it began.
 function draw() {
-  const feet = Object.entries(motion.feet), first = lead();
+  const feet = Object.entries(motion.feet), first = firstFoot();
   const times = first.base.map((_, k) => 1e3 * first.duration * k / first.frames);
   const whole = v => (first.periodic ? [...v, v[0]] : v), x = first.periodic ? [...times, 1e3 * first.duration] : times;
-  const seen = motion.feet.measured && motion.feet.measured.points, worn = branchWorn();
-  const whose = n => [model.feet.b ? model.feet[n].title : "", n === "a" ? worn : ""].filter(Boolean).join(" · ");
+  const seen = motion.feet.measured && motion.feet.measured.points, worn = wornBranchName();
+  const seriesLabel = n => [model.feet.b ? model.feet[n].title : "", n === "a" ? worn : ""].filter(Boolean).join(" · ");
   plots.traces.set([
     { label: "base", colour: BASE, x, y: whole(first.base) },
-    ...feet.filter(([n]) => n !== "measured" || !seen).map(([n, f]) => ({ label: n === "a" && worn ? `malleolus · ${worn}` : called(n), colour: colourOf(n), x, y: whole(f.malleolus), dashed: n !== "a" })),
+    ...feet.filter(([n]) => n !== "measured" || !seen).map(([n, f]) => ({ label: n === "a" && worn ? `malleolus · ${worn}` : seriesName(n), colour: colourOf(n), x, y: whole(f.malleolus), dashed: n !== "a" })),
     ...(seen ? [{ label: "measured", colour: SEEN, x: seen.time.map(t => 1e3 * t), y: seen.malleolus, points: 3 }] : []),
   ]);
   const curves = feet.filter(([n]) => n !== "measured");
-  const dots = feet.filter(([, f]) => f.ratio !== null).map(([n, f]) => ({ label: "", colour: colourOf(n), x: [at_hz()], y: [f.ratio], points: 9 }));
+  const dots = feet.filter(([, f]) => f.ratio !== null).map(([n, f]) => ({ label: "", colour: colourOf(n), x: [shownFrequency()], y: [f.ratio], points: 9 }));
   const top = 1.1 * Math.max(1.2, ...curves.map(([, f]) => Math.max(...f.transmissibility)), ...dots.map(d => d.y[0]));
-  plots.curve.set([...curves.map(([n, f]) => ({ label: whose(n), colour: colourOf(n), x: model.curve_hz, y: f.transmissibility })), ...dots], [0, top]);
+  plots.curve.set([...curves.map(([n, f]) => ({ label: seriesLabel(n), colour: colourOf(n), x: model.curve_hz, y: f.transmissibility })), ...dots], [0, top]);
   for (const [plot, key] of [[plots.pad, "fat pad"], [plots.ankle, "ankle"]]) {
     plot.box.hidden = !first.loops[key];
-    plot.set(curves.filter(([, f]) => f.loops[key]).map(([n, f]) => ({ label: whose(n), colour: colourOf(n), x: f.loops[key].x.map(v => -1e3 * v), y: f.loops[key].force.map(v => -v) })));
+    plot.set(curves.filter(([, f]) => f.loops[key]).map(([n, f]) => ({ label: seriesLabel(n), colour: colourOf(n), x: f.loops[key].x.map(v => -1e3 * v), y: f.loops[key].force.map(v => -v) })));
   }
 }
-const at_hz = () => 1 / lead().duration;
+const shownFrequency = () => 1 / firstFoot().duration;
 
 // Where the moment that is shown lies on the curves.
 function follow() {
   if (drawn !== motion) { draw(); drawn = motion; }
   const feet = Object.entries(motion.feet), t = 1e3 * passedShare() * length(), at = frame();
-  plots.traces.marks([[t, sample(lead().base, lead(), at), BASE], ...feet.map(([n, f]) => [t, sample(f.malleolus, f, at), colourOf(n)])]);
+  plots.traces.marks([[t, sample(firstFoot().base, firstFoot(), at), BASE], ...feet.map(([n, f]) => [t, sample(f.malleolus, f, at), colourOf(n)])]);
   for (const [plot, key] of [[plots.pad, "fat pad"], [plots.ankle, "ankle"]])
     plot.marks(feet.filter(([, f]) => f.loops[key]).map(([n, f]) => [-1e3 * sample(f.loops[key].x, f, at), -sample(f.loops[key].force, f, at), colourOf(n)]));
 }
 
 function legend() {
-  const box = byId("legend"), loops = lead().loops;
+  const box = byId("legend"), loops = firstFoot().loops;
   box.replaceChildren();
   for (const [title, key, ramp] of [["fascia: change of tension", "fascia", "tension"], ["fat pad: change of compression", "fat pad", "pressure"]]) {
     if (!loops[key]) continue;
@@ -256,8 +261,8 @@ function legend() {
 }
 
 const behind = degrees => `${Math.abs(degrees).toFixed(0)}° ${degrees > 0 ? "ahead of" : "behind"} the base`;
-function report() {
-  const foot = lead(), seen = motion.feet.measured, gain = stage.gain(motion, state.amplify);
+function tellState() {
+  const foot = firstFoot(), seen = motion.feet.measured, gain = stage.gain(motion, state.amplify);
   const capped = state.amplify !== null && gain < 0.999 * state.amplify ? ", as much as fits" : "";
   const shown = `drawn ${gain.toPrecision(3)}× larger${capped}${stage.riding ? ", relative to the table" : ""}, ${state.slow.toPrecision(3)}× slower`;
   const also = value => (seen && seen.ratio !== null ? ` (measured ${value(seen)})` : "");
@@ -291,14 +296,14 @@ function tick(now) {
   const passed = Math.min(0.1, (now - last) / 1000);
   last = now;
   if (motion && model && playing) time += passed / state.slow;
-  if (motion && model && !(SOFTWARE && bench.began && !fresh && now - painted < CALM)) {
+  if (motion && model && !(SOFTWARE && bench.fitBegan && !fresh && now - painted < CALM)) {
     painted = now;
     const started = performance.now();
     if (playing || fresh || stage.viewer.needs_render) {
       stage.pose(motion, frame(), stage.gain(motion, state.amplify));
-      if (fresh) { legend(); report(); rows.amplify.show(stage.gain(motion, null)); }
+      if (fresh) { legend(); tellState(); rows.amplify.show(stage.gain(motion, null)); }
       follow();
-      byId("seek").value = frame() / lead().frames;
+      byId("seek").value = frame() / firstFoot().frames;
       byId("clock").textContent = `${(1e3 * (((time % length()) + length()) % length())).toFixed(1)} of ${(1e3 * length()).toFixed(1)} ms`;
     }
     if (stage.viewer.needs_render) stage.render();

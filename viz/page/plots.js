@@ -82,14 +82,14 @@ class Plot {
         stroke: s.colour, width: 1.6, dash: s.dashed ? [4, 3] : undefined, spanGaps: true,
         ...(s.points ? { paths: () => null, points: { show: true, size: s.points === true ? 6 : s.points, fill: s.colour, width: 0 } } : { points: { show: false } }),
       }))],
-      hooks: { draw: [u => this.extra(u)], setCursor: [u => this.tell(u)], setSize: [() => this.place()], setScale: [() => this.place()] },
+      hooks: { draw: [u => this.drawLoopsAndLimits(u)], setCursor: [u => this.tell(u)], setSize: [() => this.place()], setScale: [() => this.place()] },
     }, this.data(), this.pane);
     this.dots = [];
     this.tell({ cursor: {} });
   }
 
   // Loops, and the limits of points.
-  extra(u) {
+  drawLoopsAndLimits(u) {
     const ink = u.ctx;
     ink.save();
     ink.beginPath();
@@ -118,7 +118,7 @@ class Plot {
     if (!known) this.head.lastChild.replaceChildren(...names.map(s => item(s, s.label)));
     const under = known ? this.series.filter(s => Number.isFinite(value(s))) : [];
     this.tip.hidden = !under.length;
-    if (under.length) this.tip.replaceChildren(`at ${mark(this.plot.data[0][at])}: `, ...under.map(s => item(s, `${s.label} ${mark(value(s))}`)));
+    if (under.length) this.tip.replaceChildren(`at ${tickText(this.plot.data[0][at])}: `, ...under.map(s => item(s, `${s.label} ${tickText(value(s))}`)));
   }
 
   // Dots [x, y, colour] that move with time; the canvas is not drawn again for them.
@@ -150,15 +150,15 @@ class Plot {
 }
 
 function largestOf(values) { return values.reduce((m, v) => Math.max(m, Math.abs(v)), 0); }
-function mark(v, digits = 3) { return v === null ? "" : Math.abs(v) >= 1e5 ? v.toExponential(Math.max(0, digits - 3)) : String(+v.toPrecision(digits)).replace("-", "−"); }
+function tickText(v, digits = 3) { return v === null ? "" : Math.abs(v) >= 1e5 ? v.toExponential(Math.max(0, digits - 3)) : String(+v.toPrecision(digits)).replace("-", "−"); }
 
 // Ticks with as many digits as tell them apart.
 function distinct(values) {
   for (let digits = 3; digits < 9; digits++) {
-    const texts = values.map(v => mark(v, digits));
+    const texts = values.map(v => tickText(v, digits));
     if (new Set(texts).size === texts.length) return texts;
   }
-  return values.map(v => mark(v));
+  return values.map(v => tickText(v));
 }
 
 function download(name, content, kind = "text/plain") {

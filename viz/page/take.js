@@ -4,7 +4,7 @@
 const LEAST = 4, MOST = 30, KEYS = 24;
 
 // The section's buttons. Args: the stage; name of the files; what the page is able to.
-function taking(stage, name, { page = null, film, scene }) {
+function takeAwaySection(stage, name, { page = null, film, scene }) {
   const box = byId("taking");
   for (const old of box.querySelectorAll(".row, p")) old.remove();
   const row = rowIn(box), plots = rowIn(box), told = document.createElement("p");
@@ -23,7 +23,7 @@ function taking(stage, name, { page = null, film, scene }) {
   };
   if (page) button(row, "Offline page", page, "one file for a colleague: opens without a network, and its sliders still move");
   button(row, "Picture", () => stage.save(`${name()}.png`), "PNG of what is drawn");
-  button(row, "Film", wait("recording", () => recorded(stage, name(), film())), "webm of the motion, recorded as it plays");
+  button(row, "Film", wait("recording", () => recordFilm(stage, name(), film())), "webm of the motion, recorded as it plays");
   button(row, "3-D scene", wait("writing", () => download(`${name()}.glb`, sceneGlb(stage, scene()))), "glTF (.glb) with the motion, for Blender and other viewers");
   if (!Plot.all.length) { plots.remove(); return; }
   plots.append("Plots ");
@@ -33,7 +33,7 @@ function taking(stage, name, { page = null, film, scene }) {
 }
 
 // Record the canvas while drawAt(share) goes through the motion in `seconds`, as often as `repeats`.
-async function recorded(stage, name, { seconds, repeats, drawAt }) {
+async function recordFilm(stage, name, { seconds, repeats, drawAt }) {
   const kinds = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm", "video/mp4"], type = window.MediaRecorder && kinds.find(kind => MediaRecorder.isTypeSupported(kind));
   if (!type) return "this browser records no films; --export foot.mp4 of the command does";
   const parts = [], stream = stage.renderer.domElement.captureStream(30), recorder = new MediaRecorder(stream, { mimeType: type, videoBitsPerSecond: 8e6 });
@@ -61,7 +61,7 @@ async function recorded(stage, name, { seconds, repeats, drawAt }) {
 }
 
 // How a film goes through a motion of so many seconds on the screen: whole periods, a transient once.
-function pace(seconds, periodic) {
+function filmPlan(seconds, periodic) {
   if (seconds >= LEAST || !periodic) return { seconds: Math.min(MOST, seconds), repeats: 1 };
   return { seconds, repeats: Math.min(Math.ceil(LEAST / seconds), Math.floor(MOST / seconds)) };
 }
@@ -96,11 +96,11 @@ function svgOf(plot, svg, x, y, clip) {
   put("rect", { x: left, y: top, width: w, height: h }, "", put("clipPath", { id: clip }));
   for (const v of ticks(across.min, across.max, 6)) {
     put("path", { d: `M${X(v)} ${top}V${top + h}`, stroke: "#e3e3e3", fill: "none" });
-    put("text", { x: X(v), y: top + h + 13, "text-anchor": "middle" }, mark(v));
+    put("text", { x: X(v), y: top + h + 13, "text-anchor": "middle" }, tickText(v));
   }
   for (const v of ticks(up.min, up.max, 6)) {
     put("path", { d: `M${left} ${Y(v)}H${left + w}`, stroke: "#e3e3e3", fill: "none" });
-    put("text", { x: left - 5, y: Y(v) + 3.5, "text-anchor": "end" }, mark(v));
+    put("text", { x: left - 5, y: Y(v) + 3.5, "text-anchor": "end" }, tickText(v));
   }
   put("rect", { x: left, y: top, width: w, height: h, fill: "none", stroke: "#333333" });
   put("text", { x: left + w / 2, y: top + h + 28, "text-anchor": "middle" }, plot.x);

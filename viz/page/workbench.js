@@ -1,12 +1,26 @@
 // The workbench: recordings in, a fit of them, what it found. All of it is done by the server, as a script would do it.
 "use strict";
 const KEY = (document.querySelector("meta[name=key]") || {}).content || "";
-// Recordings have ids that the session gives once; `good` says of each whether it could be fitted when it was listed last.
-const bench = { session: "", rows: [], shown: -1, chosen: new Set(), good: new Map(), corrected: -1, stale: "", fit: null, found: null, number: 0, branch: 0, free: {}, bounds: {}, plots: null, wanted: "", began: 0 };
+const bench = {
+  // Recordings: as the server lists them, by ids that the session gives once; the one that drives the table, -1 for none.
+  session: "", rows: [], shown: -1, lost: false,
+  // Ids that are ticked, those whose tick was taken away before a reload, and of each whether it could be fitted.
+  chosen: new Set(), unticked: new Set(), fittable: new Map(),
+  corrected: -1,  // id of the recording whose form was sent
+  // The fit: its words and branches as the report has them, the server's document with its curves, and its number.
+  fit: null, found: null, fitNumber: 0, branch: 0, plots: null,
+  free: {}, bounds: {},  // what the next fit may change, by parameter
+  asked: 0, fitBegan: 0,  // when Fit was pressed, and when the running one began; 0 while none runs [ms]
+  wantedPath: "",  // of the report or the results that this page waits for
+  draft: false,  // the model that is shown is not saved
+};
 
-function tellServer(type, more = {}) {
+// Ask for something; `working` says what, until the answer comes.
+function tellServer(type, more = {}, working = "") {
   if (!["open", "check"].includes(type)) complain("");
-  if (socket && socket.readyState === 1) socket.send(JSON.stringify({ type, key: KEY, ...more }));
+  if (!socket || socket.readyState !== 1) return;
+  socket.send(JSON.stringify({ type, key: KEY, ...more }));
+  if (working) busyWith(working);
 }
 const EARLIER = "This page belongs to an earlier session: reload it.";
 const AGAIN = "The command was started again: recordings, ticks and fits of before are gone.";
@@ -56,7 +70,7 @@ if (!window.EXPORTED) {
     byId(picker).onchange = event => upload([...event.target.files].map(file => ({ file, name: file.webkitRelativePath || file.name })));
   }
   byId("clear").onclick = () => tellServer("remove", { numbers: bench.rows.map(row => row.id) });
-  byId("bundled").onclick = () => { busyWith("reading the bundled study"); tellServer("bundled"); };
+  byId("bundled").onclick = () => tellServer("bundled", {}, "reading the bundled study");
 }
 
 function busyWith(text) { byId("data_state").textContent = text; }
@@ -64,32 +78,32 @@ let complaints = "";
 function complain(text) { complaints = text; busyWith(""); say([broken, complaints].filter(Boolean).join("\n")); }
 
 // ---- the list of recordings -----------------------------------------------------------------------------------------
-function listData(document_) {
+function showRecordings(document_) {
   const { session, rows: listed, shown, stale } = document_;
   if (bench.session && session !== bench.session) {
-    for (const kept of [bench.chosen, bench.good, bench.unticked]) kept.clear();
+    for (const kept of [bench.chosen, bench.fittable, bench.unticked]) kept.clear();
     bench.lost = true;
     complain(`${AGAIN} Reload this page, and drop the recordings again.`);
   }
-  Object.assign(bench, { session, rows: listed, shown, stale });
+  Object.assign(bench, { session, rows: listed, shown });
   for (const row of listed) {  // ticked as soon as it can be fitted, and not any longer than that
-    const good = !row.unread && !row.problem, before = bench.good.get(row.id);
+    const good = !row.unread && !row.problem, before = bench.fittable.get(row.id);
     if (good && !before && !bench.unticked.delete(row.id)) bench.chosen.add(row.id);
     if (!good) bench.chosen.delete(row.id);
-    bench.good.set(row.id, good);
+    bench.fittable.set(row.id, good);
   }
   const here = new Set(listed.map(row => row.id));
-  for (const id of [...bench.good.keys()]) if (!here.has(id)) { bench.good.delete(id); bench.chosen.delete(id); }
+  for (const id of [...bench.fittable.keys()]) if (!here.has(id)) { bench.fittable.delete(id); bench.chosen.delete(id); }
   busyWith("");
   const list = byId("recordings"), held = document.activeElement, forms = [...list.querySelectorAll("form")];
-  list.replaceChildren(...listed.map(item));
+  list.replaceChildren(...listed.map(recordingItem));
   for (const box of forms) {  // half filled in, it stays
     const id = +box.dataset.id, at = listed.findIndex(row => row.id === id);
-    if (at >= 0 && !(id === bench.corrected && bench.good.get(id))) list.children[at].append(box);
+    if (at >= 0 && !(id === bench.corrected && bench.fittable.get(id))) list.children[at].append(box);
   }
   bench.corrected = -1;
   if (held && held.isConnected) held.focus();
-  matrix();
+  drawMatrix();
   advise();
   byId("stale").hidden = !stale;
   byId("stale").textContent = stale;
@@ -107,72 +121,83 @@ function advise() {
   byId("advice_text").textContent = `This model has ${free} constants, which so few recordings leave unknown, and its fit takes a minute or more.`;
 }
 
-function item(row) {
-  const number = row.id, li = element("li"), shown = number === bench.shown, wrong = row.unread || row.problem;
+function recordingItem(row) {
+  const { id } = row, li = element("li"), shown = id === bench.shown, wrong = row.unread || row.problem;
   li.className = wrong ? "wrong" : row.warnings.length ? "warned" : "";
-  const pick = element("input", "", { type: "checkbox", checked: bench.chosen.has(number), disabled: Boolean(wrong), title: "fit this one" });
+  const pick = element("input", "", { type: "checkbox", checked: bench.chosen.has(id), disabled: Boolean(wrong), title: "fit this one" });
   pick.setAttribute("aria-label", `fit ${row.file}`);
-  pick.onchange = () => { if (pick.checked) bench.chosen.add(number); else bench.chosen.delete(number); advise(); keepState(); };
-  const at = row.frequency_hz ? `${number_(row.frequency_hz)} Hz` : wrong ? "" : "broadband";
+  pick.onchange = () => { if (pick.checked) bench.chosen.add(id); else bench.chosen.delete(id); advise(); keepState(); };
+  const at = row.frequency_hz ? `${number(row.frequency_hz)} Hz` : wrong ? "" : "broadband";
   const name = element("button", row.file.split("/").pop(), { title: row.file });
-  name.title = [row.file, row.subject ? `subject ${row.subject}` : "", row.body_mass_kg ? `body mass ${number_(row.body_mass_kg)} kg` : "body mass unknown", row.samples ? `${row.samples} samples at ${number_(row.rate_hz)} Hz` : ""].filter(Boolean).join("; ");
+  name.title = [row.file, row.subject ? `subject ${row.subject}` : "", row.body_mass_kg ? `body mass ${number(row.body_mass_kg)} kg` : "body mass unknown", row.samples ? `${row.samples} samples at ${number(row.rate_hz)} Hz` : ""].filter(Boolean).join("; ");
   name.setAttribute("aria-pressed", shown);
-  name.onclick = () => tellServer("use", { number });
-  const about = [at, row.added_mass_kg ? `+ ${number_(row.added_mass_kg)} kg` : "", wrong || row.body_mass_kg ? "" : "mass unknown"];
+  name.onclick = () => showRecording(row);
+  const about = [at, row.added_mass_kg ? `+ ${number(row.added_mass_kg)} kg` : "", wrong || row.body_mass_kg ? "" : "mass unknown"];
   const small = element("small", about.filter(Boolean).join(" · "));
   if (!wrong && row.warnings.length) small.append(about.some(Boolean) ? " · " : "", element("span", `⚠ ${row.warnings.length} warning${row.warnings.length > 1 ? "s" : ""}`, { title: row.warnings[0], className: "mark" }));
   const more = element("button", "…", { title: `channels, units and masses of ${row.file}`, className: "more" });
   more.setAttribute("aria-label", more.title);
-  more.onclick = () => { const open = li.querySelector("form"); if (open) open.remove(); else tellServer("columns", { number }); };
+  more.onclick = () => { const open = li.querySelector("form"); if (open) open.remove(); else tellServer("columns", { number: id }); };
   const away = element("button", "×", { title: `remove ${row.file}`, className: "more" });
   away.setAttribute("aria-label", away.title);
-  away.onclick = () => tellServer("remove", { numbers: [number] });
+  away.onclick = () => tellServer("remove", { numbers: [id] });
   li.append(pick, name, small, more, away);
   for (const text of [row.unread, row.problem, ...(shown ? row.warnings : [])].filter(Boolean)) li.append(element("p", text));
   return li;
 }
 
-// Subjects and loads against frequencies, coloured by how well each recording was fitted; a click shows it.
-function matrix() {
-  const box = byId("matrix"), good = bench.rows.filter(row => row.frequency_hz);
-  const who = row => `${row.subject || ""} ${row.added_mass_kg ? `+ ${number_(row.added_mass_kg)} kg` : "no load"}`.trim();
-  const lines = [...new Set(good.map(who))], hertz = [...new Set(good.map(row => +row.frequency_hz.toFixed(1)))].sort((a, b) => a - b);
-  box.hidden = good.length < 4;
+function showRecording(row) { tellServer("use", { number: row.id }, `reading ${row.file}`); }
+
+// Subjects and loads against frequencies, coloured by how well each recording was fitted; a click shows it. What was
+// recorded again at a frequency has a line of its own.
+function drawMatrix() {
+  const box = byId("matrix"), steady = bench.rows.filter(row => row.frequency_hz);
+  box.hidden = steady.length < 4;
   if (box.hidden) { box.replaceChildren(); return; }
-  const last = file => file.split("/").pop(), fits = new Map(), twice = name => bench.rows.filter(row => last(row.file) === name).length > 1;
-  const said = bench.found ? bench.found.traces.map(t => ({ file: t.file, ...t.models[branchName()] })) : (bench.fit && bench.fit.recordings) || [];
-  for (const r of said) fits.set(r.file, r.fit_percent).set(`*/${last(r.file)}`, r.fit_percent);
-  const fitOf = row => fits.get(row.label || row.file) ?? (twice(last(row.file)) ? null : fits.get(`*/${last(row.file)}`));  // a result of another place
-  const head = element("tr");
-  head.append(...["Hz", ...hertz].map(text => element("th", text, { scope: "col" })));
-  box.replaceChildren(element("caption", "fit of each recording [%]"), head, ...lines.map(line => {
+  const condition = row => `${row.subject || ""} ${row.added_mass_kg ? `+ ${number(row.added_mass_kg)} kg` : "no load"}`.trim();
+  const columns = [];  // what was set alike is measured within a tenth of a hertz
+  for (const row of [...steady].sort((a, b) => a.frequency_hz - b.frequency_hz)) {
+    if (columns.length && row.frequency_hz - columns.at(-1)[0].frequency_hz < 0.1) columns.at(-1).push(row); else columns.push([row]);
+  }
+  const last = file => file.split("/").pop(), fits = new Map(), namedTwice = name => bench.rows.filter(row => last(row.file) === name).length > 1;
+  const fitted = bench.found ? bench.found.traces.map(t => ({ file: t.file, ...t.models[shownBranchName()] })) : (bench.fit && bench.fit.recordings) || [];
+  for (const r of fitted) fits.set(r.file, r.fit_percent).set(`*/${last(r.file)}`, r.fit_percent);
+  const fitOf = row => fits.get(row.label || row.file) ?? (namedTwice(last(row.file)) ? null : fits.get(`*/${last(row.file)}`));  // a result of another place
+  const cell = (row, repeats) => {
+    const td = element("td");
+    if (!row) return td;
+    const fit = fitOf(row), known = typeof fit === "number", pick = element("button", known ? fit.toFixed(0) : "·");
+    const again = repeats.length > 1 ? ` (${repeats.indexOf(row) + 1} of ${repeats.length} at ${number(row.frequency_hz)} Hz)` : "";
+    pick.title = `${row.file}${again}${known ? `: fit ${fit.toFixed(1)} %` : ""}`;
+    pick.setAttribute("aria-label", pick.title);
+    pick.setAttribute("aria-pressed", row.id === bench.shown);
+    if (known) pick.style.background = `hsl(${Math.max(0, Math.min(1, (fit - 80) / 20)) * 130} 45% 26%)`;
+    pick.onclick = () => showRecording(row);
+    td.append(pick);
+    return td;
+  };
+  const line = (heading, scope, cells) => {
     const tr = element("tr");
-    tr.append(element("th", line, { scope: "row" }), ...hertz.map(f => {
-      const td = element("td"), row = good.find(r => who(r) === line && Math.abs(r.frequency_hz - f) < 0.06);
-      if (!row) return td;
-      const fit = fitOf(row), known = typeof fit === "number", cell = element("button", known ? fit.toFixed(0) : "·");
-      cell.title = known ? `${row.file}: fit ${fit.toFixed(1)} %` : row.file;
-      cell.setAttribute("aria-label", cell.title);
-      cell.setAttribute("aria-pressed", row.id === bench.shown);
-      if (known) cell.style.background = `hsl(${Math.max(0, Math.min(1, (fit - 80) / 20)) * 130} 45% 26%)`;
-      cell.onclick = () => tellServer("use", { number: row.id });
-      td.append(cell);
-      return td;
-    }));
+    tr.append(element("th", heading, { scope }), ...cells);
     return tr;
-  }));
-  whose();
+  };
+  const lines = [...new Set(steady.map(condition))].flatMap(name => {
+    const cells = columns.map(column => column.filter(row => condition(row) === name).sort((a, b) => a.id - b.id));
+    return Array.from({ length: Math.max(...cells.map(repeats => repeats.length)) }, (_, k) =>
+      line(k ? `repeat ${k + 1}` : name, "row", cells.map(repeats => cell(repeats[k], repeats))));
+  });
+  const hertz = columns.map(([row]) => element("th", +row.frequency_hz.toFixed(1), { scope: "col" }));
+  box.replaceChildren(element("caption", "fit of each recording [%]"), line("Hz", "col", hertz), ...lines);
+  nameBranch();
 }
 
-const number_ = v => number(+v);
-
-// The form by which channels, units, masses and loads are corrected.
-function form({ number, columns, said }) {
-  const at = bench.rows.findIndex(row => row.id === number), row = bench.rows[at], box = element("form");
+// The form by which channels, units, masses and loads are corrected. Numbers that are none are said at their fields.
+function correctionForm({ number: id, columns, said }) {
+  const at = bench.rows.findIndex(row => row.id === id), row = bench.rows[at], box = element("form"), numbers = [];
   if (!row) return;
   const li = byId("recordings").children[at], old = li.querySelector("form");
   if (old) old.remove();
-  box.dataset.id = number;
+  box.dataset.id = id;
   const field = (label, name, value, list) => {
     const wrap = element("label", label), input = element(list ? "select" : "input", "", { name });
     if (list) for (const [v, text] of list) input.append(element("option", text, { value: v }));
@@ -180,26 +205,41 @@ function form({ number, columns, said }) {
     wrap.append(input);
     return wrap;
   };
+  const numberField = (label, name, value) => {
+    const wrap = field(label, name, value), input = wrap.lastChild, remark = remarkIn(wrap, input);
+    input.oninput = () => remark("");
+    numbers.push({ input, remark });
+    return wrap;
+  };
   const names = [["", "as the file says"], ...columns.map(c => [c.name, c.unit ? `${c.name} [${c.unit}]` : c.name])];
   for (const channel of ["time", "base", "malleolus"]) {
     const told = (said.channels || {})[channel] || {}, set = element("fieldset");
     set.append(element("legend", channel), field("column", `${channel}.column`, told.column, names), field("unit", `${channel}.unit`, told.unit));
-    if (channel !== "time") set.append(field("sign", `${channel}.sign`, told.sign, [["", "+"], ["-1", "−"]]), field("per m/s²", `${channel}.sensitivity`, told.sensitivity));
+    if (channel !== "time") set.append(field("sign", `${channel}.sign`, told.sign, [["", "+"], ["-1", "−"]]), numberField("per m/s²", `${channel}.sensitivity`, told.sensitivity));
     box.append(set);
   }
   const last = element("fieldset");
-  last.append(element("legend", "recording"), field("rate [Hz], without time", "rate_hz", said.rate_hz), field("body mass [kg]", "body_mass_kg", row.body_mass_kg), field("on the knee [kg]", "added_mass_kg", row.added_mass_kg));
+  last.append(element("legend", "recording"), numberField("rate [Hz], without time", "rate_hz", said.rate_hz), numberField("body mass [kg]", "body_mass_kg", row.body_mass_kg), numberField("on the knee [kg]", "added_mass_kg", row.added_mass_kg));
   const apply = element("button", "Read it so", { type: "submit" });
   box.append(last, apply);
+  box.remark = remarkIn(box, apply);
+  box.addEventListener("input", () => box.remark(""));
   box.onsubmit = event => {
     event.preventDefault();
+    const wrong = numbers.filter(({ input, remark }) => {
+      const typed = input.value.trim() ? typedNumber(input.value) : null, problem = typeof typed === "string" ? typed : "";
+      remark(problem);
+      if (typeof typed === "number") input.value = typed;
+      return problem;
+    });
+    if (wrong.length) { wrong[0].input.focus(); return; }
     const told = { channels: {} };
     for (const [name, value] of new FormData(box)) {
       const [channel, key] = name.split(".");
       if (key) { if (value.trim()) (told.channels[channel] = told.channels[channel] || {})[key] = value.trim(); } else told[name] = value.trim();
     }
-    bench.corrected = number;
-    tellServer("correct", { number, said: told });
+    bench.corrected = id;
+    tellServer("correct", { number: id, said: told }, `reading ${row.file}`);
   };
   li.append(box);
 }
@@ -207,6 +247,7 @@ function form({ number, columns, said }) {
 // ---- the fit --------------------------------------------------------------------------------------------------------
 function askFit() {
   const free = model.parameters.filter(p => !MASSES.has(p.name)), held = free.filter(p => bench.free[p.name] === false);
+  if (!startsAreSound()) { byId("starts").focus(); return; }
   const said = { starts: +byId("starts").value };
   if (held.length) said.free = free.filter(p => bench.free[p.name] !== false).map(p => p.name);
   said.values = Object.fromEntries(held.filter(p => p.name in state.values).map(p => [p.name, state.values[p.name]]));
@@ -214,27 +255,34 @@ function askFit() {
   bench.asked = performance.now();
   tellServer("fit", { numbers: ticked(), said });
 }
+const remarkStarts = window.EXPORTED ? null : remarkIn(byId("starts").closest(".row"), byId("starts"));
+function startsAreSound() {
+  const starts = +byId("starts").value, sound = Number.isInteger(starts) && starts >= 1 && starts <= 64;
+  remarkStarts(sound ? "" : "A fit has 1 to 64 starts.");
+  return sound;
+}
+byId("starts").oninput = () => { if (!byId("starts").classList.contains("refused")) return; startsAreSound(); };
 const ticked = () => [...bench.chosen].sort((a, b) => a - b);
 const MASSES = new Set(["m_S", "m_F", "m_T", "added_mass"]);
 
-function progress({ running, what, done, total }) {
+function showProgress({ running, what, done, total }) {
   for (const id of ["start_fit", "start_rivals"]) byId(id).disabled = running;
   byId("stop_fit").hidden = !running;
   const bar = byId("fit_progress");
   bar.hidden = !running;
   if (total) Object.assign(bar, { max: total, value: done }); else bar.removeAttribute("value");
   byId("fit_state").textContent = what ? `${what}${total ? `: ${done} of ${total} done` : ""}` : "";
-  if (running && !bench.began) bench.began = performance.now();
-  if (!running) bench.began = 0;
-  passing();
+  if (running && !bench.fitBegan) bench.fitBegan = performance.now();
+  if (!running) bench.fitBegan = 0;
+  showSeconds();
 }
 // Seconds of what runs; no part of the line that is read aloud.
-function passing() { byId("fit_seconds").textContent = bench.began ? `${Math.floor((performance.now() - bench.began) / 1000)} s` : ""; }
-if (!window.EXPORTED) setInterval(passing, 1000);
+function showSeconds() { byId("fit_seconds").textContent = bench.fitBegan ? `${Math.floor((performance.now() - bench.fitBegan) / 1000)} s` : ""; }
+if (!window.EXPORTED) setInterval(showSeconds, 1000);
 
-function fitted(document_) {
-  const another = document_.number !== bench.number;  // else this page lost its connection and has it again
-  Object.assign(bench, { found: document_, number: document_.number });
+function receiveFit(document_) {
+  const another = document_.number !== bench.fitNumber;  // else this page lost its connection and has it again
+  Object.assign(bench, { found: document_, fitNumber: document_.number });
   if (another) bench.branch = 0;
   showFit(document_.fit);
   if (document_.script) { byId("script").textContent = document_.script; byId("script_box").hidden = false; }
@@ -262,35 +310,40 @@ function showFit(fit) {
     return b;
   }));
   byId("odds").textContent = fit.odds ? `odds ${fit.odds} for ${fit.branches[0].name}` : "";
-  const head = element("tr");
-  for (const text of ["", ...fit.branches.map(b => b.name), "known"]) head.append(element("th", text));
-  const body = fit.branches[0].rows.map((row, k) => {
-    const tr = element("tr");
-    const name = element("th", row.name, { title: row.key }), said = b => ((b.rows[k] || {}).interval || number(row.value)).replace(" ± ", " ±\u00a0").replace(" to ", "\u00a0to ");
-    if (row.unit) name.append(" ", element("small", row.unit));
-    tr.append(name, ...fit.branches.map(b => element("td", said(b))), element("td", row.known.replace(/identi(?=fi)/, "identi\u00ad")));
-    return tr;
-  });
-  byId("estimates").replaceChildren(head, ...body);
   bands();
+}
+
+// What both branches say of each constant; what is known of it is of the branch that is shown, whose name is lit.
+function drawEstimates() {
+  const { branches } = bench.fit, shown = branches[bench.branch] || branches[0], head = element("tr");
+  head.append(element("th"), ...branches.map(b => element("th", b.name, { className: b === shown && branches.length > 1 ? "shown" : "" })));
+  head.append(element("th", "known", { title: branches.length > 1 ? `of the ${shown.name}` : "" }));
+  byId("estimates").replaceChildren(head, ...shown.rows.map((row, k) => {
+    const tr = element("tr"), name = element("th", row.name, { title: row.key });
+    const interval = b => { const own = b.rows[k] || row; return (own.interval || number(own.value)).replace(" ± ", " ±\u00a0").replace(" to ", "\u00a0to "); };
+    if (row.unit) name.append(" ", element("small", row.unit));
+    tr.append(name, ...branches.map(b => element("td", interval(b))), element("td", row.known.replace(/identi(?=fi)/, "identi\u00ad")));
+    return tr;
+  }));
 }
 
 // Nothing was found with this model.
 function forgetFit() {
-  Object.assign(bench, { fit: null, found: null, number: 0, branch: 0 });
+  Object.assign(bench, { fit: null, found: null, fitNumber: 0, branch: 0 });
   byId("script_box").hidden = byId("tab_fit").hidden = true;
   byId("tabs").hidden = byId("tab_rivals").hidden;
   if (!byId("fit_plots").hidden) tab("motion");
-  matrix();
+  drawMatrix();
 }
 
 function bands() {
   const branch = bench.fit && bench.fit.branches[bench.branch];
+  if (bench.fit) drawEstimates();
   for (const row of branch ? branch.rows : []) if (row.name in rows && "lower" in row) rows[row.name].band([row.lower, row.upper], row.interval);
   byId("branches").querySelectorAll("button").forEach((b, k) => b.setAttribute("aria-pressed", k === bench.branch));
-  drawChi();
+  drawChiSquare();
   drawTrace();
-  matrix();
+  drawMatrix();
 }
 
 // The foot gets a branch's constants; flipping between the two shows what the data cannot tell apart.
@@ -312,7 +365,7 @@ function showBranch(k) {
 
 // Colours of the loads, and paler ones for the mirror's dashes, which lie over them.
 const LOADS = ["#6cb6ff", "#ffb454", "#7ee0a1", "#e58fc4", "#f3e37c"], PALE = ["#cfe6ff", "#ffe6c4", "#d4f5df", "#f6d6ea", "#fbf5cf"];
-const FOUND = { trace: "malleolus [m/s²]", left: "residual [m/s²]", chi: "chi-square of each harmonic, if the model is true" };
+const FIT_TITLES = { trace: "malleolus [m/s²]", residual: "residual [m/s²]", chi: "chi-square of each harmonic, if the model is true" };
 function drawFit() {
   const found = bench.found;
   if (!found || !found.data) return;
@@ -321,7 +374,7 @@ function drawFit() {
     tab("fit");
     const into = byId("fit_plots");
     bench.plots = { size: new Plot(into, "transmissibility, fitted", "frequency [Hz]", "", { wide: true }), lag: new Plot(into, "phase lag behind the base [°]", "frequency [Hz]", ""),
-      trace: new Plot(into, FOUND.trace, "time [ms]", ""), left: new Plot(into, FOUND.left, "time [ms]", ""), chi: new Plot(into, FOUND.chi, "frequency [Hz]", "") };
+      trace: new Plot(into, FIT_TITLES.trace, "time [ms]", ""), residual: new Plot(into, FIT_TITLES.residual, "time [ms]", ""), chi: new Plot(into, FIT_TITLES.chi, "frequency [Hz]", "") };
   }
   const loads = [...new Set(found.data.map(r => r.added_mass_kg))].sort((a, b) => a - b), size = [], lag = [], over = [[], []];
   const by = key => (a, b) => a[key] - b[key];
@@ -341,35 +394,35 @@ function drawFit() {
   lag.push(...over[1]);
   bench.plots.size.set(size, [0, 1.1 * Math.max(1, ...size.map(s => largestOf(s.y)))]);
   bench.plots.lag.set(lag);
-  drawChi();
+  drawChiSquare();
   drawTrace();
-  whose();
+  nameBranch();
 }
 
 // The branch that is shown; the likelier one until another is chosen.
-function branchName() { const all = (bench.fit && bench.fit.branches) || []; return all.length ? (all[bench.branch] || all[0]).name : ""; }
+function shownBranchName() { const all = (bench.fit && bench.fit.branches) || []; return all.length ? (all[bench.branch] || all[0]).name : ""; }
 
 // The branch whose constants the foot has just now; none once a slider was moved, or where there is one only.
-function branchWorn() {
+function wornBranchName() {
   const all = (bench.fit && bench.fit.branches) || [], nominal = Object.fromEntries(model.parameters.map(p => [p.name, p.nominal]));
   const worn = all.length > 1 && all[bench.branch] && Object.entries(all[bench.branch].values).every(([name, v]) => (state.values[name] ?? nominal[name]) === v);
   return worn ? all[bench.branch].name : "";
 }
 
-function drawChi() {
+function drawChiSquare() {
   if (!bench.plots || !bench.found) return;
-  const known = r => r.chi_square_if_model_true !== null, chi = bench.found.chi_square.filter(r => known(r) && r.branch === branchName());
+  const known = r => r.chi_square_if_model_true !== null, chi = bench.found.chi_square.filter(r => known(r) && r.branch === shownBranchName());
   const order = chi.sort((a, b) => a.frequency_hz * a.harmonic - b.frequency_hz * b.harmonic);
   bench.plots.chi.box.hidden = !bench.found.chi_square.some(known);
-  if (!chi.length) bench.plots.chi.none(NO_TRACE());
+  if (!chi.length) bench.plots.chi.none(noTrace());
   else bench.plots.chi.set([{ label: "", colour: ANKLE, x: order.map(r => r.frequency_hz * r.harmonic), y: order.map(r => r.chi_square_if_model_true), points: 5 }]);
 }
-const NO_TRACE = () => `The ${branchName()} was found only with whatever else may be true; the model alone has no trace of it.`;
+const noTrace = () => `The ${shownBranchName()} was found only with whatever else may be true; the model alone has no trace of it.`;
 
 // Traces, residuals, chi-square and the matrix are of the branch that is shown; where there are two they say so.
-function whose() {
-  const of = ((bench.fit && bench.fit.branches) || []).length > 1 ? ` · ${branchName()}` : "";
-  if (bench.plots) for (const [key, title] of Object.entries(FOUND)) bench.plots[key].retitle(title + of);
+function nameBranch() {
+  const of = ((bench.fit && bench.fit.branches) || []).length > 1 ? ` · ${shownBranchName()}` : "";
+  if (bench.plots) for (const [key, title] of Object.entries(FIT_TITLES)) bench.plots[key].retitle(title + of);
   const caption = byId("matrix").querySelector("caption");
   if (caption) caption.textContent = `fit of each recording [%]${of}`;
 }
@@ -380,17 +433,17 @@ function drawTrace() {
   const row = bench.rows.find(r => r.id === bench.shown), trace = row && bench.found.traces.find(t => t.file === (row.label || row.file));
   if (!trace) {
     const sentence = row ? `${row.file.split("/").pop()} is not in this fit.` : "Click a recording of this fit to see it.";
-    for (const key of ["trace", "left"]) bench.plots[key].none(sentence);
+    for (const key of ["trace", "residual"]) bench.plots[key].none(sentence);
     return;
   }
-  const mine = trace.models[branchName()];
+  const mine = trace.models[shownBranchName()];
   if (!mine) {
-    for (const key of ["trace", "left"]) bench.plots[key].none(NO_TRACE());
+    for (const key of ["trace", "residual"]) bench.plots[key].none(noTrace());
     return;
   }
   const x = trace.time_s.map(t => 1e3 * t);
   bench.plots.trace.set([{ label: "measured", colour: SEEN, x, y: trace.measured, points: 3 }, { label: `model, ${mine.fit_percent.toFixed(1)} %`, colour: ANKLE, x, y: mine.model }]);
-  bench.plots.left.set([{ label: "", colour: ANKLE, x, y: trace.measured.map((v, k) => v - mine.model[k]) }]);
+  bench.plots.residual.set([{ label: "", colour: ANKLE, x, y: trace.measured.map((v, k) => v - mine.model[k]) }]);
 }
 
 function unwrapped(degrees) {
@@ -399,7 +452,7 @@ function unwrapped(degrees) {
 }
 
 // Rival models side by side, and what they say together; the words are those of the command.
-function compared({ columns, rows, notes, adequate, script }) {
+function showRivals({ columns, rows, notes, adequate, script }) {
   const [sentence, ...more] = notes, row = (tag, texts) => {
     const tr = element("tr");
     tr.append(...texts.map((text, k) => element(k ? tag : "th", text, k && tag === "td" ? {} : { scope: k ? "col" : "row" })));
@@ -423,18 +476,18 @@ byId("start_rivals").onclick = () => { tellServer("rivals", { numbers: ticked(),
 byId("stop_fit").onclick = () => tellServer("stop");
 byId("sine").onclick = () => tellServer("sine");
 for (const [id, path] of [["save_report", "/report"], ["save_results", "/results"]]) byId(id).onclick = () => {
-    bench.wanted = path;
-    if (!bench.found) { reported(); return; }  // of a fit that was made before
+    bench.wantedPath = path;
+    if (!bench.found) { receiveReport(); return; }  // of a fit that was made before
     byId("fit_state").textContent = "writing the report";
     tellServer("report");
   };
-function reported() {
-  if (!bench.wanted) return;  // another page asked
+function receiveReport() {
+  if (!bench.wantedPath) return;  // another page asked
   byId("fit_state").textContent = "";
-  if (bench.wanted === "/report") {
+  if (bench.wantedPath === "/report") {
     if (!open("/report", "_blank")) byId("fit_state").replaceChildren("the report is ready: ", element("a", "open it", { href: "/report", target: "_blank" }));
-  } else if (bench.wanted) save(bench.wanted, "results.zip");
-  bench.wanted = "";
+  } else if (bench.wantedPath) save(bench.wantedPath, "results.zip");
+  bench.wantedPath = "";
 }
 
 function takeAway() {
@@ -442,25 +495,26 @@ function takeAway() {
   tellServer("take", { said: { frequency, peak_to_peak, added_mass, values, delay_s } });
   busyWith("writing the file");
 }
-function taken() {
+function saveOfflinePage() {
   busyWith("");
   save("/take", "foot.html");
 }
 
 // A sentence in place of what was asked for; nothing waits for that any longer.
-function refused({ text, of }) {
-  if (of === "report" || !of) { bench.wanted = ""; byId("fit_state").textContent = ""; }
+function receiveComplaint({ text, of }) {
+  if (of === "report" || !of) { bench.wantedPath = ""; byId("fit_state").textContent = ""; }
+  const open_ = of === "correct" && byId("recordings").querySelector(`form[data-id="${bench.corrected}"]`);
   if (of === "correct") bench.corrected = -1;
+  if (open_) { complain(""); open_.remark(text); return; }
   if (of === "save") byId("editor_state").textContent = "not saved";
   complain(text);
 }
 
 // ---- what a reload keeps: this tab's sliders, branch and ticks, for the session of the command -----------------------
-bench.unticked = new Set();
 function keepState() {
   if (window.EXPORTED || !model || !bench.session || bench.lost) return;
-  const { number, branch, free, bounds } = bench, off = bench.rows.map(row => row.id).filter(id => !bench.chosen.has(id));
-  try { sessionStorage.setItem("fasbody", JSON.stringify({ key: KEY, name: model.name, state, bench: { number, branch, free, bounds }, off, held: bench.rows.length })); } catch { /* no room, or not allowed */ }
+  const { fitNumber, branch, free, bounds } = bench, off = bench.rows.map(row => row.id).filter(id => !bench.chosen.has(id));
+  try { sessionStorage.setItem("fasbody", JSON.stringify({ key: KEY, name: model.name, state, bench: { fitNumber, branch, free, bounds }, off, held: bench.rows.length })); } catch { /* no room, or not allowed */ }
 }
 function recall() {
   let kept = null;
@@ -474,8 +528,8 @@ function recall() {
 }
 
 // What the server says beside models and motions; false if it is none of that.
-function benchReceives(document_) {
-  const kinds = { data: listData, columns: form, progress, fitted, rivals: compared, taken, complaint: refused, saved: d => saved(d), models: d => listModels(d), checked: d => checked(d), reported };
+function workbenchReceives(document_) {
+  const kinds = { data: showRecordings, columns: correctionForm, progress: showProgress, fitted: receiveFit, rivals: showRivals, reported: receiveReport, taken: saveOfflinePage, complaint: receiveComplaint, saved: showSaved, models: listModels, checked: showCheck };
   if (!(document_.type in kinds)) return false;
   kinds[document_.type](document_);
   return true;
