@@ -24,7 +24,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from fasbody.exceptions import FasError, InputFileError, SettingError, Stopped
-from fasbody.usage import sentence
+from fasbody.usage import named, sentence
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -154,7 +154,8 @@ def command_line(app: "Typer | Callable[[], object]") -> None:
 
             run_app(app) if isinstance(app, Typer) else app()
         except FasError as error:
-            console.print(f"[bold red]error:[/] {_escape(str(error))}", soft_wrap=True)
+            text = named(str(error), sys.argv[1:]) if isinstance(error, SettingError) else str(error)
+            console.print(f"[bold red]error:[/] {_escape(text)}", soft_wrap=True)
             sys.exit(2)
         except Stopped as stop:
             _leave_in_peace()

@@ -23,6 +23,8 @@ SAID = {
         "unknown option '--strats', did you mean '--starts'? For all options see --help.",
     ("identification.fit", "--?"): "unknown option '--?'; for all options see --help.",
     ("reproduction", "--page", ""): "--page is empty; name a place.",
+    ("identification.fit", "--starts", "0"): "--starts: the number of starts is 0; give a whole number, 1 or more.",
+    ("viz.foot", "--added-mass=-1"): "--added-mass: added mass is -1, but must be between 0 and 100.",
     ("viz.cell", "--port", "x"): "--port is 'x', not a whole number.",
 }  # fmt: skip
 

@@ -120,6 +120,7 @@ def test_browser_that_never_comes_back_holds_nothing_up() -> None:
         (["--model", "two_dof@25"], "five-body arch needs it"),
         (["--model", "two_dof", "--watch"], "file of your own"),
         (["--frequency", "0"], "must be between"),
+        (["--added-mass", "-1"], "must be between"),
         (["--slow", "0"], "--slow"),
         (["--port", "99999"], "between 0 (a free one) and 65535"),
         (["--port", "-3"], "between 0 (a free one) and 65535"),
@@ -148,3 +149,4 @@ def test_bad_options_are_one_sentence(
     run = CliRunner().invoke(command.app, options)
     assert isinstance(run.exception, FasError)
     assert sentence in str(run.exception)
+    assert not list(tmp_path.iterdir())  # nothing is written where the input is refused

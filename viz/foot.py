@@ -78,12 +78,17 @@ def main(
     if study is not None and recording is None:
         raise SettingError("--study says what the columns of --recording are; give both, or neither.")
     look = {"slow": slow, "amplify": amplify}
+    own = None  # a copy of the arch to edit, made once nothing of the input is refused
     if model is None and result is not None:
         from viz.fitted import model_of
 
         model = model_of(result) or None
     if model is None:
-        model = "foot_arch" if export is not None or watch is False else str(_working_copy(Path.cwd()))
+        model = "foot_arch"
+        if export is None and watch is not False:
+            own = Path.cwd() / "my_foot.xml"
+    if own is not None and own.exists():
+        model, own = str(own), None
     show = _show(model, compare, frequency, peak_to_peak, added_mass, sweep, (recording, study), seconds, result, look)
     if export is not None:
         from viz.exported import export_to
@@ -93,12 +98,16 @@ def main(
     from viz.bench import Bench
     from viz.server import serve
 
+    if own is not None:
+        _copy_arch(own)
+        show.models[0] = str(own)
+        show.reload()
     follow, bench = watch is not False, Bench(show, results=result.parent if result else None)
     asyncio.run(serve(show, "the foot", port=port, browser=browser, watch=follow, json=json, bench=bench))
 
 
-def _working_copy(folder: Path) -> Path:
-    """The model of one's own in a folder: what was made there before, or a copy of the arch.
+def _copy_arch(file: Path) -> None:
+    """Write the arch, for its user to edit.
 
     Raises:
         InputFileError: the folder cannot be written.
@@ -106,11 +115,8 @@ def _working_copy(folder: Path) -> Path:
     import mjcf
     from fasbody.console import write_whole
 
-    file = folder / "my_foot.xml"
-    if not file.exists():
-        write_whole(file, mjcf.path("foot_arch").read_text())
-        console.print(f"{file.name} is a copy of the arch to edit; the page follows it")
-    return file
+    write_whole(file, mjcf.path("foot_arch").read_text())
+    console.print(f"{file.name} is a copy of the arch to edit; the page follows it")
 
 
 def _show(
