@@ -41,6 +41,7 @@ header { grid-row: 1; padding: 8px 14px 6px 20px; background: #0d131a; border-bo
 """
 COMMON, RARE = 200, 56  # colours: of large parts such as the sky, and of small ones such as the rings
 PERIOD_FRAMES, FRAME_MS = 12, 80
+MOMENT = 0.2  # of the first frame, as a share of the period
 #: A folder that is dragged over the page, and let go there: what the desktop's file manager would hand over.
 OVER = """document.body.dispatchEvent(new DragEvent("dragover", { bubbles: true, cancelable: true }))"""
 DROP = """([folder, files]) => {
@@ -114,6 +115,8 @@ def shoot(page: Any, url: str) -> Camera:
     camera.until("window.stats && stats.motions > 0")
     page.evaluate("play(false)")
     page.add_style_tag(content=SMALL)
+    camera.until("stage.renderer.domElement.clientHeight === byId('pane').clientHeight")  # another size is empty at first
+    page.evaluate(f"showAt({MOMENT}); fresh = true")
     page.wait_for_timeout(500)
     camera.take(1200)
     page.evaluate(OVER)

@@ -49,7 +49,7 @@ def named(refusal: str, words: Sequence[str]) -> str:
         return refusal
     values = {float(value) for value in _STATED.findall(refusal)}
     typed = [word.partition("=") for word in words]
-    pairs = [(option, value or after) for (option, _, value), after in zip(typed, [*words[1:], ""], strict=True)]
+    pairs = [(option, value or after) for (option, _, value), after in zip(typed, [*words[1:], ""], strict=False)]
     found = {
         option for option, value in pairs
         if option.startswith("--") and _NUMBER.fullmatch(value) and float(value) in values
