@@ -4,6 +4,7 @@ import re
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import yaml
 from PIL import Image
 
@@ -87,4 +88,6 @@ def test_film_shows_the_fit_of_the_page() -> None:
     """docs/film.py keeps what the page said of the fit as the comment of the film."""
     with Image.open(ROOT / "docs" / "figures" / "workbench.gif") as film:
         said = film.info["comment"].decode()
+        red, _, blue = np.moveaxis(np.asarray(film.convert("RGB")).astype(int), -1, 0)
+    assert ((red > 140) & (red > blue + 12)).mean() > 0.02  # its first frame shows bone
     assert said.startswith("k_T = ") and " ".join(said.split()) in " ".join(README.split())
