@@ -128,6 +128,8 @@ def _coherence(base: np.ndarray, malleolus: np.ndarray) -> float:
 
 
 def _broadband(time_s: np.ndarray, channels: dict[str, np.ndarray]) -> Quality:
+    from scipy.signal import csd
+
     edges = np.linspace(0, time_s.size, _SEGMENTS + 1).astype(int)
     found = {}
     for name, values in channels.items():
@@ -139,7 +141,8 @@ def _broadband(time_s: np.ndarray, channels: dict[str, np.ndarray]) -> Quality:
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     length = max(16, time_s.size // 8)
     base, malleolus = channels["base"], channels["malleolus"]
-    f, into, out, cross = _spectra(base, malleolus, rate, length)
+    f, cross = csd(base, malleolus, rate, nperseg=length)
+    into, out = (csd(x, x, rate, nperseg=length)[1].real for x in (base, malleolus))
     band = (f >= 2) & (f <= 100)
     if not band.any():
         return Quality(float("nan"), 0.0, float("inf"), found)
@@ -151,22 +154,6 @@ def _broadband(time_s: np.ndarray, channels: dict[str, np.ndarray]) -> Quality:
     coherence = float(np.sum(weight * coherent))
     spread = np.sqrt(max(0.0, 1 - coherence) / max(1e-9, 2 * coherence * 8 * lines))
     return Quality(coherence, float(np.degrees(np.angle(mean))), float(np.degrees(spread)), found)
-
-
-def _spectra(x: np.ndarray, y: np.ndarray, rate_hz: float, length: int) -> tuple[np.ndarray, ...]:
-    """Frequencies [Hz], power of x and of y, and their cross power, by Welch's method; (length // 2 + 1,) each.
-
-    Hann windows of `length` samples, each without its mean, that overlap by a half: what scipy.signal makes, without
-    the second that its import takes. All powers have one scale, which no ratio of them holds.
-    """
-    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)
-    starts = range(0, x.size - length + 1, length - length // 2)
-    into, out, cross = (np.zeros(length // 2 + 1, complex) for _ in range(3))
-    for start in starts:
-        X, Y = (np.fft.rfft(window * (part - part.mean())) for part in (v[start : start + length] for v in (x, y)))
-        into, out, cross = into + X.conj() * X, out + Y.conj() * Y, cross + X.conj() * Y
-    sides = np.where(2 * np.arange(length // 2 + 1) % length, 2.0, 1.0)  # 0 and the highest of an even length are one
-    return np.fft.rfftfreq(length, 1 / rate_hz), (sides * into).real, (sides * out).real, sides * cross
 
 
 def still(
