@@ -29,9 +29,10 @@ from fasbody.exceptions import InputFileError, SettingError
 from fasbody.recording.formats import READ, ending
 from fasbody.recording.formats.series import FormatError, Series, check_size, need
 
-#: Address space of the child [bytes], and the time on the clock that it may take for one file [s].
+#: Address space of the child [bytes], and the time on the clock that it may take for one file [s]: only a library that
+#: waits for something takes so long, as its computing is limited too, and a busy machine takes a minute to start it.
 MEMORY = 1_000_000_000
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 #: Its time of computing for one file [s], and more for each megabyte; a damaged file loops, and a busy machine is slow.
 COMPUTING_S, COMPUTING_S_PER_MB = 5.0, 4.0
 _LARGEST_FILE = 500_000_000
@@ -43,7 +44,7 @@ def read_series(file: Path, patience_s: float | None = None) -> list[Series]:
     """All numeric columns of a binary file, and by name what else there is.
 
     Args:
-        file: to read. patience_s: on the clock, None for a minute and more for a large file.
+        file: to read. patience_s: on the clock, None for five minutes and more for a large file.
 
     Raises:
         InputFileError: no such file, too large, or not what its ending says.
