@@ -118,7 +118,7 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def feeder(tmp_path: Path) -> Iterator[Any]:
+def feeder(tmp_path: Path, patient: None) -> Iterator[Any]:
     """A `feeder.Feeder`, the board made of a thread."""
     from feeder import Feeder
 
@@ -127,7 +127,7 @@ def feeder(tmp_path: Path) -> Iterator[Any]:
 
 
 @pytest.fixture
-def board(feeder: Any, patient: None) -> Iterator[Any]:
+def board(feeder: Any) -> Iterator[Any]:
     """A `Board` that has heard the feeder's hello."""
     from fasbody.acquire.board import Board
 
