@@ -122,7 +122,7 @@ def test_not_plugged_in_again_silence_garbage_and_a_missing_channel(tmp_path: Pa
     feeder.garbage = True
     board = Board(feeder.port, 9600)
     with pytest.raises(AcquisitionError, match=r"bytes came, but no hello; is 9600 the board's baud rate"):
-        board.wait_for_hello(0.5)
+        board.wait_for_hello(3.0)
     board.close()
     feeder.paused = True
     board = Board(feeder.port, BAUD)
