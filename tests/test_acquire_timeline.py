@@ -218,6 +218,17 @@ def test_drift_of_the_device_clock_is_measured_through_jitter(ppm: float) -> Non
     assert quality.problems(Limits()) == []
 
 
+@pytest.mark.parametrize("begins", [-0.01, 0.7])
+def test_what_is_made_up_for_says_nothing_of_the_clock(begins: float) -> None:
+    """A board or computer stands still for 0.8 of 1.5 s, then sends what it holds eight times as fast."""
+    rng, timeline = np.random.default_rng(3), Timeline(hello())
+    for frame in range(93):
+        due = (frame + 1) * N / 1000 + rng.uniform(0, 1e-3)
+        held = begins + 0.8 + (due - begins) / 8 if due > begins else due
+        timeline.add([block(frame)], 100.0 + max(due, held))
+    assert timeline.quality().problems(Limits()) == []
+
+
 @pytest.mark.parametrize(("ppm", "refused"), [(100, False), (600, False), (8000, True)])
 def test_rate_by_the_device_clock_against_the_declared_one(ppm: float, refused: bool) -> None:
     timeline = Timeline(hello())
