@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 PIP := $(RUN) -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 COMPILED := fasbody/foot/two_dof.py fasbody/foot/damper.py fasbody/foot/engine.py identification/engines/compiled.py
 
-.PHONY: fit view wheel test lint docs bench reproduce clean
+.PHONY: fit view wheel test lint suite docs bench reproduce clean
 
 fit: $(VENV)/core.stamp  ## fit the bundled synthetic foot; add ARGS="..." for options
 	$(RUN) -m identification.fit $(ARGS)
@@ -21,7 +21,9 @@ wheel: $(VENV)/python.stamp  ## one file for another machine, with models and da
 
 test: $(VENV)/core.stamp  ## the whole test suite; ARGS="-k name" selects
 	$(MAKE) --no-print-directory --jobs=2 $(VENV)/compiled.stamp $(VENV)/dev.stamp
-	$(MAKE) --no-print-directory --jobs=2 lint $(VENV)/collected.stamp
+	$(MAKE) --no-print-directory --jobs=2 lint suite
+
+suite: $(VENV)/collected.stamp  # the lint goes on beside its beginning
 	$(RUN) -m pytest $(ARGS)
 
 lint: $(VENV)/dev.stamp

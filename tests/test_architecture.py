@@ -201,3 +201,9 @@ def test_public_functions_on_arrays_say_shapes_or_units() -> None:
                 silent.append(f"{file.relative_to(ROOT)}:{function.lineno} {function.name}")
     assert told > 200
     assert len(silent) <= told * 3 / 17, "\n".join(silent)
+
+
+def test_files_that_go_first_are_there() -> None:
+    from conftest import LONGEST
+
+    assert [name for name in LONGEST if not (ROOT / "tests" / f"test_{name}.py").is_file()] == []
