@@ -156,6 +156,7 @@ def test_search_orders_the_linear_mechanisms() -> None:
 
 def test_commands(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mechanisms, "FINE_HZ", np.arange(10.0, 51.0, 10.0))
+    monkeypatch.setattr(mechanisms, "search", lambda m, draws, seed, *_: search(m, draws, seed, rounds=2))
     run = CliRunner().invoke(leg_command.app, ["peaks", "--json"])
     assert run.exit_code == 0
     assert sum(s["holds"] for s in json.loads(run.stdout)["statements"]) == 25

@@ -41,14 +41,15 @@ def opened() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="module")
-def arch() -> Iterator[str]:
+def page(opened: Any) -> Iterator[Watched]:
     with served("--model", "foot_arch") as url:
-        yield url
+        yield Watched(opened, url)
 
 
 @pytest.mark.parametrize("size", [(1600, 900), (1100, 800), (720, 800), (420, 800)])
-def test_nothing_lies_over_the_foot(opened: Any, arch: str, size: tuple[int, int]) -> None:
-    page = Watched(opened, arch, size)
+def test_nothing_lies_over_the_foot(page: Watched, size: tuple[int, int]) -> None:
+    page.page.set_viewport_size({"width": size[0], "height": size[1]})
+    page.until(f"innerWidth === {size[0]} && innerHeight === {size[1]}")
     for message in ("", "my_foot.xml, line 3: MuJoCo cannot compile it."):
         page(f"say('{message}')")
         page.until("stage.renderer.domElement.clientHeight === byId('pane').clientHeight")

@@ -12,6 +12,8 @@ import numpy as np
 from fasbody.arch.bones import PARAMETERS, Arch
 from fasbody.arch.kinematics import THETA_2, THETA_3, THETA_4, Z_F, Z_T, Array, X, arms, deformations, gradients
 
+_LOWER = np.tril_indices(6, -1)
+
 
 def mass_matrix(arch: Arch, q: Array) -> Array:
     """A(q) of Eq. (4.11) as in Appendix B, shape (..., 6, 6); row and column of x are zero, x has no mass.
@@ -39,8 +41,7 @@ def mass_matrix(arch: Arch, q: Array) -> Array:
     A[..., 3, 3] = (m_T + J_1 + m_2) * l_3**2 + m_4 * h_3**2 + m_3 * arch.L_3**2 / 4 + arch.I_3
     A[..., 3, 4] = (m_T + J_1 + m_2 + m_3 / 2) * l_3 * l_4 + m_4 / 2 * h_3 * h_4
     A[..., 4, 4] = (m_T + J_1 + m_2 + m_3) * l_4**2 + m_4 / 4 * arch.L_4**2 + arch.I_4
-    lower = np.tril_indices(6, -1)
-    A[..., lower[0], lower[1]] = A[..., lower[1], lower[0]]
+    A[..., _LOWER[0], _LOWER[1]] = A[..., _LOWER[1], _LOWER[0]]
     return A
 
 
