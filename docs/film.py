@@ -115,7 +115,7 @@ def shoot(page: Any, url: str) -> Camera:
     camera.until("window.stats && stats.motions > 0")
     page.evaluate("play(false)")
     page.add_style_tag(content=SMALL)
-    camera.until("stage.renderer.domElement.clientHeight === byId('pane').clientHeight")  # another size is empty at first
+    camera.until("stage.renderer.domElement.clientHeight === byId('pane').clientHeight")
     page.evaluate(f"showAt({MOMENT}); fresh = true")
     page.wait_for_timeout(500)
     camera.take(1200)

@@ -192,20 +192,18 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
             "{ file: 'b/20hz_0b.csv', id: 9, unread: '', problem: '', warnings: [], "
             "frequency_hz: 20.04, added_mass_kg: 0 }"
         )
-        cells, heads = page(  # at once: the saved model may still come, and clears the fit
+        cells, heads, named = page(  # at once: the saved model may still come, and clears the fit
             "() => { bench.found = null; bench.fit = { recordings: ["
             "{ file: '20hz_0.csv', fit_percent: 98.7 }, { file: 'b/20hz_0b.csv', fit_percent: 97.5 }] };"
             f"showRecordings({{ session: bench.session, stale: '', shown: 1, "
             f"rows: [...[0, 2.3].flatMap(m => [10, 20, 30].map(f => ({row}))), {again}] }});"
-            "return ['td button', 'th'].map(q => [...byId('matrix').querySelectorAll(q)].map(b => b.textContent)); }"
+            "const all = q => [...byId('matrix').querySelectorAll(q)], texts = q => all(q).map(b => b.textContent);"
+            "const named = all('button').map(b => b.title).filter(t => t.includes(' of 2'));"
+            "return [texts('td button'), texts('th'), named]; }"
         )
-        assert cells == ["·", "99", "98", "·", "·", "·", "·"]
+        assert cells == ["·", "99", "·", "98", "·", "·", "·"]
         assert heads == ["Hz", "10", "20", "30", "no load", "repeat 2", "+ 2.3 kg"]
-        named = "[...byId('matrix').querySelectorAll('button')].map(b => b.title).filter(t => t.includes('20hz_0'))"
-        assert page(named) == [
-            "20hz_0.csv (1 of 2 at 20 Hz): fit 98.7 %",
-            "b/20hz_0b.csv (2 of 2 at 20.04 Hz): fit 97.5 %",
-        ]
+        assert named == ["20hz_0.csv (1 of 2 at 20 Hz): fit 98.7 %", "b/20hz_0b.csv (2 of 2 at 20.04 Hz): fit 97.5 %"]
         for width in (1600, 1100, 800, 420):
             page.resize(width, 800)
             assert page(WIDE) <= width
@@ -495,10 +493,18 @@ def test_recording_with_warnings_is_marked_while_another_is_shown(opened: Any, t
         mm = "\n".join([",".join(rows[0]), *(f"{t},{float(a) * 1e3},{float(b) * 1e3}" for t, a, b, *_ in rows[1:])])
         page(DROP, ["mm.csv", mm])
         page.until("byId('state').textContent.endsWith('mm.csv · no motion to show')")
-        assert page("byId('error').textContent").endswith("no motion of two_dof lasts under that; check its unit.")
+        assert page("byId('error').textContent").endswith("As it is, no motion of two_dof lasts.")
         assert page("Object.values(plots).map(p => p.series.length)") == [0, 0, 0, 0]
         assert bone_share(page.canvas()) > 0.005
         assert page("ticked().length") == 1
+
+        # what is being read, or computed, is said until it is there
+        assert page("(showRecording(bench.rows[0]), byId('data_state').textContent)") == "reading mm.csv"
+        page.until("byId('data_state').textContent === '' && byId('state').textContent.endsWith('no motion to show')")
+        page("busy = true, motion = null, receive({ ...model, adopt: false }), busy = true")
+        page.until("byId('state').textContent.endsWith('computing the motion')")
+        page("busy = false, ask()")
+        page.until("byId('state').textContent.endsWith('no motion to show')")
         page.page.locator("#sine").click()
         page.until("motion && !model.recorded && plots.pad.series.length")
 

@@ -22,8 +22,8 @@ function tellServer(type, more = {}, working = "") {
   socket.send(JSON.stringify({ type, key: KEY, ...more }));
   if (working) busyWith(working);
 }
-const EARLIER = "This page belongs to an earlier session: reload it.";
-const AGAIN = "The command was started again: recordings, ticks and fits of before are gone.";
+const OTHER_SESSION = "This page belongs to an earlier session: reload it.";
+const STARTED_AGAIN = "The command was started again: recordings, ticks and fits of before are gone.";
 
 function element(tag, text = "", more = {}) { return Object.assign(document.createElement(tag), { textContent: text }, more); }
 
@@ -35,7 +35,7 @@ async function upload(files) {
     busyWith(`reading ${name}`);
     const answer = await fetch(`/upload?name=${encodeURIComponent(name)}`, { method: "POST", headers: { "X-Key": KEY }, body: file }).catch(() => null);
     const known = answer && (answer.headers.get("Content-Type") || "").startsWith("application/json");
-    const said = known ? await answer.json() : { text: answer && answer.status === 403 ? EARLIER : `${name} could not be sent; it may be larger than 64 MB.` };
+    const said = known ? await answer.json() : { text: answer && answer.status === 403 ? OTHER_SESSION : `${name} could not be sent; it may be larger than 64 MB.` };
     if (said.text) complain([complaints, said.text].filter(Boolean).join("\n")); else names.push(said.name);
   }
   if (names.length) tellServer("open", { names }); else busyWith("");
@@ -83,7 +83,7 @@ function showRecordings(document_) {
   if (bench.session && session !== bench.session) {
     for (const kept of [bench.chosen, bench.fittable, bench.unticked]) kept.clear();
     bench.lost = true;
-    complain(`${AGAIN} Reload this page, and drop the recordings again.`);
+    complain(`${STARTED_AGAIN} Reload this page, and drop the recordings again.`);
   }
   Object.assign(bench, { session, rows: listed, shown });
   for (const row of listed) {  // ticked as soon as it can be fitted, and not any longer than that
@@ -248,12 +248,12 @@ function correctionForm({ number: id, columns, said }) {
 function askFit() {
   const free = model.parameters.filter(p => !MASSES.has(p.name)), held = free.filter(p => bench.free[p.name] === false);
   if (!startsAreSound()) { byId("starts").focus(); return; }
-  const said = { starts: +byId("starts").value };
-  if (held.length) said.free = free.filter(p => bench.free[p.name] !== false).map(p => p.name);
-  said.values = Object.fromEntries(held.filter(p => p.name in state.values).map(p => [p.name, state.values[p.name]]));
-  said.bounds = Object.fromEntries(Object.entries(bench.bounds).filter(([name]) => model.parameters.some(p => p.name === name)));
+  const settings = { starts: +byId("starts").value };
+  if (held.length) settings.free = free.filter(p => bench.free[p.name] !== false).map(p => p.name);
+  settings.values = Object.fromEntries(held.filter(p => p.name in state.values).map(p => [p.name, state.values[p.name]]));
+  settings.bounds = Object.fromEntries(Object.entries(bench.bounds).filter(([name]) => model.parameters.some(p => p.name === name)));
   bench.asked = performance.now();
-  tellServer("fit", { numbers: ticked(), said });
+  tellServer("fit", { numbers: ticked(), said: settings });
 }
 const remarkStarts = window.EXPORTED ? null : remarkIn(byId("starts").closest(".row"), byId("starts"));
 function startsAreSound() {
@@ -519,7 +519,7 @@ function keepState() {
 function recall() {
   let kept = null;
   try { kept = JSON.parse(sessionStorage.getItem("fasbody")); } catch { /* not allowed */ }
-  if (kept && kept.key !== KEY && kept.held && !window.EXPORTED) complain(`${AGAIN} Drop the recordings again.`);
+  if (kept && kept.key !== KEY && kept.held && !window.EXPORTED) complain(`${STARTED_AGAIN} Drop the recordings again.`);
   if (window.EXPORTED || !kept || kept.key !== KEY || kept.name !== model.name) return false;
   Object.assign(state, kept.state);
   Object.assign(bench, kept.bench);
