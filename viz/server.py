@@ -43,6 +43,8 @@ LARGEST, BODY = 1_000_000, 64_000
 PATIENCE = 30.0
 #: Seconds between the last page leaving and the end of the command, so that a reload is not the end.
 GRACE = 8.0
+#: Seconds after the first motion when what the first long recording needs is loaded.
+LOOKING = 2.0
 #: Seconds for a browser to be started, and for connections to be closed at the end.
 OPENING, PARTING = 15.0, 2.0
 #: No script but ours and no address but this server; meshcat's control panel writes styles into the page.
@@ -149,9 +151,10 @@ class Server:
         """Simulate what a page asks for."""
         loop = asyncio.get_running_loop()
         answer = await loop.run_in_executor(self._pool, self._answer, message)
-        if self.bench is not None and not self._prepared:  # the user looks at the first motion
+        if self.bench is not None and not self._prepared:  # while the user looks at the first motion
             self._prepared = True
-            threading.Thread(target=self.bench.prepare, name="prepare", daemon=True).start()
+            prepare = threading.Thread(target=self.bench.prepare, name="prepare", daemon=True)
+            loop.call_later(LOOKING, prepare.start)
         return answer
 
     def _answer(self, message: dict[str, Any]) -> str:

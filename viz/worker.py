@@ -122,11 +122,10 @@ def _take_in(jobs: TextIO, waiting: "SimpleQueue[str]") -> None:
 
 def _rehearse() -> None:
     """A small fit, which loads the compiled code and whatever else the first one would wait for."""
-    from fasbody.foot.model import load
-    from fasbody.recording.study import BUNDLED, read_file
-    from identification.estimate import fit_foot
+    from fasbody.recording.study import BUNDLED
 
-    fit_foot(read_file(BUNDLED / "recordings" / "20hz_0kg.csv"), load("two_dof"), starts=1)
+    source = Source("20hz_0kg.csv", str(BUNDLED / "recordings"))
+    _fit(job([source], "two_dof", {}, {"starts": 1}), lambda document: None)
 
 
 def _fit(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) -> Any:
