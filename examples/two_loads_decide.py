@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from fasbody.foot.model import load
 from fasbody.laboratory.foot import record
 from fasbody.laboratory.instrument import Instrument
-from fasbody.presentation import PAGE, printed, write_figure
+from fasbody.presentation import COLOURS, PAGE, printed, write_figure
 from fasbody.recording.recording import Condition, Recording
 from identification.estimate import Settings, fit_foot
 from identification.result import FitResult
@@ -48,9 +48,9 @@ def main(picture: Path = Path("two_loads_decide.png")) -> dict[str, FitResult]:
     figure = Figure(figsize=(PAGE, 3.2), layout="constrained")
     for ax, (name, result) in zip(figure.subplots(1, 2, sharey=True), results.items(), strict=True):
         misfit = [branch.chi_square / branch.dof for branch in result.branches]
-        colours = ["#55a868" if branch in result.open else "0.6" for branch in result.branches]
+        colours = [COLOURS[2] if branch in result.open else "0.6" for branch in result.branches]
         bars = ax.bar([branch.name for branch in result.branches], misfit, width=0.6, color=colours)
-        ax.bar_label(bars, [f"{value:.3g}" for value in misfit], padding=4)
+        ax.bar_label(bars, [f"{value:.3g}" for value in misfit], padding=8)
         ax.axhline(1, color="k", lw=0.8, ls=":")
         ax.set_title(f"{name}: {result.verdict}", loc="left")
         ax.set_yscale("log")

@@ -35,7 +35,8 @@ STYLE: Any = {
     "xtick.labelsize": 7.5, "ytick.labelsize": 7.5, "legend.fontsize": 7.5, "legend.title_fontsize": 7.5,
     "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True,
     "grid.alpha": 0.25, "grid.linewidth": 0.5, "axes.linewidth": 0.7, "xtick.major.width": 0.7,
-    "ytick.major.width": 0.7, "lines.linewidth": 1.2, "svg.fonttype": "path", "legend.frameon": False,
+    "ytick.major.width": 0.7, "lines.linewidth": 1.2, "lines.markersize": 4.5,
+    "hatch.linewidth": 0.6, "svg.fonttype": "path", "legend.frameon": False,
 }  # fmt: skip
 _Given, _Drawn = ParamSpec("_Given"), TypeVar("_Drawn")
 
@@ -114,7 +115,7 @@ def named_lines(axis: Any, x: Any, curves: Sequence[Any], names: Sequence[str], 
     import numpy as np
 
     (left, right), (_, top) = axis.get_xlim(), axis.get_ylim()
-    half = max(1, round(0.08 * (right - left) / (x[1] - x[0])))
+    half = max(1, round(0.05 * (right - left) / (x[1] - x[0])))
     pieces = np.lib.stride_tricks.sliding_window_view(np.array(curves), 2 * half + 1, axis=1)
     at = np.arange(half, x.size - half)
     low, high = pieces.min(axis=2), pieces.max(axis=2)

@@ -52,7 +52,7 @@ def sensitivity_bars(studies: Sequence[Study]) -> Figure:
         spread = None if study.own else [median - low, high - median]
         bars = ax.bar(SYMBOLS, median, color=colours, yerr=spread, capsize=3, ecolor="0.3")
         for bar, name in zip(bars, PARAMETERS, strict=True):
-            bar.set_hatch("" if name in CLAIMED else "////")
+            bar.set_hatch("" if name in CLAIMED else "///")
             bar.set_edgecolor("white")
             bar.set_linewidth(0)
         ax.set_yscale("log")
@@ -202,7 +202,7 @@ def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Fig
     left.set_ylim(0)
     curves = [case.transmissibility for case in result.cases]
     colours = [COLOURS[i % len(COLOURS)] for i in range(len(added))]
-    named_lines(left, result.frequency_hz, curves, [f"{mass:g} kg added" for mass in added], colours)
+    named_lines(left, result.frequency_hz, curves, [f"{mass:g} kg" for mass in added], colours)
     right.set_xticks(added, [f"{mass:g}" for mass in added])
     right.set_xlabel("added mass [kg]")
     right.set_ylabel("resonance [Hz]")

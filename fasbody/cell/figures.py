@@ -162,7 +162,7 @@ def base_response(response: "BaseResponse") -> Figure:
         axes.axvspan(10, 100, color="0.9", lw=0, zorder=0)
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")
-    figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=3, columnspacing=1.0)
     upper.set(ylabel="motion / motion of the base")
     lower.set(ylabel="top against base [nm] at 1 m/s²", xlabel="frequency [Hz]; grey: 10 to 100 Hz")
     return figure

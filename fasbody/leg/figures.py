@@ -52,7 +52,7 @@ def peaks(result: "Peaks") -> Figure:
         _unity(ax)
         if pair == "MB":
             _judged(ax, f, np.array(curves), [result.highest("MB", load)[0] for load in range(len(curves))])
-            named_lines(ax, f, curves, [f"{load} added" for load in _LOADS], COLOURS[:3])
+            named_lines(ax, f, curves, _LOADS, COLOURS[:3])
     names = ("malleolus / base (MB)", "tuberosity / base (TB)", "tuberosity / malleolus (TM)")
     for letter, ax, name in zip("abc", panels, names, strict=True):
         ax.set_title(f"{letter}  {name}", loc="left")

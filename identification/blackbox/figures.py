@@ -174,7 +174,7 @@ def residuals(report: Report) -> Figure:
     rows[0][1].set_title("residual(t) with input(t - lag)")
     rows[-1][0].set_xlabel("lag [samples]")
     rows[-1][1].set_xlabel("lag [samples]; negative: input after output")
-    figure.suptitle(f"{report.name}: residuals of held-out data, shaded: 99 % band of no correlation")
+    figure.suptitle(f"{report.name}: residuals of held-out data; shaded: 99 % band of no correlation")
     return figure
 
 
@@ -190,7 +190,7 @@ def _bars(axes: Axes, lags: np.ndarray, values: np.ndarray, bound: float, colour
 @printed
 def poles(report: Report) -> Figure:
     """Poles and zeros in the z plane, the part near the unit circle where the models differ enlarged."""
-    figure = Figure(figsize=(PAGE, 4.7), layout="constrained")
+    figure = Figure(figsize=(PAGE, 4.2), layout="constrained")
     plane, near = figure.subplots(1, 2)
     angle = np.linspace(0, 2 * np.pi, 721)
     shown: dict[str, Found] = {name: found for name, found in report.models.items() if len(found.best.model.poles())}
@@ -200,9 +200,9 @@ def poles(report: Report) -> Figure:
         axes.axvline(0, color="0.85", lw=0.6, zorder=0)
         for place, (name, found) in enumerate(shown.items()):
             p, z = found.best.model.poles(), found.best.model.zeros()
-            size = 12 - 1.4 * place  # smaller on top, so that agreeing models can be seen through one another
-            axes.plot(p.real, p.imag, "x", color=COLOURS[name], ms=size, mew=1.5)
-            axes.plot(z.real, z.imag, "o", color=COLOURS[name], ms=0.8 * size, mfc="none", mew=1.1)
+            size = 8 - 0.8 * place  # smaller on top, so that agreeing models can be seen through one another
+            axes.plot(p.real, p.imag, "x", color=COLOURS[name], ms=size, mew=1.2)
+            axes.plot(z.real, z.imag, "o", color=COLOURS[name], ms=0.8 * size, mfc="none", mew=0.9)
         axes.set_aspect("equal")
         axes.set_xlabel("Re z")
     plane.set_ylabel("Im z")
