@@ -38,7 +38,8 @@ STYLE: Any = {
     "ytick.major.width": 0.7, "lines.linewidth": 1.2, "lines.markersize": 4.5,
     "hatch.linewidth": 0.6, "svg.fonttype": "path", "legend.frameon": False,
 }  # fmt: skip
-_Given, _Drawn = ParamSpec("_Given"), TypeVar("_Drawn")
+_Given = ParamSpec("_Given")
+_Drawn = TypeVar("_Drawn")
 
 #: What the ends of names say of units.
 _UNITS = {

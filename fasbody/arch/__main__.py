@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 from rich.box import SIMPLE_HEAD
+from rich.markup import escape
 from rich.table import Table
 
 from fasbody.arch.bones import PARAMETERS, Arch
@@ -310,14 +311,14 @@ def _validation_table(result: "Validation") -> Table:
             [p.verdict],
             [f"{value:.3g}{mark}" for value in p.shipped],
         )
-        table.add_row(name, *("\n".join(cell) for cell in lines))
+        table.add_row(escape(name), *("\n".join(cell) for cell in lines))
     return table
 
 
 def _proof_table(bounds: Sequence["Proof"]) -> Table:
     table = Table(title="What rigid bones cannot do, whatever the springs", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for column in ("number", "bound", "needed", "excluded by", "for", "proved"):
-        table.add_column(column, justify="right" if column == "needed" else "left")
+        table.add_column(column, justify="right" if column == "needed" else "left", overflow="fold")
     for proof in bounds:
         sign = "\u2265" if proof.above else "\u2264"
         table.add_row(proof.number, f"{sign} {proof.bound:.3g} {proof.unit}", f"{proof.needed:.3g}", proof.against,
