@@ -278,14 +278,14 @@ def test_one_subject_of_several_and_failed_fits_are_said() -> None:
     draw, caption = found["transmissibility_per-recording"]
     subject = report.example(fits, "per-recording", "midstance", {})[0]
     assert subject != "1" and f"subject {subject}, whose recordings stand for those of 2 more" in caption
-    assert f"of subject {subject}, one of 3;" in draw().get_supxlabel() and "not drawn" not in caption
+    assert f"of subject {subject}, one of 3." in draw().get_supxlabel() and "not drawn" not in caption
     assert found["curves_per-recording_midstance"][1].endswith(" 1 failed fit is not drawn.")
     alone = [d for d in fits if d["subject"] == "1"]
     draw, caption = report.pictures(alone, summary.tidy(alone), summary.cycle_table(alone), "synthetic", {})[
         "transmissibility_per-recording"
     ]
     assert caption.endswith(" 1 failed fit is not drawn.")
-    assert "of subject 1 (1 fit failed, not drawn);" in draw().get_supxlabel()
+    assert "of subject 1 (1 fit failed, not drawn)." in draw().get_supxlabel()
 
 
 def test_ticks_and_frequencies_without_an_estimate_are_said() -> None:
@@ -296,7 +296,7 @@ def test_ticks_and_frequencies_without_an_estimate_are_said() -> None:
     rows = summary.tidy([d for d in study()[:-1] if d["subject"] in ("1", "2")])
     assert "none has one" not in figures.curves(rows, "synthetic").get_supxlabel()
     rows.loc[rows["frequency_hz"] == 20, "std_error"] = np.nan
-    assert "at 20 Hz none has one" in " ".join(figures.curves(rows, "synthetic").get_supxlabel().split())
+    assert "At 20 Hz none has one" in " ".join(figures.curves(rows, "synthetic").get_supxlabel().split())
 
 
 def test_two_subjects_make_no_curve() -> None:

@@ -63,7 +63,7 @@ def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> F
         for axes, view in zip(place, (OBLIQUE, ABOVE), strict=True):
             _draw(axes, points + SWELL * length * mode, faces, value, view, colours=PHASES)
             _outline(axes, points, faces, view)
-        text = f"mode {i + 1}: {_hertz(f)}, {d.label} (colour: {'xyz'[main]})"
+        text = f"mode {i + 1}: {_hertz(f)}, {d.label} ({'xyz'[main]})"
         for axes, words in zip(place, (text, " "), strict=True):  # so that both views leave room for it
             axes.set_title(words, fontsize=7, loc="left", pad=3)
     seen = [place.flat[: len(u)] for place in (panels[:, 0::2].T, panels[:, 1::2].T)]  # both views of every mode
@@ -79,8 +79,11 @@ def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> F
     figure.set_figheight(1.15 + rows * (0.22 + PAGE * tall / (2 * wide)))
     bar = figure.colorbar(ScalarMappable(Normalize(-1, 1), PHASES), ax=panels, shrink=0.5, aspect=40, location="bottom")
     size = f"{SWELL * length / um:.3g} {name}".replace("um", "µm")
-    bar.set_label(f"displacement along the named axis / largest displacement, which is drawn as {size}")
-    views = "left: oblique, right: from above; lines: outline at rest; red and blue move against each other"
+    bar.set_label(f"displacement along that axis / largest displacement, which is drawn as {size}")
+    views = (
+        "left: oblique, right: from above; lines: outline at rest; colour: motion along the axis in brackets, red "
+        "against blue"
+    )
     head = (analysis.title.replace("um", "µm"), analysis.remark, views)
     figure.suptitle("\n".join(line for line in head if line).replace(" x ", " × "))
     return figure
