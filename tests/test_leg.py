@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 from scipy.integrate import solve_ivp
 
 import mjcf
@@ -14,6 +15,7 @@ from fasbody.leg.chain import Leg
 from fasbody.leg.crosscheck import MATRICES, RESPONSES, crosscheck
 from fasbody.leg.peaks import peaks
 from fasbody.leg.statements import ADDED_KG, RANGES_HZ
+from fasbody.presentation import PAGE
 
 Edit = Callable[..., Path]
 
@@ -77,6 +79,19 @@ def test_peaks_lie_where_they_were_measured_and_no_constant_changes() -> None:
     assert all(leg.with_added(added).modes()[0][0] < 15 for added in ADDED_KG)
     assert abs(leg.stiffness[2] - 14.9e3) < 2 * 3.5e3
     assert abs(leg.damping[2] - 430) < 2 * 36
+
+
+def test_the_figure_can_be_printed_as_wide_as_a_page() -> None:
+    """At 180 mm nothing is smaller than 7 points or runs out of the paper, and each load is named on its curve."""
+    figure = peaks(read("leg"), "leg").plot()
+    assert figure.get_figwidth() <= PAGE
+    figure.draw_without_rendering()
+    texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
+    assert min(text.get_fontsize() for text in texts) >= 7
+    assert {"0 kg", "2.3 kg", "4.5 kg"} <= {text.get_text() for text in texts}
+    for axis in figure.axes:
+        box = axis.get_tightbbox()
+        assert box.x0 >= 0 and box.x1 <= figure.bbox.x1 and box.y0 >= 0 and box.y1 <= figure.bbox.y1
 
 
 def test_a_load_that_moves_with_the_shank_misses_the_ranges(edit: Edit) -> None:
