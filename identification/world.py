@@ -296,6 +296,14 @@ class WorldSpace:
             name: [_of(kind, person) if several else kind for person in people] for name, kind in self._weighed.items()
         }
 
+    @cached_property
+    def _its(self) -> dict[str, dict[str, np.ndarray]]:
+        """Of each mass, the recordings (R,) that each nuisance multiplies it in."""
+        return {
+            name: {kind: np.array([kind == each for each in kinds]) for kind in dict.fromkeys(kinds)}
+            for name, kinds in self.kinds.items()
+        }
+
     has_delay = False
 
     def stated(self, number: int) -> dict[str, float]:
@@ -404,11 +412,11 @@ class WorldSpace:
         _, _, on_knee, stated = self._about
         found = {}
         for name, each in stated.items():
-            kinds, slope = self.kinds[name], np.zeros((each.size, q.size))
-            segment = each * np.exp([self.of(q, kind) for kind in kinds])
-            for i, kind in enumerate(kinds):
+            segment, slope = each.copy(), np.zeros((each.size, q.size))
+            for kind, its in self._its[name].items():
+                segment[its] *= np.exp(self.of(q, kind))
                 if kind in self.index:
-                    slope[i, self.index[kind]] = segment[i] * self.slope(kind)
+                    slope[its, self.index[kind]] = segment[its] * self.slope(kind)
             found[name] = (segment if name == "m_F" else segment + on_knee, slope)
         return found
 

@@ -14,6 +14,7 @@ from fasbody.console import command_line, console, make_folder, print_json, resu
 from fasbody.exceptions import AcquisitionError, SettingError, Stopped, unknown
 from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.presentation import write_figure
+from identification.options import DelayStd, GainStd, MassStd
 
 if TYPE_CHECKING:
     from fasbody.presentation import Presented
@@ -63,12 +64,10 @@ _Kinds = Annotated[str, typer.Option(help="sine, multisine; separated by commas"
 _Sensors = Annotated[str, typer.Option(help="accelerometers that are worn, e.g. malleolus,foot")]
 _Seconds = Annotated[float, typer.Option(help="length of a recording in s")]
 _Noise = Annotated[float, typer.Option(help="noise of a sensor on a person, rms of a sample in m/s^2")]
-_Allow = Annotated[
-    str | None, typer.Option(help="what else may be true: mount, relaxation, load, rocking, drift, or all")
+_Exclude = Annotated[
+    str | None,
+    typer.Option(help="what to rule out, as in identification.fit: mount, relaxation, load, rocking, drift, or all"),
 ]
-_MassStd = Annotated[float | None, typer.Option(help="how far the segment masses may be off, as a share (default 0.1)")]
-_GainStd = Annotated[float | None, typer.Option(help="how far the gain may be off, as a share (default 0.01)")]
-_DelayStd = Annotated[float | None, typer.Option(help="what the delay between channels may be, in s")]
 _Draws = Annotated[int, typer.Option(help="feet to average over (default 32, after recordings 12)")]
 _Seed = Annotated[int, typer.Option(min=0, help="seed of the drawn feet")]
 _Json = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
@@ -102,10 +101,10 @@ def propose(
     sensors: _Sensors = "malleolus",
     seconds: _Seconds = 10.0,
     noise: _Noise = 0.5,
-    allow: _Allow = None,
-    mass_std: _MassStd = None,
-    gain_std: _GainStd = None,
-    delay_std: _DelayStd = None,
+    exclude: _Exclude = None,
+    mass_std: MassStd = None,
+    gain_std: GainStd = None,
+    delay_std: DelayStd = None,
     draws: _Draws = 0,
     seed: _Seed = 0,
     json_: _Json = False,
@@ -127,7 +126,7 @@ def propose(
 
       python -m identification.plan --frequencies 15:40:5 --loads 0,5 --displacement 0.004 --protocol steps.json
 
-      python -m identification.plan --allow all --sensors malleolus,foot --recordings 14 --json
+      python -m identification.plan --exclude all --sensors malleolus,foot --json
 
       python -m identification.plan run --simulate --auto --out my_study
     """
@@ -145,7 +144,7 @@ def propose(
     if (subject or posture) and not data:
         raise SettingError("--subject and --posture choose among earlier recordings; name their study.")
     earlier = _of(_earlier(data, body_mass), subject, posture)
-    person = _person(model, body_mass, earlier, allow, mass_std, gain_std, delay_std)
+    person = _person(model, body_mass, earlier, exclude, mass_std, gain_std, delay_std)
     director = _director(person, shaker, ask, earlier, seed, draws)
     if out is not None:
         make_folder(out)
@@ -189,10 +188,10 @@ def run(
     table_mass: _Table = 5.0,
     seconds: _Seconds = 10.0,
     noise: _Noise = 0.5,
-    allow: _Allow = None,
-    mass_std: _MassStd = None,
-    gain_std: _GainStd = None,
-    delay_std: _DelayStd = None,
+    exclude: _Exclude = None,
+    mass_std: MassStd = None,
+    gain_std: GainStd = None,
+    delay_std: DelayStd = None,
     load_change: Annotated[
         float, typer.Option(help="what laying another load costs, in seconds of shaking", min=0, max=3600)
     ] = 60.0,
@@ -238,7 +237,7 @@ def run(
     earlier = _earlier([out] if (out / "recordings.csv").is_file() else None, None)
     if len({r.condition.subject for r in earlier}) > 1:  # a study of several people: those of this one count
         earlier = [r for r in earlier if r.condition.subject == subject]
-    person = _person(model, body_mass, earlier, allow, mass_std, gain_std, delay_std, subject)
+    person = _person(model, body_mass, earlier, exclude, mass_std, gain_std, delay_std, subject)
     asked = _director(person, shaker, ask, (), seed, draws).asked if ask == [_AS_THESIS] else _asked(ask)
     safety = Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=displacement)
     ports = None if simulate else (port or "", baud, generator or "", generator_baud)
@@ -348,23 +347,19 @@ def _person(
     model: str,
     body_mass: float | None,
     earlier: "Sequence[Recording]",
-    allow: str | None,
+    exclude: str | None,
     mass_std: float | None,
     gain_std: float | None,
     delay_std: float | None,
     subject: str = "1",
 ) -> "Person":
     from fasbody.foot.model import load
-    from fasbody.recording.known import DEPARTURES, Known
+    from fasbody.recording.known import Known
     from identification.plan.prior import Person
     from identification.space import names
 
-    allowed = set(names(allow) or ())
     known = Known.of_all([recording.known for recording in earlier])
-    for name in sorted(allowed - {*DEPARTURES, "all"}):
-        raise SettingError(f"--allow: {unknown('departure', name, (*DEPARTURES, 'all'))}.")
-    excluded = () if "all" in allowed else tuple(set(DEPARTURES) - allowed)
-    known = known.told(mass_std, gain_std, delay_std, excluded)
+    known = known.told(mass_std, gain_std, delay_std, names(exclude) or ())
     if earlier:
         first = earlier[0].condition
         body_mass, subject = first.body_mass_kg if body_mass is None else body_mass, first.subject or subject

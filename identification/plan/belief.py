@@ -56,13 +56,15 @@ class End:
     """The likeliest foot of a branch.
 
     Attributes:
-        name: of the branch. q: (n,). objective: chi-square and the squares of the prior's rows. C: covariance (n, n).
-        chi_square: of the recordings alone. dof: their numbers less the foot's constants.
+        name: of the branch. q: (n,). objective: chi-square and the squares of the prior's rows. A: information (n, n)
+            of recordings and priors. C: covariance (n, n) as the fit has it, without the population. chi_square: of the
+            recordings alone. dof: their numbers less the foot's constants.
     """
 
     name: str
     q: np.ndarray
     objective: float
+    A: np.ndarray
     C: np.ndarray
     chi_square: float
     dof: int
@@ -110,13 +112,18 @@ class Belief:
         return several and not self.follows and float(chdtrc(end.dof, end.chi_square)) < _UNLIKELY
 
     def bands(self, names: Sequence[str], end: int = 0) -> dict[str, Band]:
-        """Constants at rest, without load, of one end; wider where such a foot does not quite follow the recordings."""
-        found, e = {}, self.ends[end]
-        L = self.space.logarithms(e.q, names)
-        std = np.sqrt(np.diag(L @ e.C @ L.T) * max(1.0, e.chi_square / max(1, e.dof)))
+        """Constants at rest, without load, of one end, as the fit has them: without the population, cut at the bounds,
+        and wider where such a foot does not quite follow the recordings.
+        """
+        found, e, feet = {}, self.ends[end], self.space.feet
+        L, seen = self.space.logarithms(e.q, names), np.isfinite(e.C).all(axis=1)
+        std = np.sqrt(np.diag(L[:, seen] @ e.C[np.ix_(seen, seen)] @ L[:, seen].T))
+        std[(L[:, ~seen] != 0).any(axis=1)] = np.inf
+        std *= np.sqrt(max(1.0, e.chi_square / max(1, e.dof)))
         for name, s in zip(names, std, strict=True):
-            value = self.space.value(e.q, name)
-            found[name] = Band(value, float(value * np.exp(-_Z95 * s)), float(value * np.exp(_Z95 * s)))
+            value, i = self.space.value(e.q, name), self.space.index[name]
+            ends = value * np.exp(-_Z95 * s), value * np.exp(min(_Z95 * s, 50.0))
+            found[name] = Band(value, max(float(ends[0]), feet.lower[i]), min(float(ends[1]), feet.upper[i]))
         return found
 
     def open_bands(self, names: Sequence[str]) -> dict[str, Band]:
@@ -131,16 +138,19 @@ class Belief:
         }
 
     def draw(self, seed: np.random.SeedSequence) -> np.ndarray:
-        """A foot (n,) that the recordings leave possible.
+        """A foot (n,) that the recordings leave possible, with the departures of the likeliest (`PlanSpace.draw`).
 
         The constants come first among the variables, and the factor of the covariance is triangular: so they do not
         depend on what else the candidates make possible.
         """
         other = 1 / (1 + np.exp(min(self.log_odds, 500.0)))
         end = self.ends[1 if np.random.default_rng(stream(seed, "branch")).random() < other else 0]
-        std = np.sqrt(np.diag(end.C))
-        factor = std[:, None] * np.linalg.cholesky(end.C / np.outer(std, std) + _ROUNDING * np.eye(std.size))
-        q = end.q + factor @ self.space.normals(seed)
+        free = np.setdiff1d(np.arange(end.q.size), self.space.departing)
+        C = np.linalg.inv(end.A[np.ix_(free, free)])
+        std = np.sqrt(np.diag(C))
+        factor = std[:, None] * np.linalg.cholesky(C / np.outer(std, std) + _ROUNDING * np.eye(std.size))
+        q = end.q.copy()
+        q[free] += factor @ self.space.normals(seed)[free]
         low, high = self.space.side(1 if end.name == STIFF_ANKLE else -1)
         return np.clip(q, low, high)
 
@@ -204,6 +214,7 @@ def _descend(problem: WorldProblem, space: PlanSpace, name: str, q: np.ndarray) 
     problem.start(q)
     low, high = space.side(1 if name == STIFF_ANKLE else -1)
     found = settle(problem, q, low, high, _MOST)
-    C = inverse_of_gram(problem.jacobian(found.q))
+    J = problem.jacobian(found.q)
+    own = np.delete(J, problem.size + space.population, axis=0)  # the fit knows of no population
     dof = problem.size - len(space.base)
-    return End(name, found.q, found.objective, C, problem.chi(found.q), dof)
+    return End(name, found.q, found.objective, J.T @ J, inverse_of_gram(own), problem.chi(found.q), dof)

@@ -7,7 +7,8 @@ The score is in nats, and a mean over the feet:
 - rivals: the same for the departures that are not excluded, each of the size that its prior expects;
 - widest: the logarithm by which the widest asked interval comes nearer to what was asked.
 
-The odds are those of one Gauss-Newton step from the mirror image, which has everything else that may be true to help.
+The odds are those of one Gauss-Newton step from the mirror image, which has everything else that may be true to help;
+where departures are allowed, from where they lead it in a session that has a little of everything (`Sight.rival`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,6 +22,8 @@ from identification.plan.prior import PlanSpace
 
 _DECISIVE = float(np.log(DECISIVE_ODDS))
 _Z95 = 1.959963984540054
+#: Precision of what a rival holds at a bound.
+_HELD = 1e9
 #: What of each departure says how large it is; the rest says of what kind.
 _SIZES = {
     "mount": ("mount",), "relaxation": ("relaxing k_T", "relaxing k_F"), "rocking": ("rocking",), "load": (" under ",),
@@ -79,18 +82,23 @@ class Feet:
     def __init__(self, seen: Sequence[Seen], space: PlanSpace, candidates: int) -> None:
         self.seen, self.asked = list(seen), dict[str, float]()
         self._sums = [np.stack([getattr(foot, name) for foot in seen]) for name in ("A", "B", "b", "c")]
-        self._each = [x[:, :candidates] for x in self._sums]
         mean, std = space.prior
         self._P = 1 / std**2
         true, image = (np.stack([getattr(f, which) for f in seen]) - mean for which in ("q", "image"))
         self._pp, self._p_image = (self._P * true**2).sum(1), self._P * image
+        self._held = np.where(np.stack([foot.held for foot in seen]), _HELD, self._P)[:, None, None] * np.eye(mean.size)
         self._pp_image = (self._P * image**2).sum(1)
         self._rivals, self._names = _sizes(space.index), list(space.index)
         # derivatives (D, m, n) of the logarithms of the main constants, the prior's slope, and units of the rivals
         L = np.stack([space.logarithms(foot.q, EXCHANGED) for foot in seen])
         units = np.eye(mean.size)[[i for group in self._rivals for i in group]]
         whole = np.broadcast_to(units, (len(seen), *units.shape))
-        self._rows = np.concatenate([L, (self._P * true)[:, None], whole], axis=1)[:, None]
+        rows = np.concatenate([L, (self._P * true)[:, None], whole], axis=1)[:, None]
+        # what no recording tells and no constant follows: the kind of a departure of no size, for example
+        self._felt = np.flatnonzero(np.abs(self._sums[0]).any((0, 1, 2)) | np.abs(rows).any((0, 1, 2)))
+        self._rows, at = rows[..., self._felt], np.ix_(self._felt, self._felt)
+        self._sums[0] = np.ascontiguousarray(self._sums[0][..., at[0], at[1]])
+        self._each = [x[:, :candidates] for x in self._sums]
 
     def outlook(self, counts: np.ndarray) -> Outlook:
         """What a protocol (C,) leaves."""
@@ -115,13 +123,22 @@ class Feet:
         known beforehand, the mean over the feet, the largest first; the noise has the rest.
         """
         A = self._summed(counts)[0]
-        C, L = np.linalg.inv(A + np.diag(self._P)), self._rows[:, 0, : len(EXCHANGED)]
+        P = self._P[self._felt]
+        C, L = np.linalg.inv(A + np.diag(P)), self._rows[:, 0, : len(EXCHANGED)]
         moved = L @ C
-        share = (moved**2 * self._P / (moved * L).sum(-1, keepdims=True)).mean(0)
+        share = (moved**2 * P / (moved * L).sum(-1, keepdims=True)).mean(0)
         return {
-            name: {self._names[i]: float(own[i]) for i in np.argsort(-own)}
+            name: {self._names[self._felt[i]]: float(own[i]) for i in np.argsort(-own)}
             for name, own in zip(EXCHANGED, share, strict=True)
         }
+
+    def excluding(self, counts: np.ndarray, places: Sequence[int]) -> dict[str, float]:
+        """Half-widths as in `Outlook` after a protocol (C,), if the variables at some places were known beforehand."""
+        left = ~np.isin(self._felt, places)
+        A = (self._summed(counts)[0] + np.diag(self._P[self._felt]))[:, left][:, :, left]
+        L = self._rows[:, 0, : len(EXCHANGED)][:, :, left]
+        half = np.sinh(_Z95 * np.sqrt(np.einsum("dmn,dnk,dmk->dm", L, np.linalg.inv(A), L)))
+        return dict(zip(EXCHANGED, map(float, np.exp(np.log(half).mean(0))), strict=True))
 
     def _summed(self, counts: np.ndarray) -> list[np.ndarray]:
         at = np.flatnonzero(counts)
@@ -133,9 +150,9 @@ class Feet:
         """Standard errors (D, K, m) of logarithms, log-odds (D, K), utility (K, 4), of K protocols by their sums.
 
         Args:
-            A, B: (D, K, n, n). b: (D, K, n). c: (D, K).
+            A: (D, K, f, f) of what is felt. B: (D, K, n, n). b: (D, K, n). c: (D, K).
         """
-        m, prior, D = len(EXCHANGED), np.diag(self._P), len(A)
+        m, prior, D = len(EXCHANGED), np.diag(self._P[self._felt]), len(A)
         rows = self._rows[:D]
         right = np.linalg.solve(A + prior, np.swapaxes(rows, -1, -2))
         known = rows @ right  # covariances of the rows' products with the variables
@@ -145,7 +162,9 @@ class Feet:
         information = -0.5 * np.linalg.slogdet(own[..., at, :][..., at])[1].mean(0)
         # of the branch: what the best foot near the mirror image misses, less what the prior costs the foot itself
         bent = b + self._p_image[:D, None]
-        missed = c + self._pp_image[:D, None] - (bent * np.linalg.solve(B + prior, bent[..., None])[..., 0]).sum(-1)
+        missed = (
+            c + self._pp_image[:D, None] - (bent * np.linalg.solve(B + self._held[:D], bent[..., None])[..., 0]).sum(-1)
+        )
         odds = 0.5 * (missed - self._pp[:D, None] + known[..., m, m])
         branch = np.clip(odds / _DECISIVE, 0.0, 1.0).mean(0)
         rivals, first = np.zeros(A.shape[1]), m + 1

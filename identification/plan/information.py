@@ -20,10 +20,13 @@ from identification.periodic import Line, PeriodicProblem
 from identification.plan.candidates import Step
 from identification.plan.prior import Person, PlanSpace, stub
 from identification.plan.shaker import Shaker
+from identification.settle import settle
 from identification.world import Nuisance, WorldProblem
 
 #: Noise below this share of an amplitude is not believed, as in a fit.
 _FLOOR = 1e-7
+#: The descent to a rival: evaluations, what a last step may promise, and what is as good as on a bound.
+_DESCENT, _LEFT, _AT_BOUND = 12, 0.3, 1e-9
 #: Harmonics and rounds of the balance from which steady motions are sought, and its harmonics at instants of a period.
 _BALANCED, _ROUNDS = 6, 2
 _TURNS = np.exp(2j * np.pi * np.outer(np.arange(1, _BALANCED + 1), np.arange(4 * _BALANCED) / (4 * _BALANCED)))
@@ -37,10 +40,12 @@ class Seen:
     Attributes:
         q, image: search variables (n,). A: information (C, n, n) of each of C steps. B: at the mirror image (C, n, n).
         b: (C, n) and c: (C,) of what the image misses. gain: transmissibility (C,) of each fundamental.
+        held: variables (n,) of the image that rest on a bound.
     """
 
     q: np.ndarray
     image: np.ndarray
+    held: np.ndarray
     A: np.ndarray
     B: np.ndarray
     b: np.ndarray
@@ -86,9 +91,13 @@ class Sight:
         self._drive, self._drive_of_sensor = np.array(drive), np.repeat(drive, [len(line.sensors) for line in lines])
         self._noise = np.repeat([line.base.std[0] for line in lines], [len(line.sensors) for line in lines])
 
-    def see(self, q: np.ndarray) -> Seen | None:
-        """What each step tells of a foot at q (n,); None where it, or its mirror image, has no steady motion."""
-        image = self.space.image(q)
+    def see(self, q: np.ndarray, rival: tuple[np.ndarray, np.ndarray] | None = None) -> Seen | None:
+        """What each step tells of a foot at q (n,); None where it, or its mirror image, has no steady motion.
+
+        Args:
+            q: of the foot. rival: in place of the mirror image, with what it holds; see `rival`.
+        """
+        image, held = rival or (self.space.image(q), np.zeros(q.size, bool))
         try:
             (Y, J), (Z, K) = self._moved(q), self._moved(image)
         except SimulationError:
@@ -100,7 +109,21 @@ class Sight:
             return None
         gain = abs(Y[self._first] / self._drive)
         at = self._place
-        return Seen(q, image, A[at], B[at], b[at], c[at], gain[at])
+        return Seen(q, image, held, A[at], B[at], b[at], c[at], gain[at])
+
+    def rival(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """The likeliest foot (n,) of the other branch if all steps are made of q (n,), and what it holds at a bound.
+
+        One step from the mirror image is not enough where much else may be true: then it may go far, and miss little.
+        None where there is no steady motion.
+        """
+        try:
+            motion = self._moved(q)[0]
+            found = _Rival(self, motion, 1 / self._std(motion)).settled(q)
+        except SimulationError:
+            return None
+        low, high = self.space.side(-1 if q[self.space.index["k_F"]] > 0 else 1)
+        return found, np.minimum(found - low, high - found) < _AT_BOUND
 
     def _moved(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Harmonics (N,) of all steps, one behind the other, and their derivatives (N, n)."""
@@ -116,6 +139,40 @@ class Sight:
         y = abs(Y[self._first_of_sensor])
         std = np.hypot(np.maximum(self._noise, _FLOOR * y), y / self._drive_of_sensor * self._noise)
         return np.repeat(std, self._count_of_sensor)
+
+
+class _Rival:
+    """What a foot misses of another one's motion, with the rows of the prior, for a descent (`settle`).
+
+    Args:
+        sight: of the steps. motion: harmonics (N,) of the other one. w: one over its noise (N,).
+    """
+
+    def __init__(self, sight: Sight, motion: np.ndarray, w: np.ndarray) -> None:
+        self._sight, self._motion, self._w = sight, motion, w
+        self._kept: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+
+    def settled(self, q: np.ndarray) -> np.ndarray:
+        """The end (n,) of the descent from the mirror image of q (n,)."""
+        space = self._sight.space
+        side = space.side(-1 if q[space.index["k_F"]] > 0 else 1)
+        return settle(self, space.image(q), *side, _DESCENT, _LEFT).q
+
+    def residual(self, q: np.ndarray) -> np.ndarray:
+        """At q (n,)."""
+        return self._both(q)[0]
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """At q (n,)."""
+        return self._both(q)[1]
+
+    def _both(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if self._kept is None or not np.array_equal(self._kept[0], q):
+            (Z, K), (mean, std) = self._sight._moved(q), self._sight.space.prior
+            r, K = self._w * (Z - self._motion), self._w[:, None] * K
+            residual = np.concatenate([r.real, r.imag, (q - mean) / std])
+            self._kept = q.copy(), residual, np.concatenate([K.real, K.imag, np.diag(1 / std)])
+        return self._kept[1:]
 
 
 def _grams(J: np.ndarray) -> np.ndarray:

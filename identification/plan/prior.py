@@ -14,9 +14,9 @@ import numpy as np
 from fasbody.exceptions import SettingError
 from fasbody.foot.model import Foot
 from fasbody.recording.condition import Condition
-from fasbody.recording.known import Known
+from fasbody.recording.known import DEPARTURES, Known
 from fasbody.recording.recording import Recording
-from identification.branches import has_mirror, ratio
+from identification.branches import EXCHANGED, has_mirror, ratio
 from identification.engines.twin import twin_applies
 from identification.plan.candidates import Step
 from identification.space import MASSES, space_of
@@ -61,6 +61,11 @@ class PlanSpace(WorldSpace):
             mean[self.index[name]], std[self.index[name]] = middle, width
         return mean, std
 
+    @cached_property
+    def population(self) -> np.ndarray:
+        """Places of the variables whose prior is the population's and not the fit's."""
+        return np.array([self.index[name] for name in EXCHANGED])
+
     def normals(self, seed: np.random.SeedSequence) -> np.ndarray:
         """Standard normal numbers (n,): the same for a variable whatever other variables there are."""
         own = np.random.default_rng(seed).standard_normal(len(self.base))
@@ -68,7 +73,9 @@ class PlanSpace(WorldSpace):
         return np.array([*own, *rest])
 
     def draw(self, seed: np.random.SeedSequence, sign: int) -> np.ndarray:
-        """A foot (n,) of one branch, with everything else that may be true.
+        """A foot (n,) of one branch, which departs in nothing; masses and instrument are off as they may be.
+
+        A fit says how wide its intervals are at the likeliest foot, and few recordings show a departure.
 
         Args:
             seed: of the draw: the same foot whatever is recorded of it. sign: 1 for a stiff ankle, -1 for a stiff pad.
@@ -83,9 +90,13 @@ class PlanSpace(WorldSpace):
         rho = self.index["k_F"]
         q[rho] = sign * abs(q[rho])
         low, high = self.bounds
-        half = low >= mean - 1e-9  # half normal: its mean is its lower bound
-        q[half & np.isfinite(std)] = np.maximum(q, 2 * mean - q)[half & np.isfinite(std)]
+        q[self.departing] = mean[self.departing]
         return np.clip(q, low, high)
+
+    @cached_property
+    def departing(self) -> np.ndarray:
+        """Places of the variables by which the world departs from the model."""
+        return np.array([self.index[each.name] for each in self.nuisances if each.group in DEPARTURES], int)
 
     def logarithms(self, q: np.ndarray, names: Sequence[str]) -> np.ndarray:
         """Derivatives (m, n) of the logarithms of constants, at rest and without load, to q (n,)."""

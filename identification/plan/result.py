@@ -14,7 +14,7 @@ from identification.plan.candidates import PLANNED, THESIS, THESIS_AMPLITUDE, UN
 from identification.plan.director import GOAL, SHARE, Director
 from identification.plan.feet import Outlook, Score
 from identification.plan.protocol import Protocol, shaking_s
-from identification.plan.words import beside, listed, minutes, percent, plain, span, whole
+from identification.plan.words import listed, minutes, percent, plain, span, whole
 
 _TITLES = {PLANNED: "planned", THESIS: "the thesis, three loads", UNLOADED: "the thesis, unloaded"}
 
@@ -51,6 +51,24 @@ class Expected:
         }  # fmt: skip
 
 
+#: What a group of what is uncertain is, and what a laboratory does about it, in words that the fit takes.
+_RELIEF = {
+    "masses": ("masses that are not as stated", "weigh the segments, and say how well: --mass-std"),
+    "gain": ("the gain between the channels", "compare them side by side on the table: --gain-std"),
+    "delay": ("the delay between the channels", "measure it: --delay-std"),
+    "mount": ("a sensor that rings on soft tissue", "where a tap shows that it does not: --exclude mount"),
+    "relaxation": ("springs that relax", "higher frequencies tell it; where it is ruled out: --exclude relaxation"),
+    "load": ("constants that follow the load", "where a slow push under each load rules it out: --exclude load"),
+    "rocking": ("a leg that rocks", "where a sensor across the leg rules it out: --exclude rocking"),
+    "drift": ("a gain that drifts", "where the channels are compared before and after: --exclude drift"),
+}
+#: What the last columns of the table are.
+_LEGEND = (
+    "The last columns say what a recording adds to all others, in nat: to the asked intervals together, to the widest "
+    "of them, and to the decision of the branch."
+)
+#: Shaking beyond this [s] is no plan, and relief by less than this factor is none.
+_FAR_S, _WORTH = 6 * 3600.0, 1.1
 #: What is recorded where no few steps would do.
 EVERY = "every candidate"
 
@@ -130,9 +148,10 @@ class Planned(Presented):
         reached: half-widths if every candidate were recorded until no noise is left, and the share decided then.
         causes: what keeps each constant uncertain then, in words.
         longer: what it takes to meet what the noise is in the way of; None where nothing is.
-        offers: sensors that could be worn besides. allowed: departures of the world that are allowed for.
-        earlier: how many recordings there are. places: the map. said: what they say. seconds: that the planning took.
-        uncertain: what is not known beforehand, beside the constants.
+        excluding: half-widths after the plan if one group of what is uncertain were known, by its name.
+        offers: sensors that could be worn besides.
+        earlier: how many recordings there are. places: the map. said: what they say. computing_s: that the
+            planning took. uncertain: what is not known beforehand, beside the constants.
     """
 
     figures: ClassVar[str] = "identification.plan.figures"
@@ -151,12 +170,12 @@ class Planned(Presented):
     reached: Expected
     causes: dict[str, str]
     longer: Longer | None
+    excluding: dict[str, dict[str, float]]
     offers: tuple[Offer, ...]
-    allowed: tuple[str, ...]
     earlier: int
     places: tuple[Place, ...]
     said: str
-    seconds: float
+    computing_s: float
     uncertain: tuple[str, ...] = ()
 
     @property
@@ -250,16 +269,39 @@ class Planned(Presented):
         if self.reached.decided < SHARE:
             never.append(f"the branch for more than {whole(self.reached.decided)} of such feet")
         text = ""
-        if parts:
+        if parts and self.longer and self.longer.shaking_s > _FAR_S:
+            text = f"Out of reach: {', '.join(parts)}. Longer shaking is no way there ({span(self.longer.shaking_s)}). "
+        elif parts:
             text = f"More is needed, as noise is in the way: {', '.join(parts)}. "
             text += f"{self.longer} " if self.longer else ""
         if never:
             text += (
                 f"No protocol of these candidates is expected to bring {', nor '.join(never)}, with unlimited minutes "
                 "of every candidate: what stays uncertain is not in the vibration. Weigh the segments, calibrate the "
-                "channels, or add a load or a sensor on the foot."
+                "channels, or add a load or a sensor on the foot. "
             )
-        return text.strip()
+        return f"{text}{self.relief()}".strip()
+
+    def relief(self) -> str:
+        """What keeps the missed intervals wide, and what would take it away; empty where nothing is missed by it."""
+        mine = self.expected[PLANNED].half_width
+
+        def narrower(half: Mapping[str, float]) -> float:
+            return float(np.exp(np.mean([np.log(mine[name] / half[name]) for name in self.missed])))
+
+        if not self.missed or not self.steps or not self.excluding:
+            return ""
+        most = max(self.excluding, key=lambda group: narrower(self.excluding[group]))
+        if narrower(self.excluding[most]) < _WORTH:
+            return ""
+        what, how = _RELIEF[most]
+        text = f"What costs most is {what}: without, {_widths(self.excluding[most], self.missed)} ({how})."
+        offer = max(self.offers, key=lambda o: narrower(o.expected.half_width), default=None)
+        if offer is not None and narrower(offer.expected.half_width) > narrower(self.excluding[most]):
+            text += (
+                f" A second sensor {offer.sensor!r} takes more away: {_widths(offer.expected.half_width, self.missed)}."
+            )
+        return text
 
     def sheet(self) -> Sheet:
         """The session, step by step."""
@@ -271,10 +313,10 @@ class Planned(Presented):
             for i, (step, score) in enumerate(zip(self.steps, self.adds, strict=True), start=1)
         ]  # fmt: skip
         columns = (
-            "step", "kind", "Hz", "kg", "m/s^2", "s", "information [nat]", "widest [nat]", "branch [nat]",
+            "step", "kind", "Hz", "kg", "m/s^2", "s", "together", "widest", "branch",
         )  # fmt: skip
-        notes = [self.sentence(), goal(self.asked)]
-        notes += [text for text in (self.limited, beside(self.allowed)) if text]
+        notes = [self.sentence(), goal(self.asked), *([_LEGEND] if rows else [])]
+        notes += [text for text in (self.limited,) if text]
         for name, e in self.expected.items():
             if not e.steps and not (name == PLANNED and self.earlier):
                 continue
@@ -326,9 +368,9 @@ class Planned(Presented):
                 "constants": list(self.never), "relative_half_width": self.reached.half_width,
                 "decided_share": self.reached.decided, "variance": {name: self.causes[name] for name in self.never},
             },
-            "longer": None if self.longer is None else asdict(self.longer),
+            "longer": None if self.longer is None else asdict(self.longer), "excluding": self.excluding,
             "offers": [offer.document() for offer in self.offers],
-            "allowed": list(self.allowed), "uncertain": list(self.uncertain),
+            "uncertain": list(self.uncertain),
             "limited": self.limited, "earlier_recordings": self.earlier,
             "information": [
                 {
@@ -337,7 +379,7 @@ class Planned(Presented):
                 }
                 for p in self.places
             ],
-            "sentence": self.sentence(), "seconds": self.seconds,
+            "sentence": self.sentence(), "computing_s": self.computing_s,
         }  # fmt: skip
 
     def write(self, folder: Path | str) -> list[Path]:
@@ -379,8 +421,8 @@ def planned(director: Director, most: int, seconds: float, took_s: float = 0.0) 
     return Planned(
         person.foot.name, person.name, person.body_mass_kg, person.posture, director.seed, director.feet, steps,
         tuple(adds), expected, dict(director.asked), reached, director.causes(),
-        _longer(director, steps, expected[PLANNED], reached, seconds),
-        tuple(_offer(director, name, steps, whole) for name in director.offers), director.allowed, len(director.done),
+        _longer(director, steps, expected[PLANNED], reached, seconds), director.excluding(steps),
+        tuple(_offer(director, name, steps, whole) for name in director.offers), len(director.done),
         tuple(Place(s, a, b) for s, a, b in zip(director.candidates, first, more, strict=True)),
         "" if director.belief is None else believed(director), took_s + time.perf_counter() - began,
         director.uncertain,
@@ -418,6 +460,10 @@ def believed(director: Director) -> str:
     elif not belief.follows:
         lost = f" Too little is recorded to say whether such a foot moves like this (chi-square {belief.per_dof:.3g})."
     return f"After {counted(len(director.done), 'recording')}: {told}; {bands}.{lost}"
+
+
+def _widths(half: Mapping[str, float], names: Sequence[str]) -> str:
+    return ", ".join(f"{name} +-{percent(half[name])}" for name in names)
 
 
 def goal(asked: Mapping[str, float]) -> str:

@@ -23,7 +23,7 @@ from identification.plan.prior import Person
 from identification.plan.protocol import shaking_s
 from identification.plan.result import EVERY, Longer, believed, goal, unreachable
 from identification.plan.shaker import Shaker
-from identification.plan.words import beside, minutes, plain, whole
+from identification.plan.words import minutes, plain, whole
 
 #: Why a session ended.
 MET, NEVER, SPENT, FAILING, STOPPED = "met", "never", "spent", "failing", "stopped"
@@ -259,7 +259,7 @@ class Session:
             bands = belief.open_bands(EXCHANGED)
             wide = [name for name, share in director.asked.items() if bands[name].half_width > share]
             if belief.decided and not wide:
-                return MET, f"What is asked is met. {beside(director.allowed)}".strip()
+                return MET, "What is asked is met."
             ever = director.for_ever()
             never = [name for name in wide if ever.half_width[name] > director.asked[name]]
             open_ = not belief.decided and ever.decided <= 1 - SHARE

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 from fasbody.presentation import readable
-from fasbody.recording.known import DEPARTURES
 
 
 def percent(share: float) -> str:
@@ -36,21 +35,6 @@ def span(seconds: float) -> str:
     size, unit = (3600, "hour") if seconds < 48 * 3600 else (86400, "day")
     text = plain(seconds / size)
     return f"{text} {unit}{'' if text == '1' else 's'}"
-
-
-def beside(allowed: Sequence[str]) -> str:
-    """What a fit allows for and a plan does not, and what that does to intervals; empty where there is none.
-
-    Args:
-        allowed: departures of the world that are allowed for.
-    """
-    rest = [name for name in DEPARTURES if name not in allowed]
-    if not rest:
-        return ""
-    return (
-        f"These intervals are of a foot without {listed(rest, 'or')}. A fit allows for that unless it is told to "
-        "`--exclude` it, and its intervals can be ten times as wide; plan with `--allow all` for these."
-    )
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
