@@ -49,16 +49,17 @@ def session(result: "Planned") -> Figure:
     """Information by frequency and load, the recordings of both protocols, and the intervals that they leave."""
     figure, axes = panels(2, 2, 7.4, 5.4)
     _curves(result, axes[0, 0], after=False)
-    axes[0, 0].set_ylabel("information of\na first recording [nat]")
     _curves(result, axes[0, 1], after=True)
-    axes[0, 1].set_ylabel("of one more\nafter the plan [nat]")
     for axis in axes[0]:
         axis.set_xlabel("frequency [Hz]")
+        axis.set_ylabel("information [nat]")
     axes[0, 0].legend()
     _times(result, axes[1, 0])
     _widths(result, axes[1, 1])
-    for letter, axis in zip("abcd", axes.flat, strict=True):
+    titles = ("the first recording", "one more after the plan", "what is recorded", "what is left uncertain")
+    for letter, title, axis in zip("abcd", titles, axes.flat, strict=True):
         axis.set_title(letter, loc="left", fontweight="bold")
+        axis.set_title(title)
     return figure
 
 

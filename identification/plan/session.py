@@ -23,7 +23,7 @@ from identification.plan.prior import Person
 from identification.plan.protocol import shaking_s
 from identification.plan.result import EVERY, Longer, believed, goal, unreachable
 from identification.plan.shaker import Shaker
-from identification.plan.words import minutes, plain, whole
+from identification.plan.words import listed, minutes, percent, plain, whole
 
 #: Why a session ended.
 MET, NEVER, SPENT, FAILING, STOPPED = "met", "never", "spent", "failing", "stopped"
@@ -35,6 +35,8 @@ _FAILURES = 3
 CHANGE_S = 60.0
 #: Within this factor of what unlimited minutes leave, an interval is as narrow as it gets.
 _NEARLY = 1.1
+#: What is left to record helps if it is expected to bring an interval below this share of what it is.
+_HELPS = 0.98
 #: A step lasts at most so many of the usual lengths, as the next one may be worth more by then.
 _LONGEST = 3
 #: A base whose harmonics are larger than this share of its fundamental, or whose coherence is lower than that, is told.
@@ -222,6 +224,7 @@ class Session:
                     director = self._direct()
                     ended = self._over(director)
                     step = None if ended else self._again or self._next(director)
+                    ended = ended or (None if self._again else self._idle(director))
                 if ended:
                     return self._end(*ended)
                 if step is None:
@@ -275,6 +278,23 @@ class Session:
                 return FAILING, f"The board has stalled {_FAILURES} times in a row: {last[-1].why}"
             return FAILING, f"{_FAILURES} steps in a row have failed."
         return None
+
+    def _idle(self, director: Director) -> tuple[str, str] | None:
+        """Why the session ends although there is time: all that is left to record narrows nothing and decides nothing."""
+        belief, rest = director.belief, self._left
+        if belief is None or not rest:
+            return None
+        now, then, bands = director.outlook(()), director.outlook(rest), belief.open_bands(EXCHANGED)
+        wide = [name for name, share in director.asked.items() if bands[name].half_width > share]
+        helps = any(then.half_width[name] < _HELPS * now.half_width[name] for name in wide)
+        if helps or (not belief.decided and then.decided > now.decided):
+            return None
+        still = [f"{name} stays at +-{percent(bands[name].half_width)}" for name in wide]
+        still += ["the branch stays open"] * (not belief.decided)
+        return NEVER, (
+            f"Nothing more helps: with {counted(len(rest), 'more recording')} of {minutes(shaking_s(rest))} in all, "
+            f"{listed(still)}."
+        )
 
     def _missing(self, director: Director) -> str:
         """What it would take where noise is in the way of what is asked."""
