@@ -36,6 +36,7 @@ from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.recording import Recording
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.plan.candidates import Step, thesis
+from identification.space import names
 from reproduction.check import Check, at_least, at_most, told, within
 
 ROOT = Path(__file__).parents[1]
@@ -48,6 +49,8 @@ STARTS = 4
 #: Recordings are written so many times shorter, with less noise by the root of that: the same information about a
 #: settled sine, for a fifth of the computing.
 SHORTER = 5
+#: What plan and fit are told that cannot be, unless the option says otherwise: then masses, gain and delay are left.
+EXCLUDED = ("all",)
 #: Feet from which on something is required.
 ENOUGH = 100
 
@@ -121,7 +124,7 @@ class Fitted:
     why: str = ""
 
 
-def planned(foot: Virtual) -> tuple[tuple[Step, ...], dict[str, float]]:
+def planned(foot: Virtual, exclude: Sequence[str]) -> tuple[tuple[Step, ...], dict[str, float]]:
     """A session of a third of the thesis' recordings for a person of whom the scale alone is known, and its promise."""
     from fasbody.foot.model import load
     from fasbody.recording.known import Known
@@ -129,15 +132,15 @@ def planned(foot: Virtual) -> tuple[tuple[Step, ...], dict[str, float]]:
     from identification.plan.prior import Person
     from identification.plan.shaker import Shaker
 
-    person = Person(load("two_dof"), foot.body_kg, Known().told(MASS_STD, exclude=("all",)), "made")
+    person = Person(load("two_dof"), foot.body_kg, Known().told(MASS_STD, exclude=exclude), "made")
     director = Director(person, Shaker(), seed=foot.seed)
     director.aim(director.as_thesis())
     steps = director.session(len(thesis()) // 3, sum(step.seconds for step in thesis()))
     return steps, dict(director.outlook(steps).half_width)
 
 
-def trial(protocol: str, seed: int) -> Fitted:
-    """Plan, record and fit."""
+def trial(protocol: str, seed: int, exclude: Sequence[str] = EXCLUDED) -> Fitted:
+    """Plan, record and fit; `exclude` is what both are told that cannot be, in the words of the fit."""
     from fasbody.foot.model import load
     from identification.estimate import fit_foot
 
@@ -145,7 +148,7 @@ def trial(protocol: str, seed: int) -> Fitted:
     expected: dict[str, float] = {}
     began = time.process_time()
     if protocol == "planned":
-        steps, expected = planned(foot)
+        steps, expected = planned(foot, exclude)
     else:
         steps = thesis() if protocol == "three loads" else thesis((0.0,))
     spent_on_plan = time.process_time() - began
@@ -153,7 +156,7 @@ def trial(protocol: str, seed: int) -> Fitted:
     data = recorded(foot, steps, PROTOCOLS.index(protocol))
     began = time.process_time()
     try:
-        result = fit_foot(data, model, starts=STARTS, threads=1, exclude=("all",), mass_std=MASS_STD)
+        result = fit_foot(data, model, starts=STARTS, threads=1, exclude=tuple(exclude), mass_std=MASS_STD)
     except FasError as error:
         spent = time.process_time() - began
         return Fitted(
@@ -391,9 +394,10 @@ def session(seed: int) -> Ran:
     )  # fmt: skip
 
 
-def digest(plan: bool, *rooms: str) -> str:
+def digest(plan: bool, *rooms: str, exclude: Sequence[str] = EXCLUDED) -> str:
     """Of everything that a fit of these feet depends on: worlds, fit and models, and what is planned for two."""
-    found = hashlib.sha256(repr([planned(virtual(seed))[0] for seed in (0, 1)]).encode() if plan else b"")
+    told_ = [*map(str, exclude), *([planned(virtual(seed), exclude)[0] for seed in (0, 1)] if plan else [])]
+    found = hashlib.sha256(repr(told_).encode())
     files = [ROOT / "benchmarks" / "worlds.py"]
     for room in ("identification", "identification/engines", "fasbody/foot", *rooms):
         files += list((ROOT / room).glob("*.py"))
@@ -415,9 +419,9 @@ def read(file: Path, stamps: Mapping[str, str]) -> list[Fitted]:
     return done
 
 
-def measure(feet: int, sessions: int, state: Path) -> list[Check]:
+def measure(feet: int, sessions: int, state: Path, exclude: Sequence[str] = EXCLUDED) -> list[Check]:
     """Rows from so many feet and sessions; what `state` holds is not done again."""
-    rows = compared(feet, state) if feet else []
+    rows = compared(feet, state, exclude) if feet else []
     return [*rows, *(by_themselves(sessions, state.with_suffix(".sessions.jsonl")) if sessions else [])]
 
 
@@ -463,15 +467,15 @@ def by_themselves(sessions: int, state: Path) -> list[Check]:
     ]
 
 
-def compared(feet: int, state: Path) -> list[Check]:
+def compared(feet: int, state: Path, exclude: Sequence[str]) -> list[Check]:
     """Rows from so many feet."""
-    stamps = {protocol: digest(protocol == PROTOCOLS[0]) for protocol in PROTOCOLS}
+    stamps = {protocol: digest(protocol == PROTOCOLS[0], exclude=exclude) for protocol in PROTOCOLS}
     wanted = [(protocol, seed) for seed in range(feet) for protocol in PROTOCOLS[:2]]
     wanted += [(PROTOCOLS[2], seed) for seed in range(feet)]
     done = {(f.protocol, f.seed): f for f in read(state, stamps)}
     with progress_bar() as progress, state.open("a") as file:
         for key in progress.track([key for key in wanted if key not in done], description="feet"):
-            done[key] = trial(*key)
+            done[key] = trial(*key, exclude)
             file.write(json.dumps({**asdict(done[key]), "digest": stamps[key[0]]}) + "\n")
             file.flush()
     return rows_of([done[key] for key in wanted])
@@ -534,14 +538,19 @@ def main(
     feet: Annotated[int, typer.Option(help="virtual feet; the statement takes 100")] = 100,
     sessions: Annotated[int, typer.Option(help="automatic sessions; the statement takes 50")] = 50,
     state: Annotated[Path, typer.Option(help="file that keeps what is done, to go on from")] = Path("director.jsonl"),
+    exclude: Annotated[
+        str, typer.Option(help="what plan and fit rule out: mount, relaxation, load, rocking, drift, all, or nothing")
+    ] = "all",
     json_: JsonOption = False,
 ) -> None:
     """Compare planned sessions with that of the thesis, on feet that the plan did not know.
 
     Examples:
       python -m benchmarks.director --feet 10
+
+      python -m benchmarks.director --feet 10 --sessions 0 --exclude "" --state default.jsonl
     """
-    report("director", measure(feet, sessions, state), json_)
+    report("director", measure(feet, sessions, state, names(exclude) or ()), json_)
 
 
 if __name__ == "__main__":

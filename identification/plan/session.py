@@ -280,7 +280,7 @@ class Session:
         return None
 
     def _idle(self, director: Director) -> tuple[str, str] | None:
-        """Why the session ends although there is time: all that is left to record narrows nothing and decides nothing."""
+        """Why the session ends although there is time: what is left to record narrows nothing and decides nothing."""
         belief, rest = director.belief, self._left
         if belief is None or not rest:
             return None
