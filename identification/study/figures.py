@@ -253,8 +253,8 @@ def transmissibility(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     fitted = {"per-recording": ", fitted to each recording alone", "pooled": ", fitted to all frequencies of a load"}
     text = f"Marks: {origin} data{_whose(cycles)}. Lines: the model{fitted.get(_mode(cycles), '')}."
-    good = f"{len(cycles) - len(poor)} of {len(cycles)} recordings"
-    said = f" A dot: it follows to {POOR_FIT:g} % or more in the mean, {good}."
+    follow = f"{len(cycles) - len(poor)} of {len(cycles)} recordings"
+    said = f" A dot: it follows to {POOR_FIT:g} % or more in the mean, {follow}."
     return noted(figure, text + (said if poor else ""))
 
 
