@@ -11,7 +11,6 @@ from fasbody.exceptions import RecordingError
 from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.checks import apart, checked, gathered, understood
 from fasbody.recording.harmonics import fit_harmonics
-from fasbody.recording.quality import _spectra
 from fasbody.recording.recording import Condition, Recording
 
 RATE, N = 1000.0, 2000
@@ -341,17 +340,3 @@ def test_two_lightly_damped_masses_lag_by_more_than_half_a_turn() -> None:
                 checked(recording)
         else:
             assert any("more than half a turn" in text for text in checked(recording).warnings)
-
-
-@pytest.mark.parametrize(("samples", "length"), [(1000, 125), (1001, 126), (999, 16)])
-def test_spectra_are_those_of_welch(samples: int, length: int) -> None:
-    """Against scipy, but for one scale, with which no ratio of them changes."""
-    from scipy.signal import csd
-
-    x, y = np.random.default_rng(1).normal(size=(2, samples))
-    f, into, out, cross = _spectra(x, y, 500.0, length)
-    scale = into.sum() / csd(x, x, 500.0, nperseg=length)[1].real.sum()
-    for found, (a, b) in ((into, (x, x)), (out, (y, y)), (cross, (x, y))):
-        hertz, expected = csd(a, b, 500.0, nperseg=length)
-        assert f == pytest.approx(hertz)
-        assert found / scale == pytest.approx(expected, abs=1e-12 * abs(expected).max())

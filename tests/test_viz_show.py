@@ -74,6 +74,11 @@ def test_result_brings_mirror_intervals_verdict_and_delay(tmp_path: Path) -> Non
     )
     json.dumps(show.description(), allow_nan=False)
 
+    for side in sides.values():  # one sine: no interval, and no odds
+        side["k_T_n_per_m"] |= {"lower": None, "upper": None}
+        side["delay_s"] |= {"lower": None, "upper": None}
+    assert fitted.fitted(json.loads(json.dumps(document)), show.feet[MODEL].parameters)["odds"] == ""
+
 
 def test_foot_of_a_result_has_the_masses_and_the_load_of_its_fit(tmp_path: Path) -> None:
     """A bare file says neither: the page once showed 88 % where the fit said 99, for another body mass alone."""

@@ -61,8 +61,9 @@ def _named(sentence: str, parameters: Mapping[str, Parameter]) -> str:
 
 
 def _odds(document: Mapping[str, Any]) -> str:
-    """The odds between the branches, as the verdict rounds them."""
-    if len(document.get("branches") or []) < 2:
+    """The odds between the branches, as the verdict rounds them; empty where a fit offers none."""
+    branches = document.get("branches") or []
+    if len(branches) < 2 or all(each.get("lower", 0.0) is None for each in branches[0]["parameters"].values()):
         return ""
     ratio = float(document.get("log_likelihood_ratio") or 0.0)
     return "more than a million to 1" if ratio > _SURE else f"{readable(math.exp(ratio))} to 1"
