@@ -164,6 +164,6 @@ def test_measured_strike_goes_from_volts_to_work(picture: Path) -> None:
 def test_pictures_of_the_explanations_are_drawn(tmp_path: Path) -> None:
     drawn_by = runpy.run_path(str(ROOT / "docs" / "draw.py"))
     assert all((ROOT / "docs" / "figures" / f"{name}.svg").is_file() for name in drawn_by["PICTURES"])
-    drawn_by["main"](tmp_path, ("fit-model", "mirror-feet"))
+    drawn_by["main"](tmp_path, "fit-model.svg", "mirror-feet.svg")
     assert {file.name for file in tmp_path.iterdir()} == {"fit-model.svg", "mirror-feet.svg"}
     assert all(file.read_text().count("<path") > 20 for file in tmp_path.iterdir())

@@ -529,7 +529,12 @@ function recall() {
 
 // What the server says beside models and motions; false if it is none of that.
 function workbenchReceives(document_) {
-  const kinds = { data: showRecordings, columns: correctionForm, progress: showProgress, fitted: receiveFit, rivals: showRivals, reported: receiveReport, taken: saveOfflinePage, complaint: receiveComplaint, saved: showSaved, models: listModels, checked: showCheck };
+  const kinds = {
+    data: showRecordings, columns: correctionForm, progress: showProgress, fitted: receiveFit, rivals: showRivals,
+    reported: receiveReport, taken: saveOfflinePage, complaint: receiveComplaint,
+    // an exported page has no editor
+    saved: d => showSaved(d), models: d => listModels(d), checked: d => showCheck(d),
+  };
   if (!(document_.type in kinds)) return false;
   kinds[document_.type](document_);
   return true;
