@@ -500,11 +500,11 @@ def test_recording_with_warnings_is_marked_while_another_is_shown(opened: Any, t
 
         # what is being read, or computed, is said until it is there
         assert page("(showRecording(bench.rows[0]), byId('data_state').textContent)") == "reading mm.csv"
-        page.until("byId('data_state').textContent === '' && byId('state').textContent.endsWith('no motion to show')")
-        # a server that does not answer
-        page("(asks => { ask = () => { busy = true; }; receive({ ...model, adopt: false }); ask = asks; })(ask)")
-        page.until("byId('state').textContent.endsWith('computing the motion')")
-        page("busy = false, ask()")
+        page.until("byId('data_state').textContent === ''")
+        page("asks = ask, ask = () => { busy = true; }")  # a server that answers no more, once it has answered all
+        told = "byId('state').textContent.endsWith('computing the motion')"
+        page.until(f"{told} || (busy || receive({{ ...model, adopt: false }}), false)")
+        page("ask = asks, busy = false, ask()")
         page.until("byId('state').textContent.endsWith('no motion to show')")
         page.page.locator("#sine").click()
         page.until("motion && !model.recorded && plots.pad.series.length")
