@@ -52,7 +52,7 @@ def _finite(minutes: float) -> float:
 
 
 _Minutes = Annotated[float, typer.Option(help="most minutes of shaking", callback=_finite)]
-_Recordings = Annotated[int, typer.Option(help="recordings at most")]
+_Recordings = Annotated[int, typer.Option(help="recordings at most", min=1)]
 _Frequencies = Annotated[str, typer.Option(help="START:STOP:STEP in Hz")]
 _Loads = Annotated[str, typer.Option(help="masses for the knee in kg, separated by commas")]
 _Amplitude = Annotated[float, typer.Option(help="largest amplitude of the base in m/s^2, half of peak to peak")]
@@ -130,17 +130,14 @@ def propose(
 
       python -m identification.plan run --simulate --auto --out my_study
     """
-    from fasbody.presentation import counted
     from identification.plan.result import planned
 
     began = time.perf_counter()
     shaker = _shaker(
         frequencies, loads, amplitude, amplitudes, displacement, force, table_mass, kinds, sensors, seconds, noise
     )
-    if recordings < 1 or 60 * minutes < seconds:
-        raise SettingError(
-            f"{minutes:g} min for {counted(recordings, 'recording')} leave no room for one of {seconds:g} s; give more."
-        )
+    if not 60 * minutes >= seconds:
+        raise SettingError(f"--minutes {minutes:g} leaves no room for a recording of {seconds:g} s; give more.")
     if (subject or posture) and not data:
         raise SettingError("--subject and --posture choose among earlier recordings; name their study.")
     earlier = _of(_earlier(data, body_mass), subject, posture)

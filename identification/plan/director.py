@@ -91,7 +91,7 @@ class Director:
         if len(set(shaker.sensors)) < len(shaker.sensors):
             raise SettingError(f"the sensors {', '.join(shaker.sensors)} have one twice; name each once.")
         if draws < 2:
-            raise SettingError(f"{counted(draws, 'foot', 'feet')} would be no average; give 2 or more.")
+            raise SettingError(f"the number of draws is {draws}, no average over feet; give 2 or more.")
         self.candidates = Candidates(shaker, person.leg_kg).steps
         self.done = tuple(step_of(recording) for recording in earlier)
         for recording in earlier:
