@@ -516,7 +516,7 @@ def test_what_cannot_be_meant_is_refused() -> None:
     "words",
     [
         ["--ask", "k_T"], ["--ask", "k_X=0.1"], ["--frequencies", "50:10:2"], ["--frequencies", "a"], ["--loads", "x"],
-        ["--kinds", "noise"], ["--amplitude", "0"], ["--body-mass", "5"], ["--recordings", "0"],
+        ["--kinds", "noise"], ["--amplitude", "0"], ["--body-mass", "5"],
         ["--exclude", "ghosts"],
         ["--minutes", "0"], ["--draws", "1"], ["--body-mass", "0"],
         ["--sensors", "malleolus,malleolus"], ["no_such_study"], ["--sensors", "malleolus,nose"], ["run"],

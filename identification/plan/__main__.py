@@ -63,7 +63,7 @@ _Table = Annotated[float, typer.Option(help="moving mass of the shaker in kg, fo
 _Kinds = Annotated[str, typer.Option(help="sine, multisine; separated by commas")]
 _Sensors = Annotated[str, typer.Option(help="accelerometers that are worn, e.g. malleolus,foot")]
 _Seconds = Annotated[float, typer.Option(help="length of a recording in s")]
-_Noise = Annotated[float, typer.Option(help="noise of a sensor on a person, rms of a sample in m/s^2")]
+_Noise = Annotated[float, typer.Option(help="noise of a sensor, rms of a sample in m/s^2, until recordings tell it")]
 _Exclude = Annotated[
     str | None,
     typer.Option(help="what to rule out, as in identification.fit: mount, relaxation, load, rocking, drift, or all"),

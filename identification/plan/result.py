@@ -257,7 +257,7 @@ class Planned(Presented):
             )
         mine = self.expected[PLANNED].half_width
         parts = [
-            f"{name} stays at +-{percent(mine[name])} (+-{percent(self.asked[name])} asked)"
+            f"{name} comes to +-{percent(mine[name])} (+-{percent(self.asked[name])} asked)"
             for name in self.missed
             if name not in self.never
         ]
@@ -270,7 +270,7 @@ class Planned(Presented):
             never.append(f"the branch for more than {whole(self.reached.decided)} of such feet")
         text = ""
         if parts and self.longer and self.longer.shaking_s > _FAR_S:
-            text = f"Out of reach: {', '.join(parts)}. Longer shaking is no way there ({span(self.longer.shaking_s)}). "
+            text = f"Out of reach, as it would take {span(self.longer.shaking_s)} of shaking: {', '.join(parts)}. "
         elif parts:
             text = f"More is needed, as noise is in the way: {', '.join(parts)}. "
             text += f"{self.longer} " if self.longer else ""
@@ -323,7 +323,7 @@ class Planned(Presented):
             widths = ", ".join(f"{n} +-{percent(w)}" for n, w in e.half_width.items())
             title = _TITLES[name]
             if self.earlier:
-                title += ", with what exists" if name == PLANNED else ", from nothing"
+                title += ", with what exists" if name == PLANNED else ", without what exists"
             notes.append(
                 f"{title}: {counted(len(e.steps), 'recording')}, {minutes(shaking_s(e.steps))}, {widths}, "
                 f"decided {whole(e.decided)}."
@@ -459,7 +459,8 @@ def believed(director: Director) -> str:
         lost = f" Such a foot does not move like this (chi-square {belief.per_dof:.3g} per degree of freedom)."
     elif not belief.follows:
         lost = f" Too little is recorded to say whether such a foot moves like this (chi-square {belief.per_dof:.3g})."
-    return f"After {counted(len(director.done), 'recording')}: {told}; {bands}.{lost}"
+    noise = f"noise {readable(director.shaker.noise_m_s2, 2)} m/s^2"  # theirs, in place of what was expected
+    return f"After {counted(len(director.done), 'recording')} ({noise}): {told}; {bands}.{lost}"
 
 
 def _widths(half: Mapping[str, float], names: Sequence[str]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fasbody.exceptions import ModelError, RecordingError, SettingError, unknown
 from fasbody.foot.model import Foot, load
-from fasbody.recording.checks import checked
+from fasbody.recording.checks import apart, checked
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording, gain_and_delay
 from fasbody.recording.study import Study
@@ -111,6 +111,7 @@ def _checked(given: Sequence[Recording]) -> list[Recording]:
     """
     if not given:
         raise RecordingError("there is no recording to compare rivals on.")
+    apart(given)
     data = [checked(recording) for recording in given]
     for r in data:
         if r.condition.frequency_hz is None:
