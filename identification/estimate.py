@@ -483,7 +483,7 @@ def judge(question: Question, explored: Explored, answer: Answer, ends: Sequence
         base_acceleration_error=best.base_error,
         starts=tuple(_start_row(question, descent) for descent in explored.descents),
         warnings=tuple(dict.fromkeys(warnings)),
-        contact=contacts(certified[0], question.domain.foot, data),
+        contact=contacts(certified[0], question.domain.foot, data) if enough else (),
     )
 
 

@@ -28,10 +28,10 @@ _COMMAND = b"\nOUTP OFF\n"
 def main() -> None:
     """Wait for the end or the silence of the driver, then act."""
     name, baud, file, silent_s = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4])
-    word = OFF
+    word, silent = OFF, False
     while word != DONE:
         if not _heard(silent_s if word == ALIVE else None):
-            print(f"{name}: nobody has watched the base for {silent_s:g} s; output off.", file=sys.stderr, flush=True)
+            silent = True
             break
         said = os.read(0, 4096)
         if not said:
@@ -41,8 +41,15 @@ def main() -> None:
         return
     for _ in range(_TRIES):
         if _told(file, name, baud):
+            if silent:
+                _say(f"{name}: nobody has watched the base for {silent_s:g} s; output off.")
             return
         time.sleep(0.1)
+    _say(f"{name}: cannot be switched off; switch the amplifier off by hand.")
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
 
 
 def _heard(silent_s: float | None) -> bool:
