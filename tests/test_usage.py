@@ -14,6 +14,11 @@ SAID = {
     ("identification.rivals", "--json=3"): "--json takes no value.",
     ("identification.heel", "--load-n", "0.5"): "--load-n is 0.5; it must be 1 or more.",
     ("identification.plan", "propose", "--amplitude", "1,5"): "--amplitude is '1,5', not a number; write 1.5.",
+    ("identification.plan", "propose", "--recordings", "0"): "--recordings is 0; it must be 1 or more.",
+    ("identification.plan", "propose", "--draws", "1"):
+        "--draws: the number of draws is 1, no average over feet; give 2 or more.",
+    ("identification.plan", "propose", "--minutes", "0"):
+        "--minutes 0 leaves no room for a recording of 10 s; give more.",
     ("fasbody.laboratory",): "the argument 'study' is missing: folder to write.",
     ("fasbody.laboratory", "a", "b", "c"): "unexpected argument 'b c'; beside options it takes the argument 'study'.",
     ("fasbody.recording", "x"): "unknown command 'x' (valid: check, convert, merge, init).",

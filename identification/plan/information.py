@@ -117,12 +117,13 @@ class Sight:
         One step from the mirror image is not enough where much else may be true: then it may go far, and miss little.
         None where there is no steady motion.
         """
+        low, high = self.space.side(-1 if q[self.space.index["k_F"]] > 0 else 1)
         try:
             motion = self._moved(q)[0]
-            found = _Rival(self, motion, 1 / self._std(motion)).settled(q)
+            rival = _Rival(self, motion, 1 / self._std(motion))
+            found = settle(rival, self.space.image(q), low, high, _DESCENT, _LEFT).q
         except SimulationError:
             return None
-        low, high = self.space.side(-1 if q[self.space.index["k_F"]] > 0 else 1)
         return found, np.minimum(found - low, high - found) < _AT_BOUND
 
     def _moved(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -151,12 +152,6 @@ class _Rival:
     def __init__(self, sight: Sight, motion: np.ndarray, w: np.ndarray) -> None:
         self._sight, self._motion, self._w = sight, motion, w
         self._kept: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-
-    def settled(self, q: np.ndarray) -> np.ndarray:
-        """The end (n,) of the descent from the mirror image of q (n,)."""
-        space = self._sight.space
-        side = space.side(-1 if q[space.index["k_F"]] > 0 else 1)
-        return settle(self, space.image(q), *side, _DESCENT, _LEFT).q
 
     def residual(self, q: np.ndarray) -> np.ndarray:
         """At q (n,)."""

@@ -316,11 +316,11 @@ class Planned(Presented):
             "step", "kind", "Hz", "kg", "m/s^2", "s", "together", "widest", "branch",
         )  # fmt: skip
         notes = [self.sentence(), goal(self.asked), *([_LEGEND] if rows else [])]
-        notes += [text for text in (self.limited,) if text]
+        notes += [self.limited] if self.limited else []
         for name, e in self.expected.items():
             if not e.steps and not (name == PLANNED and self.earlier):
                 continue
-            widths = ", ".join(f"{n} +-{percent(w)}" for n, w in e.half_width.items())
+            widths = _widths(e.half_width)
             title = _TITLES[name]
             if self.earlier:
                 title += ", with what exists" if name == PLANNED else ", without what exists"
@@ -463,13 +463,14 @@ def believed(director: Director) -> str:
     return f"After {counted(len(director.done), 'recording')} ({noise}): {told}; {bands}.{lost}"
 
 
-def _widths(half: Mapping[str, float], names: Sequence[str]) -> str:
-    return ", ".join(f"{name} +-{percent(half[name])}" for name in names)
+def _widths(half: Mapping[str, float], names: Sequence[str] = ()) -> str:
+    """Half-widths by constant, of some or of all."""
+    return ", ".join(f"{name} +-{percent(half[name])}" for name in names or half)
 
 
 def goal(asked: Mapping[str, float]) -> str:
     """What is asked for, in full."""
-    wide = ", ".join(f"{name} +-{percent(share)}" for name, share in asked.items())
+    wide = _widths(asked)
     rest = ", ".join(name for name in EXCHANGED if name not in asked)
     usual = " (the usual goal, whatever the rig)" if asked == GOAL else ""
     return f"Asked: {wide}{usual}, and the branch.{f' Not asked: {rest}.' if rest else ''}"
