@@ -13,7 +13,7 @@ from fasbody.exceptions import InputFileError, SettingError, unknown
 from fasbody.presentation import Tabled
 
 #: Departures of the world from the model that a laboratory can exclude.
-DEPARTURES = ("mount", "relaxation", "load", "rocking", "drift")
+DEPARTURES = ("mount", "relaxation", "load", "rocking", "drift", "share")
 _SIZES = {"mass_std": 0.5, "gain_std": 0.5, "delay_std_s": 0.01}
 _FORCE = "static_force_n"
 
@@ -34,6 +34,7 @@ class Known(Tabled):
     delay_std_s: float | None = None
     excluded: frozenset[str] = frozenset()
     static_force_n: float | None = None
+    load_share: float | None = None
 
     @classmethod
     def from_toml(cls, file: Path, table: Mapping[str, Any]) -> "Known":

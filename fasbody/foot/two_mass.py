@@ -1,0 +1,392 @@
+"""Periodic motion of the two-mass foot by harmonic balance: Eqs. (4.27) to (4.33), many feet at once.
+
+The stretches are z_j = Re sum_h Z_jh exp(i h w t), z_1 across the talocrural joint and z_2 across the fat pad. A damper
+c(z) z' of Eq. (4.25) is the derivative of G(z(t)) with G' = c, so its harmonics are i h w times those of G and its mean
+is zero. A spring is any complex stiffness: here k (1 + r s tau / (1 + s tau)), a Zener spring, whose share r relaxes
+within tau. Newton's method solves for all feet together, and one solution more with the same matrices gives the
+derivatives with respect to every parameter.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+#: Order of a foot's parameters: N/m, N s/m, 1/m, kg, shares that relax, and their time [s].
+PARAMETERS = (
+    "k_T", "k_F", "c_11", "c_12", "c_13", "c_21", "c_22", "c_23", "m_S", "m_F", "r_T", "r_F", "tau",
+)  # fmt: skip
+_AT = {name: i for i, name in enumerate(PARAMETERS)}
+#: Where k, c1, c2, c3 and r of the ankle and of the pad stand.
+_JOINT = np.array([[_AT[n] for n in ("k_T", "c_11", "c_12", "c_13", "r_T")],
+                   [_AT[n] for n in ("k_F", "c_21", "c_22", "c_23", "r_F")]])  # fmt: skip
+#: Passes of Newton's method, and halvings of the amplitude where it fails from the linear motion.
+_PASSES = 30
+_HALVINGS = 6
+#: Stretch [m] beyond which a trial step is shortened: no joint of a foot moves so far.
+_FAR = 0.1
+#: Harmonics at most, and the share of the largest that the last ones may have.
+_MOST_HARMONICS = 48
+_LAST = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Orbits:
+    """Periodic motions of B feet.
+
+    Attributes:
+        omega: (B,) angular frequency [rad/s].
+        theta: (B, 13) parameters in the order of `PARAMETERS`.
+        stretch: (B, 2, H) harmonics of z_1 and z_2 [m].
+        shank: (B, H) harmonics of the shank's acceleration [m/s^2].
+        foot: (B, H) harmonics of the foot's acceleration [m/s^2].
+        converged: (B,) whether there is such a motion.
+        slopes: (B, 2, H, 13) derivatives of shank and foot to the parameters; None where not asked for.
+        stretch_slopes: (B, 2, H, 13) derivatives of the stretches.
+        jacobian: (B, 4 H, 4 H) of the balance at the motion.
+        force_by_stretch: (B, 2, 2 H, 2 H) of the joint forces.
+    """
+
+    omega: np.ndarray
+    theta: np.ndarray
+    stretch: np.ndarray
+    shank: np.ndarray
+    foot: np.ndarray
+    converged: np.ndarray
+    slopes: np.ndarray | None
+    stretch_slopes: np.ndarray | None
+    jacobian: np.ndarray
+    force_by_stretch: np.ndarray
+
+    def by_base(self) -> np.ndarray:
+        """Derivatives (B, 2, 2 H, 2 H) of shank and foot, real parts before imaginary ones, to the base's harmonics."""
+        B, H = self.shank.shape
+        unit = np.zeros((4 * H, 2 * H))
+        unit[2 * H :] = np.eye(2 * H)
+        moved = np.linalg.solve(self.jacobian, -np.broadcast_to(unit, (B, 4 * H, 2 * H)))
+        dT = self.force_by_stretch[:, 0] @ moved[:, : 2 * H]
+        dF = self.force_by_stretch[:, 1] @ moved[:, 2 * H :]
+        m_S, m_F = (self.theta[:, _AT[n], None, None] for n in ("m_S", "m_F"))
+        return np.stack([-dT / m_S, (dT - dF) / m_F], 1)
+
+    def states(self) -> np.ndarray:
+        """(B, 4) z_1, z_2 [m] and their rates [m/s] at the beginning of a period."""
+        ihw = 1j * self.omega[:, None] * np.arange(1, self.shank.shape[1] + 1)
+        return np.concatenate([self.stretch.sum(-1).real, (ihw[:, None] * self.stretch).sum(-1).real], 1)
+
+    def memories(self) -> np.ndarray:
+        """(B, 2) forces [N] in the Maxwell elements of ankle and pad at the beginning of a period."""
+        x = 1j * self.omega[:, None] * np.arange(1, self.shank.shape[1] + 1) * self.theta[:, -1:]
+        k, r = (self.theta[:, _JOINT[:, i]] for i in (0, 4))
+        return (k * r) * ((x / (1 + x))[:, None] * self.stretch).sum(-1).real
+
+    def multipliers(self) -> np.ndarray:
+        """(B,) largest modulus of the Floquet multipliers; above 1 the motion does not last.
+
+        The linearised equations over one period are integrated by the matrix exponential of their mean over each of
+        many short intervals; a relaxing spring counts as at its fundamental, which only adds damping.
+        """
+        steps = 8 * self.shank.shape[1] + 32
+        E = _samples(self.shank.shape[1], steps)
+        B = len(self.omega)
+        period = 2 * np.pi / self.omega
+        z = (self.stretch @ E).real
+        ihw = 1j * self.omega[:, None] * np.arange(1, self.shank.shape[1] + 1)
+        v = ((ihw[:, None] * self.stretch) @ E).real
+        k, c1, c2, c3, r = (self.theta[:, _JOINT[:, i]][..., None] for i in range(5))
+        x = self.omega[:, None] * self.theta[:, -1:]
+        k = k * (1 + r * (x * x / (1 + x * x))[..., None])
+        c = c1 * np.exp(-c2 * z) * np.cos(c3 * z)  # Eq. (4.32)
+        slope = k - c1 * np.exp(-c2 * z) * (c2 * np.cos(c3 * z) + c3 * np.sin(c3 * z)) * v
+        m_S, m_F = self.theta[:, _AT["m_S"], None], self.theta[:, _AT["m_F"], None]
+        A = np.zeros((B, steps, 4, 4))
+        A[..., 0, 2] = A[..., 1, 3] = 1.0
+        for column, block in ((0, slope), (2, c)):
+            A[..., 2, column] = -(1 / m_F + 1 / m_S) * block[:, 0]
+            A[..., 2, column + 1] = block[:, 1] / m_F
+            A[..., 3, column] = block[:, 0] / m_F
+            A[..., 3, column + 1] = -block[:, 1] / m_F
+        from scipy.linalg import expm  # a fit in which all is well never asks
+
+        parts = expm(A * (period / steps)[:, None, None, None])
+        whole = np.broadcast_to(np.eye(4), (B, 4, 4))
+        for step in range(steps):
+            whole = parts[:, step] @ whole
+        return np.abs(np.linalg.eigvals(whole)).max(-1)
+
+
+def parameters(values: Mapping[str, float]) -> np.ndarray:
+    """(13,) parameters of a foot by name; springs relax only where `r_T` or `r_F` says so."""
+    rest = {"r_T": 0.0, "r_F": 0.0, "tau": 5e-3}
+    return np.array([values.get(name, rest.get(name, np.nan)) for name in PARAMETERS], float)
+
+
+def orbits(
+    theta: np.ndarray,
+    omega: np.ndarray,
+    base: np.ndarray,
+    start: np.ndarray | None = None,
+    *,
+    slopes: bool = True,
+    tolerance: float = 1e-6,
+    passes: int = _PASSES,
+) -> Orbits:
+    """Periodic motions of feet, each on a base of its own, with the harmonics that `base` has.
+
+    Newton starts from `start` or from the linear motion; a foot for which that fails is shaken a little first, then more.
+
+    Example:
+        ``orbits(parameters(foot.values())[None], np.array([w]), 9.0 * np.eye(1, 6))``
+
+    Args:
+        theta: (B, 13) parameters.
+        omega: (B,) angular frequencies [rad/s].
+        base: (B, H) complex harmonics of the base acceleration [m/s^2].
+        start: (B, 2, H) stretches to start from [m].
+        slopes: compute derivatives to the parameters.
+        tolerance: of the last step, as a share of the stretch; what is left is its square.
+        passes: of Newton's method at most.
+    """
+    system = _System(theta, omega, base, slopes)
+    Z = system.linear() if start is None else start
+    result = _newton(system, Z, tolerance, passes)
+    if result.converged.all() or passes < _PASSES:
+        return result
+    lost = np.flatnonzero(~result.converged)
+    again = _grown(_System(theta[lost], omega[lost], base[lost], slopes), tolerance)
+    return _merged(result, again, lost)
+
+
+def resolved(theta: np.ndarray, omega: np.ndarray, base: np.ndarray, slopes: bool = False) -> Orbits:
+    """`orbits` with as many harmonics as it takes: doubled until the last two are below 1e-10 of the largest.
+
+    Args:
+        theta, omega: as `orbits`.
+        base: (B, K) harmonics of the base; those of the motion are K or more.
+        slopes: as `orbits`.
+    """
+    H = max(6, base.shape[1])
+    start = None
+    while True:
+        full = np.zeros((len(base), H), complex)
+        full[:, : base.shape[1]] = base
+        result = orbits(theta, omega, full, start, slopes=slopes, tolerance=1e-8)
+        size = np.abs(result.stretch)
+        last = size[..., -2:].max((1, 2)) / np.maximum(size.max((1, 2)), 1e-300)
+        if (last[result.converged] < _LAST).all() or 2 * H > _MOST_HARMONICS:
+            return result
+        start = np.zeros((len(base), 2, 2 * H), complex)
+        start[..., :H] = result.stretch
+        H *= 2
+
+
+class _System:
+    """The equations of B feet at given parameters."""
+
+    def __init__(self, theta: np.ndarray, omega: np.ndarray, base: np.ndarray, slopes: bool) -> None:
+        self.theta, self.omega, self.base, self.slopes = theta, omega, base, slopes
+        self.H = base.shape[1]
+        self.N = 4 * self.H + 8 if self.H < 24 else 4 * self.H
+        self.samples = _samples(self.H, self.N)
+        self.s = 1j * omega[:, None] * np.arange(1, self.H + 1)
+        x = self.s * theta[:, -1:]
+        self.relaxing = (x / (1 + x))[:, None]
+        k, self.c1, c2, c3, r = (theta[:, _JOINT[:, i]][..., None] for i in range(5))
+        self.k, self.r = k, r
+        self.kappa = k * (1 + r * self.relaxing)
+        bend = c2 - 1j * c3
+        self.bend = np.where(np.abs(bend) < 1e-9, 1e-9, bend)
+        self.aS, self.aF = 1 / theta[:, _AT["m_S"], None], 1 / theta[:, _AT["m_F"], None]
+
+    def linear(self) -> np.ndarray:
+        """Stretches (B, 2, H) of the foot with dampers as they are at rest."""
+        s2 = self.s**2
+        f_T, f_F = np.moveaxis(self.kappa + self.s[:, None] * self.c1, 1, 0)
+        a, b = s2 + (self.aS + self.aF) * f_T, -self.aF * f_F
+        c, d = -self.aF * f_T, s2 + self.aF * f_F
+        det = a * d - b * c
+        return np.stack([b * self.base / det, -a * self.base / det], 1)
+
+    def forces(self, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """At Z (B, 2, H): joint forces (B, 2, H) [N], samples (B, 2, N) of z and G, and exp(-s z) - 1 (B, 2, N)."""
+        z = (Z @ self.samples).real
+        e = np.expm1(-self.bend * z)
+        G = -self.c1 * (e / self.bend).real
+        damper = self.s[:, None] * self._harmonics(G)
+        return self.kappa * Z + damper, z, G, e
+
+    def _harmonics(self, x: np.ndarray) -> np.ndarray:
+        """(..., H) of samples (..., N)."""
+        return np.fft.rfft(x, axis=-1)[..., 1 : self.H + 1] * (2 / self.N)
+
+    def by_stretch(self, e: np.ndarray) -> np.ndarray:
+        """(B, 2, 2 H, 2 H) derivatives of the joint forces to the stretches, real parts before imaginary ones."""
+        C = np.fft.rfft(self.c1 * (1 + e.real), axis=-1) / self.N  # Eq. (4.32)
+        H = self.H
+        j, l = np.meshgrid(np.arange(H), np.arange(H), indexing="ij")  # noqa: E741
+        less = np.where(j >= l, C[..., np.abs(j - l)], C[..., np.abs(j - l)].conj())
+        P = self.s[:, None, :, None] * less
+        Q = self.s[:, None, :, None] * C[..., j + l + 2]
+        P[..., np.arange(H), np.arange(H)] += self.kappa
+        up = np.concatenate([(P + Q).real, (Q - P).imag], -1)
+        return np.concatenate([up, np.concatenate([(P + Q).imag, (P - Q).real], -1)], -2)
+
+    def balance(self, Z: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """What is left (B, 2, H) of Eq. (4.29) at stretches Z under joint forces F (B, 2, H)."""
+        s2 = self.s**2
+        first = s2 * Z[:, 0] + (self.aS + self.aF) * F[:, 0] - self.aF * F[:, 1]
+        return np.stack([first, s2 * Z[:, 1] + self.aF * (F[:, 1] - F[:, 0]) + self.base], 1)
+
+    def jacobian(self, K: np.ndarray) -> np.ndarray:
+        """(B, 4 H, 4 H) of the balance, from `by_stretch` K."""
+        n = 2 * self.H
+        J = np.empty((len(K), 2 * n, 2 * n))
+        aS, aF = self.aS[..., None], self.aF[..., None]
+        J[:, :n, :n], J[:, :n, n:] = (aS + aF) * K[:, 0], -aF * K[:, 1]
+        J[:, n:, :n], J[:, n:, n:] = -aF * K[:, 0], aF * K[:, 1]
+        at = np.arange(2 * n)
+        J[:, at, at] += np.tile((self.s**2).real, 4)
+        return J
+
+    def by_parameter(self, Z: np.ndarray, F: np.ndarray, z: np.ndarray, G: np.ndarray, e: np.ndarray) -> np.ndarray:
+        """(B, 2, H, 13) derivatives of the joint forces at fixed stretches."""
+        D = np.zeros((*F.shape, len(PARAMETERS)), complex)
+        grown = self.relaxing
+        b = self.bend
+        # dG/db of G = -c_1 expm1(-b z) / b; the sum is a small difference where b z is small
+        far = np.abs(b * z) > 1e-3
+        dG = np.where(far, (z * (1 + e) + e / b) / b, z * z * (-0.5 + b * z / 3 - (b * z) ** 2 / 8))
+        dG = self.c1 * dG
+        harmonics = self.s[:, None] * self._harmonics(np.stack([G / self.c1, dG.real, dG.imag]))
+        for joint in range(2):
+            k, c1, c2, c3, r = _JOINT[joint]
+            D[:, joint, :, k] = (self.kappa / self.k)[:, joint] * Z[:, joint]
+            D[:, joint, :, c1], D[:, joint, :, c2], D[:, joint, :, c3] = harmonics[:, :, joint]
+            D[:, joint, :, r] = (self.k * grown)[:, joint] * Z[:, joint]
+        x = self.s * self.theta[:, -1:]
+        D[..., -1] = self.k * self.r * (self.s / (1 + x) ** 2)[:, None] * Z
+        return D
+
+    def by_parameter_of_balance(self, F: np.ndarray, D: np.ndarray) -> np.ndarray:
+        """(B, 2, H, 13) derivatives of the balance at fixed stretches, from those of the forces."""
+        aS, aF = self.aS[..., None], self.aF[..., None]
+        R = np.stack([(aS + aF) * D[:, 0] - aF * D[:, 1], aF * (D[:, 1] - D[:, 0])], 1)
+        between = (F[:, 0] - F[:, 1]) * self.aF**2
+        R[:, 0, :, _AT["m_S"]] = -F[:, 0] * self.aS**2
+        R[:, 0, :, _AT["m_F"]], R[:, 1, :, _AT["m_F"]] = -between, between
+        return R
+
+
+def _samples(H: int, N: int) -> np.ndarray:
+    """(H, N) exp(i h w t) over a period."""
+    return np.exp(2j * np.pi * np.outer(np.arange(1, H + 1), np.arange(N)) / N)
+
+
+def _real(x: np.ndarray) -> np.ndarray:
+    """(B, 2, H, ...) complex -> (B, 4 H, ...): of each joint the real parts, then the imaginary ones."""
+    B, _, H = x.shape[:3]
+    return np.concatenate([x.real, x.imag], 2).reshape(B, 4 * H, *x.shape[3:])
+
+
+def _complex(x: np.ndarray) -> np.ndarray:
+    """The inverse of `_real`."""
+    B, n = x.shape[:2]
+    parts = x.reshape(B, 2, n // 2, *x.shape[2:])
+    return parts[:, :, : n // 4] + 1j * parts[:, :, n // 4 :]
+
+
+def _newton(system: _System, Z: np.ndarray, tolerance: float, passes: int) -> Orbits:
+    """Newton's method for all feet at once; the last step is taken, to first order, in all results."""
+    done = np.zeros(len(Z), bool)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        for number in range(passes):
+            F, z, G, e = system.forces(Z)
+            K = system.by_stretch(e)
+            J = system.jacobian(K)
+            right = _real(system.balance(Z, F))[..., None]
+            if system.slopes:
+                D = system.by_parameter(Z, F, z, G, e)
+                right = np.concatenate([right, _real(system.by_parameter_of_balance(F, D))], -1)
+            X = -_solve(J, right)
+            step = _complex(X[..., 0])
+            size = np.abs(Z).max((1, 2))
+            length = np.abs(step).max((1, 2))
+            done = np.isfinite(length) & (length <= tolerance * size)
+            if done.all() or number == passes - 1 or not np.isfinite(length).any():
+                break
+            share = np.minimum(1.0, _FAR / np.maximum(length, 1e-300))
+            step = np.where(np.isfinite(length)[:, None, None], step, 0.0)
+            Z = Z + share[:, None, None] * step
+        return _orbits_of(system, Z, step, F, K, J, X, D if system.slopes else None, done)
+
+
+def _solve(J: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solutions (B, n, k), NaN where a matrix is singular or not finite."""
+    good = np.isfinite(J).all((1, 2)) & np.isfinite(right).all((1, 2))
+    J, right = np.where(good[:, None, None], J, np.eye(J.shape[1])), np.where(good[:, None, None], right, np.nan)
+    try:
+        return np.linalg.solve(J, right)
+    except np.linalg.LinAlgError:  # one of them is singular
+        return np.stack([_solve_one(j, r) for j, r in zip(J, right, strict=True)])
+
+
+def _solve_one(J: np.ndarray, right: np.ndarray) -> np.ndarray:
+    try:
+        return np.linalg.solve(J, right)
+    except np.linalg.LinAlgError:
+        return np.full_like(right, np.nan)
+
+
+def _orbits_of(
+    system: _System, Z: np.ndarray, step: np.ndarray, F: np.ndarray, K: np.ndarray, J: np.ndarray, X: np.ndarray,
+    D: np.ndarray | None, done: np.ndarray,
+) -> Orbits:  # fmt: skip
+    H, n = system.H, 2 * system.H
+    aS, aF = system.aS[..., None], system.aF[..., None]
+
+    def following(x: np.ndarray) -> np.ndarray:
+        """What the joint forces (B, 2, H, k) change by where the stretches change by x (B, 4 H, k)."""
+        return _complex(np.concatenate([K[:, 0] @ x[:, :n], K[:, 1] @ x[:, n:]], 1))
+
+    F = F + following(X[..., :1])[..., 0]
+    slopes = dZ = None
+    if D is not None:
+        dF = D + following(X[..., 1:])
+        slopes = np.stack([-aS * dF[:, 0], aF * (dF[:, 0] - dF[:, 1])], 1)
+        slopes[:, 0, :, _AT["m_S"]] += F[:, 0] * system.aS**2
+        slopes[:, 1, :, _AT["m_F"]] -= (F[:, 0] - F[:, 1]) * system.aF**2
+        dZ = _complex(X[..., 1:])
+    shank, foot = -system.aS * F[:, 0], system.aF * (F[:, 0] - F[:, 1])
+    return Orbits(system.omega, system.theta, Z + step, shank, foot, done, slopes, dZ, J, K)
+
+
+def _grown(system: _System, tolerance: float) -> Orbits:
+    """The motions by continuation in amplitude: each foot is shaken a little first, and its motion followed up."""
+    B = len(system.theta)
+    level, stride = np.zeros(B), np.full(B, 0.25)
+    at = np.zeros((B, 2, system.H), complex)
+    result = None
+    for _ in range(4 * 2**_HALVINGS):
+        trial = np.minimum(1.0, level + stride)
+        part = _System(system.theta, system.omega, trial[:, None] * system.base, system.slopes)
+        start = np.where((level > 0)[:, None, None], at * (trial / np.maximum(level, 1e-9))[:, None, None], part.linear())
+        result = _newton(part, start, tolerance, 12)
+        level = np.where(result.converged, trial, level)
+        at = np.where(result.converged[:, None, None], result.stretch, at)
+        stride = np.where(result.converged, 1.5 * stride, 0.5 * stride)
+        if ((level >= 1.0) | (stride < 0.25 / 2**_HALVINGS)).all():
+            break
+    last = _newton(system, at, tolerance, 12)
+    return replace(last, converged=last.converged & (level >= 1.0))
+
+
+def _merged(all_feet: Orbits, some: Orbits, where: np.ndarray) -> Orbits:
+    """All feet with those at `where` replaced by others."""
+    kept = {}
+    for name in Orbits.__dataclass_fields__:
+        whole, part = getattr(all_feet, name), getattr(some, name)
+        if whole is not None:
+            whole = whole.copy()
+            whole[where] = part
+        kept[name] = whole
+    return Orbits(**kept)

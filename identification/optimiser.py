@@ -1,0 +1,362 @@
+"""One search: starts that fill the space on both sides of the mirror, a cheap screening, bounded least squares.
+
+Many starts go down together by damped Gauss-Newton steps (Levenberg and Marquardt), which costs little more than one;
+the best places of each side are finished by SciPy's trust-region method. The search of a side goes on with new starts
+until its best end was found twice, or says that it is not exhausted.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.residual import Evaluation, Problem
+
+#: Starts of a side in one round, and rounds at most.
+STARTS, ROUNDS = 12, 4
+#: Steps of a round, and the decrease of the sum of squares that is worth no further step.
+_STEPS, _PROMISED = 40, 0.02
+#: Two descents came to the same end where their sums of squares differ by less.
+SAME = 0.3
+#: Distances of a start: from the axis of the mirror (rho), of stiffness and damping (logarithm), and bends [1/m].
+_APART, _SPREAD, _BENDS = (0.05, 1.5), 0.5, (10.0, 200.0)
+#: Scatter of harmonics where a search begins, and below which it is none; ends of a side that are followed down.
+_SMOOTH, _LEVEL, _KEPT = 0.1, 1e-4, 5
+#: How near the scatter is to what its best end leaves over, and rounds of that at most.
+_SETTLED, _LEVELS = 0.05, 16
+#: Evaluations of the last descent.
+_MOST = 60
+#: Least and largest damping of a step.
+_LEAST_DAMPING, _MOST_DAMPING = 1e-7, 1e12
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """The best place of one side of the mirror.
+
+    Attributes:
+        sign: 1 for a stiff ankle, -1 for a stiff pad, 0 where there is no mirror.
+        q: (n,) search variable.
+        objective: sum of squares of the residual and of the priors' rows.
+        converged: a step more promises next to nothing.
+        hits: how many descents came to it.
+        starts: how many were tried.
+    """
+
+    sign: int
+    q: np.ndarray
+    objective: float
+    converged: bool
+    hits: int
+    starts: int
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether the search of this side found its end more than once, and has come to rest."""
+        return self.converged and self.hits > 1
+
+
+@dataclass(frozen=True, eq=False)
+class Descended:
+    """Where candidates (C, n) ended, their sums of squares (C,), and whether they came to rest (C,)."""
+
+    Q: np.ndarray
+    objective: np.ndarray
+    rests: np.ndarray
+
+
+def descend(problem: Problem, Q: np.ndarray, signs: np.ndarray, steps: int = _STEPS) -> Descended:
+    """Damped Gauss-Newton steps of many candidates at once, between bounds.
+
+    Args:
+        problem: whose sum of squares falls. Q: (C, n) starts. signs: (C,) side of each. steps: at most.
+    """
+    low, high = (np.stack(limit) for limit in zip(*(problem.bounds(s) for s in signs), strict=True))
+    Q = np.clip(Q, low, high)
+    objective, rests = np.full(len(Q), np.inf), np.zeros(len(Q), bool)
+    at = np.arange(len(Q))  # the candidates that still move
+    now = problem.evaluate(Q)
+    damping, factor = np.full(len(Q), 1e-2), np.full(len(Q), 2.0)
+    for _ in range(steps):
+        objective[at] = now.objective
+        A = np.swapaxes(now.jacobian, 1, 2) @ now.jacobian
+        g = np.einsum("cmn,cm->cn", now.jacobian, now.residual)
+        left = _step(A, g, Q[at], low[at], high[at], np.full(len(at), _LEAST_DAMPING))[1]
+        rests[at] = (left < _PROMISED) & now.moves
+        go = ~rests[at] & (damping < _MOST_DAMPING)
+        if not go.any():
+            break
+        at, damping, factor, now, A, g = at[go], damping[go], factor[go], now.rows(go), A[go], g[go]
+        trial, promised = _step(A, g, Q[at], low[at], high[at], damping)
+        after = problem.evaluate(trial, now)
+        gain = np.where(after.moves, objective[at] - after.objective, -1.0)
+        better = gain > 0
+        good = np.clip(gain / np.maximum(promised, 1e-9), 0.0, 1.5)
+        # Nielsen (1999): by how well the quadratic foretold the gain
+        damping = damping * np.where(better, np.maximum(0.1, 1 - (2 * good - 1) ** 3), factor)
+        factor = np.where(better, 2.0, 2 * factor)
+        damping = np.maximum(_LEAST_DAMPING, damping)
+        Q[at] = np.where(better[:, None], trial, Q[at])
+        now = now.replaced(after, better)
+    return Descended(Q, objective, rests)
+
+
+def _step(
+    A: np.ndarray, g: np.ndarray, Q: np.ndarray, low: np.ndarray, high: np.ndarray, damping: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Trial places (C, n) inside the bounds, and what the quadratic promises (C,) where it is not damped much."""
+    n = Q.shape[1]
+    diagonal = np.einsum("cnn->cn", A)
+    floor = 1e-12 * np.maximum(diagonal.max(1, keepdims=True), 1e-300)
+    held = (high <= low) | ((low >= Q) & (g > 0)) | ((high <= Q) & (g < 0))
+    at = np.arange(n)
+    p = np.zeros_like(Q)
+    for _ in range(6):  # what runs into a bound stays there, and the others are stepped anew
+        rest = g + np.einsum("cnm,cm->cn", A, np.where(held, p, 0.0))
+        B = np.where(held[:, :, None] | held[:, None, :], 0.0, A)
+        B[:, at, at] = np.where(held, 1.0, diagonal * (1 + damping[:, None]) + floor)
+        step = -np.linalg.solve(B, np.where(held, 0.0, rest)[..., None])[..., 0]
+        p = np.where(held, p, np.clip(Q + step, low, high) - Q)
+        out = ~held & (np.abs(p - step) > 1e-12)
+        if not out.any():
+            break
+        held |= out
+    trial = np.clip(Q + p, low, high)
+    p = trial - Q
+    promised = -(2 * np.einsum("cn,cn->c", g, p) + np.einsum("cn,cnm,cm->c", p, A, p))
+    return trial, promised
+
+
+def finished(problem: Problem, q: np.ndarray, sign: int, most: int = _MOST) -> tuple[np.ndarray, float, bool]:
+    """The end of a descent from q (n,) by SciPy's bounded least squares.
+
+    Returns:
+        the place (n,), its sum of squares, and whether it converged.
+    """
+    from scipy.optimize import least_squares  # a quarter of a second
+
+    low, high = problem.bounds(sign)
+    free = high > low
+    last: list[Evaluation] = []
+    keys: list[bytes] = []
+
+    def at(x: np.ndarray) -> Evaluation:
+        if keys and keys[0] == x.tobytes():
+            return last[0]
+        full = q.copy()
+        full[free] = x
+        last[:] = [problem.evaluate(full[None], last[0] if last else None)]
+        keys[:] = [x.tobytes()]
+        return last[0]
+
+    width = (high - low)[free]
+    start = np.clip(q[free], low[free] + 1e-10 * width, high[free] - 1e-10 * width)
+    solved = least_squares(
+        lambda x: at(x).residual[0], start, lambda x: at(x).jacobian[0][:, free],
+        bounds=(low[free], high[free]), x_scale="jac", ftol=1e-8, xtol=1e-8, gtol=1e-8, max_nfev=most,
+    )  # fmt: skip
+    place = q.copy()
+    place[free] = np.where(solved.x - low[free] < 1e-7 * width, low[free], solved.x)
+    place[~free] = low[~free]
+    return place, 2 * float(solved.cost), bool(solved.status > 0)
+
+
+def random_starts(problem: Problem, sign: int, count: int, rng: np.random.Generator) -> np.ndarray:
+    """(count, n) places that fill one side of the mirror: stiffness, damping and bends; nuisances at their priors."""
+    v = problem.variables
+    mean, std = v.prior
+    low, high = problem.bounds(sign)
+    Q = np.tile(v.start(v.own), (count, 1))
+    for name, i in v.index.items():
+        item = v.space.free[v._item[name]]
+        if v.two_mass and name in ("c_12", "c_22"):
+            Q[:, i] = rng.choice([-1, 1], count) * rng.uniform(*_BENDS, count) / v.scale[i]
+        elif v.two_mass and name in ("c_13", "c_23"):
+            Q[:, i] = rng.uniform(*_BENDS, count) ** 2 / v.scale[i]
+        elif item.logarithmic:
+            Q[:, i] += rng.normal(0, _SPREAD, count)
+        else:
+            Q[:, i] = low[i] + (high[i] - low[i]) * rng.uniform(0.3, 0.7, count)
+    if sign:
+        Q[:, v.index["k_F"]] = sign * rng.uniform(*_APART, count)
+    return np.clip(Q, low, high)
+
+
+@dataclass(frozen=True, eq=False)
+class Population:
+    """Candidates on their way: places (C, n), side (C,) of each, and how many starts came there (C,)."""
+
+    Q: np.ndarray
+    sign: np.ndarray
+    hits: np.ndarray
+    objective: np.ndarray
+
+    def joined(self, other: "Population") -> "Population":
+        """Both together."""
+        both = ("Q", "sign", "hits", "objective")
+        return Population(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in both))
+
+    def distinct(self) -> "Population":
+        """The best few ends of each side; those that came to the same one are counted together."""
+        kept: list[int] = []
+        hits = np.zeros(len(self.Q), int)
+        for i in np.argsort(self.objective):
+            same = [k for k in kept if self.sign[k] == self.sign[i]]
+            near = [k for k in same if self.objective[i] - self.objective[k] < SAME]
+            if near:
+                hits[near[0]] += self.hits[i]
+            elif len(same) < _KEPT:
+                kept.append(int(i))
+                hits[i] = self.hits[i]
+        return Population(self.Q[kept], self.sign[kept], hits[kept], self.objective[kept])
+
+    def best(self, sign: int | None = None) -> int:
+        """Where the best end is, of one side or of all."""
+        mine = np.ones(len(self.Q), bool) if sign is None else self.sign == sign
+        return int(np.flatnonzero(mine)[np.argmin(self.objective[mine])])
+
+
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """What a search found.
+
+    Attributes:
+        problem: with the weights that were settled on. optima: the best end of each side, best first.
+    """
+
+    problem: Problem
+    optima: tuple[Optimum, ...]
+
+
+def search(
+    problem: Problem,
+    signs: tuple[int, ...],
+    *,
+    starts: int = STARTS,
+    rounds: int = ROUNDS,
+    seed: int = 0,
+    estimate: bool = True,
+    first: np.ndarray | None = None,
+    advance: Callable[[int, int], None] = lambda done, total: None,
+) -> Searched:
+    """The best end of each side, and how well recordings repeat.
+
+    Candidates go down where recordings repeat to 3 %, which makes the landscape smooth, then where they repeat better,
+    until the scatter is what the best end leaves over (`repeatability`), or none.
+
+    Args:
+        problem: what to minimise.
+        signs: sides of the mirror, (1, -1), or (0,) where there is none.
+        starts: of a side in a round.
+        rounds: at most.
+        seed: of the starts.
+        estimate: the scatter from recording to recording; else it is none.
+        first: (k, n) places to begin with besides.
+        advance: called with rounds done and their number.
+    """
+    rng = np.random.default_rng(seed)
+    population: Population | None = None
+    tried = dict.fromkeys(signs, 0)
+    wanted = list(signs)
+    for number in range(rounds):
+        advance(number, rounds)
+        fresh = _fresh(problem, wanted, starts, rng, first if number == 0 else None)
+        for sign in wanted:
+            tried[sign] += int(np.sum(fresh.sign == sign))
+        if population is None:
+            problem, population = _annealed(problem, fresh, estimate)
+        else:
+            _, fresh = _annealed(problem, fresh, False, problem.repeatability)
+            population = population.joined(fresh).distinct()
+        population = population.joined(_images(problem, population, signs)).distinct()
+        poor = [sign for sign in signs if population.hits[population.best(sign)] < 2]
+        if not poor:
+            break
+        wanted = poor
+    optima = [_optimum(problem, population, sign, tried[sign]) for sign in signs]
+    return Searched(problem, tuple(sorted(optima, key=lambda o: o.objective)))
+
+
+def _fresh(
+    problem: Problem, signs: list[int], starts: int, rng: np.random.Generator, first: np.ndarray | None
+) -> Population:
+    """Random starts of each side, and the first ones on all."""
+    Q, side = [], []
+    for sign in signs:
+        Q.append(random_starts(problem, sign, starts, rng))
+        side.append(np.full(starts, sign))
+        if first is not None:
+            Q.append(first)
+            side.append(np.full(len(first), sign))
+    where = np.concatenate(side)
+    return Population(np.concatenate(Q), where, np.ones(len(where), int), np.full(len(where), np.inf))
+
+
+def _annealed(
+    problem: Problem, population: Population, estimate: bool, last: float = 0.0
+) -> tuple[Problem, Population]:
+    """Candidates followed down from a smooth landscape to the scatter that they leave over, or to the last one given."""
+    level = max(_SMOOTH, last)
+    for _ in range(_LEVELS):
+        problem = problem.with_repeatability(level)
+        population = _down(problem, population)
+        if estimate:
+            best = population.Q[population.best()]
+            problem = problem.weighed(best)
+            last = repeatability(problem, best)
+        if abs(level - last) <= _SETTLED * last or level == last:
+            break
+        level = last if level <= 4 * last or level < 4 * _LEVEL else level / 4
+    return problem, population
+
+
+def _down(problem: Problem, population: Population) -> Population:
+    """Descend, and keep the distinct ends."""
+    down = descend(problem, population.Q, population.sign)
+    return Population(down.Q, population.sign, population.hits, down.objective).distinct()
+
+
+def _images(problem: Problem, population: Population, signs: tuple[int, ...]) -> Population:
+    """Descents from the mirror images of each side's best end."""
+    if len(signs) == 1:
+        return Population(population.Q[:0], population.sign[:0], population.hits[:0], population.objective[:0])
+    best = [population.best(sign) for sign in signs]
+    Q, sign = problem.variables.image(population.Q[best]), -population.sign[best]
+    down = descend(problem, Q, sign)
+    return Population(down.Q, sign, np.ones(len(best), int), down.objective)
+
+
+def repeatability(problem: Problem, q: np.ndarray) -> float:
+    """Relative scatter s of harmonics from recording to recording that makes chi-square its degrees of freedom.
+
+    The variance of a harmonic is that of the noise and (s |Y|)^2. The degrees of freedom are the numbers measured less
+    those that the variables use up, the trace of the hat matrix.
+
+    Args:
+        problem: with the weights at which q was found. q: (n,) the best end.
+    """
+    from scipy.optimize import brentq
+
+    now = problem.evaluate(q[None])
+    J, N = now.jacobian[0], problem.size
+    low, high = problem.bounds()
+    free = (high > low) & (np.abs(J).max(0) > 0)
+    A = J[:, free].T @ J[:, free]
+    used = float(np.trace(np.linalg.lstsq(A, J[:N, free].T @ J[:N, free], rcond=None)[0]))
+    dof = max(N - used, 3.0)
+
+    def excess(s: float) -> float:
+        r = problem.with_repeatability(s).evaluate(q[None], now).residual[0, :N]
+        return float(r @ r) - dof
+
+    if excess(0.0) <= 0:
+        return 0.0
+    return float(brentq(excess, 0.0, 1.0, xtol=1e-5)) if excess(1.0) < 0 else 1.0
+
+
+def _optimum(problem: Problem, population: Population, sign: int, tried: int) -> Optimum:
+    """The best of a side's ends, finished."""
+    best = population.best(sign)
+    q, objective, converged = finished(problem, population.Q[best], sign)
+    near = (population.sign == sign) & (population.objective < max(population.objective[best], objective) + SAME)
+    return Optimum(sign, q, objective, converged, int(population.hits[near].sum()), tried)
