@@ -79,7 +79,13 @@ def _std(channel: Any) -> np.ndarray:
 
 
 class Motion(Protocol):
-    """What moves: harmonics of the sensors' accelerations and their derivatives."""
+    """What moves: harmonics of the sensors' accelerations and their derivatives.
+
+    Attributes:
+        base: (R, H) harmonics that drive it [m/s^2].
+    """
+
+    base: np.ndarray
 
     def response(self, theta: np.ndarray, near: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:
         """Of C candidates (C, R, P).
@@ -88,6 +94,9 @@ class Motion(Protocol):
             accelerations (C, R, S, H) [m/s^2], their derivatives (C, R, S, H, P), whether a candidate has a motion in
             every recording (C,), and what makes the next response quicker.
         """
+
+    def states(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Accelerations (R, S, H) [m/s^2] and states at time zero (R, s) of one candidate (R, P)."""
 
     def by_base(self, theta: np.ndarray) -> np.ndarray:
         """(R, S, 2 H, 2 H) derivatives of the accelerations of one candidate (R, P) to the base's harmonics."""
@@ -159,6 +168,12 @@ class TwoMassMotion:
         H = self.base.shape[1]
         memory = Near(theta, found.stretch.reshape(C, R, 2, H), found.stretch_slopes.reshape(C, R, 2, H, P))
         return Y, D, found.converged.reshape(C, R).all(1), memory
+
+    def states(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `Motion`: states are z_1, z_2 [m], their rates [m/s], and what relaxes [N]."""
+        found = self.orbits(theta[None], slopes=False)
+        both = np.stack([found.shank, found.foot], 1)
+        return both[:, self.on_foot.astype(int)], np.concatenate([found.states(), found.memories()], 1)
 
     def by_base(self, theta: np.ndarray) -> np.ndarray:
         """See `Motion`."""
@@ -242,7 +257,7 @@ class Problem:
         """The same with the base's noise seen through the model at q (n,)."""
         variables, measured = self.variables, self.measured
         G = self.motion.by_base(variables.theta(q))
-        T = self._channel(q[None])[0][0]  # (R, S, H)
+        T = self.channel(q[None], measured.base.shape[1])[0][0]  # (R, S, H)
         H, R, S = measured.base.shape[1], len(measured.lines), len(measured.sensors)
         turn = G[:, :, :H] + 1j * G[:, :, H:]  # complex response to real and imaginary parts
         turn = (T[..., None] * turn).reshape(R, S * H, 2 * H)
@@ -298,6 +313,12 @@ class Problem:
         r, J = np.where(good[:, None], r, NO_MOTION), np.where(good[:, None, None], J, 0.0)
         return Evaluation(r, J, good, memory)
 
+    def whitened(self, read: np.ndarray) -> np.ndarray:
+        """Residual (m,) of what sensors read (R, S, H), without the priors' rows."""
+        e = (read - self.measured.output).reshape(len(read), -1)
+        e = np.concatenate([e.real, e.imag], 1)
+        return (self._whitener @ e[..., None])[..., 0][self.measured.rows]
+
     def predicted(self, q: np.ndarray) -> np.ndarray:
         """(R, S, H) what the sensors read at q (n,)."""
         Y, D, _, _ = self.motion.response(self.variables.theta(q[None]), None)
@@ -308,7 +329,8 @@ class Problem:
 
     def _read(self, Q: np.ndarray, Y: np.ndarray, dY: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What sensors read (C, R, S, H), and its derivatives (C, R, S, H, n), where they move by Y."""
-        T, rock = self._channel(Q)
+        H = self.measured.base.shape[1]
+        T, rock = self.channel(Q, H)
         moved = Y + rock
         dread = T[..., None] * dY
         variables = self.variables
@@ -319,21 +341,23 @@ class Problem:
         ]
         for i in of_channel:
             step = 1e-5 * np.eye(variables.size)[i]
-            (T_up, rock_up), (T_down, rock_down) = self._channel(Q + step), self._channel(Q - step)
+            (T_up, rock_up), (T_down, rock_down) = self.channel(Q + step, H), self.channel(Q - step, H)
             dread[..., i] += (T_up * (Y + rock_up) - T_down * (Y + rock_down)) / 2e-5
         return T * moved, dread
 
-    def _channel(self, Q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def channel(self, Q: np.ndarray, H: int) -> tuple[np.ndarray, np.ndarray]:
         """Gain (C, R, S, H) of each channel, and what rocking of the leg adds to the motion under its sensor."""
         v, measured = self.variables, self.measured
-        R, S, H = measured.output.shape
+        R, S, _ = measured.output.shape
+        base = np.zeros((R, H), complex)
+        base[:, : measured.base.shape[1]] = measured.base[:, :H]
         f = (v.omega / (2 * np.pi))[:, None] * np.arange(1, H + 1)  # (R, H)
         shape = (len(Q), R, S, H)
         T, rock = np.ones(shape, complex), np.zeros(shape, complex)
         one = (slice(None), None, None)
         own = np.exp(v.value(Q, v.of_kind("rocking frequency"), np.log(60.0)))[one]
         ratio = v.value(Q, v.of_kind("rocking damping"), 0.1)[one]
-        swing = measured.base * f**2 / (own**2 - f**2 + 2j * ratio * own * f)
+        swing = base * f**2 / (own**2 - f**2 + 2j * ratio * own * f)
         for s, sensor in enumerate(measured.sensors):
             def of(kind: str, rest: float = 0.0, sensor: str = sensor) -> np.ndarray:
                 return v.value(Q, v.of_kind(kind, sensor=sensor), rest)[one]

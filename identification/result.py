@@ -81,6 +81,7 @@ class Estimate(Tabled):
     at_bound: bool
     identifiability: str
     if_model_true: "Estimate | None" = None
+    at_rest: "Estimate | None" = None
 
     def __repr__(self) -> str:
         return f"{self.interval()}, {self.known}"
@@ -195,6 +196,7 @@ class Allowance(Tabled):
     off: float
     seen: float
     source: str
+    kind: str = ""
 
 
 @dataclass(frozen=True)

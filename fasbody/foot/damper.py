@@ -6,7 +6,7 @@ coordinate x (extension positive, from rest) the compressive strain of a pad of 
 the static strain under the foot's weight; the pad's force is taken about that equilibrium, as Eq. (4.29) is. A pad that
 lifts off (e < 0) has no force; one that expands fast while compressed may pull, as the printed laws have it.
 
-Laws 1 and 2 are none of the thesis'. They stiffen, pads under compression (side -1), ligaments under tension (side 1):
+Laws 1 to 3 are none of the thesis'. Law 3 is a spring in series with a damper. Laws 1 and 2 stiffen, pads under compression (side -1), ligaments under tension (side 1):
 with d the deformation on that side, S(d) the spring and W the static force that it carries where x = 0,
 
     force = max(0, S(d) (1 + eta d')) - W,    S = A d^n or k_0/b (exp(b d) - 1), S(d) = W at x = 0
@@ -38,6 +38,7 @@ class Law:
 
 LAWS = (
     Law("4.22", "quasi-linear viscoelastic pad", ("A [N]", "B", "c", "tau_1 [s]", "tau_2 [s]", "h [m]", "e0")),
+    Law("3", "Maxwell element, a spring that relaxes", ("k [N/m]", "tau [s]")),
     Law("4.23", "nonlinear spring and damper", ("j [N]", "k", "l [N s^n]", "m", "n", "h [m]", "e0")),
     Law("4.24", "linear spring, strain-proportional damper", ("E [N]", "eta [N s]", "h [m]", "e0")),
     Law("1", "power law with Hunt and Crossley's damper", ("k [N/m]", "F [N]", "n", "eta [s/m]", "W [N]", "side")),
@@ -46,6 +47,8 @@ LAWS = (
 )
 #: Code of the damper law, which stands beside the element's own spring and includes the element's own damping.
 DAMPER = LAWS[-1].code
+#: Code of the Maxwell element: its force f obeys f' = k x' - f / tau.
+MAXWELL = 3.0
 #: Codes of the laws that act on one side.
 ONE_SIDED = (1.0, 2.0)
 #: What shapes a law and is no constant of the material: not declared by itself.
@@ -54,6 +57,8 @@ FIXED = ("h", "e0", "tau_1", "tau_2", "side", "F", "W")
 USER_SIZE = 8
 #: Exponentials that stand for the continuous relaxation spectrum of Eq. (4.22).
 BRANCHES = 8
+#: Codes of the laws with a memory, which are actuators, and how many activations each has.
+MEMORY = {4.22: BRANCHES, MAXWELL: 1}
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(BRANCHES)
 
 

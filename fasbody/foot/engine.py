@@ -88,7 +88,7 @@ def _compile(offsets: dict[str, int], stamp: int) -> Callbacks:
     QPOS, QVEL, ACT, ACT_DOT = offsets["qpos"], offsets["qvel"], offsets["act"], offsets["act_dot"]
     CTRL, QFRC, TIME = offsets["ctrl"], offsets["qfrc_passive"], offsets["time"]
     TEN_J, TEN_LENGTH, TEN_VELOCITY = offsets["ten_J"], offsets["ten_length"], offsets["ten_velocity"]
-    USER, PRM, BRANCHES, RELAX, UNIT = damper.USER_SIZE, _PRM, damper.BRANCHES, VISCOELASTIC, CLOCK
+    USER, PRM, BRANCHES, RELAX, MAXWELL, UNIT = damper.USER_SIZE, _PRM, damper.BRANCHES, VISCOELASTIC, damper.MAXWELL, CLOCK
     MODEL, DATA, BIG = (MODEL_WORDS,), (DATA_WORDS,), (1 << 20,)
     f8, i4, i8 = np.float64, np.int32, np.int64
 
@@ -130,6 +130,8 @@ def _compile(offsets: dict[str, int], stamp: int) -> Callbacks:
             out = carray(_pointer(m[OUTADR]), BIG, i4)[actuator]
             x = carray(_pointer(d[LENGTH]), BIG, f8)[out] - carray(_pointer(m[LENGTH0]), BIG, f8)[out]
             return viscoelastic_force(p, h, x)
+        if p[0] == MAXWELL:
+            return -carray(_pointer(d[ACT] + 8 * carray(_pointer(m[ACTADR]), BIG, i4)[actuator]), (1,), f8)[0]
         return 0.0
 
     @cfunc(types.float64(types.voidptr, types.voidptr, types.int32), cache=True)
@@ -145,6 +147,10 @@ def _compile(offsets: dict[str, int], stamp: int) -> Callbacks:
             x_dot = carray(_pointer(d[VELOCITY]), BIG, f8)[out]
             for i in range(BRANCHES):
                 rate[i] = viscoelastic_rate(p, h, x, x_dot, i)
+        if p[0] == MAXWELL:
+            force = carray(_pointer(d[ACT] + 8 * carray(_pointer(m[ACTADR]), BIG, i4)[actuator]), (1,), f8)[0]
+            x_dot = carray(_pointer(d[VELOCITY]), BIG, f8)[carray(_pointer(m[OUTADR]), BIG, i4)[actuator]]
+            return p[1] * x_dot - force / p[2]  # MuJoCo stores what is returned where there is one activation
         return 0.0
 
     return Callbacks(passive.ctypes, act_dyn.ctypes, act_bias.ctypes, _quiet.ctypes)
@@ -213,6 +219,8 @@ def python_twin() -> Callbacks:
         if p[0] == VISCOELASTIC:
             h = data.act[model.actuator_actadr[actuator] :][: damper.BRANCHES]
             return viscoelastic_force(p, h, data.actuator_length[actuator] - model.actuator_length0[actuator])
+        if p[0] == damper.MAXWELL:
+            return float(-data.act[model.actuator_actadr[actuator]])
         return 0.0
 
     def act_dyn(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
@@ -226,6 +234,8 @@ def python_twin() -> Callbacks:
             )
             for i in range(damper.BRANCHES):
                 data.act_dot[first + i] = viscoelastic_rate(p, h, x, x_dot, i)
+        if p[0] == damper.MAXWELL:
+            return float(p[1] * data.actuator_velocity[actuator] - data.act[model.actuator_actadr[actuator]] / p[2])
         return 0.0
 
     return Callbacks(passive, act_dyn, act_bias, _quiet.ctypes)
@@ -296,6 +306,7 @@ _PROBE = """
     <general joint="base" gainprm="0"/><general joint="base" gainprm="0"/>
     <general name="pad" joint="b" dyntype="user" actdim="8" gainprm="0" biastype="user"
       biasprm="4.22 40 5 0.8 0.004 1.5 0.02 0.2"/>
+    <general name="maxwell" joint="a" dyntype="user" actdim="1" gainprm="0" biastype="user" biasprm="3 7e4 0.006"/>
   </actuator>
 </mujoco>
 """

@@ -3,7 +3,7 @@
 import copy
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -63,6 +63,7 @@ class Foot(Tabled):
         shaker: first of the shaker's five controls.
         up: (3,) the vertical, along which the base slides.
         sensors: the model's accelerometers by name, the base's among them.
+        xml: the MJCF as MuJoCo writes it, to build another model on; "" where it needs other files.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Foot(Tabled):
     shaker: int
     up: tuple[float, float, float]
     sensors: Mapping[str, Sensor]
+    xml: str = ""
 
     @property
     def step(self) -> float:
@@ -108,7 +110,7 @@ class Foot(Tabled):
         if step is not None:
             changed.opt.timestep = step
         mujoco.mj_setConst(changed, mujoco.MjData(changed))
-        return Foot(self.name, changed, self.parameters, self.base, self.shaker, self.up, self.sensors)
+        return replace(self, model=changed)
 
     def __str__(self) -> str:
         return f"{self.name}: " + ", ".join(
@@ -166,12 +168,13 @@ def _checked(read: Callable[[], mujoco.MjSpec], place: str | Path, name: str = "
         with quiet():  # what MuJoCo has to warn of is refused below, in a sentence
             spec = read()
             compiled = spec.compile()
+            xml = "" if spec.meshes or spec.hfields or spec.textures else spec.to_xml()
     except ValueError as error:
         clause, line = compiler_complaint(str(error))
         raise InputFileError(place, f"MuJoCo cannot compile it ({clause})", line=line) from None
     name = name or _called(compiled)
     _check_masses(spec, name)
-    return check(compiled, name)
+    return replace(check(compiled, name), xml=xml)
 
 
 def _called(model: mujoco.MjModel) -> str:
@@ -466,7 +469,8 @@ def check_constants(model: mujoco.MjModel, name: str) -> None:
 
 def _check_laws(model: mujoco.MjModel, name: str) -> None:
     """Refuse a law that is unknown or lacks a parameter, so that a mistyped number is never a silent zero force."""
-    memory, *algebraic = damper.LAWS
+    memory = [law for law in damper.LAWS if law.code in damper.MEMORY]
+    algebraic = [law for law in damper.LAWS if law.code not in damper.MEMORY]
     for kind, user in (("joint", model.jnt_user), ("tendon", model.tendon_user)):
         if user.size and user.shape[1] != damper.USER_SIZE and np.any(user):
             size = f'nuser_{"jnt" if kind == "joint" else "tendon"}="{damper.USER_SIZE}"'
@@ -476,11 +480,11 @@ def _check_laws(model: mujoco.MjModel, name: str) -> None:
                 _check_law(row, algebraic, f"{name}: the user field of {kind} {element!r}")
     for actuator in range(model.nactuator):
         row = model.actuator_biasprm[actuator]
-        if row[0] == memory.code:
+        if row[0] in damper.MEMORY:
             here = f"{name}: the biasprm of actuator {model.actuator(actuator).name!r}"
-            _check_law(row[: damper.USER_SIZE], [memory], here)
-            if model.actuator_actnum[actuator] != damper.BRANCHES:
-                raise ModelError(f'{here} names the law {memory.equation}, which needs actdim="{damper.BRANCHES}".')
+            _check_law(row[: damper.USER_SIZE], memory, here)
+            if model.actuator_actnum[actuator] != damper.MEMORY[row[0]]:
+                raise ModelError(f'{here} names the law {row[0]:g}, which needs actdim="{damper.MEMORY[row[0]]}".')
 
 
 def _check_law(row: np.ndarray, laws: list[damper.Law], here: str) -> None:

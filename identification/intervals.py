@@ -1,0 +1,304 @@
+"""What an optimum says of each constant: value, 95 % interval from the curvature, identified or not.
+
+The covariance is the inverse of J^T J with a row for each prior. A chi-square beyond its degrees of freedom widens it;
+where the scatter between recordings is estimated, Student's quantile stands for the normal one. A variable at its bound
+is not known to lie there, so that all others keep their share of its uncertainty.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.special import stdtrit
+
+from fasbody.foot.parameters import Parameter
+from identification.nuisances import Nuisance, stated_mass
+from identification.optimiser import Optimum
+from identification.residual import Evaluation, Problem
+from identification.result import WEIGHED, Allowance, Estimate, Mass, identifiability
+from identification.space import delay_of
+
+_NORMAL = 1.959963984540054
+#: Distance to a bound, as a share of the range, at which a constant rests on it.
+_AT_BOUND = 1e-4
+#: Step of a variable for a slope, in its scale.
+_STEP = 1e-4
+
+
+def inverse_of_gram(J: np.ndarray) -> np.ndarray:
+    """(J^T J)^-1 (p, p) of J (m, p), with infinite variance for parameters in directions that no residual sees."""
+    _, s, Vt = np.linalg.svd(J, full_matrices=False)
+    seen = s > 1e-10 * s[0]
+    C = (Vt[seen].T / s[seen] ** 2) @ Vt[seen]
+    blind = np.sum(Vt[seen] ** 2, axis=0) < 1 - 1e-6
+    C[blind, blind] = np.inf
+    return C
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """An optimum of a problem, with what is uncertain of it.
+
+    Attributes:
+        branch: name of its side. problem: with its weights. optimum: where it is.
+    """
+
+    branch: str
+    problem: Problem
+    optimum: Optimum
+
+    @property
+    def q(self) -> np.ndarray:
+        """(n,) search variable."""
+        return self.optimum.q
+
+    @cached_property
+    def evaluation(self) -> Evaluation:
+        """Residual and derivatives there."""
+        return self.problem.evaluate(self.q[None])
+
+    @cached_property
+    def chi_square(self) -> float:
+        """Sum of squares of what was measured, without the priors' rows."""
+        r = self.evaluation.residual[0, : self.problem.size]
+        return float(r @ r)
+
+    @cached_property
+    def dof(self) -> int:
+        """Numbers measured less those that the variables use up."""
+        return max(0, round(self.problem.size - self._used))
+
+    @cached_property
+    def _gram(self) -> tuple[np.ndarray, np.ndarray]:
+        low, high = self.problem.bounds()
+        free = high > low
+        return free, inverse_of_gram(self.evaluation.jacobian[0][:, free])
+
+    @cached_property
+    def _used(self) -> float:
+        free, C = self._gram
+        if not np.isfinite(C).all():
+            return float(free.sum())
+        J = self.evaluation.jacobian[0][: self.problem.size, free]
+        return float(np.einsum("mi,ij,mj->", J, C, J))
+
+    @property
+    def excess(self) -> float:
+        """Chi-square per degree of freedom, at least 1."""
+        return max(1.0, self.chi_square / max(1, self.dof))
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """(n, n) of the search variable; zero for what is held, infinite where nothing is known."""
+        free, C = self._gram
+        whole = np.zeros((free.size, free.size))
+        whole[np.ix_(free, free)] = C * self.excess
+        return whole
+
+    @property
+    def quantile(self) -> float:
+        """How many standard errors a 95 % interval reaches to each side."""
+        if self.problem.repeatability == 0:
+            return _NORMAL
+        return float(stdtrit(max(2, self.dof), 0.975))
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds (n,) of the search variable."""
+        return self.problem.variables.bounds
+
+    # what follows from it
+
+    def slopes(self, function) -> np.ndarray:  # type: ignore[no-untyped-def]
+        """(m, n) derivatives of a function (m,) of q (n,), by central differences."""
+        steps = _STEP * np.eye(self.q.size)
+        return np.stack([(function(self.q + d) - function(self.q - d)) / (2 * _STEP) for d in steps], 1)
+
+    def spread(self, J: np.ndarray) -> np.ndarray:
+        """(m,) standard errors of what has the derivatives J (m, n); infinite where the recordings set no limit."""
+        C = self.covariance
+        blind = ~np.isfinite(np.diag(C))
+        known = np.where(np.isfinite(C), C, 0.0)
+        known[blind] = known[:, blind] = 0.0
+        std = np.sqrt(np.maximum(np.einsum("mi,ij,mj->m", J, known, J), 0.0))
+        return np.where((np.abs(J[:, blind]) > 1e-12).any(axis=1), np.inf, std)
+
+    def foot(self, number: int, q: np.ndarray | None = None) -> dict[str, float]:
+        """Constants and masses by name under the conditions of a recording, springs as they are at rest."""
+        variables = self.problem.variables
+        theta = variables.theta(self.q if q is None else q)[number]
+        return {**variables.own, **variables.space.fixed, **dict(zip(variables.motion_names, map(float, theta), strict=True))}
+
+    # tables
+
+    def _coordinates(self, q: np.ndarray, at_rest: bool = False) -> np.ndarray:
+        """(p,) constants as their intervals are symmetric: logarithms, squares of c_13 and c_23, or plain."""
+        variables = self.problem.variables
+        values = variables.at_rest(q) if at_rest else variables.dynamic(q)
+        return np.array([self._forth(name, float(value)) for name, value in values.items()])
+
+    def _item(self, name: str) -> Parameter:
+        variables = self.problem.variables
+        return next(item for item in variables.space.free if item.name == name)
+
+    def _forth(self, name: str, value: float) -> float:
+        if name in self.problem.variables._squared:
+            return value * value
+        return float(np.log(value)) if self._item(name).logarithmic else value
+
+    def _back(self, name: str, x: float) -> float:
+        if name in self.problem.variables._squared:
+            return float(np.sqrt(max(x, 0.0)))
+        return float(np.exp(min(x, 700.0))) if self._item(name).logarithmic else x
+
+    def estimates(self) -> tuple[dict[str, Estimate], np.ndarray]:
+        """Each free constant by its key, the delays last, and the correlations (p, p) of them."""
+        variables = self.problem.variables
+        J = self.slopes(self._coordinates)
+        names = list(variables.dynamic(self.q))
+        x = self._coordinates(self.q)
+        estimates = {
+            self._item(name).key: self._estimate(name, x[i], std)
+            for i, (name, std) in enumerate(zip(names, self.spread(J), strict=True))
+        }
+        rest = self._at_rest()
+        for name, estimate in rest.items():
+            key = self._item(name).key
+            estimates[key] = _with_rest(estimates[key], estimate)
+        rows = [J]
+        for i, item in enumerate(variables.nuisances, len(variables.constants)):
+            if item.kind == "delay":
+                parameter = delay_of(item.sensor)
+                estimates[parameter.key] = self._delay(item, i, parameter)
+                rows.append(np.eye(self.q.size)[i : i + 1])
+        return estimates, self._correlation(np.concatenate(rows))
+
+    def _correlation(self, J: np.ndarray) -> np.ndarray:
+        C = np.where(np.isfinite(self.covariance), self.covariance, 0.0)
+        S = J @ C @ J.T
+        root = np.sqrt(np.maximum(np.diag(S), 1e-300))
+        return np.asarray(np.nan_to_num(S / np.outer(root, root)))
+
+    def _estimate(self, name: str, x: float, std: float) -> Estimate:
+        item, variables = self._item(name), self.problem.variables
+        place = variables._item[name]
+        ends = sorted(self._forth(name, e) for e in (variables.space.lower[place], variables.space.upper[place]))
+        if name in variables._squared and variables.space.lower[place] <= 0:
+            ends[0] = 0.0
+        at_bound = bool(min(x - ends[0], ends[1] - x) < _AT_BOUND * (ends[1] - ends[0]))
+        reach = self.quantile * std if np.isfinite(std) else np.inf
+        low, high = (self._back(name, float(np.clip(x + sign * reach, *ends))) for sign in (-1, 1))
+        value = self._back(name, float(np.clip(x, *ends)))
+        width = std * value if item.logarithmic else (high - low) / (2 * self.quantile)
+        word = identifiability(value, width, size_that_matters(item), at_bound)
+        return Estimate(value, float(width), low, high, at_bound, word)
+
+    def _at_rest(self) -> dict[str, Estimate]:
+        """Springs and dampers without what relaxes, where that may be another number."""
+        values = self.problem.variables.at_rest(self.q)
+        if not values:
+            return {}
+        std = self.spread(self.slopes(lambda q: self._coordinates(q, at_rest=True)))
+        return {
+            name: self._estimate(name, self._forth(name, float(value)), s)
+            for (name, value), s in zip(values.items(), std, strict=True)
+        }
+
+    def _delay(self, item: Nuisance, i: int, parameter: Parameter) -> Estimate:
+        x, std = float(self.q[i] * item.std), float(np.sqrt(self.covariance[i, i])) * item.std
+        low, high = (float(np.clip(x + sign * self.quantile * std, item.lower, item.upper)) for sign in (-1, 1))
+        at_bound = bool(min(x - item.lower, item.upper - x) < _AT_BOUND * (item.upper - item.lower))
+        word = identifiability(x, std, size_that_matters(parameter), at_bound)
+        if low <= 0 <= high and word == "identified":
+            word = "not told from none"
+        return Estimate(x, std, low, high, at_bound, word)
+
+    def masses(self) -> tuple[Mass, ...]:
+        """Each segment of each person: all recordings of one share it."""
+        variables, masses = self.problem.variables, []
+        data = list(variables.recordings)
+        loaded = len({float(load) for load in variables.loads}) > 1
+        for i, item in enumerate(variables.nuisances, len(variables.constants)):
+            if item.group != "masses":
+                continue
+            number = int(np.argmax(variables._acts(item)))
+            for name in ("m_S", "m_T") if item.kind == "shank mass" else ("m_F",):
+                if name not in variables.stated:
+                    continue
+                stated = float(variables.stated[name][number])
+                std = float(np.sqrt(self.covariance[i, i]))
+                x = float(self.q[i] * item.std)
+                reach = self.quantile * std * item.std
+                low, high = (
+                    stated * float(np.exp(np.clip(x + sign * reach, item.lower, item.upper))) for sign in (-1, 1)
+                )
+                whose = name if item.person is None else f"{name} of {item.person or 'unnamed'}"
+                learned = max(0.0, 1 - std)
+                weighed = loaded and learned > WEIGHED
+                assumed = not stated_mass(data, item.person)
+                value = stated * float(np.exp(x))
+                masses.append(Mass(whose, stated, item.std, value, low, high, learned, weighed, assumed))
+        return tuple(masses)
+
+    def allowances(self) -> tuple[Allowance, ...]:
+        """Every nuisance, with what was held possible and what the recordings say of it."""
+        rows = []
+        for i, item in enumerate(self.problem.variables.nuisances, len(self.problem.variables.constants)):
+            x, std = float(self.q[i] * item.std), float(np.sqrt(self.covariance[i, i])) * item.std
+            low, high = (float(np.clip(x + sign * self.quantile * std, item.lower, item.upper)) for sign in (-1, 1))
+            before = [float(np.clip(item.mean + sign * _NORMAL * item.std, item.lower, item.upper)) for sign in (-1, 1)]
+            rows.append(
+                Allowance(
+                    item.name, item.group, item.does, item.unit, item.value(item.mean), item.value(before[0]),
+                    item.value(before[1]), item.value(x), item.value(low), item.value(high), (x - item.mean) / item.std,
+                    (x - item.mean) / max(std, 1e-300), item.source, item.kind,
+                )
+            )  # fmt: skip
+        return tuple(rows)
+
+    def constant_under_load(self) -> float | None:
+        """The sum of squares where no constant follows the load, to second order; None where there is one load."""
+        v = self.problem.variables
+        at = [i for i, item in enumerate(v.nuisances, len(v.constants)) if item.group == "load"]
+        if not at:
+            return None
+        x = self.q[at]
+        return self.optimum.objective + float(x @ np.linalg.solve(self.covariance[np.ix_(at, at)], x))
+
+    def exponents(self) -> Mapping[str, tuple[float, float, float]]:
+        """The power of the weight on the pad that each constant follows, with its 95 % interval."""
+        v = self.problem.variables
+        leg = sum(float(kg[0]) for kg in v.stated.values())
+        first = float(v.loads.min())
+        powers: dict[str, tuple[float, float, float]] = {}
+        for name in v.constants:
+            items = [(i, n) for i, n in enumerate(v.nuisances, len(v.constants)) if n.group == "load" and n.constant == name]
+            if not items or leg <= 0:
+                continue
+            at = [i for i, _ in items]
+            size = np.array([n.std for _, n in items])
+            x = np.log((leg + np.array([n.load_kg for _, n in items])) / (leg + first))
+            weights = np.linalg.solve(self.covariance[np.ix_(at, at)] * np.outer(size, size), x)
+            power, std = float(weights @ (self.q[at] * size) / (weights @ x)), float(1 / np.sqrt(weights @ x))
+            powers[name] = (power, power - self.quantile * std, power + self.quantile * std)
+        return powers
+
+    def scale_std(self) -> float:
+        """Standard error of the logarithm of the leg's mass m_S + m_F, a factor common to all constants."""
+        v = self.problem.variables
+        if not any(item.group in ("masses", "share") for item in v.nuisances):
+            return 0.0
+        names = [v.motion_names.index(name) for name in v.stated]
+        return float(self.spread(self.slopes(lambda q: np.log(v.theta(q)[:1, names].sum(1))))[0])
+
+
+def _with_rest(e: Estimate, rest: Estimate) -> Estimate:
+    from dataclasses import replace
+
+    return replace(e, at_rest=rest)
+
+
+def size_that_matters(item: Parameter) -> float:
+    """A value that matters of a parameter that may be zero: a tenth of the way to its bound."""
+    return 0.0 if item.logarithmic else 0.1 * max(abs(item.lower), abs(item.upper))
