@@ -28,9 +28,9 @@ SMALL = 1e-6
 PASSES, CHORDS = 12, 12
 #: Contraction from which on a step with an old Jacobian is worth less than a new one.
 SLOW = 0.25
-#: Size of a step over the motion that ends the search, and below which a step that a new Jacobian does not shorten is
-#: rounding.
-TIGHT, ROUNDING = 1e-12, 1e-6
+#: Size of a step over the motion that ends the search, and below which one that is not shortened is rounding, if the
+#: Jacobian is new or has shortened others by `PROVEN`.
+TIGHT, ROUNDING, PROVEN = 1e-12, 1e-6, 1e-3
 #: Least share of a Newton step, and least part of the amplitude by which a motion is continued.
 SHORTEST, FINEST = 2.0**-8, 2.0**-7
 #: Change of the Floquet multipliers that refining may leave, and how often the period is refined.
@@ -167,7 +167,7 @@ def newton(equations: Equations, x: Array, inverse: Array | None = None) -> tupl
             if fresh:
                 inverse[going] = _inverse(equations.jacobian(x[going], going))
             step[going] = correction(going, x[going])
-            chord = going
+            first, chord = equations.size(step), going
             for _ in range(CHORDS):
                 trial = x[chord] + damping[chord, None] * step[chord]
                 after = correction(chord, trial)
@@ -175,7 +175,8 @@ def newton(equations: Equations, x: Array, inverse: Array | None = None) -> tupl
                 contraction = left / np.maximum(before, np.finfo(float).tiny)
                 better = contraction < 1 - damping[chord] / 4
                 motion = equations.size(trial)
-                rounded = fresh & (before < ROUNDING * motion) & (contraction > SLOW)
+                exact = fresh | (before < PROVEN * first[chord])
+                rounded = exact & (before < ROUNDING * motion) & (contraction > SLOW)
                 solved[chord], fresh = (left <= TIGHT * motion) | rounded, False
                 x[chord[better]], step[chord[better]] = trial[better], after[better]
                 damping[chord] = np.where(better, np.minimum(1, 2 * damping[chord]), damping[chord] / 2)
@@ -184,6 +185,7 @@ def newton(equations: Equations, x: Array, inverse: Array | None = None) -> tupl
                 if not chord.size:
                     break
             going, fresh = going[~solved[going] & (damping[going] >= SHORTEST)], True
+            damping[going] = 1
             if not going.size:
                 break
     return x, inverse, solved

@@ -14,7 +14,7 @@ is no time step and no error of one, and the base moves exactly as asked.
 """
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -45,70 +45,83 @@ class Engine:
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self.model, self.data = model, mujoco.MjData(model)
-        self.size, d, nv = model.nv + model.na, self.data, model.nv
-        self._views = d.qpos, d.qvel, d.qacc, d.act, d.act_dot, d.qfrc_inverse, d.qfrc_actuator, d.sensordata
-        self._row, self._rate = np.empty(self.size + model.nsensordata), np.empty(model.na)
-        self._parts = self._row[:nv], self._row[nv : self.size], self._row[self.size :]
+        self.size, d = model.nv + model.na, self.data
+        self._state = d.qpos, d.qvel, d.qacc, d.act
+        self._outputs = d.qfrc_inverse, d.qfrc_actuator, d.act_dot, d.sensordata
+        self._raw = sum(part.size for part in self._outputs)
 
     def rows(self, motion: Array) -> Array:
         """Rows (N, r) at N instants of a motion (3, N, c)."""
-        return np.array([self._at(*instant).copy() for instant in motion.swapaxes(0, 1)])
+        raw = np.empty((motion.shape[1], self._raw))
+        for state, row in zip(self._states(motion), raw, strict=True):
+            self._read(state, row)
+        rows = self._reduced(raw)
+        rows[:, self.model.nv : self.size] += motion[1, :, self.model.nv :]
+        return rows
 
     def slopes(self, motion: Array) -> Array:
         """Derivatives (3, N, r, c) of rows to coordinates, rates and accelerations."""
-        out = np.zeros((3, motion.shape[1], self._row.size, self.size))
-        for i, instant in enumerate(motion.swapaxes(0, 1)):
-            self._slopes(instant, out[:, i])
-        return out
+        nv, c = self.model.nv, self.size
+        raw = np.zeros((3, c, motion.shape[1], self._raw))
+        for i, state in enumerate(self._states(motion)):
+            self._differences(state, raw[:, :, i])
+        slopes = np.moveaxis(self._reduced(raw), 1, -1)
+        slopes[1, :, nv:c, nv:] = np.eye(c - nv)
+        return slopes
 
-    def states(self, motion: Array) -> list[bytes]:
+    def constraints(self, motion: Array) -> list[bytes]:
         """Which constraints act at each instant, and on which side."""
-        out = []
-        for instant in motion.swapaxes(0, 1):
-            self._at(*instant)
+        row, out = np.empty(self._raw), []
+        for state in self._states(motion):
+            self._read(state, row)
             out.append(self.data.efc_state.tobytes())
         return out
 
-    def _at(self, position: Array, velocity: Array, acceleration: Array) -> Array:
+    def _states(self, motion: Array) -> Iterator[tuple[Array, ...]]:
+        """qpos, qvel, qacc and act of each instant."""
         nv = self.model.nv
-        qpos, qvel, qacc, act, *_ = self._views
-        np.add(self.model.qpos0, position[:nv], out=qpos)
-        qvel[:], qacc[:] = velocity[:nv], acceleration[:nv]
-        act[:], self._rate[:] = position[nv:], velocity[nv:]
-        return self._read()
+        parts = motion[0, :, :nv] + self.model.qpos0, motion[1, :, :nv], motion[2, :, :nv], motion[0, :, nv:]
+        return zip(*parts, strict=True)
 
-    def _read(self, skip: mujoco.mjtStage = mujoco.mjtStage.mjSTAGE_NONE) -> Array:
-        """The row of the state in `data`, of which stages up to `skip` are done already."""
-        m, d, (force, rate, sensors) = self.model, self.data, self._parts
-        _, _, _, _, act_dot, inverse, actuator, sensordata = self._views
-        mujoco.mj_inverseSkip(m, d, skip, 1)
+    def _reduced(self, raw: Array) -> Array:
+        """Rows of what the engine gives (..., raw)."""
+        nv, c = self.model.nv, self.size
+        return np.concatenate([raw[..., :nv] - raw[..., nv : 2 * nv], -raw[..., 2 * nv : nv + c], raw[..., nv + c :]], -1)
+
+    def _read(self, state: Sequence[Array], row: Array) -> None:
+        for values, given in zip(self._state, state, strict=True):
+            values[:] = given
+        self._compute(0, row)
+
+    def _compute(self, done: int, row: Array) -> None:
+        """What the engine gives for the state in `data`, of which the stages up to `done` are computed."""
+        m, d = self.model, self.data
+        mujoco.mj_inverseSkip(m, d, done, 1)
         mujoco.mj_fwdActuation(m, d)
         mujoco.mj_rnePostConstraint(m, d)
         mujoco.mj_sensorAcc(m, d)
-        np.subtract(inverse, actuator, out=force)
-        np.subtract(self._rate, act_dot, out=rate)
-        sensors[:] = sensordata
-        return self._row
+        np.concatenate(self._outputs, out=row)
 
-    def _slopes(self, instant: Array, out: Array) -> None:
-        """Differences about one instant into out (3, r, c), the costly stages of the engine as seldom as can be."""
-        nv, position = self.model.nv, mujoco.mjtStage.mjSTAGE_POS
-        qpos, qvel, qacc, act, *_ = self._views
-        self._at(*instant)
-        self._differences(qpos, POSITION, mujoco.mjtStage.mjSTAGE_NONE, out[0, :, :nv])
-        self._at(*instant)
-        self._differences(act, ACTIVATION, mujoco.mjtStage.mjSTAGE_VEL, out[0, :, nv:])
-        self._differences(qacc, ACCELERATION, mujoco.mjtStage.mjSTAGE_VEL, out[2, :, :nv])
-        self._differences(qvel, RATE, position, out[1, :, :nv])
-        out[1, nv : self.size, nv:] = np.eye(self.model.na)
+    def _differences(self, state: Sequence[Array], out: Array) -> None:
+        """Differences about one state into out (3, c, raw), the costly stages of the engine as seldom as can be."""
+        (qpos, qvel, qacc, act), nv = self._state, self.model.nv
+        row = np.empty(self._raw)
+        self._read(state, row)
+        self._central(qpos, POSITION, 0, out[0, :nv])
+        self._read(state, row)
+        self._central(act, ACTIVATION, 2, out[0, nv:])
+        self._central(qacc, ACCELERATION, 2, out[2, :nv])
+        self._central(qvel, RATE, 1, out[1, :nv])
 
-    def _differences(self, values: Array, size: float, skip: mujoco.mjtStage, out: Array) -> None:
-        for j, value in enumerate(values.tolist()):
+    def _central(self, values: Array, size: float, done: int, out: Array) -> None:
+        other = np.empty(self._raw)
+        for value, row, j in zip(values.tolist(), out, range(values.size), strict=True):
             values[j] = value + size
-            out[:, j] = self._read(skip)
+            self._compute(done, row)
             values[j] = value - size
-            out[:, j] -= self._read(skip)
+            self._compute(done, other)
             values[j] = value
+            row -= other
         out /= 2 * size
 
 
@@ -176,7 +189,7 @@ class Shaken:
     def changes(self, series: Fourier, x: Array) -> int:
         """See `harmonic_balance.System`."""
         self.balance.set(self.values)
-        states = self.balance.engine.states(self.motion(series, x))
+        states = self.balance.engine.constraints(self.motion(series, x))
         return sum(one != other for one, other in zip(states, states[-1:] + states, strict=False))
 
 
